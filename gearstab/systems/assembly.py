@@ -1,0 +1,84 @@
+"""What the builders share: arrays from nested parameters, meshes and damping."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+
+from gearstab.modal import modal_damping_matrix
+from gearstab.system import Array, GearSystem, Mesh
+from gearstab.waveforms import Rectangular
+
+
+def vector(values: Sequence[Any] | Array) -> Array:
+    """``(..., n)`` from n numbers, any of which may be an array of batch shape."""
+    if isinstance(values, np.ndarray):
+        return values
+    return np.stack(np.broadcast_arrays(*[np.asarray(v, dtype=float) for v in values]), axis=-1)
+
+
+def matrix(rows: Sequence[Sequence[Any]] | Array) -> Array:
+    """``(..., n, m)`` from nested numbers, any of which may be an array of batch shape."""
+    if isinstance(rows, np.ndarray):
+        return rows
+    return np.stack(np.broadcast_arrays(*[vector(row) for row in rows]), axis=-2)
+
+
+def diagonal(values: Sequence[Any]) -> Array:
+    """``(..., n, n)`` diagonal matrix."""
+    entries = vector(values)
+    return entries[..., :, None] * np.eye(entries.shape[-1])
+
+
+def mesh(p: dict[str, Any], direction: Array, frequency_ratio: Fraction = Fraction(1), lag: Any = 0.0) -> Mesh:
+    """A mesh from its parameters.
+
+    The stiffness is given by ``mean_stiffness`` k_g or ``max_stiffness`` k_max (the stiffer level is kept, Lin & Parker
+    2002 section 4: k_g = k_max - 2 k_a (1 - d)), its variation by ``epsilon`` = k_a/k_g or ``amplitude`` = k_a.
+    """
+    waveform = Rectangular(np.asarray(p["contact_ratio"], dtype=float))
+    # A wave that keeps its stiffer level does so for an integer contact ratio too, where it is never reached.
+    above_mean = 1.0 - waveform.stiff_fraction
+    epsilon, amplitude = p.get("epsilon"), p.get("amplitude")
+    if p.get("max_stiffness") is not None:
+        maximum = np.asarray(p["max_stiffness"], dtype=float)
+        if amplitude is not None:
+            mean = maximum - 2 * np.asarray(amplitude) * above_mean
+        else:
+            mean = maximum / (1 + 2 * np.asarray(epsilon) * above_mean)
+    else:
+        mean = np.asarray(p["mean_stiffness"], dtype=float)
+    if amplitude is not None:
+        epsilon = np.asarray(amplitude) / mean
+    return Mesh(p["name"], direction, mean, np.asarray(epsilon, dtype=float), waveform, frequency_ratio, lag)
+
+
+def damped(system: GearSystem, p: dict[str, Any]) -> GearSystem:
+    """The system with the damping its parameters ask for.
+
+    ``damping_ratio`` zeta: C = M Phi diag(2 zeta w) Phi^T M; ``damping``: ``{modal: [...]}``, ``{rayleigh: [alpha, beta]}``
+    (C = alpha M + beta K of the mean system) or ``{matrix: C}``; ``damping`` of a mesh adds c_i g_i g_i^T.
+    Exactly no damping stays None, so that the undamped theory applies.
+    """
+    mean = system.mean_stiffness_matrix()
+    parts: list[Array] = []
+    if np.any(p.get("damping_ratio") or 0):
+        ratio = np.asarray(p["damping_ratio"])[..., None]
+        parts.append(modal_damping_matrix(system.mass, mean, ratio))
+    spec = p.get("damping") or {}
+    if spec.get("modal") is not None:
+        parts.append(modal_damping_matrix(system.mass, mean, vector(spec["modal"])))
+    if spec.get("rayleigh") is not None:
+        alpha, beta = (np.asarray(v)[..., None, None] for v in spec["rayleigh"])
+        parts.append(alpha * system.mass + beta * mean)
+    if spec.get("matrix") is not None:
+        parts.append(matrix(spec["matrix"]))
+    for part, item in zip(p["meshes"], system.meshes, strict=True):
+        if np.any(part.get("damping") or 0):
+            parts.append(np.asarray(part["damping"])[..., None, None] * item.outer)
+    total = sum(parts) if parts else None
+    return replace(system, damping=total) if total is not None and np.any(total) else system
