@@ -1,0 +1,21 @@
+"""What all tests share."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+from hypothesis import settings
+
+os.environ.setdefault("MPLBACKEND", "Agg")
+
+# Examples are the same in every run, and a slow machine is no failure: nothing is timed.
+settings.register_profile("gearstab", deadline=None, derandomize=True)
+settings.load_profile("gearstab")
+
+
+@pytest.fixture(scope="session")
+def root() -> Path:
+    """The root of the source tree."""
+    return Path(__file__).resolve().parent.parent
