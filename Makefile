@@ -1,0 +1,90 @@
+# gearstab: everything a developer or a reader of the paper runs. Needs Python >= 3.11 and make; all else is installed into .venv.
+
+PYTHON ?= python3
+UV ?= uv
+FORMAT ?= png
+
+VENV := .venv
+BIN := $(VENV)/bin
+GEARSTAB := $(BIN)/gearstab
+
+# A file that is older than what it was made from is made again: results when a configuration or the numerical code
+# changed, figures when a result or the plots changed.
+SOURCES := $(sort $(shell find gearstab -name '*.py' -o -name '*.[ch]'))
+PLOTS := $(filter gearstab/plots/%,$(SOURCES))
+NUMERICS := $(filter-out gearstab/plots/% gearstab/cli/%,$(SOURCES))
+CONFIGS := $(sort $(shell find configs -name '*.yaml'))
+RESPOND := $(sort $(shell grep -ls '^respond:' /dev/null $(CONFIGS)))
+SWEEP := $(sort $(shell grep -ls '^sweep:' /dev/null $(CONFIGS)))
+SWEEP_RESULTS := $(SWEEP:configs/%.yaml=results/%.h5)
+RESPOND_RESULTS := $(RESPOND:configs/%.yaml=results/%.h5)
+FIGURES := $(patsubst results/%.h5,results/figures/%.$(FORMAT),$(SWEEP_RESULTS) $(RESPOND_RESULTS))
+
+.DEFAULT_GOAL := help
+.DELETE_ON_ERROR:
+.PHONY: help install demo test test-all lint figures bench reproduction lock clean distclean
+
+help: ## this list
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-14s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+
+$(VENV)/.locked: scripts/requirements.lock
+	@$(PYTHON) -c 'import sys; sys.exit("gearstab needs Python 3.11 or newer; choose one with make PYTHON=..." if sys.version_info < (3, 11) else 0)'
+	@echo "Installing the locked environment into $(VENV) (a minute or two, once) ..."
+	@$(PYTHON) -m venv --clear $(VENV)
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes --requirement $<
+	@touch $@
+
+# The editable install is done again when the packaging or the C kernel changed; Python files need no install.
+$(VENV)/.installed: $(VENV)/.locked pyproject.toml setup.py $(wildcard gearstab/floquet/_kernel*.[ch])
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-build-isolation --no-deps --editable .
+	@$(BIN)/python scripts/kernel_note.py
+	@touch $@
+
+install: $(VENV)/.installed ## a virtual environment in .venv with the locked packages and gearstab itself
+
+demo: $(VENV)/.installed ## sweep of Lin & Parker's gear train and its stability map
+	@$(GEARSTAB) sweep configs/lin_parker_2002/fig3.yaml -o results/demo.h5 --overwrite
+	@$(GEARSTAB) plot results/demo.h5 -o results/demo.$(FORMAT)
+	@echo "The stability map is in results/demo.$(FORMAT), the numbers are in results/demo.h5."
+
+test: $(VENV)/.installed ## all tests but the slow ones
+	@$(BIN)/python -m pytest -q
+
+test-all: $(VENV)/.installed ## all tests
+	@$(BIN)/python -m pytest -q -m 'slow or not slow'
+
+lint: $(VENV)/.installed ## linter and type checker
+	@$(BIN)/ruff check .
+	@$(BIN)/mypy
+
+figures: $(FIGURES) ## every figure of configs/ into results/figures/ (make -j figures)
+
+$(SWEEP_RESULTS): results/%.h5: configs/%.yaml $(NUMERICS) | $(VENV)/.installed
+	@echo "sweep $<"
+	@$(GEARSTAB) sweep $< -o $@ --overwrite -q
+
+$(RESPOND_RESULTS): results/%.h5: configs/%.yaml $(NUMERICS) | $(VENV)/.installed
+	@echo "respond $<"
+	@$(GEARSTAB) respond $< -o $@
+
+$(FIGURES): results/figures/%.$(FORMAT): results/%.h5 $(PLOTS) | $(VENV)/.installed
+	@mkdir -p $(@D)
+	@$(GEARSTAB) plot $< -o $@ $(PLOT_OPTIONS)
+
+bench: $(VENV)/.installed ## speed and error of the methods, side by side
+	@$(BIN)/python scripts/bench.py
+
+reproduction: $(VENV)/.installed ## docs/reproduction.md: what Lin & Parker (2002) state, against what comes out here
+	@$(BIN)/python scripts/reproduction.py --write
+
+lock: ## scripts/requirements.lock from pyproject.toml (needs uv)
+	$(UV) pip compile pyproject.toml --extra dev --universal --python-version 3.11 --generate-hashes --upgrade \
+	  --no-emit-index-url --no-annotate --custom-compile-command "make lock" --quiet --output-file scripts/requirements.lock
+
+clean: ## removes results, builds and caches
+	@rm -rf results build dist gearstab.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	@find gearstab scripts tests -name __pycache__ -type d -prune -exec rm -rf {} +
+
+distclean: clean ## removes the environment and the compiled kernel too
+	@rm -rf $(VENV)
+	@find gearstab -name '*.so' -delete
