@@ -1,0 +1,170 @@
+"""Width of a tongue from the first-order amplitude equations of two groups of modes, with and without damping.
+
+Near nu = w_P + w_Q + sigma the slow amplitudes of the groups P and Q of equal natural frequencies obey, in symmetric scaling,
+
+    a' = (-D_P - i sigma/2) a + (i/2) G b,    b' = -(i/2) G^H a + (-D_Q + i sigma/2) b,        G = B[P, Q]/sqrt(w_P w_Q)
+
+with D = Phi^T C Phi/2 restricted to each group (zeta_p w_p for modal damping) and b the conjugate amplitude of Q. The matrix is
+H + (i sigma/2) S with H Hermitian and S = diag(-1, 1), hence:
+
+* undamped: unstable for |sigma| < sigma_max(G), the largest singular value;
+* damped: stable at every sigma if H is negative definite, which fails first at sigma = 0; the tongue opens when
+  sigma_max(D_P^(-1/2) G D_Q^(-1/2)) = 2;
+* one mode each, mu = zeta w: |sigma| = (mu_p + mu_q) sqrt(|G|^2/(4 mu_p mu_q) - 1) > the undamped width when mu_p differs from mu_q much:
+  unequal damping widens an open tongue. (Lambda_pq = |G|^2 of Lin & Parker 2002, (16), when divided by epsilon^2.)
+* only one of the two modes damped: unstable at *every* sigma, with a growth rate that falls as sigma^-2. First-order theory
+  then has no boundary; the half-width is reported as infinite.
+* negative damping of one of the modes: unstable at every sigma too, infinite.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gearstab.system import Array
+
+BISECTIONS = 60
+"""Halvings of a bracket whose ends are found exactly: enough for the last bit of a double."""
+
+
+def single_pair(coupling: Array, mu_p: Array, mu_q: Array) -> tuple[Array, Array]:
+    """Half-width in nu and threshold of one mode against one mode, see the module's text; all arguments ``(...)``.
+
+    coupling: |G| >= 0. Returns (half_width, threshold); threshold is the factor on G at which the tongue opens.
+    """
+    product = mu_p * mu_q
+    with np.errstate(divide="ignore", invalid="ignore"):
+        threshold = np.where(coupling > 0, 2 * np.sqrt(np.maximum(product, 0.0)) / coupling, np.inf)
+        damped = (mu_p + mu_q) * np.sqrt(np.maximum(coupling**2 / (4 * product) - 1, 0.0))
+    one_sided = np.where(coupling > 0, np.inf, 0.0)
+    width = np.where(product > 0, damped, one_sided)
+    width = np.where((mu_p == 0) & (mu_q == 0), coupling, width)
+    negative = (mu_p < 0) | (mu_q < 0)
+    return np.where(negative, np.inf, width), np.where(negative, 0.0, threshold)
+
+
+def group_pair(coupling: Array, damping_p: Array, damping_q: Array) -> tuple[Array, Array]:
+    """Half-width in nu and threshold of a group of P modes against a group of Q modes.
+
+    coupling: G ``(rows, P, Q)``, complex; damping_p ``(rows, P, P)``, damping_q ``(rows, Q, Q)``, symmetric.
+    Returns (half_width, threshold), ``(rows,)`` each; the half-width is that of the outermost boundary.
+    """
+    rows = coupling.shape[0]
+    width, threshold = np.zeros(rows), np.zeros(rows)
+    least_p, least_q = (np.linalg.eigvalsh(d)[:, 0] for d in (damping_p, damping_q))
+    free = ~(damping_p.any(axis=(-2, -1)) | damping_q.any(axis=(-2, -1)))
+    definite = (least_p > 0) & (least_q > 0)
+    if free.any():
+        width[free], threshold[free] = undamped(coupling[free])
+    if definite.any():
+        width[definite], threshold[definite] = _definite(coupling[definite], damping_p[definite], damping_q[definite])
+    for row in np.flatnonzero(~free & ~definite):
+        width[row], threshold[row] = _semidefinite(coupling[row], damping_p[row], damping_q[row])
+    return width, threshold
+
+
+def undamped(coupling: Array) -> tuple[Array, Array]:
+    """Largest singular value of G ``(rows, P, Q)``, and the threshold: 0, or infinite where nothing couples the groups."""
+    width = np.linalg.svd(coupling, compute_uv=False)[:, 0]
+    return width, np.where(width > 0, 0.0, np.inf)
+
+
+def growth(sigma: Array, coupling: Array, damping_p: Array, damping_q: Array) -> Array:
+    """Largest real part of the eigenvalues of H + (i sigma/2) S, ``(rows,)``."""
+    p, q = coupling.shape[-2:]
+    sides = np.concatenate([-np.ones(p), np.ones(q)])
+    matrix = _hermitian(coupling, damping_p, damping_q) + 0.5j * sigma[:, None, None] * np.diag(sides)
+    return np.linalg.eigvals(matrix).real.max(axis=-1)
+
+
+def _hermitian(coupling: Array, damping_p: Array, damping_q: Array) -> Array:
+    adjoint = np.conj(np.swapaxes(coupling, -1, -2))
+    return np.block([[-damping_p, 0.5j * coupling], [-0.5j * adjoint, -damping_q]])
+
+
+def _definite(coupling: Array, damping_p: Array, damping_q: Array) -> tuple[Array, Array]:
+    """Both groups damped in every direction.
+
+    Between the detunings of :func:`_crossings` the sign of the growth cannot change; the outermost boundary is the
+    largest of them with an unstable interval below it, and is then refined by bisection across it.
+    """
+    left, right = (np.swapaxes(np.linalg.inv(np.linalg.cholesky(d)), -1, -2) for d in (damping_p, damping_q))
+    ratio = np.linalg.svd(np.swapaxes(left, -1, -2) @ coupling @ right, compute_uv=False)[:, 0] / 2
+    with np.errstate(divide="ignore"):
+        threshold = 1 / ratio
+    width = np.zeros(len(coupling))
+    if not (ratio > 1).any():
+        return width, threshold
+    parts = tuple(a[ratio > 1] for a in (coupling, damping_p, damping_q))
+    # Beyond the last crossing all is stable: the sentinel makes "the interval above the last one" exist.
+    marks = _crossings(*parts)
+    marks = np.concatenate([np.zeros((len(marks), 1)), marks, 2 * marks[:, -1:] + 1], axis=1)
+    middles = 0.5 * (marks[:, 1:] + marks[:, :-1])
+    unstable = np.stack([growth(middles[:, k], *parts) > 0 for k in range(middles.shape[1])], axis=1)
+    unstable[:, 0] = True
+    last = unstable.shape[1] - 1 - np.argmax(unstable[:, ::-1], axis=1)
+    each = np.arange(len(marks))
+    low, high = middles[each, last], middles[each, np.minimum(last + 1, middles.shape[1] - 1)]
+    low = np.where(last == 0, 0.0, low)
+    for _ in range(BISECTIONS):
+        half = 0.5 * (low + high)
+        inside = growth(half, *parts) > 0
+        low, high = np.where(inside, half, low), np.where(inside, high, half)
+    width[ratio > 1] = 0.5 * (low + high)
+    return width, threshold
+
+
+def _crossings(coupling: Array, damping_p: Array, damping_q: Array) -> Array:
+    """Ascending detunings, ``(rows, 2 P Q)``, among which are all |sigma| where an eigenvalue crosses the imaginary axis.
+
+    If A(sigma) = H + (i sigma/2) S has an imaginary eigenvalue, then A x I + I x conj(A) = X + (i sigma/2) Y is singular, with
+    X = H x I + I x conj(H) and Y = S x I - I x S, zero on P x P and Q x Q where -X is positive definite: eliminating those
+    leaves an ordinary eigenproblem for sigma on P x Q and Q x P.
+    """
+    p, q = coupling.shape[-2:]
+    n = p + q
+    hermitian = _hermitian(coupling, damping_p, damping_q)
+    eye = np.eye(n)
+    total = np.einsum("rij,kl->rikjl", hermitian, eye) + np.einsum("ij,rkl->rikjl", eye, np.conj(hermitian))
+    total = total.reshape(-1, n * n, n * n)
+    sides = np.concatenate([-np.ones(p), np.ones(q)])
+    weight = (sides[:, None] - sides[None, :]).ravel()
+    mixed, same = np.flatnonzero(weight), np.flatnonzero(weight == 0)
+    inner = np.linalg.solve(total[:, same[:, None], same], total[:, same[:, None], mixed])
+    reduced = total[:, mixed[:, None], mixed] - total[:, mixed[:, None], same] @ inner
+    sigma = np.linalg.eigvals(2j * reduced / weight[mixed][:, None])
+    # Keeping the complex ones as well only divides an interval once more.
+    return np.sort(np.abs(sigma.real), axis=-1)
+
+
+def _semidefinite(coupling: Array, damping_p: Array, damping_q: Array) -> tuple[float, float]:
+    """One row where some direction of a group is undamped.
+
+    An undamped direction that is coupled to a damped one is unstable at every detuning; otherwise the undamped
+    directions of both groups form a block of their own, and so do the damped ones.
+    """
+    (zero_p, rest_p, negative_p), (zero_q, rest_q, negative_q) = (_split(d) for d in (damping_p, damping_q))
+    if negative_p or negative_q:
+        return np.inf, 0.0
+    scale = 1e-12 * np.abs(coupling).max(initial=0.0)
+    across = np.concatenate([(zero_p.T @ coupling @ rest_q).ravel(), (rest_p.T @ coupling @ zero_q).ravel()])
+    if np.abs(across).max(initial=0.0) > scale:
+        return np.inf, 0.0
+    found = [(0.0, np.inf)]
+    for left, right, solve in ((zero_p, zero_q, _free), (rest_p, rest_q, _definite)):
+        if left.shape[1] and right.shape[1]:
+            args = (left.T @ coupling @ right, left.T @ damping_p @ left, right.T @ damping_q @ right)
+            width, threshold = solve(*(a[None] for a in args))
+            found.append((float(width[0]), float(threshold[0])))
+    return max(w for w, _ in found), min(t for _, t in found)
+
+
+def _free(coupling: Array, damping_p: Array, damping_q: Array) -> tuple[Array, Array]:
+    return undamped(coupling)
+
+
+def _split(damping: Array) -> tuple[Array, Array, bool]:
+    """Orthonormal bases of the undamped and the damped directions, and whether a direction is negatively damped."""
+    values, vectors = np.linalg.eigh(damping)
+    zero = np.abs(values) <= 1e-12 * np.abs(values).max(initial=0.0)
+    return vectors[:, zero], vectors[:, ~zero], bool(np.any(values[~zero] < 0))

@@ -1,0 +1,171 @@
+"""Instability tongues: which ones exist, what they are called, and the arrays that describe them.
+
+A tongue is one instability region, rooted at epsilon = 0 where an excitation frequency nu meets the sum of two natural
+frequencies. The list of tongues depends on the structure of a system only (its modes and the ratios of its
+mesh frequencies), never on the numbers of a row, so that every row of a sweep has the same one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+import numpy as np
+
+from gearstab.system import Array, GearSystem
+
+
+@dataclass(frozen=True)
+class Excitation:
+    """One frequency of parametric excitation, nu = ratio * Omega, and all the mesh harmonics that share it.
+
+    parts: pairs (mesh number from 0, harmonic s_i) with s_i r_i = ratio, in the order of the meshes.
+    """
+
+    ratio: Fraction
+    parts: tuple[tuple[int, int], ...]
+
+
+@dataclass(frozen=True)
+class Tongue:
+    """Identity of a tongue: nu = frequency_ratio * Omega near w_p + w_q.
+
+    mode_p, mode_q: mode numbers from 1, by ascending natural frequency; p <= q.
+    harmonic: s of the first contributing mesh.
+    mesh: names of the contributing meshes, joined by ``+``.
+    kind: see :func:`kind_of`. label: see :func:`label_of`.
+    frequency_ratio: nu/Omega.
+    """
+
+    mode_p: int
+    mode_q: int
+    harmonic: int
+    mesh: str
+    kind: str
+    label: str
+    frequency_ratio: float
+
+
+@dataclass(frozen=True)
+class Tongues:
+    """Predicted instability regions in terms of the mesh frequency Omega (of mesh i: r_i Omega; of the first mesh where r_1 = 1).
+
+    index: the tongues; their attributes are also at hand as tuples (``mode_p``, ``label``, ...).
+    center_frequency: ``(tongue, ...)``, Omega at the root of the tongue; NaN where it does not exist in a row (one of its modes
+        is a rigid-body mode or has negative stiffness there, or the tongue belongs to a degenerate group and is carried
+        by the first pair of modes of that group).
+    half_width: ``(tongue, ...)``, half of the unstable range of Omega; 0 where there is none; infinite where no boundary exists
+        because only one of the two modes is damped (see :mod:`gearstab.perturbation.damped`).
+    boundary_frequency: ``(tongue, 2, ...)``, its lower and upper end; NaN where damping closes the tongue and where
+        ``half_width`` is infinite. An undamped tongue of width zero has both ends at its centre.
+    threshold: ``(tongue, ...)``, the factor on every epsilon (at constant mean stiffness) at which the tongue opens: 0 without
+        damping, above 1 where it is closed, infinite where nothing excites it.
+    """
+
+    index: tuple[Tongue, ...]
+    center_frequency: Array
+    half_width: Array
+    boundary_frequency: Array
+    threshold: Array
+
+    @property
+    def mode_p(self) -> tuple[int, ...]:
+        return tuple(t.mode_p for t in self.index)
+
+    @property
+    def mode_q(self) -> tuple[int, ...]:
+        return tuple(t.mode_q for t in self.index)
+
+    @property
+    def harmonic(self) -> tuple[int, ...]:
+        return tuple(t.harmonic for t in self.index)
+
+    @property
+    def mesh(self) -> tuple[str, ...]:
+        return tuple(t.mesh for t in self.index)
+
+    @property
+    def kind(self) -> tuple[str, ...]:
+        return tuple(t.kind for t in self.index)
+
+    @property
+    def label(self) -> tuple[str, ...]:
+        return tuple(t.label for t in self.index)
+
+    @property
+    def frequency_ratio(self) -> tuple[float, ...]:
+        return tuple(t.frequency_ratio for t in self.index)
+
+    def reindexed(self, index: Sequence[Tongue]) -> Tongues:
+        """The same tongues in the order of ``index``; NaN for tongues that are not among these.
+
+        With :func:`union` it brings parts of a sweep whose structure differs (another tooth ratio) to one list.
+        """
+        place = {tongue: k for k, tongue in enumerate(self.index)}
+        source = np.array([place.get(tongue, -1) for tongue in index], dtype=int)
+
+        def pick(values: Array) -> Array:
+            out = np.full((len(index), *values.shape[1:]), np.nan)
+            out[source >= 0] = values[source[source >= 0]]
+            return out
+
+        return Tongues(
+            tuple(index),
+            pick(self.center_frequency),
+            pick(self.half_width),
+            pick(self.boundary_frequency),
+            pick(self.threshold),
+        )
+
+
+def union(indices: Iterable[Sequence[Tongue]]) -> tuple[Tongue, ...]:
+    """All tongues of several lists, each once, in order of first appearance."""
+    return tuple(dict.fromkeys(tongue for index in indices for tongue in index))
+
+
+def excitations(system: GearSystem, harmonics: int) -> tuple[Excitation, ...]:
+    """Every nu = s r_i Omega with s <= ``harmonics`` for some mesh i, each once, with *all* mesh harmonics that share it.
+
+    A mesh whose own harmonic number exceeds ``harmonics`` still contributes to a frequency that another mesh
+    brings in: leaving it out would give that tongue a wrong width.
+    """
+    ratios = [mesh.frequency_ratio for mesh in system.meshes]
+    found = dict.fromkeys(s * r for r in ratios for s in range(1, harmonics + 1))
+    return tuple(
+        Excitation(nu, tuple((i, int(nu / r)) for i, r in enumerate(ratios) if (nu / r).denominator == 1)) for nu in found
+    )
+
+
+def kind_of(p: int, q: int, harmonic: int) -> str:
+    """primary (Omega near 2 w_p), secondary (w_p), combination (w_p + w_q), else ``higher`` or ``higher combination``.
+
+    Source: Lin & Parker 2002, section 3; the two names for higher harmonics are ours.
+    """
+    if p == q:
+        return {1: "primary", 2: "secondary"}.get(harmonic, "higher")
+    return "combination" if harmonic == 1 else "higher combination"
+
+
+def label_of(p: int, q: int, harmonic: int) -> str:
+    """The mesh frequency at the root of a tongue: ``2w3``, ``w3``, ``2w3/3``, ``w2+w3``, ``(w2+w3)/2``."""
+    if p != q:
+        total = f"w{p}+w{q}"
+        return total if harmonic == 1 else f"({total})/{harmonic}"
+    factor = Fraction(2, harmonic)
+    times = f"{factor.numerator}w{p}" if factor.numerator > 1 else f"w{p}"
+    return times if factor.denominator == 1 else f"{times}/{factor.denominator}"
+
+
+def tongue(system: GearSystem, excitation: Excitation, p: int, q: int) -> Tongue:
+    """The tongue of modes p <= q (from 1) under one excitation.
+
+    Its harmonic, kind and label refer to the first contributing mesh. Where that mesh runs at another frequency than the first
+    mesh of the system, the label names the contributing meshes: ``2w3 (second)`` is where the second mesh's frequency is 2 w3.
+    """
+    first, harmonic = excitation.parts[0]
+    mesh = "+".join(system.meshes[i].name for i, _ in excitation.parts)
+    label = label_of(p, q, harmonic)
+    if system.meshes[first].frequency_ratio != system.meshes[0].frequency_ratio:
+        label += f" ({mesh})"
+    return Tongue(p, q, harmonic, mesh, kind_of(p, q, harmonic), label, float(excitation.ratio))
