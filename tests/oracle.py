@@ -307,7 +307,7 @@ def verdict(p: Plain, omega: float, digits: int = 100) -> bool:
 def assert_exponents_match(
     ours: np.ndarray, reference: np.ndarray, period: float, rtol: float = 1e-12, atol: float = 1e-12
 ) -> float:
-    """The two sets agree modulo 2 pi i/T, every pair to max(atol, rtol max|reference|); returns the largest distance."""
+    """The two sets agree modulo 2 pi i/T, each pair to max(atol, rtol max|reference|); returns the largest distance."""
     ours, reference = np.asarray(ours, dtype=complex).ravel(), np.asarray(reference, dtype=complex).ravel()
     assert ours.shape == reference.shape, f"{ours.size} exponents against {reference.size}"
     assert np.all(np.isfinite(ours)), f"exponents that are not finite: {ours}"

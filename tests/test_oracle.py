@@ -41,7 +41,7 @@ def train(tooth_ratio: Fraction = Fraction(1), **changes: object) -> Plain:
 
 
 def hill_trace(p: Plain, omega: float) -> mp.mpf:
-    """Trace of the monodromy of m x'' + c x' + k(t) x = 0 with two levels: x = exp(-c t/2m) y, Meissner's formula for y.
+    """Trace of the monodromy of m x'' + c x' + k(t) x = 0 with two levels: x = exp(-c t/2m) y and Meissner's for y.
 
     tr = 2 cos a cos b - (w1/w2 + w2/w1) sin a sin b with a = w1 t1, b = w2 t2; imaginary w give cosh and sinh.
     """
