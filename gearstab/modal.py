@@ -27,6 +27,12 @@ def eigenmodes(mass: Array, stiffness: Array) -> tuple[Array, Array]:
     return values, factor @ vectors
 
 
+def _rigid_at_zero(values: Array) -> Array:
+    """Squared frequencies with those of rigid-body modes, rounding errors, set to exactly 0."""
+    largest = np.max(np.abs(values), axis=-1, keepdims=True)
+    return np.where(np.abs(values) <= RIGID_TOLERANCE * largest, 0.0, values)
+
+
 @dataclass(frozen=True)
 class Modes:
     """Modes of the mean system: (K0 + sum_i k_gi g_i g_i^T) phi_p = w_p^2 M phi_p, Phi^T M Phi = I.
@@ -54,8 +60,7 @@ class Modes:
 def mean_modes(system: GearSystem) -> Modes:
     """The modes of the mean system, see :class:`Modes`. Source: Lin & Parker 2002, (5)."""
     values, shapes = eigenmodes(system.mass, system.mean_stiffness_matrix())
-    largest = np.max(np.abs(values), axis=-1, keepdims=True)
-    values = np.where(np.abs(values) <= RIGID_TOLERANCE * largest, 0.0, values)
+    values = _rigid_at_zero(values)
     leading = np.take_along_axis(shapes, np.argmax(np.abs(shapes), axis=-2)[..., None, :], axis=-2)
     shapes = shapes * np.where(leading < 0, -1.0, 1.0)
     deflection = np.stack([mesh_deflection(shapes, mesh.direction) for mesh in system.meshes], axis=-1)
@@ -74,5 +79,6 @@ def modal_damping_matrix(mass: Array, mean_stiffness: Array, ratios: Array) -> A
     """
     values, shapes = eigenmodes(mass, mean_stiffness)
     weighted = mass @ shapes
-    rate = 2 * np.asarray(ratios) * np.sqrt(np.maximum(values, 0.0))
+    # The square root would turn a rounding error of 1e-17 in a rigid mode into a damping of 1e-9.
+    rate = 2 * np.asarray(ratios) * np.sqrt(np.maximum(_rigid_at_zero(values), 0.0))
     return (weighted * rate[..., None, :]) @ np.swapaxes(weighted, -1, -2)
