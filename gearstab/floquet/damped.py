@@ -1,0 +1,94 @@
+"""General damping: propagation in the complex modes of each state.
+
+With the state vector x = (w u, u', r') -- elastic coordinates, their velocities, and the velocities of rigid coordinates
+that damping couples to them -- each segment has a constant generator A_d, x' = A_d x. It is diagonalised once a
+state, A_d = X L X^-1, and serves all mesh frequencies: exp(A_d t) = X exp(L t) X^-1. Where X is nearly singular
+(critical damping) the exponential is formed by scaling and squaring instead.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.linalg import expm
+
+from gearstab.floquet.segments import Pattern
+from gearstab.system import Array
+
+ILL_CONDITIONED = 1e4
+"""cond(X) above which diagonalisation would cost more than four of sixteen digits."""
+
+
+@dataclass(frozen=True)
+class Generators:
+    """The generators of a damped pattern, ``(r, D, m, m)`` with m = 2 n + (number of coupled rigid velocities)."""
+
+    matrix: Array
+
+    @cached_property
+    def eigen(self) -> tuple[Array, Array, Array]:
+        """(values ``(r, D, m)``, X, X^-1) of each state; X^-1 is meaningless where X is ill-conditioned."""
+        values, vectors = np.linalg.eig(self.matrix.astype(complex))
+        bad = ~self._invertible(vectors)
+        return values, vectors, np.linalg.inv(np.where(bad[..., None, None], np.eye(vectors.shape[-1]), vectors))
+
+    @cached_property
+    def well_conditioned(self) -> Array:
+        """``(r,)``: whether all states of a row may be diagonalised."""
+        return np.all(self._invertible(self.eigen[1]), axis=-1)
+
+    @staticmethod
+    def _invertible(vectors: Array) -> Array:
+        singular = np.linalg.svd(vectors, compute_uv=False)
+        return singular[..., 0] < ILL_CONDITIONED * singular[..., -1]
+
+
+def generators(pattern: Pattern) -> Generators:
+    """x = (w u, u', r'): u'' = -K u - C u' - C_er r', r'' = -C_re u' - C_rr r'; w = 1 in the pattern's units."""
+    elastic, n = pattern.elastic, pattern.size
+    rows, states = pattern.stiffness.shape[:2]
+    extra = 0 if elastic.rigid_damping is None else elastic.rigid_damping.shape[1]
+    a = np.zeros((rows, states, 2 * n + extra, 2 * n + extra))
+    a[..., :n, n : 2 * n] = np.eye(n)
+    a[..., n : 2 * n, :n] = -pattern.stiffness
+    a[..., n : 2 * n, n : 2 * n] = -elastic.damping[:, None]
+    if elastic.rigid_damping is not None:
+        a[..., 2 * n :, n:] = -elastic.rigid_damping[:, None]
+        a[..., n : 2 * n, 2 * n :] = -np.swapaxes(elastic.rigid_damping[..., :n], -1, -2)[:, None]
+    return Generators(a)
+
+
+def factors(generator: Generators, pattern: Pattern, row: int, omega: Array, spread: float = np.inf) -> list[Array]:
+    """exp(A_s t_s) of one row, ``(P, m, m)`` each, first segment first.
+
+    With a finite ``spread`` segments are subdivided until their growth and decay differ by at most exp(spread).
+    """
+    values = generator.eigen[0][row]
+    durations = pattern.durations(row, omega)
+    result = []
+    for s, state in enumerate(pattern.states):
+        real = values[state].real
+        pieces = max(1, int(np.ceil((real.max() - real.min()) * durations[s].max() / spread)))
+        result += [exponential(generator, row, int(state), durations[s] / pieces)] * pieces
+    return result
+
+
+def exponential(generator: Generators, row: int, state: int, duration: Array) -> Array:
+    """exp(A_d t) ``(P, m, m)`` for durations ``(P,)``."""
+    if not generator.well_conditioned[row]:
+        return expm(generator.matrix[row, state] * duration[:, None, None])
+    values, vectors, inverse = (part[row, state] for part in generator.eigen)
+    return ((vectors * np.exp(values * duration[:, None])[:, None, :]) @ inverse).real
+
+
+def monodromy(generator: Generators, pattern: Pattern, row: int, omega: Array) -> tuple[Array, Array]:
+    """(M exp(-scale) ``(P, m, m)``, scale ``(P,)``); M is right to eps times its largest entry."""
+    product, scale = None, np.zeros(len(omega))
+    for factor in factors(generator, pattern, row, omega):
+        product = factor if product is None else factor @ product
+        size = np.abs(product).max(axis=(1, 2))
+        product = product / size[:, None, None]
+        scale += np.log(size)
+    return product, scale

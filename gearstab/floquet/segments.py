@@ -1,0 +1,162 @@
+"""From gear systems to segments of constant stiffness, grouped for the kernels.
+
+A common period is cut at every jump of every mesh. What lies between two jumps is a *segment*; the stiffness matrices that
+occur are the *states*, few and independent of the mesh frequency. Rows of the grid whose segments run through the
+same states in the same order form a :class:`Pattern`, and a kernel treats a whole pattern at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from gearstab.floquet.reduction import Elastic, reduce
+from gearstab.system import Array, GearSystem, Mesh
+
+SHORTEST = 2e-15
+"""Segments shorter than this part of the common period are rounding errors of coinciding jumps; leaving one out
+shifts the phases by w T 2e-15, as much as rounding the period does."""
+
+
+@dataclass(frozen=True)
+class Pattern:
+    """A stack of r rows that share one sequence of S segments over D states of n elastic coordinates.
+
+    rows: ``(r,)``, positions in the flattened batch of the system.
+    cycles: N; the common period is N 2 pi/Omega.
+    fractions: ``(r, S)``, durations as parts of the common period; they add up to 1.
+    start: ``(r,)``, where in the common period (in parts of it, t = 0 is 0) the first segment begins.
+    states: ``(S,)``, which state each segment is in.
+    levels: ``(r, D, meshes)``, the mesh stiffnesses of each state, in the system's own units.
+    elastic: the reduced coordinates, in which M = I and time is in units of 1/``elastic.rate``.
+    stiffness: ``(r, D, n, n)``, K of each state in these coordinates and units.
+    """
+
+    rows: Array
+    cycles: float
+    fractions: Array
+    start: Array
+    states: Array
+    levels: Array
+    elastic: Elastic
+    stiffness: Array
+
+    @property
+    def size(self) -> int:
+        """n, the number of elastic coordinates."""
+        return int(self.stiffness.shape[-1])
+
+    @cached_property
+    def _eigen(self) -> tuple[Array, Array]:
+        return np.linalg.eigh(self.stiffness)
+
+    @property
+    def squared_frequency(self) -> Array:
+        """``(r, D, n)``, eigenvalues of the states' stiffness; negative where a state is unstable by itself."""
+        return self._eigen[0]
+
+    @property
+    def modes(self) -> Array:
+        """``(r, D, n, n)``, orthonormal modes V_d of the states."""
+        return self._eigen[1]
+
+    @property
+    def stiffness_below_zero(self) -> Array:
+        """``(r, D, n)``, which modes of which states are unstable by themselves (before any uniform damping)."""
+        return self.squared_frequency + self.elastic.shift[:, None, None] ** 2 < 0
+
+    @cached_property
+    def change(self) -> Array:
+        """``(r, S, n, n)``, V_{s+1}^T V_s: from the modes of segment s to those of the next (the last to the first)."""
+        following = self.modes[:, np.roll(self.states, -1)]
+        return np.swapaxes(following, -1, -2) @ self.modes[:, self.states]
+
+    def durations(self, row: int, omega: Array) -> Array:
+        """``(S, P)``, durations of a row's segments in units of 1/rate for mesh frequencies ``(P,)`` in units of rate."""
+        return self.fractions[row][:, None] * (2 * np.pi * self.cycles) / omega
+
+
+def prepare(system: GearSystem) -> list[Pattern]:
+    """All rows of a (batched) system as patterns; every row occurs exactly once."""
+    count = int(np.prod(system.batch, dtype=int))
+    cycles, counts = system.common_period()
+    edges, bits = _segments_of_rows(system, counts, count)
+    lengths = np.diff(edges, axis=1, append=edges[:, :1] + 1)
+    signature = np.where(lengths > SHORTEST, bits, -1)
+    levels = _levels(system.meshes, count)
+    patterns = []
+    for elastic in reduce(system, count):
+        for members, key in _groups(signature, elastic.rows):
+            states, fractions, start = _merged(key, lengths[members], edges[members])
+            unique, index = np.unique(states, return_inverse=True)
+            on = (unique[:, None] >> np.arange(len(system.meshes))) & 1
+            chosen = np.where(on[None].astype(bool), levels[members, None, :, 1], levels[members, None, :, 0])
+            part = elastic.subset(np.searchsorted(elastic.rows, members))
+            stiffness = part.stiffness_of(chosen)
+            patterns.append(Pattern(members, float(cycles), fractions, start, index, chosen, part, stiffness))
+    return patterns
+
+
+def _segments_of_rows(system: GearSystem, counts: tuple[int, ...], rows: int) -> tuple[Array, Array]:
+    """Jumps ``(rows, S)`` in [0, 1), ascending, and which meshes are stiff after each, as bits ``(rows, S)``."""
+    edges = [np.zeros((rows, 1))] if not system.meshes else []
+    for mesh, n in zip(system.meshes, counts, strict=True):
+        lag = np.broadcast_to(np.asarray(mesh.lag, dtype=float), system.batch).reshape(rows, 1)
+        points = mesh.waveform.breakpoints()
+        points = np.broadcast_to(points, (*system.batch, points.shape[-1])).reshape(rows, -1) + lag
+        edges.append(((points[:, :, None] + np.arange(n)) / n).reshape(rows, -1))
+    found = np.concatenate(edges, axis=1)
+    found = np.sort(found - np.floor(found), axis=1)
+    found = np.where(found >= 1.0, 0.0, found)
+    found.sort(axis=1)
+    middle = found + 0.5 * np.diff(found, axis=1, append=found[:, :1] + 1)
+    bits = np.zeros(found.shape, dtype=np.int64)
+    for i, (mesh, n) in enumerate(zip(system.meshes, counts, strict=True)):
+        bits |= _stiff(mesh, system.batch, n * middle).astype(np.int64) << i
+    return found, bits
+
+
+def _stiff(mesh: Mesh, batch: tuple[int, ...], phase: Array) -> Array:
+    """Whether the mesh is above its mean at the given phases (rows, S); never where its stiffness does not vary."""
+
+    def flat(values: Array | float) -> Array:
+        return np.broadcast_to(values, batch).reshape(-1, 1)
+
+    x = phase - flat(mesh.lag)
+    shaped = np.reshape(x, (*batch, x.shape[-1]))
+    value = np.stack([mesh.waveform.value(shaped[..., k]) for k in range(x.shape[-1])], axis=-1)
+    return (value.reshape(x.shape) > 0) & (flat(mesh.epsilon) != 0)
+
+
+def _levels(meshes: tuple[Mesh, ...], rows: int) -> Array:
+    """``(rows, meshes, 2)``, the softer and the stiffer level of each mesh; both the mean where it does not vary."""
+    table = []
+    for mesh in meshes:
+        pair = [mesh.mean_stiffness + 2 * mesh.amplitude * w for w in mesh.waveform.extremes()]
+        table.append(np.stack([np.broadcast_to(np.ravel(level), (rows,)) for level in pair], axis=-1))
+    return np.stack(table, axis=1)
+
+
+def _groups(signature: Array, rows: Array) -> Iterator[tuple[Array, Array]]:
+    """The rows with equal signatures: (members, signature)."""
+    keys, inverse = np.unique(signature[rows], axis=0, return_inverse=True)
+    inverse = np.ravel(inverse)
+    for k, key in enumerate(keys):
+        yield rows[inverse == k], key
+
+
+def _merged(key: Array, lengths: Array, edges: Array) -> tuple[Array, Array, Array]:
+    """Leave out empty segments and join neighbours in the same state; (states, fractions, start)."""
+    kept = np.flatnonzero(key >= 0)
+    states = key[kept]
+    first = np.flatnonzero(states != np.roll(states, 1))
+    if len(first) == 0:
+        return states[:1], np.ones((len(lengths), 1)), edges[:, kept[0]]
+    owner = (np.cumsum(states != np.roll(states, 1)) - 1) % len(first)
+    fractions = np.zeros((len(lengths), len(first)))
+    for position, segment in zip(kept, owner, strict=True):
+        fractions[:, segment] += lengths[:, position]
+    return states[first], fractions, edges[:, kept[first[0]]]

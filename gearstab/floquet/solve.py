@@ -1,0 +1,181 @@
+"""Exact Floquet analysis of a (batched) gear system with piecewise constant mesh stiffness."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gearstab.floquet import damped, decision, graded, kernel, numpy_kernel
+from gearstab.floquet.invariants import DOUBTFUL, STABLE
+from gearstab.floquet.segments import Pattern, prepare
+from gearstab.system import Array, GearSystem
+
+STATUS_FLAGS = {"eigenvalues": 1, "krein": 2, "rescaled": 4, "negative_stiffness": 8, "failed": 16}
+"""Bits of ``status``: decided by the eigenvalues of the monodromy matrix; by the Krein signature; the matrix outgrew double
+precision and was scaled; a state of the system has a negative stiffness; no finite result."""
+
+DAMPED_ON_CIRCLE = 1e-10
+"""A damped system whose growth a period is below this is stable: the rounding error of a long product, and far less than
+the decay of any damping ratio above 1e-10."""
+GRADED_NORM = 30.0
+"""Monodromy matrices larger than this have small multipliers that an eigenvalue solver would blur."""
+GRADED_SPREAD = np.log(100.0)
+"""The same for damped ones, by the spread of ln |lambda|."""
+
+
+@dataclass(frozen=True)
+class Floquet:
+    """growth_rate ``(rows, P)``: the largest real part of the characteristic exponents, 1/time, without rigid-body modes;
+    exactly 0 where a conservative system is stable.
+    stable ``(rows, P)`` int8: 1, 0, or -1 where nothing could be computed.
+    status ``(rows, P)`` int16: bits of STATUS_FLAGS.
+    exponents ``(rows, P, 2n)`` complex or None: all characteristic exponents ln(lambda)/T over the common period T, rigid-body modes
+    included, imaginary parts in (-pi/T, pi/T], by descending real part.
+    kernel: which kernel ran.
+    """
+
+    growth_rate: Array
+    stable: Array
+    status: Array
+    exponents: Array | None
+    kernel: str
+
+
+def solve(system: GearSystem, mesh_frequency: Array, exponents: bool = False) -> Floquet:
+    """Stability of every row of a system at every mesh frequency of the first mesh.
+
+    The monodromy matrix over the common period of all meshes is the exact product of the segments' propagators. Points are
+    decided as :mod:`~gearstab.floquet.invariants` and :mod:`~gearstab.floquet.decision` say.
+
+    Parameters
+    ----------
+    system: any batch shape; the result has one row for each entry of the flattened batch.
+    mesh_frequency: Omega, ``(P,)`` for all rows or ``(rows, P)``, rad per unit time, positive.
+    exponents: whether to compute all characteristic exponents too (slower).
+    """
+    rows = int(np.prod(system.batch, dtype=int))
+    omega = np.atleast_1d(np.asarray(mesh_frequency, dtype=float))
+    omega = np.broadcast_to(omega, (rows, omega.shape[-1]))
+    growth = np.full(omega.shape, np.nan)
+    stable = np.full(omega.shape, -1, dtype=np.int8)
+    status = np.zeros(omega.shape, dtype=np.int16)
+    table = np.full((*omega.shape, 2 * system.size), np.nan, dtype=complex) if exponents else None
+    for pattern in prepare(system):
+        part = _Part(pattern, omega[pattern.rows] / pattern.elastic.rate[:, None])
+        solver = _conservative if pattern.elastic.damping is None else _damped
+        growth[pattern.rows], stable[pattern.rows], status[pattern.rows], found = solver(part, exponents)
+        if table is not None and found is not None:
+            table[pattern.rows] = _complete(pattern, found)
+    failed = ~np.isfinite(growth)
+    stable[failed] = -1
+    status[failed] |= STATUS_FLAGS["failed"]
+    return Floquet(growth, stable, status, table, kernel.name())
+
+
+@dataclass(frozen=True)
+class _Part:
+    """A pattern and its mesh frequencies ``(r, P)`` in the pattern's units."""
+
+    pattern: Pattern
+    omega: Array
+
+    @property
+    def period(self) -> Array:
+        """Common period, ``(r, P)``, units of 1/rate."""
+        return 2 * np.pi * self.pattern.cycles / self.omega
+
+    def status(self) -> Array:
+        """Status bits that hold for whole rows."""
+        negative = np.any(self.pattern.stiffness_below_zero, axis=(1, 2))
+        return np.broadcast_to((negative * STATUS_FLAGS["negative_stiffness"])[:, None], self.omega.shape).astype(np.int16)
+
+
+_Solution = tuple[Array, Array, Array, Array | None]
+"""growth rate, stable, status and the elastic exponents, all in the system's own units of time."""
+
+
+def _conservative(part: _Part, exponents: bool) -> _Solution:
+    pattern, omega = part.pattern, part.omega
+    verdict, growth = kernel.current().scan(pattern, omega)
+    status = part.status()
+    for row in np.flatnonzero(np.any(verdict == DOUBTFUL, axis=1)):
+        points = np.flatnonzero(verdict[row] == DOUBTFUL)
+        found = _settle(pattern, int(row), omega[row, points])
+        verdict[row, points], growth[row, points] = found[0], found[1]
+        status[row, points] |= found[2]
+    shift, rate = pattern.elastic.shift[:, None], pattern.elastic.rate[:, None]
+    value = growth / part.period
+    # Without damping the verdict decides; with uniform damping a growth below the decay is stable.
+    stable = np.where(shift == 0, verdict == STABLE, value <= shift).astype(np.int8)
+    table = None
+    if exponents:
+        logs = np.stack([_conservative_logs(pattern, r, omega[r]) for r in range(len(omega))])
+        logs = np.where((verdict == STABLE)[..., None], 1j * logs.imag, logs)
+        table = (logs / part.period[..., None] - shift[..., None]) * rate[..., None]
+    return (value - shift) * rate, stable, status, table
+
+
+def _settle(pattern: Pattern, row: int, omega: Array) -> tuple[Array, Array, Array]:
+    """(verdict, growth, status bits) of points in doubt, from the monodromy matrix."""
+    matrix, scale = kernel.current().monodromy(pattern, row, omega)
+    status = np.full(len(omega), STATUS_FLAGS["eigenvalues"], dtype=np.int16)
+    finite = np.isfinite(matrix).all(axis=(1, 2))
+    matrix = np.where(finite[:, None, None], matrix, 0.0)
+    stable, growth, krein = decision.conservative(matrix)
+    large = scale > 0
+    with np.errstate(divide="ignore"):
+        growth[large] = np.log(np.abs(np.linalg.eigvals(matrix[large])).max(axis=-1)) + scale[large]
+    status[krein & ~large] |= STATUS_FLAGS["krein"]
+    status[large] |= STATUS_FLAGS["rescaled"]
+    growth[~finite] = np.nan
+    return (stable & ~large).astype(np.int8), growth, status
+
+
+def _conservative_logs(pattern: Pattern, row: int, omega: Array) -> Array:
+    """ln lambda ``(P, 2n)``; the product is formed only where that costs no digits."""
+    matrix, scale = kernel.current().monodromy(pattern, row, omega)
+    with np.errstate(invalid="ignore"):
+        plain = (scale == 0) & (np.abs(matrix).max(axis=(1, 2)) < GRADED_NORM)
+    logs = np.empty(matrix.shape[:2], dtype=complex)
+    logs[plain] = np.log(np.linalg.eigvals(matrix[plain]).astype(complex))
+    if not plain.all():
+        logs[~plain] = graded.log_multipliers(numpy_kernel.factors(pattern, row, omega[~plain]))
+    return logs
+
+
+def _damped(part: _Part, exponents: bool) -> _Solution:
+    pattern, omega = part.pattern, part.omega
+    generator = damped.generators(pattern)
+    growth = np.empty(omega.shape)
+    status = part.status()
+    logs = []
+    for row, frequencies in enumerate(omega):
+        matrix, scale = damped.monodromy(generator, pattern, row, frequencies)
+        finite = np.isfinite(matrix).all(axis=(1, 2))
+        values = np.linalg.eigvals(np.where(finite[:, None, None], matrix, 0.0)).astype(complex)
+        with np.errstate(divide="ignore"):
+            found = np.log(values) + scale[:, None]
+        growth[row] = np.where(finite, found.real.max(axis=-1), np.nan)
+        status[row] |= np.where(np.abs(scale) > np.log(numpy_kernel.LARGE), STATUS_FLAGS["rescaled"], 0).astype(np.int16)
+        if exponents:
+            wide = found.real.max(axis=-1) - found.real.min(axis=-1) > GRADED_SPREAD
+            if wide.any():
+                chain = damped.factors(generator, pattern, row, frequencies[wide], spread=1.0)
+                found[wide] = graded.log_multipliers(chain)
+            logs.append(found)
+    rate = pattern.elastic.rate[:, None]
+    stable = (growth <= DAMPED_ON_CIRCLE).astype(np.int8)
+    table = np.stack(logs) / part.period[..., None] * rate[..., None] if exponents else None
+    return growth / part.period * rate, stable, status, table
+
+
+def _complete(pattern: Pattern, elastic: Array) -> Array:
+    """All 2n exponents: the elastic ones and the exactly known rigid ones, by descending real and imaginary part."""
+    known = pattern.elastic.rigid_exponents
+    if known is None:
+        known = np.zeros((len(elastic), pattern.elastic.rigid_damping.shape[1]))
+    known = np.broadcast_to(known[:, None, :], (*elastic.shape[:2], known.shape[-1]))
+    table = np.concatenate([elastic, known.astype(complex)], axis=-1)
+    order = np.lexsort((-table.imag, -table.real), axis=-1)
+    return np.take_along_axis(table, order, axis=-1)
