@@ -31,12 +31,12 @@ $(VENV)/.locked: scripts/requirements.lock
 	@$(PYTHON) -c 'import sys; sys.exit("gearstab needs Python 3.11 or newer; choose one with make PYTHON=..." if sys.version_info < (3, 11) else 0)'
 	@echo "Installing the locked environment into $(VENV) (a minute or two, once) ..."
 	@$(PYTHON) -m venv --clear $(VENV)
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes --requirement $<
+	@$(BIN)/python -m pip install -qq --disable-pip-version-check --require-hashes --requirement $<
 	@touch $@
 
 # The editable install is done again when the packaging or the C kernel changed; Python files need no install.
 $(VENV)/.installed: $(VENV)/.locked pyproject.toml setup.py $(wildcard gearstab/floquet/_kernel*.[ch])
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-build-isolation --no-deps --editable .
+	@$(BIN)/python -m pip install -qq --disable-pip-version-check --no-build-isolation --no-deps --editable .
 	@$(BIN)/python scripts/kernel_note.py
 	@touch $@
 
