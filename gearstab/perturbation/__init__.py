@@ -1,6 +1,7 @@
 """Perturbation theory: instability tongues to first order, and an older approximation to compare with."""
 
+from gearstab.perturbation.mathieu import uncoupled
 from gearstab.perturbation.multiple_scales import first_order
 from gearstab.perturbation.tongues import Tongue, Tongues, union
 
-__all__ = ["Tongue", "Tongues", "first_order", "union"]
+__all__ = ["Tongue", "Tongues", "first_order", "uncoupled", "union"]

@@ -1,20 +1,23 @@
 """Width of a tongue from the first-order amplitude equations of two groups of modes, with and without damping.
 
-Near nu = w_P + w_Q + sigma the slow amplitudes of the groups P and Q of equal natural frequencies obey, in symmetric scaling,
+Near nu = w_P + w_Q + sigma the slow amplitudes of the groups P and Q of equal natural frequencies obey, in symmetric
+scaling,
 
-    a' = (-D_P - i sigma/2) a + (i/2) G b,    b' = -(i/2) G^H a + (-D_Q + i sigma/2) b,        G = B[P, Q]/sqrt(w_P w_Q)
+    a' = (-D_P - i sigma/2) a + (i/2) G b,    b' = -(i/2) G^H a + (-D_Q + i sigma/2) b,    G = B[P, Q]/sqrt(w_P w_Q)
 
-with D = Phi^T C Phi/2 restricted to each group (zeta_p w_p for modal damping) and b the conjugate amplitude of Q. The matrix is
-H + (i sigma/2) S with H Hermitian and S = diag(-1, 1), hence:
+with D = Phi^T C Phi/2 restricted to each group (zeta_p w_p for modal damping) and b the conjugate amplitude of Q. The
+matrix is H + (i sigma/2) S with H Hermitian and S = diag(-1, 1), hence:
 
 * undamped: unstable for |sigma| < sigma_max(G), the largest singular value;
 * damped: stable at every sigma if H is negative definite, which fails first at sigma = 0; the tongue opens when
   sigma_max(D_P^(-1/2) G D_Q^(-1/2)) = 2;
-* one mode each, mu = zeta w: |sigma| = (mu_p + mu_q) sqrt(|G|^2/(4 mu_p mu_q) - 1) > the undamped width when mu_p differs from mu_q much:
-  unequal damping widens an open tongue. (Lambda_pq = |G|^2 of Lin & Parker 2002, (16), when divided by epsilon^2.)
-* only one of the two modes damped: unstable at *every* sigma, with a growth rate that falls as sigma^-2. First-order theory
-  then has no boundary; the half-width is reported as infinite.
+* one mode each, mu = zeta w: |sigma| = (mu_p + mu_q) sqrt(|G|^2/(4 mu_p mu_q) - 1). As both mu vanish this tends to
+  (mu_p + mu_q)/(2 sqrt(mu_p mu_q)) |G|: unequal damping widens an open tongue beyond its undamped width |G|;
+* only one of the two modes damped: unstable at *every* sigma, with a growth rate that falls as sigma^-2. First-order
+  theory then has no boundary; the half-width is reported as infinite;
 * negative damping of one of the modes: unstable at every sigma too, infinite.
+
+The derivation is that of Lin & Parker 2002, (13)-(16), with the viscous terms kept; |G| = epsilon sqrt(Lambda_pq).
 """
 
 from __future__ import annotations
@@ -23,6 +26,9 @@ import numpy as np
 
 from gearstab.system import Array
 
+ROUNDING = 1e-12
+"""A damping rate or coupling below this part of the largest one of its block is rounding and counts as zero."""
+
 BISECTIONS = 60
 """Halvings of a bracket whose ends are found exactly: enough for the last bit of a double."""
 
@@ -30,15 +36,15 @@ BISECTIONS = 60
 def single_pair(coupling: Array, mu_p: Array, mu_q: Array) -> tuple[Array, Array]:
     """Half-width in nu and threshold of one mode against one mode, see the module's text; all arguments ``(...)``.
 
-    coupling: |G| >= 0. Returns (half_width, threshold); threshold is the factor on G at which the tongue opens.
+    coupling: |G| >= 0. Returns (half_width, threshold); the threshold is the factor on G at which the tongue opens.
     """
     product = mu_p * mu_q
     with np.errstate(divide="ignore", invalid="ignore"):
-        threshold = np.where(coupling > 0, 2 * np.sqrt(np.maximum(product, 0.0)) / coupling, np.inf)
         damped = (mu_p + mu_q) * np.sqrt(np.maximum(coupling**2 / (4 * product) - 1, 0.0))
-    one_sided = np.where(coupling > 0, np.inf, 0.0)
-    width = np.where(product > 0, damped, one_sided)
-    width = np.where((mu_p == 0) & (mu_q == 0), coupling, width)
+        threshold = np.where(coupling > 0, 2 * np.sqrt(np.maximum(product, 0.0)) / coupling, np.inf)
+    width = np.where(product > 0, damped, np.where(coupling > 0, np.inf, 0.0))
+    free = (mu_p == 0) & (mu_q == 0)
+    width, threshold = np.where(free, coupling, width), np.where(free, 0.0, threshold)
     negative = (mu_p < 0) | (mu_q < 0)
     return np.where(negative, np.inf, width), np.where(negative, 0.0, threshold)
 
@@ -53,9 +59,9 @@ def group_pair(coupling: Array, damping_p: Array, damping_q: Array) -> tuple[Arr
     width, threshold = np.zeros(rows), np.zeros(rows)
     least_p, least_q = (np.linalg.eigvalsh(d)[:, 0] for d in (damping_p, damping_q))
     free = ~(damping_p.any(axis=(-2, -1)) | damping_q.any(axis=(-2, -1)))
-    definite = (least_p > 0) & (least_q > 0)
+    definite = (least_p > _tiny(damping_p)) & (least_q > _tiny(damping_q))
     if free.any():
-        width[free], threshold[free] = undamped(coupling[free])
+        width[free] = undamped(coupling[free])
     if definite.any():
         width[definite], threshold[definite] = _definite(coupling[definite], damping_p[definite], damping_q[definite])
     for row in np.flatnonzero(~free & ~definite):
@@ -63,10 +69,16 @@ def group_pair(coupling: Array, damping_p: Array, damping_q: Array) -> tuple[Arr
     return width, threshold
 
 
-def undamped(coupling: Array) -> tuple[Array, Array]:
-    """Largest singular value of G ``(rows, P, Q)``, and the threshold: 0, or infinite where nothing couples the groups."""
-    width = np.linalg.svd(coupling, compute_uv=False)[:, 0]
-    return width, np.where(width > 0, 0.0, np.inf)
+def undamped(coupling: Array) -> Array:
+    """Half-width in nu without damping: the largest singular value of G ``(rows, P, Q)``."""
+    values: Array = np.linalg.svd(coupling, compute_uv=False)
+    return values[:, 0]
+
+
+def _tiny(matrix: Array) -> Array:
+    """What counts as zero beside the entries of ``matrix``: rounding of the modal transformation."""
+    size: Array = ROUNDING * np.abs(matrix).max(axis=(-2, -1))
+    return size
 
 
 def growth(sigma: Array, coupling: Array, damping_p: Array, damping_q: Array) -> Array:
@@ -74,7 +86,8 @@ def growth(sigma: Array, coupling: Array, damping_p: Array, damping_q: Array) ->
     p, q = coupling.shape[-2:]
     sides = np.concatenate([-np.ones(p), np.ones(q)])
     matrix = _hermitian(coupling, damping_p, damping_q) + 0.5j * sigma[:, None, None] * np.diag(sides)
-    return np.linalg.eigvals(matrix).real.max(axis=-1)
+    rates: Array = np.linalg.eigvals(matrix).real
+    return rates.max(axis=-1)
 
 
 def _hermitian(coupling: Array, damping_p: Array, damping_q: Array) -> Array:
@@ -115,11 +128,11 @@ def _definite(coupling: Array, damping_p: Array, damping_q: Array) -> tuple[Arra
 
 
 def _crossings(coupling: Array, damping_p: Array, damping_q: Array) -> Array:
-    """Ascending detunings, ``(rows, 2 P Q)``, among which are all |sigma| where an eigenvalue crosses the imaginary axis.
+    """Ascending detunings, ``(rows, 2 P Q)``, among which is every |sigma| with an imaginary eigenvalue.
 
-    If A(sigma) = H + (i sigma/2) S has an imaginary eigenvalue, then A x I + I x conj(A) = X + (i sigma/2) Y is singular, with
-    X = H x I + I x conj(H) and Y = S x I - I x S, zero on P x P and Q x Q where -X is positive definite: eliminating those
-    leaves an ordinary eigenproblem for sigma on P x Q and Q x P.
+    If A(sigma) = H + (i sigma/2) S has an imaginary eigenvalue, then A x I + I x conj(A) = X + (i sigma/2) Y is
+    singular, with X = H x I + I x conj(H) and Y = S x I - I x S, zero on P x P and Q x Q where -X is positive
+    definite: eliminating those leaves an ordinary eigenproblem for sigma on P x Q and Q x P.
     """
     p, q = coupling.shape[-2:]
     n = p + q
@@ -146,25 +159,23 @@ def _semidefinite(coupling: Array, damping_p: Array, damping_q: Array) -> tuple[
     (zero_p, rest_p, negative_p), (zero_q, rest_q, negative_q) = (_split(d) for d in (damping_p, damping_q))
     if negative_p or negative_q:
         return np.inf, 0.0
-    scale = 1e-12 * np.abs(coupling).max(initial=0.0)
     across = np.concatenate([(zero_p.T @ coupling @ rest_q).ravel(), (rest_p.T @ coupling @ zero_q).ravel()])
-    if np.abs(across).max(initial=0.0) > scale:
+    if np.abs(across).max(initial=0.0) > _tiny(coupling):
         return np.inf, 0.0
-    found = [(0.0, np.inf)]
-    for left, right, solve in ((zero_p, zero_q, _free), (rest_p, rest_q, _definite)):
-        if left.shape[1] and right.shape[1]:
-            args = (left.T @ coupling @ right, left.T @ damping_p @ left, right.T @ damping_q @ right)
-            width, threshold = solve(*(a[None] for a in args))
-            found.append((float(width[0]), float(threshold[0])))
-    return max(w for w, _ in found), min(t for _, t in found)
-
-
-def _free(coupling: Array, damping_p: Array, damping_q: Array) -> tuple[Array, Array]:
-    return undamped(coupling)
+    widths, thresholds = [0.0], [np.inf]
+    if zero_p.shape[1] and zero_q.shape[1]:
+        widths.append(float(undamped((zero_p.T @ coupling @ zero_q)[None])[0]))
+        thresholds.append(0.0)
+    if rest_p.shape[1] and rest_q.shape[1]:
+        parts = (rest_p.T @ coupling @ rest_q, rest_p.T @ damping_p @ rest_p, rest_q.T @ damping_q @ rest_q)
+        width, threshold = _definite(*(part[None] for part in parts))
+        widths.append(float(width[0]))
+        thresholds.append(float(threshold[0]))
+    return max(widths), min(thresholds)
 
 
 def _split(damping: Array) -> tuple[Array, Array, bool]:
     """Orthonormal bases of the undamped and the damped directions, and whether a direction is negatively damped."""
     values, vectors = np.linalg.eigh(damping)
-    zero = np.abs(values) <= 1e-12 * np.abs(values).max(initial=0.0)
+    zero = np.abs(values) <= _tiny(damping)
     return vectors[:, zero], vectors[:, ~zero], bool(np.any(values[~zero] < 0))

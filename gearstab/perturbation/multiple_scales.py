@@ -8,18 +8,24 @@ from dataclasses import dataclass
 import numpy as np
 
 from gearstab.modal import mean_modes
-from gearstab.perturbation.damped import group_pair, single_pair
+from gearstab.perturbation.damped import group_pair, single_pair, undamped
 from gearstab.perturbation.tongues import Excitation, Tongues, excitations, tongue
 from gearstab.system import Array, GearSystem
 
 EQUAL_FREQUENCY = 1e-8
-"""Natural frequencies that differ by less than this part count as equal. An eigensolver splits a repeated frequency by about
-(n eps/2) (w_max/w)^2, which stays below 1e-8 up to w_max/w = 1e3 for n = 33; a true difference as small as this is far below
-the width of any tongue that matters (and below the epsilon^2 that a first-order boundary neglects)."""
+"""Natural frequencies that differ by less than this part count as equal. An eigensolver splits a repeated frequency by
+about (n eps/2) (w_max/w)^2, which stays below 1e-8 up to w_max/w = 1e3 for n = 33; a true difference as small as this
+is far below the width of any tongue that matters (and below the epsilon^2 that a first-order boundary neglects)."""
 
 ROUNDING = 1e-13
-"""Modal quantities below this part of their natural scale are rounding and count as zero, so that a tongue which vanishes
-exactly (an integer contact ratio, a mode without mesh deflection) is reported with width zero."""
+"""Modal quantities below this part of their natural scale are rounding and count as zero, so that a tongue that
+vanishes exactly (an integer contact ratio, a mode without mesh deflection) is reported with width zero."""
+
+Group = list[int]
+"""Modes (numbers from 0) of equal natural frequency."""
+
+Weights = list[tuple[int, Array, Array]]
+"""For every mesh that contributes to an excitation: its number, epsilon k_g and z exp(-2 pi i s lag), ``(rows,)``."""
 
 
 def first_order(system: GearSystem, harmonics: int, modes: Sequence[int] | None = None) -> Tongues:
@@ -43,8 +49,8 @@ def first_order(system: GearSystem, harmonics: int, modes: Sequence[int] | None 
     ----------
     system: with any batch of rows.
     harmonics: excitation frequencies up to this harmonic of each mesh.
-    modes: numbers (from 1) of the modes to pair; default all that are not rigid-body modes in at least one row. Give them where
-        several blocks of rows must have one list of tongues.
+    modes: numbers (from 1) of the modes to pair; default all that are not rigid-body modes in at least one row. Give
+        them where several blocks of rows must have one list of tongues.
 
     Returns
     -------
@@ -59,32 +65,43 @@ def first_order(system: GearSystem, harmonics: int, modes: Sequence[int] | None 
         modes = [int(p) + 1 for p in np.flatnonzero(np.any(modal.frequency != 0, axis=0))]
     pairs = [(p, q) for k, p in enumerate(modes) for q in modes[k:]]
     forces = excitations(system, harmonics)
-    index = tuple(tongue(system, force, p, q) for force in forces for p, q in pairs)
-    shape = (len(forces), len(pairs), len(modal.frequency))
-    center, width, threshold = (np.full(shape, np.nan) for _ in range(3))
     place = {(p - 1, q - 1): k for k, (p, q) in enumerate(pairs)}
+    center, width, threshold = np.full((3, len(forces), len(pairs), len(modal.frequency)), np.nan)
     for rows, groups in _partitions(modal.frequency):
         part = modal.rows(rows)
         wanted = [(P, Q, place[P[0], Q[0]]) for k, P in enumerate(groups) for Q in groups[k:] if (P[0], Q[0]) in place]
         for e, force in enumerate(forces):
-            weights = _weights(system, force, modal.batch, rows)
-            _singles(part, weights, force, wanted, rows, center[e], width[e], threshold[e])
-            _groups(part, weights, force, wanted, rows, center[e], width[e], threshold[e])
+            ratio = float(force.ratio)
+            for k, total, half, opening in _solve(part, _weights(system, force, modal.batch, rows), wanted):
+                where = np.ix_(np.array([e]), np.array(k), rows)
+                center[where], width[where], threshold[where] = total / ratio, half / ratio, opening
+    index = tuple(tongue(system, force, p, q) for force in forces for p, q in pairs)
     full = (len(index), *modal.batch)
-    return _tongues(index, *(a.reshape(full) for a in (center, width, threshold)), damped=modal.damping is not None)
+    center, width, threshold = (a.reshape(full) for a in (center, width, threshold))
+    return Tongues(index, center, width, _boundaries(center, width, threshold), threshold)
+
+
+def _boundaries(center: Array, width: Array, threshold: Array) -> Array:
+    """Both ends of each tongue, NaN where it is closed by damping or has no boundary."""
+    closed = (width == 0) & (threshold > 0)
+    half = np.where(np.isfinite(width) & ~closed, width, np.nan)
+    return np.stack([center - half, center + half], axis=1)
 
 
 @dataclass(frozen=True)
 class _Modal:
-    """Modal quantities of all rows, flattened: frequency (rows, n), 0 for rigid-body modes; deflection (rows, n, meshes);
-    damping (rows, n, n) = Phi^T C Phi/2 or None."""
+    """Modal quantities of all rows, with the batch flattened.
+
+    frequency ``(rows, n)``, 0 for rigid-body modes and NaN for negative stiffness; deflection ``(rows, n, meshes)``;
+    damping ``(rows, n, n)`` = Phi^T C Phi/2, or None.
+    """
 
     frequency: Array
     deflection: Array
     damping: Array | None
     batch: tuple[int, ...]
 
-    def rows(self, rows: Array | slice) -> _Modal:
+    def rows(self, rows: Array) -> _Modal:
         damping = None if self.damping is None else self.damping[rows]
         return _Modal(self.frequency[rows], self.deflection[rows], damping, self.batch)
 
@@ -110,8 +127,8 @@ def _modal(system: GearSystem) -> _Modal:
     return _Modal(frequency, flat(deflection, 2), damping, batch)
 
 
-def _partitions(frequency: Array) -> Iterator[tuple[Array | slice, list[list[int]]]]:
-    """Rows with the same groups of equal frequencies: pairs (rows, groups), rigid and negative-stiffness modes left out."""
+def _partitions(frequency: Array) -> Iterator[tuple[Array, list[Group]]]:
+    """Pairs (rows, groups) of rows with the same groups; rigid and negative-stiffness modes are in no group."""
     rows, n = frequency.shape
     usable = frequency > 0
     joined = np.zeros((rows, n), dtype=bool)
@@ -119,16 +136,16 @@ def _partitions(frequency: Array) -> Iterator[tuple[Array | slice, list[list[int
     joined[:, 1:] = usable[:, 1:] & usable[:, :-1] & (gap <= EQUAL_FREQUENCY * frequency[:, 1:])
     patterns = np.concatenate([usable, joined], axis=1)
     if rows and (patterns == patterns[0]).all():
-        yield slice(None), _groups_of(patterns[0])
+        yield np.arange(rows), _groups_of(patterns[0])
         return
     distinct, member = np.unique(patterns, axis=0, return_inverse=True)
     for k, pattern in enumerate(distinct):
         yield np.flatnonzero(member.ravel() == k), _groups_of(pattern)
 
 
-def _groups_of(pattern: Array) -> list[list[int]]:
+def _groups_of(pattern: Array) -> list[Group]:
     usable, joined = np.split(pattern, 2)
-    groups: list[list[int]] = []
+    groups: list[Group] = []
     for p in np.flatnonzero(usable):
         if joined[p]:
             groups[-1].append(int(p))
@@ -137,8 +154,8 @@ def _groups_of(pattern: Array) -> list[list[int]]:
     return groups
 
 
-def _weights(system: GearSystem, force: Excitation, batch: tuple[int, ...], rows: Array | slice) -> list[tuple[int, Array, Array]]:
-    """For every contributing mesh (i, epsilon k_g, z e^(-2 pi i s lag)), with ``(rows,)`` each."""
+def _weights(system: GearSystem, force: Excitation, batch: tuple[int, ...], rows: Array) -> Weights:
+    """Strength and phase of every mesh that contributes to an excitation."""
     weights = []
     for i, s in force.parts:
         mesh = system.meshes[i]
@@ -149,7 +166,7 @@ def _weights(system: GearSystem, force: Excitation, batch: tuple[int, ...], rows
     return weights
 
 
-def _coupling(modal: _Modal, weights: list[tuple[int, Array, Array]], p: list[int], q: list[int]) -> Array:
+def _coupling(modal: _Modal, weights: Weights, p: Group, q: Group) -> Array:
     """B_pq for matching lists of modes, ``(len(p), rows)``, exactly zero where only rounding is left."""
     total = np.zeros((len(p), len(modal.frequency)), dtype=complex)
     size = np.zeros(total.shape)
@@ -162,77 +179,36 @@ def _coupling(modal: _Modal, weights: list[tuple[int, Array, Array]], p: list[in
     return total
 
 
-Wanted = list[tuple[list[int], list[int], int]]
+def _solve(
+    modal: _Modal, weights: Weights, wanted: list[tuple[Group, Group, int]]
+) -> Iterator[tuple[list[int], Array, Array, Array]]:
+    """Yield (places, w_P + w_Q, half-width in nu, threshold) of the wanted pairs, ``(places, rows)`` each."""
+    single = [(P[0], Q[0], k) for P, Q, k in wanted if len(P) == len(Q) == 1]
+    if single:
+        p, q, k = (list(column) for column in zip(*single, strict=True))
+        yield k, *_single_pairs(modal, weights, p, q)
+    for P, Q, place in wanted:
+        if len(P) > 1 or len(Q) > 1:
+            total, width, threshold = _group_pair(modal, weights, P, Q)
+            yield [place], total[None], width[None], threshold[None]
 
 
-def _singles(
-    modal: _Modal,
-    weights: list[tuple[int, Array, Array]],
-    force: Excitation,
-    wanted: Wanted,
-    rows: Array | slice,
-    center: Array,
-    width: Array,
-    threshold: Array,
-) -> None:
-    """Fill in the tongues between modes of distinct frequency, all pairs at once."""
-    chosen = [(P[0], Q[0], k) for P, Q, k in wanted if len(P) == len(Q) == 1]
-    if not chosen:
-        return
-    p, q, k = (list(column) for column in zip(*chosen, strict=True))
+def _single_pairs(modal: _Modal, weights: Weights, p: Group, q: Group) -> tuple[Array, Array, Array]:
+    """Tongues between modes of distinct frequency, all pairs at once."""
     w = modal.frequency.T
     coupling = np.abs(_coupling(modal, weights, p, q)) / np.sqrt(w[p] * w[q])
     if modal.damping is None:
-        half, opening = coupling, np.where(coupling > 0, 0.0, np.inf)
-    else:
-        mu = np.diagonal(modal.damping, axis1=-2, axis2=-1).T
-        half, opening = single_pair(coupling, mu[p], mu[q])
-    _store(rows, k, force, w[p] + w[q], half, opening, center, width, threshold)
+        return w[p] + w[q], coupling, np.zeros_like(coupling)
+    mu = np.diagonal(modal.damping, axis1=-2, axis2=-1).T
+    return w[p] + w[q], *single_pair(coupling, mu[p], mu[q])
 
 
-def _groups(
-    modal: _Modal,
-    weights: list[tuple[int, Array, Array]],
-    force: Excitation,
-    wanted: Wanted,
-    rows: Array | slice,
-    center: Array,
-    width: Array,
-    threshold: Array,
-) -> None:
-    """Fill in the tongues where a group of equal frequencies takes part."""
-    for P, Q, k in wanted:
-        if len(P) == len(Q) == 1:
-            continue
-        w_p, w_q = modal.frequency[:, P].mean(axis=1), modal.frequency[:, Q].mean(axis=1)
-        flat = _coupling(modal, weights, [p for p in P for _ in Q], [q for _ in P for q in Q])
-        matrix = (flat / np.sqrt(w_p * w_q)).T.reshape(-1, len(P), len(Q))
-        blocks = [np.zeros((len(matrix), len(G), len(G))) for G in (P, Q)]
-        if modal.damping is not None:
-            blocks = [modal.damping[:, np.array(G)[:, None], G] for G in (P, Q)]
-        half, opening = group_pair(matrix, *blocks)
-        _store(rows, [k], force, (w_p + w_q)[None], half[None], opening[None], center, width, threshold)
-
-
-def _store(
-    rows: Array | slice,
-    pairs: list[int],
-    force: Excitation,
-    total: Array,
-    half: Array,
-    opening: Array,
-    center: Array,
-    width: Array,
-    threshold: Array,
-) -> None:
-    """From nu to Omega = nu/ratio, into the rows and pairs of one excitation."""
-    where = (pairs, slice(None)) if isinstance(rows, slice) else np.ix_(pairs, rows)
-    center[where], width[where], threshold[where] = total / float(force.ratio), half / float(force.ratio), opening
-
-
-def _tongues(index: tuple, center: Array, width: Array, threshold: Array, damped: bool) -> Tongues:
-    finite = np.where(np.isfinite(width), width, np.nan)
-    if damped:
-        finite = np.where((finite > 0) | (threshold == 0), finite, np.nan)
-    boundary = np.stack([center - finite, center + finite], axis=1)
-    return Tongues(index, center, width, boundary, threshold)
+def _group_pair(modal: _Modal, weights: Weights, P: Group, Q: Group) -> tuple[Array, Array, Array]:
+    """The tongue of two groups of which at least one has several modes."""
+    w_p, w_q = modal.frequency[:, P].mean(axis=1), modal.frequency[:, Q].mean(axis=1)
+    flat = _coupling(modal, weights, [p for p in P for _ in Q], [q for _ in P for q in Q])
+    matrix = (flat / np.sqrt(w_p * w_q)).T.reshape(-1, len(P), len(Q))
+    if modal.damping is None:
+        return w_p + w_q, undamped(matrix), np.zeros(len(matrix))
+    blocks = (modal.damping[:, np.array(G)[:, None], G] for G in (P, Q))
+    return w_p + w_q, *group_pair(matrix, *blocks)

@@ -49,18 +49,19 @@ class Tongue:
 
 @dataclass(frozen=True)
 class Tongues:
-    """Predicted instability regions in terms of the mesh frequency Omega (of mesh i: r_i Omega; of the first mesh where r_1 = 1).
+    """Predicted instability regions in terms of Omega, where mesh i runs at r_i Omega (the first at Omega itself).
 
     index: the tongues; their attributes are also at hand as tuples (``mode_p``, ``label``, ...).
-    center_frequency: ``(tongue, ...)``, Omega at the root of the tongue; NaN where it does not exist in a row (one of its modes
-        is a rigid-body mode or has negative stiffness there, or the tongue belongs to a degenerate group and is carried
-        by the first pair of modes of that group).
-    half_width: ``(tongue, ...)``, half of the unstable range of Omega; 0 where there is none; infinite where no boundary exists
-        because only one of the two modes is damped (see :mod:`gearstab.perturbation.damped`).
-    boundary_frequency: ``(tongue, 2, ...)``, its lower and upper end; NaN where damping closes the tongue and where
+    center_frequency: ``(tongue, ...)``, Omega at the root of the tongue; NaN where it does not exist in a row: one of
+        its modes is a rigid-body mode or has negative stiffness there, or it belongs to a degenerate group whose tongue
+        is carried by the first pair of modes of that group.
+    half_width: ``(tongue, ...)``, half of the unstable range of Omega; 0 where there is none; infinite where
+        first-order theory has no boundary because only one of the two modes is damped (see
+        :mod:`gearstab.perturbation.damped`).
+    boundary_frequency: ``(tongue, 2, ...)``, the lower and upper end; NaN where damping closes the tongue and where
         ``half_width`` is infinite. An undamped tongue of width zero has both ends at its centre.
-    threshold: ``(tongue, ...)``, the factor on every epsilon (at constant mean stiffness) at which the tongue opens: 0 without
-        damping, above 1 where it is closed, infinite where nothing excites it.
+    threshold: ``(tongue, ...)``, the factor on every epsilon (at constant mean stiffness) at which the tongue opens: 0
+        for undamped modes, above 1 where the tongue is closed, infinite where damped modes are not excited at all.
     """
 
     index: tuple[Tongue, ...]
@@ -125,22 +126,22 @@ def union(indices: Iterable[Sequence[Tongue]]) -> tuple[Tongue, ...]:
 
 
 def excitations(system: GearSystem, harmonics: int) -> tuple[Excitation, ...]:
-    """Every nu = s r_i Omega with s <= ``harmonics`` for some mesh i, each once, with *all* mesh harmonics that share it.
+    """Every nu = s r_i Omega with s <= ``harmonics`` for some mesh i, each once, with *all* its mesh harmonics.
 
     A mesh whose own harmonic number exceeds ``harmonics`` still contributes to a frequency that another mesh
     brings in: leaving it out would give that tongue a wrong width.
     """
     ratios = [mesh.frequency_ratio for mesh in system.meshes]
     found = dict.fromkeys(s * r for r in ratios for s in range(1, harmonics + 1))
-    return tuple(
-        Excitation(nu, tuple((i, int(nu / r)) for i, r in enumerate(ratios) if (nu / r).denominator == 1)) for nu in found
-    )
+    shared = {nu: [(i, int(nu / r)) for i, r in enumerate(ratios) if (nu / r).denominator == 1] for nu in found}
+    return tuple(Excitation(nu, tuple(parts)) for nu, parts in shared.items())
 
 
 def kind_of(p: int, q: int, harmonic: int) -> str:
-    """primary (Omega near 2 w_p), secondary (w_p), combination (w_p + w_q), else ``higher`` or ``higher combination``.
+    """Name the kind: primary (Omega near 2 w_p), secondary (w_p), combination (w_p + w_q) or higher.
 
-    Source: Lin & Parker 2002, section 3; the two names for higher harmonics are ours.
+    Beyond these: ``higher`` (p = q, s >= 3) and ``higher combination`` (p != q, s >= 2). Source: Lin & Parker 2002,
+    section 3, which has no names for the last two.
     """
     if p == q:
         return {1: "primary", 2: "secondary"}.get(harmonic, "higher")
@@ -160,8 +161,9 @@ def label_of(p: int, q: int, harmonic: int) -> str:
 def tongue(system: GearSystem, excitation: Excitation, p: int, q: int) -> Tongue:
     """The tongue of modes p <= q (from 1) under one excitation.
 
-    Its harmonic, kind and label refer to the first contributing mesh. Where that mesh runs at another frequency than the first
-    mesh of the system, the label names the contributing meshes: ``2w3 (second)`` is where the second mesh's frequency is 2 w3.
+    Its harmonic, kind and label refer to the first contributing mesh. Where that mesh runs at another frequency than
+    the first mesh of the system, the label names the contributing meshes: ``2w3 (second)`` is where the second mesh's
+    frequency is 2 w3.
     """
     first, harmonic = excitation.parts[0]
     mesh = "+".join(system.meshes[i].name for i, _ in excitation.parts)
