@@ -1,9 +1,9 @@
 """General damping: propagation in the complex modes of each state.
 
-With the state vector x = (w u, u', r') -- elastic coordinates, their velocities, and the velocities of rigid coordinates
-that damping couples to them -- each segment has a constant generator A_d, x' = A_d x. It is diagonalised once a
-state, A_d = X L X^-1, and serves all mesh frequencies: exp(A_d t) = X exp(L t) X^-1. Where X is nearly singular
-(critical damping) the exponential is formed by scaling and squaring instead.
+With the state vector x = (w u, u', r') -- elastic coordinates, their velocities, and the velocities of rigid
+coordinates that damping couples to them -- each segment has a constant generator A_d, x' = A_d x. It is
+diagonalised once a state, A_d = X L X^-1, and serves all mesh frequencies: exp(A_d t) = X exp(L t) X^-1. Where X is
+nearly singular (critical damping) the exponential is formed by scaling and squaring instead.
 """
 
 from __future__ import annotations
@@ -45,15 +45,18 @@ class Generators:
         return singular[..., 0] < ILL_CONDITIONED * singular[..., -1]
 
 
-def generators(pattern: Pattern) -> Generators:
-    """x = (w u, u', r'): u'' = -K u - C u' - C_er r', r'' = -C_re u' - C_rr r'; w = 1 in the pattern's units."""
+def generators(pattern: Pattern, damping: Array) -> Generators:
+    """x = (w u, u', r'): u'' = -K u - C u' - C_er r', r'' = -C_re u' - C_rr r'; w = 1 in the pattern's units.
+
+    damping: ``(r, n, n)``, C of the elastic coordinates.
+    """
     elastic, n = pattern.elastic, pattern.size
     rows, states = pattern.stiffness.shape[:2]
     extra = 0 if elastic.rigid_damping is None else elastic.rigid_damping.shape[1]
     a = np.zeros((rows, states, 2 * n + extra, 2 * n + extra))
     a[..., :n, n : 2 * n] = np.eye(n)
     a[..., n : 2 * n, :n] = -pattern.stiffness
-    a[..., n : 2 * n, n : 2 * n] = -elastic.damping[:, None]
+    a[..., n : 2 * n, n : 2 * n] = -damping[:, None]
     if elastic.rigid_damping is not None:
         a[..., 2 * n :, n:] = -elastic.rigid_damping[:, None]
         a[..., n : 2 * n, 2 * n :] = -np.swapaxes(elastic.rigid_damping[..., :n], -1, -2)[:, None]
@@ -85,9 +88,10 @@ def exponential(generator: Generators, row: int, state: int, duration: Array) ->
 
 def monodromy(generator: Generators, pattern: Pattern, row: int, omega: Array) -> tuple[Array, Array]:
     """(M exp(-scale) ``(P, m, m)``, scale ``(P,)``); M is right to eps times its largest entry."""
-    product, scale = None, np.zeros(len(omega))
+    product: Array = np.eye(generator.matrix.shape[-1])[None]
+    scale = np.zeros(len(omega))
     for factor in factors(generator, pattern, row, omega):
-        product = factor if product is None else factor @ product
+        product = factor @ product
         size = np.abs(product).max(axis=(1, 2))
         product = product / size[:, None, None]
         scale += np.log(size)

@@ -1,7 +1,7 @@
 """The last word on points that the fast pass leaves in doubt, and on systems of more than three coordinates.
 
-A multiplier of a conservative system that is off the unit circle by a rounding error may be truly unstable (two multipliers
-of opposite Krein signature have met) or a harmless multiple one (eps = 0 on a collision, identical twin
+A multiplier of a conservative system that is off the unit circle by a rounding error may be truly unstable (two
+multipliers of opposite Krein signature have met) or a harmless multiple one (eps = 0 on a collision, identical twin
 modes). The rule, with the excess |lambda| - 1:
 
 1. up to ON_CIRCLE, or what the symplectic defect of the computed matrix allows: on the circle;
@@ -33,7 +33,7 @@ def conservative(m: Array) -> tuple[Array, Array, Array]:
     Returns (stable ``(P,)`` bool, growth = ln max |lambda| ``(P,)``, exactly 0 where stable, used Krein ``(P,)`` bool).
     """
     values = np.linalg.eigvals(m)
-    # A multiplier inside the circle is the mirror image of one outside, and less accurate: the largest tells the excess.
+    # A multiplier inside the circle mirrors one outside, less accurately: the largest tells the excess.
     excess = np.log(np.maximum(np.abs(values).max(axis=-1), 1.0))
     near = excess <= np.maximum(ON_CIRCLE, 10 * _defect(m))
     open_case = ~near & (excess <= OFF_CIRCLE)

@@ -24,7 +24,9 @@ CLOSED = 1e-12
 
 
 def log_multipliers(factors: Sequence[Array]) -> Array:
-    """ln lambda of A_S ... A_2 A_1, ``(P, m)`` complex, imaginary part in (-pi, pi]; factors ``(P, m, m)``, first first.
+    """ln lambda of A_S ... A_2 A_1, ``(P, m)`` complex, imaginary part in (-pi, pi].
+
+    factors: ``(P, m, m)`` each, A_1 first.
 
     Each factor should be moderately conditioned (subdivide long segments), then every ln lambda has an
     absolute error of some 1e-14 times the number of factors, however far the multipliers spread.

@@ -1,8 +1,8 @@
 """Stable, unstable or doubtful from the polynomial of rho = lambda + 1/lambda, n <= 3, without an eigenvalue solver.
 
-A conservative system is stable when all roots rho of p(x) = x^n - s1 x^(n-1) + ... are real and in (-2, 2). That is a matter
-of signs: of the discriminant, and of p and its derivatives at +-2. Where a sign rests on rounding errors the point is
-*doubtful* and is left to :mod:`gearstab.floquet.decision`.
+A conservative system is stable when all roots rho of p(x) = x^n - s1 x^(n-1) + ... are real and in (-2, 2). That is
+a matter of signs: of the discriminant, and of p and its derivatives at +-2. Where a sign rests on rounding errors
+the point is *doubtful* and is left to :mod:`gearstab.floquet.decision`.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ def _taylor(s: Array, x: float) -> list[Array]:
 
 
 def _inside(s: Array) -> Array:
-    """All roots between -2 and 2, provided they are real: the derivatives alternate in sign at -2 and are positive at 2."""
+    """All roots lie in (-2, 2), provided they are real: p and its derivatives are positive at 2, alternate at -2."""
     n = len(s)
     result = np.ones(s.shape[1:], dtype=bool)
     for k, value in enumerate(_taylor(s, 2.0)):

@@ -4,8 +4,8 @@ A kernel is a module that offers, for a conservative pattern (see :class:`~gears
 
 * ``scan(pattern, omega) -> (verdict, growth)``: int8 of UNSTABLE, STABLE, DOUBTFUL and ln max |lambda| a common period,
   both ``(r, P)``, for mesh frequencies ``(r, P)`` in units of the pattern's rate;
-* ``monodromy(pattern, row, omega) -> (matrix, scale)``: the monodromy matrix of one row at ``(P,)`` frequencies, for what
-  ``scan`` leaves in doubt.
+* ``monodromy(pattern, row, omega) -> (matrix, scale)``: the monodromy matrix of one row at ``(P,)`` frequencies, for
+  what ``scan`` leaves in doubt.
 """
 
 from __future__ import annotations

@@ -1,11 +1,12 @@
 """The kernel in NumPy: exact propagation over one period, vectorised over rows and mesh frequencies.
 
-Each segment is n rotations in the modal coordinates of its state followed by the change to the next state's modes. The
-eigenproblems were solved once a state and serve the whole frequency axis. The arrays are laid out with the mesh
+Each segment is n rotations in the modal coordinates of its state followed by the change to the next state's modes.
+The eigenproblems were solved once a state and serve the whole frequency axis. The arrays are laid out with the mesh
 frequency last, so that every operation runs over contiguous memory.
 
-For a conservative system the monodromy matrix M is symplectic, M^-1 = -J M^T J, and W = M + M^-1 = [[E, F], [G, E^T]] with
-skew F and G has every rho = lambda + 1/lambda twice. Their elementary symmetric functions are polynomials in E, F, G:
+For a conservative system the monodromy matrix M is symplectic, M^-1 = -J M^T J, and W = M + M^-1 = [[E, F], [G,
+E^T]] with skew F and G has every rho = lambda + 1/lambda twice. Their elementary symmetric functions are
+polynomials in E, F, G:
 
     n = 1: s1 = E;    n = 2: s1 = tr E, s2 = det E + F_12 G_12;
     n = 3: s1 = tr E, s2 = e2(E) + f.g, s3 = det E + f^T E g   (F = [f]x, G = [g]x)
@@ -29,7 +30,8 @@ def propagate(pattern: Pattern, row: int, omega: Array) -> tuple[Array, Array]:
     """The scaled monodromy matrix of one row.
 
     Parameters: ``omega`` (P,), mesh frequency in units of the pattern's rate.
-    Returns: M exp(-scale) as ``(2n, 2n, P)`` in the modes of the first segment, (positions, velocities), and ``scale`` (P,).
+    Returns: M exp(-scale) as ``(2n, 2n, P)`` in the modes of the first segment, (positions, velocities), and
+    ``scale`` (P,).
     """
     n, points = pattern.size, len(omega)
     frequency = pattern.squared_frequency[row]
@@ -109,7 +111,7 @@ def invariants(m: Array) -> Array:
         return np.stack([e[0, 0] + e[1, 1], e[0, 0] * e[1, 1] - e[0, 1] * e[1, 0] + f * g])
     f = np.stack([b[2, 1] - b[1, 2], b[0, 2] - b[2, 0], b[1, 0] - b[0, 1]])
     g = np.stack([c[2, 1] - c[1, 2], c[0, 2] - c[2, 0], c[1, 0] - c[0, 1]])
-    cof = [e[1, 1] * e[2, 2] - e[1, 2] * e[2, 1], e[1, 2] * e[2, 0] - e[1, 0] * e[2, 2], e[1, 0] * e[2, 1] - e[1, 1] * e[2, 0]]
+    cof = np.cross(e[1], e[2], axis=0)
     minors = cof[0] + e[0, 0] * e[2, 2] - e[0, 2] * e[2, 0] + e[0, 0] * e[1, 1] - e[0, 1] * e[1, 0]
     s2 = minors + f[0] * g[0] + f[1] * g[1] + f[2] * g[2]
     s3 = e[0, 0] * cof[0] + e[0, 1] * cof[1] + e[0, 2] * cof[2] + np.einsum("ip,ijp,jp->p", f, e, g)

@@ -1,9 +1,9 @@
 """Exact reduction to elastic coordinates: rigid-body modes out, unit masses, unit rate, uniform damping as a shift.
 
-A rigid-body mode r (K0 r = 0, g_i^T r = 0) has the defective multiplier 1, which no eigenvalue solver in double precision
-finds; its exponents are known exactly and it is projected out first. Damping proportional to the mass, C = alpha M,
-is removed by q = exp(-alpha t/2) y: y is undamped with K - (alpha^2/4) M, so that the symplectic theory applies.
-This covers every system of one degree of freedom.
+A rigid-body mode r (K0 r = 0, g_i^T r = 0) has the defective multiplier 1, which no eigenvalue solver in double
+precision finds; its exponents are known exactly and it is projected out first. Damping proportional to the mass, C
+= alpha M, is removed by q = exp(-alpha t/2) y: y is undamped with K - (alpha^2/4) M, so that the symplectic theory
+applies. This covers every system of one degree of freedom.
 """
 
 from __future__ import annotations
@@ -31,8 +31,9 @@ class Elastic:
     static: ``(r, n, n)``, K0;  directions: ``(r, meshes, n)``, g_i^T Phi; both so that K = static + sum k_i g g^T.
     damping: ``(r, n, n)`` or None when conservative after the shift.
     shift: ``(r,)``, alpha/2, the decay common to all elastic exponents, taken out of ``static``.
-    rigid_exponents: ``(r, 2 n_rigid)`` or, for velocities that damping couples to elastic modes, None.
-    rigid_damping: ``(r, n_rigid, n + n_rigid)``, the rows [C_re, C_rr] in that case.
+    rigid_exponents: ``(r, k)``, those known beforehand, 1/time: 2 a rigid mode, or only the one of its position where
+        damping couples its velocity to elastic modes.
+    rigid_damping: ``(r, n_rigid, n + n_rigid)``, the rows [C_re, C_rr] in that case, else None.
     """
 
     rows: Array
@@ -41,7 +42,7 @@ class Elastic:
     directions: Array
     damping: Array | None
     shift: Array
-    rigid_exponents: Array | None
+    rigid_exponents: Array
     rigid_damping: Array | None
 
     def subset(self, index: Array) -> Elastic:
@@ -79,8 +80,9 @@ def reduce(system: GearSystem, rows: int) -> Iterator[Elastic]:
         elastic = np.nonzero(~rigid[members])[1].reshape(len(members), -1)
         inner = _take(static[members], elastic, elastic)
         directions = np.take_along_axis(deflection[members], elastic[:, None, :], axis=-1)
-        base = Elastic(members, rate[members], inner, directions, None, np.zeros(len(members)), None, None)
         loose = np.nonzero(rigid[members])[1].reshape(len(members), -1)
+        none = np.zeros(len(members))
+        base = Elastic(members, rate[members], inner, directions, None, none, np.zeros(loose.shape), None)
         yield _with_damping(base, None if damping is None else damping[members], elastic, loose, int(key[1]))
 
 
@@ -102,7 +104,7 @@ def _take(matrix: Array, rows: Array, columns: Array) -> Array:
 
 
 def _kinds(rigid: Array, damping: Array | None) -> Array:
-    """``(rows, 2)``: number of rigid modes; 0 conservative after a shift, 1 damped, 2 damped and coupled to rigid modes."""
+    """``(rows, 2)``: number of rigid modes; 0 conservative after a shift, 1 damped, 2 damping couples to rigid ones."""
     kind = np.zeros((len(rigid), 2), dtype=int)
     kind[:, 0] = rigid.sum(axis=1)
     if damping is None:

@@ -1,8 +1,8 @@
 """From gear systems to segments of constant stiffness, grouped for the kernels.
 
-A common period is cut at every jump of every mesh. What lies between two jumps is a *segment*; the stiffness matrices that
-occur are the *states*, few and independent of the mesh frequency. Rows of the grid whose segments run through the
-same states in the same order form a :class:`Pattern`, and a kernel treats a whole pattern at once.
+A common period is cut at every jump of every mesh. What lies between two jumps is a *segment*; the stiffness
+matrices that occur are the *states*, few and independent of the mesh frequency. Rows of the grid whose segments run
+through the same states in the same order form a :class:`Pattern`, and a kernel treats a whole pattern at once.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ class Pattern:
         return np.swapaxes(following, -1, -2) @ self.modes[:, self.states]
 
     def durations(self, row: int, omega: Array) -> Array:
-        """``(S, P)``, durations of a row's segments in units of 1/rate for mesh frequencies ``(P,)`` in units of rate."""
+        """``(S, P)``, durations of a row's segments, units 1/rate, for mesh frequencies ``(P,)`` in units of rate."""
         return self.fractions[row][:, None] * (2 * np.pi * self.cycles) / omega
 
 

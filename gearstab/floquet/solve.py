@@ -12,12 +12,12 @@ from gearstab.floquet.segments import Pattern, prepare
 from gearstab.system import Array, GearSystem
 
 STATUS_FLAGS = {"eigenvalues": 1, "krein": 2, "rescaled": 4, "negative_stiffness": 8, "failed": 16}
-"""Bits of ``status``: decided by the eigenvalues of the monodromy matrix; by the Krein signature; the matrix outgrew double
-precision and was scaled; a state of the system has a negative stiffness; no finite result."""
+"""Bits of ``status``: decided by the eigenvalues of the monodromy matrix; by the Krein signature; the matrix outgrew
+double precision and was scaled; a state of the system has a negative stiffness; no finite result."""
 
 DAMPED_ON_CIRCLE = 1e-10
-"""A damped system whose growth a period is below this is stable: the rounding error of a long product, and far less than
-the decay of any damping ratio above 1e-10."""
+"""A damped system whose growth a period is below this is stable: the rounding error of a long product, and far less
+than the decay of any damping ratio above 1e-10."""
 GRADED_NORM = 30.0
 """Monodromy matrices larger than this have small multipliers that an eigenvalue solver would blur."""
 GRADED_SPREAD = np.log(100.0)
@@ -26,12 +26,12 @@ GRADED_SPREAD = np.log(100.0)
 
 @dataclass(frozen=True)
 class Floquet:
-    """growth_rate ``(rows, P)``: the largest real part of the characteristic exponents, 1/time, without rigid-body modes;
-    exactly 0 where a conservative system is stable.
+    """growth_rate ``(rows, P)``: the largest real part of the characteristic exponents, 1/time, without rigid-body
+    modes; exactly 0 where a conservative system is stable.
     stable ``(rows, P)`` int8: 1, 0, or -1 where nothing could be computed.
     status ``(rows, P)`` int16: bits of STATUS_FLAGS.
-    exponents ``(rows, P, 2n)`` complex or None: all characteristic exponents ln(lambda)/T over the common period T, rigid-body modes
-    included, imaginary parts in (-pi/T, pi/T], by descending real part.
+    exponents ``(rows, P, 2n)`` complex or None: all characteristic exponents ln(lambda)/T over the common period T,
+    rigid-body modes included, imaginary parts in (-pi/T, pi/T], by descending real part.
     kernel: which kernel ran.
     """
 
@@ -45,8 +45,8 @@ class Floquet:
 def solve(system: GearSystem, mesh_frequency: Array, exponents: bool = False) -> Floquet:
     """Stability of every row of a system at every mesh frequency of the first mesh.
 
-    The monodromy matrix over the common period of all meshes is the exact product of the segments' propagators. Points are
-    decided as :mod:`~gearstab.floquet.invariants` and :mod:`~gearstab.floquet.decision` say.
+    The monodromy matrix over the common period of all meshes is the exact product of the segments' propagators.
+    Points are decided as :mod:`~gearstab.floquet.invariants` and :mod:`~gearstab.floquet.decision` say.
 
     Parameters
     ----------
@@ -63,8 +63,9 @@ def solve(system: GearSystem, mesh_frequency: Array, exponents: bool = False) ->
     table = np.full((*omega.shape, 2 * system.size), np.nan, dtype=complex) if exponents else None
     for pattern in prepare(system):
         part = _Part(pattern, omega[pattern.rows] / pattern.elastic.rate[:, None])
-        solver = _conservative if pattern.elastic.damping is None else _damped
-        growth[pattern.rows], stable[pattern.rows], status[pattern.rows], found = solver(part, exponents)
+        damping = pattern.elastic.damping
+        result = _conservative(part, exponents) if damping is None else _damped(part, damping, exponents)
+        growth[pattern.rows], stable[pattern.rows], status[pattern.rows], found = result
         if table is not None and found is not None:
             table[pattern.rows] = _complete(pattern, found)
     failed = ~np.isfinite(growth)
@@ -88,7 +89,8 @@ class _Part:
     def status(self) -> Array:
         """Status bits that hold for whole rows."""
         negative = np.any(self.pattern.stiffness_below_zero, axis=(1, 2))
-        return np.broadcast_to((negative * STATUS_FLAGS["negative_stiffness"])[:, None], self.omega.shape).astype(np.int16)
+        bit = np.where(negative, STATUS_FLAGS["negative_stiffness"], 0).astype(np.int16)
+        return np.repeat(bit[:, None], self.omega.shape[1], axis=1)
 
 
 _Solution = tuple[Array, Array, Array, Array | None]
@@ -144,9 +146,9 @@ def _conservative_logs(pattern: Pattern, row: int, omega: Array) -> Array:
     return logs
 
 
-def _damped(part: _Part, exponents: bool) -> _Solution:
+def _damped(part: _Part, damping: Array, exponents: bool) -> _Solution:
     pattern, omega = part.pattern, part.omega
-    generator = damped.generators(pattern)
+    generator = damped.generators(pattern, damping)
     growth = np.empty(omega.shape)
     status = part.status()
     logs = []
@@ -157,7 +159,7 @@ def _damped(part: _Part, exponents: bool) -> _Solution:
         with np.errstate(divide="ignore"):
             found = np.log(values) + scale[:, None]
         growth[row] = np.where(finite, found.real.max(axis=-1), np.nan)
-        status[row] |= np.where(np.abs(scale) > np.log(numpy_kernel.LARGE), STATUS_FLAGS["rescaled"], 0).astype(np.int16)
+        status[row, np.abs(scale) > np.log(numpy_kernel.LARGE)] |= STATUS_FLAGS["rescaled"]
         if exponents:
             wide = found.real.max(axis=-1) - found.real.min(axis=-1) > GRADED_SPREAD
             if wide.any():
@@ -173,8 +175,6 @@ def _damped(part: _Part, exponents: bool) -> _Solution:
 def _complete(pattern: Pattern, elastic: Array) -> Array:
     """All 2n exponents: the elastic ones and the exactly known rigid ones, by descending real and imaginary part."""
     known = pattern.elastic.rigid_exponents
-    if known is None:
-        known = np.zeros((len(elastic), pattern.elastic.rigid_damping.shape[1]))
     known = np.broadcast_to(known[:, None, :], (*elastic.shape[:2], known.shape[-1]))
     table = np.concatenate([elastic, known.astype(complex)], axis=-1)
     order = np.lexsort((-table.imag, -table.real), axis=-1)

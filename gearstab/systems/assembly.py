@@ -60,8 +60,8 @@ def mesh(p: dict[str, Any], direction: Array, frequency_ratio: Fraction = Fracti
 def damped(system: GearSystem, p: dict[str, Any]) -> GearSystem:
     """The system with the damping its parameters ask for.
 
-    ``damping_ratio`` zeta: C = M Phi diag(2 zeta w) Phi^T M; ``damping``: ``{modal: [...]}``, ``{rayleigh: [alpha, beta]}``
-    (C = alpha M + beta K of the mean system) or ``{matrix: C}``; ``damping`` of a mesh adds c_i g_i g_i^T.
+    ``damping_ratio`` zeta: C = M Phi diag(2 zeta w) Phi^T M; ``damping``: ``{modal: [...]}``, ``{rayleigh: [alpha,
+    beta]}`` (C = alpha M + beta K of the mean system) or ``{matrix: C}``; ``damping`` of a mesh adds c_i g_i g_i^T.
     Exactly no damping stays None, so that the undamped theory applies.
     """
     mean = system.mean_stiffness_matrix()
@@ -80,5 +80,7 @@ def damped(system: GearSystem, p: dict[str, Any]) -> GearSystem:
     for part, item in zip(p["meshes"], system.meshes, strict=True):
         if np.any(part.get("damping") or 0):
             parts.append(np.asarray(part["damping"])[..., None, None] * item.outer)
-    total = sum(parts) if parts else None
-    return replace(system, damping=total) if total is not None and np.any(total) else system
+    total = np.zeros_like(mean)
+    for part in parts:
+        total = total + part
+    return replace(system, damping=total) if np.any(total) else system

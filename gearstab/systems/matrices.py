@@ -13,12 +13,12 @@ from gearstab.systems import assembly
 def build(p: dict[str, Any]) -> GearSystem:
     """M q'' + C q' + [K0 + sum_i k_i(t) g_i g_i^T] q = 0.
 
-    Parameters: ``mass``, ``stiffness`` (K0, without the meshes) as nested numbers or arrays, damping, and ``meshes`` with
+    Parameters: ``mass``, ``stiffness`` (K0, without meshes) as nested numbers or arrays, damping, ``meshes`` with
     ``direction`` g_i, ``frequency_ratio`` Omega_i/Omega (a Fraction) and ``lag`` (fraction of the mesh's own period).
     """
     mass = assembly.matrix(p["mass"])
     meshes = tuple(
-        assembly.mesh(m, assembly.vector(m["direction"]), m["frequency_ratio"], np.asarray(m.get("lag", 0.0), dtype=float))
+        assembly.mesh(m, assembly.vector(m["direction"]), m["frequency_ratio"], np.asarray(m.get("lag", 0.0), float))
         for m in p["meshes"]
     )
     names = tuple(p.get("coordinates") or (f"q{i + 1}" for i in range(mass.shape[-1])))
