@@ -1,0 +1,151 @@
+"""What an installation relies on: dependencies, lock, version, build with and without a compiler, make targets."""
+
+from __future__ import annotations
+
+import ast
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
+
+import gearstab
+
+MODULES = {"ruamel-yaml": "ruamel"}
+"""The top-level module of a distribution where it is not called the same."""
+ENGINES = {"h5netcdf"}
+"""Dependencies that another one imports by name: xarray's engine."""
+
+
+@pytest.fixture(scope="module")
+def project(root: Path) -> dict:
+    return tomllib.loads((root / "pyproject.toml").read_text())["project"]
+
+
+def requirements(lines: list[str]) -> dict[str, Requirement]:
+    return {canonicalize_name(r.name): r for r in map(Requirement, lines)}
+
+
+def imported_modules(folder: Path) -> set[str]:
+    found = set()
+    for file in folder.rglob("*.py"):
+        for node in ast.walk(ast.parse(file.read_text())):
+            if isinstance(node, ast.Import):
+                found |= {alias.name.split(".")[0] for alias in node.names}
+            elif isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
+                found.add(node.module.split(".")[0])
+    return found
+
+
+def locked(root: Path) -> dict[str, list[tuple[str, str]]]:
+    """Name -> [(version, environment marker)] of the lock."""
+    pins: dict[str, list[tuple[str, str]]] = {}
+    for line in (root / "scripts" / "requirements.lock").read_text().splitlines():
+        if found := re.match(r"([A-Za-z0-9._-]+)==(\S+)(?: ; (.*?))? \\$", line):
+            pins.setdefault(canonicalize_name(found[1]), []).append((found[2], found[3] or ""))
+    return pins
+
+
+def test_imports_are_declared_and_dependencies_are_used(root: Path, project: dict) -> None:
+    declared = {MODULES.get(name, name) for name in requirements(project["dependencies"])}
+    used = imported_modules(root / "gearstab") - set(sys.stdlib_module_names) - {"gearstab"}
+    assert used <= declared
+    assert declared - used <= ENGINES
+
+
+def test_each_dependency_has_its_reason(root: Path) -> None:
+    text = (root / "pyproject.toml").read_text()
+    block = text[text.index("\ndependencies = [") : text.index("[project.scripts]")]
+    lines = [line for line in block.splitlines() if line.startswith('    "')]
+    assert lines
+    assert all(re.search(r'",\s+# \w+', line) for line in lines)
+
+
+def test_lock_pins_what_the_project_asks_for(root: Path, project: dict) -> None:
+    pins = locked(root)
+    wanted = requirements(project["dependencies"]) | requirements(project["optional-dependencies"]["dev"])
+    assert wanted.keys() <= pins.keys()
+    for name, requirement in wanted.items():
+        assert all(requirement.specifier.contains(version) for version, _ in pins[name]), name
+
+
+def test_lock_is_hashed_and_names_no_host(root: Path) -> None:
+    text = (root / "scripts" / "requirements.lock").read_text()
+    entries = re.split(r"\n(?=\S)", text)
+    pinned = [entry for entry in entries if "==" in entry.splitlines()[0]]
+    assert pinned
+    assert all("--hash=sha256:" in entry for entry in pinned)
+    assert "://" not in text
+
+
+def test_version_stands_once(root: Path, project: dict) -> None:
+    assert "version" in project["dynamic"]
+    assert re.fullmatch(r"\d+\.\d+\.\d+\S*", gearstab.__version__)
+    copies = [f for f in (root / "gearstab").rglob("*.py") if re.search(r"^__version__ =", f.read_text(), re.M)]
+    assert copies == [root / "gearstab" / "__init__.py"]
+
+
+def test_ci_runs_the_tests_as_a_user_would(root: Path) -> None:
+    script = (root / ".ci" / "run").read_text()
+    assert re.search(r"^make test$", script, re.M)
+    assert os.access(root / ".ci" / "run", os.X_OK)
+
+
+@pytest.mark.skipif(shutil.which("make") is None, reason="needs make")
+def test_make_help_lists_every_command(root: Path) -> None:
+    # Run by itself or under `make test`, whose flags and level must not reach the inner make.
+    clean = {k: v for k, v in os.environ.items() if k not in {"MAKEFLAGS", "MAKELEVEL", "MFLAGS"}}
+    shown = subprocess.run(["make"], cwd=root, env=clean, capture_output=True, text=True, check=True).stdout
+    phony = re.search(r"^\.PHONY: (.*)$", (root / "Makefile").read_text(), re.M)
+    assert phony
+    assert set(re.findall(r"^  make (\S+)", shown, re.M)) == set(phony[1].split())
+
+
+@pytest.fixture
+def source(tmp_path: Path, root: Path) -> Path:
+    """A copy of the build with a C file in the kernel's place."""
+    shutil.copy(root / "setup.py", tmp_path)
+    kernel = tmp_path / "gearstab" / "floquet" / "_kernel.c"
+    kernel.parent.mkdir(parents=True)
+    kernel.write_text(
+        "#define PY_SSIZE_T_CLEAN\n#include <Python.h>\n"
+        'static struct PyModuleDef module = {PyModuleDef_HEAD_INIT, "_kernel", 0, -1, 0};\n'
+        "PyMODINIT_FUNC PyInit__kernel(void) { return PyModule_Create(&module); }\n"
+    )
+    return tmp_path
+
+
+def build(source: Path, **environment: str) -> subprocess.CompletedProcess[str]:
+    pytest.importorskip("setuptools")
+    return subprocess.run(
+        [sys.executable, "setup.py", "-q", "build_ext", "--inplace"],
+        cwd=source, env=os.environ | environment, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+
+
+def test_without_a_compiler_the_build_succeeds_and_says_so_once(source: Path) -> None:
+    done = build(source, CC="no-such-compiler", LDSHARED="no-such-compiler")
+    assert done.returncode == 0, done.stderr
+    assert (done.stdout + done.stderr).count("the NumPy kernel serves") == 1
+    assert not list(source.rglob("*.so"))
+
+
+@pytest.mark.skipif(shutil.which("cc") is None and shutil.which("gcc") is None, reason="needs a C compiler")
+def test_with_a_compiler_the_kernel_is_built(source: Path) -> None:
+    done = build(source)
+    assert done.returncode == 0, done.stderr
+    assert list((source / "gearstab" / "floquet").glob("_kernel*.so"))
+    assert "NumPy kernel" not in done.stdout + done.stderr
+
+
+def test_without_the_kernel_source_there_is_nothing_to_build(source: Path) -> None:
+    (source / "gearstab" / "floquet" / "_kernel.c").unlink()
+    done = build(source)
+    assert done.returncode == 0, done.stderr
+    assert "NumPy kernel" not in done.stdout + done.stderr
