@@ -206,42 +206,48 @@ def number(value: Fraction) -> mp.mpf:
     return mp.mpf(value.numerator) / value.denominator
 
 
+def exponential(generator: Exact, time: mp.mpf) -> mp.matrix:
+    return mp.expm(mp.matrix([[number(value) for value in row] for row in generator]) * time)
+
+
+def digits_lost(system: FirstOrder, omega: float) -> int:
+    """Decimal digits between the largest and the smallest multiplier, at most: the sum over the segments of log10 of
+    the condition number of exp(A t)."""
+    with mp.workdps(30):
+        cycle = 2 * mp.pi / mp.mpf(omega)
+        total = mp.mpf(0)
+        for generator, duration in system.generators:
+            time = number(duration) * cycle
+            total += mp.log10(mp.mnorm(exponential(generator, time), 1) * mp.mnorm(exponential(generator, -time), 1))
+    return int(mp.ceil(total))
+
+
 def monodromy(system: FirstOrder, omega: float, digits: int) -> tuple[mp.matrix, int]:
     """The product of segment exponentials, first segment rightmost, and the working digits it took.
 
     The relative error of the smallest multiplier is at most about the product of all condition numbers times the
-    rounding unit; the precision is raised until that leaves ``digits``.
+    rounding unit; the precision makes up for it.
     """
-    working = digits + 20
-    while True:
-        with mp.workdps(working):
-            cycle = 2 * mp.pi / mp.mpf(omega)
-            total, lost = None, 0.0
-            done: dict[tuple, tuple[mp.matrix, float]] = {}
-            for generator, duration in system.generators:
-                key = (tuple(map(tuple, generator)), duration)
-                if key not in done:
-                    rates = mp.matrix([[number(v) for v in row] for row in generator])
-                    step = mp.expm(rates * (number(duration) * cycle))
-                    done[key] = step, float(mp.log10(mp.mnorm(step, 1) * mp.mnorm(mp.inverse(step), 1)))
-                step, loss = done[key]
-                total = step if total is None else step * total
-                lost += loss
-        needed = digits + 15 + int(lost)
-        if working >= needed:
-            return total, working
-        working = needed + 10
+    working = digits + 20 + digits_lost(system, omega)
+    with mp.workdps(working):
+        cycle = 2 * mp.pi / mp.mpf(omega)
+        total = mp.eye(len(system.generators[0][0]))
+        for generator, duration in system.generators:
+            total = exponential(generator, number(duration) * cycle) * total
+    return total, working
 
 
 @dataclass(frozen=True)
 class Reference:
     """Multipliers and exponents (mpc), largest first, of the common period T (mpf).
 
-    The ``rigid`` exponents of rigid modes, exact zeros, are not listed.
+    The ``rigid`` exponents of rigid modes, exact zeros, are not listed. ``elastic`` lacks the decays of rigid velocities
+    that no damping couples to the elastic modes as well.
     """
 
     multipliers: list[mp.mpc]
     exponents: list[mp.mpc]
+    elastic: list[mp.mpc]
     rigid: int
     period: mp.mpf
     monodromy: mp.matrix
@@ -254,7 +260,7 @@ class Reference:
     @property
     def growth_rate(self) -> float:
         """The largest real part of the characteristic exponents; rigid modes take no part."""
-        return float(max(value.real for value in self.exponents))
+        return float(max(value.real for value in self.elastic))
 
 
 def solve(p: Plain, omega: float, digits: int = 40) -> Reference:
@@ -266,7 +272,24 @@ def solve(p: Plain, omega: float, digits: int = 40) -> Reference:
         values = mp.eig(matrix, left=False, right=False) if matrix.rows > 1 else [matrix[0, 0]]
         values = sorted((mp.mpc(value) for value in values), key=lambda value: -abs(value))
         exponents = [mp.mpc(mp.log(value)) / period for value in values]
-    return Reference(values, exponents, system.eliminated, period, matrix, working)
+    elastic = list(exponents)
+    for decay in rigid_decays(p):
+        elastic.remove(min(elastic, key=lambda value: abs(value + decay)))
+    return Reference(values, exponents, elastic, system.eliminated, period, matrix, working)
+
+
+def rigid_decays(p: Plain) -> list[float]:
+    """Decay a of a rigid velocity that stays by itself, C r = a M r within the rounding of C; one rigid mode at most."""
+    rigid = rigid_modes(p)
+    if p.damping is None or not rigid[0]:
+        return []
+    r, mass, damping = (np.array(a, dtype=float) for a in (rigid, p.mass, p.damping))
+    if r.shape[1] > 1:
+        raise NotImplementedError("several rigid modes with damping")
+    force, decay = damping @ r, float((r.T @ damping @ r / (r.T @ mass @ r))[0, 0])
+    if not np.any(force) or np.max(np.abs(force - decay * mass @ r)) > 1e-13 * np.max(np.abs(damping)):
+        return []
+    return [decay]
 
 
 def verdict(p: Plain, omega: float, digits: int = 100) -> bool:
