@@ -63,34 +63,40 @@ def generators(pattern: Pattern, damping: Array) -> Generators:
     return Generators(a)
 
 
-def factors(generator: Generators, pattern: Pattern, row: int, omega: Array, spread: float = np.inf) -> list[Array]:
-    """exp(A_s t_s) of one row, ``(P, m, m)`` each, first segment first.
+def factors(
+    generator: Generators, pattern: Pattern, row: int, omega: Array, spread: float = np.inf
+) -> tuple[list[Array], Array]:
+    """exp(A_s t_s) of one row, first segment first, without their growth.
 
     With a finite ``spread`` segments are subdivided until their growth and decay differ by at most exp(spread).
+    Returns: the factors, ``(P, m, m)`` each and of size one, and the logarithm ``(P,)`` of what was taken out of all.
     """
     values = generator.eigen[0][row]
     durations = pattern.durations(row, omega)
-    result = []
+    result, scale = [], np.zeros(len(omega))
     for s, state in enumerate(pattern.states):
         real = values[state].real
         pieces = max(1, int(np.ceil((real.max() - real.min()) * durations[s].max() / spread)))
         result += [exponential(generator, row, int(state), durations[s] / pieces)] * pieces
-    return result
+        scale += real.max() * durations[s]
+    return result, scale
 
 
 def exponential(generator: Generators, row: int, state: int, duration: Array) -> Array:
-    """exp(A_d t) ``(P, m, m)`` for durations ``(P,)``."""
-    if not generator.well_conditioned[row]:
-        return expm(generator.matrix[row, state] * duration[:, None, None])
+    """exp((A_d - a) t) ``(P, m, m)`` for durations ``(P,)``, where a is the largest real part of the eigenvalues of A_d."""
     values, vectors, inverse = (part[row, state] for part in generator.eigen)
+    values = values - values.real.max()
+    if not generator.well_conditioned[row]:
+        shifted = generator.matrix[row, state] - generator.eigen[0][row, state].real.max() * np.eye(len(values))
+        return expm(shifted * duration[:, None, None])
     return ((vectors * np.exp(values * duration[:, None])[:, None, :]) @ inverse).real
 
 
 def monodromy(generator: Generators, pattern: Pattern, row: int, omega: Array) -> tuple[Array, Array]:
     """(M exp(-scale) ``(P, m, m)``, scale ``(P,)``); M is right to eps times its largest entry."""
     product: Array = np.eye(generator.matrix.shape[-1])[None]
-    scale = np.zeros(len(omega))
-    for factor in factors(generator, pattern, row, omega):
+    chain, scale = factors(generator, pattern, row, omega)
+    for factor in chain:
         product = factor @ product
         size = np.abs(product).max(axis=(1, 2))
         product = product / size[:, None, None]

@@ -82,11 +82,12 @@ def rotation(squared: Array, fraction: float, inverse: Array) -> tuple[Array, Ar
     for mode in np.flatnonzero(squared < 0):
         x = 2 * np.pi * turns[mode]
         up, down = 0.5 * np.exp(x - growth), 0.5 * np.exp(-x - growth)
-        # sinh as a difference loses digits for small x; expm1 does not.
+        # sinh as a difference of exponentials loses digits for small x.
         difference = np.where(x < 1, np.exp(-growth) * np.sinh(np.minimum(x, 1)), up - down)
         terms[:, mode] = up + down, difference / w[mode], w[mode] * difference
     for mode in np.flatnonzero(squared == 0):
-        terms[:, mode] = np.exp(-growth), np.exp(-growth) * 2 * np.pi * fraction * inverse, 0.0
+        terms[:2, mode] = np.exp(-growth), np.exp(-growth) * 2 * np.pi * fraction * inverse
+        terms[2, mode] = 0.0
     return terms, growth
 
 

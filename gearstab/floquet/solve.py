@@ -163,8 +163,8 @@ def _damped(part: _Part, damping: Array, exponents: bool) -> _Solution:
         if exponents:
             wide = found.real.max(axis=-1) - found.real.min(axis=-1) > GRADED_SPREAD
             if wide.any():
-                chain = damped.factors(generator, pattern, row, frequencies[wide], spread=1.0)
-                found[wide] = graded.log_multipliers(chain)
+                chain, growing = damped.factors(generator, pattern, row, frequencies[wide], spread=1.0)
+                found[wide] = graded.log_multipliers(chain) + growing[:, None]
             logs.append(found)
     rate = pattern.elastic.rate[:, None]
     stable = (growth <= DAMPED_ON_CIRCLE).astype(np.int8)

@@ -66,9 +66,8 @@ def damped(system: GearSystem, p: dict[str, Any]) -> GearSystem:
     """
     mean = system.mean_stiffness_matrix()
     parts: list[Array] = []
-    if np.any(p.get("damping_ratio") or 0):
-        ratio = np.asarray(p["damping_ratio"])[..., None]
-        parts.append(modal_damping_matrix(system.mass, mean, ratio))
+    if _given(p, "damping_ratio"):
+        parts.append(modal_damping_matrix(system.mass, mean, np.asarray(p["damping_ratio"])[..., None]))
     spec = p.get("damping") or {}
     if spec.get("modal") is not None:
         parts.append(modal_damping_matrix(system.mass, mean, vector(spec["modal"])))
@@ -78,9 +77,14 @@ def damped(system: GearSystem, p: dict[str, Any]) -> GearSystem:
     if spec.get("matrix") is not None:
         parts.append(matrix(spec["matrix"]))
     for part, item in zip(p["meshes"], system.meshes, strict=True):
-        if np.any(part.get("damping") or 0):
+        if _given(part, "damping"):
             parts.append(np.asarray(part["damping"])[..., None, None] * item.outer)
     total = np.zeros_like(mean)
     for part in parts:
         total = total + part
     return replace(system, damping=total) if np.any(total) else system
+
+
+def _given(p: dict[str, Any], key: str) -> bool:
+    """Whether a number is there and not zero everywhere."""
+    return p.get(key) is not None and bool(np.any(np.asarray(p[key]) != 0))
