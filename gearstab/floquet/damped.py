@@ -83,7 +83,7 @@ def factors(
 
 
 def exponential(generator: Generators, row: int, state: int, duration: Array) -> Array:
-    """exp((A_d - a) t) ``(P, m, m)`` for durations ``(P,)``, where a is the largest real part of the eigenvalues of A_d."""
+    """exp((A_d - a) t) ``(P, m, m)`` for durations ``(P,)``; a is the largest real part of an eigenvalue of A_d."""
     values, vectors, inverse = (part[row, state] for part in generator.eigen)
     values = values - values.real.max()
     if not generator.well_conditioned[row]:
