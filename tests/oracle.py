@@ -241,8 +241,8 @@ def monodromy(system: FirstOrder, omega: float, digits: int) -> tuple[mp.matrix,
 class Reference:
     """Multipliers and exponents (mpc), largest first, of the common period T (mpf).
 
-    The ``rigid`` exponents of rigid modes, exact zeros, are not listed. ``elastic`` lacks the decays of rigid velocities
-    that no damping couples to the elastic modes as well.
+    The ``rigid`` exponents of rigid modes, exact zeros, are not listed. ``elastic`` lacks the decays of rigid
+    velocities that no damping couples to the elastic modes as well.
     """
 
     multipliers: list[mp.mpc]
@@ -279,7 +279,7 @@ def solve(p: Plain, omega: float, digits: int = 40) -> Reference:
 
 
 def rigid_decays(p: Plain) -> list[float]:
-    """Decay a of a rigid velocity that stays by itself, C r = a M r within the rounding of C; one rigid mode at most."""
+    """Decay a of a rigid velocity that stays by itself, C r = a M r within the rounding of C; one rigid mode only."""
     rigid = rigid_modes(p)
     if p.damping is None or not rigid[0]:
         return []

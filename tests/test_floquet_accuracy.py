@@ -52,7 +52,7 @@ DAMPED: dict[str, dict[str, Any]] = {
 
 
 def general(epsilon: float = 0.3, **changes: Any) -> Parameters:
-    """Five coordinates, full matrices, three meshes at the frequency ratios 1, 1/2, 3, one with a contact ratio above 2."""
+    """Five coordinates, full matrices, three meshes at the frequency ratios 1, 1/2, 3, a contact ratio above 2."""
     mass = np.diag([1.0, 0.4, 2.5, 0.8, 1.6]) + 0.1 * np.ones((5, 5))
     chain = 2.0 * np.eye(5) - np.eye(5, k=1) - np.eye(5, k=-1)
     stiffness = 0.7 * chain + np.diag([0.3, 0.0, 0.1, 0.0, 0.6])
@@ -72,7 +72,7 @@ def pair(epsilon: float, contact_ratio: float, **changes: Any) -> Parameters:
 
 
 def check(parameters: Parameters, omegas: list[float]) -> None:
-    """Every exponent of every frequency, and the growth rate, which must be the largest real part of the elastic ones."""
+    """Every exponent of every frequency, and the growth rate, the largest real part of the elastic ones."""
     system = build(parameters)
     found = floquet.solve(system, np.array(omegas), exponents=True)
     growth = np.ravel(found.growth_rate)
