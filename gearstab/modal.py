@@ -13,6 +13,56 @@ RIGID_TOLERANCE = 1e-11
 precision leaves n eps ~ 1e-14 of the largest on an exact zero, while real gear trains stay above 1e-9."""
 
 
+GRADED = 1e3
+"""Above this ratio of the largest to the smallest eigenvalue the small ones are refined."""
+
+
+def symmetric_eigen(matrix: Array) -> tuple[Array, Array]:
+    """Eigenvalues ``(..., n)`` ascending and orthonormal eigenvectors ``(..., n, n)`` of symmetric matrices.
+
+    An eigensolver is right to eps times the *largest* eigenvalue: beside a shaft 1e8 times stiffer than the teeth the
+    slow modes would keep eight digits. Jacobi rotations of the solver's basis give each eigenvalue the accuracy
+    that the entries of the matrix allow (Demmel & Veselic 1992).
+    """
+    values, vectors = np.linalg.eigh(matrix)
+    size = np.abs(values)
+    graded = size.max(axis=-1, initial=0.0) > GRADED * size.min(axis=-1, initial=np.inf)
+    if np.any(graded):
+        values, vectors = values.copy(), vectors.copy()
+        values[graded], vectors[graded] = _refined(matrix[graded], vectors[graded])
+    return values, vectors
+
+
+def _refined(matrix: Array, vectors: Array) -> tuple[Array, Array]:
+    """Cyclic Jacobi from an almost diagonalising basis; two or three sweeps do."""
+    n = matrix.shape[-1]
+    for _ in range(4):
+        a = np.swapaxes(vectors, -1, -2) @ matrix @ vectors
+        diagonal = np.abs(np.diagonal(a, axis1=-2, axis2=-1))
+        scale = np.sqrt(diagonal[..., :, None] * diagonal[..., None, :])
+        if np.all(np.abs(np.triu(a, 1)) <= 4 * np.finfo(float).eps * scale):
+            break
+        for p in range(n - 1):
+            for q in range(p + 1, n):
+                _rotate(a, vectors, p, q)
+    values = np.diagonal(np.swapaxes(vectors, -1, -2) @ matrix @ vectors, axis1=-2, axis2=-1)
+    order = np.argsort(values, axis=-1)
+    return np.take_along_axis(values, order, -1), np.take_along_axis(vectors, order[..., None, :], -1)
+
+
+def _rotate(a: Array, vectors: Array, p: int, q: int) -> None:
+    """The plane rotation that makes a_pq zero, applied in place (Golub & Van Loan, section 8.5)."""
+    with np.errstate(divide="ignore", over="ignore"):
+        tau = np.where(a[..., p, q] == 0, np.inf, 0.5 * (a[..., q, q] - a[..., p, p]) / a[..., p, q])
+    t = np.where(tau >= 0, 1.0, -1.0) / (np.abs(tau) + np.hypot(1.0, tau))
+    c = (1 / np.hypot(1.0, t))[..., None]
+    s = t[..., None] * c
+    a[..., p], a[..., q] = c * a[..., p] - s * a[..., q], s * a[..., p] + c * a[..., q]
+    a[..., p, :], a[..., q, :] = c * a[..., p, :] - s * a[..., q, :], s * a[..., p, :] + c * a[..., q, :]
+    x, y = vectors[..., p].copy(), vectors[..., q].copy()
+    vectors[..., p], vectors[..., q] = c * x - s * y, s * x + c * y
+
+
 def mass_factor(mass: Array) -> Array:
     """L^-T of the Cholesky factorisation M = L L^T, ``(..., n, n)``: its columns are M-orthonormal."""
     lower = np.linalg.cholesky(np.asarray(mass, dtype=float))
@@ -23,7 +73,7 @@ def eigenmodes(mass: Array, stiffness: Array) -> tuple[Array, Array]:
     """Solve K phi = lambda M phi; eigenvalues ``(..., n)`` ascending, modes ``(..., n, n)`` with Phi^T M Phi = I."""
     factor = mass_factor(mass)
     scaled = np.swapaxes(factor, -1, -2) @ stiffness @ factor
-    values, vectors = np.linalg.eigh(0.5 * (scaled + np.swapaxes(scaled, -1, -2)))
+    values, vectors = symmetric_eigen(0.5 * (scaled + np.swapaxes(scaled, -1, -2)))
     return values, factor @ vectors
 
 

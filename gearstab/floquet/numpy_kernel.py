@@ -56,6 +56,9 @@ def propagate(pattern: Pattern, row: int, omega: Array) -> tuple[Array, Array]:
             x = np.matmul(pattern.change[row, s], x.reshape(2, n, -1)).reshape(x.shape)
         if s % 8 == 7 or np.any(growth > 0):
             _rescale(x, scale)
+    modest = (scale > 0) & (scale < np.log(LARGE))
+    x[..., modest] *= np.exp(scale[modest])
+    scale[modest] = 0.0
     return x.reshape(2 * n, 2 * n, points), scale
 
 

@@ -14,6 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from gearstab.floquet.reduction import Elastic, reduce
+from gearstab.modal import symmetric_eigen
 from gearstab.system import Array, GearSystem, Mesh
 
 SHORTEST = 2e-15
@@ -51,7 +52,7 @@ class Pattern:
 
     @cached_property
     def _eigen(self) -> tuple[Array, Array]:
-        return np.linalg.eigh(self.stiffness)
+        return symmetric_eigen(self.stiffness)
 
     @property
     def squared_frequency(self) -> Array:
