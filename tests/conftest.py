@@ -9,6 +9,8 @@ import pytest
 from hypothesis import settings
 
 os.environ.setdefault("MPLBACKEND", "Agg")
+# Thousands of small matrix products: threads of the linear algebra library only wait for each other.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 # Examples are the same in every run, and a slow machine is no failure: nothing is timed.
 settings.register_profile("gearstab", deadline=None, derandomize=True)

@@ -13,8 +13,8 @@ matrix is H + (i sigma/2) S with H Hermitian and S = diag(-1, 1), hence:
   sigma_max(D_P^(-1/2) G D_Q^(-1/2)) = 2;
 * one mode each, mu = zeta w: |sigma| = (mu_p + mu_q) sqrt(|G|^2/(4 mu_p mu_q) - 1). As both mu vanish this tends to
   (mu_p + mu_q)/(2 sqrt(mu_p mu_q)) |G|: unequal damping widens an open tongue beyond its undamped width |G|;
-* only one of the two modes damped: unstable at *every* sigma, with a growth rate that falls as sigma^-2. First-order
-  theory then has no boundary; the half-width is reported as infinite;
+* only one of two modes damped: unstable at *every* sigma, with a growth rate that falls as sigma^-2. First-order theory
+  then has no boundary; the half-width is reported as infinite;
 * negative damping of one of the modes: unstable at every sigma too, infinite.
 
 The derivation is that of Lin & Parker 2002, (13)-(16), with the viscous terms kept; |G| = epsilon sqrt(Lambda_pq).
@@ -151,17 +151,23 @@ def _crossings(coupling: Array, damping_p: Array, damping_q: Array) -> Array:
 
 
 def _semidefinite(coupling: Array, damping_p: Array, damping_q: Array) -> tuple[float, float]:
-    """One row where some direction of a group is undamped.
+    """One row where some direction of a group is undamped (or negatively damped).
 
-    An undamped direction that is coupled to a damped one is unstable at every detuning; otherwise the undamped
-    directions of both groups form a block of their own, and so do the damped ones.
+    If nothing couples undamped to damped directions, each kind forms a block of its own. Otherwise the tongue opens at
+    once, and the growth of the undamped directions far from resonance, W/sigma^2, tells whether it ever ends.
     """
     (zero_p, rest_p, negative_p), (zero_q, rest_q, negative_q) = (_split(d) for d in (damping_p, damping_q))
     if negative_p or negative_q:
         return np.inf, 0.0
     across = np.concatenate([(zero_p.T @ coupling @ rest_q).ravel(), (rest_p.T @ coupling @ zero_q).ravel()])
     if np.abs(across).max(initial=0.0) > _tiny(coupling):
-        return np.inf, 0.0
+        adjoint = coupling.conj().T
+        if max(_far_growth(coupling, damping_p, damping_q), _far_growth(adjoint, damping_q, damping_p)) >= 0:
+            return np.inf, 0.0
+        # The edge depends smoothly on a damping too small to matter, which makes the block definite.
+        small = 1e-9 * max(np.abs(damping_p).max(), np.abs(damping_q).max())
+        parts = (coupling, damping_p + small * zero_p @ zero_p.T, damping_q + small * zero_q @ zero_q.T)
+        return float(_definite(*(part[None] for part in parts))[0][0]), 0.0
     widths, thresholds = [0.0], [np.inf]
     if zero_p.shape[1] and zero_q.shape[1]:
         widths.append(float(undamped((zero_p.T @ coupling @ zero_q)[None])[0]))
@@ -172,6 +178,26 @@ def _semidefinite(coupling: Array, damping_p: Array, damping_q: Array) -> tuple[
         widths.append(float(width[0]))
         thresholds.append(float(threshold[0]))
     return max(widths), min(thresholds)
+
+
+def _far_growth(coupling: Array, damping_p: Array, damping_q: Array) -> float:
+    """The largest growth, times sigma^2, of the undamped directions N of a group far from resonance; -inf without any.
+
+    Eliminating the other group leaves a' = [-D_P + i E/sigma + G D_Q G^H/(4 sigma^2)] a, E = G G^H/4, and eliminating
+    the damped directions R as well W = N^H (G D_Q G^H/4) N - E_NR D_R^-1 E_RN in the eigenbasis of E_NN.
+    """
+    zero, rest, _ = _split(damping_p)
+    if not zero.shape[1]:
+        return -np.inf
+    shift = 0.25 * coupling @ coupling.conj().T
+    gain = 0.25 * zero.T @ coupling @ damping_q @ coupling.conj().T @ zero
+    if rest.shape[1]:
+        mixed = zero.T @ shift @ rest
+        gain = gain - mixed @ np.linalg.solve(rest.T @ damping_p @ rest, mixed.conj().T)
+    # A little of W chooses the basis where E_NN alone leaves it open.
+    weight = 1e-9 * np.abs(shift).max() / max(np.abs(gain).max(), np.finfo(float).tiny)
+    basis = np.linalg.eigh(zero.T @ shift @ zero + weight * gain)[1]
+    return float(np.einsum("ik,ij,jk->k", basis.conj(), gain, basis).real.max())
 
 
 def _split(damping: Array) -> tuple[Array, Array, bool]:

@@ -83,7 +83,7 @@ def _variation(system: GearSystem, members: list[int], deflection: Array) -> Arr
 
 
 def characteristic_values(kappa: Array, m: int) -> Array:
-    """The characteristic values a_m and b_m of Mathieu's equation on the ray q = kappa a, ``(2, ...)``; m >= 1, kappa >= 0.
+    """Characteristic values a_m, b_m of Mathieu's equation on the ray q = kappa a ``(2, ...)``, for m >= 1, kappa >= 0.
 
     On the ray, the recurrence of the Fourier coefficients (McLachlan 1947, chapter 3), D c + q T c = a c, becomes
 
