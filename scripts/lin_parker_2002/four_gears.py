@@ -1,0 +1,196 @@
+"""Lin & Parker (2002), section 3.2: four gears, two mesh frequencies."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import xarray as xr
+
+from lin_parker_2002.common import BOTH, COMBINATION, PRIMARY, Modes, axes, coarse, interference, regular
+from statements import Runs, Statement, at_most, center, edges, half_width, number, numbers, slope, width
+
+FIG6A, FIG6B = "lin_parker_2002/fig6a", "lin_parker_2002/fig6b"
+
+
+def first_mesh(runs: Runs) -> Iterator[Statement]:
+    tree, m = coarse(runs, FIG6A), Modes(coarse(runs, FIG6A))
+    c1, c2, _ = axes(tree)
+    pairs = [(1, 1), (2, 2), (3, 3), (1, 2), (1, 3), (2, 3)]
+    error = 0.0
+    for (p, q), label in zip(pairs, [*PRIMARY, *COMBINATION], strict=True):
+        for mesh, c, name, scale in ((1, c1, label, 1.0), (2, c2, f"{label} (second)", 0.6)):
+            printed = (
+                abs(2 * m.d(mesh, p) * m.d(mesh, q) * np.sin(c * np.pi)) / (np.pi * np.sqrt(m.w(p) * m.w(q))) * scale
+            )
+            ours = slope(tree, name)
+            error = max(error, float(abs(printed - ours).max() / ours.max()))
+    yield Statement(
+        "3.2, (28)",
+        "closed form of the widths of each mesh's own tongues for R = 3/5 (s = 1), on the axis of Omega_1",
+        at_most(error),
+        error < 1e-9,
+    )
+
+
+def phasing_without_effect(runs: Runs) -> Iterator[Statement]:
+    tree = runs.sweep(
+        FIG6A, sweep={"mesh_frequency": [2.0, 7.0], "epsilon": [0.3], "phasing": [0.0, 0.25, 0.4]}, methods=BOTH
+    )
+    labels = ["2w2", "w1+w3", "w2+w3", "2w3", "2w3 (second)"]
+    spread = [half_width(tree, s).max() / half_width(tree, s).min() - 1 for s in labels]
+    exact = [edges(tree, s) for s in labels]
+    moved = max(float((abs(e.max("phasing") / e.min("phasing") - 1)).max()) for e in exact)
+    yield Statement(
+        "3.2",
+        "for R = 3/5 the regions do not depend on the mesh phasing",
+        f"first order: {at_most(max(float(x) for x in spread))}; Floquet edges at eps = 0.3 move by up to "
+        f"{number(moved, 2)} of their frequency",
+        True if moved < 1e-3 else None,
+        f"For h = 0, 0.25, 0.4 and {', '.join(labels)}. The effect that Floquet theory shows is of higher order in "
+        "eps.",
+    )
+
+
+def regions_of_fig6a(runs: Runs) -> Iterator[Statement]:
+    tree, m = fig6(runs, FIG6A), Modes(fig6(runs, FIG6A))
+    place = float(center(edges(tree, "2w3 (second)")).sel(epsilon=0.1))
+    yield Statement(
+        "3.2, Fig. 6(a)",
+        "the second mesh's primary region lies at Omega_1 = R 2w3",
+        f"R 2w3 = {number(1.2 * m.w(3), 4)}; middle of the region by Floquet theory at eps = 0.1: {number(place, 4)}",
+        abs(place / (1.2 * m.w(3)) - 1) < 0.01,
+    )
+    first, exact = half_width(tree, "w3").max(), width(edges(tree, "w3")).sel(epsilon=0.3)
+    yield Statement(
+        "3.2, Fig. 6(a)",
+        "the boundaries near 2w3, w2+w3, w1+w3 and w3 are determined by (26)",
+        f"at w3, first order gives width {number(first)}, Floquet theory {number(exact)} at eps = 0.3",
+        None,
+        "With c1 = 1.5, (26) gives no width at s = 2: what is unstable near w3 in the figure is an effect of second "
+        "order. The others agree.",
+    )
+
+
+def fig6(runs: Runs, config: str) -> xr.DataTree:
+    return runs.sweep(config, sweep={"mesh_frequency": [2.0, 7.0], "epsilon": [0.1, 0.3]}, methods=BOTH)
+
+
+def coupled_region(runs: Runs) -> Iterator[Statement]:
+    alone, together = (width(edges(fig6(runs, c), "w3")).sel(epsilon=0.3) for c in (FIG6A, FIG6B))
+    tree = runs.sweep(
+        FIG6B, sweep={"mesh_frequency": [2.0, 4.0], "epsilon": [0.3], "phasing": [0.0, 0.25, 0.4]}, methods=BOTH
+    )
+    spread = float(half_width(tree, "w3").max() / half_width(tree, "w3").min() - 1)
+    yield Statement(
+        "3.2, Fig. 6(b)",
+        "for R = 1/2 the region at Omega_1 = w3 couples with the second mesh's at 2w3 and is much larger than in Fig. "
+        "6(a)",
+        f"Floquet widths at w3, eps = 0.3: R = 1/2 {number(together)}, R = 3/5 {number(alone)}",
+        None if together > 2 * alone else False,
+        "It is much larger, but not by coupling: for c1 = 1.5 the first mesh has no second harmonic, and to first "
+        "order the region is the second "
+        f"mesh's primary one alone, whatever the phasing (half-widths for h = 0, 0.25, 0.4: {at_most(spread)}).",
+    )
+
+
+def formula_31(m: Modes, p: int, c1: xr.DataArray, c2: xr.DataArray, h: xr.DataArray) -> xr.DataArray:
+    """Half-width/epsilon of (31), with the coefficients (4) of both meshes."""
+    first, second = (m.d(i, p) ** 2 for i in (1, 2))
+    a1, b1 = (-np.sin(2 * np.pi * c1) / np.pi * f(2 * np.pi * c1) for f in (np.sin, np.cos))
+    a2, b2 = (-2 * np.sin(np.pi * c2) / np.pi * f(np.pi * (c2 - 2 * h)) for f in (np.sin, np.cos))
+    return np.sqrt((first * a1 + second * a2) ** 2 + (first * b1 + second * b2) ** 2) / (2 * m.w(p))
+
+
+def formula_32(m: Modes, p: int, c1: xr.DataArray, c2: xr.DataArray, h: xr.DataArray) -> xr.DataArray:
+    """(32) as printed."""
+    a, b = m.d(1, p) ** 2 * np.sin(2 * c1 * np.pi), m.d(2, p) ** 2 * np.sin(c2 * np.pi)
+    return interference(a, b, 2 * c1 - c2 + 2 * h) * 2 / (np.pi * m.w(p))
+
+
+def half_integer_ratio(runs: Runs) -> Iterator[Statement]:
+    tree, m = coarse(runs, FIG6B), Modes(coarse(runs, FIG6B))
+    c1, c2, h = axes(tree)
+    error, ratio = 0.0, []
+    for p in (1, 2, 3):
+        ours = slope(tree, f"w{p}")
+        error = max(error, float(abs(formula_31(m, p, c1, c2, h) - ours).max() / ours.max()))
+        ratio += [float(f(formula_32(m, p, c1, c2, h) / ours)) for f in (np.min, np.max)]
+    yield Statement(
+        "3.2, (31)",
+        "width of the first mesh's secondary region, which the second mesh's primary one overlaps (R = 1/2)",
+        f"{at_most(error)} from the general form on {c1.size * c2.size * h.size} choices of c1, c2, h",
+        error < 1e-9,
+    )
+    exact = runs.sweep(
+        FIG6B,
+        sweep={"mesh_frequency": [2.6, 2.8], "epsilon": [0.001], "phasing": [0.2]},
+        methods=BOTH,
+        meshes__0__contact_ratio=1.25,
+        meshes__1__contact_ratio=1.5,
+    )
+    floquet = float(width(edges(exact, "w3")).squeeze()) / 0.002
+    point = [xr.DataArray(v) for v in (1.25, 1.5, 0.2)]
+    corrected = interference(
+        m.d(1, 3) ** 2 * np.sin(2 * c1 * np.pi), 2 * m.d(2, 3) ** 2 * np.sin(c2 * np.pi), 2 * c1 - c2 + 2 * h
+    )
+    difference = abs(corrected / (2 * np.pi * m.w(3)) / slope(tree, "w3") - 1).max()
+    yield Statement(
+        "3.2, (32)",
+        "closed form of the same width",
+        f"printed form over (31): between {number(min(ratio))} and {number(max(ratio))}; at w3 with c1 = 1.25, c2 = "
+        "1.5, h = 0.2: (32) "
+        f"{number(formula_32(m, 3, *point), 4)}, (31) {number(formula_31(m, 3, *point), 4)}, Floquet theory at eps = "
+        f"0.001 {number(floquet, 4)}",
+        max(abs(r - 1) for r in ratio) < 1e-6,
+        "(32) does not follow from (31). With weights 1, 4, 4 of its three terms and the factor 1/(2 pi w_p) it "
+        f"would: {at_most(difference)}.",
+    )
+
+
+def minimum_for_half_ratio(runs: Runs) -> Iterator[Statement]:
+    tree = regular(runs, FIG6B)
+    c1, c2, h = axes(tree)
+    widths = slope(tree, "w3")
+    closed = (widths < 1e-9 * widths.max()).all("phasing")
+    first = sorted({float(c1[i]) for i, _ in np.argwhere(closed.transpose(c1.name, c2.name).values)})
+    second = sorted({float(c2[j]) for _, j in np.argwhere(closed.transpose(c1.name, c2.name).values)})
+    yield Statement(
+        "3.2, below (32)",
+        "the region needs c1 = 1, 1.5, 2 and c2 = 1, 2 to vanish",
+        f"no width, whatever the phasing: c1 = {numbers(first)} with c2 = {numbers(second)}",
+        first == [1, 1.5, 2] and second == [1, 2],
+    )
+    inside = {c1.name: [1.1, 1.3, 1.6, 1.9], c2.name: [1.2, 1.4, 1.7]}
+    part, turn = widths.sel(inside), np.cos((2 * c1 - c2 + 2 * h) * np.pi).sel(inside)
+    signed = (turn * np.sign(np.sin(2 * c1 * np.pi)).sel({c1.name: inside[c1.name]})).where(
+        part <= part.min("phasing") * (1 + 1e-9)
+    )
+    yield Statement(
+        "3.2, below (32)",
+        "else it is reduced by cos(2c1 - c2 + 2h)pi = +-1 with the sign of sin(2 c1 pi)",
+        f"that cosine times that sign at the minima over h: {numbers([signed.min(), signed.max()])}",
+        bool(signed.min() > 1 - 1e-9),
+    )
+
+
+def weak_overlap(runs: Runs) -> Iterator[Statement]:
+    tree = regular(runs, FIG6B)
+    strong, weak = (slope(tree, label).max() for label in ("w3", "w3/2"))
+    yield Statement(
+        "3.2",
+        "the overlap of the second mesh's s = 2 with the first mesh's s = 4 is weaker and its regions are much smaller",
+        f"largest half-width/eps over c1, c2, h for mode 3: {number(weak)} at w3/2 against {number(strong)} at w3",
+        bool(weak < 0.5 * strong),
+    )
+
+
+STATEMENTS: list[Callable[[Runs], Iterator[Statement]]] = [
+    first_mesh,
+    phasing_without_effect,
+    regions_of_fig6a,
+    coupled_region,
+    half_integer_ratio,
+    minimum_for_half_ratio,
+    weak_overlap,
+]

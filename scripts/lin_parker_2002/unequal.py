@@ -1,0 +1,95 @@
+"""Lin & Parker (2002), section 3.3: stiffness variations that differ between the meshes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from lin_parker_2002.common import BOTH, CLOSE, PRIMARY, RANGE, Modes
+from statements import Runs, Statement, edges, number, numbers, predicted, width
+
+FIG7A = "lin_parker_2002/fig7a"
+FIRST, SECOND = "meshes.first.epsilon", "meshes.second.epsilon"
+
+
+def chords(runs: Runs) -> Iterator[Statement]:
+    tree = runs.sweep(FIG7A, sweep={"mesh_frequency": RANGE, FIRST: [0.0, 0.1, 0.2, 0.3, 0.4, 0.5]}, methods=BOTH)
+    from_floquet, from_first = [], []
+    for label in PRIMARY:
+        ends = predicted(tree, label)
+        left, right = (ends.sel({FIRST: value}, drop=True) for value in (0.0, 0.3))
+        chord = left + (right - left) / 0.3 * ends[FIRST]
+        from_floquet.append(float(abs(chord - edges(tree, label)).max()))
+        from_first.append(float(abs(chord - ends).max()))
+    yield Statement(
+        "3.3, Fig. 7(a)",
+        "straight lines through (33) at eps1 = 0 and (34) at eps1 = eps2 = 0.3 agree well with the numerical "
+        "boundaries "
+        "of the primary regions",
+        f"largest distance from the Floquet edges for eps1 = 0 to 0.5 at {', '.join(PRIMARY)}: "
+        f"{numbers(from_floquet, 2)}",
+        max(from_floquet) < CLOSE,
+        f"From the first-order edges: {numbers(from_first, 2)}; for c1 = c2 and h = 0 these are straight themselves.",
+    )
+
+
+def widening(runs: Runs) -> Iterator[Statement]:
+    tree = runs.sweep(FIG7A, sweep={"mesh_frequency": RANGE, FIRST: [0.05, 0.1], SECOND: [0.0, 0.3]}, methods=BOTH)
+    found = [width(edges(tree, label)).sel({FIRST: 0.05}) for label in PRIMARY]
+    yield Statement(
+        "3.3, Fig. 7(a)",
+        "for small eps1 the second excitation widens the primary regions",
+        f"Floquet widths at eps1 = 0.05, {', '.join(PRIMARY)}: eps2 = 0 {numbers([f[0] for f in found])}; eps2 = 0.3 "
+        f"{numbers([f[1] for f in found])}",
+        all(float(f[1]) > float(f[0]) for f in found),
+    )
+
+
+def vanishing(runs: Runs) -> Iterator[Statement]:
+    base = runs.sweep(FIG7A, sweep={"mesh_frequency": RANGE, FIRST: [0.0, 0.1, 0.2, 0.3, 0.4, 0.5]}, methods=BOTH)
+    m = Modes(base)
+    ratio = abs(m.d(2, 2) * m.d(2, 3) / (m.d(1, 2) * m.d(1, 3)))
+    fine = np.linspace(0.33, 0.36, 31).round(3).tolist()
+    tree = runs.sweep(FIG7A, sweep={"mesh_frequency": [3.4, 4.0], FIRST: fine}, methods=BOTH)
+    exact, first = (width(f(tree, "w2+w3")) for f in (edges, predicted))
+    at, at_first = (float(w[FIRST][int(w.argmin())]) for w in (exact, first))
+    there = float(
+        width(
+            edges(runs.sweep(FIG7A, sweep={"mesh_frequency": [3.4, 4.0], FIRST: [0.23]}, methods=BOTH), "w2+w3")
+        ).squeeze()
+    )
+    yield Statement(
+        "3.3, Fig. 7(a)",
+        "the combination region at w2+w3 disappears near eps1 = 0.23 (eps2 = 0.3)",
+        f"first order: eps1 = {number(0.3 * ratio)}, the smallest width on a grid of 0.001 at {number(at_first)}; "
+        "Floquet theory: smallest width "
+        f"({number(exact.min(), 2)}) at {number(at)}; Floquet width at eps1 = 0.23: {number(there, 2)}",
+        abs(at - 0.23) < 0.02,
+        "The region does disappear, as (23) with its parameters demands, but elsewhere: where eps1 delta_12 delta_13 "
+        "and eps2 delta_22 delta_23 cancel.",
+    )
+
+
+def line_of_vanishing(runs: Runs) -> Iterator[Statement]:
+    second = [0.1, 0.2, 0.4]
+    found = []
+    for value in second:
+        guess = np.linspace(1.10, 1.18, 17) * value
+        tree = runs.sweep(
+            FIG7A,
+            sweep={"mesh_frequency": [3.4, 4.0], FIRST: guess.round(5).tolist()},
+            methods=BOTH,
+            meshes__1__epsilon=value,
+        )
+        exact = width(edges(tree, "w2+w3"))
+        found.append(float(exact[FIRST][int(exact.argmin())]) / value)
+    yield Statement(
+        "3.3, Fig. 7(b)",
+        "the combination region vanishes along a line of the (eps1, eps2) plane",
+        f"eps1/eps2 at the smallest Floquet width for eps2 = {numbers(second)}: {numbers(found)}",
+        max(found) < 1.05 * min(found),
+    )
+
+
+STATEMENTS: list[Callable[[Runs], Iterator[Statement]]] = [chords, widening, vanishing, line_of_vanishing]

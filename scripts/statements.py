@@ -1,0 +1,106 @@
+"""What a reproduction table is made of: statements, the sweeps behind them, and how to read those."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from gearstab.config import load
+from gearstab.results import open_result
+from gearstab.sweep import plan, run
+
+CONFIGS = Path(__file__).parent.parent / "configs"
+
+
+@dataclass(frozen=True)
+class Statement:
+    """One statement of a paper, and what comes out here.
+
+    place: where the paper says so. claim: what it says. ours: what was computed.
+    agrees: True, False, or None for "in part".
+    why: what explains a disagreement, or what the agreement means.
+    """
+
+    place: str
+    claim: str
+    ours: str
+    agrees: bool | None
+    why: str = ""
+
+
+class Runs:
+    """Result files of the configurations with changed values, each computed once."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self._known: dict[tuple[str, ...], xr.DataTree] = {}
+
+    def sweep(self, config: str, **changes: object) -> xr.DataTree:
+        """The result of ``gearstab sweep configs/CONFIG.yaml --set PATH=VALUE ...``; ``__`` is a dot of a path."""
+        settings = [f"{name.replace('__', '.')}={json.dumps(value)}" for name, value in changes.items()]
+        key = (config, *settings)
+        if key not in self._known:
+            out = self.folder / f"{len(self._known)}.h5"
+            run(plan(load(CONFIGS / f"{config}.yaml", settings)), out)
+            self._known[key] = open_result(out)
+        return self._known[key]
+
+
+def tongue(tree: xr.DataTree, group: str, variable: str, label: str) -> xr.DataArray:
+    """A variable of the one tongue with this label, without the ``tongue`` dimension."""
+    values = tree[group].to_dataset()
+    (index,) = np.flatnonzero(values["label"].values.astype(str) == label)
+    return values[variable].isel(tongue=index)
+
+
+def half_width(tree: xr.DataTree, label: str) -> xr.DataArray:
+    """First-order half-width."""
+    return tongue(tree, "perturbation", "half_width", label)
+
+
+def slope(tree: xr.DataTree, label: str) -> xr.DataArray:
+    """First-order half-width per unit of epsilon; the sweep has an axis ``epsilon``."""
+    values = half_width(tree, label)
+    return (values / values["epsilon"]).isel(epsilon=-1, drop=True)
+
+
+def predicted(tree: xr.DataTree, label: str) -> xr.DataArray:
+    """First-order edges, over ``side``."""
+    return tongue(tree, "perturbation", "boundary_frequency", label)
+
+
+def edges(tree: xr.DataTree, label: str) -> xr.DataArray:
+    """Edges by Floquet theory, over ``side``; NaN where the region is closed."""
+    return tongue(tree, "boundaries", "boundary_frequency", label)
+
+
+def width(values: xr.DataArray) -> xr.DataArray:
+    """Upper less lower edge, 0 where there is no region."""
+    return (values.isel(side=1, drop=True) - values.isel(side=0, drop=True)).fillna(0.0)
+
+
+def center(values: xr.DataArray) -> xr.DataArray:
+    """The middle of a region."""
+    return values.mean("side")
+
+
+def number(value: object, digits: int = 3) -> str:
+    """A number as the table prints it; rounding errors are 0."""
+    x = float(np.asarray(value))
+    return "0" if abs(x) < 1e-9 else f"{x:.{digits}g}"
+
+
+def numbers(values: Iterable[object], digits: int = 3) -> str:
+    """Several of them."""
+    return ", ".join(number(v, digits) for v in np.asarray(values).ravel())
+
+
+def at_most(error: object) -> str:
+    """An upper bound of an error that is nothing but rounding (which differs from machine to machine), or the error."""
+    x = float(np.asarray(error))
+    return "equal to 1e-9" if x < 1e-9 else f"largest relative difference {x:.2g}"

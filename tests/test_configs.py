@@ -1,0 +1,82 @@
+"""The configurations and documents of the repository are what the program accepts."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from gearstab.config import load, schema
+
+ROOT = Path(__file__).resolve().parent.parent
+CONFIGS = sorted((ROOT / "configs").rglob("*.yaml"))
+DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+
+
+def yaml_blocks(document: Path) -> list[str]:
+    return re.findall(r"^```yaml\n(.*?)^```", document.read_text(), re.M | re.S)
+
+
+def scenes() -> list[tuple[str, str]]:
+    """The complete configurations among the YAML blocks of the documents."""
+    blocks = [(f"{d.name}:{k}", b) for d in DOCUMENTS for k, b in enumerate(yaml_blocks(d))]
+    return [(name, block) for name, block in blocks if re.search(r"^system:", block, re.M)]
+
+
+def properties(node: object) -> set[str]:
+    """All names of properties in a JSON schema."""
+    if isinstance(node, list):
+        return set().union(*map(properties, node)) if node else set()
+    if not isinstance(node, dict):
+        return set()
+    return set(node.get("properties", {})) | set().union(*map(properties, node.values()), set())
+
+
+@pytest.mark.parametrize("path", CONFIGS, ids=lambda p: p.relative_to(ROOT).as_posix())
+def test_every_configuration_is_valid(path: Path) -> None:
+    config = load(path)
+    assert config.title
+    assert bool(config.axes) != (config.respond is not None)
+
+
+@pytest.mark.parametrize("path", CONFIGS, ids=lambda p: p.relative_to(ROOT).as_posix())
+def test_every_configuration_says_what_it_shows(path: Path) -> None:
+    assert path.read_text().startswith("# ")
+
+
+def test_all_figures_of_the_paper_are_there() -> None:
+    found = {p.stem for p in CONFIGS if p.parent.name == "lin_parker_2002"}
+    assert found == {f"fig{n}" for n in ("3", "5", "6a", "6b", "7a", "7b", "8a", "8b", "9a", "9b")}
+
+
+def test_the_parameters_are_those_of_table_1() -> None:
+    for path in CONFIGS:
+        if path.parent.name == "lin_parker_2002":
+            parameters = load(path).parameters
+            assert parameters["inertias"] == [1.0, 0.3, 4.0], path
+            assert parameters["input_shaft_stiffness"] == 0.5, path
+
+
+def test_the_documents_show_configurations() -> None:
+    assert {name.split(":")[0] for name, _ in scenes()} >= {"README.md", "configuration.md"}
+
+
+@pytest.mark.parametrize(("name", "block"), scenes(), ids=[name for name, _ in scenes()])
+def test_configurations_in_the_documents_are_valid(name: str, block: str, tmp_path: Path) -> None:
+    path = tmp_path / "scene.yaml"
+    path.write_text(block)
+    load(path)
+
+
+def test_every_key_is_documented() -> None:
+    text = (ROOT / "docs" / "configuration.md").read_text()
+    written = set(re.findall(r"\w+", " ".join(re.findall(r"`[^`]+`", text)) + " ".join(re.findall(r"```.*?```", text, re.S))))
+    assert properties(schema()) <= written
+
+
+def test_links_in_the_documents_lead_somewhere() -> None:
+    for document in DOCUMENTS:
+        for target in re.findall(r"\]\(([^)#]+)\)", document.read_text()):
+            if "://" not in target:
+                assert (document.parent / target).exists(), f"{document.name}: {target}"
