@@ -122,6 +122,48 @@ def mesh_deflection(shapes: Array, direction: Array) -> Array:
     return np.einsum("...ip,...i->...p", shapes, direction)
 
 
+MODE_TYPES = ("elastic", "rigid-body", "no mesh deflection", "negative stiffness")
+"""What :func:`mode_types` tells apart; a mode without mesh deflection is elastic, and no mesh excites it."""
+
+NO_DEFLECTION = 1e-12
+"""A mesh deflection below this part of sqrt(sum_p delta_ip^2) is the rounding error of an eigenvector."""
+
+
+def significant_deflection(modes: Modes) -> Array:
+    """``(..., n, meshes)``, whether a modal mesh deflection is more than rounding.
+
+    The natural scale is sum_p delta_ip^2 = g_i^T M^-1 g_i.
+    """
+    scale = np.sqrt(np.sum(modes.mesh_deflection**2, axis=-2, keepdims=True))
+    return np.abs(modes.mesh_deflection) > NO_DEFLECTION * scale
+
+
+def mode_types(modes: Modes) -> Array:
+    """``(..., n)``, one of MODE_TYPES for every mode."""
+    still = ~np.any(significant_deflection(modes), axis=-1)
+    conditions = [modes.squared_frequency < 0, modes.rigid, still]
+    return np.select(conditions, [MODE_TYPES[k] for k in (3, 1, 2)], MODE_TYPES[0])
+
+
+def mesh_energy_shares(system: GearSystem, modes: Modes) -> Array:
+    """The part of each mode's strain energy that is in each mesh, k_gi delta_ip^2/w_p^2 ``(..., n, meshes)``.
+
+    NaN for modes without positive stiffness. The width of a mode's tongues goes with it: Lin & Parker 2002, below (20).
+    """
+    stiffness = np.stack(np.broadcast_arrays(*[mesh.mean_stiffness for mesh in system.meshes]), axis=-1)
+    squared = np.where(modes.squared_frequency > 0, modes.squared_frequency, np.nan)
+    return stiffness[..., None, :] * modes.mesh_deflection**2 / squared[..., None]
+
+
+def modal_damping_ratios(system: GearSystem, modes: Modes) -> Array:
+    """zeta_p = phi_p^T C phi_p/(2 w_p), ``(..., n)``; NaN for modes without positive stiffness."""
+    squared = np.where(modes.squared_frequency > 0, modes.squared_frequency, np.nan)
+    if system.damping is None:
+        return np.where(np.isnan(squared), np.nan, 0.0)
+    rate = np.einsum("...ip,...ij,...jp->...p", modes.shapes, system.damping, modes.shapes)
+    return rate / (2 * np.sqrt(squared))
+
+
 def modal_damping_matrix(mass: Array, mean_stiffness: Array, ratios: Array) -> Array:
     """C = M Phi diag(2 zeta_p w_p) Phi^T M, the viscous damping with the given ratio in every mode of the mean system.
 

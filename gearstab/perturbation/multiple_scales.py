@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gearstab.modal import mean_modes
+from gearstab.modal import mean_modes, significant_deflection
 from gearstab.perturbation.damped import group_pair, single_pair, undamped
 from gearstab.perturbation.tongues import Excitation, Tongues, excitations, tongue
 from gearstab.system import Array, GearSystem
@@ -18,8 +18,8 @@ about (n eps/2) (w_max/w)^2, which stays below 1e-8 up to w_max/w = 1e3 for n = 
 is far below the width of any tongue that matters (and below the epsilon^2 that a first-order boundary neglects)."""
 
 ROUNDING = 1e-13
-"""Modal quantities below this part of their natural scale are rounding and count as zero, so that a tongue that
-vanishes exactly (an integer contact ratio, a mode without mesh deflection) is reported with width zero."""
+"""Couplings and damping rates below this part of the terms they are the sum of are rounding and count as zero, so that
+a tongue that vanishes exactly (an integer contact ratio, meshes that cancel) is reported with width zero."""
 
 Group = list[int]
 """Modes (numbers from 0) of equal natural frequency."""
@@ -67,7 +67,7 @@ def first_order(system: GearSystem, harmonics: int, modes: Sequence[int] | None 
     forces = excitations(system, harmonics)
     place = {(p - 1, q - 1): k for k, (p, q) in enumerate(pairs)}
     center, width, threshold = np.full((3, len(forces), len(pairs), len(modal.frequency)), np.nan)
-    for rows, groups in _partitions(modal.frequency):
+    for rows, groups in partitions(modal.frequency):
         part = modal.rows(rows)
         wanted = [(P, Q, place[P[0], Q[0]]) for k, P in enumerate(groups) for Q in groups[k:] if (P[0], Q[0]) in place]
         for e, force in enumerate(forces):
@@ -114,10 +114,7 @@ def _modal(system: GearSystem) -> _Modal:
         tail = values.shape[values.ndim - core :]
         return np.broadcast_to(values, (*batch, *tail)).reshape(-1, *tail)
 
-    deflection = modes.mesh_deflection
-    # sum_p delta_ip^2 = g_i^T M^-1 g_i is the natural scale of a modal mesh deflection.
-    scale = np.sqrt(np.sum(deflection**2, axis=-2, keepdims=True))
-    deflection = np.where(np.abs(deflection) <= ROUNDING * scale, 0.0, deflection)
+    deflection = np.where(significant_deflection(modes), modes.mesh_deflection, 0.0)
     damping = None
     if system.damping is not None:
         damping = 0.5 * np.swapaxes(modes.shapes, -1, -2) @ system.damping @ modes.shapes
@@ -127,8 +124,12 @@ def _modal(system: GearSystem) -> _Modal:
     return _Modal(frequency, flat(deflection, 2), damping, batch)
 
 
-def _partitions(frequency: Array) -> Iterator[tuple[Array, list[Group]]]:
-    """Pairs (rows, groups) of rows with the same groups; rigid and negative-stiffness modes are in no group."""
+def partitions(frequency: Array) -> Iterator[tuple[Array, list[Group]]]:
+    """Groups of equal natural frequency.
+
+    frequency: ``(rows, n)``, ascending; 0 for rigid-body modes and NaN for negative stiffness, which are in no group.
+    Yields pairs (rows, groups) of all rows with the same groups; modes are counted from 0.
+    """
     rows, n = frequency.shape
     usable = frequency > 0
     joined = np.zeros((rows, n), dtype=bool)

@@ -125,6 +125,21 @@ def union(indices: Iterable[Sequence[Tongue]]) -> tuple[Tongue, ...]:
     return tuple(dict.fromkeys(tongue for index in indices for tongue in index))
 
 
+def overlapping(tongues: Tongues) -> Array:
+    """``(tongue, ...)``, whether a region shares mesh frequencies with another one; touching counts, absence does not.
+
+    There first-order theory, which treats every tongue by itself, may be wrong in first order.
+    """
+    lower, upper = np.moveaxis(tongues.boundary_frequency, 1, 0)
+    open_ = upper > lower
+    found = np.zeros(open_.shape, dtype=bool)
+    for k in range(len(tongues.index)):
+        meets = open_ & open_[k] & (lower <= upper[k]) & (upper >= lower[k])
+        meets[k] = False
+        found[k] = meets.any(axis=0)
+    return found
+
+
 def excitations(system: GearSystem, harmonics: int) -> tuple[Excitation, ...]:
     """Every nu = s r_i Omega with s <= ``harmonics`` for some mesh i, each once, with *all* its mesh harmonics.
 

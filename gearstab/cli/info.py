@@ -1,0 +1,252 @@
+"""``gearstab info``: modes and predicted instability tongues of the base system of a configuration."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    from gearstab.config import Config
+    from gearstab.system import GearSystem
+
+HARMONICS = 3
+"""Harmonics whose tongues are listed where the configuration does not ask for perturbation theory itself."""
+
+
+@click.command()
+@click.argument("config", type=click.Path(path_type=Path))
+@click.option("--set", "overrides", multiple=True, metavar="PATH=VALUE", help="Override a value of CONFIG; repeatable.")
+@click.option(
+    "--harmonics", type=click.IntRange(1, 50), help="List tongues up to this harmonic [default: as in CONFIG]."
+)
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+def command(config: Path, overrides: tuple[str, ...], harmonics: int | None, as_json: bool) -> None:
+    """Show natural frequencies, modes and the tongues that perturbation theory predicts for CONFIG."""
+    from gearstab.cli.errors import user_errors
+
+    with user_errors():
+        from gearstab.config import load
+
+        facts = describe(load(config, overrides), harmonics)
+    if as_json:
+        import json
+
+        click.echo(json.dumps(facts, indent=2, allow_nan=False))
+    else:
+        click.echo(report(facts))
+
+
+def describe(config: Config, harmonics: int | None = None) -> dict[str, Any]:
+    """All that ``info`` shows, as plain numbers, texts and lists; None where a number does not exist."""
+    from gearstab.floquet.segments import prepare
+    from gearstab.systems import build
+
+    system = build(config.parameters)
+    asked = config.methods.perturbation
+    order = harmonics or (asked.harmonics if asked else HARMONICS)
+    (pattern,) = prepare(system)
+    common, cycles = system.common_period()
+    sweep = {axis.name: axis.size for axis in config.axes}
+    return {
+        "title": config.title,
+        "kind": config.kind,
+        "coordinates": list(system.coordinates),
+        "sweep": sweep,
+        "meshes": [_mesh(system, i) for i in range(len(system.meshes))],
+        "common_period": {
+            "in_periods_of_omega": float(common),
+            "mesh_cycles": {mesh.name: count for mesh, count in zip(system.meshes, cycles, strict=True)},
+            "segments": len(pattern.states),
+            "distinct_stiffness_states": len(set(pattern.states.tolist())),
+        },
+        **_modes(system),
+        "harmonics": order,
+        "tongues": _tongues(system, order),
+    }
+
+
+def _number(value: Any) -> float | str | None:
+    """A number for JSON: no NaN, and infinity by name."""
+    number = float(value)
+    if number != number:
+        return None
+    return "infinite" if abs(number) == float("inf") else number
+
+
+def _mesh(system: GearSystem, i: int) -> dict[str, Any]:
+    mesh = system.meshes[i]
+    low, high = (float(mesh.mean_stiffness + 2 * mesh.amplitude * level) for level in mesh.waveform.extremes())
+    contact_ratio = getattr(mesh.waveform, "contact_ratio", None)
+    return {
+        "name": mesh.name,
+        "frequency_ratio": str(mesh.frequency_ratio),
+        "mean_stiffness": float(mesh.mean_stiffness),
+        "epsilon": float(mesh.epsilon),
+        "contact_ratio": None if contact_ratio is None else float(contact_ratio),
+        "lag": float(mesh.lag) % 1.0,
+        "stiffness": [low, high],
+    }
+
+
+def _modes(system: GearSystem) -> dict[str, Any]:
+    import numpy as np
+
+    from gearstab.modal import mean_modes, mesh_energy_shares, modal_damping_ratios, mode_types, significant_deflection
+    from gearstab.perturbation.multiple_scales import partitions
+
+    modes = mean_modes(system)
+    names = [mesh.name for mesh in system.meshes]
+    ratios, shares = modal_damping_ratios(system, modes), mesh_energy_shares(system, modes)
+    kinds = mode_types(modes)
+    deflection = np.where(significant_deflection(modes), modes.mesh_deflection, 0.0)
+    listed = [
+        {
+            "mode": p + 1,
+            "natural_frequency": _number(modes.natural_frequency[p]),
+            "type": str(kinds[p]),
+            "damping_ratio": _number(ratios[p]),
+            "mesh_deflection": {name: float(deflection[p, i]) for i, name in enumerate(names)},
+            "mesh_energy_share": {name: _number(shares[p, i]) for i, name in enumerate(names)},
+        }
+        for p in range(system.size)
+    ]
+    ((_, groups),) = partitions(modes.natural_frequency[None])
+    return {"modes": listed, "equal_frequencies": [[p + 1 for p in group] for group in groups if len(group) > 1]}
+
+
+def _tongues(system: GearSystem, harmonics: int) -> list[dict[str, Any]]:
+    import numpy as np
+
+    from gearstab.perturbation import first_order
+    from gearstab.perturbation.tongues import overlapping
+
+    tongues = first_order(system, harmonics)
+    overlap = overlapping(tongues)
+    order = np.argsort(tongues.center_frequency, kind="stable")
+    return [
+        {
+            "label": tongues.label[k],
+            "kind": tongues.kind[k],
+            "mesh": tongues.mesh[k],
+            "mode_p": tongues.mode_p[k],
+            "mode_q": tongues.mode_q[k],
+            "harmonic": tongues.harmonic[k],
+            "frequency_ratio": tongues.frequency_ratio[k],
+            "center_frequency": _number(tongues.center_frequency[k]),
+            "half_width": _number(tongues.half_width[k]),
+            "boundary_frequency": [_number(edge) for edge in tongues.boundary_frequency[k]],
+            "threshold": _number(tongues.threshold[k]),
+            "overlaps": bool(overlap[k]),
+        }
+        for k in order
+        if np.isfinite(tongues.center_frequency[k])
+    ]
+
+
+# ---- text
+
+
+def report(facts: dict[str, Any]) -> str:
+    """The facts as readable text."""
+    return "\n\n".join([_heading(facts), _mesh_table(facts), _mode_table(facts), _tongue_table(facts)])
+
+
+def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Columns of text: the first to the left, numbers to the right, two spaces between."""
+    numeric = [all(row[k] in {"", "-"} or row[k][0] in "+-.0123456789" for row in rows) for k in range(len(header))]
+    widths = [max(len(line[k]) for line in [header, *rows]) for k in range(len(header))]
+    lines = [header, ["-" * width for width in widths], *rows]
+    pads = [str.rjust if right else str.ljust for right in numeric]
+    padded = ([pad(cell, width) for pad, cell, width in zip(pads, line, widths, strict=True)] for line in lines)
+    return "\n".join("  ".join(cells).rstrip() for cells in padded)
+
+
+def _text(value: Any) -> str:
+    if value is None:
+        return "-"
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def _heading(facts: dict[str, Any]) -> str:
+    period = facts["common_period"]
+    cycles = ", ".join(f"{count} of {name}" for name, count in period["mesh_cycles"].items())
+    states = f"{period['segments']} segments, {period['distinct_stiffness_states']} distinct stiffness states"
+    lines = [
+        facts["title"],
+        "",
+        f"system         {facts['kind']}, {len(facts['coordinates'])} coordinates: {', '.join(facts['coordinates'])}",
+        f"common period  {_text(period['in_periods_of_omega'])} x 2 pi/Omega ({cycles}); {states}",
+    ]
+    if facts["sweep"]:
+        lines.append("sweep          " + " x ".join(f"{name} ({size})" for name, size in facts["sweep"].items()))
+    return "\n".join(lines)
+
+
+def _mesh_table(facts: dict[str, Any]) -> str:
+    header = ["mesh", "Omega_i/Omega", "mean stiffness", "epsilon", "contact ratio", "lag", "lowest", "highest"]
+    keys = ["name", "frequency_ratio", "mean_stiffness", "epsilon", "contact_ratio", "lag"]
+    rows = [
+        [_text(mesh[key]) for key in keys] + [_text(level) for level in mesh["stiffness"]] for mesh in facts["meshes"]
+    ]
+    return table(header, rows)
+
+
+def _mode_table(facts: dict[str, Any]) -> str:
+    names = [mesh["name"] for mesh in facts["meshes"]]
+    header = ["mode", "frequency", "type", "damping ratio"]
+    header += [f"deflection {name}" for name in names] + [f"energy {name}" for name in names]
+    rows = []
+    for mode in facts["modes"]:
+        row = [_text(mode[key]) for key in ("mode", "natural_frequency", "type", "damping_ratio")]
+        row += [f"{mode['mesh_deflection'][name]:.5g}" for name in names]
+        row += [_percent(mode["mesh_energy_share"][name]) for name in names]
+        rows.append(row)
+    lines = [table(header, rows)]
+    lines += [
+        f"Modes {', '.join(map(str, group))} have equal frequencies: their joint tongue goes under the first pair."
+        for group in facts["equal_frequencies"]
+    ]
+    rigid = [mode["mode"] for mode in facts["modes"] if mode["type"] == "rigid-body"]
+    if rigid:
+        lines.append(f"Rigid-body modes take no part in stability: {', '.join(map(str, rigid))}.")
+    still = [mode["mode"] for mode in facts["modes"] if mode["type"] == "no mesh deflection"]
+    if still:
+        lines.append(f"No mesh excites these modes, which have no mesh deflection: {', '.join(map(str, still))}.")
+    return "\n".join(lines)
+
+
+def _percent(share: float | None) -> str:
+    return "-" if share is None else f"{100 * share:.1f} %"
+
+
+def _tongue_table(facts: dict[str, Any]) -> str:
+    title = f"Instability tongues to first order at the base system, harmonics 1 to {facts['harmonics']}"
+    if not facts["tongues"]:
+        return f"{title}: none, there is no elastic mode."
+    header = ["tongue", "kind", "mesh", "centre", "half-width", "lower", "upper", "remark"]
+    rows = []
+    for tongue in facts["tongues"]:
+        row = [tongue["label"], tongue["kind"], tongue["mesh"], _text(tongue["center_frequency"])]
+        row += [_text(tongue["half_width"]), *(_text(edge) for edge in tongue["boundary_frequency"]), _remark(tongue)]
+        rows.append(row)
+    text = f"{title}\n\n{table(header, rows)}"
+    if any(tongue["overlaps"] for tongue in facts["tongues"]):
+        text += "\nFirst order treats each tongue by itself: where tongues overlap, their boundaries are rough."
+    return text
+
+
+def _remark(tongue: dict[str, Any]) -> str:
+    """In a word or two, what is special about a tongue."""
+    if tongue["half_width"] == "infinite":
+        return "no boundary: only one of the modes is damped"
+    if tongue["half_width"] == 0:
+        closed = isinstance(tongue["threshold"], float) and tongue["threshold"] > 0
+        return (
+            f"closed by damping, opens at epsilon x {tongue['threshold']:.3g}"
+            if closed
+            else "not excited to first order"
+        )
+    return "overlaps" if tongue["overlaps"] else ""
