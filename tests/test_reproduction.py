@@ -18,7 +18,8 @@ def committed(root: Path) -> list[str]:
 def test_the_table_is_what_is_computed_now(root: Path, committed: list[str]) -> None:
     """To the digits that are printed: few enough for any processor and either kernel."""
     script = root / "scripts" / "reproduction.py"
-    done = subprocess.run([sys.executable, "-W", "error", script], cwd=root, capture_output=True, text=True, check=False)
+    command = [sys.executable, "-W", "error", script]
+    done = subprocess.run(command, cwd=root, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     made = done.stdout.splitlines()
     assert made == committed, "docs/reproduction.md is out of date: make reproduction"

@@ -32,9 +32,19 @@ class Modes:
         return float(self._deflection[p - 1, mesh - 1])
 
 
-def interference(a: object, b: object, angle: object) -> xr.DataArray:
+def sinpi(x: xr.DataArray) -> xr.DataArray:
+    """sin(pi x)."""
+    return xr.apply_ufunc(np.sin, np.pi * x)
+
+
+def cospi(x: xr.DataArray) -> xr.DataArray:
+    """cos(pi x)."""
+    return xr.apply_ufunc(np.cos, np.pi * x)
+
+
+def interference(a: xr.DataArray, b: xr.DataArray, angle: xr.DataArray) -> xr.DataArray:
     """(a^2 + b^2 + 2 a b cos(angle pi))^1/2, what (21)-(23) and (32) have in common."""
-    return np.sqrt(np.maximum(a**2 + b**2 + 2 * a * b * np.cos(angle * np.pi), 0.0))  # type: ignore[operator]
+    return (a**2 + b**2 + 2 * a * b * cospi(angle)).clip(min=0.0) ** 0.5
 
 
 def axes(tree: xr.DataTree) -> tuple[xr.DataArray, xr.DataArray, xr.DataArray]:

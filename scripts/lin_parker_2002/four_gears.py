@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import xarray as xr
 
-from lin_parker_2002.common import BOTH, COMBINATION, PRIMARY, Modes, axes, coarse, interference, regular
+from lin_parker_2002.common import BOTH, COMBINATION, PRIMARY, Modes, axes, coarse, cospi, interference, regular, sinpi
 from statements import Runs, Statement, at_most, center, edges, half_width, number, numbers, slope, width
 
 FIG6A, FIG6B = "lin_parker_2002/fig6a", "lin_parker_2002/fig6b"
@@ -20,9 +20,7 @@ def first_mesh(runs: Runs) -> Iterator[Statement]:
     error = 0.0
     for (p, q), label in zip(pairs, [*PRIMARY, *COMBINATION], strict=True):
         for mesh, c, name, scale in ((1, c1, label, 1.0), (2, c2, f"{label} (second)", 0.6)):
-            printed = (
-                abs(2 * m.d(mesh, p) * m.d(mesh, q) * np.sin(c * np.pi)) / (np.pi * np.sqrt(m.w(p) * m.w(q))) * scale
-            )
+            printed = abs(2 * m.d(mesh, p) * m.d(mesh, q) * sinpi(c)) / (np.pi * np.sqrt(m.w(p) * m.w(q))) * scale
             ours = slope(tree, name)
             error = max(error, float(abs(printed - ours).max() / ours.max()))
     yield Statement(
@@ -97,14 +95,14 @@ def coupled_region(runs: Runs) -> Iterator[Statement]:
 def formula_31(m: Modes, p: int, c1: xr.DataArray, c2: xr.DataArray, h: xr.DataArray) -> xr.DataArray:
     """Half-width/epsilon of (31), with the coefficients (4) of both meshes."""
     first, second = (m.d(i, p) ** 2 for i in (1, 2))
-    a1, b1 = (-np.sin(2 * np.pi * c1) / np.pi * f(2 * np.pi * c1) for f in (np.sin, np.cos))
-    a2, b2 = (-2 * np.sin(np.pi * c2) / np.pi * f(np.pi * (c2 - 2 * h)) for f in (np.sin, np.cos))
-    return np.sqrt((first * a1 + second * a2) ** 2 + (first * b1 + second * b2) ** 2) / (2 * m.w(p))
+    a1, b1 = (-sinpi(2 * c1) / np.pi * f(2 * c1) for f in (sinpi, cospi))
+    a2, b2 = (-2 * sinpi(c2) / np.pi * f(c2 - 2 * h) for f in (sinpi, cospi))
+    return ((first * a1 + second * a2) ** 2 + (first * b1 + second * b2) ** 2) ** 0.5 / (2 * m.w(p))
 
 
 def formula_32(m: Modes, p: int, c1: xr.DataArray, c2: xr.DataArray, h: xr.DataArray) -> xr.DataArray:
     """(32) as printed."""
-    a, b = m.d(1, p) ** 2 * np.sin(2 * c1 * np.pi), m.d(2, p) ** 2 * np.sin(c2 * np.pi)
+    a, b = m.d(1, p) ** 2 * sinpi(2 * c1), m.d(2, p) ** 2 * sinpi(c2)
     return interference(a, b, 2 * c1 - c2 + 2 * h) * 2 / (np.pi * m.w(p))
 
 
@@ -131,9 +129,7 @@ def half_integer_ratio(runs: Runs) -> Iterator[Statement]:
     )
     floquet = float(width(edges(exact, "w3")).squeeze()) / 0.002
     point = [xr.DataArray(v) for v in (1.25, 1.5, 0.2)]
-    corrected = interference(
-        m.d(1, 3) ** 2 * np.sin(2 * c1 * np.pi), 2 * m.d(2, 3) ** 2 * np.sin(c2 * np.pi), 2 * c1 - c2 + 2 * h
-    )
+    corrected = interference(m.d(1, 3) ** 2 * sinpi(2 * c1), 2 * m.d(2, 3) ** 2 * sinpi(c2), 2 * c1 - c2 + 2 * h)
     difference = abs(corrected / (2 * np.pi * m.w(3)) / slope(tree, "w3") - 1).max()
     yield Statement(
         "3.2, (32)",
@@ -162,10 +158,9 @@ def minimum_for_half_ratio(runs: Runs) -> Iterator[Statement]:
         first == [1, 1.5, 2] and second == [1, 2],
     )
     inside = {c1.name: [1.1, 1.3, 1.6, 1.9], c2.name: [1.2, 1.4, 1.7]}
-    part, turn = widths.sel(inside), np.cos((2 * c1 - c2 + 2 * h) * np.pi).sel(inside)
-    signed = (turn * np.sign(np.sin(2 * c1 * np.pi)).sel({c1.name: inside[c1.name]})).where(
-        part <= part.min("phasing") * (1 + 1e-9)
-    )
+    part, turn = widths.sel(inside), cospi(2 * c1 - c2 + 2 * h).sel(inside)
+    side = sinpi(2 * c1).sel({c1.name: inside[c1.name]})
+    signed = (turn * side / abs(side)).where(part <= part.min("phasing") * (1 + 1e-9))
     yield Statement(
         "3.2, below (32)",
         "else it is reduced by cos(2c1 - c2 + 2h)pi = +-1 with the sign of sin(2 c1 pi)",

@@ -23,6 +23,7 @@ from lin_parker_2002.common import (
     distance,
     interference,
     regular,
+    sinpi,
 )
 from statements import Runs, Statement, at_most, edges, half_width, number, numbers, slope, width
 
@@ -110,7 +111,7 @@ def closed_forms(runs: Runs) -> Iterator[Statement]:
     def largest(s: int, pairs: list[tuple[int, int]], labels: list[str]) -> float:
         worst = 0.0
         for (p, q), label in zip(pairs, labels, strict=True):
-            a, b = (m.d(i, p) * m.d(i, q) * np.sin(s * c * np.pi) for i, c in ((1, c1), (2, c2)))
+            a, b = (m.d(i, p) * m.d(i, q) * sinpi(s * c) for i, c in ((1, c1), (2, c2)))
             printed = interference(a, b, s * lean) * 2 / (np.pi * np.sqrt(m.w(p) * m.w(q)) * s**2)
             ours = slope(tree, label)
             worst = max(worst, float(abs(printed - ours).max() / ours.max()))
@@ -137,7 +138,7 @@ def integer_contact_ratios(runs: Runs) -> Iterator[Statement]:
         sweep={"mesh_frequency": RANGE, "contact_ratio": [1.0, 2.0], "epsilon": [0.3]},
         methods=BOTH,
     )
-    regions = int(np.isfinite(tree["boundaries"]["boundary_frequency"]).any("side").sum())
+    regions = int(tree["boundaries"]["boundary_frequency"].notnull().any("side").sum())
     yield Statement(
         "3.1",
         "integer contact ratios leave no instability region",
@@ -162,7 +163,7 @@ def primary_extremes(runs: Runs) -> Iterator[Statement]:
     best = widths.sel(inner)
     lean = (c1 - c2 + 2 * h).sel(inner)
     # Only where some h of the grid meets the condition exactly: c1 - c2 is then a multiple of a tenth.
-    exact = (abs(np.sin((lean - 1) / 2 * np.pi)) < 1e-9).any("phasing")
+    exact = (abs(sinpi((lean - 1) / 2)) < 1e-9).any("phasing")
     smallest = (best <= best.min("phasing") * (1 + 1e-9)) & exact
     kept = sorted(set(np.round(lean.where(smallest).values[smallest.values], 6)))
     yield Statement(

@@ -53,7 +53,7 @@ def vanishing(runs: Runs) -> Iterator[Statement]:
     fine = np.linspace(0.33, 0.36, 31).round(3).tolist()
     tree = runs.sweep(FIG7A, sweep={"mesh_frequency": [3.4, 4.0], FIRST: fine}, methods=BOTH)
     exact, first = (width(f(tree, "w2+w3")) for f in (edges, predicted))
-    at, at_first = (float(w[FIRST][int(w.argmin())]) for w in (exact, first))
+    at, at_first = (float(w[FIRST][int(w.values.argmin())]) for w in (exact, first))
     there = float(
         width(
             edges(runs.sweep(FIG7A, sweep={"mesh_frequency": [3.4, 4.0], FIRST: [0.23]}, methods=BOTH), "w2+w3")
@@ -83,7 +83,7 @@ def line_of_vanishing(runs: Runs) -> Iterator[Statement]:
             meshes__1__epsilon=value,
         )
         exact = width(edges(tree, "w2+w3"))
-        found.append(float(exact[FIRST][int(exact.argmin())]) / value)
+        found.append(float(exact[FIRST][int(exact.values.argmin())]) / value)
     yield Statement(
         "3.3, Fig. 7(b)",
         "the combination region vanishes along a line of the (eps1, eps2) plane",
