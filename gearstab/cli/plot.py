@@ -1,0 +1,70 @@
+"""``gearstab plot``: a figure from a result file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from gearstab.plots import KINDS
+
+KINDS_HELP = "; ".join(f"{name}: {kind.summary}" for name, kind in KINDS.items())
+
+
+@click.command()
+@click.argument("result", type=click.Path(path_type=Path))
+@click.option(
+    "-o", "--output", type=click.Path(path_type=Path), help="Figure: .png, .pdf or .svg [default: RESULT with .png]."
+)
+@click.option(
+    "--kind", type=click.Choice(list(KINDS)), help=f"What to draw [default: by what RESULT holds]. {KINDS_HELP}."
+)
+@click.option("--x", metavar="AXIS", help="Axis along x [default: mesh_frequency].")
+@click.option("--y", metavar="AXIS", help="Axis along y [default: epsilon, else the longest other axis].")
+@click.option(
+    "--select",
+    multiple=True,
+    metavar="AXIS=VALUE",
+    help="Fix an axis at the value nearest to a number, or at a label; may be given again for other axes.",
+)
+@click.option("--variable", help="Variable to draw [default: growth_rate].")
+@click.option("--title/--no-title", default=True, show_default=True, help="Write the result's title over the figure.")
+@click.option("--size", type=click.Choice(["single", "double"]), help="One journal column (88 mm) or two (180 mm).")
+@click.option("--dpi", type=click.IntRange(50, 2400), help="Resolution of pixels [default: 300].")
+def command(
+    result: Path, output: Path | None, kind: str | None, x: str | None, y: str | None, select: tuple[str, ...],
+    variable: str | None, title: bool, size: str | None, dpi: int | None,
+) -> None:  # fmt: skip
+    """Draw a figure from the file RESULT alone; nothing is computed again."""
+    from gearstab.cli.errors import user_errors
+
+    with user_errors():
+        from gearstab.plots import draw
+        from gearstab.plots.axes import Request
+        from gearstab.plots.heading import title_of
+        from gearstab.plots.style import checked_extension, save
+        from gearstab.results import open_result
+
+        target = output or result.with_suffix(".png")
+        checked_extension(target)
+        request = Request(x, y, selections(select), variable, size, title)
+        with open_result(result) as tree:
+            figure, _ = draw(tree, kind, request)
+            target.parent.mkdir(parents=True, exist_ok=True)
+            save(figure, target, dpi, title_of(tree))
+    click.echo(f"figure: {target}", err=True)
+
+
+def selections(texts: tuple[str, ...]) -> dict[str, str]:
+    """``AXIS=VALUE`` texts as a mapping; a label may itself hold an equals sign. Raises PlotError for anything else."""
+    from gearstab.plots.errors import PlotError
+
+    chosen: dict[str, str] = {}
+    for text in texts:
+        axis, equals, value = (part.strip() for part in text.partition("="))
+        if not (axis and equals and value):
+            raise PlotError(f"--select {text!r}: write AXIS=VALUE, for instance epsilon=0.3")
+        if axis in chosen:
+            raise PlotError(f"--select names {axis} twice")
+        chosen[axis] = value
+    return chosen

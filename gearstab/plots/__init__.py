@@ -1,0 +1,87 @@
+"""Figures from a result alone: one kind a file, one table. Nothing is computed again, no figure is shown on a screen.
+
+A kind is a module with ``draw(tree, request) -> (figure, artists)``; it is imported when it is drawn.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.figure import Figure
+
+    from gearstab.plots.axes import Request
+
+
+@dataclass(frozen=True)
+class Kind:
+    """One kind of figure: the module that draws it and what it shows."""
+
+    module: str
+    summary: str
+
+
+KINDS: dict[str, Kind] = {
+    "map": Kind("gearstab.plots.stability_map", "growth rate over two axes with boundaries and names of the tongues"),
+    "boundaries": Kind("gearstab.plots.boundaries", "boundaries of several theories or cases over one parameter"),
+    "slices": Kind("gearstab.plots.slices", "maps over a third axis, one panel a value"),
+    "curve": Kind("gearstab.plots.curve", "growth rate over one axis"),
+    "surface": Kind("gearstab.plots.surface", "boundaries of one tongue over two amplitudes"),
+    "response": Kind("gearstab.plots.response", "displacements and mesh forces over time"),
+}
+
+
+def default_kind(tree: xr.DataTree, request: Request) -> str:
+    """The kind that suits what the result holds and what is selected.
+
+    Time histories: response. Uncoupled modes or a third axis of labels: boundaries, which compare. Growth rates over
+    one axis: curve, over two: map, over more: slices. Boundaries alone: surface over two long axes, else boundaries.
+    """
+    from gearstab.plots.axes import FREQUENCY, find_axis, sweep_axes
+
+    axes = sweep_axes(tree)
+    if not axes and "response" in tree.children:
+        return "response"
+    held = set(tree.children)
+    growth = "floquet" in held and "growth_rate" in tree["floquet"].data_vars
+    lines = bool(held & {"perturbation", "boundaries", "uncoupled"})
+    fixed = {find_axis(axes, name).name for name in request.select}
+    free = [a for a in axes.values() if a.size > 1 and a.name not in {*fixed, "tongue", "side", "exponent"}]
+    parameters = [axis for axis in free if axis.name != FREQUENCY]
+    numeric = [axis for axis in parameters if axis.numeric]
+    if request.variable is not None or (growth and not lines):
+        return {0: "curve", 1: "curve", 2: "map"}.get(len(free), "slices")
+    if not growth:
+        return "surface" if len(numeric) == len(parameters) == 2 and min(a.size for a in numeric) > 6 else "boundaries"
+    compares = len(numeric) == 1 and ("uncoupled" in held or len(parameters) == 2)
+    if compares and FREQUENCY not in fixed:
+        return "boundaries"
+    return {0: "curve", 1: "curve", 2: "map"}.get(len(free), "slices")
+
+
+def draw(
+    tree: xr.DataTree, kind: str | None = None, request: Request | None = None, **options: Any
+) -> tuple[Figure, dict[str, Any]]:
+    """Draw a result.
+
+    tree: as ``xarray.open_datatree`` reads it from a result file. kind: one of ``KINDS``, default by what the result
+    holds. request: or its fields as ``options``, ``draw(tree, y="phasing", select={"epsilon": "0.3"})``.
+
+    Returns the figure and its artists by name (see the kinds). Raises PlotError for what the result cannot give.
+    """
+    from gearstab.plots.axes import Request
+    from gearstab.plots.errors import PlotError, listed
+    from gearstab.plots.style import style
+
+    wanted = request or Request(**options)
+    name = kind or default_kind(tree, wanted)
+    if name not in KINDS:
+        raise PlotError(f"no kind {name!r}; the kinds: {listed(KINDS)}")
+    with style():
+        return import_module(KINDS[name].module).draw(tree, wanted)
+
+
+__all__ = ["KINDS", "Kind", "default_kind", "draw"]

@@ -1,0 +1,286 @@
+"""The axes of a result: what they are, what was selected, how their cells lie on paper."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import xarray as xr
+
+from gearstab.plots.errors import PlotError, listed
+from gearstab.plots.text import axis_label, number_text, plain, short_label, tongue_label, unit_text
+
+Array = np.ndarray
+
+FREQUENCY = "mesh_frequency"
+
+GROUPS = ("floquet", "perturbation", "boundaries", "uncoupled")
+"""The groups that stand over the axes of a sweep."""
+
+
+@dataclass(frozen=True)
+class Axis:
+    """One axis of a sweep.
+
+    values: ``(size,)`` floats, or the labels of an axis of cases. meshes: number of each mesh by name, for symbols.
+    """
+
+    name: str
+    values: Array
+    units: str = "1"
+    long_name: str = ""
+    meshes: Mapping[str, int] = field(default_factory=dict)
+
+    @property
+    def size(self) -> int:
+        return len(self.values)
+
+    @property
+    def numeric(self) -> bool:
+        """Whether the values are numbers; labels are drawn at 0, 1, 2, ..."""
+        return self.values.dtype.kind in "fiu"
+
+    @property
+    def positions(self) -> Array:
+        """``(size,)``: where the values lie along the axis."""
+        return self.values.astype(float) if self.numeric else np.arange(self.size, dtype=float)
+
+    @property
+    def order(self) -> Array:
+        """The indices that put the positions in ascending order."""
+        return np.argsort(self.positions, kind="stable")
+
+    @property
+    def label(self) -> str:
+        """What stands beside the axis."""
+        return axis_label(self.name, self.long_name, self.units, self.meshes)
+
+    @property
+    def logarithmic(self) -> bool:
+        """Whether the values follow a geometric series (and not an arithmetic one)."""
+        x = self.positions[self.order]
+        if not self.numeric or self.size < 3 or x[0] <= 0 or self.uniform:
+            return False
+        steps = np.diff(np.log(x))
+        return bool(np.ptp(steps) <= 1e-6 * steps.mean())
+
+    @property
+    def uniform(self) -> bool:
+        """Whether the values follow an arithmetic series; 1e-6 of a step is far below what print shows."""
+        steps = np.diff(self.positions[self.order])
+        return self.size < 3 or bool(np.ptp(steps) <= 1e-6 * steps.mean())
+
+    def edges(self) -> Array:
+        """``(size + 1,)`` ascending edges of the cells: half-way between the values, geometrically if logarithmic."""
+        x = self.positions[self.order]
+        if self.size == 1:
+            half = 0.5 * abs(x[0]) * 0.1 or 0.5
+            return np.array([x[0] - half, x[0] + half]) if self.numeric else np.array([-0.5, 0.5])
+        if self.logarithmic:
+            return np.exp(midpoints(np.log(x)))
+        return midpoints(x)
+
+    def text(self, index: int) -> str:
+        """The value at ``index`` as plain text."""
+        return number_text(float(self.values[index])) if self.numeric else str(self.values[index])
+
+    def caption(self, index: int) -> str:
+        r"""``$h$ = 0.4`` for panels and legends; the label alone for an axis of cases."""
+        if self.name == "case":
+            return plain(self.text(index))
+        if self.name == "tongue":
+            return tongue_label(self.text(index), self.meshes)
+        unit = unit_text(self.units) if self.numeric else ""
+        return f"{short_label(self.name, self.meshes)} = {plain(self.text(index))}" + (f" {unit}" if unit else "")
+
+    def find(self, text: str) -> int:
+        """The index of a label, or of the number nearest to ``text``.
+
+        Raises PlotError if there is no such label, or if the number lies outside the axis.
+        """
+        if not self.numeric:
+            labels = [str(value) for value in self.values]
+            if text not in labels:
+                raise PlotError(f"{self.name} has no value {text!r}; its values: {listed(labels)}")
+            return labels.index(text)
+        try:
+            wanted = float(text)
+        except ValueError:
+            raise PlotError(f"{self.name} is a number, not {text!r}; {self.extent()}") from None
+        low, high = self.edges()[[0, -1]]
+        if not low <= wanted <= high:
+            raise PlotError(f"{self.name} = {text} is outside the result; {self.extent()}")
+        return int(np.argmin(np.abs(self.positions - wanted)))
+
+    def extent(self) -> str:
+        """The values in a few words, for messages."""
+        if not self.numeric or self.size <= 8:
+            return "its values: " + listed(self.text(i) for i in range(self.size))
+        low, high = self.positions.min(), self.positions.max()
+        return f"{self.size} values from {number_text(low)} to {number_text(high)}"
+
+
+def midpoints(x: Array) -> Array:
+    """``(n + 1,)``: midpoints of neighbours, and the ends continued by half a step."""
+    inner = 0.5 * (x[1:] + x[:-1])
+    return np.concatenate([[1.5 * x[0] - 0.5 * x[1]], inner, [1.5 * x[-1] - 0.5 * x[-2]]])
+
+
+def mesh_numbers(tree: xr.DataTree) -> dict[str, int]:
+    """Number (from 1) of each mesh by name, from the group ``modes``; empty if the result has none."""
+    modes = tree.children.get("modes")
+    if modes is None or "mesh" not in modes.coords or modes.coords["mesh"].dtype.kind not in "OUST":
+        return {}
+    return {str(name): number for number, name in enumerate(modes.coords["mesh"].values, start=1)}
+
+
+def axis_of(data: xr.DataArray | xr.Dataset, name: str, meshes: Mapping[str, int]) -> Axis:
+    """The axis of a dimension; a tongue goes by its label, a dimension without coordinate by its index."""
+    source = "label" if name == "tongue" and "label" in data.coords else name
+    if source not in data.coords:
+        return Axis(name, np.arange(data.sizes[name]), long_name=name.replace("_", " "), meshes=meshes)
+    coordinate = data.coords[source]
+    values = coordinate.values
+    if values.dtype.kind not in "fiu":
+        values = np.array([v.decode() if isinstance(v, bytes) else str(v) for v in values], dtype=object)
+    attributes = coordinate.attrs
+    return Axis(name, values, str(attributes.get("units", "1")), str(attributes.get("long_name", "")), meshes)
+
+
+def sweep_axes(tree: xr.DataTree) -> dict[str, Axis]:
+    """All axes of the groups of a sweep, in the order in which the result names them."""
+    meshes, axes = mesh_numbers(tree), dict[str, Axis]()
+    for dataset in datasets(tree):
+        for variable in dataset.data_vars.values():
+            for dim in variable.dims:
+                axes.setdefault(str(dim), axis_of(dataset, str(dim), meshes))
+    if axes and FREQUENCY not in axes:
+        axes[FREQUENCY] = spanned_frequency(tree, meshes)
+    return axes
+
+
+def datasets(tree: xr.DataTree) -> list[xr.Dataset]:
+    """The groups of a sweep that the result holds."""
+    return [tree[group].to_dataset() for group in GROUPS if group in tree.children]
+
+
+def spanned_frequency(tree: xr.DataTree, meshes: Mapping[str, int]) -> Axis:
+    """The mesh frequency of a result of boundaries alone: its axis if stored, else what they span, with some air."""
+    for dataset in (tree.to_dataset(), *datasets(tree)):
+        if FREQUENCY in dataset.coords and dataset.coords[FREQUENCY].ndim == 1:
+            return axis_of(dataset, FREQUENCY, meshes)
+    edges = [data["boundary_frequency"] for data in datasets(tree) if "boundary_frequency" in data.data_vars]
+    values = np.concatenate([np.ravel(edge.values) for edge in edges] or [np.zeros(0)])
+    values = values[np.isfinite(values)]
+    low, high = (values.min(), values.max()) if values.size else (0.0, 1.0)
+    air = 0.03 * (high - low) or 0.05 * abs(high) or 0.5
+    units = str(edges[0].attrs.get("units", "1")) if edges else "1"
+    return Axis(FREQUENCY, np.array([max(low - air, 0.0), high + air]), units, "mesh frequency", meshes)
+
+
+def find_axis(axes: Mapping[str, Axis], name: str) -> Axis:
+    """An axis by its name or by the only dotted path that ends with it. Raises PlotError naming the axes."""
+    if name in axes:
+        return axes[name]
+    endings = [axis for axis in axes if axis.endswith("." + name)]
+    if len(endings) == 1:
+        return axes[endings[0]]
+    raise PlotError(f"no axis {name!r} in this result; its axes: {listed(axes)}")
+
+
+@dataclass(frozen=True)
+class View:
+    """Which part of a result a figure shows: two axes, an index on each fixed one, and what is left over."""
+
+    x: Axis
+    y: Axis | None
+    fixed: Mapping[str, int]
+    free: tuple[Axis, ...]
+    chosen: tuple[str, ...] = ()
+    """Captions of what the user selected, for the title."""
+    tongue: str | None = None
+    """The label of the tongue selected, to which lines are then restricted."""
+
+    def at(self, **fixed: int) -> View:
+        """The view with further axes fixed."""
+        return replace(
+            self, fixed={**self.fixed, **fixed}, free=tuple(axis for axis in self.free if axis.name not in fixed)
+        )
+
+    def cut(self, data: xr.DataArray, *dims: str) -> Array:
+        """The values over ``dims`` (in this order) at the fixed indices, axes of the view in ascending order."""
+        fixed = {name: index for name, index in self.fixed.items() if name in data.dims and name not in dims}
+        part = data.isel(fixed)
+        for axis in (self.x, self.y):
+            if axis is not None and axis.name in part.dims:
+                part = part.isel({axis.name: axis.order})
+        return part.transpose(*dims).values
+
+
+@dataclass(frozen=True)
+class Request:
+    """What the user asked for; ``x`` and ``y`` default to the mesh frequency and epsilon."""
+
+    x: str | None = None
+    y: str | None = None
+    select: Mapping[str, str] = field(default_factory=dict)
+    variable: str | None = None
+    size: str | None = None
+    title: bool = True
+
+
+def view_of(
+    tree: xr.DataTree, dims: Iterable[str], request: Request, own: xr.Dataset | None = None, two: bool = True
+) -> View:
+    """The part of a result over ``dims`` that a request means.
+
+    Axes with one value are fixed by themselves; ``own`` is the group of the variable, whose list of tongues counts;
+    ``two=False`` is for figures over x alone.
+    Raises PlotError for unknown axes or values, and if a second axis is needed and there is none.
+    """
+    every = sweep_axes(tree)
+    if own is not None:
+        every.update({name: axis_of(own, name, mesh_numbers(tree)) for name in map(str, own.sizes) if name in every})
+    fixed, chosen, tongue = {}, [], None
+    for name, text in request.select.items():
+        axis = find_axis(every, name)
+        fixed[axis.name] = axis.find(text)
+        chosen.append(axis.caption(fixed[axis.name]))
+        tongue = axis.text(fixed[axis.name]) if axis.name == "tongue" else tongue
+    axes = {name: every[name] for name in dims if name not in fixed}
+    asked = {name: chosen_axis(axes, every, fixed, name) for name in (request.x, request.y) if name}
+    taken = {axis.name for axis in asked.values()}
+    if request.x and request.y and len(taken) == 1:
+        raise PlotError(f"--x and --y are both {request.x}")
+    rest = [axis for axis in axes.values() if axis.size > 1 and axis.name not in taken]
+    x = asked[request.x] if request.x else default(rest, [FREQUENCY])
+    rest = [axis for axis in rest if axis is not x]
+    y = asked[request.y] if request.y else default(rest, ["epsilon", "amplitude"]) if two else None
+    if x is None or (two and y is None):
+        needed = "two axes" if two else "an axis"
+        raise PlotError(f"this figure needs {needed} with several values; {axes_text(every, fixed)}")
+    free = tuple(axis for axis in rest if axis is not y)
+    single = {axis.name: 0 for axis in axes.values() if axis.size == 1 and axis.name not in taken}
+    return View(x, y, {**fixed, **single}, free, tuple(chosen), tongue)
+
+
+def chosen_axis(axes: Mapping[str, Axis], every: Mapping[str, Axis], fixed: Mapping[str, int], name: str) -> Axis:
+    """The axis asked for by ``--x`` or ``--y``. Raises PlotError if it is fixed or not among those of the variable."""
+    axis = find_axis(every, name)
+    if axis.name in fixed:
+        raise PlotError(f"{axis.name} cannot be drawn along an axis and selected at once")
+    return find_axis(axes, axis.name)
+
+
+def default(axes: list[Axis], preferred: list[str]) -> Axis | None:
+    """The axis with a preferred name (or ending so), else the longest with numbers, else the first."""
+    named = [axis for name in preferred for axis in axes if axis.name.split(".")[-1] == name]
+    numeric = sorted((axis for axis in axes if axis.numeric), key=lambda axis: -axis.size)
+    return next(iter([*named, *numeric, *axes]), None)
+
+
+def axes_text(axes: Mapping[str, Axis], fixed: Mapping[str, int]) -> str:
+    """Names and sizes of the axes, for messages."""
+    sizes = [f"{axis.name} ({axis.size}{', selected' if axis.name in fixed else ''})" for axis in axes.values()]
+    return f"this result has {listed(sizes)}"

@@ -1,0 +1,97 @@
+"""A variable over one axis, for results with one axis (or one left): growth rate over mesh frequency."""
+
+from __future__ import annotations
+
+from itertools import product
+from math import ceil
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.legend import Legend
+from matplotlib.lines import Line2D
+
+from gearstab.plots import grid, tongues
+from gearstab.plots.axes import FREQUENCY, Axis, Request, View, view_of
+from gearstab.plots.errors import PlotError
+from gearstab.plots.heading import write_title
+from gearstab.plots.stability_map import GROWTH_RATE, colour_label, find_variable
+from gearstab.plots.style import CASES, DASHES, SHADE, new_figure
+from gearstab.plots.text import fitted, printed_text
+
+Artists = dict[str, Any]
+
+
+def combinations(free: tuple[Axis, ...], most: int, what: str) -> list[dict[str, int]]:
+    """Every combination of indices on the axes left over. Raises PlotError if there are more than ``most``."""
+    names = [axis.name for axis in free]
+    chosen = [dict(zip(names, index, strict=True)) for index in product(*(range(axis.size) for axis in free))]
+    if len(chosen) > most:
+        left = "; ".join(f"{axis.name}: {axis.extent()}" for axis in free)
+        many = f"{len(chosen)} {what} are too many (at most {most})"
+        raise PlotError(f"{many}: choose with --select AXIS=VALUE; left over: {left}")
+    return chosen
+
+
+def caption(free: tuple[Axis, ...], chosen: dict[str, int]) -> str:
+    """What tells one combination from the others."""
+    return ", ".join(axis.caption(chosen[axis.name]) for axis in free)
+
+
+def draw_curve(ax: Axes, data: xr.DataArray, view: View, number: int, label: str) -> Line2D:
+    """One line over x; gaps where there is no value."""
+    (line,) = ax.plot(
+        view.x.positions[view.x.order], view.cut(data, view.x.name), color=CASES[number], linestyle=DASHES[number],
+        label=label, marker="o" if view.x.size == 1 else "", markersize=2.5,
+    )  # fmt: skip
+    return line
+
+
+def draw_bands(tree: xr.DataTree, ax: Axes, view: View) -> tuple[tongues.Tongues | None, object | None]:
+    """Shade the mesh frequencies that perturbation theory calls unstable; returns the tongues and the bands."""
+    lines = tongues.read_tongues(tree, "perturbation", view, None) if view.x.name == FREQUENCY else None
+    if lines is None:
+        return None, None
+    edges = lines.edges[..., 0]
+    edges = edges[np.isfinite(edges).all(axis=1) & (edges[:, 1] > edges[:, 0])]
+    return lines, ax.broken_barh(
+        list(zip(edges[:, 0], edges[:, 1] - edges[:, 0], strict=True)), (0, 1), transform=ax.get_xaxis_transform(),
+        facecolors=SHADE, linewidth=0, zorder=0.5,
+    )  # fmt: skip
+
+
+def write_legend(figure: Figure, handles: list[Any]) -> Legend:
+    """A legend under the figure with as many columns as its width holds, the rows about equally full."""
+    # The handle and its gaps take about 4.5 letters of size 7.5.
+    letters = max(printed_text(str(handle.get_label())) for handle in handles) + 9
+    most = max(1, int(figure.get_figwidth() * 72 / (0.45 * 7.5) / letters))
+    columns = ceil(len(handles) / ceil(len(handles) / most))
+    return figure.legend(handles=handles, loc="outside lower center", ncols=columns)
+
+
+def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
+    """The whole figure: ``lines``, and for one case over the mesh frequency ``bands`` and ``names`` of the tongues."""
+    variable = request.variable or GROWTH_RATE
+    dataset, data = find_variable(tree, variable)
+    view = view_of(tree, map(str, data.dims), request, dataset, two=False)
+    cases = combinations(view.free, len(CASES), "curves")
+    figure = new_figure(request.size or "single", 0.62)
+    ax = figure.add_subplot()
+    lines = [draw_curve(ax, data, view.at(**c), k, caption(view.free, c)) for k, c in enumerate(cases)]
+    low, high = grid.limits(view.x) if view.x.size == 1 else view.x.positions[view.x.order][[0, -1]]
+    ax.set_xscale("log" if view.x.logarithmic else "linear")
+    ax.set_xlim(low, high)
+    ax.set_xlabel(view.x.label)
+    ax.set_ylabel(fitted(colour_label(tree, variable), 1.8, 8.5))
+    if variable == GROWTH_RATE:
+        ax.axhline(0.0, color="#8a8a8a", linewidth=0.4, zorder=0.8)
+    found, bands = draw_bands(tree, ax, view) if len(cases) == 1 else (None, None)
+    if len(cases) > 1:
+        write_legend(figure, lines)
+    write_title(figure, tree, request, view)
+    tongues.settle(figure)
+    names = tongues.name_tongues(ax, found, True) if found is not None else None
+    tongues.freeze(figure)
+    return figure, {"lines": lines, "bands": bands, "names": names}

@@ -1,0 +1,76 @@
+"""A rectangular grid of values as an image or a mesh, whichever is faster and stays exact."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.collections import PolyCollection
+from matplotlib.colors import Colormap, Normalize
+
+from gearstab.plots.axes import Axis
+from gearstab.plots.style import FAILED
+from gearstab.plots.text import fitted
+
+Array = np.ndarray
+
+FEW = 12
+"""Axes with fewer values show their first and last cell whole; on longer ones half a cell is not missed."""
+
+
+def draw_cells(ax: Axes, x: Axis, y: Axis, values: Array, cmap: Colormap, norm: Normalize) -> ScalarMappable:
+    """Colour the cells of a grid; masked ones stay as they are.
+
+    values: masked ``(y.size, x.size)`` over ascending axes. Even spacing gives an image, whose pixels are averaged in
+    colour where print has fewer of them (thin tongues fade instead of breaking up); uneven spacing a rasterised mesh.
+    """
+    columns, rows = x.edges(), y.edges()
+    if x.uniform and y.uniform:
+        return ax.imshow(
+            values, cmap=cmap, norm=norm, origin="lower", aspect="auto", extent=(*columns[[0, -1]], *rows[[0, -1]]),
+            interpolation="antialiased", interpolation_stage="rgba", zorder=1,
+        )  # fmt: skip
+    return ax.pcolormesh(columns, rows, values, cmap=cmap, norm=norm, rasterized=True, zorder=1)
+
+
+def draw_failed(ax: Axes, x: Axis, y: Axis, failed: Array) -> PolyCollection | None:
+    """Hatch the cells without a value in grey: one polygon for each run of them along x; None if there are none."""
+    if not failed.any():
+        return None
+    columns, rows = x.edges(), y.edges()
+    padded = np.zeros((failed.shape[0], failed.shape[1] + 2), dtype=np.int8)
+    padded[:, 1:-1] = failed
+    change = np.diff(padded, axis=1)
+    (row, start), (_, stop) = np.nonzero(change == 1), np.nonzero(change == -1)
+    left, right, bottom, top = columns[start], columns[stop], rows[row], rows[row + 1]
+    corners = np.stack([left, bottom, right, bottom, right, top, left, top], axis=-1).reshape(-1, 4, 2)
+    patches = PolyCollection(
+        list(corners), facecolors=FAILED, edgecolors="#707070", linewidths=0, hatch="/" * 6, zorder=1.5, rasterized=True
+    )
+    ax.add_collection(patches, autolim=False)
+    return patches
+
+
+def frame(ax: Axes, x: Axis, y: Axis) -> None:
+    """Limits, scales, ticks and labels of both axes.
+
+    The limits are the first and the last value; on an axis of labels or of few values, where whole cells must show,
+    they are the edges.
+    """
+    (left, right), (bottom, top) = limits(x), limits(y)
+    ax.set_xscale("log" if x.logarithmic else "linear")
+    ax.set_yscale("log" if y.logarithmic else "linear")
+    ax.set_xlim(left, right)
+    ax.set_ylim(bottom, top)
+    box = ax.get_window_extent()
+    for axis, side, length in ((x, ax.xaxis, box.width), (y, ax.yaxis, box.height)):
+        side.set_label_text(fitted(axis.label, 1.1 * length / ax.figure.dpi, 8.5), linespacing=0.95)
+        if not axis.numeric or axis.size == 1:
+            side.set_ticks(axis.positions, [axis.text(i) for i in range(axis.size)])
+            side.set_tick_params(which="minor", length=0)
+
+
+def limits(axis: Axis) -> tuple[float, float]:
+    """Where the frame of a map begins and ends along an axis."""
+    ends = axis.edges() if axis.size < FEW or not axis.numeric else axis.positions[axis.order]
+    return float(ends[0]), float(ends[-1])

@@ -1,0 +1,111 @@
+"""Time histories: displacement of every coordinate and dynamic mesh forces (as in Lin & Parker 2002, Fig. 9)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from gearstab.plots.axes import Request
+from gearstab.plots.errors import PlotError, listed
+from gearstab.plots.heading import write_title
+from gearstab.plots.style import CASES, new_figure
+from gearstab.plots.text import fitted, plain, unit_text
+
+Artists = dict[str, Any]
+
+MOST_PANELS = 12
+LONG = 20_000
+"""Histories with more samples are stored as pixels inside a PDF or SVG file: as lines they would take megabytes."""
+
+
+def read_response(tree: xr.DataTree) -> xr.Dataset:
+    """The group ``response``. Raises PlotError if the result holds none with histories over time."""
+    if "response" not in tree.children:
+        raise PlotError(f"this result holds no time response; it holds {listed(tree.children)}")
+    dataset = tree["response"].to_dataset()
+    if "displacement" not in dataset.data_vars or "time" not in dataset["displacement"].dims:
+        held = listed(map(str, dataset.data_vars))
+        raise PlotError(f"this response holds no displacement over time; it holds {held}")
+    return dataset
+
+
+def histories(dataset: xr.Dataset, request: Request) -> list[tuple[str, xr.DataArray]]:
+    """(label, history) of every panel: each coordinate's displacement (or --variable), then each mesh's force.
+
+    Raises PlotError for a variable that is not over time and for a selection of anything but ``dof`` or ``mesh``.
+    """
+    names = [request.variable] if request.variable else ["displacement", "mesh_force"]
+    known = [str(name) for name, data in dataset.data_vars.items() if "time" in data.dims and data.dtype.kind in "fiu"]
+    panels: list[tuple[str, xr.DataArray]] = []
+    for name in names:
+        if name in known:
+            panels += columns(dataset[name], request)
+        elif request.variable:
+            raise PlotError(f"no variable {name!r} over time in this response; there is {listed(known)}")
+    for axis in request.select:
+        if not any(axis in dataset[name].dims for name in names if name in known):
+            raise PlotError(f"no axis {axis!r} to select in these histories; use dof or mesh")
+    if len(panels) > MOST_PANELS:
+        many = f"{len(panels)} histories are too many (at most {MOST_PANELS})"
+        raise PlotError(f"{many}: choose with --variable or --select dof=NAME")
+    return panels
+
+
+def columns(data: xr.DataArray, request: Request) -> list[tuple[str, xr.DataArray]]:
+    """A variable's histories, one for each coordinate or mesh (or the one selected), with their labels."""
+    across = [str(dim) for dim in data.dims if dim != "time"]
+    if not across:
+        return [(label_of(data, ""), data)]
+    dim = across[0]
+    labels = [str(v) for v in (data.coords[dim].values if dim in data.coords else range(1, data.sizes[dim] + 1))]
+    wanted = request.select.get(dim)
+    if wanted is not None and wanted not in labels:
+        raise PlotError(f"{dim} has no value {wanted!r}; its values: {listed(labels)}")
+    chosen = range(len(labels)) if wanted is None else [labels.index(wanted)]
+    return [(label_of(data, labels[i]), data.isel({dim: i})) for i in chosen]
+
+
+def label_of(data: xr.DataArray, element: str) -> str:
+    r"""``$x_1$ (m)``, ``mesh force first (N)``: a coordinate by its symbol, anything else by name."""
+    unit = unit_text(str(data.attrs.get("units", "1")))
+    letters, digits = element.rstrip("0123456789"), element[len(element.rstrip("0123456789")) :]
+    if data.name == "displacement" and len(letters) == 1 and digits:
+        words = f"${letters}_{{{digits}}}$"
+    else:
+        words = plain(
+            f"{data.attrs.get('long_name') or str(data.name).replace('_', ' ')}{', ' if element else ''}{element}"
+        )
+    return words + (f" ({unit})" if unit else "")
+
+
+def draw_history(ax: Axes, label: str, data: xr.DataArray, colour: str) -> Any:
+    """One history over time with a thin line at zero."""
+    time = data.coords["time"].values if "time" in data.coords else np.arange(data.sizes["time"])
+    ax.axhline(0.0, color="#8a8a8a", linewidth=0.4, zorder=0.5)
+    (line,) = ax.plot(time, data.values, color=colour, linewidth=0.6, rasterized=time.size > LONG)
+    ax.set_xlim(time[0], time[-1])
+    ax.set_ylabel(fitted(label, 1.1, 8.5), linespacing=0.95)
+    ax.margins(y=0.08)
+    return line
+
+
+def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
+    """The whole figure, panels over one another on a common time axis; its artists are ``lines``."""
+    panels = histories(read_response(tree), request)
+    size = request.size or "single"
+    height = (0.28 if size == "single" else 0.14) * len(panels) + (0.2 if size == "single" else 0.1)
+    figure = new_figure(size, height)
+    axes = np.ravel(figure.subplots(len(panels), 1, sharex=True, squeeze=False))
+    lines = []
+    for ax, (label, data) in zip(axes, panels, strict=True):
+        lines.append(draw_history(ax, label, data, CASES[2] if data.name == "mesh_force" else CASES[0]))
+    time = panels[0][1].coords.get("time")
+    units = unit_text(str(time.attrs.get("units", "1"))) if time is not None else ""
+    axes[-1].set_xlabel("time $t$" + (f" ({units})" if units else ""))
+    figure.align_ylabels(list(axes))
+    write_title(figure, tree, request)
+    return figure, {"lines": lines}

@@ -1,0 +1,78 @@
+"""Small multiples: the stability map over a third (and fourth) axis of an N-dimensional result."""
+
+from __future__ import annotations
+
+from math import ceil
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from gearstab.plots import stability_map, tongues
+from gearstab.plots.axes import Request, View, view_of
+from gearstab.plots.curve import caption, combinations
+from gearstab.plots.heading import write_title
+from gearstab.plots.stability_map import GROWTH_RATE, colour_label, find_variable
+from gearstab.plots.style import new_figure
+from gearstab.plots.text import fitted
+
+Artists = dict[str, Any]
+
+MOST = 12
+"""More panels than this are too small to read on a page."""
+
+
+def arrangement(view: View) -> tuple[int, int]:
+    """(rows, columns) of the panels: the axes themselves if two are left over and short enough, else about a square."""
+    sizes = [axis.size for axis in view.free]
+    if len(sizes) == 2 and max(sizes) <= 4:
+        return sizes[0], sizes[1]
+    count = int(np.prod(sizes)) if sizes else 1
+    columns = {1: 1, 2: 2, 3: 3, 4: 2}.get(count, 3 if count <= 9 else 4)
+    return ceil(count / columns), columns
+
+
+def draw_panel(tree: xr.DataTree, ax: Axes, view: View, variable: str, norm: Any, text: str) -> Artists:
+    """One map with its caption above (the names of the tongues stand between)."""
+    artists = stability_map.draw_map(tree, ax, view, variable, norm)
+    artists["caption"] = ax.set_title(text, loc="left", pad=15)
+    ax.label_outer()
+    ax.set(xlabel="", ylabel="")
+    return artists
+
+
+def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
+    """The whole figure: ``panels`` and ``colour_bar``.
+
+    A panel is a mapping of artists, see ``stability_map.draw_map``, with ``caption`` and ``names``. All panels share
+    axes and colours. Raises PlotError if there would be more than ``MOST``.
+    """
+    variable = request.variable or GROWTH_RATE
+    dataset, data = find_variable(tree, variable)
+    view = view_of(tree, map(str, data.dims), request, dataset)
+    chosen = combinations(view.free, MOST, "panels")
+    views = [view.at(**panel) for panel in chosen]
+    rows, columns = arrangement(view)
+    figure = new_figure(request.size or "double", min(1.25, 0.12 + 0.88 * rows / columns))
+    grid = np.ravel(figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False))
+    values = np.ma.stack([stability_map.read_cells(tree, item, variable)[0] for item in views])
+    norm = stability_map.colours(values, variable)[1]
+    panels = []
+    for number, (ax, item, panel) in enumerate(zip(grid, views, chosen, strict=False)):
+        text = f"({chr(97 + number)})  {caption(view.free, panel)}"
+        panels.append(draw_panel(tree, ax, item, variable, norm, text))
+    for ax in grid[len(views) :]:
+        ax.remove()
+    bar = figure.colorbar(panels[0]["cells"], ax=list(grid[: len(views)]), pad=0.015, aspect=18 * rows)
+    bar.set_label(fitted(colour_label(tree, variable), 1.8 * rows, 8.5))
+    bar.outline.set_linewidth(0.5)
+    figure.supxlabel(view.x.label, fontsize=8.5)
+    figure.supylabel(view.y.label, fontsize=8.5)  # type: ignore[union-attr]
+    write_title(figure, tree, request, view)
+    tongues.settle(figure)
+    for ax, item, artists in zip(grid, views, panels, strict=False):
+        artists["names"] = tongues.name_view(tree, ax, item, rows=1)
+    tongues.freeze(figure)
+    return figure, {"panels": panels, "colour_bar": bar}

@@ -1,0 +1,151 @@
+"""The stability map: growth rate over two axes, instability boundaries and the names of the tongues."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.colors import Colormap, Normalize
+from matplotlib.figure import Figure
+
+from gearstab.plots import grid, tongues
+from gearstab.plots.axes import GROUPS, Request, View, view_of
+from gearstab.plots.errors import PlotError, listed
+from gearstab.plots.heading import write_title
+from gearstab.plots.style import GROWTH, LINE, new_figure
+from gearstab.plots.text import axis_label, fitted
+
+Array = np.ndarray
+Artists = dict[str, Any]
+
+GROWTH_RATE = "growth_rate"
+
+
+def find_variable(tree: xr.DataTree, name: str) -> tuple[xr.Dataset, xr.DataArray]:
+    """A numeric variable over the axes of the sweep, Floquet's first. Raises PlotError naming those there are."""
+    known: list[str] = []
+    for group in GROUPS:
+        if group not in tree.children:
+            continue
+        dataset = tree[group].to_dataset()
+        if name in dataset.data_vars and dataset[name].dtype.kind in "fiu":
+            return dataset, dataset[name]
+        known += [str(v) for v in dataset.data_vars if dataset[v].dtype.kind in "fiu" and dataset[v].ndim > 1]
+    if name == GROWTH_RATE and known:
+        raise PlotError(
+            f"this result has no growth rates (methods.floquet was not run); --variable: {listed(dict.fromkeys(known))}"
+        )
+    raise PlotError(f"no variable {name!r} to draw in this result; there is {listed(dict.fromkeys(known))}")
+
+
+def read_cells(tree: xr.DataTree, view: View, variable: str) -> tuple[Array, Array]:
+    """(values, failed), both ``(y.size, x.size)``: values of stable points are masked in a map of growth rates."""
+    assert view.y is not None
+    dataset, data = find_variable(tree, variable)
+    dims = view.y.name, view.x.name
+    values = view.cut(data, *dims).astype(float)
+    failed = ~np.isfinite(values) if data.dims == dataset.get("status", data).dims else np.zeros(values.shape, bool)
+    if variable != GROWTH_RATE:
+        return np.ma.masked_invalid(values), failed
+    stable = values <= 0
+    if "stable" in dataset.data_vars:
+        stable = view.cut(dataset["stable"], *dims) == 1
+    return np.ma.masked_where(stable | failed, values), failed
+
+
+def colours(values: Array, variable: str) -> tuple[Colormap, Normalize]:
+    """The colour map of a variable and its range over all ``values`` shown; growth rates start at zero."""
+    shown = np.ma.compressed(values) if isinstance(values, np.ma.MaskedArray) else values[np.isfinite(values)]
+    low, high = (float(shown.min()), float(shown.max())) if shown.size else (0.0, 0.0)
+    if variable == GROWTH_RATE:
+        low = 0.0
+    return GROWTH, Normalize(low, high if high > low else low + 1.0)
+
+
+def draw_map(
+    tree: xr.DataTree, ax: Axes, view: View, variable: str = GROWTH_RATE, norm: Normalize | None = None
+) -> Artists:
+    """Draw one map into a frame.
+
+    Returns the artists: ``cells`` (values of unstable points; stable ones masked), ``failed`` (hatched, or None),
+    ``neutral`` (the line growth_rate = 0 of a damped system, or None), ``perturbation`` and ``boundaries`` (lines, or
+    None).
+    """
+    assert view.y is not None
+    values, failed = read_cells(tree, view, variable)
+    cmap, own = colours(values, variable)
+    artists: Artists = {
+        "cells": grid.draw_cells(ax, view.x, view.y, values, cmap, norm or own),
+        "failed": grid.draw_failed(ax, view.x, view.y, failed),
+        "neutral": draw_neutral(tree, ax, view) if variable == GROWTH_RATE else None,
+    }
+    grid.frame(ax, view.x, view.y)
+    overlaid = variable in (GROWTH_RATE, "stable")
+    return {**artists, **draw_boundaries(tree, ax, view if overlaid else None, artists["neutral"] is not None)}
+
+
+def draw_neutral(tree: xr.DataTree, ax: Axes, view: View) -> object | None:
+    """The contour growth_rate = 0 where damping makes stable points decay; None without such points."""
+    assert view.y is not None
+    data = find_variable(tree, GROWTH_RATE)[1]
+    values = view.cut(data, view.y.name, view.x.name).astype(float)
+    finite = values[np.isfinite(values)]
+    # Rounding leaves +-1e-10 on an undamped system's zero: a millionth of the range is far above and draws nothing new.
+    decays = finite.size and finite.min() < -1e-6 * np.abs(finite).max() and finite.max() > 0
+    if not decays or min(values.shape) < 2:
+        return None
+    x, y = (axis.positions[axis.order] for axis in (view.x, view.y))
+    return ax.contour(x, y, np.ma.masked_invalid(values), levels=[0.0], colors=LINE, linewidths=0.5, zorder=2)
+
+
+def draw_boundaries(tree: xr.DataTree, ax: Axes, view: View | None, dashed: bool) -> Artists:
+    """Exact boundaries (solid) and those of perturbation theory (dashed next to another line) of the view, if any."""
+    artists: Artists = {"perturbation": None, "boundaries": None}
+    found = tongues.parameter_axis(view) if view is not None else None
+    if view is None or found is None:
+        return artists
+    parameter, frequency_on_x = found
+    low, high = ax.get_xlim() if frequency_on_x else ax.get_ylim()
+    exact = tongues.read_tongues(tree, "boundaries", view, parameter)
+    if exact is not None:
+        artists["boundaries"] = tongues.boundary_lines(ax, exact, frequency_on_x, linewidths=0.45, zorder=2.2)
+    first = tongues.read_tongues(tree, "perturbation", view, parameter)
+    if first is not None:
+        seen = tongues.widest(first, low, high) > tongues.INVISIBLE
+        dashes = {"linestyles": [(0, (4, 2))]} if dashed or exact is not None else {}
+        artists["perturbation"] = tongues.boundary_lines(ax, first, frequency_on_x, seen, zorder=2.4, **dashes)
+    return artists
+
+
+def colour_label(tree: xr.DataTree, variable: str) -> str:
+    """What stands beside the colour bar."""
+    attributes = find_variable(tree, variable)[1].attrs
+    return axis_label(variable, str(attributes.get("long_name", "")), str(attributes.get("units", "1")))
+
+
+def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
+    """The whole figure; its artists are those of :func:`draw_map`, ``names`` and ``colour_bar``.
+
+    Raises PlotError if an axis is left over, naming it and its values.
+    """
+    variable = request.variable or GROWTH_RATE
+    dataset, data = find_variable(tree, variable)
+    view = view_of(tree, map(str, data.dims), request, dataset)
+    if view.free:
+        left = "; ".join(f"{axis.name}: {axis.extent()}" for axis in view.free)
+        raise PlotError(f"a map shows two axes: choose with --select AXIS=VALUE, or --kind slices; left over: {left}")
+    figure = new_figure(request.size or "single", 0.78 if (request.size or "single") == "single" else 0.52)
+    ax = figure.add_subplot()
+    artists = draw_map(tree, ax, view, variable)
+    bar = figure.colorbar(
+        artists["cells"], ax=ax, label=fitted(colour_label(tree, variable), 1.8, 8.5), pad=0.02, aspect=28
+    )
+    bar.outline.set_linewidth(0.5)
+    artists["colour_bar"] = bar
+    write_title(figure, tree, request, view)
+    tongues.settle(figure)
+    artists["names"] = tongues.name_view(tree, ax, view)
+    tongues.freeze(figure)
+    return figure, artists
