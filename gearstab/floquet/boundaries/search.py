@@ -1,0 +1,324 @@
+"""All unstable intervals of a conservative pattern along the period, by refinement of brackets.
+
+A bracket lies between two neighbouring samples of a row. Its integers (:mod:`~gearstab.floquet.boundaries.krein`) say what it
+holds:
+
+* nothing (both ends stable, equal C; or nowhere stable: begun at the left end exceeds ended at the right end): done;
+* exactly one edge (one end stable, and the integers of the two agree): refined to the tolerance;
+* narrow: both ends stable, C differs: tongues or contacts; refined until an unstable sample or the width floor is met;
+* open: anything else, e.g. two unstable ends that may have a stable gap between them: halved.
+
+All brackets of all rows are refined at once, one point a bracket and round. Points are proposed by interpolation of the detuning of the
+colliding pair (:mod:`~gearstab.floquet.boundaries.pairs`), and by halving where that does not help; what counts is
+only the verdict at the point, so that every edge ends between two samples that are a tolerance apart.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from gearstab.floquet.boundaries.krein import evaluate
+from gearstab.floquet.boundaries.pairs import COMBINATION, SELF
+from gearstab.floquet.segments import Pattern
+from gearstab.system import Array
+
+NOTHING, ENTRANCE, EXIT, NARROW, OPEN = range(5)
+
+CHUNK = 20000
+"""Matrix entries (points times n^2) treated at once."""
+COARSEST = 6
+"""Samples of a row that has hardly any collisions."""
+PATIENCE = 4
+"""Rounds of interpolation in which a bracket must halve."""
+NEAR = 1.2
+"""Margin by which a pair must miss each other for a bracket to be empty."""
+ATTEMPTS = 4
+"""Points tried where signs are lost in rounding, before a bracket is left as it is."""
+ROUNDS = 200
+
+
+@dataclass
+class Samples:
+    """What is known at the points sampled so far; see :class:`~gearstab.floquet.boundaries.krein.Verdicts`.
+
+    row, cycle ``(P,)``; ahead, behind ``(2, 2, P)``: detuning and coupling of each class.
+    """
+
+    row: Array
+    cycle: Array
+    stable: Array
+    begun: Array
+    ended: Array
+    known: Array
+    ahead: Array
+    behind: Array
+    soon: Array
+    since: Array
+
+    def __len__(self) -> int:
+        return len(self.row)
+
+    def joined(self, other: Samples) -> Samples:
+        pairs = ((getattr(self, f.name), getattr(other, f.name)) for f in fields(self))
+        return Samples(*(np.concatenate(pair, axis=-1) for pair in pairs))
+
+
+@dataclass
+class Brackets:
+    """Intervals between neighbouring samples: positions ``(B,)`` of the ends, and of the end that was replaced last (-1: none).
+
+    age, width: rounds of interpolation and the width when they began; failures: points that told nothing.
+    """
+
+    left: Array
+    right: Array
+    old: Array
+    age: Array
+    width: Array
+    failures: Array
+
+    def subset(self, index: Array) -> Brackets:
+        return Brackets(*(getattr(self, f.name)[index] for f in fields(self)))
+
+
+@dataclass(frozen=True)
+class Interval:
+    """One unstable interval of a row in cycle = 1/Omega.
+
+    start, stop; before, after: C on either side; error: widths of the brackets of both edges;
+    cut: whether an end is that of the range.
+    """
+
+    row: int
+    start: float
+    stop: float
+    before: int
+    after: int
+    error: tuple[float, float]
+    cut: tuple[bool, bool]
+
+
+@dataclass(frozen=True)
+class Search:
+    """intervals: by row and ascending cycle. contacts ``(r,)``: collisions that open no interval wider than the floor. evaluations ``(r,)``:
+    monodromy matrices computed."""
+
+    intervals: list[Interval]
+    contacts: Array
+    evaluations: Array
+
+
+def sample(pattern: Pattern, row: Array, cycle: Array) -> Samples:
+    """Evaluate points in chunks."""
+    step = max(1, CHUNK // pattern.size**2)
+    parts = []
+    for i in range(0, len(row), step):
+        part = slice(i, i + step)
+        v = evaluate(pattern, row[part], cycle[part])
+        ahead = np.stack([v.ahead.detuning, v.ahead.coupling])
+        behind = np.stack([v.behind.detuning, v.behind.coupling])
+        parts.append(Samples(row[part], cycle[part], v.stable, v.begun, v.ended, v.known, ahead, behind, v.soon, v.since))
+    first = parts[0]
+    for part in parts[1:]:
+        first = first.joined(part)
+    return first
+
+
+def search(pattern: Pattern, first: Array, last: Array, tolerance: float, floor: float) -> Search:
+    """Unstable intervals of all rows between the cycles ``first`` and ``last`` ``(r,)``, 1/Omega in the pattern's units.
+
+    tolerance, floor: relative to Omega.
+    """
+    samples, brackets = _scan(pattern, first, last)
+    spacing = np.full(len(first), np.inf)
+    np.minimum.at(spacing, samples.row[brackets.left], samples.cycle[brackets.right] - samples.cycle[brackets.left])
+    evaluations = np.bincount(samples.row, minlength=len(first))
+    contacts = np.zeros(len(first), dtype=np.int64)
+    edges: list[tuple[Array, ...]] = []
+    for _ in range(ROUNDS):
+        kind = classify(samples, brackets, spacing)
+        wide = _width(samples, brackets) > np.where(_is_edge(samples, brackets, kind), tolerance, floor) * samples.cycle[brackets.left]
+        more = (kind != NOTHING) & wide & (brackets.failures < ATTEMPTS)
+        finished = brackets.subset(np.flatnonzero((kind != NOTHING) & ~more))
+        _finish(samples, finished, kind[(kind != NOTHING) & ~more], edges, contacts)
+        brackets, kind = brackets.subset(np.flatnonzero(more)), kind[more]
+        if len(brackets.left) == 0:
+            break
+        cycle = propose(samples, brackets, kind, tolerance, floor)
+        fresh = sample(pattern, samples.row[brackets.left], cycle)
+        evaluations += np.bincount(fresh.row, minlength=len(first))
+        samples, brackets = _divide(samples, fresh, brackets)
+    return Search(_assemble(samples, edges, first, last, floor), contacts, evaluations)
+
+
+def _scan(pattern: Pattern, first: Array, last: Array) -> tuple[Samples, Brackets]:
+    """About one sample a collision, uniform in the period, and the brackets between them."""
+    # The mean of the states' frequencies is close to those of the mean system; only a number of samples depends on it.
+    mean = np.sqrt(np.maximum(pattern.squared_frequency, 0)).mean(axis=1).sum(axis=-1)
+    events = (pattern.size + 1) * mean * pattern.cycles * (last - first)
+    count = np.maximum(COARSEST, np.ceil(events).astype(int))
+    row = np.repeat(np.arange(len(first)), count)
+    place = np.concatenate([np.linspace(0, 1, c) for c in count])
+    cycle = first[row] + (last - first)[row] * place
+    # Both ends exactly.
+    cycle[np.cumsum(count) - 1] = last
+    samples = sample(pattern, row, cycle)
+    for attempt in range(1, ATTEMPTS):
+        lost = np.flatnonzero(~samples.known & samples.stable)
+        if len(lost) == 0:
+            break
+        nudge = np.where(place[lost] == 1, -1, 1) * attempt * np.where((place[lost] % 1) == 0, 1e-11, 1e-4)
+        again = sample(pattern, row[lost], cycle[lost] * (1 + nudge))
+        for f in fields(samples):
+            getattr(samples, f.name)[..., lost] = getattr(again, f.name)
+    kept = np.flatnonzero(samples.known | ~samples.stable)
+    inner = samples.row[kept[1:]] == samples.row[kept[:-1]]
+    left, right = kept[:-1][inner], kept[1:][inner]
+    none = np.full(len(left), -1)
+    return samples, Brackets(left, right, none, np.zeros_like(left), samples.cycle[right] - samples.cycle[left], np.zeros_like(left))
+
+
+def classify(samples: Samples, brackets: Brackets, spacing: Array) -> Array:
+    """What each bracket holds. Where the integers are unknown (strong growth) a bracket is halved down to a quarter of the
+    scan's spacing and then taken at face value."""
+    a, b = brackets.left, brackets.right
+    stable_a, stable_b = samples.stable[a], samples.stable[b]
+    begun, ended = samples.begun[a], samples.ended[b]
+    known = samples.known[a] & samples.known[b]
+    width = _width(samples, brackets)
+    near = (samples.soon[a] < NEAR * width) & (samples.since[b] < NEAR * width)
+    kind = np.full(len(a), OPEN)
+    same = begun == ended
+    kind[stable_a & ~stable_b & same] = ENTRANCE
+    kind[~stable_a & stable_b & same] = EXIT
+    kind[stable_a & stable_b & ~same] = NARROW
+    kind[(stable_a & stable_b & same & ~near) | (~stable_a & ~stable_b & (begun > ended))] = NOTHING
+    small = width < 0.26 * spacing[samples.row[a]]
+    face = np.where(stable_a, np.where(stable_b, NARROW, ENTRANCE), np.where(stable_b, EXIT, NOTHING))
+    return np.where(known, kind, np.where(small, face, OPEN))
+
+
+def _is_edge(samples: Samples, brackets: Brackets, kind: Array) -> Array:
+    """Whether a bracket ends in an edge, so that it is refined to the tolerance."""
+    return samples.stable[brackets.left] != samples.stable[brackets.right]
+
+
+def _width(samples: Samples, brackets: Brackets) -> Array:
+    return samples.cycle[brackets.right] - samples.cycle[brackets.left]
+
+
+def propose(samples: Samples, brackets: Brackets, kind: Array, tolerance: float, floor: float) -> Array:
+    """The next point of each bracket, ``(B,)``."""
+    a, b, old = brackets.left, brackets.right, brackets.old
+    x, y = samples.cycle[a], samples.cycle[b]
+    middle = 0.5 * (x + y)
+    # Where a middle told nothing, somewhere else.
+    middle += (y - x) * 0.11 * brackets.failures * np.where(brackets.failures % 2 == 1, 1, -1)
+    weight = np.where(kind == NARROW, samples.ended[b] - samples.begun[a], 1)
+    weight = np.where(kind == ENTRANCE, samples.begun[b] - samples.begun[a], weight)
+    weight = np.where(kind == EXIT, samples.ended[b] - samples.ended[a], weight)
+    group = np.where(weight == 1, SELF, COMBINATION)
+    side = np.select([kind == ENTRANCE, kind == EXIT], [2.0, -2.0], 0.0)
+    f, g = (_value(samples.ahead, a, group, side), _value(samples.behind, b, group, side))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        root = x - f * (y - x) / (g - f)
+        better = _quadratic(samples, brackets, group, side, (x, f), (y, g))
+        root = np.where((better > x) & (better < y), better, root)
+        usable = (f < 0) & (g > 0) & (root > x) & (root < y) & (weight <= 2) & (kind != OPEN)
+        usable &= (brackets.failures == 0) & (brackets.age < PATIENCE)
+        least = 0.4 * tolerance * x
+        root = np.where(side != 0, np.clip(root, x + least, y - least), root)
+        # Is the tongue predicted to be narrower than the floor? Then enclose it between two stable points.
+        slope = (g - f) / (y - x)
+        coupling = np.maximum(samples.ahead[1, group, a], samples.behind[1, group, b])
+        closed = (side == 0) & (4 * coupling < 0.8 * floor * x * slope)
+        probe = np.where(root - x > 0.46 * floor * x, root - 0.45 * floor * x, root + 0.45 * floor * x)
+    usable &= ~closed | ((probe > x) & (probe < y))
+    return np.where(usable, np.where(closed, probe, root), middle)
+
+
+def _value(side: Array, index: Array, group: Array, factor: Array) -> Array:
+    return side[0, group, index] + factor * side[1, group, index]
+
+
+def _quadratic(
+    samples: Samples, brackets: Brackets, group: Array, factor: Array, left: tuple[Array, Array], right: tuple[Array, Array]
+) -> Array:
+    """Inverse quadratic interpolation through both ends and the end replaced last; NaN without one."""
+    old = np.maximum(brackets.old, 0)
+    z = samples.cycle[old]
+    ahead = z < left[0]
+    h = np.where(ahead, _value(samples.ahead, old, group, factor), _value(samples.behind, old, group, factor))
+    (x, f), (y, g) = left, right
+    root = x * g * h / ((f - g) * (f - h)) + y * f * h / ((g - f) * (g - h)) + z * f * g / ((h - f) * (h - g))
+    monotone = np.where(ahead, h < f, h > g)
+    return np.where((brackets.old >= 0) & monotone, root, np.nan)
+
+
+def _divide(samples: Samples, fresh: Samples, brackets: Brackets) -> tuple[Samples, Brackets]:
+    """Put the new samples into their brackets; one that told nothing is dropped."""
+    a, b = brackets.left, brackets.right
+    good = fresh.known | ~fresh.stable
+    new = len(samples) + np.arange(len(fresh))
+    keep = np.flatnonzero(good)
+    middle = new[keep]
+    left, right = a[keep], b[keep]
+    joined = samples.joined(fresh)
+    age, width = brackets.age[keep] + 1, brackets.width[keep]
+    first = Brackets(left, middle, right, age, width, np.zeros_like(left))
+    second = Brackets(middle, right, left, age, width, np.zeros_like(left))
+    bad = brackets.subset(np.flatnonzero(~good))
+    bad.failures = bad.failures + 1
+    parts = [first, second, bad]
+    total = Brackets(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(Brackets)))
+    now = _width(joined, total)
+    restart = (now < 0.5 * total.width) | (total.age > PATIENCE)
+    total.age = np.where(restart, 0, total.age)
+    total.width = np.where(restart, now, total.width)
+    return joined, total
+
+
+def _finish(samples: Samples, brackets: Brackets, kind: Array, edges: list[tuple[Array, ...]], contacts: Array) -> None:
+    """Note the edges and the contacts among brackets that need no more work."""
+    a, b = brackets.left, brackets.right
+    edge = samples.stable[a] != samples.stable[b]
+    edges.append((a[edge], b[edge]))
+    narrow = kind == NARROW
+    np.add.at(contacts, samples.row[a[narrow]], (samples.ended[b] - samples.begun[a])[narrow])
+
+
+def _assemble(samples: Samples, edges: list[tuple[Array, ...]], first: Array, last: Array, floor: float) -> list[Interval]:
+    a, b = (np.concatenate(part) for part in zip(*edges, strict=True))
+    order = np.lexsort((samples.cycle[a], samples.row[a]))
+    a, b = a[order], b[order]
+    usable = np.flatnonzero(samples.known | ~samples.stable)
+    result = []
+    for row in range(len(first)):
+        mine = np.flatnonzero(samples.row[a] == row)
+        result += _intervals(samples, a[mine], b[mine], usable[samples.row[usable] == row], row, floor)
+    return result
+
+
+def _intervals(samples: Samples, a: Array, b: Array, own: Array, row: int, floor: float) -> list[Interval]:
+    """Pair entrances with exits; a region that reaches an end of the range is cut there."""
+    where = 0.5 * (samples.cycle[a] + samples.cycle[b])
+    error = samples.cycle[b] - samples.cycle[a]
+    result: list[Interval] = []
+    lowest, highest = own[np.argmin(samples.cycle[own])], own[np.argmax(samples.cycle[own])]
+    start = None
+    if not samples.stable[lowest]:
+        start = (samples.cycle[lowest], int(samples.ended[lowest]), 0.0, True)
+    for k in range(len(a)):
+        if samples.stable[a[k]]:
+            start = (where[k], int(samples.begun[a[k]]), error[k], False)
+        elif start is not None:
+            y, before, wrong, cut = start
+            result.append(Interval(row, y, where[k], before, int(samples.begun[b[k]]), (wrong, error[k]), (cut, False)))
+            start = None
+    if start is not None:
+        y, before, wrong, cut = start
+        end = samples.cycle[highest]
+        result.append(Interval(row, y, end, before, int(samples.begun[highest]), (wrong, 0.0), (cut, True)))
+    return [i for i in result if i.stop - i.start > floor * i.start]
