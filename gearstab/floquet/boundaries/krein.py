@@ -34,8 +34,8 @@ enters the instability, begun rises, where it returns to the circle, ended.
 One gap remains for n >= 3: a pair that is off the circle does not interact with a third multiplier on it and may overtake it, with or
 against the direction of its motion; against it, floor falls by what the meeting has added. Equal C then excludes a
 tongue only if no three multipliers come together between the two points. That is tested with the speeds of the phases, which the
-formula above gives exactly: a bracket is empty only if, from either of its ends, no pair could have met inside at
-its present speed.
+formula above gives exactly: a bracket is empty only if, from one of its ends, no pair could have met inside at
+its present speed; and two unstable ends belong to one tongue only if, seen from one of them, its pair cannot have left the tongue.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ class Verdicts:
     stable: ``(P,)`` bool.
     begun, ended: ``(P,)`` int64, both C where stable.
     known: ``(P,)`` bool, whether begun and ended are right: not where M is too large or signs are lost in rounding.
-    soon, since: ``(P,)``: cycles until a pair of two different modes meets, and since one has met, at present speeds.
+    soon, since: ``(P,)``: cycles until the next event and since the last one at present speeds, see :func:`_times`.
     ahead, behind: the pairs that meet next and that met last; on unstable points both are the pair off the circle.
     """
 
@@ -140,25 +140,37 @@ def evaluate(pattern: Pattern, row: Array, cycle: Array) -> Verdicts:
     winding, sure = _winding(points, phase, is_off, real)
     begun = 2 * n * winding + _meetings(phase, real)
     ended = begun - is_off.sum(axis=1)
-    ahead, behind = pairs.nearest(matrix, found, order, phase, is_off)
-    soon, since = _times(pattern, points, found, order, phase)
+    ahead, behind = pairs.nearest(matrix, points.energy, found, order, phase, is_off)
+    soon, since = _times(pattern, points, found, order, phase, stable, ahead)
     return Verdicts(stable, begun, ended, known & sure, ahead, behind, soon, since)
 
 
-def _times(pattern: Pattern, points: Points, found: Spectrum, order: Array, phase: Array) -> tuple[Array, Array]:
-    """Cycles until the next and since the last meeting of two different positive multipliers' with mirror images."""
-    n = phase.shape[1]
+def _times(
+    pattern: Pattern, points: Points, found: Spectrum, order: Array, phase: Array, stable: Array, pair: Pair
+) -> tuple[Array, Array]:
+    """Cycles until the next and since the last event at the present speeds.
+
+    Stable points: a meeting of a positive multiplier with the mirror image of another; unstable ones: the return of the pair
+    nearest to the circle, and its departure. Infinite for n < 3, where no third multiplier can disturb the count.
+    """
+    n, per_cycle = phase.shape[1], 2 * np.pi * pattern.cycles
     if n < 3:
         return np.full((2, len(phase)), np.inf)
     vectors = np.take_along_axis(found.vectors, order[:, None, :], axis=2)
     action = np.take_along_axis(found.sign, order, axis=1)
     mean = np.einsum("pik,pik->pk", vectors.conj(), points.energy @ vectors).real
     with np.errstate(divide="ignore", invalid="ignore"):
-        speed = 2 * np.pi * pattern.cycles * mean / action
+        speed = mean / action
         total = (phase[:, :, None] + phase[:, None, :]) % (2 * np.pi)
-        rate = speed[:, :, None] + speed[:, None, :]
-        pair = ~np.tri(n, dtype=bool)
-        return ((2 * np.pi - total) / rate)[:, pair].min(axis=1), (total / rate)[:, pair].min(axis=1)
+        rate = (speed[:, :, None] + speed[:, None, :]) * per_cycle
+        different = ~np.tri(n, dtype=bool)
+        meeting = [np.min((gap / rate)[:, different], axis=1) for gap in (2 * np.pi - total, total)]
+        half = np.sqrt(np.maximum(pair.coupling**2 - 0.25 * pair.detuning**2, 0.0))
+        # delta and b come with a factor sinh(g)/g for a pair that grows by exp(g).
+        shrink = np.where(half > 0, np.arcsinh(half) / half, 1.0) / (pair.slope * per_cycle)
+        leaving = [np.nanmin(np.append(d * shrink, np.full((1, len(phase)), np.inf), axis=0), axis=0)
+                   for d in (2 * pair.coupling - pair.detuning, 2 * pair.coupling + pair.detuning)]
+    return np.where(stable, meeting[0], leaving[0]), np.where(stable, meeting[1], leaving[1])
 
 
 def _winding(points: Points, phase: Array, off: Array, real: Array) -> tuple[Array, Array]:

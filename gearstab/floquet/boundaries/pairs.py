@@ -31,13 +31,17 @@ SELF, COMBINATION = 0, 1
 
 @dataclass(frozen=True)
 class Pair:
-    """delta and |b| of the nearest pair of each class, ``(2, P)``; NaN where there is none."""
+    """delta, |b| and d delta/d tau of the nearest pair of each class, ``(2, P)``; NaN where there is none.
+
+    The slope is that of delta in a fixed basis; tau = T/2 pi.
+    """
 
     detuning: Array
     coupling: Array
+    slope: Array
 
 
-def nearest(matrix: Array, found: Spectrum, order: Array, phase: Array, off: Array) -> tuple[Pair, Pair]:
+def nearest(matrix: Array, energy: Array, found: Spectrum, order: Array, phase: Array, off: Array) -> tuple[Pair, Pair]:
     """(ahead, behind): the pairs of each class that meet next and that met last at P points.
 
     order ``(P, n)``: which multipliers are the positive ones, or outside the circle (``off``); phase: their angles.
@@ -47,9 +51,9 @@ def nearest(matrix: Array, found: Spectrum, order: Array, phase: Array, off: Arr
     blocked = off[:, :, None] | off[:, None, :]
     result = []
     any_off = np.flatnonzero(off.any(axis=1))
-    inside = _inside(matrix, found, order, off, any_off)
+    inside = _inside(matrix, energy, found, order, off, any_off)
     for direction in (1, -1):
-        detuning, coupling = np.full((2, 2, points), np.nan)
+        table = np.full((3, 2, points), np.nan)
         for kind in (SELF, COMBINATION):
             wrong = ~np.eye(n, dtype=bool) if kind == SELF else np.tri(n, dtype=bool)
             gap = np.where(blocked | wrong, np.inf, 2 * np.pi - total if direction > 0 else total).reshape(points, -1)
@@ -58,17 +62,17 @@ def nearest(matrix: Array, found: Spectrum, order: Array, phase: Array, off: Arr
             i, j = best[usable] // n, best[usable] % n
             first = found.vectors[usable, :, order[usable, i]]
             second = found.vectors[usable, :, order[usable, j]].conj()
-            detuning[kind, usable], coupling[kind, usable] = reduced(matrix[usable], first, second)
-            detuning[kind, any_off], coupling[kind, any_off] = inside[0][kind], inside[1][kind]
-        result.append(Pair(detuning, coupling))
+            table[:, kind, usable] = reduced(matrix[usable], energy[usable], first, second)
+            table[:, kind, any_off] = inside[:, kind]
+        result.append(Pair(*table))
     return result[0], result[1]
 
 
-def _inside(matrix: Array, found: Spectrum, order: Array, off: Array, points: Array) -> tuple[Array, Array]:
+def _inside(matrix: Array, energy: Array, found: Spectrum, order: Array, off: Array, points: Array) -> Array:
     """The same for unstable points: of each class the pair that is least far off the circle."""
-    detuning, coupling = np.full((2, 2, len(points)), np.nan)
+    table = np.full((3, 2, len(points)), np.nan)
     if len(points) == 0:
-        return detuning, coupling
+        return table
     chosen, apart = order[points], off[points]
     values = np.take_along_axis(found.values[points], chosen, axis=1)
     for kind in (SELF, COMBINATION):
@@ -79,12 +83,12 @@ def _inside(matrix: Array, found: Spectrum, order: Array, off: Array, points: Ar
         p = points[usable]
         k = chosen[usable, best[usable]]
         first, second = found.vectors[p, :, k], found.vectors[p, :, found.mirror[p, k]]
-        detuning[kind, usable], coupling[kind, usable] = reduced(matrix[p], first, second)
-    return detuning, coupling
+        table[:, kind, usable] = reduced(matrix[p], energy[p], first, second)
+    return table
 
 
-def reduced(matrix: Array, first: Array, second: Array) -> tuple[Array, Array]:
-    """(delta, |b|) ``(P,)`` on the span of two eigenvectors ``(P, 2n)`` of M ``(P, 2n, 2n)``."""
+def reduced(matrix: Array, energy: Array, first: Array, second: Array) -> Array:
+    """delta, |b|, d delta/d tau ``(3, P)`` on the span of two eigenvectors ``(P, 2n)`` of M ``(P, 2n, 2n)``."""
     n = matrix.shape[-1] // 2
     rest = second - first * np.einsum("pi,pi->p", first.conj(), second)[:, None]
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -105,7 +109,9 @@ def reduced(matrix: Array, first: Array, second: Array) -> tuple[Array, Array]:
     block = block / mu[:, None, None]
     detuning = (block[:, 0, 0] + block[:, 1, 1]).imag
     coupling = np.abs(block[:, 0, 1] - block[:, 1, 0].conj()) / 2
-    return np.where(fine, detuning, np.nan), np.where(fine, coupling, np.nan)
+    vectors = basis @ frame
+    slope = np.einsum("pik,pik->p", vectors.conj(), energy @ vectors).real
+    return np.where(fine, np.stack([detuning, coupling, slope]), np.nan)
 
 
 def _krein(left: Array, right: Array) -> Array:

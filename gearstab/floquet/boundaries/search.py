@@ -194,7 +194,7 @@ def classify(samples: Samples, brackets: Brackets, spacing: Array) -> Array:
     kind[stable_a & ~stable_b & same] = ENTRANCE
     kind[~stable_a & stable_b & same] = EXIT
     kind[stable_a & stable_b & ~same] = NARROW
-    kind[(stable_a & stable_b & same & ~near) | (~stable_a & ~stable_b & (begun > ended))] = NOTHING
+    kind[~near & ((stable_a & stable_b & same) | (~stable_a & ~stable_b & (begun > ended)))] = NOTHING
     small = width < 0.26 * spacing[samples.row[a]]
     face = np.where(stable_a, np.where(stable_b, NARROW, ENTRANCE), np.where(stable_b, EXIT, NOTHING))
     return np.where(known, kind, np.where(small, face, OPEN))
