@@ -273,7 +273,7 @@ def solve(p: Plain, omega: float, digits: int = 40) -> Reference:
         values = sorted((mp.mpc(value) for value in values), key=lambda value: -abs(value))
         exponents = [mp.mpc(mp.log(value)) / period for value in values]
     elastic = list(exponents)
-    for decay in rigid_decays(p):
+    for decay in rigid_decays(p) if system.eliminated == len(rigid_modes(p)[0]) else []:
         elastic.remove(min(elastic, key=lambda value: abs(value + decay)))
     return Reference(values, exponents, elastic, system.eliminated, period, matrix, working)
 
@@ -281,13 +281,13 @@ def solve(p: Plain, omega: float, digits: int = 40) -> Reference:
 def rigid_decays(p: Plain) -> list[float]:
     """Decay a of a rigid velocity that stays by itself, C r = a M r within the rounding of C; one rigid mode only."""
     rigid = rigid_modes(p)
-    if p.damping is None or not rigid[0]:
+    if not rigid[0]:
         return []
     r, mass, damping = (np.array(a, dtype=float) for a in (rigid, p.mass, p.damping))
     if r.shape[1] > 1:
         raise NotImplementedError("several rigid modes with damping")
     force, decay = damping @ r, float((r.T @ damping @ r / (r.T @ mass @ r))[0, 0])
-    if not np.any(force) or np.max(np.abs(force - decay * mass @ r)) > 1e-13 * np.max(np.abs(damping)):
+    if np.max(np.abs(force - decay * mass @ r)) > 1e-13 * np.max(np.abs(damping)):
         return []
     return [decay]
 
