@@ -1,0 +1,41 @@
+"""``gearstab check``: is a configuration right?"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from gearstab.cli.errors import user_errors
+
+if TYPE_CHECKING:
+    from gearstab.config import Config
+
+
+@click.command(name="check", short_help="Validate a configuration.")
+@click.argument("config", type=click.Path(path_type=Path))
+@click.option("--set", "overrides", metavar="PATH=VALUE", multiple=True, help="Replace a value for this run; repeatable.")
+def command(config: Path, overrides: tuple[str, ...]) -> None:
+    """Validate CONFIG: exit code 0, or 2 with every mistake at once, each with its line and what to do about it."""
+    from gearstab.config import load
+
+    with user_errors():
+        found = load(config, overrides)
+    click.echo(f"{config}: {summary(found)}")
+
+
+def summary(config: Config) -> str:
+    """A valid configuration in one line."""
+    parts = [f"valid {config.kind}"]
+    if config.axes:
+        shape = " x ".join(f"{axis.name} ({axis.size})" for axis in config.axes)
+        points = 1
+        for axis in config.axes:
+            points *= axis.size
+        parts.append(f"{shape} = {points:,} point{'s' * (points != 1)}")
+    if config.methods.chosen:
+        parts.append(f"methods {', '.join(config.methods.chosen)}")
+    if config.respond is not None:
+        parts.append("respond")
+    return "; ".join(parts)

@@ -1,0 +1,282 @@
+"""A YAML document as plain data that remembers where everything stands."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING, Any
+
+from gearstab.config.problems import ConfigError, Path, Problem, dotted, shown
+
+if TYPE_CHECKING:
+    from ruamel.yaml.nodes import Node
+
+TAG = "tag:yaml.org,2002:"
+
+
+@dataclass(frozen=True)
+class Where:
+    """A place the user can go to: a line of a file, or a ``--set`` option (then without a line)."""
+
+    file: str
+    line: int | None = None
+
+
+@dataclass
+class Document:
+    """Plain data, the place of every value and key, and the problems found so far.
+
+    data: nested dicts, lists, numbers, texts, booleans and None; a key is always text.
+    values, keys: path -> place of the value and of its key. A block mapping or list counts as standing at its key.
+    """
+
+    file: str
+    data: Any = None
+    values: dict[Path, Where] = field(default_factory=dict)
+    keys: dict[Path, Where] = field(default_factory=dict)
+    problems: list[Problem] = field(default_factory=list)
+
+    def where(self, path: Path) -> Where:
+        """The place of the value at a path, or of the innermost one around it that exists."""
+        for length in range(len(path), 0, -1):
+            if path[:length] in self.values:
+                return self.values[path[:length]]
+        return Where(self.file, 1)
+
+    def get(self, path: Path) -> Any:
+        """The value at a path, None where there is none."""
+        value = self.data
+        for part in path:
+            try:
+                value = value[part]
+            except (KeyError, IndexError, TypeError):
+                return None
+        return value
+
+    def report(self, path: Path, message: str, hint: str = "", *, value: Any = None, at_key: bool = False) -> None:
+        """Add a problem at a path; ``at_key`` when the key is what is wrong."""
+        place = self.keys.get(path) if at_key else None
+        place = place or self.where(path)
+        self.problems.append(Problem(place.file, place.line, dotted(path), shown(value), message, hint))
+
+    def put(self, path: Path, value: Any, place: Where) -> None:
+        """Set a value, all parts of which then stand at ``place``; the container of the last key must exist."""
+        for table in (self.values, self.keys):
+            for known in [p for p in table if p[: len(path)] == path]:
+                del table[known]
+        container = self.get(path[:-1]) if path else None
+        if path:
+            container[path[-1]] = value
+        else:
+            self.data = value
+        for inner in paths_below(value, path):
+            self.values[inner] = place
+            self.keys[inner] = place
+
+    def move(self, source: Path, target: Path) -> None:
+        """Let everything that stands below ``source`` be found below ``target``; the data is the caller's."""
+        for table in (self.values, self.keys):
+            for known in [p for p in table if p[: len(source)] == source]:
+                table[target + known[len(source) :]] = table[known]
+
+
+def paths_below(value: Any, path: Path) -> Iterator[Path]:
+    """The path of a value and of everything in it."""
+    yield path
+    inner = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    for key, item in inner:
+        yield from paths_below(item, (*path, key))
+
+
+def read(path: FilePath) -> Document:
+    """Read a configuration file.
+
+    Raises ConfigError for a file that is missing, unreadable, no text or no YAML 1.2.
+    """
+    name = str(path)
+    try:
+        raw = path.read_bytes()
+    except FileNotFoundError:
+        raise _failed(name, None, "there is no such file", "check the path") from None
+    except IsADirectoryError:
+        raise _failed(name, None, "is a folder", "name a configuration file in it") from None
+    except OSError as error:
+        raise _failed(name, None, f"cannot be read: {(error.strerror or str(error)).lower()}", "") from None
+    try:
+        text = raw.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = raw[: error.start].count(b"\n") + 1
+        raise _failed(name, line, "is not UTF-8 text", "save the file in UTF-8") from None
+    return parse(text, name)
+
+
+def parse(text: str, name: str) -> Document:
+    """Parse YAML 1.2; duplicate keys are collected in ``problems``, broken syntax raises ConfigError."""
+    node = _compose(text, name)
+    document = Document(name)
+    if node is not None:
+        _Reader(document).read(node)
+    return document
+
+
+def parse_value(text: str, option: str) -> Any:
+    """The plain value of a YAML text, for ``--set``."""
+    document = parse(text, option)
+    if document.problems:
+        raise ConfigError(Problem(option, None, "", "", p.message, p.hint) for p in document.problems)
+    return document.data
+
+
+def _failed(name: str, line: int | None, message: str, hint: str) -> ConfigError:
+    return ConfigError([Problem(name, line, "", "", message, hint)])
+
+
+def _compose(text: str, name: str) -> Node | None:
+    from ruamel.yaml import YAML
+    from ruamel.yaml.composer import ComposerError
+    from ruamel.yaml.error import MarkedYAMLError
+    from ruamel.yaml.reader import ReaderError
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # an anchor used again is allowed in YAML 1.2
+            return YAML(typ="safe", pure=True).compose(text)
+    except ReaderError as error:
+        line = text[: error.position].count("\n") + 1
+        raise _failed(name, line, f"holds the control character {error.character:#x}", "remove it") from None
+    except MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        line = mark.line + 1 if mark else None
+        if isinstance(error, ComposerError) and "another document" in (error.problem or ""):
+            raise _failed(name, line, "a second document begins", "keep one configuration a file") from None
+        message = f"is no valid YAML: {error.problem or error.context}"
+        if error.context and error.context_mark and line != error.context_mark.line + 1:
+            message += f", {error.context} that begins in line {error.context_mark.line + 1}"
+        raise _failed(name, line, message, _syntax_remedy(text, line, error.problem or "")) from None
+    except RecursionError:
+        raise _failed(name, None, "is nested too deeply", "write a flatter document") from None
+
+
+def _syntax_remedy(text: str, line: int | None, problem: str) -> str:
+    lines = text.splitlines()
+    shown_line = lines[line - 1] if line and line <= len(lines) else ""
+    if "\t" in shown_line[: len(shown_line) - len(shown_line.lstrip())] or "'\\t'" in problem:
+        return "indent with spaces, not tabs"
+    if "mapping values" in problem or "could not find expected ':'" in problem:
+        return "check the indentation, and quote texts that hold ': '"
+    if "alias" in problem:
+        return "define it before with &"
+    if "cannot start any token" in problem:
+        return "put the text in quotes"
+    return "check brackets, quotes and indentation here and in the line before"
+
+
+class _Reader:
+    """Turns the nodes of a YAML document into plain data and places."""
+
+    def __init__(self, document: Document) -> None:
+        self.document = document
+        self.open: list[int] = []
+
+    def read(self, node: Node) -> None:
+        self.document.data = self.value(node, (), None)
+
+    def value(self, node: Node, path: Path, key: Node | None) -> Any:
+        block = key is not None and node.id != "scalar" and not node.flow_style
+        self.document.values[path] = self.place(key if block and key is not None else node)
+        if id(node) in self.open:
+            self.document.report(path, "an alias stands inside what it refers to", "write the values out")
+            return None
+        self.open.append(id(node))
+        try:
+            if node.id == "mapping":
+                return self.mapping(node, path)
+            if node.id == "sequence":
+                return [self.value(item, (*path, i), None) for i, item in enumerate(node.value)]
+            return self.scalar(node, path)
+        finally:
+            self.open.pop()
+
+    def place(self, node: Node) -> Where:
+        return Where(self.document.file, node.start_mark.line + 1)
+
+    def mapping(self, node: Node, path: Path) -> dict[str, Any]:
+        result: dict[str, Any] = {}
+        merged: dict[str, Any] = {}
+        for key, item in node.value:
+            if key.id != "scalar":
+                self.document.values.setdefault(path, self.place(key))
+                self.document.report(path, "a key is a list or a mapping", "use plain text as a key")
+            elif key.tag == TAG + "merge":
+                merged |= self.merge(item, path)
+            else:
+                self.entry(key, item, path, result)
+        return {**merged, **result} if merged else result
+
+    def entry(self, key: Node, item: Node, path: Path, result: dict[str, Any]) -> None:
+        here = (*path, key.value)
+        place = self.place(key)
+        if key.value in result:
+            first = self.document.keys[here].line
+            self.document.problems.append(
+                Problem(place.file, place.line, dotted(here), "", f"duplicate key, given in line {first} already",
+                        "remove one of the two")
+            )  # fmt: skip
+            return
+        self.document.keys[here] = place
+        result[key.value] = self.value(item, here, key)
+
+    def merge(self, node: Node, path: Path) -> dict[str, Any]:
+        """``<<: *anchor`` or ``<<: [*a, *b]``, where the first one wins."""
+        if node.id == "sequence":
+            merged: dict[str, Any] = {}
+            for item in node.value:
+                merged = {**self.merge(item, path), **merged}
+            return merged
+        if node.id == "mapping":
+            return self.mapping(node, path)
+        self.document.report(path, "'<<' merges mappings only", "refer to a mapping: <<: *anchor")
+        return {}
+
+    def scalar(self, node: Node, path: Path) -> Any:
+        tag, text = str(node.tag), str(node.value)
+        if tag == TAG + "null":
+            return None
+        if tag == TAG + "bool" and text.lower() in ("true", "false"):
+            return text.lower() == "true"
+        if tag in (TAG + "int", TAG + "float"):
+            return number(text)
+        if not tag.startswith(TAG) or tag == TAG + "binary":
+            self.document.report(path, f"the tag {tag} is not known", "remove it", value=text)
+        return text
+
+
+def number(text: str) -> int | float | str:
+    """The number that YAML 1.2 reads in a text; the text itself where Python cannot."""
+    plain = text.replace("_", "").lower()
+    try:
+        if plain.lstrip("+-").startswith(("0o", "0x", "0b")):
+            return int(plain, 0)
+        if plain.lstrip("+-") in (".inf", ".nan"):
+            return float(plain.replace(".", ""))
+        return int(plain) if plain.lstrip("+-").isdigit() else float(plain)
+    except ValueError:
+        return text
+
+
+def write(tree: dict[str, Any]) -> str:
+    """Plain data as YAML 1.2, in the order given; short lists stay on one line."""
+    from io import StringIO
+
+    from ruamel.yaml import YAML
+
+    yaml = YAML(typ="safe", pure=True)
+    yaml.default_flow_style = None
+    yaml.sort_base_mapping_type_on_output = False
+    yaml.width = 120
+    yaml.allow_unicode = True
+    text = StringIO()
+    yaml.dump(tree, text)
+    return text.getvalue()

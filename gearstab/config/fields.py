@@ -1,0 +1,180 @@
+"""The kinds of values that the models of a configuration are made of."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Annotated, Any, ClassVar
+
+from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, GetJsonSchemaHandler, StrictBool
+from pydantic_core import PydanticCustomError, core_schema
+
+from gearstab.config.problems import nearest
+from gearstab.config.units import UnitError, to_si
+
+LARGEST_DENOMINATOR = 1000
+"""A decimal number is taken for an exact ratio up to this denominator: 0.6 is 3/5, but 0.6667 is hardly 6667/10000."""
+
+
+def wrong(kind: str, message: str, hint: str) -> PydanticCustomError:
+    """An error whose remedy travels in its context."""
+    return PydanticCustomError(kind, "{message}", {"message": message, "hint": hint})  # type: ignore[arg-type]
+
+
+class Section(BaseModel):
+    """A mapping of a configuration: no unknown keys, unchangeable once read."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    misplaced: ClassVar[dict[str, str]] = {}
+    """Unknown keys that stand elsewhere, and the remedy for each."""
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A finite number; where it is dimensional also a text with a unit, converted to SI.
+
+    unit: the SI unit, "1" for a dimensionless number. others: further units it may have, of models in other coordinates.
+    """
+
+    unit: str = "1"
+    others: tuple[str, ...] = ()
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
+        return core_schema.no_info_before_validator_function(self.number, handler(source))
+
+    def __get_pydantic_json_schema__(self, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        plain = handler(schema)
+        if self.unit == "1":
+            return plain
+        text = {"type": "string", "pattern": r"^\s*[-+]?[0-9.]", "description": f'a number and a unit, such as "2 {self.unit}"'}
+        return {"anyOf": [plain, text]}
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """All units it may have, none for a dimensionless number."""
+        return () if self.unit == "1" else (self.unit, *self.others)
+
+    def number(self, value: Any) -> float:
+        """The value as a finite float in SI units; raises a pydantic error."""
+        if isinstance(value, bool) or not isinstance(value, int | float | str):
+            article = "is empty" if value is None else "must be a number"
+            raise wrong("number", article, "write a number" if self.unit == "1" else f"write a number in {self.unit}")
+        try:
+            result = to_si(value, self.units) if isinstance(value, str) else float(value)
+        except UnitError as error:
+            raise wrong("number", str(error), error.hint) from None
+        except OverflowError:
+            result = math.inf
+        if not math.isfinite(result):
+            raise wrong("number", "must be a finite number", "write a number")
+        return result
+
+
+@dataclass(frozen=True)
+class Ratio:
+    """A positive ratio of tooth numbers or frequencies, kept exact: 1, 0.6 or "3/5"."""
+
+    unit: ClassVar[str] = "1"
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
+        return core_schema.no_info_plain_validator_function(
+            self.fraction, serialization=core_schema.plain_serializer_function_ser_schema(str)
+        )
+
+    def __get_pydantic_json_schema__(self, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        return {"anyOf": [{"type": "number", "exclusiveMinimum": 0}, {"type": "string", "pattern": r"^\s*[0-9]+\s*(/\s*[0-9]+\s*)?$"}]}
+
+    @staticmethod
+    def fraction(value: Any) -> Fraction:
+        """The exact ratio; raises a pydantic error."""
+        remedy = 'write an integer, a short decimal such as 0.6 or a fraction in quotes such as "3/5"'
+        if isinstance(value, Fraction):
+            return value
+        if isinstance(value, bool) or not isinstance(value, int | float | str):
+            raise wrong("ratio", "must be a ratio", remedy)
+        if isinstance(value, str):
+            found = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*(?:/\s*(\d+)\s*)?", value)
+            if not found or (found[2] and ("." in found[1] or int(found[2]) == 0)):
+                raise wrong("ratio", "must be a ratio of two integers", remedy)
+            ratio = Fraction(int(found[1]), int(found[2])) if found[2] else Fraction(found[1])
+        elif math.isfinite(value):
+            ratio = Fraction(repr(value))
+        else:
+            raise wrong("ratio", "must be a finite ratio", remedy)
+        if ratio <= 0:
+            raise wrong("ratio", "must be > 0", remedy)
+        if ratio.denominator > LARGEST_DENOMINATOR and not (isinstance(value, str) and "/" in value):
+            near = ratio.limit_denominator(100)
+            raise wrong("ratio", "is no short decimal, and the ratio must be exact", f'write a fraction such as "{near}"')
+        return ratio
+
+
+@dataclass(frozen=True)
+class Choice:
+    """One of the words that this version knows; ``planned`` are known ones of which it has nothing yet."""
+
+    what: str
+    available: tuple[str | int, ...]
+    planned: tuple[str | int, ...] = ()
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
+        return core_schema.no_info_plain_validator_function(self.choose)
+
+    def __get_pydantic_json_schema__(self, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        return {"enum": list(self.available)}
+
+    def choose(self, value: Any) -> str | int:
+        """The value itself if it is available; raises a pydantic error."""
+        if type(value) in (str, int) and value in self.available:
+            return value  # type: ignore[no-any-return]
+        names = ", ".join(map(str, self.available))
+        if type(value) in (str, int) and value in self.planned:
+            raise wrong("unavailable", f"{self.what} '{value}' is not available in this version", f"available: {names}")
+        hint = nearest(str(value), map(str, self.available)) if isinstance(value, str) else f"available: {names}"
+        raise wrong("choice", f"is no {self.what}", hint if hint.endswith(names) else f"{hint} (available: {names})")
+
+
+def _whole(value: Any) -> Any:
+    """``1e3`` is 1000; a truth value, a text or 2.5 is no count."""
+    if isinstance(value, float) and value.is_integer():
+        return int(value)
+    if isinstance(value, bool) or not isinstance(value, int):
+        raise wrong("whole", "must be a whole number", "write a number without a decimal point")
+    return value
+
+
+class Whole:
+    """A whole number."""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
+        return core_schema.no_info_before_validator_function(_whole, handler(source))
+
+
+def _name(value: Any) -> str:
+    if not isinstance(value, str):
+        raise wrong("name", "must be a text", "put it in quotes")
+    if not value.strip() or value.isdigit() or re.search(r"[./\\\x00-\x1f]", value):
+        raise wrong("name", "cannot be used in a path", "choose a name with a letter and without '.', '/' and '\\'")
+    return value
+
+
+class Name:
+    """The name of a mesh or coordinate, usable in dotted paths."""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
+        return core_schema.no_info_before_validator_function(_name, handler(source))
+
+
+Flag = StrictBool
+NameText = Annotated[str, Name()]
+Positive = Annotated[float, Field(gt=0), Quantity()]
+NonNegative = Annotated[float, Field(ge=0), Quantity()]
+Number = Annotated[float, Quantity()]
+AngularFrequency = Annotated[float, Field(gt=0), Quantity("rad/s")]
+Time = Annotated[float, Field(gt=0), Quantity("s")]
+Mass = Annotated[float, Field(gt=0), Quantity("kg")]
+ContactRatio = Annotated[float, Field(ge=1), Quantity()]
+ExactRatio = Annotated[Fraction, Ratio()]

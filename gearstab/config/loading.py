@@ -1,0 +1,227 @@
+"""From a YAML file to a :class:`Config`, or to every mistake in it at once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING, Any
+
+from gearstab.config import overrides as override
+from gearstab.config.axes import Array, Axis, Config
+from gearstab.config.document import Document, read
+from gearstab.config.problems import ConfigError, nearest
+
+if TYPE_CHECKING:
+    from gearstab.config.methods import Methods, Respond
+    from gearstab.config.system import System
+
+PLANNED_SECTIONS = ("design",)
+NEED_MESH_FREQUENCY = ("floquet", "boundaries")
+
+
+def load(path: str | FilePath, overrides: Sequence[str] = (), needs: Sequence[str] = ()) -> Config:
+    """Read and check a configuration.
+
+    overrides: ``PATH=VALUE`` texts, see :func:`gearstab.config.overrides.apply`.
+    needs: sections that the caller cannot do without, such as ``("sweep", "methods")``.
+
+    Raises ConfigError with every problem found.
+    """
+    source = FilePath(path)
+    document = read(source)
+    if not isinstance(document.data, dict):
+        message = "is empty" if document.data is None else "must be a mapping"
+        document.report((), message, "write the sections system, sweep and methods", value=document.data)
+        raise ConfigError(document.problems)
+    for text in overrides:
+        override.apply(document, text)
+    _check_top_level(document, needs)
+    model = _find_model(document)
+    system = _read_system(document, model, source) if model else None
+    methods = _read_methods(document)
+    respond = _read_respond(document, model, system)
+    if document.problems or system is None or methods is None:
+        raise ConfigError(document.problems)
+    config = _config(document, source, system, methods, respond)
+    from gearstab.config import feasibility
+
+    feasibility.check(document, config)
+    if document.problems:
+        raise ConfigError(document.problems)
+    return config
+
+
+@dataclass
+class _System:
+    """The sections ``system`` and ``sweep``. plain: ``system`` as plain data; specs: ``sweep``, resolved."""
+
+    plain: dict[str, Any]
+    parameters: dict[str, Any]
+    contents: dict[str, Array]
+    axes: tuple[Axis, ...]
+    specs: dict[str, Any]
+
+
+def _check_top_level(document: Document, needs: Sequence[str]) -> None:
+    data = document.data
+    for key in data:
+        if key in PLANNED_SECTIONS:
+            available = f"available: {', '.join(override.TOP_LEVEL)}"
+            document.report((key,), f"section '{key}' is not available in this version", available, at_key=True)
+        elif key not in override.TOP_LEVEL:
+            document.report((key,), "unknown key", nearest(key, override.TOP_LEVEL), at_key=True)
+    title = data.get("title")
+    if title is not None and not isinstance(title, str):
+        document.report(("title",), "must be a text", "put it in quotes", value=title)
+    needed = ["system", *needs, *(["methods"] if "sweep" in data else []), *(["sweep"] if data.get("methods") else [])]
+    for name in dict.fromkeys(needed):
+        if name not in data:
+            document.report((name,), "is missing", f"add the section {name}")
+
+
+def _find_model(document: Document) -> type[System] | None:
+    """The model of ``system.kind``; None after reporting that there is none."""
+    from gearstab.config.kinds import KINDS, PLANNED_KINDS
+
+    if "system" not in document.data:
+        return None
+    system = document.data["system"]
+    available = f"available: {', '.join(KINDS)}"
+    if not isinstance(system, dict):
+        document.report(("system",), "must be a mapping", f"add kind; {available}", value=system)
+        return None
+    kind, path = system.get("kind"), ("system", "kind")
+    if isinstance(kind, str) and kind in KINDS:
+        return KINDS[kind]
+    if kind is None:
+        document.report(path, "is missing", f"add kind; {available}")
+    elif kind in PLANNED_KINDS:
+        document.report(path, f"kind '{kind}' is not available in this version", available)
+    else:
+        document.report(path, "is no kind of system", f"{nearest(str(kind), KINDS)} ({available})", value=kind)
+    return None
+
+
+def _read_system(document: Document, model: type[System], source: FilePath) -> _System | None:
+    """The sections ``system`` and ``sweep``; None after reporting problems."""
+    from gearstab.config import sweep
+    from gearstab.config.validation import validate
+
+    raw = document.data["system"]
+    _name_meshes(document, model)
+    _nest_damping_matrix(document)
+    contents = _read_matrices(document, source)
+    from_file: dict[str, Any] = {k: v for k, v in contents.items() if k != "damping"}
+    if "damping" in contents:
+        from_file["damping"] = {"matrix": contents["damping"]}
+    layouts = sweep.layouts(sweep.Context(document, model, raw | from_file)) if "sweep" in document.data else []
+    known = set(sweep.base_values(document, layouts))
+    for path, message, hint in model.conflicts(raw | from_file):
+        document.report(("system", *path), message, hint)
+    system = validate(document, model, ("system",), known)
+    built = [(layout.name, sweep.build(document, layout)) for layout in layouts]
+    if system is None:
+        return None
+    plain = system.model_dump(mode="json", exclude_none=True)
+    parameters = system.model_dump(exclude_none=True, exclude={"file"}) | from_file
+    if "damping" not in parameters:
+        plain.setdefault("damping_ratio", 0.0)
+        parameters.setdefault("damping_ratio", 0.0)
+    axes = tuple(item[0] for _, item in built if item)
+    return _System(plain, parameters, contents, axes, {name: item[1] for name, item in built if item})
+
+
+def _name_meshes(document: Document, model: type[System]) -> None:
+    meshes = document.data["system"].get("meshes")
+    for i, mesh in enumerate(meshes if isinstance(meshes, list) else []):
+        if isinstance(mesh, dict) and mesh.get("name") is None:
+            name = model.mesh_names[i] if i < len(model.mesh_names) else f"mesh{i + 1}"
+            document.put(("system", "meshes", i, "name"), name, document.where(("system", "meshes", i)))
+
+
+def _nest_damping_matrix(document: Document) -> None:
+    """A model given as matrices may give ``damping`` as nested lists, as it does ``mass`` and ``stiffness``."""
+    system = document.data["system"]
+    if system["kind"] == "matrices" and isinstance(system.get("damping"), list):
+        system["damping"] = {"matrix": system["damping"]}
+        document.move(("system", "damping"), ("system", "damping", "matrix"))
+
+
+def _read_matrices(document: Document, source: FilePath) -> dict[str, Array]:
+    """What ``system.file`` holds; problems are reported."""
+    system = document.data["system"]
+    name = system.get("file")
+    if system["kind"] != "matrices" or not isinstance(name, str):
+        return {}
+    from gearstab.config.model_file import ModelFileError, read_matrices
+
+    try:
+        contents = read_matrices(source.parent / name)
+    except ModelFileError as error:
+        document.report(("system", "file"), str(error), error.hint, value=name)
+        return {}
+    for key in contents:
+        if system.get(key) is not None:
+            document.report(("system", key), f"the file {name} has {key} already", "keep one of the two")
+    if "damping" in contents and system.get("damping_ratio") is not None:
+        document.report(("system", "damping_ratio"), f"the file {name} has damping already", "keep one of the two")
+    return contents
+
+
+def _read_methods(document: Document) -> Methods | None:
+    from gearstab.config.methods import Methods
+    from gearstab.config.validation import validate
+
+    data = document.data
+    if "methods" not in data:
+        return Methods()
+    section = data["methods"]
+    for name in section if isinstance(section, dict) else ():
+        if section[name] is None and name in Methods.model_fields:
+            document.put(("methods", name), {}, document.where(("methods", name)))  # `floquet:` asks for it
+    if section is None or section == {}:
+        document.report(("methods",), "names no method", f"add one of {', '.join(Methods.model_fields)}")
+        return None
+    sweep = data.get("sweep")
+    if isinstance(section, dict) and isinstance(sweep, dict) and "mesh_frequency" not in sweep:
+        for name in NEED_MESH_FREQUENCY:
+            if name in section:
+                remedy = "add mesh_frequency: {start: .., stop: .., num: ..} to sweep"
+                document.report(("methods", name), "needs a mesh_frequency axis", remedy, at_key=True)
+    return validate(document, Methods, ("methods",))
+
+
+def _read_respond(document: Document, model: type[System] | None, system: _System | None) -> Respond | None:
+    if "respond" not in document.data:
+        return None
+    from gearstab.config.methods import Initial, Respond
+    from gearstab.config.validation import validate
+
+    raw = document.data.get("system")
+    known = raw | (system.contents if system else {}) if isinstance(raw, dict) else {}
+    size = model.size(known) if model else None
+    section = document.data["respond"]
+    if isinstance(section, dict):
+        for path, message, hint in Respond.conflicts(section, size):
+            document.report(("respond", *path), message, hint)
+    respond = validate(document, Respond, ("respond",))
+    if respond is None or size is None:
+        return None
+    state = {name: getattr(respond.initial, name) or [0.0] * size for name in Initial.model_fields}
+    return respond.model_copy(update={"initial": Initial(**state)})
+
+
+def _config(document: Document, source: FilePath, system: _System, methods: Methods, respond: Respond | None) -> Config:
+    title = document.data.get("title") or source.stem
+    tree: dict[str, Any] = {"title": title, "system": system.plain}
+    if system.specs:
+        tree["sweep"] = system.specs
+    if methods.chosen:
+        tree["methods"] = methods.model_dump(mode="json", exclude_none=True)
+    if respond is not None:
+        tree["respond"] = respond.model_dump(mode="json", exclude_none=True)
+    return Config(
+        title=title, kind=system.parameters["kind"], parameters=system.parameters, axes=system.axes,
+        methods=methods, respond=respond, source=source, tree=tree, contents=system.contents,
+    )  # fmt: skip

@@ -1,0 +1,73 @@
+"""The section ``system`` of a model given as matrices."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, StrictStr
+
+from gearstab.config.damping import not_square
+from gearstab.config.fields import NameText, Quantity
+from gearstab.config.mesh import Conflict, MatrixMesh
+from gearstab.config.system import System
+
+MassEntry = Annotated[float, Quantity("kg", ("kg m", "kg m^2"))]
+StiffnessEntry = Annotated[float, Quantity("N/m", ("N", "N m"))]
+
+
+class Matrices(System):
+    """Any linear model from elsewhere: M q'' + C q' + (K0 + sum k_i(t) g_i g_i^T) q = 0."""
+
+    kind: Literal["matrices"] = Field(title="kind of system", description="A model given as matrices.")
+    mass: list[list[MassEntry]] | None = Field(
+        None, title="mass matrix", description="M, one row a coordinate (kg, or kg m^2 of a rotation); symmetric, positive definite."
+    )
+    stiffness: list[list[StiffnessEntry]] | None = Field(
+        None, title="stiffness matrix", description="K0, everything but the meshes (N/m, or N m/rad of a rotation); symmetric."
+    )
+    file: StrictStr | None = Field(
+        None, title="file of matrices",
+        description="A .npz, .h5 or .mat file with mass, stiffness and optionally damping, relative to the configuration.",
+    )  # fmt: skip
+    coordinates: list[NameText] | None = Field(
+        None, title="coordinates", description="Names of the coordinates; q1, q2, ... without."
+    )
+    meshes: list[MatrixMesh] = Field(title="meshes", min_length=1, description="At least one tooth mesh.")
+
+    @classmethod
+    def size(cls, raw: dict[str, Any]) -> int | None:
+        mass = raw.get("mass")
+        return len(mass) if hasattr(mass, "__len__") and not isinstance(mass, str | dict) else None
+
+    @classmethod
+    def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
+        """Shapes that agree, names that differ; the matrices themselves are checked as numbers."""
+        yield from super().conflicts(raw)
+        size = cls.size(raw)
+        for name in ("mass", "stiffness"):
+            if raw.get(name) is None:
+                remedy = f"add {name}, or file: the name of a .npz, .h5 or .mat file with it"
+                yield (), f"{name} is missing", remedy
+            elif isinstance(raw[name], list) and size is not None:
+                yield from not_square(raw[name], size, (name,))
+        if size is not None:
+            yield from _of_size(raw, size)
+        names = raw.get("coordinates")
+        if isinstance(names, list) and len({str(n) for n in names}) < len(names):
+            yield ("coordinates",), "two coordinates have the same name", "give each a name of its own"
+
+
+def _of_size(raw: dict[str, Any], size: int) -> Iterator[Conflict]:
+    names = raw.get("coordinates")
+    if isinstance(names, list) and len(names) != size:
+        yield ("coordinates",), f"has {len(names)} entries", f"give {size}, one a coordinate"
+    meshes = raw.get("meshes")
+    for i, mesh in enumerate(meshes if isinstance(meshes, list) else []):
+        direction = mesh.get("direction") if isinstance(mesh, dict) else None
+        if not isinstance(direction, list):
+            continue
+        if len(direction) != size:
+            yield ("meshes", i, "direction"), f"has {len(direction)} entries", f"give {size}, one a coordinate"
+        elif all(entry == 0 for entry in direction):
+            yield ("meshes", i, "direction"), "has only zeros", "let the mesh move at least one coordinate"

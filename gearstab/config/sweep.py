@@ -1,0 +1,275 @@
+"""The section ``sweep``: what each axis sets, and to which values."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Annotated, Any
+
+from pydantic import Field
+
+from gearstab.config.axes import Assignment, Axis
+from gearstab.config.document import Document
+from gearstab.config.expansion import Edge, Expansion, Range, expand, expand_list
+from gearstab.config.fields import Section
+from gearstab.config.problems import Path, dotted, nearest
+from gearstab.config.system import System
+from gearstab.config.targets import MESH_FREQUENCY, Target, TargetError, resolve
+
+RESERVED = frozenset(
+    "tongue side mode mesh dof exponent mode_p mode_q harmonic kind label center_frequency half_width boundary_frequency "
+    "growth_rate stable status exponent_real exponent_imag targets values".split()
+)
+"""Names that dimensions and variables of a result have; an axis is a dimension beside them."""
+
+
+class Tie(Section):
+    """Several parameters on one axis."""
+
+    targets: list[str] = Field(title="targets", min_length=1, description="Names of the parameters that vary together.")
+    values: Annotated[Any, Edge()] | None = Field(
+        None, title="values", description="One list or range for all targets, or a list of them, one for each target."
+    )
+    start: Annotated[Any, Edge()] | None = Field(None, title="start", description="The first value, of all targets.")
+    stop: Annotated[Any, Edge()] | None = Field(None, title="stop", description="The last value, of all targets.")
+    num: Annotated[Any, Edge()] | None = Field(None, title="number of values", description="How many values; or give step.")
+    step: Annotated[Any, Edge()] | None = Field(None, title="step", description="From value to value; or give num.")
+    spacing: Annotated[Any, Edge()] | None = Field(None, title="spacing", description="linear or log.")
+
+
+@dataclass
+class Column:
+    """Parameters that take the same values along an axis.
+
+    items: values written one by one (cases), with the place of each; without them the values stand at ``path``.
+    """
+
+    path: Path
+    targets: list[Target]
+    items: list[Any] = field(default_factory=list)
+    places: list[Path] = field(default_factory=list)
+
+    def first(self, document: Document) -> Any:
+        """The value at the first point, as written, to be the base value of a parameter that has none."""
+        spec = self.items or document.get(self.path)
+        if isinstance(spec, list):
+            return spec[0] if spec else 0.0
+        return spec.get("start") if isinstance(spec, dict) else spec
+
+    def expand(self, document: Document, target: Target) -> Expansion:
+        if self.items:
+            return expand_list(document, self.items, self.places, target, self.path)
+        return expand(document, self.path, target)
+
+
+@dataclass
+class Layout:
+    """An axis before its values are known. labels: those of cases."""
+
+    name: str
+    columns: list[Column]
+    labels: list[str] | None = None
+    tie: dict[str, Any] | None = None
+    cases: list[dict[str, Any]] | None = None
+
+
+@dataclass(frozen=True)
+class Context:
+    """What the names in ``sweep`` refer to. raw: the section ``system`` as written, with the matrices of its file."""
+
+    document: Document
+    model: type[System]
+    raw: dict[str, Any]
+
+    def resolve(self, name: str, path: Path, *, own_axis: bool = False) -> list[Target]:
+        """The targets of a name that stands at ``path``; reports a name that has none."""
+        try:
+            targets = resolve(name, self.model, self.raw)
+        except TargetError as error:
+            self.document.report(path, str(error), error.hint, at_key=True)
+            return []
+        if not own_axis and targets[0].paths[0] == MESH_FREQUENCY:
+            self.document.report(path, "the mesh frequency varies on its own", "make mesh_frequency an axis", at_key=True)
+            return []
+        return targets
+
+
+def layouts(context: Context) -> list[Layout]:
+    """What each axis sets; reports unknown names, and parameters that two axes set."""
+    document = context.document
+    section = document.get(("sweep",))
+    if not isinstance(section, dict) or not section:
+        shown = None if section in (None, {}, []) else section
+        document.report(("sweep",), "has no axes", "add one, such as mesh_frequency: {start: 1, stop: 5, num: 200}", value=shown)
+        return []
+    found = []
+    for name, spec in section.items():
+        path = ("sweep", name)
+        if spec is None or spec in ([], {}):
+            document.report(path, "an axis without values", "give a list, or {start: .., stop: .., num: ..}")
+        elif isinstance(spec, list) and all(isinstance(entry, dict) for entry in spec):
+            found.append(_cases(context, name, path, spec))
+        elif isinstance(spec, dict) and ("targets" in spec or "values" in spec):
+            found.append(_tie(context, name, path, spec))
+        else:
+            found.append(Layout(name, [Column(path, context.resolve(name, path, own_axis=True))]))
+    _report_rivals(document, found)
+    return found
+
+
+def _report_rivals(document: Document, found: list[Layout]) -> None:
+    """A parameter can be set by one axis only, and by one name only."""
+    owners: dict[Path, Path] = {}
+    for layout in found:
+        for column in layout.columns:
+            for path in (p for target in column.targets for p in target.paths):
+                owner = owners.setdefault(path, column.path)
+                if owner != column.path:
+                    message = f"sets {dotted(path)}, as {dotted(owner)} does"
+                    document.report(column.path, message, "let one of the two set it", at_key=True)
+                    break
+
+
+def _named_freely(context: Context, name: str, path: Path) -> None:
+    if not name.strip() or "/" in name or name in RESERVED:
+        hint = "choose another name, without '/'"
+        context.document.report(path, f"'{name}' cannot be the name of an axis", hint, at_key=True)
+
+
+def _tie(context: Context, name: str, path: Path, spec: dict[str, Any]) -> Layout:
+    document = context.document
+    _named_freely(context, name, path)
+    for key in spec:
+        if key not in Tie.model_fields:
+            document.report((*path, key), "unknown key", nearest(key, Tie.model_fields), at_key=True)
+    names = spec.get("targets")
+    if not isinstance(names, list) or not names or not all(isinstance(n, str) for n in names):
+        where = (*path, "targets")
+        document.report(where, "must be a list of parameter names", "write targets: [name, name]", value=names)
+        return Layout(name, [])
+    targets = [context.resolve(n, (*path, "targets", i)) for i, n in enumerate(names)]
+    values = spec.get("values")
+    apart = isinstance(values, list) and any(isinstance(v, list | dict) for v in values)
+    if not apart:
+        return Layout(name, [_shared(document, path, [t for found in targets for t in found])], tie=spec)
+    if len(values) != len(names):
+        given = f"{len(names)} targets, but values for {len(values)}"
+        document.report((*path, "values"), given, "give one list for each target, or one list of numbers for all")
+        return Layout(name, [])
+    columns = [Column((*path, "values", i), found) for i, found in enumerate(targets)]
+    return Layout(name, columns, tie=spec)
+
+
+def _shared(document: Document, path: Path, targets: list[Target]) -> Column:
+    """The column of a tie whose targets all take the same values."""
+    spec = document.get(path)
+    if spec.get("values") is not None:
+        for key in ("start", "stop", "num", "step", "spacing"):
+            if key in spec:
+                document.report((*path, key), "values are given already", f"remove {key} or values", at_key=True)
+        return Column((*path, "values"), targets)
+    inner = (*path, "values")
+    plain = {key: value for key, value in spec.items() if key in Range.model_fields}
+    document.move(path, inner)
+    spec["values"] = plain
+    for key in plain:
+        del spec[key]
+    return Column(inner, targets)
+
+
+def _cases(context: Context, name: str, path: Path, entries: list[dict[str, Any]]) -> Layout:
+    document = context.document
+    _named_freely(context, name, path)
+    labels = _labels(document, path, entries)
+    keys = list(dict.fromkeys(key for entry in entries for key in entry if key != "label"))
+    if not keys:
+        document.report(path, "the cases set nothing", "let each set parameters, such as contact_ratio: 1.5")
+    columns = []
+    for key in keys:
+        where = next((*path, i, key) for i, entry in enumerate(entries) if key in entry)
+        for target in context.resolve(key, where):
+            items = [entry.get(key, _base(context, target)) for entry in entries]
+            places = [(*path, i, key) if key in entry else where for i, entry in enumerate(entries)]
+            for i, entry in enumerate(entries):
+                if key not in entry and items[i] is None:
+                    message = f"does not set {key}, which has no base value"
+                    document.report((*path, i), message, f"add {key} to this case, or to the system")
+                    items[i] = next(e[key] for e in entries if key in e)
+            columns.append(Column(where, [target], items, places))
+    return Layout(name, columns, labels, cases=entries)
+
+
+def _base(context: Context, target: Target) -> Any:
+    value: Any = context.raw
+    for part in target.paths[0]:
+        value = value.get(part) if isinstance(value, dict) else value[int(part)]
+    return target.default if value is None else value
+
+
+def _labels(document: Document, path: Path, entries: list[dict[str, Any]]) -> list[str]:
+    labels: list[str] = []
+    for i, entry in enumerate(entries):
+        label = entry.get("label", ", ".join(f"{key} = {value}" for key, value in entry.items()))
+        if isinstance(label, bool | list | dict) or label is None:
+            document.report((*path, i, "label"), "must be a text", "put it in quotes", value=label)
+        elif str(label) in labels:
+            message = f"the label '{label}' is used twice"
+            document.report((*path, i, "label"), message, "give each case a label of its own")
+        labels.append(str(label))
+    return labels
+
+
+def base_values(document: Document, found: list[Layout]) -> Iterator[Path]:
+    """Give every parameter that an axis sets and the system does not the axis' first value; yields where."""
+    for layout in found:
+        for column in layout.columns:
+            for target in column.targets:
+                path = ("system", *target.paths[0])
+                container = document.get(path[:-1])
+                if target.paths[0] == MESH_FREQUENCY or not isinstance(container, dict):
+                    continue
+                if container.get(str(path[-1])) is None:
+                    first = column.first(document)
+                    document.put(path, 0.0 if first is None else first, document.where(column.path))
+                    yield path
+
+
+def build(document: Document, layout: Layout) -> tuple[Axis, Any] | None:
+    """The axis and its resolved specification; None after reporting problems."""
+    expansions = [[column.expand(document, t) for t in column.targets] for column in layout.columns]
+    flat = [e for found in expansions for e in found]
+    if not flat or any(e.values is None for e in flat):
+        return None
+    sizes = [found[0].size for found in expansions]
+    if len(set(sizes)) > 1:
+        path = ("sweep", layout.name, "values")
+        document.report(path, f"the targets have {', '.join(map(str, sizes))} values", "give all of them as many")
+        return None
+    targets = [target for column in layout.columns for target in column.targets]
+    assignments = tuple(
+        Assignment(path, e.values) for target, e in zip(targets, flat, strict=True) for path in target.paths if e.values is not None
+    )
+    values, units, title = _coordinate(layout, targets, flat[0])
+    return Axis(layout.name, flat[0].size, values, units, title, assignments), _spec(layout, expansions)
+
+
+def _coordinate(layout: Layout, targets: list[Target], first: Expansion) -> tuple[Any, str, str]:
+    if layout.labels is not None:
+        return layout.labels, "1", layout.name
+    values = [str(v) for v in first.values] if isinstance(first.values, list) else first.values
+    units = targets[0].unit if len({t.unit for t in targets}) == 1 else "1"
+    titles = list(dict.fromkeys(t.title for t in targets))
+    return values, units, layout.name if layout.tie and len(titles) > 1 else titles[0]
+
+
+def _spec(layout: Layout, expansions: list[list[Expansion]]) -> Any:
+    if layout.cases is not None:
+        given = {c.path[-1]: found[0].spec for c, found in zip(layout.columns, expansions, strict=True)}
+        return [
+            {"label": label} | {key: given[key][i] for key in entry if key != "label"}
+            for i, (label, entry) in enumerate(zip(layout.labels or [], layout.cases, strict=True))
+        ]
+    if layout.tie is not None:
+        specs = [found[0].spec for found in expansions]
+        return {"targets": layout.tie["targets"], "values": specs[0] if len(specs) == 1 else specs}
+    return expansions[0][0].spec

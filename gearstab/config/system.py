@@ -1,0 +1,59 @@
+"""What all kinds of systems share."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, ClassVar
+
+from pydantic import Field
+
+from gearstab.config.damping import Damping
+from gearstab.config.fields import Flag, NonNegative, Section
+from gearstab.config.mesh import Conflict, Mesh
+
+
+class System(Section):
+    """Keys of the section ``system`` that every kind has."""
+
+    mesh_names: ClassVar[tuple[str, ...]] = ()
+    """Names of meshes that are given none; further ones are called mesh1, mesh2, ..."""
+
+    damping_ratio: NonNegative | None = Field(
+        None, title="modal damping ratio", description="Damping ratio of every mode of the mean system (1); or give damping."
+    )
+    damping: Damping | None = Field(None, title="damping", description="Other forms of damping; or give damping_ratio.")
+    allow_negative_stiffness: Flag = Field(
+        False, title="negative stiffness allowed",
+        description="Admit variations so large that the softer level of a mesh is zero or negative, as no pair of teeth can be.",
+    )  # fmt: skip
+
+    @classmethod
+    def size(cls, raw: dict[str, Any]) -> int | None:
+        """Number of coordinates, None where it cannot be told."""
+        raise NotImplementedError
+
+    @classmethod
+    def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
+        """What contradicts itself in the section as written, however wrong it is otherwise."""
+        if raw.get("damping_ratio") is not None and raw.get("damping") is not None:
+            yield ("damping",), "damping_ratio is given already", "keep one of damping_ratio, damping"
+        if isinstance(raw.get("damping"), dict):
+            for path, message, hint in Damping.conflicts(raw["damping"], cls.size(raw)):
+                yield ("damping", *path), message, hint
+        yield from _meshes(cls, raw.get("meshes"))
+
+
+def _meshes(model: type[System], meshes: Any) -> Iterator[Conflict]:
+    if not isinstance(meshes, list):
+        return
+    seen: set[str] = set()
+    for i, mesh in enumerate(meshes):
+        if not isinstance(mesh, dict):
+            continue
+        for path, message, hint in Mesh.conflicts(mesh):
+            yield ("meshes", i, *path), message, hint
+        name = mesh.get("name")
+        if isinstance(name, str) and name in seen:
+            yield ("meshes", i, "name"), f"two meshes are called '{name}'", "give each mesh a name of its own"
+        elif isinstance(name, str):
+            seen.add(name)

@@ -1,0 +1,188 @@
+"""From the name of a parameter to the places it stands for: ``epsilon``, ``meshes.second.contact_ratio``, ``mass.0.1``."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from gearstab.config.fields import AngularFrequency, Ratio
+from gearstab.config.introspection import entry_type, field_types, is_model, number_kind
+from gearstab.config.mesh import Mesh
+from gearstab.config.problems import Path, dotted, nearest
+from gearstab.config.system import System
+
+MESH_FREQUENCY: Path = ("mesh_frequency",)
+EVERY_MESH = ("epsilon", "amplitude", "contact_ratio")
+"""Short names that mean this number of every mesh that has one."""
+BUT_THE_FIRST = ("phasing", "lag")
+"""Short names that mean this number of every mesh but the first, against which it counts."""
+RIVALS = {"epsilon": "amplitude", "amplitude": "epsilon"}
+"""A mesh that gives one of these does not have the other."""
+
+
+class TargetError(ValueError):
+    """A name stands for no number of the system; ``hint`` says what would."""
+
+    def __init__(self, message: str, hint: str) -> None:
+        super().__init__(message)
+        self.hint = hint
+
+
+@dataclass(frozen=True)
+class Target:
+    """A number of the system.
+
+    paths: where it stands below ``system``; two places for an entry of a symmetric matrix, the named one first.
+    annotation: its type with unit and range; title: what it is; default: its value when not given.
+    """
+
+    paths: tuple[Path, ...]
+    annotation: Any
+    title: str
+    default: Any = None
+
+    @property
+    def unit(self) -> str:
+        """SI unit, "1" without one."""
+        kind = number_kind(self.annotation)
+        return kind.unit if kind else "1"
+
+    @property
+    def exact(self) -> bool:
+        """Whether it is an exact ratio, which changes the structure of the problem."""
+        return isinstance(number_kind(self.annotation), Ratio)
+
+
+def resolve(name: str, model: type[System], raw: dict[str, Any]) -> list[Target]:
+    """All numbers that a parameter name stands for, in a system section as written.
+
+    Raises TargetError for a name that stands for none.
+    """
+    if name == "mesh_frequency":
+        return [Target((MESH_FREQUENCY,), AngularFrequency, "mesh frequency")]
+    if name in EVERY_MESH + BUT_THE_FIRST:
+        return _of_meshes(name, model, raw)
+    parts = name.split(".")
+    if model.__name__ == "Matrices" and parts[0] == "damping" and len(parts) == 3 and parts[1].isdigit():
+        parts.insert(1, "matrix")
+    return [_walk(name, parts, model, raw)]
+
+
+def short_names(name: str) -> bool:
+    """Whether a name is a short one."""
+    return name in EVERY_MESH + BUT_THE_FIRST
+
+
+def _of_meshes(name: str, model: type[System], raw: dict[str, Any]) -> list[Target]:
+    found = []
+    meshes = raw.get("meshes")
+    for i, mesh in enumerate(meshes if isinstance(meshes, list) else []):
+        kind = entry_type(field_types(model)["meshes"], i)
+        has_it = isinstance(mesh, dict) and kind is not None and name in field_types(kind)
+        if not has_it or mesh.get(RIVALS.get(name, "")) is not None or (i == 0 and name in BUT_THE_FIRST):
+            continue
+        field = kind.model_fields[name]
+        found.append(Target((("meshes", i, name),), field_types(kind)[name], field.title, field.get_default()))
+    if found:
+        return found
+    if name in RIVALS:
+        raise TargetError(f"no mesh has {name}", f"the meshes give {RIVALS[name]}: use that, or give them {name}")
+    raise TargetError(f"no mesh but the first has {name}" if name in BUT_THE_FIRST else f"no mesh has {name}", {
+        "phasing": "the second mesh of a two_stage train has a phasing, meshes of matrices have a lag",
+        "lag": "meshes of matrices have a lag, the second mesh of a two_stage train has a phasing",
+    }.get(name, "list the meshes under system.meshes"))  # fmt: skip
+
+
+def _walk(name: str, parts: list[str], model: type[System], raw: dict[str, Any]) -> Target:
+    annotation: Any = model
+    value: Any = raw
+    path: Path = ()
+    title, default, owner = "", None, ""
+    for part in parts:
+        if is_model(annotation):
+            if part not in field_types(annotation):
+                raise TargetError("unknown parameter", nearest(name, candidates(model, raw)))
+            field = annotation.model_fields[part]
+            title, default = field.title or part, field.get_default()
+            annotation = field_types(annotation)[part]
+            value, path = (value.get(part) if isinstance(value, dict) else None), (*path, part)
+        elif number_kind(annotation) or not hasattr(annotation, "__args__"):
+            raise TargetError("unknown parameter", nearest(name, candidates(model, raw)))
+        else:
+            index = _index(name, part, path, value, entry_type(annotation, 0))
+            annotation, value, path = entry_type(annotation, index), _entry(value, index), (*path, index)
+            default = None
+            if is_model(annotation) and isinstance(value, dict):
+                owner = f" of {value.get('name', f'mesh {index}')}"
+    if number_kind(annotation) is None:
+        raise TargetError("is not a number that an axis can set", nearest(name, candidates(model, raw)))
+    entries = "".join(f"[{part}]" for part in path if isinstance(part, int)) if not owner or path[-1] != parts[-1] else ""
+    return Target(_mirrored(path, raw), annotation, title + (entries if not owner else "") + owner, default)
+
+
+def _index(name: str, part: str, path: Path, value: Any, entry: Any) -> int:
+    entries = list(value) if value is not None and not isinstance(value, str | dict) else []
+    if not part.isdigit() and isinstance(entry, type) and issubclass(entry, Mesh):
+        names = [mesh.get("name") if isinstance(mesh, dict) else None for mesh in entries]
+        if part not in names:
+            choices = [name.replace(part, str(known)) for known in names if known is not None]
+            raise TargetError(f"there is no mesh '{part}'", nearest(name, choices))
+        return names.index(part)
+    if not part.isdigit():
+        raise TargetError("unknown parameter", f"{dotted(path)} is a list: use an index from 0 on")
+    if int(part) >= len(entries):
+        if not entries:
+            raise TargetError("there is no such entry", f"give {dotted(path)} a base value under system")
+        raise TargetError(f"there is no entry {part}", f"{dotted(path)} has entries 0 to {len(entries) - 1}")
+    return int(part)
+
+
+def _entry(value: Any, index: int) -> Any:
+    try:
+        return value[index]
+    except (TypeError, IndexError, KeyError):
+        return None
+
+
+def _mirrored(path: Path, raw: dict[str, Any]) -> tuple[Path, ...]:
+    """An entry of a symmetric matrix together with its counterpart."""
+    row, column = path[-2:] if len(path) > 2 else (0, 0)
+    counterpart = (*path[:-2], column, row)
+    if row == column or path[0] not in ("mass", "stiffness", "damping"):
+        return (path,)
+    if path[0] == "damping" and _at(raw, path) != _at(raw, counterpart):  # a gyroscopic term stays one-sided
+        return (path,)
+    return (path, counterpart)
+
+
+def _at(raw: Any, path: Path) -> Any:
+    for part in path:
+        raw = raw.get(part) if isinstance(raw, dict) else _entry(raw, int(part))
+    return raw
+
+
+def candidates(model: type[System], raw: dict[str, Any]) -> list[str]:
+    """Names that an axis may have in this system, without the entries of matrices."""
+    names = ["mesh_frequency"]
+    for short in EVERY_MESH + BUT_THE_FIRST:
+        try:
+            _of_meshes(short, model, raw)
+        except TargetError:
+            continue
+        names.append(short)
+    return names + list(_numbers(model, raw, ()))
+
+
+def _numbers(annotation: Any, raw: Any, path: Path) -> Iterator[str]:
+    if number_kind(annotation):
+        if raw is not None or not isinstance(path[-1], int):
+            yield dotted(path)
+    elif is_model(annotation) and (isinstance(raw, dict) or not path):
+        for key, inner in field_types(annotation).items():
+            yield from _numbers(inner, raw.get(key), (*path, key))
+    elif isinstance(raw, list):
+        for i, item in enumerate(raw):
+            if not isinstance(item, list):
+                name = item.get("name", i) if isinstance(item, dict) else i
+                yield from _numbers(entry_type(annotation, i), item, (*path, name))

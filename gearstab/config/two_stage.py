@@ -1,0 +1,33 @@
+"""The section ``system`` of a two-stage gear train."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, ClassVar, Literal
+
+from pydantic import Field
+
+from gearstab.config.fields import ExactRatio, Mass, Quantity
+from gearstab.config.mesh import Mesh, SecondMesh
+from gearstab.config.system import System
+
+
+class TwoStage(System):
+    """Three or four gears with two meshes on an elastic input shaft (Lin & Parker 2002, Fig. 1)."""
+
+    mesh_names: ClassVar[tuple[str, ...]] = ("first", "second")
+
+    kind: Literal["two_stage"] = Field(title="kind of system", description="Two meshes in a row, three or four gears.")
+    inertias: tuple[Mass, Mass, Mass] = Field(
+        title="equivalent mass", description="Equivalent masses [m1, m2, m3], inertias over squared base radii (kg)."
+    )
+    input_shaft_stiffness: Annotated[float, Field(ge=0), Quantity("N/m")] = Field(
+        title="input shaft stiffness", description="k0, along the line of action (N/m); 0 leaves the train free to rotate."
+    )
+    tooth_ratio: ExactRatio = Field(
+        title="tooth ratio", description='R = Z2/Z4 = Omega_1/Omega_2, exact: 1 for three gears, 0.6 or "3/5".'
+    )
+    meshes: tuple[Mesh, SecondMesh] = Field(title="meshes", description="The first and the second tooth mesh.")
+
+    @classmethod
+    def size(cls, raw: dict[str, Any]) -> int:
+        return 3
