@@ -108,6 +108,8 @@ CASES: dict[str, tuple[GearSystem, float]] = {
     "full damping": (train(damping={"matrix": [[0.1, 0.02, 0], [0.02, 0.1, -0.03], [0, -0.03, 0.2]]}), 0.83),
     "negative stiffness": (train(epsilon=1.4), 2.9),
     "negative stiffness, damped": (train(epsilon=1.4, damping_ratio=0.1), 2.9),
+    "stiff shaft": (train(input_shaft_stiffness=1e8), 2.03),
+    "stiff shaft, damped": (train(input_shaft_stiffness=1e8, damping_ratio=0.01), 2.03),
     "free in space": (train(input_shaft_stiffness=0.0), 1.7),
     "free in space, damped": (train(input_shaft_stiffness=0.0, damping_ratio=0.1), 1.7),
 }

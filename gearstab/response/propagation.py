@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gearstab.modal import Modes, mean_modes
+from gearstab.modal import Modes, mean_modes, symmetric_eigen
 from gearstab.system import Array, GearSystem
 
 Advance = Callable[[int, float, int, Array], Array]
@@ -69,7 +69,7 @@ def _modal(stiffness: Array, elastic: Array, rate: float, step: float) -> Advanc
     frequencies = np.zeros(stiffness.shape[:2], dtype=complex)
     modes = np.broadcast_to(np.eye(stiffness.shape[-1]), stiffness.shape).copy()
     inner = np.ix_(np.arange(len(stiffness)), elastic, elastic)
-    values, modes[inner] = np.linalg.eigh(stiffness[inner])
+    values, modes[inner] = symmetric_eigen(stiffness[inner])
     frequencies[:, elastic] = np.sqrt(values.astype(complex))
 
     def advance(state: int, first: float, count: int, x: Array) -> Array:
