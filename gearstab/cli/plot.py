@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from gearstab.plots import KINDS
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 KINDS_HELP = "; ".join(f"{name}: {kind.summary}" for name, kind in KINDS.items())
 
@@ -16,9 +21,7 @@ KINDS_HELP = "; ".join(f"{name}: {kind.summary}" for name, kind in KINDS.items()
 @click.option(
     "-o", "--output", type=click.Path(path_type=Path), help="Figure: .png, .pdf or .svg [default: RESULT with .png]."
 )
-@click.option(
-    "--kind", type=click.Choice(list(KINDS)), help=f"What to draw [default: by what RESULT holds]. {KINDS_HELP}."
-)
+@click.option("--kind", metavar="|".join(KINDS), help=f"What to draw [default: by what RESULT holds]. {KINDS_HELP}.")
 @click.option("--x", metavar="AXIS", help="Axis along x [default: mesh_frequency].")
 @click.option("--y", metavar="AXIS", help="Axis along y [default: epsilon, else the longest other axis].")
 @click.option(
@@ -29,30 +32,50 @@ KINDS_HELP = "; ".join(f"{name}: {kind.summary}" for name, kind in KINDS.items()
 )
 @click.option("--variable", help="Variable to draw [default: growth_rate].")
 @click.option("--title/--no-title", default=True, show_default=True, help="Write the result's title over the figure.")
-@click.option("--size", type=click.Choice(["single", "double"]), help="One journal column (88 mm) or two (180 mm).")
+@click.option("--size", metavar="single|double", help="One journal column (88 mm) or two (180 mm).")
 @click.option("--dpi", type=click.IntRange(50, 2400), help="Resolution of pixels [default: 300].")
 def command(
     result: Path, output: Path | None, kind: str | None, x: str | None, y: str | None, select: tuple[str, ...],
     variable: str | None, title: bool, size: str | None, dpi: int | None,
 ) -> None:  # fmt: skip
     """Draw a figure from the file RESULT alone; nothing is computed again."""
-    from gearstab.cli.errors import user_errors
+    from gearstab.cli.errors import WRONG_INPUT, user_errors
+    from gearstab.plots import draw
+    from gearstab.plots.axes import Request
+    from gearstab.plots.errors import PlotError
+    from gearstab.plots.heading import title_of
+    from gearstab.plots.style import checked_extension, save
 
-    with user_errors():
-        from gearstab.plots import draw
-        from gearstab.plots.axes import Request
-        from gearstab.plots.heading import title_of
-        from gearstab.plots.style import checked_extension, save
-        from gearstab.results import open_result
-
-        target = output or result.with_suffix(".png")
+    target = output or result.with_suffix(".png")
+    try:
         checked_extension(target)
         request = Request(x, y, selections(select), variable, size, title)
-        with open_result(result) as tree:
+        with user_errors(), opened(result) as tree:
             figure, _ = draw(tree, kind, request)
             target.parent.mkdir(parents=True, exist_ok=True)
             save(figure, target, dpi, title_of(tree))
+    except PlotError as error:
+        click.echo(error, err=True)
+        sys.exit(WRONG_INPUT)
     click.echo(f"figure: {target}", err=True)
+
+
+def opened(path: Path) -> xr.DataTree:
+    """The result in a file. Raises OSError if it cannot be read and PlotError if it is something else."""
+    import h5py
+
+    from gearstab.plots.errors import PlotError
+    from gearstab.results import open_result
+
+    with path.open("rb"):
+        pass
+    if not h5py.is_hdf5(path):
+        raise PlotError(f"{path}: not a gearstab result (no netCDF-4/HDF5 file)")
+    tree = open_result(path)
+    if "gearstab_version" not in tree.attrs:
+        tree.close()
+        raise PlotError(f"{path}: not a gearstab result (no attribute gearstab_version)")
+    return tree
 
 
 def selections(texts: tuple[str, ...]) -> dict[str, str]:

@@ -37,7 +37,7 @@ def arrangement(view: View) -> tuple[int, int]:
 def draw_panel(tree: xr.DataTree, ax: Axes, view: View, variable: str, norm: Any, text: str) -> Artists:
     """One map with its caption above (the names of the tongues stand between)."""
     artists = stability_map.draw_map(tree, ax, view, variable, norm)
-    artists["caption"] = ax.set_title(text, loc="left", pad=15)
+    artists["caption"] = ax.set_title(text, loc="left", pad=18)
     ax.label_outer()
     ax.set(xlabel="", ylabel="")
     return artists

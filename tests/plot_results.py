@@ -1,0 +1,122 @@
+"""Results as the figures read them, made by hand from the published tongues of Lin & Parker's train."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+REFERENCE = json.loads((Path(__file__).parent / "data" / "lin_parker_2002.json").read_text())
+
+
+def published(case="fig3"):
+    """(labels, centres, half-widths per epsilon) of the first-order tongues of a case, three harmonics."""
+    (tongues,) = [c["tongues"] for c in REFERENCE["first_order"] if c["case"] == case]
+    labels = [label(t["p"], t["q"], t["harmonic"]) for t in tongues]
+    return labels, np.array([t["center"] for t in tongues]), np.array([t["half_width_per_eps"] for t in tongues])
+
+
+def label(p, q, s):
+    if p != q:
+        return f"w{p}+w{q}" if s == 1 else f"(w{p}+w{q})/{s}"
+    return {1: f"2w{p}", 2: f"w{p}"}.get(s, f"2w{p}/{s}")
+
+
+def coordinate(name, values, units="1", long_name=None):
+    return {name: ((name,), np.asarray(values), {"units": units, "long_name": long_name or name.replace("_", " ")})}
+
+
+def axes(frequency=None, epsilon=None, **others):
+    values = {
+        **coordinate("mesh_frequency", np.linspace(0.35, 7, 60) if frequency is None else frequency, "rad/s"),
+        **coordinate("epsilon", np.linspace(0, 0.5, 21) if epsilon is None else epsilon, "1", "stiffness variation"),
+    }
+    for name, entries in others.items():
+        values |= coordinate(name, entries)
+    return values
+
+
+def growth(centre, half, frequency, damping=0.0):
+    """First-order growth rate, the largest of sqrt(W^2 - (Omega - Omega_0)^2)/2 over the tongues, less a damping."""
+    square = half[:, None] ** 2 - (frequency - centre[:, None]) ** 2
+    return np.sqrt(np.maximum(square, 0)).max(axis=0) / 2 - damping
+
+
+def floquet_group(coords, damping=0.0, dims=None):
+    """Growth rates over the axes; an axis ``phasing`` or ``case`` narrows the tongues linearly."""
+    dims = dims or list(coords)
+    frequency, epsilon = coords["mesh_frequency"][1], coords["epsilon"][1]
+    others = [name for name in dims if name not in ("mesh_frequency", "epsilon")]
+    shape = [len(coords[name][1]) for name in others]
+    _, centre, half = published()
+    values = np.empty((*shape, epsilon.size, frequency.size))
+    for index in np.ndindex(*shape, epsilon.size):
+        values[index] = growth(centre, half * epsilon[index[-1]] / (1 + sum(index[:-1])), frequency, damping)
+    order = [*others, "epsilon", "mesh_frequency"]
+    data = {
+        "growth_rate": (order, values, {"units": "1/s", "long_name": "growth rate"}),
+        "stable": (order, (values <= 0).astype(np.int8), {"units": "1", "long_name": "stable"}),
+        "status": (order, np.zeros(values.shape, np.int16), {"units": "1", "long_name": "status"}),
+    }
+    return xr.Dataset(data, coords=coords).transpose(*dims)
+
+
+def boundary_group(coords, case="fig3", factor=1.0):
+    """Boundaries of the published tongues over every axis but the mesh frequency."""
+    labels, centre, half = published(case)
+    others = [name for name in coords if name not in ("mesh_frequency", "epsilon")]
+    shape = [len(coords[name][1]) for name in others]
+    narrowing = 1 + sum(np.indices(shape)) if shape else np.ones(())
+    width = factor * half[(slice(None), *[None] * len(shape), None)] * coords["epsilon"][1] / narrowing[..., None]
+    middle = np.broadcast_to(centre[(slice(None), *[None] * len(shape), None)], width.shape)
+    edges = np.stack([middle - width, middle + width], axis=1)
+    names = {"label": ("tongue", labels), "side": ("side", ["lower", "upper"])}
+    own = {name: value for name, value in coords.items() if name != "mesh_frequency"}
+    attributes = {"units": "rad/s", "long_name": "boundary"}
+    return xr.Dataset(
+        {
+            "boundary_frequency": (("tongue", "side", *others, "epsilon"), edges, attributes),
+            "half_width": (("tongue", *others, "epsilon"), width, attributes),
+        },
+        coords={**own, **names},
+    )
+
+
+def tree(**groups):
+    root = xr.Dataset(attrs={"title": "Three gears (Lin & Parker 2002, Fig. 3)", "gearstab_version": "0"})
+    return xr.DataTree.from_dict({"/": root, **{f"/{name}": group for name, group in groups.items()}})
+
+
+def fig3(damping=0.0, **other_axes):
+    coords = axes(**other_axes)
+    return tree(floquet=floquet_group(coords, damping), perturbation=boundary_group(coords))
+
+
+def two_amplitudes():
+    """The w2+w3 tongue of Fig. 7(b), half-width |0.40 e1 - 0.45 e2|, and one that never vanishes."""
+    first, second = np.linspace(0, 0.5, 21), np.linspace(0, 0.5, 16)
+    half = np.stack([np.abs(0.4 * first[:, None] - 0.45 * second), 0.9 * first[:, None] + 0.8 * second])
+    centre = np.array([3.715, 5.423])[:, None, None]
+    names = ["meshes.first.epsilon", "meshes.second.epsilon"]
+    coords = {**coordinate(names[0], first), **coordinate(names[1], second)}
+    coords |= {"label": ("tongue", ["w2+w3", "2w3"]), "side": ("side", ["lower", "upper"])}
+    edges = np.stack([centre - half, centre + half], axis=1)
+    group = xr.Dataset(
+        {"boundary_frequency": (("tongue", "side", *names), edges, {"units": "rad/s", "long_name": "boundary"})},
+        coords=coords,
+    )
+    modes = xr.Dataset(coords={"mesh": ["first", "second"]})
+    return tree(perturbation=group, modes=modes)
+
+
+def response():
+    time = np.linspace(0, 20, 401)
+    displacement = np.stack([np.cos(time), 0.2 * np.sin(3 * time), np.exp(0.1 * time)], axis=-1)
+    data = {
+        "displacement": (("time", "dof"), displacement, {"units": "m", "long_name": "displacement"}),
+        "mesh_force": (("time", "mesh"), displacement[:, :2] * 3, {"units": "N", "long_name": "dynamic mesh force"}),
+    }
+    coords = {**coordinate("time", time, "s"), "dof": ["x1", "x2", "x3"], "mesh": ["first", "second"]}
+    return tree(response=xr.Dataset(data, coords=coords))
