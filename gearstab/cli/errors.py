@@ -1,40 +1,57 @@
-"""A user's mistake is one line on standard error and exit code 2, never a traceback."""
+"""How errors reach the user: one line each and an exit code for mistakes, a traceback for what should not happen."""
 
 from __future__ import annotations
 
+import errno
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
 import click
 
-WRONG_INPUT = 2
+FAILED, WRONG_INPUT, INTERRUPTED = 1, 2, 130
+
+EXPECTED = {
+    ("gearstab.config.problems", "ConfigError"): WRONG_INPUT,
+    ("gearstab.plots.errors", "PlotError"): WRONG_INPUT,
+    ("gearstab.results.errors", "ResultError"): WRONG_INPUT,
+    ("gearstab.sweep.errors", "OutputError"): WRONG_INPUT,
+    ("gearstab.sweep.errors", "SweepError"): FAILED,
+    ("gearstab.sweep.errors", "Interrupted"): INTERRUPTED,
+}
+"""Errors whose text is meant for the user, by module and name, and their exit codes."""
 
 
 @contextmanager
 def user_errors() -> Iterator[None]:
-    """Turn what is wrong with the user's configuration, files or paths into lines on standard error and exit code 2.
+    """Turn expected errors into their text on standard error and an exit code.
 
-    Put it around the reading of what the user gave, not around a computation, whose failures are not theirs.
+    A class is looked up only where its module has been imported: otherwise nothing can have raised it.
     """
     try:
         yield
-    except BrokenPipeError:  # the reader of standard output has gone, which click knows how to end
-        raise
-    except OSError as error:
-        reason = error.strerror or str(error) or type(error).__name__
-        place = f"{error.filename}: " if error.filename is not None else ""
-        _leave([" ".join(f"{place}{reason[:1].lower()}{reason[1:]}".split())])
-    except ValueError as error:
-        # Imported here: who got so far without a configuration need not load it.
-        from gearstab.config.problems import ConfigError
-
-        if not isinstance(error, ConfigError):
+    except Exception as error:
+        code = exit_code(error)
+        if code is None:
             raise
-        _leave([str(problem) for problem in error.problems])
+        for line in text(error).splitlines():
+            click.echo(line, err=True)
+        raise click.exceptions.Exit(code) from error
 
 
-def _leave(lines: list[str]) -> None:
-    for line in lines:
-        click.echo(line, err=True)
-    sys.exit(WRONG_INPUT)
+def exit_code(error: Exception) -> int | None:
+    """The exit code of an expected error, None for any other."""
+    for (module, name), code in EXPECTED.items():
+        known = sys.modules.get(module)
+        if known is not None and isinstance(error, getattr(known, name)):
+            return code
+    if isinstance(error, OSError) and error.filename is not None:
+        return FAILED if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO) else WRONG_INPUT
+    return None
+
+
+def text(error: Exception) -> str:
+    """What the user reads."""
+    if isinstance(error, OSError) and error.filename is not None:
+        return f"{error.filename}: {(error.strerror or "cannot be used").lower()}"
+    return str(error)

@@ -1,0 +1,75 @@
+"""The command line. A command is imported when it is called: ``gearstab --help`` imports nothing but click."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+from typing import NoReturn
+
+import click
+
+from gearstab import __version__
+from gearstab.cli.errors import INTERRUPTED
+
+COMMANDS = {
+    "sweep": ("gearstab.cli.sweep:command", "Compute stability over the grid of a configuration."),
+    "plot": ("gearstab.cli.plot:command", "Draw a figure from a result file."),
+    "info": ("gearstab.cli.info:command", "Show modes and predicted instability tongues."),
+    "check": ("gearstab.cli.check:command", "Validate a configuration; list every mistake."),
+    "respond": ("gearstab.cli.respond:command", "Compute a time response."),
+    "bench": ("gearstab.cli.bench:command", "Compare speed and error of the methods."),
+    "export": ("gearstab.cli.export:command", "Write a result file as tidy CSV."),
+    "schema": ("gearstab.cli.schema:command", "Print the JSON schema of configurations."),
+}
+"""Command -> where it is, and what it does."""
+
+
+class LazyGroup(click.Group):
+    """A group of commands that knows their names and summaries and imports only the one that is called."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        if cmd_name not in COMMANDS:
+            return None
+        module, _, attribute = COMMANDS[cmd_name][0].partition(":")
+        found = getattr(import_module(module), attribute)
+        if not isinstance(found, click.Command):
+            raise TypeError(f"{module}:{attribute} is no command")
+        return found
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        if args and args[0] not in COMMANDS and not args[0].startswith("-"):
+            from difflib import get_close_matches
+
+            near = get_close_matches(args[0], COMMANDS, n=1)
+            hint = f"did you mean '{near[0]}'?" if near else f"the commands are {', '.join(COMMANDS)}."
+            ctx.fail(f"No such command '{args[0]}'; {hint}")
+        return super().resolve_command(ctx, args)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, summary) for name, (_, summary) in COMMANDS.items()])
+
+
+@click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(__version__, prog_name="gearstab")
+def group() -> None:
+    """Stability maps of gear systems with periodic mesh stiffness."""
+
+
+def main(args: Sequence[str] | None = None) -> NoReturn:
+    """Run a command and exit: 0 done, 1 a run failed, 2 the input is wrong, 130 interrupted."""
+    try:
+        code = group.main(args=args, prog_name="gearstab", standalone_mode=False)
+    except click.ClickException as error:
+        error.show()
+        code = error.exit_code
+    except click.Abort:
+        click.echo("interrupted", err=True)
+        code = INTERRUPTED
+    sys.exit(code if isinstance(code, int) else 0)

@@ -1,0 +1,82 @@
+"""A result as it goes to a file: groups of variables and their values."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from gearstab.results.variables import TEXT, Variable
+
+Array = np.ndarray
+
+Offset = tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Chunked:
+    """Values that come as encoded chunks (:mod:`gearstab.results.chunks`), a part of an array each.
+
+    shape: of the whole; chunk: of every chunk, those at the upper ends filled up.
+    pieces: gives (where the chunk begins, its bytes) once over; what no chunk covers is NaN, or 0 for integers.
+    size: number of encoded bytes.
+    """
+
+    shape: tuple[int, ...]
+    chunk: tuple[int, ...]
+    pieces: Callable[[], Iterator[tuple[Offset, bytes]]]
+    size: int = 0
+
+
+@dataclass(frozen=True)
+class Field:
+    """A variable and its values: an array, a sequence (of texts) or chunks."""
+
+    variable: Variable
+    values: Array | Sequence[Any] | Chunked
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Sizes of the dimensions."""
+        return self.values.shape if isinstance(self.values, Array | Chunked) else np.shape(self.values)
+
+    def array(self) -> Array:
+        """The values as the variable's type; texts as objects."""
+        if isinstance(self.values, Chunked):
+            raise TypeError(f"{self.variable.name} is made of chunks")
+        return np.asarray(self.values, dtype=object if self.variable.dtype == TEXT else self.variable.dtype)
+
+
+@dataclass(frozen=True)
+class Group:
+    """The variables of one group of a file and the group's attributes."""
+
+    fields: tuple[Field, ...]
+    attributes: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class ResultTree:
+    """A whole result: its root, whose coordinates all groups inherit, and the groups by name."""
+
+    root: Group
+    groups: Mapping[str, Group]
+
+    @property
+    def size(self) -> int:
+        """About how many bytes it takes in a file."""
+        total = 0
+        for group in (self.root, *self.groups.values()):
+            for item in group.fields:
+                total += item.values.size if isinstance(item.values, Chunked) else item.array().nbytes
+        return total
+
+
+def fields_of(variables: Sequence[Variable], values: Mapping[str, Any]) -> tuple[Field, ...]:
+    """The variables of a table that there are values for, in its order. Raises KeyError for a value without a variable."""
+    unknown = values.keys() - {variable.name for variable in variables}
+    if unknown:
+        raise KeyError(f"no variable declared for {', '.join(sorted(unknown))}")
+    return tuple(Field(variable, values[variable.name]) for variable in variables if variable.name in values)

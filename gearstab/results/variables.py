@@ -1,0 +1,95 @@
+"""What a result file can hold: one line a variable, with its dimensions, type, units and long name.
+
+Units are SI, as everywhere inside the program: a configuration in plain numbers is read as if they were SI numbers, so
+that a dimensionless model's frequencies are marked ``rad/s`` and its times ``s``. ``1`` is dimensionless.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+GRID = "(all axes of the sweep)"
+"""In ``dims``: all axes, in the order of the configuration."""
+ROWS = "(all axes of the sweep but the mesh frequency)"
+"""In ``dims``: all axes but the mesh frequency."""
+
+TEXT = "text"
+"""In ``dtype``: UTF-8 text of any length."""
+
+
+@dataclass(frozen=True)
+class Variable:
+    """One variable of a result file.
+
+    dims: names of its dimensions. dtype: a NumPy type with its size, or TEXT.
+    units, long_name: as in the CF conventions; attributes: further ones.
+    coordinate: whether it describes points of a dimension and is no result itself.
+    """
+
+    name: str
+    dims: tuple[str, ...]
+    dtype: str
+    units: str
+    long_name: str
+    attributes: Mapping[str, Any] = field(default_factory=dict)
+    coordinate: bool = False
+
+    def over(self, grid: Sequence[str], rows: Sequence[str]) -> Variable:
+        """The variable with GRID and ROWS replaced by the names of a sweep's axes."""
+        known = {GRID: tuple(grid), ROWS: tuple(rows)}
+        return replace(self, dims=tuple(name for dim in self.dims for name in known.get(dim, (dim,))))
+
+
+def coordinate(name: str, dim: str, dtype: str, units: str, long_name: str) -> Variable:
+    """A variable that describes the points of a dimension; the dimension's own coordinate if it has its name."""
+    return Variable(name, (dim,), dtype, units, long_name, coordinate=True)
+
+
+MODES = (
+    coordinate("mode", "mode", "i4", "1", "number of the mode, by ascending natural frequency"),
+    coordinate("dof", "dof", TEXT, "1", "coordinate of the model"),
+    coordinate("mesh", "mesh", TEXT, "1", "tooth mesh"),
+    Variable("natural_frequency", ("mode",), "f8", "rad/s", "natural frequency of the mean system"),
+    Variable("mode_shape", ("mode", "dof"), "f8", "kg^-1/2", "mode shape, normalised by the mass matrix"),
+    Variable("mesh_deflection", ("mode", "mesh"), "f8", "kg^-1/2", "modal mesh deflection"),
+    Variable("mode_type", ("mode",), TEXT, "1", "type of the mode"),
+)
+
+STABLE_FLAGS = {"flag_values": [-1, 0, 1], "flag_meanings": "failed unstable stable"}
+
+FLOQUET = (
+    Variable("growth_rate", (GRID,), "f8", "1/s", "largest real part of the characteristic exponents"),
+    Variable("stable", (GRID,), "i1", "1", "stability, rigid-body modes left out", STABLE_FLAGS),
+    Variable("status", (GRID,), "i2", "1", "how the stability was decided"),
+)
+
+EXPONENTS = (
+    coordinate("exponent", "exponent", "i4", "1", "number of the characteristic exponent, by descending real part"),
+    Variable("exponent_real", (GRID, "exponent"), "f8", "1/s", "real part of the characteristic exponent"),
+    Variable("exponent_imag", (GRID, "exponent"), "f8", "rad/s", "imaginary part of the characteristic exponent"),
+)
+
+TONGUE = (
+    coordinate("mode_p", "tongue", "i4", "1", "first mode of the instability"),
+    coordinate("mode_q", "tongue", "i4", "1", "second mode of the instability"),
+    coordinate("harmonic", "tongue", "i4", "1", "harmonic of the mesh stiffness that drives the instability"),
+    coordinate("mesh", "tongue", TEXT, "1", "meshes that drive the instability"),
+    coordinate("kind", "tongue", TEXT, "1", "kind of the instability"),
+    coordinate("label", "tongue", TEXT, "1", "mesh frequency at the root of the instability region"),
+    coordinate("frequency_ratio", "tongue", "f8", "1", "excitation frequency over mesh frequency"),
+)
+"""Which instability region a point of the dimension ``tongue`` is."""
+
+SIDE = coordinate("side", "side", TEXT, "1", "lower or upper boundary")
+
+BOUNDARY = Variable("boundary_frequency", ("tongue", "side", ROWS), "f8", "rad/s", "mesh frequency at the boundary")
+
+FIRST_ORDER = (
+    SIDE,
+    BOUNDARY,
+    Variable("center_frequency", ("tongue", ROWS), "f8", "rad/s", "mesh frequency at the root of the instability region"),
+    Variable("half_width", ("tongue", ROWS), "f8", "rad/s", "half of the unstable range of mesh frequency"),
+    Variable("threshold", ("tongue", ROWS), "f8", "1", "factor on every epsilon at which the region opens"),
+)

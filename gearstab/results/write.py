@@ -1,0 +1,143 @@
+"""Result files: netCDF-4/HDF5 with dimension scales and explicit types, complete from the moment they have their name.
+
+Everything goes into a file of HDF5 in memory, which is then written in one go, so that a full disk is an ordinary OSError
+(inside the HDF5 library it can end in a crash). Results too large for that are written by
+:func:`write_on_disk` in a process of its own.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from contextlib import suppress
+from math import prod
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from uuid import uuid4
+
+import numpy as np
+
+from gearstab.results.tree import Chunked, Field, Group, ResultTree
+from gearstab.results.variables import TEXT
+
+if TYPE_CHECKING:
+    import h5py
+
+COMPRESSED_FROM = 1 << 16
+"""Arrays of more bytes than this are compressed."""
+DIMENSION_ONLY = "This is a netCDF dimension but not a netCDF variable.%10d"
+"""How netCDF-4 marks a dimension without coordinate."""
+
+
+def write_result(path: Path, tree: ResultTree) -> None:
+    """Write a result; ``path`` then holds all of it, or what it held before. Raises OSError."""
+    write_bytes(path, image(tree))
+
+
+def image(tree: ResultTree) -> memoryview:
+    """The bytes of the file."""
+    import h5py
+
+    # The name is never opened; HDF5 only refuses two open files of one name.
+    with h5py.File(f"{uuid4()}.h5", "w", driver="core", backing_store=False, track_order=True) as file:
+        fill(file, tree)
+        file.flush()
+        return memoryview(file.id.get_file_image())
+
+
+def write_on_disk(path: Path, tree: ResultTree) -> None:
+    """Write a result chunk by chunk straight to ``path``, which must be a temporary name, and have the disk keep it."""
+    import h5py
+
+    with h5py.File(path, "w", track_order=True) as file:
+        fill(file, tree)
+    sync(path)
+
+
+def write_bytes(path: Path, data: bytes | memoryview) -> None:
+    """Write a file under a temporary name, have the disk keep it, and give it its name. Raises OSError."""
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        with open(temporary, "wb") as file:
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(temporary, path)
+    except BaseException:
+        with suppress(OSError):
+            temporary.unlink()
+        raise
+    sync(path.parent)
+
+
+def sync(path: Path) -> None:
+    """Have the disk keep a file, or the names in a folder (where the system can do that)."""
+    with suppress(PermissionError):
+        handle = os.open(path, os.O_RDONLY)
+        try:
+            os.fsync(handle)
+        finally:
+            os.close(handle)
+
+
+def fill(file: h5py.File, tree: ResultTree) -> None:
+    """Write all groups of a result into an empty file."""
+    scales = _fill_group(file, tree.root, {})
+    for name, group in tree.groups.items():
+        _fill_group(file.create_group(name, track_order=True), group, scales)
+
+
+def _fill_group(target: h5py.Group, group: Group, inherited: Mapping[str, Any]) -> dict[str, Any]:
+    """Write one group; the scales of its dimensions and of those it inherits."""
+    scales = dict(inherited)
+    sizes = {dim: n for item in group.fields for dim, n in zip(item.variable.dims, item.shape, strict=True)}
+    own = {item.variable.name for item in group.fields if item.variable.dims == (item.variable.name,)}
+    for dim, size in sizes.items():
+        if dim not in inherited and dim not in own:
+            scales[dim] = target.create_dataset(dim, shape=(size,), dtype=">f4")
+            scales[dim].make_scale(DIMENSION_ONLY % size)
+    # Coordinates first: they are the scales of all others.
+    for item in sorted(group.fields, key=lambda item: item.variable.name not in own):
+        name = item.variable.name
+        dataset = _create(target, item)
+        _write_attributes(dataset, {"long_name": item.variable.long_name, "units": item.variable.units} | dict(item.variable.attributes))
+        if name in own:
+            dataset.make_scale(name)
+            scales[name] = dataset
+        else:
+            for k, dim in enumerate(item.variable.dims):
+                dataset.dims[k].attach_scale(scales[dim])
+    beside = [item.variable.name for item in group.fields if item.variable.coordinate and item.variable.name not in own]
+    _write_attributes(target, dict(group.attributes) | ({"coordinates": " ".join(beside)} if beside else {}))
+    return scales
+
+
+def _create(target: h5py.Group, item: Field) -> h5py.Dataset:
+    import h5py
+
+    name = item.variable.name
+    if item.variable.dtype == TEXT:
+        return target.create_dataset(name, data=item.array(), dtype=h5py.string_dtype("utf-8"))
+    fill_value = np.nan if item.variable.dtype.startswith("f") else 0
+    packed = {"compression": "gzip", "compression_opts": 1, "shuffle": True, "fillvalue": fill_value}
+    if not isinstance(item.values, Chunked):
+        values = item.array()
+        options = packed if values.nbytes > COMPRESSED_FROM else {}
+        return target.create_dataset(name, data=values, dtype=values.dtype, **options)
+    if not prod(item.values.shape):
+        return target.create_dataset(name, shape=item.values.shape, dtype=item.variable.dtype)
+    dataset = target.create_dataset(name, shape=item.values.shape, dtype=item.variable.dtype, chunks=item.values.chunk, **packed)
+    for offset, data in item.values.pieces():
+        dataset.id.write_direct_chunk(offset, data)
+    return dataset
+
+
+def _write_attributes(target: Any, attributes: Mapping[str, Any]) -> None:
+    """Texts, numbers and lists of numbers; lists of integers as the type of the variable they belong to."""
+    for name, value in attributes.items():
+        if isinstance(value, list | tuple | np.ndarray):
+            kind = getattr(target, "dtype", None)
+            whole = kind is not None and kind.kind == "i" and np.asarray(value).dtype.kind == "i"
+            target.attrs[name] = np.asarray(value, dtype=kind if whole else None)
+        else:
+            target.attrs[name] = value
