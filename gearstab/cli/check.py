@@ -15,7 +15,9 @@ if TYPE_CHECKING:
 
 @click.command(name="check", short_help="Validate a configuration.")
 @click.argument("config", type=click.Path(path_type=Path))
-@click.option("--set", "overrides", metavar="PATH=VALUE", multiple=True, help="Replace a value for this run; repeatable.")
+@click.option(
+    "--set", "overrides", metavar="PATH=VALUE", multiple=True, help="Replace a value for this run; repeatable."
+)
 def command(config: Path, overrides: tuple[str, ...]) -> None:
     """Validate CONFIG: exit code 0, or 2 with every mistake at once, each with its line and what to do about it."""
     from gearstab.config import load

@@ -53,5 +53,5 @@ def exit_code(error: Exception) -> int | None:
 def text(error: Exception) -> str:
     """What the user reads."""
     if isinstance(error, OSError) and error.filename is not None:
-        return f"{error.filename}: {(error.strerror or "cannot be used").lower()}"
+        return f"{error.filename}: {(error.strerror or 'cannot be used').lower()}"
     return str(error)

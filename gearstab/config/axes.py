@@ -131,10 +131,11 @@ def _replaced(container: Any, path: Sequence[str | int], value: Any) -> Any:
         return value
     key = path[0]
     if isinstance(container, np.ndarray):
+        row, column = (int(part) for part in path)
         copy = np.array(np.broadcast_to(container, np.shape(value) + container.shape[-2:]))
-        copy[..., path[0], path[1]] = value
+        copy[..., row, column] = value
         return copy
-    copied = dict(container) if isinstance(container, dict) else list(container)
+    copied: Any = dict(container) if isinstance(container, dict) else list(container)
     inner = container.get(key) if isinstance(container, dict) else container[key]
     copied[key] = _replaced(inner, path[1:], value)
     return copied

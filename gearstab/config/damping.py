@@ -17,15 +17,19 @@ class Damping(Section):
     """Damping of the whole system, in one of three forms."""
 
     modal: list[NonNegative] | None = Field(
-        None, title="modal damping ratios", description="One damping ratio a mode, by ascending natural frequency (1)."
+        default=None,
+        title="modal damping ratios",
+        description="One damping ratio a mode, by ascending natural frequency (1).",
     )
     rayleigh: (
         tuple[Annotated[float, Field(ge=0), Quantity("1/s")], Annotated[float, Field(ge=0), Quantity("s")]] | None
     ) = Field(
-        None, title="Rayleigh damping", description="[alpha (1/s), beta (s)]: C = alpha M + beta K of the mean system."
+        default=None,
+        title="Rayleigh damping",
+        description="[alpha (1/s), beta (s)]: C = alpha M + beta K of the mean system.",
     )
     matrix: list[list[MatrixEntry]] | None = Field(
-        None, title="damping matrix", description="C, one row a coordinate (N s/m)."
+        default=None, title="damping matrix", description="C, one row a coordinate (N s/m)."
     )
 
     @classmethod

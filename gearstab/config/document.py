@@ -6,12 +6,12 @@ import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from gearstab.config.problems import ConfigError, Path, Problem, dotted, shown
 
-if TYPE_CHECKING:
-    from ruamel.yaml.nodes import Node
+Node = Any
+"""A node of ruamel.yaml's, whose types leave out what its kinds have."""
 
 TAG = "tag:yaml.org,2002:"
 
@@ -66,11 +66,8 @@ class Document:
         for table in (self.values, self.keys):
             for known in [p for p in table if p[: len(path)] == path]:
                 del table[known]
-        container = self.get(path[:-1]) if path else None
-        if path:
-            container[path[-1]] = value
-        else:
-            self.data = value
+        container: Any = self.get(path[:-1])
+        container[path[-1]] = value
         for inner in paths_below(value, path):
             self.values[inner] = place
             self.keys[inner] = place
@@ -133,7 +130,7 @@ def _failed(name: str, line: int | None, message: str, hint: str) -> ConfigError
     return ConfigError([Problem(name, line, "", "", message, hint)])
 
 
-def _compose(text: str, name: str) -> Node | None:
+def _compose(text: str, name: str) -> Node:
     from ruamel.yaml import YAML
     from ruamel.yaml.composer import ComposerError
     from ruamel.yaml.error import MarkedYAMLError
@@ -148,13 +145,13 @@ def _compose(text: str, name: str) -> Node | None:
         raise _failed(name, line, f"holds the control character {error.character:#x}", "remove it") from None
     except MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
-        line = mark.line + 1 if mark else None
+        row = mark.line + 1 if mark else None
         if isinstance(error, ComposerError) and "another document" in (error.problem or ""):
-            raise _failed(name, line, "a second document begins", "keep one configuration a file") from None
+            raise _failed(name, row, "a second document begins", "keep one configuration a file") from None
         message = f"is no valid YAML: {error.problem or error.context}"
-        if error.context and error.context_mark and line != error.context_mark.line + 1:
+        if error.context and error.context_mark and row != error.context_mark.line + 1:
             message += f", {error.context} that begins in line {error.context_mark.line + 1}"
-        raise _failed(name, line, message, _syntax_remedy(text, line, error.problem or "")) from None
+        raise _failed(name, row, message, _syntax_remedy(text, row, error.problem or "")) from None
     except RecursionError:
         raise _failed(name, None, "is nested too deeply", "write a flatter document") from None
 
@@ -183,9 +180,9 @@ class _Reader:
     def read(self, node: Node) -> None:
         self.document.data = self.value(node, (), None)
 
-    def value(self, node: Node, path: Path, key: Node | None) -> Any:
+    def value(self, node: Node, path: Path, key: Node) -> Any:
         block = key is not None and node.id != "scalar" and not node.flow_style
-        self.document.values[path] = self.place(key if block and key is not None else node)
+        self.document.values[path] = self.place(key if block else node)
         if id(node) in self.open:
             self.document.report(path, "an alias stands inside what it refers to", "write the values out")
             return None
@@ -221,9 +218,15 @@ class _Reader:
         if key.value in result:
             first = self.document.keys[here].line
             self.document.problems.append(
-                Problem(place.file, place.line, dotted(here), "", f"duplicate key, given in line {first} already",
-                        "remove one of the two")
-            )  # fmt: skip
+                Problem(
+                    place.file,
+                    place.line,
+                    dotted(here),
+                    "",
+                    f"duplicate key, given in line {first} already",
+                    "remove one of the two",
+                )
+            )
             return
         self.document.keys[here] = place
         result[key.value] = self.value(item, here, key)
@@ -272,7 +275,7 @@ def write(tree: dict[str, Any]) -> str:
 
     from ruamel.yaml import YAML
 
-    yaml = YAML(typ="safe", pure=True)
+    yaml: Any = YAML(typ="safe", pure=True)
     yaml.default_flow_style = None
     yaml.sort_base_mapping_type_on_output = False
     yaml.width = 120

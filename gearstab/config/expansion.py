@@ -20,7 +20,7 @@ from gearstab.config.validation import explain, validate
 
 LARGEST_AXIS = 100_000_000
 STEP_TOLERANCE = 1e-9
-"""How far, in steps, an end may lie beyond the last step and still count as hit: (stop - start)/step carries a few roundings."""
+"""How far from the last step, in steps, the stop still counts as hit: (stop - start)/step carries a few roundings."""
 
 
 class Edge:
@@ -29,7 +29,9 @@ class Edge:
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
         return core_schema.any_schema()
 
-    def __get_pydantic_json_schema__(self, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+    def __get_pydantic_json_schema__(
+        self, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
         return {"type": ["number", "string"]}
 
 
@@ -39,13 +41,15 @@ class Range(Section):
     start: Annotated[Any, Edge()] = Field(title="start", description="The first value.")
     stop: Annotated[Any, Edge()] = Field(title="stop", description="The last value.")
     num: Annotated[int, Field(ge=1, le=LARGEST_AXIS), Whole()] | None = Field(
-        None, title="number of values", description="How many values; or give step."
+        default=None, title="number of values", description="How many values; or give step."
     )
     step: Annotated[Any, Edge()] | None = Field(
-        None, title="step", description="From value to value; the stop is included when a step hits it. Or give num."
+        default=None,
+        title="step",
+        description="From value to value; the stop is included when a step hits it. Or give num.",
     )
     spacing: Annotated[str, Choice("spacing", ("linear", "log"))] = Field(
-        "linear", title="spacing", description="log: equal ratios instead of equal differences, with num."
+        default="linear", title="spacing", description="log: equal ratios instead of equal differences, with num."
     )
 
 
@@ -90,7 +94,7 @@ def expand_list(document: Document, items: list[Any], places: list[Path], target
         document.report(path, "an axis without values", "give at least one value")
         return FAILED
     try:
-        values = TypeAdapter(list[target.annotation]).validate_python(items)  # type: ignore[name-defined]
+        values = target.adapter.validate_python(items)
     except ValidationError as error:
         for detail in error.errors(include_url=False):
             message, hint = explain(detail)
@@ -106,7 +110,7 @@ def _number(document: Document, path: Path, name: str, target: Target, *, ranged
     raw = document.get((*path, name))
     if raw is None:
         return None
-    annotation = target.annotation if ranged else Annotated[float, number_kind(target.annotation)]
+    annotation: Any = target.annotation if ranged else Annotated[float, number_kind(target.annotation)]
     try:
         return float(TypeAdapter(annotation).validate_python(raw))
     except ValidationError as error:
@@ -128,20 +132,29 @@ def _expand_range(document: Document, path: Path, given: Range, ends: dict[str, 
         return FAILED
     spec: dict[str, Any] = {"start": start, "stop": stop}
     if step is not None:
-        values = _stepped(start, stop, step, given.spacing, lambda key, text, hint: document.report(
-            (*path, key), text, hint, value=document.get((*path, key))))  # fmt: skip
+        values = _stepped(
+            start,
+            stop,
+            step,
+            given.spacing,
+            lambda key, text, hint: document.report((*path, key), text, hint, value=document.get((*path, key))),
+        )
         return FAILED if values is None else Expansion(values, spec | {"step": step})
     spec["num"] = given.num
     if given.spacing == "linear":
         return Expansion(np.linspace(start, stop, given.num or 1), spec)
     for name, value in (("start", start), ("stop", stop)):
         if value <= 0:
-            document.report((*path, name), "must be > 0 with log spacing", "choose a value > 0, or spacing: linear", value=value)
+            document.report(
+                (*path, name), "must be > 0 with log spacing", "choose a value > 0, or spacing: linear", value=value
+            )
             return FAILED
     return Expansion(np.geomspace(start, stop, given.num or 1), spec | {"spacing": "log"})
 
 
-def _stepped(start: float, stop: float, step: float, spacing: str, report: Callable[[str, str, str], None]) -> Array | None:
+def _stepped(
+    start: float, stop: float, step: float, spacing: str, report: Callable[[str, str, str], None]
+) -> Array | None:
     if spacing == "log":
         report("step", "log spacing takes no step", "give num, the number of values")
     elif step == 0 or (stop - start) / step < 0:

@@ -1,7 +1,7 @@
 """Whether the systems of a grid can exist: stiffness levels of the meshes, mass and stiffness matrices.
 
-Only points that can be the worst are looked at: the ends of an axis along which all parameters are equal, and all points of an axis
-that varies several differently. So the cost does not grow with the grid.
+Only points that can be the worst are looked at: the ends of an axis along which all parameters are equal, and all
+points of an axis that varies several differently. So the cost does not grow with the grid.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ def _check_levels(document: Document, config: Config, index: int) -> None:
         p = parameters_at(config, selection)["meshes"][index]
         with np.errstate(divide="ignore", invalid="ignore"):
             item = mesh(p, np.ones(1))
-            amplitude = p["amplitude"] if "amplitude" in p else item.amplitude
+            amplitude = p.get("amplitude", item.amplitude)
             lowest = item.mean_stiffness + 2 * np.asarray(amplitude) * item.waveform.extremes()[0]
         checked = np.atleast_1d(item.mean_stiffness if allowed else np.minimum(lowest, item.mean_stiffness))
         scale = np.atleast_1d(p.get("mean_stiffness", p.get("max_stiffness")))
@@ -97,8 +97,8 @@ def _report_level(
         limit, rule = 1 / (2 * fraction), f"1/(2 d), d = {fraction:.6g}"
     level_name = "mean stiffness" if allowed else "softer level"
     message = (
-        f"mesh '{name}' has the {level_name} {level:.6g} <= 0 at {key} {p[key]:.6g} and contact ratio {p['contact_ratio']:.6g}: "
-        f"the largest admissible {key} is below {limit:.6g} = {rule}"
+        f"mesh '{name}' has the {level_name} {level:.6g} <= 0 at {key} {p[key]:.6g} "
+        f"and contact ratio {p['contact_ratio']:.6g}: the largest admissible {key} is below {limit:.6g} = {rule}"
     )
     remedy = f"reduce {key}" + ("" if allowed else ", or set system.allow_negative_stiffness: true")
     path = _place(document, config, index, key, chosen)
@@ -106,7 +106,7 @@ def _report_level(
 
 
 def _place(document: Document, config: Config, index: int, key: str, chosen: dict[str, int]) -> Path:
-    """Where the value stands that is to blame: in an axis that sets it, in one that sets the contact ratio, or in the mesh."""
+    """Where the value to blame stands: in an axis that sets it or another level key, or in the mesh."""
     for wanted in (key, *LEVEL_KEYS):
         for axis in config.axes:
             if axis.name in chosen and any(a.path == ("meshes", index, wanted) for a in axis.assignments):
@@ -153,7 +153,9 @@ def _check_definite(document: Document, config: Config) -> None:
     if np.any(singular):
         where = _axis_of(config, selection, "mass") if np.ndim(singular) else ""
         message = f"is not positive definite{where}: its lowest eigenvalue is {np.min(masses):.6g}"
-        _report_matrix(document, ("system", "mass"), "mass", message, "give every coordinate a positive mass or inertia")
+        _report_matrix(
+            document, ("system", "mass"), "mass", message, "give every coordinate a positive mass or inertia"
+        )
         return
     squares = eigenmodes(system.mass, system.mean_stiffness_matrix())[0]
     negative = squares[..., 0] < -RIGID_TOLERANCE * np.max(np.abs(squares), axis=-1)

@@ -20,13 +20,13 @@ LARGEST_DENOMINATOR = 1000
 
 def wrong(kind: str, message: str, hint: str) -> PydanticCustomError:
     """An error whose remedy travels in its context."""
-    return PydanticCustomError(kind, "{message}", {"message": message, "hint": hint})  # type: ignore[arg-type]
+    return PydanticCustomError(kind, "{message}", {"message": message, "hint": hint})
 
 
 class Section(BaseModel):
     """A mapping of a configuration: no unknown keys, unchangeable once read."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
     misplaced: ClassVar[dict[str, str]] = {}
     """Unknown keys that stand elsewhere, and the remedy for each."""
@@ -36,7 +36,7 @@ class Section(BaseModel):
 class Quantity:
     """A finite number; where it is dimensional also a text with a unit, converted to SI.
 
-    unit: the SI unit, "1" for a dimensionless number. others: further units it may have, of models in other coordinates.
+    unit: the SI unit, "1" for a dimensionless number. others: further units that it has in other coordinates.
     """
 
     unit: str = "1"
@@ -45,11 +45,17 @@ class Quantity:
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
         return core_schema.no_info_before_validator_function(self.number, handler(source))
 
-    def __get_pydantic_json_schema__(self, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+    def __get_pydantic_json_schema__(
+        self, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
         plain = handler(schema)
         if self.unit == "1":
             return plain
-        text = {"type": "string", "pattern": r"^\s*[-+]?[0-9.]", "description": f'a number and a unit, such as "2 {self.unit}"'}
+        text = {
+            "type": "string",
+            "pattern": r"^\s*[-+]?[0-9.]",
+            "description": f'a number and a unit, such as "2 {self.unit}"',
+        }
         return {"anyOf": [plain, text]}
 
     @property
@@ -84,8 +90,15 @@ class Ratio:
             self.fraction, serialization=core_schema.plain_serializer_function_ser_schema(str)
         )
 
-    def __get_pydantic_json_schema__(self, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        return {"anyOf": [{"type": "number", "exclusiveMinimum": 0}, {"type": "string", "pattern": r"^\s*[0-9]+\s*(/\s*[0-9]+\s*)?$"}]}
+    def __get_pydantic_json_schema__(
+        self, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        return {
+            "anyOf": [
+                {"type": "number", "exclusiveMinimum": 0},
+                {"type": "string", "pattern": r"^\s*[0-9]+\s*(/\s*[0-9]+\s*)?$"},
+            ]
+        }
 
     @staticmethod
     def fraction(value: Any) -> Fraction:
@@ -108,7 +121,9 @@ class Ratio:
             raise wrong("ratio", "must be > 0", remedy)
         if ratio.denominator > LARGEST_DENOMINATOR and not (isinstance(value, str) and "/" in value):
             near = ratio.limit_denominator(100)
-            raise wrong("ratio", "is no short decimal, and the ratio must be exact", f'write a fraction such as "{near}"')
+            raise wrong(
+                "ratio", "is no short decimal, and the ratio must be exact", f'write a fraction such as "{near}"'
+            )
         return ratio
 
 
@@ -123,13 +138,15 @@ class Choice:
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
         return core_schema.no_info_plain_validator_function(self.choose)
 
-    def __get_pydantic_json_schema__(self, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+    def __get_pydantic_json_schema__(
+        self, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
         return {"enum": list(self.available)}
 
     def choose(self, value: Any) -> str | int:
         """The value itself if it is available; raises a pydantic error."""
         if type(value) in (str, int) and value in self.available:
-            return value  # type: ignore[no-any-return]
+            return value
         names = ", ".join(map(str, self.available))
         if type(value) in (str, int) and value in self.planned:
             raise wrong("unavailable", f"{self.what} '{value}' is not available in this version", f"available: {names}")

@@ -17,8 +17,8 @@ class GearPair(System):
     mesh_names: ClassVar[tuple[str, ...]] = ("mesh",)
 
     kind: Literal["gear_pair"] = Field(title="kind of system", description="A gear pair on rigid shafts.")
-    formulation: Annotated[str, Choice("formulation", ("classical",), ("energy_conserving", "rigid_kinematic"))] = Field(
-        "classical", title="formulation", description="classical: mesh stiffness as a function of time."
+    formulation: Annotated[str, Choice("formulation", ("classical",), ("energy_conserving", "rigid_kinematic"))] = (
+        Field(default="classical", title="formulation", description="classical: mesh stiffness as a function of time.")
     )
     equivalent_mass: Mass = Field(
         title="equivalent mass", description="m = 1/(r1^2/J1 + r2^2/J2), along the line of action (kg)."

@@ -222,6 +222,13 @@ def _config(document: Document, source: FilePath, system: _System, methods: Meth
     if respond is not None:
         tree["respond"] = respond.model_dump(mode="json", exclude_none=True)
     return Config(
-        title=title, kind=system.parameters["kind"], parameters=system.parameters, axes=system.axes,
-        methods=methods, respond=respond, source=source, tree=tree, contents=system.contents,
-    )  # fmt: skip
+        title=title,
+        kind=system.parameters["kind"],
+        parameters=system.parameters,
+        axes=system.axes,
+        methods=methods,
+        respond=respond,
+        source=source,
+        tree=tree,
+        contents=system.contents,
+    )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from pydantic import Field, StrictStr
 
 from gearstab.config.damping import not_square
@@ -21,24 +22,29 @@ class Matrices(System):
 
     kind: Literal["matrices"] = Field(title="kind of system", description="A model given as matrices.")
     mass: list[list[MassEntry]] | None = Field(
-        None, title="mass matrix", description="M, one row a coordinate (kg, or kg m^2 of a rotation); symmetric, positive definite."
+        default=None,
+        title="mass matrix",
+        description="M, one row a coordinate (kg, or kg m^2 of a rotation); symmetric, positive definite.",
     )
     stiffness: list[list[StiffnessEntry]] | None = Field(
-        None, title="stiffness matrix", description="K0, everything but the meshes (N/m, or N m/rad of a rotation); symmetric."
+        default=None,
+        title="stiffness matrix",
+        description="K0, everything but the meshes (N/m, or N m/rad of a rotation); symmetric.",
     )
     file: StrictStr | None = Field(
-        None, title="file of matrices",
-        description="A .npz, .h5 or .mat file with mass, stiffness and optionally damping, relative to the configuration.",
-    )  # fmt: skip
+        default=None,
+        title="file of matrices",
+        description="A .npz, .h5 or .mat file of mass, stiffness and optionally damping, beside the configuration.",
+    )
     coordinates: list[NameText] | None = Field(
-        None, title="coordinates", description="Names of the coordinates; q1, q2, ... without."
+        default=None, title="coordinates", description="Names of the coordinates; q1, q2, ... without."
     )
     meshes: list[MatrixMesh] = Field(title="meshes", min_length=1, description="At least one tooth mesh.")
 
     @classmethod
     def size(cls, raw: dict[str, Any]) -> int | None:
-        mass = raw.get("mass")
-        return len(mass) if hasattr(mass, "__len__") and not isinstance(mass, str | dict) else None
+        mass: Any = raw.get("mass")
+        return len(mass) if isinstance(mass, list | np.ndarray) else None
 
     @classmethod
     def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:

@@ -22,7 +22,9 @@ class Waveform(Section):
     """The shape of the mesh stiffness over its period."""
 
     kind: Annotated[str, Choice("waveform", ("rectangular",), ("trapezoidal", "fourier", "sampled", "tooth"))] = Field(
-        "rectangular", title="kind of waveform", description="rectangular: stiff for the fraction c - floor(c) of the period"
+        default="rectangular",
+        title="kind of waveform",
+        description="rectangular: stiff for the fraction c - floor(c) of the period",
     )
 
 
@@ -36,25 +38,34 @@ class Mesh(Section):
 
     name: NameText = Field(title="name", description="What paths, labels and messages call the mesh; unique.")
     mean_stiffness: Annotated[float, Field(gt=0), Quantity("N/m", TORSIONAL)] | None = Field(
-        None, title="mean mesh stiffness", description="Mean stiffness k_g, kept (N/m); or give max_stiffness."
+        default=None, title="mean mesh stiffness", description="Mean stiffness k_g, kept (N/m); or give max_stiffness."
     )
     max_stiffness: Annotated[float, Field(gt=0), Quantity("N/m", TORSIONAL)] | None = Field(
-        None, title="stiffer level of the mesh stiffness",
-        description="The stiffer level k_max, kept (N/m): the mean k_g falls as the variation grows. Or give mean_stiffness.",
-    )  # fmt: skip
+        default=None,
+        title="stiffer level of the mesh stiffness",
+        description="The stiffer level k_max, kept (N/m), so that k_g falls as k_a grows; or give mean_stiffness.",
+    )
     epsilon: NonNegative | None = Field(
-        None, title="relative mesh stiffness variation",
-        description="epsilon = k_a/k_g, where 2 k_a is the peak-to-peak of the variation and k_g the mean (1); or give amplitude.",
-    )  # fmt: skip
+        default=None,
+        title="relative mesh stiffness variation",
+        description="epsilon = k_a/k_g, where 2 k_a is the peak-to-peak of the variation (1); or give amplitude.",
+    )
     amplitude: Annotated[float, Field(ge=0), Quantity("N/m", TORSIONAL)] | None = Field(
-        None, title="mesh stiffness amplitude", description="k_a, half the peak-to-peak of the variation (N/m); or give epsilon."
+        default=None,
+        title="mesh stiffness amplitude",
+        description="k_a, half the peak-to-peak of the variation (N/m); or give epsilon.",
     )
     contact_ratio: ContactRatio = Field(
-        title="contact ratio", description="c >= 1: floor(c) + 1 pairs of teeth carry for the fraction c - floor(c) of the period (1)."
+        title="contact ratio",
+        description="c >= 1: floor(c) + 1 pairs of teeth carry for the fraction c - floor(c) of the period (1).",
     )
-    waveform: Waveform = Field(Waveform(), title="waveform", description="The shape of the variation over a mesh period.")
+    waveform: Waveform = Field(
+        default=Waveform(kind="rectangular"),
+        title="waveform",
+        description="The shape of the variation over a mesh period.",
+    )
     damping: Annotated[float, Field(ge=0), Quantity("N s/m", TORSIONAL_DAMPING)] | None = Field(
-        None, title="mesh damping", description="Viscous damping along the line of action (N s/m)."
+        default=None, title="mesh damping", description="Viscous damping along the line of action (N s/m)."
     )
 
     @classmethod
@@ -70,9 +81,10 @@ class SecondMesh(Mesh):
     misplaced: ClassVar[dict[str, str]] = {"lag": "give a phasing, which is a lead: phasing = -lag"}
 
     phasing: Number = Field(
-        0.0, title="mesh phasing",
-        description="h: the wave of this mesh leads that of the first one by h of its own period (1; Lin & Parker 2002).",
-    )  # fmt: skip
+        default=0.0,
+        title="mesh phasing",
+        description="h: this mesh leads the first one by h of its own period (1; Lin & Parker 2002).",
+    )
 
 
 class MatrixMesh(Mesh):
@@ -81,14 +93,19 @@ class MatrixMesh(Mesh):
     misplaced: ClassVar[dict[str, str]] = {"phasing": "give a lag, the opposite of a lead: lag = -phasing"}
 
     direction: list[Annotated[float, Quantity("m")]] = Field(
-        title="direction", min_length=1,
-        description="g, one number a coordinate: the mesh deflection is g . q (1 for a translation, a base radius in m for a rotation).",
-    )  # fmt: skip
+        title="direction",
+        min_length=1,
+        description="g, the mesh deflection is g . q: 1 for a translation, a base radius (m) for a rotation.",
+    )
     frequency_ratio: ExactRatio = Field(
-        1, title="mesh frequency ratio", validate_default=True,
+        default=1,
+        title="mesh frequency ratio",
+        validate_default=True,
         description='Frequency of this mesh over that of the sweep, exact: 1, 0.5 or "1/2".',
-    )  # fmt: skip
-    lag: Number = Field(0.0, title="mesh lag", description="The wave begins this fraction of its own period late (1).")
+    )
+    lag: Number = Field(
+        default=0.0, title="mesh lag", description="The wave begins this fraction of its own period late (1)."
+    )
 
 
 def exactly_one(raw: dict[str, Any], names: tuple[str, ...], what: str = "") -> Iterator[Conflict]:

@@ -17,41 +17,61 @@ Harmonics = Annotated[int, Field(ge=1, le=1000), Whole()]
 class FloquetOptions(Section):
     """Exact stability at every point of the grid."""
 
-    exponents: Flag = Field(False, title="exponents", description="Store all characteristic exponents, not only the growth rate.")
+    exponents: Flag = Field(
+        default=False, title="exponents", description="Store all characteristic exponents, not only the growth rate."
+    )
     tolerance: Tolerance = Field(
-        1e-9, title="tolerance", description="Of the multipliers, for waves that are not piecewise constant (1)."
+        default=1e-9,
+        title="tolerance",
+        description="Of the multipliers, for waves that are not piecewise constant (1).",
     )
 
 
 class PerturbationOptions(Section):
     """Instability boundaries by perturbation theory."""
 
-    order: Annotated[int, Choice("order", (1,), (2,))] = Field(1, title="order", description="Order of the expansion in epsilon.")
-    harmonics: Harmonics = Field(3, title="harmonics", description="Up to which harmonic of each mesh.")
+    order: Annotated[int, Choice("order", (1,), (2,))] = Field(
+        default=1, title="order", description="Order of the expansion in epsilon."
+    )
+    harmonics: Harmonics = Field(default=3, title="harmonics", description="Up to which harmonic of each mesh.")
 
 
 class UncoupledOptions(Section):
     """Uncoupled Mathieu equations (Benton & Seireg 1980), to compare with."""
 
-    harmonics: Harmonics = Field(3, title="harmonics", description="Up to which harmonic of the mesh stiffness.")
+    harmonics: Harmonics = Field(
+        default=3, title="harmonics", description="Up to which harmonic of the mesh stiffness."
+    )
 
 
 class BoundariesOptions(Section):
     """Edges of all instability regions over the range of the mesh frequency, by root finding."""
 
-    tolerance: Tolerance = Field(1e-10, title="tolerance", description="Of an edge, relative to the mesh frequency (1).")
+    tolerance: Tolerance = Field(
+        default=1e-10, title="tolerance", description="Of an edge, relative to the mesh frequency (1)."
+    )
     width_floor: Tolerance = Field(
-        1e-6, title="width floor", description="Regions narrower than this, relative to the mesh frequency, may be left out (1)."
+        default=1e-6,
+        title="width floor",
+        description="Regions narrower than this, relative to the mesh frequency, may be left out (1).",
     )
 
 
 class Methods(Section):
     """What is computed at every point of the grid; a method that is not named is not run."""
 
-    floquet: FloquetOptions | None = Field(None, title="floquet", description="Exact stability at every point of the grid.")
-    perturbation: PerturbationOptions | None = Field(None, title="perturbation", description="First-order boundaries.")
-    uncoupled: UncoupledOptions | None = Field(None, title="uncoupled", description="Uncoupled Mathieu equations, to compare with.")
-    boundaries: BoundariesOptions | None = Field(None, title="boundaries", description="Edges of all instability regions.")
+    floquet: FloquetOptions | None = Field(
+        default=None, title="floquet", description="Exact stability at every point of the grid."
+    )
+    perturbation: PerturbationOptions | None = Field(
+        default=None, title="perturbation", description="First-order boundaries."
+    )
+    uncoupled: UncoupledOptions | None = Field(
+        default=None, title="uncoupled", description="Uncoupled Mathieu equations, to compare with."
+    )
+    boundaries: BoundariesOptions | None = Field(
+        default=None, title="boundaries", description="Edges of all instability regions."
+    )
 
     @property
     def chosen(self) -> tuple[str, ...]:
@@ -63,10 +83,14 @@ class Initial(Section):
     """The state at time zero."""
 
     displacement: list[Annotated[float, Quantity("m", ("rad",))]] = Field(
-        [], title="initial displacement", description="One number a coordinate (m, or rad of a rotation); zeros without."
+        default=[],
+        title="initial displacement",
+        description="One number a coordinate (m, or rad of a rotation); zeros without.",
     )
     velocity: list[Annotated[float, Quantity("m/s", ("rad/s",))]] = Field(
-        [], title="initial velocity", description="One number a coordinate (m/s, or rad/s of a rotation); zeros without."
+        default=[],
+        title="initial velocity",
+        description="One number a coordinate (m/s, or rad/s of a rotation); zeros without.",
     )
 
 
@@ -74,13 +98,15 @@ class Respond(Section):
     """The free response from an initial state, for ``gearstab respond``."""
 
     mesh_frequency: AngularFrequency = Field(title="mesh frequency", description="Of the first mesh (rad/s).")
-    initial: Initial = Field(title="initial state", description="Displacement and velocity; at least one number is not zero.")
-    duration: Time | None = Field(None, title="duration", description="How long (s); or give cycles.")
+    initial: Initial = Field(
+        title="initial state", description="Displacement and velocity; at least one number is not zero."
+    )
+    duration: Time | None = Field(default=None, title="duration", description="How long (s); or give cycles.")
     cycles: Annotated[float, Field(gt=0), Quantity()] | None = Field(
-        None, title="cycles", description="How long, in periods of the first mesh (1); or give duration."
+        default=None, title="cycles", description="How long, in periods of the first mesh (1); or give duration."
     )
     samples_per_cycle: Annotated[int, Field(ge=2, le=1_000_000), Whole()] = Field(
-        200, title="samples per cycle", description="Stored samples in a period of the first mesh."
+        default=200, title="samples per cycle", description="Stored samples in a period of the first mesh."
     )
 
     @classmethod

@@ -42,7 +42,9 @@ def read_matrices(path: FilePath) -> dict[str, Array]:
     missing = [name for name in REQUIRED if name not in found]
     if missing:
         present = ", ".join(sorted(name for name in found if not name.startswith("__"))) or "nothing"
-        raise ModelFileError(f"holds no {' and no '.join(missing)}", f"it needs mass and stiffness, and holds {present}")
+        raise ModelFileError(
+            f"holds no {' and no '.join(missing)}", f"it needs mass and stiffness, and holds {present}"
+        )
     result = {name: _matrix(name, found[name]) for name in REQUIRED + OPTIONAL if name in found}
     shape = result["mass"].shape
     for name, values in result.items():

@@ -17,8 +17,11 @@ from gearstab.config.system import System
 from gearstab.config.targets import MESH_FREQUENCY, Target, TargetError, resolve
 
 RESERVED = frozenset(
-    "tongue side mode mesh dof exponent mode_p mode_q harmonic kind label center_frequency half_width boundary_frequency "
-    "growth_rate stable status exponent_real exponent_imag targets values".split()
+    (
+        *("tongue", "side", "mode", "mesh", "dof", "exponent", "mode_p", "mode_q", "harmonic", "kind", "label"),
+        *("growth_rate", "stable", "status", "exponent_real", "exponent_imag"),
+        *("center_frequency", "half_width", "boundary_frequency"),
+    )
 )
 """Names that dimensions and variables of a result have; an axis is a dimension beside them."""
 
@@ -28,13 +31,23 @@ class Tie(Section):
 
     targets: list[str] = Field(title="targets", min_length=1, description="Names of the parameters that vary together.")
     values: Annotated[Any, Edge()] | None = Field(
-        None, title="values", description="One list or range for all targets, or a list of them, one for each target."
+        default=None,
+        title="values",
+        description="One list or range for all targets, or a list of them, one for each target.",
     )
-    start: Annotated[Any, Edge()] | None = Field(None, title="start", description="The first value, of all targets.")
-    stop: Annotated[Any, Edge()] | None = Field(None, title="stop", description="The last value, of all targets.")
-    num: Annotated[Any, Edge()] | None = Field(None, title="number of values", description="How many values; or give step.")
-    step: Annotated[Any, Edge()] | None = Field(None, title="step", description="From value to value; or give num.")
-    spacing: Annotated[Any, Edge()] | None = Field(None, title="spacing", description="linear or log.")
+    start: Annotated[Any, Edge()] | None = Field(
+        default=None, title="start", description="The first value, of all targets."
+    )
+    stop: Annotated[Any, Edge()] | None = Field(
+        default=None, title="stop", description="The last value, of all targets."
+    )
+    num: Annotated[Any, Edge()] | None = Field(
+        default=None, title="number of values", description="How many values; or give step."
+    )
+    step: Annotated[Any, Edge()] | None = Field(
+        default=None, title="step", description="From value to value; or give num."
+    )
+    spacing: Annotated[Any, Edge()] | None = Field(default=None, title="spacing", description="linear or log.")
 
 
 @dataclass
@@ -89,7 +102,9 @@ class Context:
             self.document.report(path, str(error), error.hint, at_key=True)
             return []
         if not own_axis and targets[0].paths[0] == MESH_FREQUENCY:
-            self.document.report(path, "the mesh frequency varies on its own", "make mesh_frequency an axis", at_key=True)
+            self.document.report(
+                path, "the mesh frequency varies on its own", "make mesh_frequency an axis", at_key=True
+            )
             return []
         return targets
 
@@ -100,7 +115,9 @@ def layouts(context: Context) -> list[Layout]:
     section = document.get(("sweep",))
     if not isinstance(section, dict) or not section:
         shown = None if section in (None, {}, []) else section
-        document.report(("sweep",), "has no axes", "add one, such as mesh_frequency: {start: 1, stop: 5, num: 200}", value=shown)
+        document.report(
+            ("sweep",), "has no axes", "add one, such as mesh_frequency: {start: 1, stop: 5, num: 200}", value=shown
+        )
         return []
     found = []
     for name, spec in section.items():
@@ -148,7 +165,7 @@ def _tie(context: Context, name: str, path: Path, spec: dict[str, Any]) -> Layou
         document.report(where, "must be a list of parameter names", "write targets: [name, name]", value=names)
         return Layout(name, [])
     targets = [context.resolve(n, (*path, "targets", i)) for i, n in enumerate(names)]
-    values = spec.get("values")
+    values: Any = spec.get("values")
     apart = isinstance(values, list) and any(isinstance(v, list | dict) for v in values)
     if not apart:
         return Layout(name, [_shared(document, path, [t for found in targets for t in found])], tie=spec)
@@ -247,7 +264,10 @@ def build(document: Document, layout: Layout) -> tuple[Axis, Any] | None:
         return None
     targets = [target for column in layout.columns for target in column.targets]
     assignments = tuple(
-        Assignment(path, e.values) for target, e in zip(targets, flat, strict=True) for path in target.paths if e.values is not None
+        Assignment(path, e.values)
+        for target, e in zip(targets, flat, strict=True)
+        for path in target.paths
+        if e.values is not None
     )
     values, units, title = _coordinate(layout, targets, flat[0])
     return Axis(layout.name, flat[0].size, values, units, title, assignments), _spec(layout, expansions)

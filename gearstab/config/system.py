@@ -19,13 +19,18 @@ class System(Section):
     """Names of meshes that are given none; further ones are called mesh1, mesh2, ..."""
 
     damping_ratio: NonNegative | None = Field(
-        None, title="modal damping ratio", description="Damping ratio of every mode of the mean system (1); or give damping."
+        default=None,
+        title="modal damping ratio",
+        description="Damping ratio of every mode of the mean system (1); or give damping.",
     )
-    damping: Damping | None = Field(None, title="damping", description="Other forms of damping; or give damping_ratio.")
+    damping: Damping | None = Field(
+        default=None, title="damping", description="Other forms of damping; or give damping_ratio."
+    )
     allow_negative_stiffness: Flag = Field(
-        False, title="negative stiffness allowed",
-        description="Admit variations so large that the softer level of a mesh is zero or negative, as no pair of teeth can be.",
-    )  # fmt: skip
+        default=False,
+        title="negative stiffness allowed",
+        description="Admit variations that make a mesh's softer level zero or negative, as no teeth can be.",
+    )
 
     @classmethod
     def size(cls, raw: dict[str, Any]) -> int | None:

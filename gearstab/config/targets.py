@@ -1,10 +1,12 @@
-"""From the name of a parameter to the places it stands for: ``epsilon``, ``meshes.second.contact_ratio``, ``mass.0.1``."""
+"""From a parameter's name to what it stands for: ``epsilon``, ``meshes.second.contact_ratio``, ``mass.0.1``."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
+
+from pydantic import TypeAdapter
 
 from gearstab.config.fields import AngularFrequency, Ratio
 from gearstab.config.introspection import entry_type, field_types, is_model, number_kind
@@ -49,6 +51,11 @@ class Target:
         return kind.unit if kind else "1"
 
     @property
+    def adapter(self) -> TypeAdapter[list[Any]]:
+        """What checks and converts a list of values."""
+        return TypeAdapter(list[self.annotation])  # type: ignore[name-defined]
+
+    @property
     def exact(self) -> bool:
         """Whether it is an exact ratio, which changes the structure of the problem."""
         return isinstance(number_kind(self.annotation), Ratio)
@@ -88,10 +95,13 @@ def _of_meshes(name: str, model: type[System], raw: dict[str, Any]) -> list[Targ
         return found
     if name in RIVALS:
         raise TargetError(f"no mesh has {name}", f"the meshes give {RIVALS[name]}: use that, or give them {name}")
-    raise TargetError(f"no mesh but the first has {name}" if name in BUT_THE_FIRST else f"no mesh has {name}", {
-        "phasing": "the second mesh of a two_stage train has a phasing, meshes of matrices have a lag",
-        "lag": "meshes of matrices have a lag, the second mesh of a two_stage train has a phasing",
-    }.get(name, "list the meshes under system.meshes"))  # fmt: skip
+    raise TargetError(
+        f"no mesh but the first has {name}" if name in BUT_THE_FIRST else f"no mesh has {name}",
+        {
+            "phasing": "the second mesh of a two_stage train has a phasing, meshes of matrices have a lag",
+            "lag": "meshes of matrices have a lag, the second mesh of a two_stage train has a phasing",
+        }.get(name, "list the meshes under system.meshes"),
+    )
 
 
 def _walk(name: str, parts: list[str], model: type[System], raw: dict[str, Any]) -> Target:
@@ -117,7 +127,9 @@ def _walk(name: str, parts: list[str], model: type[System], raw: dict[str, Any])
                 owner = f" of {value.get('name', f'mesh {index}')}"
     if number_kind(annotation) is None:
         raise TargetError("is not a number that an axis can set", nearest(name, candidates(model, raw)))
-    entries = "".join(f"[{part}]" for part in path if isinstance(part, int)) if not owner or path[-1] != parts[-1] else ""
+    entries = (
+        "".join(f"[{part}]" for part in path if isinstance(part, int)) if not owner or path[-1] != parts[-1] else ""
+    )
     return Target(_mirrored(path, raw), annotation, title + (entries if not owner else "") + owner, default)
 
 

@@ -21,7 +21,8 @@ class TwoStage(System):
         title="equivalent mass", description="Equivalent masses [m1, m2, m3], inertias over squared base radii (kg)."
     )
     input_shaft_stiffness: Annotated[float, Field(ge=0), Quantity("N/m")] = Field(
-        title="input shaft stiffness", description="k0, along the line of action (N/m); 0 leaves the train free to rotate."
+        title="input shaft stiffness",
+        description="k0, along the line of action (N/m); 0 leaves the train free to rotate.",
     )
     tooth_ratio: ExactRatio = Field(
         title="tooth ratio", description='R = Z2/Z4 = Omega_1/Omega_2, exact: 1 for three gears, 0.6 or "3/5".'

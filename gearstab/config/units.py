@@ -57,11 +57,15 @@ def to_si(text: str, units: tuple[str, ...]) -> float:
     """
     found = NUMBER.match(text)
     if not found or not (found[2] or units):
-        hint = 'write it without quotes, or as a number and a unit such as "25 mm"' if units else "write it without quotes"
+        hint = (
+            'write it without quotes, or as a number and a unit such as "25 mm"' if units else "write it without quotes"
+        )
         raise UnitError("must be a number" if found is None else "must be a number, not a text", hint)
     value, unit = float(found[1]), found[2]
     if not unit:
-        raise UnitError("is a text without a unit", f'write {found[1]} without quotes, or add a unit: "{found[1]} {units[0]}"')
+        raise UnitError(
+            "is a text without a unit", f'write {found[1]} without quotes, or add a unit: "{found[1]} {units[0]}"'
+        )
     if not units:
         raise UnitError("is dimensionless and takes no unit", f"write {found[1]}")
     quantity = _quantity(value, unit, units)
