@@ -93,3 +93,14 @@ FIRST_ORDER = (
     Variable("half_width", ("tongue", ROWS), "f8", "rad/s", "half of the unstable range of mesh frequency"),
     Variable("threshold", ("tongue", ROWS), "f8", "1", "factor on every epsilon at which the region opens"),
 )
+
+RESPONSE = (
+    coordinate("time", "time", "f8", "s", "time"),
+    coordinate("dof", "dof", TEXT, "1", "coordinate of the model"),
+    coordinate("mesh", "mesh", TEXT, "1", "tooth mesh"),
+    Variable("displacement", ("time", "dof"), "f8", "m", "displacement"),
+    Variable("velocity", ("time", "dof"), "f8", "m/s", "velocity"),
+    Variable("mesh_deflection", ("time", "mesh"), "f8", "m", "mesh deflection along the line of action"),
+    Variable("mesh_force", ("time", "mesh"), "f8", "N", "elastic mesh force"),
+    Variable("energy", ("time",), "f8", "J", "kinetic energy and potential energy at the stiffness of the moment"),
+)
