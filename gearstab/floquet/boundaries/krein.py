@@ -68,6 +68,7 @@ class Verdicts:
     stable: ``(P,)`` bool.
     begun, ended: ``(P,)`` int64, both C where stable.
     known: ``(P,)`` bool, whether begun and ended are right: not where M is too large or signs are lost in rounding.
+    real: ``(2, P)`` int64, meetings so far at +1 and at -1 (right where stable); C less these is twice the number of others.
     soon, since: ``(P,)``: cycles until the next event and since the last one at present speeds, see :func:`_times`.
     ahead, behind: the pairs that meet next and that met last; on unstable points both are the pair off the circle.
     """
@@ -76,6 +77,7 @@ class Verdicts:
     begun: Array
     ended: Array
     known: Array
+    real: Array
     ahead: Pair
     behind: Pair
     soon: Array
@@ -142,7 +144,8 @@ def evaluate(pattern: Pattern, row: Array, cycle: Array) -> Verdicts:
     ended = begun - is_off.sum(axis=1)
     ahead, behind = pairs.nearest(matrix, points.energy, found, order, phase, is_off)
     soon, since = _times(pattern, points, found, order, phase, stable, ahead)
-    return Verdicts(stable, begun, ended, known & sure, ahead, behind, soon, since)
+    at_real = np.stack([winding, winding + (phase > np.pi).sum(axis=1)])
+    return Verdicts(stable, begun, ended, known & sure, at_real, ahead, behind, soon, since)
 
 
 def _times(

@@ -52,6 +52,7 @@ class Samples:
     begun: Array
     ended: Array
     known: Array
+    real: Array
     ahead: Array
     behind: Array
     soon: Array
@@ -94,10 +95,10 @@ class Interval:
     row: int
     start: float
     stop: float
-    before: int
-    after: int
+    meetings: tuple[int, int, int]
     error: tuple[float, float]
     cut: tuple[bool, bool]
+    probe: float
 
 
 @dataclass(frozen=True)
@@ -119,7 +120,7 @@ def sample(pattern: Pattern, row: Array, cycle: Array) -> Samples:
         v = evaluate(pattern, row[part], cycle[part])
         ahead = np.stack([v.ahead.detuning, v.ahead.coupling])
         behind = np.stack([v.behind.detuning, v.behind.coupling])
-        parts.append(Samples(row[part], cycle[part], v.stable, v.begun, v.ended, v.known, ahead, behind, v.soon, v.since))
+        parts.append(Samples(row[part], cycle[part], v.stable, v.begun, v.ended, v.known, v.real, ahead, behind, v.soon, v.since))
     first = parts[0]
     for part in parts[1:]:
         first = first.joined(part)
@@ -155,10 +156,7 @@ def search(pattern: Pattern, first: Array, last: Array, tolerance: float, floor:
 
 def _scan(pattern: Pattern, first: Array, last: Array) -> tuple[Samples, Brackets]:
     """About one sample a collision, uniform in the period, and the brackets between them."""
-    # The mean of the states' frequencies is close to those of the mean system; only a number of samples depends on it.
-    mean = np.sqrt(np.maximum(pattern.squared_frequency, 0)).mean(axis=1).sum(axis=-1)
-    events = (pattern.size + 1) * mean * pattern.cycles * (last - first)
-    count = np.maximum(COARSEST, np.ceil(events).astype(int))
+    count = collisions(pattern, first, last)
     row = np.repeat(np.arange(len(first)), count)
     place = np.concatenate([np.linspace(0, 1, c) for c in count])
     cycle = first[row] + (last - first)[row] * place
@@ -178,6 +176,12 @@ def _scan(pattern: Pattern, first: Array, last: Array) -> tuple[Samples, Bracket
     left, right = kept[:-1][inner], kept[1:][inner]
     none = np.full(len(left), -1)
     return samples, Brackets(left, right, none, np.zeros_like(left), samples.cycle[right] - samples.cycle[left], np.zeros_like(left))
+
+
+def collisions(pattern: Pattern, first: Array, last: Array) -> Array:
+    """About how many collisions lie between two cycles, ``(r,)``: pairs p <= q meet every (w_p + w_q) T = 2 pi."""
+    mean = np.sqrt(np.maximum(pattern.squared_frequency, 0)).mean(axis=1).sum(axis=-1)
+    return np.maximum(COARSEST, np.ceil((pattern.size + 1) * mean * pattern.cycles * (last - first)).astype(int))
 
 
 def classify(samples: Samples, brackets: Brackets, spacing: Array) -> Array:
@@ -307,18 +311,23 @@ def _intervals(samples: Samples, a: Array, b: Array, own: Array, row: int, floor
     error = samples.cycle[b] - samples.cycle[a]
     result: list[Interval] = []
     lowest, highest = own[np.argmin(samples.cycle[own])], own[np.argmax(samples.cycle[own])]
-    start = None
-    if not samples.stable[lowest]:
-        start = (samples.cycle[lowest], int(samples.ended[lowest]), 0.0, True)
+    start = None if samples.stable[lowest] else (samples.cycle[lowest], lowest, 0.0)
     for k in range(len(a)):
         if samples.stable[a[k]]:
-            start = (where[k], int(samples.begun[a[k]]), error[k], False)
+            start = (where[k], a[k], error[k])
         elif start is not None:
-            y, before, wrong, cut = start
-            result.append(Interval(row, y, where[k], before, int(samples.begun[b[k]]), (wrong, error[k]), (cut, False)))
+            result.append(_interval(samples, row, start, (where[k], b[k], error[k])))
             start = None
     if start is not None:
-        y, before, wrong, cut = start
-        end = samples.cycle[highest]
-        result.append(Interval(row, y, end, before, int(samples.begun[highest]), (wrong, 0.0), (cut, True)))
+        result.append(_interval(samples, row, start, (samples.cycle[highest], highest, 0.0)))
     return [i for i in result if i.stop - i.start > floor * i.start]
+
+
+def _interval(samples: Samples, row: int, start: tuple[float, int, float], stop: tuple[float, int, float]) -> Interval:
+    """From (cycle, sample beyond the edge, error) of both ends; at the end of the range that sample is unstable."""
+    a, b = start[1], stop[1]
+    total = int(samples.begun[b] - samples.ended[a])
+    at_one, at_minus_one = (int(n) for n in samples.real[:, b] - samples.real[:, a])
+    meetings = (at_one, at_minus_one, (total - at_one - at_minus_one) // 2)
+    cut = (not samples.stable[a], not samples.stable[b])
+    return Interval(row, float(start[0]), float(stop[0]), meetings, (float(start[2]), float(stop[2])), cut, 0.5 * float(start[0] + stop[0]))

@@ -1,0 +1,152 @@
+"""Instability regions of a batch: ragged as found, and as one array over tongues and rows."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+import numpy as np
+
+from gearstab.perturbation.tongues import Excitation, Tongue, kind_of, tongue
+from gearstab.system import Array, GearSystem
+
+BOUNDARY_FLAGS = {"open": 1, "merged": 2, "absorbed": 4, "cut_below": 8, "cut_above": 16, "split": 32}
+"""Bits of the flags of a tongue: it has a region; that region holds other tongues too; it lies in the region of another tongue (its
+own edges are NaN); the region goes on below the lowest, above the highest mesh frequency (its edge is that of the range); the tongue has
+several regions, told apart by their occurrence. 0: closed, or narrower than the width floor."""
+
+
+@dataclass(frozen=True)
+class Boundaries:
+    """All instability regions of ``rows`` rows within [start, stop], ordered by row and mesh frequency.
+
+    row ``(regions,)``; lower, upper ``(regions,)``: edges in the mesh frequency Omega of the first mesh, rad per unit time.
+    tolerance ``(regions,)``: half of the larger of the two brackets that enclose the edges, relative to Omega.
+    cut ``(regions, 2)`` bool: whether the lower, upper edge is that of the range and not of the region.
+    members: the tongues of each region, the one that accounts for most of the growing motion first; more than one where
+        tongues have merged.
+    contacts ``(rows,)``: collisions of multipliers that open no region as wide as ``width_floor`` (relative to Omega).
+    evaluations ``(rows,)``: monodromy matrices computed.
+    """
+
+    rows: int
+    row: Array
+    lower: Array
+    upper: Array
+    tolerance: Array
+    cut: Array
+    members: tuple[tuple[Tongue, ...], ...]
+    contacts: Array
+    evaluations: Array
+    width_floor: float
+
+    def labels(self) -> list[str]:
+        """Of each region; the tongues of a merged one are joined by " & "."""
+        return [" & ".join(t.label for t in members) for members in self.members]
+
+    def arranged(self) -> Edges:
+        """One array over all tongues that occur in any row."""
+        keys, place = self._occurrences()
+        index = tuple(sorted(set(keys), key=_order))
+        column = {key: k for k, key in enumerate(index)}
+        edges = np.full((len(index), 2, self.rows), np.nan)
+        tolerance = np.full((len(index), self.rows), np.nan)
+        flags = np.zeros((len(index), self.rows), dtype=np.int16)
+        holder = np.full((len(index), self.rows), -1, dtype=np.int32)
+        for key, (region, first) in zip(keys, place, strict=True):
+            k, r = column[key], self.row[region]
+            holder[k, r] = column[keys[first]]
+            if keys[first] != key:
+                flags[k, r] |= BOUNDARY_FLAGS["absorbed"]
+                continue
+            edges[k, :, r] = self.lower[region], self.upper[region]
+            tolerance[k, r] = self.tolerance[region]
+            flags[k, r] |= self._flags(region)
+        for k, (key, _) in enumerate(index):
+            rows = [flags[j] & 1 for j, (other, _) in enumerate(index) if other == key]
+            flags[k] |= np.where((flags[k] > 0) & (sum(rows) > 1), BOUNDARY_FLAGS["split"], 0).astype(np.int16)
+        return Edges(index, edges, tolerance, flags, holder)
+
+    def _occurrences(self) -> tuple[list[tuple[Tongue, int]], list[tuple[int, int]]]:
+        """(tongue, occurrence) of every member of every region, and (region, position of the region's first member)."""
+        count: Counter[tuple[int, Tongue]] = Counter()
+        keys, place = [], []
+        for region, members in enumerate(self.members):
+            first = len(keys)
+            for member in members:
+                seen = (int(self.row[region]), member)
+                keys.append((member, count[seen]))
+                place.append((region, first))
+                count[seen] += 1
+        return keys, place
+
+    def _flags(self, region: int) -> int:
+        names = ["open"]
+        names += ["merged"] if len(self.members[region]) > 1 else []
+        names += ["cut_below"] if self.cut[region, 0] else []
+        names += ["cut_above"] if self.cut[region, 1] else []
+        return sum(BOUNDARY_FLAGS[name] for name in names)
+
+
+@dataclass(frozen=True)
+class Edges:
+    """Instability regions over (tongue, rows), every region once: under the first of its tongues.
+
+    index: (tongue, occurrence); the occurrence counts, from 0 and by ascending mesh frequency, the regions of one row with the same tongue.
+    boundary_frequency ``(tongue, 2, rows)``: lower and upper edge in Omega; NaN where the tongue is closed or absorbed.
+    tolerance ``(tongue, rows)``; flags ``(tongue, rows)``: bits of BOUNDARY_FLAGS.
+    holder ``(tongue, rows)``: position in ``index`` of the tongue under which the region stands; -1 where there is none.
+    """
+
+    index: tuple[tuple[Tongue, int], ...]
+    boundary_frequency: Array
+    tolerance: Array
+    flags: Array
+    holder: Array
+
+    def reindexed(self, index: Sequence[tuple[Tongue, int]]) -> Edges:
+        """The same in the order of ``index``, which must hold all of this one's tongues; the others are closed."""
+        column = {key: k for k, key in enumerate(index)}
+        target = np.array([column[key] for key in self.index], dtype=int)
+        rows = self.tolerance.shape[-1]
+        edges, tolerance = np.full((len(index), 2, rows), np.nan), np.full((len(index), rows), np.nan)
+        flags = np.zeros((len(index), rows), dtype=self.flags.dtype)
+        holder = np.full((len(index), rows), -1, dtype=self.holder.dtype)
+        edges[target], tolerance[target], flags[target] = self.boundary_frequency, self.tolerance, self.flags
+        moved = np.append(target, -1)[self.holder]
+        holder[target] = moved
+        return Edges(tuple(index), edges, tolerance, flags, holder)
+
+
+def union(indices: Iterable[Sequence[tuple[Tongue, int]]]) -> tuple[tuple[Tongue, int], ...]:
+    """All (tongue, occurrence) of several lists, each once, in the order of :class:`Edges`."""
+    return tuple(sorted({key for index in indices for key in index}, key=_order))
+
+
+def _order(key: tuple[Tongue, int]) -> tuple[float, int, int, int]:
+    member, occurrence = key
+    return member.frequency_ratio, member.mode_p, member.mode_q, occurrence
+
+
+def tongue_of(system: GearSystem, p: int, q: int, ratio: Fraction) -> Tongue:
+    """The tongue of modes p <= q (from 1) at nu = ratio * Omega.
+
+    Where no mesh has a harmonic of that frequency (several meshes that run at different speeds also act at sums and
+    differences of their harmonics, in second and higher order of epsilon) the harmonic is 0 and all meshes are named.
+    """
+    parts = [(i, ratio / mesh.frequency_ratio) for i, mesh in enumerate(system.meshes)]
+    shared = tuple((i, int(s)) for i, s in parts if s.denominator == 1)
+    if shared:
+        return tongue(system, Excitation(ratio, shared), p, q)
+    mesh = "+".join(mesh.name for mesh in system.meshes)
+    return Tongue(p, q, 0, mesh, kind_of(p, q, 0), _label(p, q, ratio), float(ratio))
+
+
+def _label(p: int, q: int, ratio: Fraction) -> str:
+    """Omega at the root: ``3(w1+w2)/2``, ``6w2/5``."""
+    times = (2 if p == q else 1) / ratio
+    total = f"w{p}" if p == q else f"(w{p}+w{q})"
+    factor = "" if times.numerator == 1 else str(times.numerator)
+    return f"{factor}{total}" + ("" if times.denominator == 1 else f"/{times.denominator}")
