@@ -111,6 +111,12 @@ def two_amplitudes():
     return tree(perturbation=group, modes=modes)
 
 
+def bench():
+    """Times and errors of an exact method and of an integrator at two tolerances."""
+    data = {"error": ("setting", [1e-15, 1e-4, 1e-9]), "seconds": ("setting", [1e-6, 1e-3, 1e-2])}
+    return tree(bench=xr.Dataset(data, coords={"method": ("setting", ["exact", "DOP853", "DOP853"])}))
+
+
 def response():
     time = np.linspace(0, 20, 401)
     displacement = np.stack([np.cos(time), 0.2 * np.sin(3 * time), np.exp(0.1 * time)], axis=-1)

@@ -27,7 +27,8 @@ def result_of(kind):
         "uncoupled": made.boundary_group(coords, factor=1.2),
     }
     groups["floquet"]["growth_rate"].values[0, 3:5] = np.nan
-    return {"surface": made.two_amplitudes, "response": made.response}.get(kind, lambda: made.tree(**groups))()
+    others = {"surface": made.two_amplitudes, "response": made.response, "work-precision": made.bench}
+    return others.get(kind, lambda: made.tree(**groups))()
 
 
 def options_of(kind):

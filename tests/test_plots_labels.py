@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from itertools import combinations
+from itertools import combinations, pairwise
 
 import numpy as np
 import plot_results as made
@@ -24,7 +24,7 @@ def crossings(texts, leaders, renderer_boxes):
     found = []
     for owner, leader in enumerate(leaders):
         points = leader.get_transform().transform(leader.get_xydata())
-        dense = np.concatenate([np.linspace(a, b, 50) for a, b in zip(points[:-1], points[1:], strict=True)])
+        dense = np.concatenate([np.linspace(a, b, 50) for a, b in pairwise(points)])
         for other, box in enumerate(renderer_boxes):
             inside = (dense[:, 0] > box.x0) & (dense[:, 0] < box.x1) & (dense[:, 1] > box.y0) & (dense[:, 1] < box.y1)
             if other != owner and inside.any():

@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
 from gearstab.plots import KINDS
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 KINDS_HELP = "; ".join(f"{name}: {kind.summary}" for name, kind in KINDS.items())
 
@@ -39,43 +34,22 @@ def command(
     variable: str | None, title: bool, size: str | None, dpi: int | None,
 ) -> None:  # fmt: skip
     """Draw a figure from the file RESULT alone; nothing is computed again."""
-    from gearstab.cli.errors import WRONG_INPUT, user_errors
+    from gearstab.cli.errors import user_errors
     from gearstab.plots import draw
     from gearstab.plots.axes import Request
-    from gearstab.plots.errors import PlotError
     from gearstab.plots.heading import title_of
     from gearstab.plots.style import checked_extension, save
+    from gearstab.results import open_result
 
     target = output or result.with_suffix(".png")
-    try:
+    with user_errors():
         checked_extension(target)
         request = Request(x, y, selections(select), variable, size, title)
-        with user_errors(), opened(result) as tree:
+        with open_result(result) as tree:
             figure, _ = draw(tree, kind, request)
             target.parent.mkdir(parents=True, exist_ok=True)
             save(figure, target, dpi, title_of(tree))
-    except PlotError as error:
-        click.echo(error, err=True)
-        sys.exit(WRONG_INPUT)
     click.echo(f"figure: {target}", err=True)
-
-
-def opened(path: Path) -> xr.DataTree:
-    """The result in a file. Raises OSError if it cannot be read and PlotError if it is something else."""
-    import h5py
-
-    from gearstab.plots.errors import PlotError
-    from gearstab.results import open_result
-
-    with path.open("rb"):
-        pass
-    if not h5py.is_hdf5(path):
-        raise PlotError(f"{path}: not a gearstab result (no netCDF-4/HDF5 file)")
-    tree = open_result(path)
-    if "gearstab_version" not in tree.attrs:
-        tree.close()
-        raise PlotError(f"{path}: not a gearstab result (no attribute gearstab_version)")
-    return tree
 
 
 def selections(texts: tuple[str, ...]) -> dict[str, str]:

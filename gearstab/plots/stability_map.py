@@ -51,7 +51,8 @@ def read_cells(tree: xr.DataTree, view: View, variable: str) -> tuple[Array, Arr
         return np.ma.masked_invalid(values), failed
     stable = values <= 0
     if "stable" in dataset.data_vars:
-        stable = view.cut(dataset["stable"], *dims) == 1
+        flag = view.cut(dataset["stable"], *dims)
+        stable, failed = flag == 1, failed | (flag < 0)
     return np.ma.masked_where(stable | failed, values), failed
 
 
@@ -122,7 +123,8 @@ def draw_boundaries(tree: xr.DataTree, ax: Axes, view: View | None, dashed: bool
 def colour_label(tree: xr.DataTree, variable: str) -> str:
     """What stands beside the colour bar."""
     attributes = find_variable(tree, variable)[1].attrs
-    return axis_label(variable, str(attributes.get("long_name", "")), str(attributes.get("units", "1")))
+    words = "growth rate" if variable == GROWTH_RATE else str(attributes.get("long_name", ""))
+    return axis_label(variable, words, str(attributes.get("units", "1")))
 
 
 def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
