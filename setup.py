@@ -6,14 +6,19 @@ Without a working compiler the package installs all the same and its NumPy kerne
 from __future__ import annotations
 
 import logging
+import sysconfig
 from glob import glob
+from typing import Any
 
 from setuptools import Extension, setup
 from setuptools.command.build_ext import build_ext
 from setuptools.errors import BaseError, CCompilerError
 
-SOURCES = sorted(glob("gearstab/floquet/_kernel*.c"))
-HEADERS = sorted(glob("gearstab/floquet/_kernel*.h"))
+SOURCES = sorted(glob("gearstab/ckernel/*.c"))
+HEADERS = sorted(glob("gearstab/ckernel/*.h"))
+
+# One binary serves every Python from 3.11 on; a build without the global lock has no stable interface yet.
+STABLE_INTERFACE = not sysconfig.get_config_var("Py_GIL_DISABLED")
 
 
 class BuildKernel(build_ext):
@@ -21,6 +26,9 @@ class BuildKernel(build_ext):
 
     def build_extension(self, ext: Extension) -> None:
         """Build one extension, or say why not."""
+        if self.compiler.compiler_type != "msvc":
+            # Vectors are passed to inlined functions only, so that the way they are passed is nobody's concern.
+            ext.extra_compile_args = ["-O3", "-ffp-contract=fast", "-Wno-psabi"]
         try:
             super().build_extension(ext)
         except (CCompilerError, BaseError, OSError) as error:
@@ -31,7 +39,16 @@ class BuildKernel(build_ext):
             )
 
 
+def kernel() -> Extension:
+    """The extension module."""
+    stable: dict[str, Any] = {"define_macros": [("Py_LIMITED_API", "0x030b0000")], "py_limited_api": True}
+    return Extension(
+        "gearstab.ckernel._kernel", SOURCES, depends=HEADERS, optional=True, **(stable if STABLE_INTERFACE else {})
+    )
+
+
 setup(
-    ext_modules=[Extension("gearstab.floquet._kernel", SOURCES, depends=HEADERS, optional=True)] if SOURCES else [],
+    ext_modules=[kernel()],
     cmdclass={"build_ext": BuildKernel},
+    options={"bdist_wheel": {"py_limited_api": "cp311"}} if STABLE_INTERFACE else {},
 )

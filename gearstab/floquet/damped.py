@@ -30,7 +30,8 @@ class Generators:
     @cached_property
     def eigen(self) -> tuple[Array, Array, Array]:
         """(values ``(r, D, m)``, X, X^-1) of each state; X^-1 is meaningless where X is ill-conditioned."""
-        values, vectors = np.linalg.eig(self.matrix.astype(complex))
+        values, vectors = np.linalg.eig(self.matrix)
+        values, vectors = values.astype(complex), vectors.astype(complex)
         bad = ~self._invertible(vectors)
         return values, vectors, np.linalg.inv(np.where(bad[..., None, None], np.eye(vectors.shape[-1]), vectors))
 
@@ -38,6 +39,25 @@ class Generators:
     def well_conditioned(self) -> Array:
         """``(r,)``: whether all states of a row may be diagonalised."""
         return np.all(self._invertible(self.eigen[1]), axis=-1)
+
+    @property
+    def real_modes(self) -> tuple[Array, Array, Array]:
+        """(values ``(r, D, m)`` complex, V, V^-1 real).
+
+        A real eigenvalue has its eigenvector as a column of V, a pair a +- ib of eigenvectors u +- iv, the member of
+        positive imaginary part first, has the columns u, v: A_d u = a u - b v, A_d v = b u + a v.
+        """
+        values, vectors, inverse = self.eigen
+        second = (values.imag < 0)[..., None, :]
+        basis = np.where(second, -vectors.imag, vectors.real)
+        inner = np.swapaxes(second, -1, -2)
+        paired = np.where((values.imag == 0)[..., None], inverse.real, 2 * inverse.real)
+        # With X^-1 x = (z, conj z) on a pair, x = 2 Re(z) u - 2 Im(z) v.
+        return values, basis, np.where(inner, 2 * inverse.imag, paired)
+
+    def row(self, index: int) -> Generators:
+        """One of the rows."""
+        return Generators(self.matrix[index : index + 1])
 
     @staticmethod
     def _invertible(vectors: Array) -> Array:

@@ -35,7 +35,8 @@ def conservative(m: Array) -> tuple[Array, Array, Array]:
     values = np.linalg.eigvals(m)
     # A multiplier inside the circle mirrors one outside, less accurately: the largest tells the excess.
     excess = np.log(np.maximum(np.abs(values).max(axis=-1), 1.0))
-    near = excess <= np.maximum(ON_CIRCLE, 10 * _defect(m))
+    # A large matrix has a large defect, which must not excuse a large excess.
+    near = excess <= np.clip(10 * _defect(m), ON_CIRCLE, OFF_CIRCLE)
     open_case = ~near & (excess <= OFF_CIRCLE)
     stable = near.copy()
     for k in np.flatnonzero(open_case):

@@ -20,6 +20,8 @@ EDGE_NOISE = 3e-12
 """The same for p(+-2)."""
 GROWTH_NOISE = 1e-6
 """Below this scaled discriminant the closed form of a root loses more than 1e-13; unstable points are recomputed."""
+LARGEST = 1e120
+"""Coefficients above this are left to the eigenvalue solver: products of them would overflow."""
 
 
 def classify(s: Array) -> Array:
@@ -36,7 +38,7 @@ def classify(s: Array) -> Array:
             doubtful |= np.abs(discriminant) < DISCRIMINANT_NOISE
             near = np.abs(discriminant) < GROWTH_NOISE
             doubtful |= near & ~inside
-        doubtful |= ~np.isfinite(s).all(axis=0)
+        doubtful |= ~(size < LARGEST)
     return np.where(doubtful, DOUBTFUL, np.where(inside, STABLE, UNSTABLE)).astype(np.int8)
 
 

@@ -1,27 +1,65 @@
 """Which kernel runs, and what a kernel is.
 
-A kernel is a module that offers, for a conservative pattern (see :class:`~gearstab.floquet.segments.Pattern`):
+A kernel is a module that offers, for a pattern (:class:`~gearstab.floquet.segments.Pattern`) and mesh frequencies ``(r, P)`` in
+units of the pattern's rate:
 
-* ``scan(pattern, omega) -> (verdict, growth)``: int8 of UNSTABLE, STABLE, DOUBTFUL and ln max |lambda| a common period,
-  both ``(r, P)``, for mesh frequencies ``(r, P)`` in units of the pattern's rate;
-* ``monodromy(pattern, row, omega) -> (matrix, scale)``: the monodromy matrix of one row at ``(P,)`` frequencies, for
-  what ``scan`` leaves in doubt.
+* ``scan(pattern, omega) -> (verdict, growth)``: int8 of UNSTABLE, STABLE, DOUBTFUL and ln max |lambda| a common period of
+  a conservative pattern, ``(r, P)`` each;
+* ``monodromy(pattern, row, omega) -> (matrix, scale)``: monodromy matrices ``(P, 2n, 2n)`` over exp(scale) at ``(P,)``
+  frequencies of one row or of a row each, for what ``scan`` leaves in doubt;
+* ``log_multipliers(pattern, omega, bound) -> ln lambda``, ``(r, P, 2n)``, imaginary parts in (-pi, pi]; NaN where an entry of the
+  monodromy matrix exceeds the bound;
+* ``scan_damped(pattern, generator, omega) -> (growth, scale)``: ln max |lambda| a common period of a damped pattern and the
+  logarithm of the size of its monodromy matrix, ``(r, P)`` each.
+
+The environment variable GEARSTAB_KERNEL chooses: ``c`` (compiled, the default where it was built) or ``numpy``.
 """
 
 from __future__ import annotations
 
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from types import ModuleType
 
-from gearstab.floquet import numpy_kernel
+from gearstab import ckernel
+from gearstab.floquet import c_kernel, numpy_kernel
 
-KERNELS: dict[str, ModuleType] = {"numpy": numpy_kernel}
+KERNELS: dict[str, ModuleType] = {"numpy": numpy_kernel, "c": c_kernel}
+
+_chosen: ContextVar[str | None] = ContextVar("kernel", default=None)
+
+
+def available() -> tuple[str, ...]:
+    """The kernels that can run here, the fastest last."""
+    return tuple(KERNELS) if ckernel.library is not None else ("numpy",)
 
 
 def name() -> str:
-    """The name of the kernel in use."""
-    return "numpy"
+    """The name of the kernel in use; raises ValueError when GEARSTAB_KERNEL asks for one that is not there."""
+    asked = _chosen.get() or os.environ.get("GEARSTAB_KERNEL")
+    if not asked:
+        return available()[-1]
+    if asked not in KERNELS:
+        raise ValueError(f"GEARSTAB_KERNEL={asked}: the kernels are {' and '.join(KERNELS)}")
+    if asked not in available():
+        raise ValueError(
+            f"GEARSTAB_KERNEL={asked}: the compiled kernel was not built; install a C compiler and gearstab again, or use numpy"
+        )
+    return asked
 
 
 def current() -> ModuleType:
     """The kernel in use."""
     return KERNELS[name()]
+
+
+@contextmanager
+def using(kernel: str) -> Iterator[None]:
+    """Use one of the kernels within a ``with`` block, whatever the environment says."""
+    token = _chosen.set(kernel)
+    try:
+        yield
+    finally:
+        _chosen.reset(token)

@@ -16,6 +16,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from gearstab.floquet import damped
+from gearstab.floquet.damped import Generators
 from gearstab.floquet.invariants import DOUBTFUL, UNSTABLE, classify, growth_of, roots
 from gearstab.floquet.segments import Pattern
 from gearstab.system import Array
@@ -56,9 +58,7 @@ def propagate(pattern: Pattern, row: int, omega: Array) -> tuple[Array, Array]:
             x = np.matmul(pattern.change[row, s], x.reshape(2, n, -1)).reshape(x.shape)
         if s % 8 == 7 or np.any(growth > 0):
             _rescale(x, scale)
-    modest = (scale > 0) & (scale < np.log(LARGE))
-    x[..., modest] *= np.exp(scale[modest])
-    scale[modest] = 0.0
+    _unscale(x, scale)
     return x.reshape(2 * n, 2 * n, points), scale
 
 
@@ -103,6 +103,14 @@ def _rescale(x: Array, scale: Array) -> None:
         scale[big] += np.log(size[big])
 
 
+def _unscale(x: Array, scale: Array) -> None:
+    """Undo the scaling of points that did not need it in the end, in place."""
+    with np.errstate(divide="ignore"):
+        modest = (scale != 0) & (scale + np.log(np.abs(x).max(axis=(0, 1, 2))) < np.log(LARGE))
+    x[..., modest] *= np.exp(scale[modest])
+    scale[modest] = 0.0
+
+
 def invariants(m: Array) -> Array:
     """Coefficients s1..sn of prod(x - rho_i), ``(n, P)``, from M ``(2n, 2n, P)`` of a conservative system, n <= 3."""
     n = m.shape[0] // 2
@@ -122,11 +130,44 @@ def invariants(m: Array) -> Array:
     return np.stack([e[0, 0] + e[1, 1] + e[2, 2], s2, s3])
 
 
-def monodromy(pattern: Pattern, row: int, omega: Array) -> tuple[Array, Array]:
-    """(M exp(-scale) as ``(P, 2n, 2n)``, scale ``(P,)``) for one row, in the modes of its first segment."""
-    parts = [propagate(pattern, row, omega[i : i + CHUNK]) for i in range(0, len(omega), CHUNK)]
-    matrix = np.concatenate([np.moveaxis(x, -1, 0) for x, _ in parts])
-    return matrix, np.concatenate([scale for _, scale in parts])
+def monodromy(pattern: Pattern, row: int | Array, omega: Array) -> tuple[Array, Array]:
+    """(M exp(-scale) as ``(P, 2n, 2n)``, scale ``(P,)``) in the modes of the first segment.
+
+    Parameters: ``row``, one for all points or one each ``(P,)``; ``omega`` (P,).
+    """
+    rows = np.broadcast_to(row, omega.shape)
+    matrix, scale = np.empty((len(omega), 2 * pattern.size, 2 * pattern.size)), np.empty(len(omega))
+    for r in np.unique(rows):
+        members = np.flatnonzero(rows == r)
+        for i in range(0, len(members), CHUNK):
+            part = members[i : i + CHUNK]
+            x, scale[part] = propagate(pattern, int(r), omega[part])
+            matrix[part] = np.moveaxis(x, -1, 0)
+    return matrix, scale
+
+
+def log_multipliers(pattern: Pattern, omega: Array, bound: float) -> Array:
+    """ln lambda ``(r, P, 2n)`` from the eigenvalues of M; NaN where an entry of M exceeds the bound."""
+    logs = np.full((*omega.shape, 2 * pattern.size), np.nan, dtype=complex)
+    for row, frequencies in enumerate(omega):
+        matrix, scale = monodromy(pattern, row, frequencies)
+        with np.errstate(invalid="ignore"):
+            plain = (scale == 0) & (np.abs(matrix).max(axis=(1, 2)) < bound)
+        logs[row, plain] = np.log(np.linalg.eigvals(matrix[plain]).astype(complex))
+    return logs
+
+
+def scan_damped(pattern: Pattern, generator: Generators, omega: Array) -> tuple[Array, Array]:
+    """ln max |lambda| and ln of the size of M, ``(r, P)`` each; NaN where M is not finite."""
+    growth, scale = np.empty(omega.shape), np.empty(omega.shape)
+    for row, frequencies in enumerate(omega):
+        matrix, scale[row] = damped.monodromy(generator, pattern, row, frequencies)
+        finite = np.isfinite(matrix).all(axis=(1, 2))
+        values = np.linalg.eigvals(np.where(finite[:, None, None], matrix, 0.0))
+        with np.errstate(divide="ignore"):
+            largest = np.log(np.abs(values).max(axis=-1))
+        growth[row] = np.where(finite, largest + scale[row], np.nan)
+    return growth, scale
 
 
 def scan(pattern: Pattern, omega: Array) -> tuple[Array, Array]:

@@ -8,7 +8,7 @@ through the same states in the same order form a :class:`Pattern`, and a kernel 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -74,6 +74,12 @@ class Pattern:
         """``(r, S, n, n)``, V_{s+1}^T V_s: from the modes of segment s to those of the next (the last to the first)."""
         following = self.modes[:, np.roll(self.states, -1)]
         return np.swapaxes(following, -1, -2) @ self.modes[:, self.states]
+
+    def row(self, index: int) -> Pattern:
+        """One of the rows, as a pattern of its own."""
+        one = slice(index, index + 1)
+        own = {name: getattr(self, name)[one] for name in ("rows", "fractions", "start", "levels", "stiffness")}
+        return replace(self, elastic=self.elastic.subset(np.array([index])), **own)
 
     def durations(self, row: int, omega: Array) -> Array:
         """``(S, P)``, durations of a row's segments, units 1/rate, for mesh frequencies ``(P,)`` in units of rate."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +19,8 @@ double precision and was scaled; a state of the system has a negative stiffness;
 DAMPED_ON_CIRCLE = 1e-10
 """A damped system whose growth a period is below this is stable: the rounding error of a long product, and far less
 than the decay of any damping ratio above 1e-10."""
+ENTRIES_AT_ONCE = 2**22
+"""Of the monodromy matrices of points in doubt: 32 MB."""
 GRADED_NORM = 30.0
 """Monodromy matrices larger than this have small multipliers that an eigenvalue solver would blur."""
 GRADED_SPREAD = np.log(100.0)
@@ -101,26 +104,33 @@ def _conservative(part: _Part, exponents: bool) -> _Solution:
     pattern, omega = part.pattern, part.omega
     verdict, growth = kernel.current().scan(pattern, omega)
     status = part.status()
-    for row in np.flatnonzero(np.any(verdict == DOUBTFUL, axis=1)):
-        points = np.flatnonzero(verdict[row] == DOUBTFUL)
-        found = _settle(pattern, int(row), omega[row, points])
-        verdict[row, points], growth[row, points] = found[0], found[1]
-        status[row, points] |= found[2]
+    for rows, points in _pieces(verdict == DOUBTFUL, pattern.size):
+        found = _settle(pattern, rows, omega[rows, points])
+        verdict[rows, points], growth[rows, points] = found[0], found[1]
+        status[rows, points] |= found[2]
     shift, rate = pattern.elastic.shift[:, None], pattern.elastic.rate[:, None]
     value = growth / part.period
     # Without damping the verdict decides; with uniform damping a growth below the decay is stable.
     stable = np.where(shift == 0, verdict == STABLE, value <= shift).astype(np.int8)
     table = None
     if exponents:
-        logs = np.stack([_conservative_logs(pattern, r, omega[r]) for r in range(len(omega))])
+        logs = _conservative_logs(pattern, omega)
         logs = np.where((verdict == STABLE)[..., None], 1j * logs.imag, logs)
         table = (logs / part.period[..., None] - shift[..., None]) * rate[..., None]
     return (value - shift) * rate, stable, status, table
 
 
-def _settle(pattern: Pattern, row: int, omega: Array) -> tuple[Array, Array, Array]:
-    """(verdict, growth, status bits) of points in doubt, from the monodromy matrix."""
-    matrix, scale = kernel.current().monodromy(pattern, row, omega)
+def _pieces(chosen: Array, size: int) -> Iterator[tuple[Array, Array]]:
+    """(row, point) of all chosen points, in pieces whose monodromy matrices fit in memory."""
+    rows, points = np.nonzero(chosen)
+    step = max(1, ENTRIES_AT_ONCE // (2 * size) ** 2)
+    for i in range(0, len(rows), step):
+        yield rows[i : i + step], points[i : i + step]
+
+
+def _settle(pattern: Pattern, rows: Array, omega: Array) -> tuple[Array, Array, Array]:
+    """(verdict, growth, status bits) of points in doubt ``(P,)``, from their monodromy matrices."""
+    matrix, scale = kernel.current().monodromy(pattern, rows, omega)
     status = np.full(len(omega), STATUS_FLAGS["eigenvalues"], dtype=np.int16)
     finite = np.isfinite(matrix).all(axis=(1, 2))
     matrix = np.where(finite[:, None, None], matrix, 0.0)
@@ -134,42 +144,41 @@ def _settle(pattern: Pattern, row: int, omega: Array) -> tuple[Array, Array, Arr
     return (stable & ~large).astype(np.int8), growth, status
 
 
-def _conservative_logs(pattern: Pattern, row: int, omega: Array) -> Array:
-    """ln lambda ``(P, 2n)``; the product is formed only where that costs no digits."""
-    matrix, scale = kernel.current().monodromy(pattern, row, omega)
-    with np.errstate(invalid="ignore"):
-        plain = (scale == 0) & (np.abs(matrix).max(axis=(1, 2)) < GRADED_NORM)
-    logs = np.empty(matrix.shape[:2], dtype=complex)
-    logs[plain] = np.log(np.linalg.eigvals(matrix[plain]).astype(complex))
-    if not plain.all():
-        logs[~plain] = graded.log_multipliers(numpy_kernel.factors(pattern, row, omega[~plain]))
+def _conservative_logs(pattern: Pattern, omega: Array) -> Array:
+    """ln lambda ``(r, P, 2n)``; the product is formed only where that costs no digits."""
+    logs = kernel.current().log_multipliers(pattern, omega, GRADED_NORM)
+    for row in np.flatnonzero(np.isnan(logs).any(axis=(1, 2))):
+        wide = np.isnan(logs[row]).any(axis=1)
+        logs[row, wide] = graded.log_multipliers(numpy_kernel.factors(pattern, int(row), omega[row, wide]))
     return logs
 
 
 def _damped(part: _Part, damping: Array, exponents: bool) -> _Solution:
     pattern, omega = part.pattern, part.omega
     generator = damped.generators(pattern, damping)
-    growth = np.empty(omega.shape)
+    growth, scale = kernel.current().scan_damped(pattern, generator, omega)
     status = part.status()
-    logs = []
-    for row, frequencies in enumerate(omega):
-        matrix, scale = damped.monodromy(generator, pattern, row, frequencies)
-        finite = np.isfinite(matrix).all(axis=(1, 2))
-        values = np.linalg.eigvals(np.where(finite[:, None, None], matrix, 0.0)).astype(complex)
-        with np.errstate(divide="ignore"):
-            found = np.log(values) + scale[:, None]
-        growth[row] = np.where(finite, found.real.max(axis=-1), np.nan)
-        status[row, np.abs(scale) > np.log(numpy_kernel.LARGE)] |= STATUS_FLAGS["rescaled"]
-        if exponents:
-            wide = found.real.max(axis=-1) - found.real.min(axis=-1) > GRADED_SPREAD
-            if wide.any():
-                chain, growing = damped.factors(generator, pattern, row, frequencies[wide], spread=1.0)
-                found[wide] = graded.log_multipliers(chain) + growing[:, None]
-            logs.append(found)
-    rate = pattern.elastic.rate[:, None]
+    status[np.abs(scale) > np.log(numpy_kernel.LARGE)] |= STATUS_FLAGS["rescaled"]
     stable = (growth <= DAMPED_ON_CIRCLE).astype(np.int8)
-    table = np.stack(logs) / part.period[..., None] * rate[..., None] if exponents else None
+    rate, table = pattern.elastic.rate[:, None], None
+    if exponents:
+        logs = np.stack([_damped_logs(pattern, generator, r, omega[r]) for r in range(len(omega))])
+        table = logs / part.period[..., None] * rate[..., None]
     return growth / part.period * rate, stable, status, table
+
+
+def _damped_logs(pattern: Pattern, generator: damped.Generators, row: int, omega: Array) -> Array:
+    """ln lambda ``(P, m)``; the product is formed only where that costs no digits."""
+    matrix, scale = damped.monodromy(generator, pattern, row, omega)
+    finite = np.isfinite(matrix).all(axis=(1, 2))
+    values = np.linalg.eigvals(np.where(finite[:, None, None], matrix, 0.0)).astype(complex)
+    with np.errstate(divide="ignore"):
+        logs = np.log(values) + scale[:, None]
+    wide = logs.real.max(axis=-1) - logs.real.min(axis=-1) > GRADED_SPREAD
+    if wide.any():
+        chain, growing = damped.factors(generator, pattern, row, omega[wide], spread=1.0)
+        logs[wide] = graded.log_multipliers(chain) + growing[:, None]
+    return logs
 
 
 def _complete(pattern: Pattern, elastic: Array) -> Array:

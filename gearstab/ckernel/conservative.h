@@ -1,0 +1,203 @@
+/* Verdict and growth of conservative patterns. */
+
+#ifndef GEARSTAB_CONSERVATIVE_H
+#define GEARSTAB_CONSERVATIVE_H
+
+/* n > 3: the rounding error of a rho is at most NOISE times the largest entry of W. */
+#define NOISE (64 * DBL_EPSILON)
+#define SURE_GROWTH 1e-3 /* growths below this lose more than 1e-10 as acosh(rho/2) */
+
+/* Vectors of the right alignment; release with free. */
+INLINE vec *vectors(int64_t count, void **memory) {
+    *memory = malloc(((size_t)count + 1) * sizeof(vec));
+    if (!*memory)
+        return NULL;
+    return (vec *)(((uintptr_t)*memory + sizeof(vec) - 1) & ~(uintptr_t)(sizeof(vec) - 1));
+}
+
+/* LANES of count numbers from position k on; what is missing repeats the last. */
+INLINE vec load_part(const double *from, int64_t k, int64_t count) {
+    if (k + LANES <= count)
+        return load(from + k);
+    vec value;
+    for (int i = 0; i < LANES; i++)
+        value[i] = from[k + i < count ? k + i : count - 1];
+    return value;
+}
+
+INLINE void store_part(double *to, int64_t k, int64_t count, vec value) {
+    if (k + LANES <= count)
+        store(to + k, value);
+    else
+        for (int i = 0; k + i < count; i++)
+            to[k + i] = value[i];
+}
+
+INLINE void store_verdict(int8_t *verdict, int64_t k, int64_t count, struct decision found) {
+    mask code = (((mask){0} + DOUBTFUL) & found.doubtful) | (((mask){0} + STABLE) & found.stable & ~found.doubtful);
+    for (int i = 0; i < LANES && k + i < count; i++)
+        verdict[k + i] = (int8_t)code[i];
+}
+
+/* A row of n <= 3 coordinates, n a constant where this is inlined. */
+INLINE void scan_row(const struct row *row, int64_t n, int64_t points, const double *omega, int8_t *verdict,
+                     double *growth) {
+    for (int64_t k = 0; k < points; k += LANES) {
+        vec x[4 * 3 * 3], work[7 * 3], s[3];
+        vec asked = load_part(omega, k, points), period = period_of(row, asked);
+        vec scale = propagate(row, n, period, x, work);
+        coefficients(x, n, s);
+        struct decision found = classify(s, n);
+        found.doubtful |= (scale > 0.0) | ~(row->highest * (row->cycles / asked) < MOST_TURNS);
+        mask unstable = ~(found.stable | found.doubtful);
+        vec value = all(0.0);
+        if (any(unstable))
+            value = choose(unstable, growth_of(s, n), value);
+        store_part(growth, k, points, value);
+        store_verdict(verdict, k, points, found);
+    }
+}
+
+static void scan_row_1(const struct row *row, int64_t points, const double *omega, int8_t *verdict, double *growth) {
+    scan_row(row, 1, points, omega, verdict, growth);
+}
+
+static void scan_row_2(const struct row *row, int64_t points, const double *omega, int8_t *verdict, double *growth) {
+    scan_row(row, 2, points, omega, verdict, growth);
+}
+
+static void scan_row_3(const struct row *row, int64_t points, const double *omega, int8_t *verdict, double *growth) {
+    scan_row(row, 3, points, omega, verdict, growth);
+}
+
+/* Stable: all rho real, inside (-2, 2) and too far apart for rounding errors to have parted a pair from the complex
+   plane. Unstable: sure growth. All else is left to the eigenvalues of M and the Krein signature (decision.py). */
+static struct decision decide(int64_t n, const vec *real, const vec *imaginary, vec size, vec *growth) {
+    vec largest = all(0.0), gap = all(DBL_MAX), outside = all(-DBL_MAX), off = all(0.0);
+    for (int64_t i = 0; i < n; i++) {
+        largest = larger(largest, squared_sinh(real[i], imaginary[i]));
+        outside = larger(outside, magnitude(real[i]) - 2.0);
+        off = larger(off, magnitude(imaginary[i]));
+        for (int64_t j = 0; j < i; j++)
+            gap = smaller(gap, magnitude(real[i] - real[j]));
+    }
+    vec noise = NOISE * size, excess = growth_from(largest);
+    struct decision found;
+    found.stable = (off == 0.0) & (outside < -100.0 * noise) & (gap * gap > 1000.0 * noise);
+    mask unstable = (excess > SURE_GROWTH) & (excess * excess > 100.0 * noise);
+    for (int64_t i = 0; i < n; i++) { /* a lane that did not converge, or overflowed */
+        mask regular = (real[i] == real[i]) & (imaginary[i] == imaginary[i]);
+        found.stable &= regular;
+        unstable &= regular;
+    }
+    found.doubtful = ~(found.stable | unstable);
+    *growth = choose(unstable, excess, all(0.0));
+    return found;
+}
+
+/* What the points of a row need beside the row: the matrix, and room to reduce it. */
+struct room {
+    vec *x, *work, *real, *imaginary;
+    void *memory;
+};
+
+INLINE int room_new(struct room *room, int64_t n) {
+    int64_t matrix = 4 * n * n, work = n * (3 * n + 2) + 7 * n;
+    room->x = vectors(matrix + work + 2 * n, &room->memory);
+    if (!room->x)
+        return -1;
+    room->work = room->x + matrix;
+    room->real = room->work + work;
+    room->imaginary = room->real + n;
+    return 0;
+}
+
+static void scan_row_n(const struct row *row, struct room *room, int64_t points, const double *omega, int8_t *verdict,
+                       double *growth) {
+    for (int64_t k = 0; k < points; k += LANES) {
+        vec asked = load_part(omega, k, points), value;
+        vec scale = propagate(row, row->n, period_of(row, asked), room->x, room->work);
+        vec size = general_traces(room->x, row->n, room->real, room->imaginary, room->work);
+        struct decision found = decide(row->n, room->real, room->imaginary, size, &value);
+        found.doubtful |= (scale > 0.0) | ~(row->highest * (row->cycles / asked) < MOST_TURNS);
+        store_part(growth, k, points, choose(found.doubtful, all(0.0), value));
+        store_verdict(verdict, k, points, found);
+    }
+}
+
+static int scan(const struct conservative *pattern, int64_t first, int64_t last, int64_t points, const double *omega,
+                int8_t *verdict, double *growth) {
+    struct row row;
+    struct room room = {0};
+    int failed = row_new(&row, pattern) || (pattern->n > 3 && room_new(&room, pattern->n));
+    for (int64_t r = first; !failed && r < last; r++) {
+        row_set(&row, pattern, r);
+        const double *asked = omega + r * points;
+        int8_t *code = verdict + r * points;
+        double *value = growth + r * points;
+        switch (pattern->n) {
+        case 1: scan_row_1(&row, points, asked, code, value); break;
+        case 2: scan_row_2(&row, points, asked, code, value); break;
+        case 3: scan_row_3(&row, points, asked, code, value); break;
+        default: scan_row_n(&row, &room, points, asked, code, value);
+        }
+    }
+    row_free(&row);
+    free(room.memory);
+    return failed ? -1 : 0;
+}
+
+static int monodromy(const struct conservative *pattern, int64_t first, int64_t last, const int64_t *index,
+                     const double *omega, double *matrix, double *scale) {
+    struct row row;
+    struct room room = {0};
+    int64_t size = 2 * pattern->n;
+    int failed = row_new(&row, pattern) || room_new(&room, pattern->n);
+    for (int64_t k = first; !failed && k < last;) {
+        int64_t count = 1; /* the next points of the same row, as many as fit */
+        while (count < LANES && k + count < last && index[k + count] == index[k])
+            count++;
+        row_set(&row, pattern, index[k]);
+        vec factor = propagate(&row, row.n, period_of(&row, load_part(omega + k, 0, count)), room.x, room.work);
+        for (int64_t lane = 0; lane < count; lane++) {
+            double *to = matrix + (k + lane) * size * size;
+            scale[k + lane] = factor[lane];
+            for (int64_t i = 0; i < size; i++)
+                for (int64_t j = 0; j < size; j++)
+                    to[i * size + j] = room.x[j * size + i][lane];
+        }
+        k += count;
+    }
+    row_free(&row);
+    free(room.memory);
+    return failed ? -1 : 0;
+}
+
+static int traces(const struct conservative *pattern, int64_t first, int64_t last, int64_t points, double bound,
+                  const double *omega, double *rho) {
+    struct row row;
+    struct room room = {0};
+    int64_t n = pattern->n;
+    int failed = row_new(&row, pattern) || room_new(&room, n);
+    for (int64_t r = first; !failed && r < last; r++) {
+        row_set(&row, pattern, r);
+        for (int64_t k = 0; k < points; k += LANES) {
+            vec period = period_of(&row, load_part(omega + r * points, k, points));
+            vec scale = propagate(&row, n, period, room.x, room.work);
+            mask right = (scale == 0.0) & (largest_entry(room.x, 4 * n * n) < bound);
+            general_traces(room.x, n, room.real, room.imaginary, room.work);
+            for (int64_t lane = 0; lane < LANES && k + lane < points; lane++) {
+                double *to = rho + (r * points + k + lane) * n * 2;
+                for (int64_t i = 0; i < n; i++) {
+                    to[2 * i] = right[lane] ? room.real[i][lane] : NAN;
+                    to[2 * i + 1] = right[lane] ? room.imaginary[i][lane] : NAN;
+                }
+            }
+        }
+    }
+    row_free(&row);
+    free(room.memory);
+    return failed ? -1 : 0;
+}
+
+#endif

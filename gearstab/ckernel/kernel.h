@@ -1,0 +1,57 @@
+/* What the Python module (module.c) and the kernel at each level of vector instructions (level_*.c) agree on.
+
+   Arrays are contiguous, row-major, of doubles where nothing else is said; the module has checked their sizes. */
+
+#ifndef GEARSTAB_KERNEL_H
+#define GEARSTAB_KERNEL_H
+
+#include <stdint.h>
+
+enum verdict { UNSTABLE = 0, STABLE = 1, DOUBTFUL = 2 };
+
+/* A conservative pattern: r rows of S segments over D states of n coordinates. */
+struct conservative {
+    int64_t rows, segments, states, n;
+    double cycles;           /* the common period is cycles 2 pi/omega */
+    const double *squared;   /* (r, D, n), squared frequencies */
+    const double *fractions; /* (r, S), durations as parts of the common period */
+    const int64_t *state;    /* (S,) */
+    const double *change;    /* (r, S, n, n), V_{s+1}^T V_s */
+};
+
+/* A damped pattern in real modal coordinates of dimension m, see damped.h. */
+struct damped {
+    int64_t rows, segments, states, m;
+    double cycles;
+    const double *decay;     /* (r, D, m), real parts of the eigenvalues */
+    const double *frequency; /* (r, D, m), imaginary parts: of a pair, positive at its first member; 0 for real ones */
+    const double *fractions; /* (r, S) */
+    const int64_t *state;    /* (S,) */
+    const double *change;    /* (r, S, m, m), from the coordinates of a segment to those of the next */
+};
+
+/* The functions of one level; those that return int return 0, or -1 when there is no memory. */
+struct level {
+    const char *name;
+    /* Rows first..last-1: omega (r, points) -> verdict (r, points), growth = ln max |lambda| (r, points). */
+    int (*scan)(const struct conservative *pattern, int64_t first, int64_t last, int64_t points, const double *omega,
+                int8_t *verdict, double *growth);
+    /* Points first..last-1, each of a row of its own: monodromy matrix times exp(-scale), (points, 2n, 2n). */
+    int (*monodromy)(const struct conservative *pattern, int64_t first, int64_t last, const int64_t *row,
+                     const double *omega, double *matrix, double *scale);
+    /* Rows first..last-1: rho = lambda + 1/lambda, (r, points, n, 2) real and imaginary parts; NaN where an entry of the
+       monodromy matrix exceeds the bound. */
+    int (*traces)(const struct conservative *pattern, int64_t first, int64_t last, int64_t points, double bound,
+                  const double *omega, double *rho);
+    /* Rows first..last-1: growth = ln max |lambda| and the scale taken out of the product, (r, points) each. */
+    int (*scan_damped)(const struct damped *pattern, int64_t first, int64_t last, int64_t points, const double *omega,
+                       double *growth, double *scale);
+    /* Symmetric matrices first..last-1 of (count, n, n): eigenvalues (count, n) ascending, columns of eigenvectors. */
+    int (*symmetric)(int64_t first, int64_t last, int64_t n, const double *matrix, double *values, double *vectors);
+};
+
+extern const struct level gearstab_plain;
+extern const struct level gearstab_avx2;
+extern const struct level gearstab_avx512;
+
+#endif

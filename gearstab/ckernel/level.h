@@ -1,0 +1,32 @@
+/* The body of level_*.c: everything below is compiled once for each level of vector instructions. */
+
+#include <float.h>
+#include <math.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "kernel.h"
+
+#define STRING(text) #text
+#if defined(TARGET) && defined(__clang__)
+#define PRAGMA_TARGET(names) _Pragma(STRING(clang attribute push(__attribute__((target(names))), apply_to = function)))
+PRAGMA_TARGET(TARGET)
+#elif defined(TARGET)
+#define PRAGMA_TARGET(names) _Pragma(STRING(GCC target(names)))
+PRAGMA_TARGET(TARGET)
+#endif
+
+#include "simd.h"
+#include "hessenberg.h"
+#include "modal.h"
+#include "traces.h"
+#include "conservative.h"
+#include "damped.h"
+#include "symmetric.h"
+
+const struct level LEVEL = {LEVEL_NAME, scan, monodromy, traces, scan_damped, symmetric};
+
+#if defined(TARGET) && defined(__clang__)
+#pragma clang attribute pop
+#endif

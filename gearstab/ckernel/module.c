@@ -1,0 +1,262 @@
+/* gearstab.ckernel._kernel: the compiled kernel as Python functions over contiguous buffers.
+
+   Shapes and meanings stand in kernel.h, the Python side in gearstab/floquet/c_kernel.py. Every function checks that its
+   buffers have the sizes that its numbers promise, releases the interpreter's lock while it computes, and runs
+   at the level of vector instructions whose name it is given (see levels()). */
+
+#define PY_SSIZE_T_CLEAN
+#include <Python.h>
+#include <string.h>
+
+#include "kernel.h"
+
+static const struct level *const LEVELS[] = {
+    &gearstab_plain,
+#if defined(__x86_64__)
+    &gearstab_avx2,
+    &gearstab_avx512,
+#endif
+};
+
+enum { LEVEL_COUNT = sizeof LEVELS / sizeof *LEVELS };
+
+static int supported(int index) {
+#if defined(__x86_64__)
+    if (index == 1)
+        return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
+    if (index == 2)
+        return __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") &&
+               __builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("fma");
+#endif
+    return index == 0;
+}
+
+static const struct level *level_named(const char *name) {
+    for (int i = 0; i < LEVEL_COUNT; i++)
+        if (supported(i) && strcmp(name, LEVELS[i]->name) == 0)
+            return LEVELS[i];
+    PyErr_Format(PyExc_ValueError, "this processor has no level of vector instructions named %s", name);
+    return NULL;
+}
+
+enum { MOST_BUFFERS = 8 };
+
+struct buffers {
+    Py_buffer view[MOST_BUFFERS];
+};
+
+static void release(struct buffers *buffers) {
+    for (int i = 0; i < MOST_BUFFERS; i++)
+        PyBuffer_Release(&buffers->view[i]); /* does nothing to a view that was never filled */
+}
+
+/* Whether the product of the non-negative dimensions times the item's size is the buffer's length. */
+static int fits(const Py_buffer *view, Py_ssize_t item, int dimensions, const Py_ssize_t *shape) {
+    Py_ssize_t size = item;
+    for (int i = 0; i < dimensions; i++) {
+        if (shape[i] < 0 || (shape[i] > 0 && size > PY_SSIZE_T_MAX / shape[i]))
+            return 0;
+        size *= shape[i];
+    }
+    return view->len == size;
+}
+
+#define FITS(view, item, ...)                                                                                              \
+    fits(view, item, (int)(sizeof((Py_ssize_t[]){__VA_ARGS__}) / sizeof(Py_ssize_t)), (Py_ssize_t[]){__VA_ARGS__})
+
+static int indices_within(const Py_buffer *view, Py_ssize_t count, int64_t end) {
+    const int64_t *index = view->buf;
+    for (Py_ssize_t i = 0; i < count; i++)
+        if (index[i] < 0 || index[i] >= end)
+            return 0;
+    return 1;
+}
+
+/* Whether non-zero frequencies come two by two. */
+static int in_pairs(const double *frequency, Py_ssize_t m) {
+    Py_ssize_t i = 0;
+    while (i < m)
+        i += frequency[i] != 0 ? 2 : 1;
+    return i == m;
+}
+
+/* The end of every function: an exception when something did not fit or memory ran out, else None. */
+static PyObject *finish(struct buffers *buffers, int fit, int failed) {
+    release(buffers);
+    if (PyErr_Occurred())
+        return NULL;
+    if (!fit) {
+        PyErr_SetString(PyExc_ValueError, "the arrays do not have the shapes they should have");
+        return NULL;
+    }
+    if (failed)
+        return PyErr_NoMemory();
+    Py_RETURN_NONE;
+}
+
+static PyObject *py_levels(PyObject *self, PyObject *unused) {
+    (void)self, (void)unused;
+    PyObject *names = PyList_New(0);
+    for (int i = 0; names && i < LEVEL_COUNT; i++) {
+        if (!supported(i))
+            continue;
+        PyObject *name = PyUnicode_FromString(LEVELS[i]->name);
+        if (!name || PyList_Append(names, name) < 0)
+            Py_CLEAR(names);
+        Py_XDECREF(name);
+    }
+    return names;
+}
+
+/* The arguments that describe a conservative pattern: numbers, then squared, fractions, state, change. */
+#define PATTERN "(nnnnd)y*y*y*y*"
+#define PATTERN_ARGUMENTS(p, b) &rows, &segments, &states, &n, &(p).cycles, &(b)[0], &(b)[1], &(b)[2], &(b)[3]
+
+static int set_conservative(struct conservative *pattern, Py_ssize_t rows, Py_ssize_t segments, Py_ssize_t states,
+                            Py_ssize_t n, const Py_buffer *view) {
+    pattern->rows = rows, pattern->segments = segments, pattern->states = states, pattern->n = n;
+    pattern->squared = view[0].buf, pattern->fractions = view[1].buf;
+    pattern->state = view[2].buf, pattern->change = view[3].buf;
+    return n > 0 && segments > 0 && FITS(&view[0], 8, rows, states, n) && FITS(&view[1], 8, rows, segments) &&
+           FITS(&view[2], 8, segments) && FITS(&view[3], 8, rows, segments, n, n) &&
+           indices_within(&view[2], segments, states);
+}
+
+static PyObject *py_scan(PyObject *self, PyObject *arguments) {
+    (void)self;
+    struct buffers b = {0};
+    struct conservative pattern;
+    const char *name;
+    Py_ssize_t rows, segments, states, n, first, last, points;
+    if (!PyArg_ParseTuple(arguments, "s" PATTERN "nnny*w*w*", &name, PATTERN_ARGUMENTS(pattern, b.view), &first, &last,
+                          &points, &b.view[4], &b.view[5], &b.view[6]))
+        return finish(&b, 1, 0);
+    const struct level *level = level_named(name);
+    int failed = 0, fit = level && set_conservative(&pattern, rows, segments, states, n, b.view) && first >= 0 &&
+                          last <= rows && FITS(&b.view[4], 8, rows, points) && FITS(&b.view[5], 1, rows, points) &&
+                          FITS(&b.view[6], 8, rows, points);
+    if (fit) {
+        Py_BEGIN_ALLOW_THREADS
+        failed = level->scan(&pattern, first, last, points, b.view[4].buf, b.view[5].buf, b.view[6].buf);
+        Py_END_ALLOW_THREADS
+    }
+    return finish(&b, fit, failed);
+}
+
+static PyObject *py_monodromy(PyObject *self, PyObject *arguments) {
+    (void)self;
+    struct buffers b = {0};
+    struct conservative pattern;
+    const char *name;
+    Py_ssize_t rows, segments, states, n, first, last, points;
+    if (!PyArg_ParseTuple(arguments, "s" PATTERN "nnny*y*w*w*", &name, PATTERN_ARGUMENTS(pattern, b.view), &first, &last,
+                          &points, &b.view[4], &b.view[5], &b.view[6], &b.view[7]))
+        return finish(&b, 1, 0);
+    const struct level *level = level_named(name);
+    int failed = 0, fit = level && set_conservative(&pattern, rows, segments, states, n, b.view) && first >= 0 &&
+                          last <= points && FITS(&b.view[4], 8, points) && FITS(&b.view[5], 8, points) &&
+                          FITS(&b.view[6], 8, points, 2, n, 2, n) && FITS(&b.view[7], 8, points) &&
+                          indices_within(&b.view[4], points, rows);
+    if (fit) {
+        Py_BEGIN_ALLOW_THREADS
+        failed = level->monodromy(&pattern, first, last, b.view[4].buf, b.view[5].buf, b.view[6].buf, b.view[7].buf);
+        Py_END_ALLOW_THREADS
+    }
+    return finish(&b, fit, failed);
+}
+
+static PyObject *py_traces(PyObject *self, PyObject *arguments) {
+    (void)self;
+    struct buffers b = {0};
+    struct conservative pattern;
+    const char *name;
+    Py_ssize_t rows, segments, states, n, first, last, points;
+    double bound;
+    if (!PyArg_ParseTuple(arguments, "s" PATTERN "nnndy*w*", &name, PATTERN_ARGUMENTS(pattern, b.view), &first, &last,
+                          &points, &bound, &b.view[4], &b.view[5]))
+        return finish(&b, 1, 0);
+    const struct level *level = level_named(name);
+    int failed = 0, fit = level && set_conservative(&pattern, rows, segments, states, n, b.view) && first >= 0 &&
+                          last <= rows && FITS(&b.view[4], 8, rows, points) && FITS(&b.view[5], 8, rows, points, n, 2);
+    if (fit) {
+        Py_BEGIN_ALLOW_THREADS
+        failed = level->traces(&pattern, first, last, points, bound, b.view[4].buf, b.view[5].buf);
+        Py_END_ALLOW_THREADS
+    }
+    return finish(&b, fit, failed);
+}
+
+static PyObject *py_scan_damped(PyObject *self, PyObject *arguments) {
+    (void)self;
+    struct buffers b = {0};
+    struct damped p;
+    const char *name;
+    Py_ssize_t rows, segments, states, m, first, last, points;
+    Py_buffer *view = b.view;
+    if (!PyArg_ParseTuple(arguments, "s(nnnnd)y*y*y*y*y*nnny*w*w*", &name, &rows, &segments, &states, &m, &p.cycles,
+                          &view[0], &view[1], &view[2], &view[3], &view[4], &first, &last, &points, &view[5], &view[6],
+                          &view[7]))
+        return finish(&b, 1, 0);
+    const struct level *level = level_named(name);
+    p.rows = rows, p.segments = segments, p.states = states, p.m = m;
+    p.decay = view[0].buf, p.frequency = view[1].buf, p.fractions = view[2].buf;
+    p.state = view[3].buf, p.change = view[4].buf;
+    int failed = 0, fit = level && m > 0 && segments > 0 && first >= 0 && last <= rows &&
+                          FITS(&view[0], 8, rows, states, m) && FITS(&view[1], 8, rows, states, m) &&
+                          FITS(&view[2], 8, rows, segments) && FITS(&view[3], 8, segments) &&
+                          FITS(&view[4], 8, rows, segments, m, m) && FITS(&view[5], 8, rows, points) &&
+                          FITS(&view[6], 8, rows, points) && FITS(&view[7], 8, rows, points) &&
+                          indices_within(&view[3], segments, states);
+    for (int64_t i = 0; fit && i < rows * states; i++)
+        fit = in_pairs(p.frequency + i * m, m);
+    if (fit) {
+        Py_BEGIN_ALLOW_THREADS
+        failed = level->scan_damped(&p, first, last, points, view[5].buf, view[6].buf, view[7].buf);
+        Py_END_ALLOW_THREADS
+    }
+    return finish(&b, fit, failed);
+}
+
+static PyObject *py_symmetric(PyObject *self, PyObject *arguments) {
+    (void)self;
+    struct buffers b = {0};
+    const char *name;
+    Py_ssize_t count, n;
+    if (!PyArg_ParseTuple(arguments, "snny*w*w*", &name, &count, &n, &b.view[0], &b.view[1], &b.view[2]))
+        return finish(&b, 1, 0);
+    const struct level *level = level_named(name);
+    int failed = 0, fit = level && n > 0 && FITS(&b.view[0], 8, count, n, n) && FITS(&b.view[1], 8, count, n) &&
+                          FITS(&b.view[2], 8, count, n, n);
+    if (fit) {
+        Py_BEGIN_ALLOW_THREADS
+        failed = level->symmetric(0, count, n, b.view[0].buf, b.view[1].buf, b.view[2].buf);
+        Py_END_ALLOW_THREADS
+    }
+    return finish(&b, fit, failed);
+}
+
+static PyMethodDef METHODS[] = {
+    {"levels", py_levels, METH_NOARGS, "levels(): names of the levels of vector instructions available, the best last."},
+    {"scan", py_scan, METH_VARARGS,
+     "scan(level, (rows, segments, states, n, cycles), squared, fractions, state, change, first, last, points, omega, "
+     "verdict, growth)"},
+    {"monodromy", py_monodromy, METH_VARARGS,
+     "monodromy(level, (rows, segments, states, n, cycles), squared, fractions, state, change, first, last, points, row, "
+     "omega, matrix, scale)"},
+    {"traces", py_traces, METH_VARARGS,
+     "traces(level, (rows, segments, states, n, cycles), squared, fractions, state, change, first, last, points, bound, "
+     "omega, rho)"},
+    {"scan_damped", py_scan_damped, METH_VARARGS,
+     "scan_damped(level, (rows, segments, states, m, cycles), decay, frequency, fractions, state, change, first, last, "
+     "points, omega, growth, scale)"},
+    {"symmetric", py_symmetric, METH_VARARGS, "symmetric(level, count, n, matrix, values, vectors)"},
+    {NULL, NULL, 0, NULL},
+};
+
+static PyModuleDef_Slot SLOTS[] = {{0, NULL}};
+
+static struct PyModuleDef MODULE = {
+    PyModuleDef_HEAD_INIT, "_kernel", "The compiled kernel; see gearstab.floquet.c_kernel.", 0, METHODS, SLOTS, NULL, NULL, NULL,
+};
+
+PyMODINIT_FUNC PyInit__kernel(void) { return PyModuleDef_Init(&MODULE); }

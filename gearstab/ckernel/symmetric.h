@@ -1,0 +1,88 @@
+/* Eigenproblems of many small symmetric matrices, LANES at once: cyclic Jacobi (Golub & Van Loan, 8.5). */
+
+#ifndef GEARSTAB_SYMMETRIC_H
+#define GEARSTAB_SYMMETRIC_H
+
+#define MOST_CYCLES 30 /* of rotations; five or six are usual */
+
+/* Diagonalise a (n, n) in place, its rotations collected in v (n, n), whose columns become the eigenvectors. */
+static void jacobi(vec *a, vec *v, int64_t n) {
+    for (int64_t i = 0; i < n * n; i++)
+        v[i] = all(i % (n + 1) == 0);
+    for (int cycle = 0; cycle < MOST_CYCLES; cycle++) {
+        mask rotated = {0};
+        for (int64_t p = 0; p + 1 < n; p++)
+            for (int64_t q = p + 1; q < n; q++) {
+                vec off = a[p * n + q], app = a[p * n + p], aqq = a[q * n + q];
+                /* Relative to the diagonal, so that small eigenvalues of a graded matrix stay right. */
+                vec least = 0.25 * DBL_EPSILON * root(magnitude(app)) * root(magnitude(aqq));
+                mask acts = magnitude(off) > larger(least, all(DBL_MIN));
+                if (!any(acts))
+                    continue;
+                rotated |= acts;
+                vec half = 0.5 * (aqq - app);
+                vec divisor = magnitude(half) + root(half * half + off * off);
+                vec tangent = with_sign_of(off / choose(acts, divisor, all(1.0)), (vec)((bits)off ^ (bits)half));
+                tangent = choose(acts, tangent, all(0.0));
+                vec c = 1.0 / root(1.0 + tangent * tangent), s = tangent * c;
+                a[p * n + p] = app - tangent * off;
+                a[q * n + q] = aqq + tangent * off;
+                a[p * n + q] = a[q * n + p] = choose(acts, all(0.0), off);
+                for (int64_t i = 0; i < n; i++) {
+                    if (i != p && i != q) {
+                        vec x = a[i * n + p], y = a[i * n + q];
+                        a[p * n + i] = a[i * n + p] = c * x - s * y;
+                        a[q * n + i] = a[i * n + q] = s * x + c * y;
+                    }
+                    vec x = v[i * n + p], y = v[i * n + q];
+                    v[i * n + p] = c * x - s * y;
+                    v[i * n + q] = s * x + c * y;
+                }
+            }
+        if (!any(rotated))
+            return;
+    }
+}
+
+/* Sort by ascending eigenvalue: odd-even transposition, alike in all lanes. */
+static void sort_by_value(vec *a, vec *v, int64_t n) {
+    for (int64_t pass = 0; pass < n; pass++)
+        for (int64_t i = pass % 2; i + 1 < n; i += 2) {
+            vec *low = a + i * (n + 1), *high = low + n + 1;
+            mask swaps = *low > *high;
+            vec kept = *low;
+            *low = choose(swaps, *high, kept);
+            *high = choose(swaps, kept, *high);
+            for (int64_t k = 0; k < n; k++) {
+                vec *x = v + k * n + i, left = x[0];
+                x[0] = choose(swaps, x[1], left);
+                x[1] = choose(swaps, left, x[1]);
+            }
+        }
+}
+
+static int symmetric(int64_t first, int64_t last, int64_t n, const double *matrix, double *values, double *vectors_) {
+    void *memory;
+    vec *a = vectors(2 * n * n, &memory);
+    if (!a)
+        return -1;
+    vec *v = a + n * n;
+    for (int64_t k = first; k < last; k += LANES) {
+        int64_t count = last - k < LANES ? last - k : LANES;
+        for (int64_t lane = 0; lane < LANES; lane++)
+            for (int64_t i = 0; i < n * n; i++)
+                a[i][lane] = matrix[(k + (lane < count ? lane : 0)) * n * n + i];
+        jacobi(a, v, n);
+        sort_by_value(a, v, n);
+        for (int64_t lane = 0; lane < count; lane++) {
+            for (int64_t i = 0; i < n; i++)
+                values[(k + lane) * n + i] = a[i * (n + 1)][lane];
+            for (int64_t i = 0; i < n * n; i++)
+                vectors_[(k + lane) * n * n + i] = v[i][lane];
+        }
+    }
+    free(memory);
+    return 0;
+}
+
+#endif

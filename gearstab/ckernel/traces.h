@@ -1,0 +1,294 @@
+/* rho = lambda + 1/lambda of a symplectic M from W = M + M^-1 = [[E, F], [G, E^T]], F and G skew.
+
+   The rules and thresholds are those of invariants.py, to which the comments there apply. */
+
+#ifndef GEARSTAB_TRACES_H
+#define GEARSTAB_TRACES_H
+
+#define DISCRIMINANT_NOISE 3e-10
+#define EDGE_NOISE 3e-12
+#define GROWTH_NOISE 1e-6
+#define LARGEST_COEFFICIENT 1e120
+
+/* ---- n <= 3: elementary symmetric functions of the rho, see numpy_kernel.py */
+
+#define M(i, j) x[(j) * 2 * n + (i)]
+#define E_(i, j) (M(i, j) + M(n + (j), n + (i)))
+#define F_(i, j) (M(i, n + (j)) - M(j, n + (i)))
+#define G_(i, j) (M(n + (i), j) - M(n + (j), i))
+
+INLINE void coefficients(const vec *x, int64_t n, vec s[3]) {
+    if (n == 1) {
+        s[0] = x[0] + x[3];
+    } else if (n == 2) {
+        vec a = E_(0, 0), b = E_(0, 1), c = E_(1, 0), d = E_(1, 1);
+        s[0] = a + d;
+        s[1] = (a * d - b * c) + F_(0, 1) * G_(0, 1);
+    } else {
+        vec e00 = E_(0, 0), e01 = E_(0, 1), e02 = E_(0, 2);
+        vec e10 = E_(1, 0), e11 = E_(1, 1), e12 = E_(1, 2);
+        vec e20 = E_(2, 0), e21 = E_(2, 1), e22 = E_(2, 2);
+        vec f0 = F_(2, 1), f1 = F_(0, 2), f2 = F_(1, 0);
+        vec g0 = G_(2, 1), g1 = G_(0, 2), g2 = G_(1, 0);
+        vec c0 = e11 * e22 - e12 * e21, c1 = e12 * e20 - e10 * e22, c2 = e10 * e21 - e11 * e20;
+        s[0] = e00 + e11 + e22;
+        s[1] = (c0 + (e00 * e22 - e02 * e20)) + (e00 * e11 - e01 * e10) + (f0 * g0 + f1 * g1 + f2 * g2);
+        s[2] = (e00 * c0 + e01 * c1 + e02 * c2) + f0 * (e00 * g0 + e01 * g1 + e02 * g2) +
+               f1 * (e10 * g0 + e11 * g1 + e12 * g2) + f2 * (e20 * g0 + e21 * g1 + e22 * g2);
+    }
+}
+
+/* p of y^3 + p y + q, x = y + s1/3; q in *last. */
+INLINE vec depressed(const vec s[3], vec *last) {
+    vec third = s[0] * (1.0 / 3.0);
+    *last = (s[1] - 2.0 * third * third) * third - s[2];
+    return s[1] - 3.0 * third * third;
+}
+
+/* The discriminant over its own size, but not less than 1; n = 2, 3. */
+INLINE vec scaled_discriminant(const vec s[3], int64_t n) {
+    if (n == 2) {
+        vec half = 0.5 * s[0], square = half * half;
+        return (square - s[1]) / larger(square + magnitude(s[1]), all(1.0));
+    }
+    vec q, p = depressed(s, &q);
+    vec a = -4.0 * p * p * p, b = 27.0 * q * q;
+    return (a - b) / larger(magnitude(a) + b, all(1.0));
+}
+
+/* Whether all roots lie in (-2, 2) provided they are real; the smaller |p(+-2)| in *edge. */
+INLINE mask inside(const vec s[3], int64_t n, vec *edge) {
+    vec up, down;
+    mask result;
+    if (n == 1) {
+        up = 2.0 - s[0], down = -2.0 - s[0];
+        result = (up > 0.0) & (down < 0.0);
+    } else if (n == 2) {
+        up = 4.0 - 2.0 * s[0] + s[1], down = 4.0 + 2.0 * s[0] + s[1];
+        result = (up > 0.0) & (down > 0.0) & (magnitude(s[0]) < 4.0);
+    } else {
+        up = ((2.0 - s[0]) * 2.0 + s[1]) * 2.0 - s[2];
+        down = -2.0 * ((2.0 + s[0]) * 2.0 + s[1]) - s[2];
+        vec slope = 12.0 + s[1];
+        result = (up > 0.0) & (down < 0.0) & (slope - 4.0 * s[0] > 0.0) & (slope + 4.0 * s[0] > 0.0) &
+                 (magnitude(s[0]) < 6.0);
+    }
+    *edge = smaller(magnitude(up), magnitude(down));
+    return result;
+}
+
+struct decision {
+    mask stable, doubtful;
+};
+
+INLINE struct decision classify(const vec s[3], int64_t n) {
+    vec size = all(1.0), edge;
+    for (int64_t k = 0; k < n; k++)
+        size = larger(magnitude(s[k]) * (1.0 / 3.0), size);
+    struct decision found;
+    found.stable = inside(s, n, &edge);
+    found.doubtful = edge < EDGE_NOISE * size;
+    if (n > 1) {
+        vec discriminant = scaled_discriminant(s, n), distance = magnitude(discriminant);
+        found.stable &= discriminant > 0.0;
+        found.doubtful |= (distance < DISCRIMINANT_NOISE) | ((distance < GROWTH_NOISE) & ~found.stable);
+    }
+    mask regular = size < LARGEST_COEFFICIENT; /* false for NaN in the last coefficient */
+    for (int64_t k = 0; k < n; k++)
+        regular &= s[k] == s[k];
+    found.doubtful |= ~regular;
+    return found;
+}
+
+/* ---- growth = ln max |lambda| from rho = a + ib */
+
+/* rho/2 = cosh(g + i theta): sinh^2 g is the larger root of y^2 - t y - (b/2)^2, t = |rho/2|^2 - 1. */
+INLINE vec squared_sinh(vec real, vec imaginary) {
+    vec a = 0.5 * magnitude(real), b = 0.5 * imaginary;
+    vec t = (a - 1.0) * (a + 1.0) + b * b, square = 4.0 * b * b;
+    vec length = root(t * t + square);
+    return choose(t > 0.0, 0.5 * (length + t), 0.5 * square / larger(length - t, all(DBL_MIN)));
+}
+
+INLINE vec growth_from(vec squared) {
+    vec y = root(squared);
+    return logarithm1p(y + squared / (1.0 + root(1.0 + squared)));
+}
+
+/* An upper bound on |x|^(1/3), within 15 %. */
+INLINE vec cube_root_bound(vec x) {
+    /* A third of the exponent; the mantissa's bits interpolate between powers of two. */
+    const double bias = 0x1p52;
+    vec number = (vec)(((bits)magnitude(x) >> 20) | UINT64_C(0x4330000000000000)) - bias;
+    vec third = number * (1.0 / 3.0) + 682 * 0x1p32 + bias; /* 682 is two thirds of the exponents' offset */
+    return 1.12 * (vec)((bits)third << 20);
+}
+
+/* Newton towards a root of the cubic, from beyond the outermost root on its side: monotonic, however close the next one. */
+INLINE vec outermost(const vec s[3], vec x) {
+    for (int k = 0; k < 30; k++) {
+        vec value = ((x - s[0]) * x + s[1]) * x - s[2], slope = (3.0 * x - 2.0 * s[0]) * x + s[1];
+        vec step = value / choose(slope == 0.0, all(1.0), slope);
+        x = choose(slope == 0.0, x, x - step);
+        if (!any(magnitude(step) > 1e-9 * magnitude(x)))
+            break; /* the error left is of the order of the square */
+    }
+    return x;
+}
+
+/* sinh^2 of the growth of a cubic with simple roots. */
+INLINE vec cubic_growth(const vec s[3]) {
+    vec q, p = depressed(s, &q), third = s[0] * (1.0 / 3.0);
+    vec bound = 2.0 * larger(root(magnitude(p) * (1.0 / 3.0)), cube_root_bound(0.5 * q));
+    vec discriminant = -4.0 * p * p * p - 27.0 * q * q;
+    mask real = discriminant > 0.0;
+    vec x = outermost(s, with_sign_of(bound, -q) + third);
+    vec largest = squared_sinh(x, all(0.0));
+    if (any(real)) {
+        vec start = choose(real, with_sign_of(bound, q) + third, x); /* the other outermost root */
+        largest = larger(squared_sinh(outermost(s, start), all(0.0)), largest);
+    }
+    if (any(~real)) {
+        /* The complex pair a +- ib from the quadratic that the real root leaves, and a step of Newton on the cubic. */
+        vec a = 0.5 * (s[0] - x), shifted = x - third;
+        vec b = root(larger(p + 0.75 * shifted * shifted, all(0.0)));
+        for (int k = 0; k < 2; k++) {
+            vec u = a - s[0], u1 = u * a - b * b + s[1], v1 = b * (u + a);
+            vec value = u1 * a - v1 * b - s[2], value_i = u1 * b + v1 * a;
+            vec t = 3.0 * a - 2.0 * s[0], slope = t * a - 3.0 * b * b + s[1], slope_i = b * (t + 3.0 * a);
+            vec size = slope * slope + slope_i * slope_i;
+            size = choose(size > DBL_MIN, size, all(1.0));
+            a = a - (value * slope + value_i * slope_i) / size;
+            b = b - (value_i * slope - value * slope_i) / size;
+        }
+        largest = choose(real, largest, larger(squared_sinh(a, b), largest));
+    }
+    return largest;
+}
+
+/* ln max |lambda| of unstable points. */
+INLINE vec growth_of(const vec s[3], int64_t n) {
+    if (n == 1)
+        return growth_from(squared_sinh(s[0], all(0.0)));
+    if (n == 3)
+        return growth_from(cubic_growth(s));
+    vec half = 0.5 * s[0], discriminant = half * half - s[1], distance = root(magnitude(discriminant));
+    mask real = discriminant > 0.0;
+    vec far = half + choose(real, with_sign_of(distance, half), all(0.0));
+    return growth_from(squared_sinh(far, choose(real, all(0.0), distance)));
+}
+
+#undef M
+#undef E_
+#undef F_
+#undef G_
+
+/* ---- any n: Paige & Van Loan (1981), "A Schur decomposition for Hamiltonian matrices" */
+
+/* h <- P h P with P = I - beta v v^T on rows and columns k.., v (count,); columns before `from` are zero in these rows. */
+static void both_sides(vec *h, int64_t n, int64_t k, int64_t from, const vec *v, vec beta, vec *w) {
+    int64_t count = n - k;
+    for (int64_t c = from; c < n; c++)
+        w[c] = all(0.0);
+    for (int64_t i = 0; i < count; i++)
+        for (int64_t c = from; c < n; c++)
+            w[c] += v[i] * h[(k + i) * n + c];
+    for (int64_t i = 0; i < count; i++) {
+        vec scaled = beta * v[i];
+        for (int64_t c = from; c < n; c++)
+            h[(k + i) * n + c] -= scaled * w[c];
+    }
+    for (int64_t i = 0; i < n; i++) {
+        vec *line = h + i * n + k, sum = all(0.0);
+        for (int64_t c = 0; c < count; c++)
+            sum += v[c] * line[c];
+        sum = sum * beta;
+        for (int64_t c = 0; c < count; c++)
+            line[c] -= sum * v[c];
+    }
+}
+
+/* The same for a skew g, with rows before `top` left out: P g P = g + v p^T - p v^T, p = beta g v. */
+static void both_sides_skew(vec *g, int64_t n, int64_t k, int64_t top, const vec *v, vec beta, vec *w) {
+    int64_t count = n - k;
+    for (int64_t i = top; i < n; i++) {
+        vec sum = all(0.0);
+        for (int64_t c = 0; c < count; c++)
+            sum += g[i * n + k + c] * v[c];
+        w[i] = sum * beta;
+    }
+    for (int64_t i = top; i < n; i++)
+        for (int64_t c = 0; c < count; c++) {
+            vec change = w[i] * v[c];
+            g[i * n + k + c] -= i < k ? change : change - v[i - k] * w[k + c];
+        }
+}
+
+/* Rotate coordinates k and n + k so that g[k][j] vanishes against e[k][j]. */
+static void rotate_pair(vec *e, vec *f, vec *g, int64_t n, int64_t k, int64_t j) {
+    vec a = e[k * n + j], b = g[k * n + j], length = root(a * a + b * b);
+    mask acts = length > DBL_MIN;
+    vec inverse = 1.0 / choose(acts, length, all(1.0));
+    vec c = choose(acts, a * inverse, all(1.0)), s = choose(acts, b * inverse, all(0.0));
+    for (int64_t i = 0; i < n; i++) {
+        if (i == k)
+            continue;
+        vec *eik = e + i * n + k, *fik = f + i * n + k, *eki = e + k * n + i, *gki = g + k * n + i;
+        vec old = *eik;
+        *eik = c * old + s * *fik;
+        *fik = c * *fik - s * old;
+        f[k * n + i] = -*fik;
+        if (i < j)
+            continue; /* zeros of the rows below */
+        old = *eki;
+        *eki = c * old + s * *gki;
+        *gki = c * *gki - s * old;
+        g[i * n + k] = -*gki;
+    }
+}
+
+/* Orthogonal symplectic reduction of [[e, f], [g, e^T]] to [[h, *], [0, h^T]], h Hessenberg, in place of e; work (2, n). */
+static void paige_van_loan(vec *e, vec *f, vec *g, int64_t n, vec *work) {
+    vec *v = work, *w = work + n, beta;
+    for (int64_t j = 0; j + 1 < n; j++) {
+        int64_t k = j + 1;
+        for (int turn = 0; turn < 2; turn++) {
+            vec *column = (turn == 0 ? g : e) + k * n + j;
+            if (k + 1 < n) {
+                vec end = reflector(column, n - k, n, &v[0], &beta);
+                for (int64_t i = 1; i < n - k; i++)
+                    v[i] = column[i * n];
+                both_sides(e, n, k, turn == 0 ? j : k, v, beta, w);
+                both_sides_skew(f, n, k, 0, v, beta, w);
+                both_sides_skew(g, n, k, k, v, beta, w);
+                *column = end;
+                for (int64_t i = 1; i < n - k; i++)
+                    column[i * n] = all(0.0);
+            }
+            if (turn == 0) {
+                /* By skewness the row j of g is minus its column; only the column was reduced. */
+                rotate_pair(e, f, g, n, k, j);
+            }
+        }
+    }
+}
+
+/* rho (n,) as real and imaginary parts from the monodromy matrix x (2n, 2n), which is destroyed; the largest entry of W is
+   returned. work (3 n + 2, n). */
+static vec general_traces(vec *x, int64_t n, vec *real, vec *imaginary, vec *work) {
+    vec *e = work, *f = e + n * n, *g = f + n * n, size = all(0.0);
+#define M(i, j) x[(j) * 2 * n + (i)]
+    for (int64_t i = 0; i < n; i++)
+        for (int64_t j = 0; j < n; j++) {
+            e[i * n + j] = M(i, j) + M(n + j, n + i);
+            f[i * n + j] = M(i, n + j) - M(j, n + i);
+            g[i * n + j] = M(n + i, j) - M(n + j, i);
+        }
+#undef M
+    size = largest_entry(e, 3 * n * n);
+    paige_van_loan(e, f, g, n, g + n * n);
+    hessenberg_eigenvalues(e, n, real, imaginary);
+    return size;
+}
+
+#endif

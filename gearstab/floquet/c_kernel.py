@@ -1,0 +1,162 @@
+"""The compiled kernel behind the interface of the NumPy kernel (:mod:`gearstab.floquet.kernel`).
+
+The same mathematics and the same rules; mesh frequencies run side by side in vector registers, rows in threads. What
+the C side leaves in doubt is the same that the NumPy kernel leaves, and for n > 3 much less.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+
+from gearstab import ckernel
+from gearstab.floquet import numpy_kernel
+from gearstab.floquet.damped import Generators
+from gearstab.floquet.segments import Pattern
+from gearstab.system import Array
+
+WORTH_A_THREAD = 2e5
+"""Operations of a chunk of rows (segments times coordinates cubed) below which a thread costs more than it gains."""
+CHUNKS_A_THREAD = 4
+"""Rows are handed out in pieces, so that a thread whose rows are quick takes more of them."""
+
+
+def threads() -> int:
+    """How many threads a call may use: GEARSTAB_THREADS, or the processors this process may run on."""
+    asked = os.environ.get("GEARSTAB_THREADS")
+    if asked:
+        if not asked.isdecimal() or int(asked) == 0:
+            raise ValueError(f"GEARSTAB_THREADS={asked}: a positive whole number is needed")
+        return int(asked)
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def scan(pattern: Pattern, omega: Array, limit: int | None = None) -> tuple[Array, Array]:
+    """Verdict (int8) and growth a period of every point, ``(r, P)`` each; mesh frequencies ``(r, P)``.
+
+    limit: the number of threads, by default what :func:`threads` says; the results do not depend on it.
+    """
+    asked = _contiguous(omega)
+    verdict, growth = np.empty(asked.shape, dtype=np.int8), np.empty(asked.shape)
+    rows, points = asked.shape
+    arguments = _arguments(pattern)
+
+    def part(first: int, last: int) -> None:
+        _library().scan(ckernel.simd(), *arguments, first, last, points, asked, verdict, growth)
+
+    _in_threads(part, rows, points * _cost(pattern), limit)
+    return verdict, growth
+
+
+def monodromy(pattern: Pattern, row: int | Array, omega: Array) -> tuple[Array, Array]:
+    """(M exp(-scale) as ``(P, 2n, 2n)``, scale ``(P,)``) at ``(P,)`` frequencies of one row or of a row each."""
+    asked = _contiguous(omega)
+    index = np.ascontiguousarray(np.broadcast_to(row, asked.shape), dtype=np.int64)
+    points, size = len(asked), 2 * pattern.size
+    matrix, scale = np.empty((points, size, size)), np.empty(points)
+    arguments = _arguments(pattern)
+    _library().monodromy(ckernel.simd(), *arguments, 0, points, points, index, asked, matrix, scale)
+    return matrix, scale
+
+
+def traces(pattern: Pattern, omega: Array, bound: float = np.inf, limit: int | None = None) -> Array:
+    """rho = lambda + 1/lambda of the n pairs of multipliers ``(r, P, n)`` complex, in no order; any n.
+
+    From the Paige-Van Loan reduction of M + M^-1, right to eps times the largest entry of M; NaN where that exceeds the bound or
+    the product had to be scaled down.
+    """
+    asked = _contiguous(omega)
+    rho = np.empty((*asked.shape, pattern.size), dtype=complex)
+    rows, points = asked.shape
+    arguments = _arguments(pattern)
+
+    def part(first: int, last: int) -> None:
+        _library().traces(ckernel.simd(), *arguments, first, last, points, float(bound), asked, rho)
+
+    _in_threads(part, rows, points * _cost(pattern), limit)
+    return rho
+
+
+def log_multipliers(pattern: Pattern, omega: Array, bound: float) -> Array:
+    """ln lambda ``(r, P, 2n)``, imaginary parts in (-pi, pi]; NaN where an entry of M exceeds the bound."""
+    with np.errstate(invalid="ignore"):
+        half = np.arccosh(0.5 * traces(pattern, omega, bound))
+    logs = np.concatenate([half, -half], axis=-1)
+    logs.imag[logs.imag == -np.pi] = np.pi
+    return logs
+
+
+def scan_damped(pattern: Pattern, generator: Generators, omega: Array, limit: int | None = None) -> tuple[Array, Array]:
+    """ln max |lambda| and ln of the size of M, ``(r, P)`` each; NaN where M is not finite.
+
+    Rows with a state that cannot be diagonalised safely go the way of the NumPy kernel.
+    """
+    growth, scale = np.empty(omega.shape), np.empty(omega.shape)
+    good = np.flatnonzero(generator.well_conditioned)
+    if len(good):
+        growth[good], scale[good] = _scan_modes(pattern, generator, good, _contiguous(omega[good]), limit)
+    for row in np.flatnonzero(~generator.well_conditioned | np.isnan(growth).any(axis=1)):
+        found = numpy_kernel.scan_damped(pattern.row(int(row)), generator.row(int(row)), omega[row : row + 1])
+        growth[row], scale[row] = found[0][0], found[1][0]
+    return growth, scale
+
+
+def _scan_modes(
+    pattern: Pattern, generator: Generators, rows: Array, omega: Array, limit: int | None
+) -> tuple[Array, Array]:
+    """Some rows of :func:`scan_damped` in the real modal coordinates of their states."""
+    values, basis, inverse = (part[rows] for part in generator.real_modes)
+    following = np.roll(pattern.states, -1)
+    change = _contiguous(inverse[:, following] @ basis[:, pattern.states])
+    growth, scale = np.empty(omega.shape), np.empty(omega.shape)
+    count, points = omega.shape
+    numbers = (count, len(pattern.states), *values.shape[1:], float(pattern.cycles))
+    arrays = (_contiguous(values.real), _contiguous(values.imag), _contiguous(pattern.fractions[rows]))
+    state = np.ascontiguousarray(pattern.states, dtype=np.int64)
+
+    def part(first: int, last: int) -> None:
+        _library().scan_damped(
+            ckernel.simd(), numbers, *arrays, state, change, first, last, points, omega, growth, scale
+        )
+
+    _in_threads(part, count, points * _cost(pattern), limit)
+    return growth, scale
+
+
+def _library() -> Any:
+    if ckernel.library is None:
+        raise ValueError("the compiled kernel was not built")
+    return ckernel.library
+
+
+def _contiguous(values: Array) -> Array:
+    return np.ascontiguousarray(values, dtype=float)
+
+
+def _arguments(pattern: Pattern) -> tuple[Any, ...]:
+    """A conservative pattern as the C functions take it."""
+    rows, states, n = pattern.squared_frequency.shape
+    numbers = (rows, len(pattern.states), states, n, float(pattern.cycles))
+    state = np.ascontiguousarray(pattern.states, dtype=np.int64)
+    change = _contiguous(pattern.change)
+    return numbers, _contiguous(pattern.squared_frequency), _contiguous(pattern.fractions), state, change
+
+
+def _cost(pattern: Pattern) -> float:
+    return float(len(pattern.states) * pattern.size**3)
+
+
+def _in_threads(part: Callable[[int, int], None], rows: int, cost_of_row: float, limit: int | None) -> None:
+    """Call part(first, last) on pieces of the rows, in as many threads as pay."""
+    workers = min(limit or threads(), rows, int(rows * cost_of_row / WORTH_A_THREAD))
+    if workers <= 1:
+        part(0, rows)
+        return
+    pieces = min(rows, CHUNKS_A_THREAD * workers)
+    edges = [rows * k // pieces for k in range(pieces + 1)]
+    with ThreadPoolExecutor(workers) as pool:
+        list(pool.map(part, edges[:-1], edges[1:]))
