@@ -30,7 +30,8 @@ def command(config: Path, overrides: tuple[str, ...], harmonics: int | None, as_
     with user_errors():
         from gearstab.config import load
 
-        facts = describe(load(config, overrides), harmonics)
+        loaded = load(config, overrides)
+    facts = describe(loaded, harmonics)
     if as_json:
         import json
 
