@@ -269,6 +269,15 @@ def number(text: str) -> int | float | str:
         return text
 
 
+def _represent_float(representer: Any, value: float) -> Node:
+    """Every digit, and a point before the exponent: readers of YAML 1.1 take 1e-09 for a text."""
+    text = repr(value)
+    mantissa, letter, exponent = text.partition("e")
+    if letter and "." not in mantissa:
+        text = f"{mantissa}.0e{exponent}"
+    return representer.represent_scalar(TAG + "float", text)
+
+
 def write(tree: dict[str, Any]) -> str:
     """Plain data as YAML 1.2, in the order given; short lists stay on one line."""
     from io import StringIO
@@ -280,6 +289,7 @@ def write(tree: dict[str, Any]) -> str:
     yaml.sort_base_mapping_type_on_output = False
     yaml.width = 120
     yaml.allow_unicode = True
+    yaml.representer.add_representer(float, _represent_float)
     text = StringIO()
     yaml.dump(tree, text)
     return text.getvalue()

@@ -87,7 +87,7 @@ class Ratio:
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
         return core_schema.no_info_plain_validator_function(
-            self.fraction, serialization=core_schema.plain_serializer_function_ser_schema(str)
+            self.fraction, serialization=core_schema.to_string_ser_schema()
         )
 
     def __get_pydantic_json_schema__(

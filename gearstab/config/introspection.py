@@ -67,3 +67,11 @@ def type_at(model: type[BaseModel], path: Path) -> Any:
     for part in path:
         annotation = inner_type(annotation, part) if annotation is not None else None
     return annotation
+
+
+def as_parameters(value: Any) -> Any:
+    """A model as nested dicts and lists of what its fields hold, without those that hold nothing."""
+    if isinstance(value, BaseModel):
+        fields = {name: getattr(value, name) for name in type(value).model_fields}
+        return {name: as_parameters(item) for name, item in fields.items() if item is not None}
+    return [as_parameters(item) for item in value] if isinstance(value, list | tuple) else value

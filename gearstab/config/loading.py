@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from gearstab.config import overrides as override
 from gearstab.config.axes import Array, Axis, Config
 from gearstab.config.document import Document, read
+from gearstab.config.names import TOP_LEVEL
 from gearstab.config.problems import ConfigError, nearest
 
 if TYPE_CHECKING:
@@ -67,10 +68,10 @@ def _check_top_level(document: Document, needs: Sequence[str]) -> None:
     data = document.data
     for key in data:
         if key in PLANNED_SECTIONS:
-            available = f"available: {', '.join(override.TOP_LEVEL)}"
+            available = f"available: {', '.join(TOP_LEVEL)}"
             document.report((key,), f"section '{key}' is not available in this version", available, at_key=True)
-        elif key not in override.TOP_LEVEL:
-            document.report((key,), "unknown key", nearest(key, override.TOP_LEVEL), at_key=True)
+        elif key not in TOP_LEVEL:
+            document.report((key,), "unknown key", nearest(key, TOP_LEVEL), at_key=True)
     title = data.get("title")
     if title is not None and not isinstance(title, str):
         document.report(("title",), "must be a text", "put it in quotes", value=title)
@@ -106,6 +107,7 @@ def _find_model(document: Document) -> type[System] | None:
 def _read_system(document: Document, model: type[System], source: FilePath) -> _System | None:
     """The sections ``system`` and ``sweep``; None after reporting problems."""
     from gearstab.config import sweep
+    from gearstab.config.introspection import as_parameters
     from gearstab.config.validation import validate
 
     raw = document.data["system"]
@@ -123,8 +125,8 @@ def _read_system(document: Document, model: type[System], source: FilePath) -> _
     built = [(layout.name, sweep.build(document, layout)) for layout in layouts]
     if system is None:
         return None
-    plain = system.model_dump(mode="json", exclude_none=True)
-    parameters = system.model_dump(exclude_none=True, exclude={"file"}) | from_file
+    plain = {"kind": raw["kind"]} | system.model_dump(mode="json", exclude_none=True)
+    parameters = as_parameters(system) | from_file
     if "damping" not in parameters:
         plain.setdefault("damping_ratio", 0.0)
         parameters.setdefault("damping_ratio", 0.0)

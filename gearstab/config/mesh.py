@@ -13,9 +13,8 @@ from gearstab.config.problems import Path
 Conflict = tuple[Path, str, str]
 """What contradicts itself: path below the section, message, remedy."""
 
-# A mesh of a model given as matrices may deflect as an angle.
-TORSIONAL = ("N m",)
-TORSIONAL_DAMPING = ("N m s",)
+MeshStiffness = Annotated[float, Field(gt=0), Quantity("N/m", ("N m",))]
+"""Of a model in coordinates of its own, where a mesh may deflect as an angle."""
 
 
 class Waveform(Section):
@@ -37,10 +36,10 @@ class Mesh(Section):
     }
 
     name: NameText = Field(title="name", description="What paths, labels and messages call the mesh; unique.")
-    mean_stiffness: Annotated[float, Field(gt=0), Quantity("N/m", TORSIONAL)] | None = Field(
+    mean_stiffness: Annotated[float, Field(gt=0), Quantity("N/m")] | None = Field(
         default=None, title="mean mesh stiffness", description="Mean stiffness k_g, kept (N/m); or give max_stiffness."
     )
-    max_stiffness: Annotated[float, Field(gt=0), Quantity("N/m", TORSIONAL)] | None = Field(
+    max_stiffness: Annotated[float, Field(gt=0), Quantity("N/m")] | None = Field(
         default=None,
         title="stiffer level of the mesh stiffness",
         description="The stiffer level k_max, kept (N/m), so that k_g falls as k_a grows; or give mean_stiffness.",
@@ -50,7 +49,7 @@ class Mesh(Section):
         title="relative mesh stiffness variation",
         description="epsilon = k_a/k_g, where 2 k_a is the peak-to-peak of the variation (1); or give amplitude.",
     )
-    amplitude: Annotated[float, Field(ge=0), Quantity("N/m", TORSIONAL)] | None = Field(
+    amplitude: Annotated[float, Field(ge=0), Quantity("N/m")] | None = Field(
         default=None,
         title="mesh stiffness amplitude",
         description="k_a, half the peak-to-peak of the variation (N/m); or give epsilon.",
@@ -64,7 +63,7 @@ class Mesh(Section):
         title="waveform",
         description="The shape of the variation over a mesh period.",
     )
-    damping: Annotated[float, Field(ge=0), Quantity("N s/m", TORSIONAL_DAMPING)] | None = Field(
+    damping: Annotated[float, Field(ge=0), Quantity("N s/m")] | None = Field(
         default=None, title="mesh damping", description="Viscous damping along the line of action (N s/m)."
     )
 
@@ -92,6 +91,24 @@ class MatrixMesh(Mesh):
 
     misplaced: ClassVar[dict[str, str]] = {"phasing": "give a lag, the opposite of a lead: lag = -phasing"}
 
+    mean_stiffness: MeshStiffness | None = Field(
+        default=None,
+        title="mean mesh stiffness",
+        description="Mean stiffness k_g, kept (N/m, or N m/rad of an angle); or give max_stiffness.",
+    )
+    max_stiffness: MeshStiffness | None = Field(
+        default=None,
+        title="stiffer level of the mesh stiffness",
+        description="The stiffer level k_max, kept (N/m, N m/rad), so that k_g falls with k_a; or give mean_stiffness.",
+    )
+    amplitude: Annotated[float, Field(ge=0), Quantity("N/m", ("N m",))] | None = Field(
+        default=None,
+        title="mesh stiffness amplitude",
+        description="k_a, half the peak-to-peak of the variation (N/m or N m/rad); or give epsilon.",
+    )
+    damping: Annotated[float, Field(ge=0), Quantity("N s/m", ("N m s",))] | None = Field(
+        default=None, title="mesh damping", description="Viscous damping of the mesh deflection (N s/m or N m s/rad)."
+    )
     direction: list[Annotated[float, Quantity("m")]] = Field(
         title="direction",
         min_length=1,

@@ -5,10 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from gearstab.config.document import Document, Where, parse_value
+from gearstab.config.names import BUT_THE_FIRST, EVERY_MESH, RIVALS, TOP_LEVEL
 from gearstab.config.problems import ConfigError, Path, Problem, nearest, shown
-
-TOP_LEVEL = ("title", "system", "sweep", "methods", "respond")
-SHORT_NAMES = ("epsilon", "amplitude", "contact_ratio", "phasing", "lag")
 
 
 def apply(document: Document, override: str) -> None:
@@ -43,14 +41,12 @@ def _places(document: Document, name: str, option: str) -> list[Path]:
     if name == "mesh_frequency":
         raise _wrong(option, "is no part of the system", "set sweep.mesh_frequency or respond.mesh_frequency")
     meshes = document.get(("system", "meshes"))
-    if name in SHORT_NAMES and isinstance(meshes, list):
+    if name in EVERY_MESH + BUT_THE_FIRST and isinstance(meshes, list):
         return _of_meshes(meshes, name, option)
     return [_path(document, ["system", *keys], option)]
 
 
 def _of_meshes(meshes: list[Any], name: str, option: str) -> list[Path]:
-    from gearstab.config.targets import BUT_THE_FIRST, RIVALS
-
     rival = RIVALS.get(name, "")
     found: list[Path] = []
     for i, mesh in enumerate(meshes):

@@ -11,8 +11,8 @@ from gearstab.config.expansion import Range
 from gearstab.config.introspection import field_types, is_model, number_kind
 from gearstab.config.kinds import KINDS
 from gearstab.config.methods import Methods, Respond
+from gearstab.config.names import BUT_THE_FIRST, EVERY_MESH
 from gearstab.config.sweep import Tie
-from gearstab.config.targets import BUT_THE_FIRST, EVERY_MESH
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 NUMBER = {"type": ["number", "string"]}

@@ -14,7 +14,7 @@ from gearstab.config.expansion import Edge, Expansion, Range, expand, expand_lis
 from gearstab.config.fields import Section
 from gearstab.config.problems import Path, dotted, nearest
 from gearstab.config.system import System
-from gearstab.config.targets import MESH_FREQUENCY, Target, TargetError, resolve
+from gearstab.config.targets import MESH_FREQUENCY, Target, TargetError, resolve, value_at
 
 RESERVED = frozenset(
     (
@@ -217,9 +217,7 @@ def _cases(context: Context, name: str, path: Path, entries: list[dict[str, Any]
 
 
 def _base(context: Context, target: Target) -> Any:
-    value: Any = context.raw
-    for part in target.paths[0]:
-        value = value.get(part) if isinstance(value, dict) else value[int(part)]
+    value = value_at(context.raw, target.paths[0])
     return target.default if value is None else value
 
 

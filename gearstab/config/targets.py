@@ -11,16 +11,12 @@ from pydantic import TypeAdapter
 from gearstab.config.fields import AngularFrequency, Ratio
 from gearstab.config.introspection import entry_type, field_types, is_model, number_kind
 from gearstab.config.mesh import Mesh
+from gearstab.config.names import BUT_THE_FIRST, EVERY_MESH, RIVALS
 from gearstab.config.problems import Path, dotted, nearest
 from gearstab.config.system import System
 
 MESH_FREQUENCY: Path = ("mesh_frequency",)
-EVERY_MESH = ("epsilon", "amplitude", "contact_ratio")
-"""Short names that mean this number of every mesh that has one."""
-BUT_THE_FIRST = ("phasing", "lag")
-"""Short names that mean this number of every mesh but the first, against which it counts."""
-RIVALS = {"epsilon": "amplitude", "amplitude": "epsilon"}
-"""A mesh that gives one of these does not have the other."""
+"""Where the mesh frequency stands, which no system has."""
 
 
 class TargetError(ValueError):
@@ -76,11 +72,6 @@ def resolve(name: str, model: type[System], raw: dict[str, Any]) -> list[Target]
     return [_walk(name, parts, model, raw)]
 
 
-def short_names(name: str) -> bool:
-    """Whether a name is a short one."""
-    return name in EVERY_MESH + BUT_THE_FIRST
-
-
 def _of_meshes(name: str, model: type[System], raw: dict[str, Any]) -> list[Target]:
     found = []
     meshes = raw.get("meshes")
@@ -108,29 +99,25 @@ def _walk(name: str, parts: list[str], model: type[System], raw: dict[str, Any])
     annotation: Any = model
     value: Any = raw
     path: Path = ()
-    title, default, owner = "", None, ""
+    title, owner, default = "", "", None
+    step: str | int
     for part in parts:
-        if is_model(annotation):
-            if part not in field_types(annotation):
-                raise TargetError("unknown parameter", nearest(name, candidates(model, raw)))
+        if is_model(annotation) and part in field_types(annotation):
             field = annotation.model_fields[part]
             title, default = field.title or part, field.get_default()
-            annotation = field_types(annotation)[part]
-            value, path = (value.get(part) if isinstance(value, dict) else None), (*path, part)
-        elif number_kind(annotation) or not hasattr(annotation, "__args__"):
-            raise TargetError("unknown parameter", nearest(name, candidates(model, raw)))
+            annotation, step = field_types(annotation)[part], part
+        elif entry_type(annotation, 0) is not None:
+            step = index = _index(name, part, path, value, entry_type(annotation, 0))
+            annotation, default = entry_type(annotation, index), None
+            title = f"{title}[{index}]"
+            if is_model(annotation):
+                owner = f" of {value_at(value, (index, 'name'))}"
         else:
-            index = _index(name, part, path, value, entry_type(annotation, 0))
-            annotation, value, path = entry_type(annotation, index), _entry(value, index), (*path, index)
-            default = None
-            if is_model(annotation) and isinstance(value, dict):
-                owner = f" of {value.get('name', f'mesh {index}')}"
+            raise TargetError("unknown parameter", nearest(name, candidates(model, raw)))
+        value, path = value_at(value, (step,)), (*path, step)
     if number_kind(annotation) is None:
         raise TargetError("is not a number that an axis can set", nearest(name, candidates(model, raw)))
-    entries = (
-        "".join(f"[{part}]" for part in path if isinstance(part, int)) if not owner or path[-1] != parts[-1] else ""
-    )
-    return Target(_mirrored(path, raw), annotation, title + (entries if not owner else "") + owner, default)
+    return Target(_mirrored(path, raw), annotation, title + owner, default)
 
 
 def _index(name: str, part: str, path: Path, value: Any, entry: Any) -> int:
@@ -150,27 +137,24 @@ def _index(name: str, part: str, path: Path, value: Any, entry: Any) -> int:
     return int(part)
 
 
-def _entry(value: Any, index: int) -> Any:
-    try:
-        return value[index]
-    except (TypeError, IndexError, KeyError):
-        return None
-
-
 def _mirrored(path: Path, raw: dict[str, Any]) -> tuple[Path, ...]:
     """An entry of a symmetric matrix together with its counterpart."""
     row, column = path[-2:] if len(path) > 2 else (0, 0)
     counterpart = (*path[:-2], column, row)
     if row == column or path[0] not in ("mass", "stiffness", "damping"):
         return (path,)
-    if path[0] == "damping" and _at(raw, path) != _at(raw, counterpart):  # a gyroscopic term stays one-sided
+    if path[0] == "damping" and value_at(raw, path) != value_at(raw, counterpart):  # a gyroscopic term stays one-sided
         return (path,)
     return (path, counterpart)
 
 
-def _at(raw: Any, path: Path) -> Any:
+def value_at(raw: Any, path: Path) -> Any:
+    """The value at a path of nested mappings, lists and arrays; None where there is none."""
     for part in path:
-        raw = raw.get(part) if isinstance(raw, dict) else _entry(raw, int(part))
+        try:
+            raw = raw[part]
+        except (TypeError, LookupError):
+            return None
     return raw
 
 
