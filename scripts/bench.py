@@ -6,9 +6,7 @@ table shows medians.
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from statistics import median
 from time import perf_counter
@@ -20,8 +18,7 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from gearstab.config import load, parameters_at
-from gearstab.floquet import solve
-from gearstab.floquet.kernel import KERNELS
+from gearstab.floquet import kernel, solve
 from gearstab.modal import eigenmodes
 from gearstab.system import Array, GearSystem
 from gearstab.systems import build
@@ -105,17 +102,6 @@ def integrated(system: GearSystem, omega: Array) -> Array:
     return np.array(found)
 
 
-@contextmanager
-def kernel(name: str) -> Iterator[None]:
-    """Choose the kernel for a while."""
-    before = os.environ.get("GEARSTAB_KERNEL")
-    os.environ["GEARSTAB_KERNEL"] = name
-    try:
-        yield
-    finally:
-        os.environ.pop("GEARSTAB_KERNEL") if before is None else os.environ.update(GEARSTAB_KERNEL=before)
-
-
 def timed(work: Callable[[], Array]) -> tuple[float, Array]:
     """Seconds and the answer."""
     start = perf_counter()
@@ -133,7 +119,7 @@ def main() -> None:
 
     def mapped(name: str) -> Callable[[], Array]:
         def work() -> Array:
-            with kernel(name):
+            with kernel.using(name):
                 return solve(system, omega).stable == 1
 
         return work
@@ -142,7 +128,7 @@ def main() -> None:
         return lambda: np.stack([method(s, omega[::every]) for s in single[::step]])
 
     methods: dict[str, tuple[Callable[[], Array], int, int]] = {
-        f"gearstab, {name} kernel": (mapped(name), 1, 1) for name in KERNELS
+        f"gearstab, {name} kernel": (mapped(name), 1, 1) for name in kernel.available()
     }
     methods["batched numpy.linalg.eigvals"] = (loop(batched, 1, 1), 1, 1)
     methods["products of scipy.linalg.expm"] = (loop(exponentials, 40, 50), 40, 50)

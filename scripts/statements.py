@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
+from gearstab.cli.respond import respond
 from gearstab.config import load
 from gearstab.results import open_result
 from gearstab.sweep import plan, run
@@ -45,10 +46,22 @@ class Runs:
         settings = [f"{name.replace('__', '.')}={json.dumps(value)}" for name, value in changes.items()]
         key = (config, *settings)
         if key not in self._known:
-            out = self.folder / f"{len(self._known)}.h5"
+            out = self._out()
             run(plan(load(CONFIGS / f"{config}.yaml", settings)), out)
             self._known[key] = open_result(out)
         return self._known[key]
+
+    def respond(self, config: str) -> xr.DataTree:
+        """The result of ``gearstab respond configs/CONFIG.yaml``."""
+        key = ("respond", config)
+        if key not in self._known:
+            out = self._out()
+            respond(load(CONFIGS / f"{config}.yaml"), out)
+            self._known[key] = open_result(out)
+        return self._known[key]
+
+    def _out(self) -> Path:
+        return self.folder / f"{len(self._known)}.h5"
 
 
 def tongue(tree: xr.DataTree, group: str, variable: str, label: str) -> xr.DataArray:

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from gearstab.config import load, schema
+from gearstab.config import load
+from gearstab.config.schema import schema
 
 ROOT = Path(__file__).resolve().parent.parent
 CONFIGS = sorted((ROOT / "configs").rglob("*.yaml"))
