@@ -120,9 +120,13 @@ def parse(text: str, name: str) -> Document:
 
 def parse_value(text: str, option: str) -> Any:
     """The plain value of a YAML text, for ``--set``."""
-    document = parse(text, option)
-    if document.problems:
-        raise ConfigError(Problem(option, None, "", "", p.message, p.hint) for p in document.problems)
+    try:
+        document = parse(text, option)
+        found = document.problems
+    except ConfigError as error:
+        found = error.problems
+    if found:
+        raise ConfigError(Problem(option, None, "", "", p.message, p.hint) for p in found)
     return document.data
 
 
@@ -181,8 +185,9 @@ class _Reader:
         self.document.data = self.value(node, (), None)
 
     def value(self, node: Node, path: Path, key: Node) -> Any:
-        block = key is not None and node.id != "scalar" and not node.flow_style
-        self.document.values[path] = self.place(key if block else node)
+        # The mark of an empty value is that of whatever comes next.
+        away = node.value == "" and not node.style if node.id == "scalar" else not node.flow_style
+        self.document.values[path] = self.place(key if away and key is not None else node)
         if id(node) in self.open:
             self.document.report(path, "an alias stands inside what it refers to", "write the values out")
             return None
@@ -204,8 +209,7 @@ class _Reader:
         merged: dict[str, Any] = {}
         for key, item in node.value:
             if key.id != "scalar":
-                self.document.values.setdefault(path, self.place(key))
-                self.document.report(path, "a key is a list or a mapping", "use plain text as a key")
+                self.problem(key, path, "a key is a list or a mapping", "use plain text as a key")
             elif key.tag == TAG + "merge":
                 merged |= self.merge(item, path)
             else:
@@ -214,22 +218,16 @@ class _Reader:
 
     def entry(self, key: Node, item: Node, path: Path, result: dict[str, Any]) -> None:
         here = (*path, key.value)
-        place = self.place(key)
         if key.value in result:
             first = self.document.keys[here].line
-            self.document.problems.append(
-                Problem(
-                    place.file,
-                    place.line,
-                    dotted(here),
-                    "",
-                    f"duplicate key, given in line {first} already",
-                    "remove one of the two",
-                )
-            )
+            self.problem(key, here, f"duplicate key, given in line {first} already", "remove one of the two")
             return
-        self.document.keys[here] = place
+        self.document.keys[here] = self.place(key)
         result[key.value] = self.value(item, here, key)
+
+    def problem(self, node: Node, path: Path, message: str, hint: str) -> None:
+        place = self.place(node)
+        self.document.problems.append(Problem(place.file, place.line, dotted(path), "", message, hint))
 
     def merge(self, node: Node, path: Path) -> dict[str, Any]:
         """``<<: *anchor`` or ``<<: [*a, *b]``, where the first one wins."""

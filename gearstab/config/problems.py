@@ -14,6 +14,9 @@ Path = tuple[str | int, ...]
 LONGEST_VALUE = 60
 """Characters of a wrong value that a message shows."""
 
+LONGEST_LIST = 12
+"""Names that a remedy lists."""
+
 
 @dataclass(frozen=True)
 class Problem:
@@ -67,4 +70,4 @@ def nearest(name: str, choices: Iterable[str]) -> str:
     lowered = {choice.lower(): choice for choice in known}
     if found := get_close_matches(name.lower(), lowered, n=1, cutoff=0.6):
         return f"did you mean '{lowered[found[0]]}'?"
-    return "available: " + ", ".join(known) if len(known) <= 20 else "see `gearstab schema`"
+    return "available: " + ", ".join(known[:LONGEST_LIST]) + ", ..." * (len(known) > LONGEST_LIST)

@@ -77,10 +77,14 @@ class Column:
 
 @dataclass
 class Layout:
-    """An axis before its values are known. labels: those of cases."""
+    """An axis before its values are known.
+
+    sound: whether every name in it stands for something. labels, cases and tie: of axes in these forms, as written.
+    """
 
     name: str
     columns: list[Column]
+    sound: bool = True
     labels: list[str] | None = None
     tie: dict[str, Any] | None = None
     cases: list[dict[str, Any]] | None = None
@@ -168,13 +172,13 @@ def _tie(context: Context, name: str, path: Path, spec: dict[str, Any]) -> Layou
     values: Any = spec.get("values")
     apart = isinstance(values, list) and any(isinstance(v, list | dict) for v in values)
     if not apart:
-        return Layout(name, [_shared(document, path, [t for found in targets for t in found])], tie=spec)
+        return Layout(name, [_shared(document, path, [t for found in targets for t in found])], all(targets), tie=spec)
     if len(values) != len(names):
         given = f"{len(names)} targets, but values for {len(values)}"
         document.report((*path, "values"), given, "give one list for each target, or one list of numbers for all")
         return Layout(name, [])
     columns = [Column((*path, "values", i), found) for i, found in enumerate(targets)]
-    return Layout(name, columns, tie=spec)
+    return Layout(name, columns, all(targets), tie=spec)
 
 
 def _shared(document: Document, path: Path, targets: list[Target]) -> Column:
@@ -201,10 +205,12 @@ def _cases(context: Context, name: str, path: Path, entries: list[dict[str, Any]
     keys = list(dict.fromkeys(key for entry in entries for key in entry if key != "label"))
     if not keys:
         document.report(path, "the cases set nothing", "let each set parameters, such as contact_ratio: 1.5")
-    columns = []
+    columns, sound = [], bool(keys)
     for key in keys:
         where = next((*path, i, key) for i, entry in enumerate(entries) if key in entry)
-        for target in context.resolve(key, where):
+        targets = context.resolve(key, where)
+        sound = sound and bool(targets)
+        for target in targets:
             items = [entry.get(key, _base(context, target)) for entry in entries]
             places = [(*path, i, key) if key in entry else where for i, entry in enumerate(entries)]
             for i, entry in enumerate(entries):
@@ -213,7 +219,7 @@ def _cases(context: Context, name: str, path: Path, entries: list[dict[str, Any]
                     document.report((*path, i), message, f"add {key} to this case, or to the system")
                     items[i] = next(e[key] for e in entries if key in e)
             columns.append(Column(where, [target], items, places))
-    return Layout(name, columns, labels, cases=entries)
+    return Layout(name, columns, sound, labels, cases=entries)
 
 
 def _base(context: Context, target: Target) -> Any:
@@ -253,7 +259,7 @@ def build(document: Document, layout: Layout) -> tuple[Axis, Any] | None:
     """The axis and its resolved specification; None after reporting problems."""
     expansions = [[column.expand(document, t) for t in column.targets] for column in layout.columns]
     flat = [e for found in expansions for e in found]
-    if not flat or any(e.values is None for e in flat):
+    if not layout.sound or not flat or any(e.values is None for e in flat):
         return None
     sizes = [found[0].size for found in expansions]
     if len(set(sizes)) > 1:

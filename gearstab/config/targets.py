@@ -115,6 +115,8 @@ def _walk(name: str, parts: list[str], model: type[System], raw: dict[str, Any])
         else:
             raise TargetError("unknown parameter", nearest(name, candidates(model, raw)))
         value, path = value_at(value, (step,)), (*path, step)
+    if number_kind(entry_type(annotation, 0)) is not None:
+        raise TargetError("is a list, and an axis sets a number", f"name an entry, such as {name}.0")
     if number_kind(annotation) is None:
         raise TargetError("is not a number that an axis can set", nearest(name, candidates(model, raw)))
     return Target(_mirrored(path, raw), annotation, title + owner, default)
