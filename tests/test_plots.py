@@ -5,10 +5,13 @@ from __future__ import annotations
 import numpy as np
 import plot_results as made
 import pytest
+from matplotlib.colors import ListedColormap, Normalize
 
 from gearstab.plots import KINDS, default_kind, draw
-from gearstab.plots.axes import Request
+from gearstab.plots.axes import Axis, Request
 from gearstab.plots.errors import PlotError
+from gearstab.plots.grid import draw_cells
+from gearstab.plots.style import new_figure
 
 
 def growth_of(tree, **index):
@@ -33,6 +36,7 @@ def test_map_colours_the_growth_rates_of_unstable_points_only():
     assert values.shape == growth.shape
     np.testing.assert_array_equal(np.ma.getmaskarray(values), growth <= 0)
     np.testing.assert_array_equal(values.compressed(), growth[growth > 0])
+    assert artists["note"] is None
     assert artists["cells"].norm.vmin == 0
     assert artists["cells"].norm.vmax == growth.max()
     assert artists["failed"] is None
@@ -193,6 +197,26 @@ def test_axis_labels_carry_symbol_and_unit():
     assert ax.get_xlabel() == r"mesh frequency $\Omega$ (rad/s)"
     assert ax.get_ylabel() == r"stiffness variation $\varepsilon$"
     assert artists["colour_bar"].ax.get_ylabel() == r"growth rate ($\mathrm{s}^{-1}$)"
+
+
+def test_cells_narrower_than_a_pixel_are_averaged_and_wide_ones_stay_sharp():
+    """A pixel with one unstable cell of ten has a tenth of its colour; a row of cells does not bleed into the next."""
+    values = np.ma.masked_all((2, 4000))
+    values[0, 5::10] = 1.0
+    figure = new_figure("single", 0.5)
+    figure.set_layout_engine("none")
+    ax = figure.add_axes((0, 0, 1, 1))
+    frequency, case = Axis("mesh_frequency", np.arange(4000.0)), Axis("case", np.array(["a", "b"], dtype=object))
+    draw_cells(ax, frequency, case, values, ListedColormap(["black"]), Normalize(0, 1))
+    ax.set(xlim=(0, 3999), ylim=(-0.5, 1.5))
+    ax.set_axis_off()
+    figure.canvas.draw()
+    grey = np.asarray(figure.canvas.buffer_rgba())[:, 20:-20, 0].astype(float)
+    height = grey.shape[0]
+    assert np.all(grey[: height // 2 - 1] == 255)  # the stable upper row
+    lower = grey[height // 2 + 2 :]
+    assert lower.mean() == pytest.approx(255 * 0.9, rel=0.02)
+    assert lower.min() > 100  # no pixel is as dark as its one unstable cell
 
 
 # --- boundaries
@@ -408,6 +432,7 @@ def test_a_map_without_unstable_points_is_drawn_blank():
     tree = made.tree(floquet=made.floquet_group(coords))
     _, artists = draw(tree, "map")
     assert np.ma.getmaskarray(artists["cells"].get_array()).all()
+    assert artists["note"].get_text() == "stable at every point"
 
 
 def test_a_map_where_everything_failed_is_hatched_all_over():

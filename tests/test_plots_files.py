@@ -42,10 +42,10 @@ def written(tree, path):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_kind_is_written_in_every_format(kind, tmp_path):
-    figure, _ = draw(result_of(kind), kind, **options_of(kind))
+    figure, _ = draw(result_of(kind), kind, dpi=80, **options_of(kind))
     for extension, signature in SIGNATURES.items():
         path = tmp_path / f"figure{extension}"
-        save(figure, path, dpi=80, title="a title")
+        save(figure, path, "a title")
         assert path.read_bytes().startswith(signature)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["figure.pdf", "figure.png", "figure.svg"]
 
@@ -54,8 +54,8 @@ def test_every_kind_is_written_in_every_format(kind, tmp_path):
 def test_the_same_result_gives_the_same_bytes(extension, tmp_path):
     files = [tmp_path / f"{name}{extension}" for name in "ab"]
     for path in files:
-        figure, _ = draw(result_of("map"), "map", **options_of("map"))
-        save(figure, path, dpi=80, title="a title")
+        figure, _ = draw(result_of("map"), "map", dpi=80, **options_of("map"))
+        save(figure, path, "a title")
     assert files[0].read_bytes() == files[1].read_bytes()
 
 
@@ -71,7 +71,7 @@ def test_a_large_map_stays_pixels_inside_a_vector_file(tmp_path):
 
 def test_drawing_leaves_the_parameters_of_matplotlib_alone(tmp_path):
     before = dict(mpl.rcParams)
-    figure, _ = draw(made.response())
+    figure, _ = draw(made.response(), dpi=80)
     save(figure, tmp_path / "figure.png")
     assert dict(mpl.rcParams) == before
 
@@ -79,7 +79,7 @@ def test_drawing_leaves_the_parameters_of_matplotlib_alone(tmp_path):
 def test_a_figure_that_cannot_be_written_leaves_the_old_one(tmp_path, monkeypatch):
     path = tmp_path / "figure.png"
     path.write_bytes(b"old")
-    figure, _ = draw(made.response())
+    figure, _ = draw(made.response(), dpi=80)
 
     def full_disk(*_args, **_kwargs):
         raise OSError("no space left")

@@ -44,11 +44,11 @@ def command(
     target = output or result.with_suffix(".png")
     with user_errors():
         checked_extension(target)
-        request = Request(x, y, selections(select), variable, size, title)
+        request = Request(x, y, selections(select), variable, size, title, dpi)
         with open_result(result) as tree:
             figure, _ = draw(tree, kind, request)
             target.parent.mkdir(parents=True, exist_ok=True)
-            save(figure, target, dpi, title_of(tree))
+            save(figure, target, title_of(tree))
     click.echo(f"figure: {target}", err=True)
 
 

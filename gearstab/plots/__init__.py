@@ -31,20 +31,24 @@ KINDS: dict[str, Kind] = {
     "curve": Kind("gearstab.plots.curve", "growth rate over one axis"),
     "surface": Kind("gearstab.plots.surface", "boundaries of one tongue over two amplitudes"),
     "response": Kind("gearstab.plots.response", "displacements and mesh forces over time"),
+    "work-precision": Kind("gearstab.plots.work_precision", "time against error of the methods of a benchmark"),
 }
 
 
 def default_kind(tree: xr.DataTree, request: Request) -> str:
     """The kind that suits what the result holds and what is selected.
 
-    Time histories: response. Uncoupled modes or a third axis of labels: boundaries, which compare. Growth rates over
-    one axis: curve, over two: map, over more: slices. Boundaries alone: surface over two long axes, else boundaries.
+    Time histories: response; benchmarks: work-precision. Uncoupled modes or a third axis of labels: boundaries, which
+    compare. Growth rates over one axis: curve, over two: map, over more: slices. Boundaries alone: surface over two
+    long axes, else boundaries.
     """
     from gearstab.plots.axes import FREQUENCY, find_axis, sweep_axes
 
     axes = sweep_axes(tree)
     if not axes and "response" in tree.children:
         return "response"
+    if not axes and "bench" in tree.children:
+        return "work-precision"
     held = set(tree.children)
     growth = "floquet" in held and "growth_rate" in tree["floquet"].data_vars
     lines = bool(held & {"perturbation", "boundaries", "uncoupled"})

@@ -228,6 +228,7 @@ class Request:
     variable: str | None = None
     size: str | None = None
     title: bool = True
+    dpi: int | None = None
 
 
 def view_of(

@@ -158,7 +158,7 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     chosen = combinations(view.free, len(CASES), "overlaid cases")
     views = [view.at(**case) for case in chosen]
     size = request.size or "single"
-    figure = new_figure(size, 0.78 if size == "single" else 0.5)
+    figure = new_figure(size, 0.78 if size == "single" else 0.5, request.dpi)
     ax = figure.add_subplot()
     tints = [SHADE] if len(views) == 1 else [to_rgba(CASES[k], 0.18) for k in range(len(views))]
     cases = [draw_case(tree, ax, item, k, tints[k]) for k, item in enumerate(views)]

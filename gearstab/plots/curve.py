@@ -77,12 +77,14 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     dataset, data = find_variable(tree, variable)
     view = view_of(tree, map(str, data.dims), request, dataset, two=False)
     cases = combinations(view.free, len(CASES), "curves")
-    figure = new_figure(request.size or "single", 0.62)
+    figure = new_figure(request.size or "single", 0.62, request.dpi)
     ax = figure.add_subplot()
     lines = [draw_curve(ax, data, view.at(**c), k, caption(view.free, c)) for k, c in enumerate(cases)]
     low, high = grid.limits(view.x) if view.x.size == 1 else view.x.positions[view.x.order][[0, -1]]
     ax.set_xscale("log" if view.x.logarithmic else "linear")
     ax.set_xlim(low, high)
+    if view.x.logarithmic:
+        grid.number_decades(ax.xaxis)
     ax.set_xlabel(view.x.label)
     ax.set_ylabel(fitted(colour_label(tree, variable), 1.8, 8.5))
     if variable == GROWTH_RATE:

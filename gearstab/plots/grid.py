@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from math import ceil
+
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis as MatplotlibAxis
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import Colormap, Normalize
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from gearstab.plots.axes import Axis
 from gearstab.plots.style import FAILED
@@ -21,16 +25,32 @@ FEW = 12
 def draw_cells(ax: Axes, x: Axis, y: Axis, values: Array, cmap: Colormap, norm: Normalize) -> ScalarMappable:
     """Colour the cells of a grid; masked ones stay as they are.
 
-    values: masked ``(y.size, x.size)`` over ascending axes. Even spacing gives an image, whose pixels are averaged in
-    colour where print has fewer of them (thin tongues fade instead of breaking up); uneven spacing a rasterised mesh.
+    values: masked ``(y.size, x.size)`` over ascending axes. Even spacing gives an image (whose array repeats cells if
+    the frame is finer than the grid in one direction and coarser in the other), uneven spacing a rasterised mesh.
     """
     columns, rows = x.edges(), y.edges()
-    if x.uniform and y.uniform:
-        return ax.imshow(
-            values, cmap=cmap, norm=norm, origin="lower", aspect="auto", extent=(*columns[[0, -1]], *rows[[0, -1]]),
-            interpolation="antialiased", interpolation_stage="rgba", zorder=1,
-        )  # fmt: skip
-    return ax.pcolormesh(columns, rows, values, cmap=cmap, norm=norm, rasterized=True, zorder=1)
+    if not (x.uniform and y.uniform):
+        return ax.pcolormesh(columns, rows, values, cmap=cmap, norm=norm, rasterized=True, zorder=1)
+    box = ax.get_window_extent()
+    image, smooth = resolved(values, box.width, box.height)
+    return ax.imshow(
+        image, cmap=cmap, norm=norm, origin="lower", aspect="auto", extent=(*columns[[0, -1]], *rows[[0, -1]]),
+        interpolation="antialiased" if smooth else "nearest", interpolation_stage="rgba", zorder=1,
+    )  # fmt: skip
+
+
+def resolved(values: Array, width: float, height: float) -> tuple[Array, bool]:
+    """The cells for a frame of the given pixels, and whether their colours are to be averaged.
+
+    Where a pixel holds several cells their colours are averaged, so that thin tongues fade instead of breaking up. The
+    filter would also blur cells wider than a pixel in the other direction; repeating them keeps their edges sharp.
+    """
+    down, across = width < values.shape[1], height < values.shape[0]
+    if down and not across:
+        values = np.ma.repeat(values, ceil(height / values.shape[0]), axis=0)
+    elif across and not down:
+        values = np.ma.repeat(values, ceil(width / values.shape[1]), axis=1)
+    return values, down or across
 
 
 def draw_failed(ax: Axes, x: Axis, y: Axis, failed: Array) -> PolyCollection | None:
@@ -65,9 +85,20 @@ def frame(ax: Axes, x: Axis, y: Axis) -> None:
     box = ax.get_window_extent()
     for axis, side, length in ((x, ax.xaxis, box.width), (y, ax.yaxis, box.height)):
         side.set_label_text(fitted(axis.label, 1.1 * length / ax.figure.dpi, 8.5), linespacing=0.95)
+        if axis.logarithmic:
+            number_decades(side)
         if not axis.numeric or axis.size == 1:
             side.set_ticks(axis.positions, [axis.text(i) for i in range(axis.size)])
             side.set_tick_params(which="minor", length=0)
+
+
+def number_decades(side: MatplotlibAxis) -> None:
+    """Plain numbers at 1, 2 and 5 of every decade of a logarithmic axis that spans few, powers of ten else."""
+    low, high = side.get_view_interval()
+    if high / low < 2e3:
+        side.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        side.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    side.set_minor_formatter(NullFormatter())
 
 
 def limits(axis: Axis) -> tuple[float, float]:

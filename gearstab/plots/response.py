@@ -98,7 +98,7 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     panels = histories(read_response(tree), request)
     size = request.size or "single"
     height = (0.28 if size == "single" else 0.14) * len(panels) + (0.2 if size == "single" else 0.1)
-    figure = new_figure(size, height)
+    figure = new_figure(size, height, request.dpi)
     axes = np.ravel(figure.subplots(len(panels), 1, sharex=True, squeeze=False))
     lines = []
     for ax, (label, data) in zip(axes, panels, strict=True):

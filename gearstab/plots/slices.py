@@ -55,7 +55,7 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     chosen = combinations(view.free, MOST, "panels")
     views = [view.at(**panel) for panel in chosen]
     rows, columns = arrangement(view)
-    figure = new_figure(request.size or "double", min(1.25, 0.12 + 0.88 * rows / columns))
+    figure = new_figure(request.size or "double", min(1.25, 0.12 + 0.88 * rows / columns), request.dpi)
     grid = np.ravel(figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False))
     values = np.ma.stack([stability_map.read_cells(tree, item, variable)[0] for item in views])
     norm = stability_map.colours(values, variable)[1]

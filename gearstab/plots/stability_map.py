@@ -70,9 +70,9 @@ def draw_map(
 ) -> Artists:
     """Draw one map into a frame.
 
-    Returns the artists: ``cells`` (values of unstable points; stable ones masked), ``failed`` (hatched, or None),
-    ``neutral`` (the line growth_rate = 0 of a damped system, or None), ``perturbation`` and ``boundaries`` (lines, or
-    None).
+    Returns the artists, None where there is no such thing: ``cells`` (values of unstable points; stable ones masked),
+    ``failed`` (hatched), ``note`` (if all is stable), ``neutral`` (the line growth_rate = 0 of a damped system),
+    ``perturbation`` and ``boundaries`` (lines).
     """
     assert view.y is not None
     values, failed = read_cells(tree, view, variable)
@@ -81,7 +81,12 @@ def draw_map(
         "cells": grid.draw_cells(ax, view.x, view.y, values, cmap, norm or own),
         "failed": grid.draw_failed(ax, view.x, view.y, failed),
         "neutral": draw_neutral(tree, ax, view) if variable == GROWTH_RATE else None,
+        "note": None,
     }
+    if variable == GROWTH_RATE and np.ma.getmaskarray(values).all() and not failed.any():
+        artists["note"] = ax.text(
+            0.5, 0.5, "stable at every point", transform=ax.transAxes, ha="center", color="#6e6e6e"
+        )
     grid.frame(ax, view.x, view.y)
     overlaid = variable in (GROWTH_RATE, "stable")
     return {**artists, **draw_boundaries(tree, ax, view if overlaid else None, artists["neutral"] is not None)}
@@ -138,7 +143,7 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     if view.free:
         left = "; ".join(f"{axis.name}: {axis.extent()}" for axis in view.free)
         raise PlotError(f"a map shows two axes: choose with --select AXIS=VALUE, or --kind slices; left over: {left}")
-    figure = new_figure(request.size or "single", 0.78 if (request.size or "single") == "single" else 0.52)
+    figure = new_figure(request.size or "single", 0.78 if (request.size or "single") == "single" else 0.52, request.dpi)
     ax = figure.add_subplot()
     artists = draw_map(tree, ax, view, variable)
     bar = figure.colorbar(

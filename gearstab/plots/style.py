@@ -94,7 +94,7 @@ def style() -> Iterator[None]:
         yield
 
 
-def new_figure(size: str, aspect: float) -> Figure:
+def new_figure(size: str, aspect: float, dpi: int | None = None) -> Figure:
     """An empty figure of a column width and of height ``aspect`` times that, on a canvas that can measure text.
 
     Raises PlotError for an unknown size.
@@ -103,7 +103,7 @@ def new_figure(size: str, aspect: float) -> Figure:
         raise PlotError(f"size {size!r} is not known; use {listed(WIDTHS)}")
     width = WIDTHS[size]
     layout = ConstrainedLayoutEngine(w_pad=0.03, h_pad=0.03, wspace=0.03, hspace=0.03)
-    figure = Figure(figsize=(width, aspect * width), layout=layout)
+    figure = Figure(figsize=(width, aspect * width), layout=layout, dpi=dpi or RESOLUTION)
     FigureCanvasAgg(figure)
     return figure
 
@@ -125,7 +125,7 @@ def checked_extension(path: Path) -> str:
     return extension
 
 
-def save(figure: Figure, path: Path, dpi: int | None = None, title: str = "") -> None:
+def save(figure: Figure, path: Path, title: str = "") -> None:
     """Write a figure under a temporary name beside ``path`` and put it in place: never half a file.
 
     Raises PlotError for an unknown extension and OSError if the folder cannot be written.
@@ -136,7 +136,7 @@ def save(figure: Figure, path: Path, dpi: int | None = None, title: str = "") ->
     temporary = Path(name)
     try:
         with style():
-            figure.savefig(temporary, dpi=dpi or RESOLUTION, metadata=metadata(extension, title))
+            figure.savefig(temporary, dpi=figure.dpi, metadata=metadata(extension, title))
         temporary.chmod(0o644)
         temporary.replace(path)
     finally:

@@ -155,7 +155,7 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     lower, upper = read_surface(tree, view, tongue)
     if not np.isfinite(upper - lower).any():
         raise PlotError("this tongue is closed everywhere in the result: nothing to draw")
-    figure = new_figure(request.size or "single", 0.86)
+    figure = new_figure(request.size or "single", 0.86, request.dpi)
     figure.set_layout_engine("none")
     ax: Axes3D = figure.add_axes((0.0, 0.02, 0.95, 0.9), projection="3d", computed_zorder=False)
     artists = draw_surface(ax, view, lower, upper)

@@ -1,0 +1,59 @@
+"""Work-precision diagram: time a point against true error, one line a method (``/bench``)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from gearstab.plots.axes import Request
+from gearstab.plots.errors import PlotError, listed
+from gearstab.plots.heading import write_title
+from gearstab.plots.style import CASES, new_figure
+
+Artists = dict[str, Any]
+
+FLOOR = 1e-17
+"""Errors that came out as exactly zero are drawn here, below the rounding error of the growth."""
+MARKERS = "ospDv^<>X"
+
+
+def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
+    """The whole figure; its artists are ``lines``, one a method. Raises PlotError without benchmark results."""
+    if "bench" not in tree.children:
+        raise PlotError(f"this result holds no benchmark; it holds {listed(tree.children)}")
+    figure = new_figure(request.size or "single", 0.95)
+    ax = figure.add_subplot()
+    lines = draw_methods(ax, tree["bench"].to_dataset())
+    figure.legend(handles=lines, loc="outside lower center", ncols=2, fontsize=6.5, handlelength=1.6)
+    write_title(figure, tree, request)
+    return figure, {"lines": lines}
+
+
+def draw_methods(ax: Axes, dataset: xr.Dataset) -> list[Any]:
+    """Exact methods as single large marks, integrators as lines through their tolerances."""
+    lines = []
+    methods = dataset["method"].values.astype(str)
+    for k, name in enumerate(dict.fromkeys(methods)):
+        part = dataset.isel(setting=np.flatnonzero(methods == name))
+        exact = part.sizes["setting"] == 1
+        (line,) = ax.plot(
+            np.maximum(part["error"].values, FLOOR),
+            part["seconds"].values,
+            color=CASES[k % len(CASES)],
+            marker=MARKERS[k % len(MARKERS)],
+            markersize=6 if exact else 3,
+            linestyle="none" if exact else ("-" if "unbroken" not in name else "--"),
+            label=name,
+        )
+        lines.append(line)
+    ax.set_xscale("log")
+    ax.set_yscale("log")
+    ax.invert_xaxis()
+    ax.set_xlabel("largest error of the growth in one period")
+    ax.set_ylabel("time a point (s)")
+    ax.grid(True, which="major", linewidth=0.3, color="#c8c8c8")
+    return lines
