@@ -1,0 +1,25 @@
+"""``gearstab export``: a group of a result file as tidy CSV."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from gearstab.cli.errors import user_errors
+
+
+@click.command(name="export")
+@click.argument("result", type=click.Path(path_type=Path))
+@click.option("-o", "--output", required=True, type=click.Path(path_type=Path, allow_dash=True), help="CSV file; - for standard output.")
+@click.option("--group", metavar="NAME", help="Which group of the file [default: floquet, else the first one over the sweep].")
+def command(result: Path, output: Path, group: str | None) -> None:
+    """Write the file RESULT as tidy CSV: one row a grid point, one column an axis or variable."""
+    with user_errors():
+        from gearstab.results.export import export_csv, to_stream
+
+        if str(output) == "-":
+            to_stream(result, click.get_text_stream("stdout"), group)
+            return
+        rows = export_csv(result, output, group)
+    click.echo(f"{output}: {rows:,} rows", err=True)

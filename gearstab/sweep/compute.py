@@ -1,0 +1,132 @@
+"""The work of one block: rows to systems, systems to results, results to encoded chunks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from gearstab.config import Axis, parameters_at
+from gearstab.perturbation import Tongue, union
+from gearstab.results.chunks import encode
+from gearstab.results.variables import GRID, Variable
+from gearstab.sweep.methods import POINTS, RANGE, Outcome
+from gearstab.sweep.parts import Part
+from gearstab.sweep.plan import Block, Layout, Plan
+from gearstab.system import Array
+from gearstab.systems import build
+
+
+def compute(plan: Plan, block: Block) -> Part:
+    """Compute one block."""
+    layout = plan.layout(block.method)
+    rows, columns = selection(plan, layout, block)
+    count = len(next(iter(rows.values()))) if rows else 1
+    outcomes = []
+    for members in structural_groups(plan.row_axes, rows, count):
+        chosen = {name: index[members] for name, index in rows.items()}
+        outcomes.append((members, run_rows(plan, layout, chosen, len(members), columns)))
+    values, tongues = joined(plan, layout, outcomes, count)
+    return _part(plan, layout, block, values, tongues)
+
+
+def selection(plan: Plan, layout: Layout, block: Block) -> tuple[dict[str, Array], slice]:
+    """The block's rows, as indices into the points of each axis, and its part of the mesh frequency axis."""
+    columns = slice(0, 1)
+    ranges, names = [], []
+    for name, start, size in zip(layout.dims, block.start, block.shape, strict=True):
+        if plan.fast is not None and name == plan.fast.name:
+            columns = slice(start, start + size)
+        else:
+            names.append(name)
+            ranges.append(np.arange(start, start + size))
+    indices = np.meshgrid(*ranges, indexing="ij")
+    return {name: index.ravel() for name, index in zip(names, indices, strict=True)}, columns
+
+
+def structural_groups(axes: tuple[Axis, ...], rows: dict[str, Array], count: int) -> Iterator[Array]:
+    """Positions of the rows that can be built together: of equal parameters that are no plain numbers."""
+    keys = np.zeros((count, 0), dtype=int)
+    for axis in axes:
+        for item in axis.assignments:
+            if item.structural:
+                texts = [repr(value) for value in item.values]
+                _, kind = np.unique(texts, return_inverse=True)
+                keys = np.column_stack([keys, kind[rows[axis.name]]])
+    if keys.shape[1] == 0:
+        yield np.arange(count)
+        return
+    _, group = np.unique(keys, axis=0, return_inverse=True)
+    for number in range(group.max() + 1):
+        yield np.flatnonzero(np.ravel(group) == number)
+
+
+def run_rows(plan: Plan, layout: Layout, rows: dict[str, Array], count: int, columns: slice) -> Outcome:
+    """Run a method on rows of one structure."""
+    system = build(parameters_at(plan.config, rows))
+    frequency = np.zeros(0)
+    if layout.method.frequency == POINTS:
+        frequency = plan.mesh_frequency(rows, columns)
+        if frequency.ndim == 2 and system.batch != (count,):
+            # Nothing but the mesh frequency differs from row to row.
+            system = replace(system, mass=np.broadcast_to(system.mass, (count, system.size, system.size)))
+    elif layout.method.frequency == RANGE:
+        every = plan.mesh_frequency({}, slice(None))
+        frequency = np.array([every.min(), every.max()])
+    return layout.method.run(system, frequency, layout.options)
+
+
+def joined(
+    plan: Plan, layout: Layout, outcomes: list[tuple[Array, Outcome]], count: int
+) -> tuple[dict[str, Array], tuple[Tongue, ...]]:
+    """The results of all groups as arrays over all rows: ``(rows, P, ...)`` over points, ``(tongue, ..., rows)`` over tongues."""
+    if not layout.method.over_tongues:
+        first = outcomes[0][1].values
+        values = {name: np.empty((count, *part.shape[1:]), part.dtype) for name, part in first.items()}
+        for members, outcome in outcomes:
+            for name, part in outcome.values.items():
+                values[name][members] = part
+        return values, ()
+    tongues = union(outcome.tongues for _, outcome in outcomes)
+    place = {tongue: k for k, tongue in enumerate(tongues)}
+    values = {}
+    for variable in results_of(plan, layout):
+        sides = (2,) if "side" in variable.dims else ()
+        values[variable.name] = np.full((len(tongues), *sides, count), np.nan)
+        for members, outcome in outcomes:
+            index = [place[tongue] for tongue in outcome.tongues]
+            part = outcome.values[variable.name].reshape(len(index), *sides, -1)
+            values[variable.name][np.ix_(index, *map(range, sides), members)] = part
+    return values, tongues
+
+
+def results_of(plan: Plan, layout: Layout) -> list[Variable]:
+    """The variables that a method's blocks hold: all but coordinates."""
+    every = layout.method.variables(layout.options, plan.base)
+    return [variable for variable in every if not variable.coordinate]
+
+
+def _part(plan: Plan, layout: Layout, block: Block, values: dict[str, Array], tongues: tuple[Tongue, ...]) -> Part:
+    chunks = {}
+    for variable in results_of(plan, layout):
+        data = values[variable.name].astype(variable.dtype, copy=False)
+        if GRID in variable.dims:
+            whole = _in_place(plan, layout, block, data)
+            chunks[variable.name] = [encode(whole, layout.chunk + whole.shape[len(layout.chunk) :])]
+        else:
+            # One chunk a tongue: lists of tongues that differ between blocks are brought together by moving chunks.
+            apart = data.reshape(*data.shape[:-1], *block.shape)[:, None]
+            chunks[variable.name] = [encode(item, item.shape[: item.ndim - len(block.shape)] + layout.chunk) for item in apart]
+    stable = values.get("stable", np.zeros(0))
+    return Part(block.key, tongues, chunks, block.points, int(np.sum(stable == 0)), int(np.sum(stable < 0)))
+
+
+def _in_place(plan: Plan, layout: Layout, block: Block, data: Array) -> Array:
+    """``(rows, P, ...)`` as an array over the axes in the order of the result."""
+    rest = data.shape[2:]
+    if plan.fast is None:
+        return data.reshape(*block.shape, *rest)
+    inner = layout.dims.index(plan.fast.name)
+    rows = block.shape[:inner] + block.shape[inner + 1 :]
+    return np.moveaxis(data.reshape(*rows, block.shape[inner], *rest), len(rows), inner)

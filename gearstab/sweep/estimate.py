@@ -1,0 +1,92 @@
+"""What a sweep will take, from a small sample of its own grid."""
+
+from __future__ import annotations
+
+import os
+import time
+from dataclasses import dataclass
+from math import ceil, prod
+
+import numpy as np
+
+from gearstab.results.variables import GRID
+from gearstab.sweep import merge
+from gearstab.sweep.compute import compute, results_of
+from gearstab.sweep.plan import Block, Layout, Plan
+
+SECONDS = 0.4
+"""Time that the samples of one method may take."""
+MOST_SAMPLES = 6
+OVERHEAD = 2.5
+"""Arrays of a block's size that a method holds at once besides its results, roughly."""
+
+
+@dataclass(frozen=True)
+class MethodEstimate:
+    """One method: its points and blocks, seconds on one processor, seconds on all, bytes in the file, bytes of one block in memory."""
+
+    name: str
+    points: int
+    blocks: int
+    work: float
+    seconds: float
+    file_size: float
+    memory: float
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """All methods, and the whole: seconds, bytes in the file, bytes of memory; jobs: processors counted on."""
+
+    methods: tuple[MethodEstimate, ...]
+    jobs: int
+    seconds: float
+    file_size: float
+    memory: float
+
+
+def estimate(plan: Plan, jobs: int | None = None) -> Estimate:
+    """Compute growing samples of every method's grid for a fraction of a second and scale what they take."""
+    workers = jobs or os.cpu_count() or 1
+    methods = tuple(_method(plan, layout, workers) for layout in plan.layouts)
+    file_size = sum(m.file_size for m in methods)
+    memory = max(m.memory * min(workers, m.blocks) for m in methods) + min(file_size, merge.IN_MEMORY)
+    return Estimate(methods, workers, sum(m.seconds for m in methods), file_size, memory)
+
+
+def _method(plan: Plan, layout: Layout, workers: int) -> MethodEstimate:
+    compute(plan, sample(layout, 1))  # first calls import and allocate
+    spent, points, size, wanted = 0.0, 0, 0, 64
+    for _ in range(MOST_SAMPLES):
+        block = sample(layout, wanted)
+        start = time.perf_counter()
+        part = compute(plan, block)
+        spent = time.perf_counter() - start
+        points, size = block.points, part.size()
+        if spent > SECONDS / 4 or points >= min(layout.points, prod(layout.chunk)):
+            break
+        wanted = points * int(min(16, max(2, SECONDS / 2 / max(spent, 1e-4))))
+    work = spent * layout.points / points
+    rounds = ceil(layout.count / min(workers, layout.count))
+    block_work = work / layout.count
+    seconds = block_work * rounds if work > 1 else work
+    memory = prod(layout.chunk) * _bytes_a_point(plan, layout, size / points) * (1 + OVERHEAD)
+    return MethodEstimate(layout.method.name, layout.points, layout.count, work, seconds, size * layout.points / points, memory)
+
+
+def _bytes_a_point(plan: Plan, layout: Layout, encoded: float) -> float:
+    total = 0.0
+    for variable in results_of(plan, layout):
+        if GRID in variable.dims:
+            total += np.dtype(variable.dtype).itemsize * (2 * plan.base.size if "exponent" in variable.dims else 1)
+    return total or 4 * encoded
+
+
+def sample(layout: Layout, wanted: int) -> Block:
+    """A block in the middle of the grid of about ``wanted`` points, of the shape of the method's own blocks."""
+    share = min(1.0, wanted / prod(layout.chunk))
+    along = [n for n in layout.chunk if n > 1]
+    factor = share ** (1 / len(along)) if along else 1.0
+    shape = tuple(max(1, min(n, round(n * factor))) for n in layout.chunk)
+    start = tuple((n - m) // 2 for n, m in zip(layout.shape, shape, strict=True))
+    return Block(layout.method.name, 0, start, shape)

@@ -1,0 +1,153 @@
+"""From finished blocks to the result file. Run as a module it writes a large one, in a process of its own."""
+
+from __future__ import annotations
+
+import errno
+import os
+import pickle
+import subprocess
+import sys
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from gearstab.config import Axis
+from gearstab.perturbation import Tongue, union
+from gearstab.results.provenance import modes_group, root_attributes
+from gearstab.results.tree import Chunked, Field, Group, Offset, ResultTree
+from gearstab.results.variables import GRID, ROWS, TEXT, TONGUE, Variable, coordinate
+from gearstab.results.write import sync, write_on_disk, write_result
+from gearstab.sweep.methods import tongue_coordinates
+from gearstab.sweep.parts import Finished
+from gearstab.sweep.plan import Layout, Plan
+
+IN_MEMORY = 1 << 28
+"""Results of fewer bytes are built in memory."""
+
+
+def result_tree(plan: Plan, finished: Mapping[str, Finished]) -> ResultTree:
+    """The whole result; ``finished`` has all blocks by key."""
+    axes = [field for axis in plan.config.axes for field in axis_fields(axis, plan.config.parameters)]
+    root = Group(tuple(axes), root_attributes(plan.config, plan.kernel if _ran_kernel(plan) else "none"))
+    groups = {"modes": modes_group(plan.base)}
+    for layout in plan.layouts:
+        names = set(layout.dims)
+        beside = [field for axis in plan.config.axes if axis.name in names for field in axis_fields(axis, plan.config.parameters)[1:]]
+        groups[layout.method.name] = _method_group(plan, layout, finished, beside)
+    return ResultTree(root, groups)
+
+
+def _ran_kernel(plan: Plan) -> bool:
+    return any(layout.method.name in ("floquet", "boundaries") for layout in plan.layouts)
+
+
+def axis_fields(axis: Axis, parameters: Mapping[str, object]) -> list[Field]:
+    """The coordinate of an axis and, for an axis of cases, one more for each parameter that its cases set."""
+    text = isinstance(axis.values, list)
+    own = coordinate(axis.name, axis.name, TEXT if text else "f8", axis.units, axis.long_name)
+    fields = [Field(own, axis.values)]
+    if text:
+        for item in axis.assignments:
+            name = dotted(item.path, parameters)
+            if name == axis.name:
+                continue
+            values = [str(value) for value in item.values] if item.structural else item.values
+            kind = TEXT if item.structural else "f8"
+            fields.append(Field(coordinate(name, axis.name, kind, "1", name), values))
+    return fields
+
+
+def dotted(path: tuple[str | int, ...], parameters: object) -> str:
+    """A path into the parameters as one writes it: meshes by name."""
+    words = []
+    for part in path:
+        parameters = parameters[part] if isinstance(parameters, dict | list) and path != ("mesh_frequency",) else None  # type: ignore[index]
+        named = isinstance(part, int) and isinstance(parameters, dict) and "name" in parameters
+        words.append(str(parameters["name"]) if named and isinstance(parameters, dict) else str(part))
+    return ".".join(words)
+
+
+def _method_group(plan: Plan, layout: Layout, finished: Mapping[str, Finished], beside: list[Field]) -> Group:
+    parts = {block.key: finished[block.key] for block in layout.blocks()}
+    tongues = union(part.tongues for part in parts.values())
+    values = {**layout.method.constants(layout.options, plan.base), **tongue_coordinates(tongues)}
+    fields = []
+    for variable in layout.method.variables(layout.options, plan.base):
+        resolved = variable.over(plan.grid, plan.rows)
+        if variable.coordinate:
+            if variable.name in values:
+                fields.append(Field(resolved, values[variable.name]))
+        elif GRID in variable.dims:
+            fields.append(Field(resolved, _over_grid(plan, layout, variable, parts)))
+        else:
+            fields.append(Field(resolved, _over_tongues(layout, variable, parts, tongues)))
+    return Group((*fields, *beside), layout.method.attributes(layout.options))
+
+
+def _over_grid(plan: Plan, layout: Layout, variable: Variable, parts: Mapping[str, Finished]) -> Chunked:
+    rest = tuple(2 * plan.base.size for dim in variable.dims if dim == "exponent")
+
+    def pieces() -> Iterator[tuple[Offset, bytes]]:
+        for block in layout.blocks():
+            yield block.start + (0,) * len(rest), parts[block.key].pieces(variable.name)[0]
+
+    return Chunked(layout.shape + rest, layout.chunk + rest, pieces, sum(p.size(variable.name) for p in parts.values()))
+
+
+def _over_tongues(layout: Layout, variable: Variable, parts: Mapping[str, Finished], tongues: tuple[Tongue, ...]) -> Chunked:
+    sides = (2,) if "side" in variable.dims else ()
+    place = {tongue: k for k, tongue in enumerate(tongues)}
+
+    def pieces() -> Iterator[tuple[Offset, bytes]]:
+        for block in layout.blocks():
+            part = parts[block.key]
+            for tongue, data in zip(part.tongues, part.pieces(variable.name), strict=True):
+                yield (place[tongue], *(0 for _ in sides), *block.start), data
+
+    size = sum(part.size(variable.name) for part in parts.values())
+    return Chunked((len(tongues), *sides, *layout.shape), (1, *sides, *layout.chunk), pieces, size)
+
+
+def write(plan: Plan, finished: Mapping[str, Finished], out: Path, folder: Path) -> None:
+    """Write the result to ``out``; ``folder`` holds the part files. Raises OSError, whatever is in the way."""
+    tree = result_tree(plan, finished)
+    if tree.size < IN_MEMORY:
+        write_result(out, tree)
+        return
+    temporary = folder / "result.tmp"
+    _write_apart(plan, finished, temporary)
+    os.replace(temporary, out)
+    sync(out.parent)
+
+
+def _write_apart(plan: Plan, finished: Mapping[str, Finished], path: Path) -> None:
+    """Write a large result in a process of its own: on a full disk the HDF5 library may crash even when the error is caught."""
+    command = [sys.executable, "-c", "from gearstab.sweep.merge import main; main()", str(path)]
+    # Its own session: an interrupt from the terminal is handled here.
+    child = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True)
+    try:
+        _, said = child.communicate(pickle.dumps((plan, dict(finished))))
+    except BaseException:
+        child.kill()
+        child.wait()
+        raise
+    if child.returncode == 0:
+        return
+    path.unlink(missing_ok=True)
+    last = said.decode(errors="replace").strip().rpartition("\n")[2]
+    number, _, message = last.partition(" ") if child.returncode == 1 else ("", "", "")
+    raise OSError(int(number) if number.isdigit() else errno.EIO, message or "the process that writes it ended unexpectedly", str(path))
+
+
+def main() -> None:
+    """In the process of its own: write the result to the path in the arguments; what and from where comes in standard input."""
+    plan, finished = pickle.load(sys.stdin.buffer)
+    try:
+        write_on_disk(Path(sys.argv[1]), result_tree(plan, finished))
+    except OSError as error:
+        sys.stderr.write(f"\n{error.errno or errno.EIO} {' '.join(str(error).split())}\n")
+        sys.stderr.flush()
+        # Not through the clean-up of the HDF5 library.
+        os._exit(1)

@@ -1,0 +1,147 @@
+"""The methods that a sweep can run: what each needs, declares and computes. One entry a method."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from gearstab.floquet import STATUS_FLAGS, kernel, solve
+from gearstab.perturbation import Tongue, Tongues, first_order, uncoupled
+from gearstab.results.variables import EXPONENTS, FIRST_ORDER, FLOQUET, SIDE, TONGUE, Variable
+from gearstab.system import Array, GearSystem
+
+POINTS, RANGE = "points", "range"
+"""What of the mesh frequency a method needs: every point of the grid or the ends of its axis; None for neither."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a method gives for a batch of systems, one a row.
+
+    values: by variable, with GRID as ``(rows, P)`` and ROWS as ``(rows,)`` (one row may stand for all).
+    tongues: what the dimension ``tongue`` consists of, for methods that have it.
+    """
+
+    values: Mapping[str, Array]
+    tongues: tuple[Tongue, ...] = ()
+
+
+def _never() -> bool:
+    return False
+
+
+@dataclass(frozen=True)
+class Method:
+    """One method.
+
+    name: its key in ``methods`` of a configuration, and its group in the result.
+    frequency: what it needs of the mesh frequency; its results stand over all axes if that is POINTS, else over all but
+        the mesh frequency. A method with RANGE gets it as an array of the two ends.
+    variables: what it computes, coordinates included, for its options and a system.
+    constants: values of those coordinates that are the same everywhere.
+    run: (system, mesh frequency, options) -> Outcome.
+    cost: about how many points of an undamped system of three coordinates and four segments a point of its own takes.
+    parallel: whether threads of one process can run it side by side: where it spends its time outside of Python.
+    """
+
+    name: str
+    frequency: str | None
+    variables: Callable[[Any, GearSystem], tuple[Variable, ...]]
+    run: Callable[[GearSystem, Array, Any], Outcome]
+    cost: Callable[[Any, GearSystem], float]
+    constants: Callable[[Any, GearSystem], Mapping[str, Any]]
+    parallel: Callable[[], bool] = _never
+
+    @property
+    def over_tongues(self) -> bool:
+        """Whether its results stand over instability regions, a list that differs from system to system."""
+        return self.frequency != POINTS
+
+    def attributes(self, options: Any) -> dict[str, Any]:
+        """What the group in the result says of the options."""
+        plain = options.model_dump(exclude_none=True)
+        return {name: int(value) if isinstance(value, bool) else value for name, value in plain.items()}
+
+
+def _floquet_variables(options: Any, system: GearSystem) -> tuple[Variable, ...]:
+    flags = {"flag_masks": list(STATUS_FLAGS.values()), "flag_meanings": " ".join(STATUS_FLAGS)}
+    table = [replace(v, attributes=flags) if v.name == "status" else v for v in FLOQUET]
+    return (*table, *(EXPONENTS if options.exponents else ()))
+
+
+def _floquet(system: GearSystem, mesh_frequency: Array, options: Any) -> Outcome:
+    found = solve(system, mesh_frequency, exponents=options.exponents)
+    values = {"growth_rate": found.growth_rate, "stable": found.stable, "status": found.status}
+    if found.exponents is not None:
+        values |= {"exponent_real": found.exponents.real, "exponent_imag": found.exponents.imag}
+    return Outcome(values)
+
+
+def _floquet_cost(options: Any, system: GearSystem) -> float:
+    segments = 2 * sum(system.common_period()[1])
+    work = max(1.0, segments * system.size**2 / 36)
+    return work * (5 if options.exponents or system.damping is not None else 1)
+
+
+def _exponent_numbers(options: Any, system: GearSystem) -> dict[str, Any]:
+    return {"exponent": np.arange(1, 2 * system.size + 1)} if options.exponents else {}
+
+
+def _compiled_kernel() -> bool:
+    return kernel.name() == "c"
+
+
+def _tongue_variables(options: Any, system: GearSystem) -> tuple[Variable, ...]:
+    return (*TONGUE, *FIRST_ORDER)
+
+
+def _sides(options: Any, system: GearSystem) -> dict[str, Any]:
+    return {SIDE.name: ["lower", "upper"]}
+
+
+def _from_tongues(found: Tongues) -> Outcome:
+    names = ("boundary_frequency", "center_frequency", "half_width", "threshold")
+    return Outcome({name: getattr(found, name) for name in names}, found.index)
+
+
+def _modes_and_harmonics(options: Any, system: GearSystem) -> float:
+    return 4.0 * system.size**2 * options.harmonics
+
+
+def _perturbation(system: GearSystem, mesh_frequency: Array, options: Any) -> Outcome:
+    return _from_tongues(first_order(system, options.harmonics))
+
+
+def _uncoupled(system: GearSystem, mesh_frequency: Array, options: Any) -> Outcome:
+    return _from_tongues(uncoupled(system, options.harmonics))
+
+
+METHODS: dict[str, Method] = {
+    "perturbation": Method(
+        name="perturbation", frequency=None, variables=_tongue_variables, constants=_sides, cost=_modes_and_harmonics,
+        run=_perturbation,
+    ),
+    "uncoupled": Method(
+        name="uncoupled", frequency=None, variables=_tongue_variables, constants=_sides, cost=_modes_and_harmonics,
+        run=_uncoupled,
+    ),
+    "floquet": Method(
+        name="floquet", frequency=POINTS, variables=_floquet_variables, constants=_exponent_numbers, run=_floquet,
+        cost=_floquet_cost, parallel=_compiled_kernel,
+    ),
+}  # fmt: skip
+"""By name, in the order in which they run: the cheap ones first."""
+
+
+def chosen(methods: Any) -> list[tuple[Method, Any]]:
+    """The methods that a configuration asks for, with their options."""
+    asked = [(method, getattr(methods, name, None)) for name, method in METHODS.items()]
+    return [(method, options) for method, options in asked if options is not None]
+
+
+def tongue_coordinates(tongues: Sequence[Tongue]) -> dict[str, list[Any]]:
+    """The coordinates of the dimension ``tongue``."""
+    return {variable.name: [getattr(tongue, variable.name) for tongue in tongues] for variable in TONGUE}

@@ -1,0 +1,185 @@
+"""From a configuration to blocks: which part of the grid is computed together, in the order of the result's chunks.
+
+Every method has blocks of its own, hyper-rectangles over the axes of its results. A block is a chunk of the result file, so
+that finishing a sweep copies bytes. The division depends on the configuration alone, not on the machine, so that a sweep can
+be resumed anywhere.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+from math import ceil, prod
+from typing import Any
+
+import numpy as np
+
+from gearstab import __version__
+from gearstab.config import Axis, Config
+from gearstab.floquet import kernel
+from gearstab.sweep.methods import POINTS, Method, chosen
+from gearstab.system import Array, GearSystem
+from gearstab.systems import build
+
+FREQUENCY = ("mesh_frequency",)
+
+LEAST, MOST = 1 << 17, 1 << 20
+"""Size of a block in points of a small system: enough to make calls cheap, few enough to be done in a second."""
+FEWEST = 16
+"""Points of a block, however costly."""
+MOST_BYTES = 1 << 26
+"""Size of a block's largest variable."""
+SHARES = 64
+"""Blocks that a method of medium size is divided into, so that many processors have work."""
+
+
+@dataclass(frozen=True)
+class Block:
+    """One piece of work: a hyper-rectangle of a method's grid. start, shape: over the axes of the method's results."""
+
+    method: str
+    number: int
+    start: tuple[int, ...]
+    shape: tuple[int, ...]
+
+    @property
+    def key(self) -> str:
+        """Its name in files and messages."""
+        return f"{self.method}-{self.number:06d}"
+
+    @property
+    def points(self) -> int:
+        """How many points of its method's grid it holds."""
+        return prod(self.shape)
+
+
+@dataclass(frozen=True)
+class Layout:
+    """A method's grid and its division: the axes' names and sizes, and the shape of all blocks but those at the ends."""
+
+    method: Method
+    options: Any
+    dims: tuple[str, ...]
+    shape: tuple[int, ...]
+    chunk: tuple[int, ...]
+
+    @property
+    def points(self) -> int:
+        """Number of points."""
+        return prod(self.shape)
+
+    @property
+    def count(self) -> int:
+        """Number of blocks."""
+        return prod(ceil(n / c) for n, c in zip(self.shape, self.chunk, strict=True))
+
+    def blocks(self) -> Iterator[Block]:
+        """All blocks, in the order of their numbers."""
+        starts = product(*(range(0, n, c) for n, c in zip(self.shape, self.chunk, strict=True)))
+        for number, start in enumerate(starts):
+            shape = tuple(min(c, n - s) for n, c, s in zip(self.shape, self.chunk, start, strict=True))
+            yield Block(self.method.name, number, start, shape)
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What a sweep computes.
+
+    base: the system at the base values. fast: the axis that is the mesh frequency and nothing else, None without one.
+    """
+
+    config: Config
+    base: GearSystem
+    fast: Axis | None
+    layouts: tuple[Layout, ...]
+    kernel: str
+
+    @property
+    def grid(self) -> tuple[str, ...]:
+        """Names of all axes."""
+        return tuple(axis.name for axis in self.config.axes)
+
+    @property
+    def row_axes(self) -> tuple[Axis, ...]:
+        """All axes but the mesh frequency."""
+        return tuple(axis for axis in self.config.axes if axis is not self.fast)
+
+    @property
+    def rows(self) -> tuple[str, ...]:
+        """Their names."""
+        return tuple(axis.name for axis in self.row_axes)
+
+    @property
+    def points(self) -> int:
+        """Number of points of the grid."""
+        return prod(axis.size for axis in self.config.axes)
+
+    @property
+    def systems(self) -> int:
+        """Number of different systems."""
+        return prod(axis.size for axis in self.row_axes)
+
+    def layout(self, method: str) -> Layout:
+        """The grid of a method."""
+        return next(layout for layout in self.layouts if layout.method.name == method)
+
+    @cached_property
+    def digest(self) -> str:
+        """What finished parts must agree in: numbers, division, program version and kernel."""
+        division = [[layout.method.name, layout.chunk] for layout in self.layouts]
+        text = json.dumps([self.config.digest, division, __version__, self.kernel])
+        return hashlib.sha256(text.encode()).hexdigest()
+
+    def mesh_frequency(self, rows: dict[str, Array], columns: slice) -> Array:
+        """The mesh frequency of rows (indices by axis name): ``(P,)`` of the mesh frequency axis, else ``(rows, 1)``."""
+        if self.fast is not None:
+            return np.asarray(self.fast.values, dtype=float)[columns]
+        found = [(axis, a.values) for axis in self.row_axes for a in axis.assignments if a.path == FREQUENCY]
+        if not found:
+            raise ValueError("no axis sets the mesh frequency")
+        axis, values = found[-1]
+        return np.asarray(values, dtype=float)[rows[axis.name]][:, None]
+
+
+def plan(config: Config) -> Plan:
+    """Divide the grid of a configuration that has a ``sweep`` and ``methods``."""
+    if not config.axes or not config.methods.chosen:
+        raise ValueError("a sweep needs axes and methods")
+    base = build(config.parameters)
+    fast = next((axis for axis in config.axes if [a.path for a in axis.assignments] == [FREQUENCY]), None)
+    layouts = tuple(_layout(config, base, fast, method, options) for method, options in chosen(config.methods))
+    return Plan(config, base, fast, layouts, kernel.name())
+
+
+def _layout(config: Config, base: GearSystem, fast: Axis | None, method: Method, options: Any) -> Layout:
+    axes = [axis for axis in config.axes if axis is not fast or method.frequency == POINTS]
+    shape = tuple(axis.size for axis in axes)
+    cost = method.cost(options, base)
+    wanted = min(max(prod(shape) * cost / SHARES, LEAST), MOST) / cost
+    if method.frequency == POINTS:
+        widest = 8 * (2 * base.size if getattr(options, "exponents", False) else 1)
+        wanted = min(wanted, MOST_BYTES / widest)
+    inner = next((k for k, axis in enumerate(axes) if axis is fast), None)
+    return Layout(method, options, tuple(axis.name for axis in axes), shape, chunk_shape(shape, inner, max(FEWEST, int(wanted))))
+
+
+def chunk_shape(shape: tuple[int, ...], inner: int | None, wanted: int) -> tuple[int, ...]:
+    """The shape of blocks of about ``wanted`` points: whole in ``inner`` (if given) as far as that goes, then in the last axes."""
+    chunk = [1] * len(shape)
+    left = wanted
+    order = [k for k in reversed(range(len(shape))) if k != inner]
+    for k in order if inner is None else [inner, *order]:
+        chunk[k] = _even(shape[k], max(1, left))
+        left //= chunk[k]
+        if chunk[k] < shape[k]:
+            break
+    return tuple(chunk)
+
+
+def _even(size: int, most: int) -> int:
+    """The length of the fewest nearly equal pieces of ``size`` that are at most ``most`` long."""
+    return ceil(size / ceil(size / most)) if size else 1

@@ -1,0 +1,163 @@
+"""Who computes the blocks: this process, its threads, or a pool of processes.
+
+A first block is computed here. If what remains is worth it the others go to threads, where the method spends its time outside of
+Python, and else to processes (joblib's loky), which write part files and return receipts: a process that is killed costs no
+result. The blocks it may have been working on then run one by one in processes of their own, and one that kills
+its process again is given up and named, while all others go on.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from dataclasses import dataclass
+from typing import Any
+
+from gearstab.sweep.compute import compute
+from gearstab.sweep.parts import Finished, Part, PartFolder, StoredPart
+from gearstab.sweep.plan import Block, Plan
+
+WORTH_THREADS, WORTH_PROCESSES = 0.05, 3.0
+"""Seconds of remaining work from which threads and processes (which take about a second to start) pay."""
+
+
+@dataclass(frozen=True)
+class Failure:
+    """A block that could not be computed: by an exception, or (None) because it killed its process twice."""
+
+    block: Block
+    error: BaseException | None
+
+
+Result = Finished | Failure
+
+
+def run_blocks(plan: Plan, blocks: Sequence[Block], folder: PartFolder, jobs: int, before_processes: Callable[[], None]) -> Iterator[Result]:
+    """Compute blocks of one method, in any order.
+
+    before_processes: called once before processes start. Closing the iterator (or an exception in it) stops all work; threads finish
+    the block they are in.
+    """
+    rest = list(blocks)
+    seconds = 0.0
+    while rest:
+        threads = plan.layout(rest[0].method).method.parallel()
+        if jobs > 1 and len(rest) > 1 and seconds * len(rest) > (WORTH_THREADS if threads else WORTH_PROCESSES):
+            break
+        start = time.perf_counter()
+        yield attempt(plan, rest.pop(0))
+        seconds = time.perf_counter() - start
+    if not rest:
+        return
+    if threads:
+        yield from _in_threads(plan, rest, jobs)
+    else:
+        before_processes()
+        yield from _in_processes(plan, rest, folder, jobs)
+
+
+def attempt(plan: Plan, block: Block) -> Part | Failure:
+    """Compute a block; a block that fails does not end the sweep."""
+    try:
+        return compute(plan, block)
+    except Exception as error:
+        return Failure(block, error)
+
+
+def _in_threads(plan: Plan, blocks: list[Block], jobs: int) -> Iterator[Result]:
+    pool = ThreadPoolExecutor(min(jobs, len(blocks)))
+    try:
+        waiting = iter(blocks)
+        running: set[Future[Part | Failure]] = set()
+        while True:
+            for block in waiting:
+                running.add(pool.submit(attempt, plan, block))
+                if len(running) >= 2 * jobs:
+                    break
+            if not running:
+                return
+            done, running = wait(running, return_when=FIRST_COMPLETED)
+            for future in done:
+                yield future.result()
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _in_processes(plan: Plan, blocks: list[Block], folder: PartFolder, jobs: int) -> Iterator[Result]:
+    pending = {block.key: block for block in blocks}
+    while pending:
+        started: dict[str, Block] = {}
+        for result in _pooled(plan, list(pending.values()), folder, min(jobs, len(pending)), started):
+            del pending[_key(result)]
+            yield result
+        # Whatever the pool left undone was in a process that died, or waiting: what finished unseen is in its part file.
+        for key, part in folder.find(set(pending)).items():
+            del pending[key]
+            yield part
+        for key in [key for key in started if key in pending]:
+            block = pending.pop(key)
+            results = list(_pooled(plan, [block], folder, 1, {}))
+            yield results[0] if results else Failure(block, None)
+
+
+def _key(result: Result) -> str:
+    return result.block.key if isinstance(result, Failure) else result.key
+
+
+def _pooled(plan: Plan, blocks: list[Block], folder: PartFolder, jobs: int, started: dict[str, Block]) -> Iterator[Result]:
+    """Compute blocks in processes until all are done or a process dies; ``started`` gets those that were handed out."""
+    from joblib import Parallel, delayed, parallel_config
+    from joblib.externals.loky import get_reusable_executor
+    from joblib.externals.loky.process_executor import BrokenProcessPool
+
+    def tasks() -> Iterator[Any]:
+        for block in blocks:
+            started[block.key] = block
+            yield delayed(_work)(plan, block, folder, os.getpid())
+
+    finished = False
+    try:
+        with parallel_config(backend="loky", n_jobs=jobs, inner_max_num_threads=1):
+            # Results come as they are done; max_nbytes: no temporary files of large arguments.
+            yield from Parallel(return_as="generator_unordered", batch_size=1, max_nbytes=None)(tasks())
+        finished = True
+    except BrokenProcessPool:
+        finished = True
+    finally:
+        if not finished:
+            get_reusable_executor().shutdown(wait=True, kill_workers=True)
+
+
+def _work(plan: Plan, block: Block, folder: PartFolder, parent: int) -> StoredPart | Failure:
+    """In a process of the pool: compute a block and write its part file."""
+    _prepare(parent)
+    part = attempt(plan, block)
+    if isinstance(part, Failure):
+        return part
+    try:
+        return folder.write(part)
+    except OSError as error:
+        return Failure(block, error)
+
+
+_prepared = False
+
+
+def _prepare(parent: int) -> None:
+    """Once in every process: an interrupt is the parent's to handle, and without a parent there is nothing to do."""
+    global _prepared
+    if _prepared:
+        return
+    _prepared = True
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(0.5)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
