@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -43,22 +43,26 @@ class Runs:
 
     def sweep(self, config: str, **changes: object) -> xr.DataTree:
         """The result of ``gearstab sweep configs/CONFIG.yaml --set PATH=VALUE ...``; ``__`` is a dot of a path."""
-        settings = [f"{name.replace('__', '.')}={json.dumps(value)}" for name, value in changes.items()]
-        key = (config, *settings)
+        key, settings = self._key("sweep", config, changes)
         if key not in self._known:
             out = self._out()
             run(plan(load(CONFIGS / f"{config}.yaml", settings)), out)
             self._known[key] = open_result(out)
         return self._known[key]
 
-    def respond(self, config: str) -> xr.DataTree:
-        """The result of ``gearstab respond configs/CONFIG.yaml``."""
-        key = ("respond", config)
+    def respond(self, config: str, **changes: object) -> xr.DataTree:
+        """The result of ``gearstab respond`` with changed values."""
+        key, settings = self._key("respond", config, changes)
         if key not in self._known:
             out = self._out()
-            respond(load(CONFIGS / f"{config}.yaml"), out)
+            respond(load(CONFIGS / f"{config}.yaml", settings), out)
             self._known[key] = open_result(out)
         return self._known[key]
+
+    @staticmethod
+    def _key(command: str, config: str, changes: Mapping[str, object]) -> tuple[tuple[str, ...], list[str]]:
+        settings = [f"{name.replace('__', '.')}={json.dumps(value)}" for name, value in changes.items()]
+        return (command, config, *settings), settings
 
     def _out(self) -> Path:
         return self.folder / f"{len(self._known)}.h5"
@@ -68,7 +72,7 @@ def tongue(tree: xr.DataTree, group: str, variable: str, label: str) -> xr.DataA
     """A variable of the one tongue with this label, without the ``tongue`` dimension."""
     values = tree[group].to_dataset()
     (index,) = np.flatnonzero(values["label"].values.astype(str) == label)
-    return values[variable].isel(tongue=index)
+    return values[variable].isel(tongue=index, drop=True)
 
 
 def half_width(tree: xr.DataTree, label: str) -> xr.DataArray:
@@ -88,8 +92,10 @@ def predicted(tree: xr.DataTree, label: str) -> xr.DataArray:
 
 
 def edges(tree: xr.DataTree, label: str) -> xr.DataArray:
-    """Edges by Floquet theory, over ``side``; NaN where the region is closed."""
-    return tongue(tree, "boundaries", "boundary_frequency", label)
+    """Edges by Floquet theory, over ``side``; NaN where the region is closed, the outermost ones where it is split."""
+    values = tree["boundaries"].to_dataset()
+    parts = values["boundary_frequency"].isel(tongue=np.flatnonzero(values["label"].values.astype(str) == label))
+    return xr.concat([parts.isel(side=0).min("tongue"), parts.isel(side=1).max("tongue")], parts["side"])
 
 
 def width(values: xr.DataArray) -> xr.DataArray:

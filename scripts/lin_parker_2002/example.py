@@ -102,7 +102,7 @@ def uncoupled(runs: Runs) -> Iterator[Statement]:
 def free_response(runs: Runs) -> Iterator[Statement]:
     ratio, rate = {}, {}
     for h, config in FIG9.items():
-        x = abs(runs.respond(config)["response"]["displacement"]).max("dof")
+        x = abs(runs.respond(config, respond__cycles=60)["response"]["displacement"]).max("dof")
         period = 2 * np.pi / POINT_A["mesh_frequency"]
         # The largest deflection in the first and last ten periods, and half of the record apart.
         cycle = (x["time"] / period).astype(int)
