@@ -15,7 +15,7 @@ EXPECTED = {
     ("gearstab.config.problems", "ConfigError"): WRONG_INPUT,
     ("gearstab.plots.errors", "PlotError"): WRONG_INPUT,
     ("gearstab.results.errors", "ResultError"): WRONG_INPUT,
-    ("gearstab.sweep.errors", "OutputError"): WRONG_INPUT,
+    ("gearstab.sweep.errors", "RequestError"): WRONG_INPUT,
     ("gearstab.sweep.errors", "SweepError"): FAILED,
     ("gearstab.sweep.errors", "Interrupted"): INTERRUPTED,
 }

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from math import nan
 from typing import Any
 
 GRID = "(all axes of the sweep)"
@@ -26,6 +27,7 @@ class Variable:
     dims: names of its dimensions. dtype: a NumPy type with its size, or TEXT.
     units, long_name: as in the CF conventions; attributes: further ones.
     coordinate: whether it describes points of a dimension and is no result itself.
+    missing: what stands where nothing was computed; default NaN, or 0 for integers.
     """
 
     name: str
@@ -35,6 +37,12 @@ class Variable:
     long_name: str
     attributes: Mapping[str, Any] = field(default_factory=dict)
     coordinate: bool = False
+    missing: float | int | None = None
+
+    @property
+    def fill(self) -> float | int:
+        """What stands where nothing was computed."""
+        return self.missing if self.missing is not None else nan if self.dtype.startswith("f") else 0
 
     def over(self, grid: Sequence[str], rows: Sequence[str]) -> Variable:
         """The variable with GRID and ROWS replaced by the names of a sweep's axes."""
@@ -85,6 +93,21 @@ TONGUE = (
 SIDE = coordinate("side", "side", TEXT, "1", "lower or upper boundary")
 
 BOUNDARY = Variable("boundary_frequency", ("tongue", "side", ROWS), "f8", "rad/s", "mesh frequency at the boundary")
+
+OCCURRENCE = coordinate("occurrence", "tongue", "i4", "1", "number, from 0, of a region among those with the same root")
+
+EXACT = (
+    SIDE,
+    BOUNDARY,
+    Variable("achieved_tolerance", ("tongue", ROWS), "f8", "1", "half of the bracket around the boundaries, relative to them"),
+    Variable("status", ("tongue", ROWS), "i2", "1", "what became of the tongue"),
+    Variable(
+        "holder", ("tongue", ROWS), "i4", "1", "tongue under which the region stands that this tongue lies in",
+        {"comment": "position along the dimension tongue, from 0, or -1; the region of merged tongues stands once"}, missing=-1,
+    ),
+    Variable("contacts", (ROWS,), "i4", "1", "collisions of multipliers that open no region as wide as the width floor"),
+    Variable("evaluations", (ROWS,), "i4", "1", "monodromy matrices computed"),
+)  # fmt: skip
 
 FIRST_ORDER = (
     SIDE,

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
 COMPRESSED_FROM = 1 << 16
 """Arrays of more bytes than this are compressed."""
+OF_THE_VARIABLES_TYPE = ("flag_values", "flag_masks")
+"""Attributes that the conventions want in the type of their variable."""
 DIMENSION_ONLY = "This is a netCDF dimension but not a netCDF variable.%10d"
 """How netCDF-4 marks a dimension without coordinate."""
 
@@ -118,8 +120,7 @@ def _create(target: h5py.Group, item: Field) -> h5py.Dataset:
     name = item.variable.name
     if item.variable.dtype == TEXT:
         return target.create_dataset(name, data=item.array(), dtype=h5py.string_dtype("utf-8"))
-    fill_value = np.nan if item.variable.dtype.startswith("f") else 0
-    packed = {"compression": "gzip", "compression_opts": 1, "shuffle": True, "fillvalue": fill_value}
+    packed = {"compression": "gzip", "compression_opts": 1, "shuffle": True, "fillvalue": item.variable.fill}
     if not isinstance(item.values, Chunked):
         values = item.array()
         options = packed if values.nbytes > COMPRESSED_FROM else {}
@@ -133,11 +134,10 @@ def _create(target: h5py.Group, item: Field) -> h5py.Dataset:
 
 
 def _write_attributes(target: Any, attributes: Mapping[str, Any]) -> None:
-    """Texts, numbers and lists of numbers; lists of integers as the type of the variable they belong to."""
+    """Texts, numbers and lists of numbers."""
     for name, value in attributes.items():
-        if isinstance(value, list | tuple | np.ndarray):
-            kind = getattr(target, "dtype", None)
-            whole = kind is not None and kind.kind == "i" and np.asarray(value).dtype.kind == "i"
-            target.attrs[name] = np.asarray(value, dtype=kind if whole else None)
+        kind = getattr(target, "dtype", None)
+        if name in OF_THE_VARIABLES_TYPE and kind is not None:
+            target.attrs[name] = np.asarray(value, dtype=kind)
         else:
-            target.attrs[name] = value
+            target.attrs[name] = np.asarray(value) if isinstance(value, list | tuple) else value

@@ -8,10 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from gearstab.config import Axis, parameters_at
-from gearstab.perturbation import Tongue, union
 from gearstab.results.chunks import encode
 from gearstab.results.variables import GRID, Variable
-from gearstab.sweep.methods import POINTS, RANGE, Outcome
+from gearstab.sweep.methods import POINTS, RANGE, Key, Outcome
 from gearstab.sweep.parts import Part
 from gearstab.sweep.plan import Block, Layout, Plan
 from gearstab.system import Array
@@ -79,7 +78,7 @@ def run_rows(plan: Plan, layout: Layout, rows: dict[str, Array], count: int, col
 
 def joined(
     plan: Plan, layout: Layout, outcomes: list[tuple[Array, Outcome]], count: int
-) -> tuple[dict[str, Array], tuple[Tongue, ...]]:
+) -> tuple[dict[str, Array], tuple[Key, ...]]:
     """The results of all groups as arrays over all rows: ``(rows, P, ...)`` over points, ``(tongue, ..., rows)`` over tongues."""
     if not layout.method.over_tongues:
         first = outcomes[0][1].values
@@ -88,17 +87,29 @@ def joined(
             for name, part in outcome.values.items():
                 values[name][members] = part
         return values, ()
-    tongues = union(outcome.tongues for _, outcome in outcomes)
+    tongues = layout.method.unite(outcome.tongues for _, outcome in outcomes)
     place = {tongue: k for k, tongue in enumerate(tongues)}
     values = {}
     for variable in results_of(plan, layout):
-        sides = (2,) if "side" in variable.dims else ()
-        values[variable.name] = np.full((len(tongues), *sides, count), np.nan)
+        over = (len(tongues),) * ("tongue" in variable.dims) + (2,) * ("side" in variable.dims)
+        values[variable.name] = np.full((*over, count), variable.fill, dtype=variable.dtype)
         for members, outcome in outcomes:
-            index = [place[tongue] for tongue in outcome.tongues]
-            part = outcome.values[variable.name].reshape(len(index), *sides, -1)
-            values[variable.name][np.ix_(index, *map(range, sides), members)] = part
+            index = np.array([place[tongue] for tongue in outcome.tongues], dtype=int)
+            part = outcome.values[variable.name]
+            if variable.name == HOLDER:
+                part = moved(part, index)
+            where = (index, *map(range, over[1:]), members) if over else (members,)
+            values[variable.name][np.ix_(*where)] = part.reshape(*(len(along) for along in where[:-1]), -1)
     return values, tongues
+
+
+HOLDER = "holder"
+"""The variable whose values are positions along the dimension ``tongue``."""
+
+
+def moved(positions: Array, index: Array) -> Array:
+    """Positions in a list of tongues as those in another one; ``index``: where each tongue is there; -1 stays."""
+    return np.append(index, -1)[positions]
 
 
 def results_of(plan: Plan, layout: Layout) -> list[Variable]:
@@ -107,13 +118,15 @@ def results_of(plan: Plan, layout: Layout) -> list[Variable]:
     return [variable for variable in every if not variable.coordinate]
 
 
-def _part(plan: Plan, layout: Layout, block: Block, values: dict[str, Array], tongues: tuple[Tongue, ...]) -> Part:
+def _part(plan: Plan, layout: Layout, block: Block, values: dict[str, Array], tongues: tuple[Key, ...]) -> Part:
     chunks = {}
     for variable in results_of(plan, layout):
         data = values[variable.name].astype(variable.dtype, copy=False)
         if GRID in variable.dims:
             whole = _in_place(plan, layout, block, data)
             chunks[variable.name] = [encode(whole, layout.chunk + whole.shape[len(layout.chunk) :])]
+        elif "tongue" not in variable.dims:
+            chunks[variable.name] = [encode(data.reshape(block.shape), layout.chunk)]
         else:
             # One chunk a tongue: lists of tongues that differ between blocks are brought together by moving chunks.
             apart = data.reshape(*data.shape[:-1], *block.shape)[:, None]

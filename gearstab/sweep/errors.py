@@ -5,8 +5,8 @@ class SweepError(RuntimeError):
     """The sweep could not be finished; what is finished is kept."""
 
 
-class OutputError(ValueError):
-    """The result cannot go where it should; nothing was computed."""
+class RequestError(ValueError):
+    """What was asked for cannot be done: the result cannot go where it should, or the kernel is not there. Nothing was computed."""
 
 
 class Interrupted(RuntimeError):

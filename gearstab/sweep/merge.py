@@ -14,12 +14,13 @@ from pathlib import Path
 import numpy as np
 
 from gearstab.config import Axis
-from gearstab.perturbation import Tongue, union
+from gearstab.results.chunks import decode, encode
 from gearstab.results.provenance import modes_group, root_attributes
 from gearstab.results.tree import Chunked, Field, Group, Offset, ResultTree
-from gearstab.results.variables import GRID, ROWS, TEXT, TONGUE, Variable, coordinate
+from gearstab.results.variables import GRID, TEXT, Variable, coordinate
 from gearstab.results.write import sync, write_on_disk, write_result
-from gearstab.sweep.methods import tongue_coordinates
+from gearstab.sweep.compute import HOLDER, moved
+from gearstab.sweep.methods import Key, tongue_coordinates
 from gearstab.sweep.parts import Finished
 from gearstab.sweep.plan import Layout, Plan
 
@@ -71,7 +72,7 @@ def dotted(path: tuple[str | int, ...], parameters: object) -> str:
 
 def _method_group(plan: Plan, layout: Layout, finished: Mapping[str, Finished], beside: list[Field]) -> Group:
     parts = {block.key: finished[block.key] for block in layout.blocks()}
-    tongues = union(part.tongues for part in parts.values())
+    tongues = layout.method.unite(part.tongues for part in parts.values())
     values = {**layout.method.constants(layout.options, plan.base), **tongue_coordinates(tongues)}
     fields = []
     for variable in layout.method.variables(layout.options, plan.base):
@@ -79,14 +80,15 @@ def _method_group(plan: Plan, layout: Layout, finished: Mapping[str, Finished], 
         if variable.coordinate:
             if variable.name in values:
                 fields.append(Field(resolved, values[variable.name]))
-        elif GRID in variable.dims:
-            fields.append(Field(resolved, _over_grid(plan, layout, variable, parts)))
+        elif "tongue" not in variable.dims:
+            fields.append(Field(resolved, _over_points(plan, layout, variable, parts)))
         else:
             fields.append(Field(resolved, _over_tongues(layout, variable, parts, tongues)))
     return Group((*fields, *beside), layout.method.attributes(layout.options))
 
 
-def _over_grid(plan: Plan, layout: Layout, variable: Variable, parts: Mapping[str, Finished]) -> Chunked:
+def _over_points(plan: Plan, layout: Layout, variable: Variable, parts: Mapping[str, Finished]) -> Chunked:
+    """A variable of one chunk a block."""
     rest = tuple(2 * plan.base.size for dim in variable.dims if dim == "exponent")
 
     def pieces() -> Iterator[tuple[Offset, bytes]]:
@@ -96,18 +98,23 @@ def _over_grid(plan: Plan, layout: Layout, variable: Variable, parts: Mapping[st
     return Chunked(layout.shape + rest, layout.chunk + rest, pieces, sum(p.size(variable.name) for p in parts.values()))
 
 
-def _over_tongues(layout: Layout, variable: Variable, parts: Mapping[str, Finished], tongues: tuple[Tongue, ...]) -> Chunked:
+def _over_tongues(layout: Layout, variable: Variable, parts: Mapping[str, Finished], tongues: tuple[Key, ...]) -> Chunked:
+    """A variable of one chunk a tongue and block."""
     sides = (2,) if "side" in variable.dims else ()
+    shape = (1, *sides, *layout.chunk)
     place = {tongue: k for k, tongue in enumerate(tongues)}
 
     def pieces() -> Iterator[tuple[Offset, bytes]]:
         for block in layout.blocks():
             part = parts[block.key]
-            for tongue, data in zip(part.tongues, part.pieces(variable.name), strict=True):
-                yield (place[tongue], *(0 for _ in sides), *block.start), data
+            index = np.array([place[tongue] for tongue in part.tongues], dtype=int)
+            for k, data in zip(index, part.pieces(variable.name), strict=True):
+                if variable.name == HOLDER:
+                    data = encode(moved(decode(data, shape, variable.dtype), index).astype(variable.dtype), shape)
+                yield (int(k), *(0 for _ in sides), *block.start), data
 
     size = sum(part.size(variable.name) for part in parts.values())
-    return Chunked((len(tongues), *sides, *layout.shape), (1, *sides, *layout.chunk), pieces, size)
+    return Chunked((len(tongues), *sides, *layout.shape), shape, pieces, size)
 
 
 def write(plan: Plan, finished: Mapping[str, Finished], out: Path, folder: Path) -> None:

@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from gearstab.floquet import STATUS_FLAGS, kernel, solve
+from gearstab.floquet.boundaries import BOUNDARY_FLAGS, boundaries
+from gearstab.floquet.boundaries import union as united_edges
 from gearstab.perturbation import Tongue, Tongues, first_order, uncoupled
-from gearstab.results.variables import EXPONENTS, FIRST_ORDER, FLOQUET, SIDE, TONGUE, Variable
+from gearstab.results.variables import EXACT, EXPONENTS, FIRST_ORDER, FLOQUET, OCCURRENCE, SIDE, TONGUE, Variable
 from gearstab.system import Array, GearSystem
 
 POINTS, RANGE = "points", "range"
 """What of the mesh frequency a method needs: every point of the grid or the ends of its axis; None for neither."""
+
+
+Key = tuple[Tongue, int]
+"""What tells the regions along the dimension ``tongue`` apart: where a region is rooted and, as there can be several of one
+root, which one of them it is."""
 
 
 @dataclass(frozen=True)
@@ -26,11 +33,16 @@ class Outcome:
     """
 
     values: Mapping[str, Array]
-    tongues: tuple[Tongue, ...] = ()
+    tongues: tuple[Key, ...] = ()
 
 
 def _never() -> bool:
     return False
+
+
+def _in_order(indices: Iterable[Sequence[Key]]) -> tuple[Key, ...]:
+    """Each once, in order of first appearance."""
+    return tuple(dict.fromkeys(key for index in indices for key in index))
 
 
 @dataclass(frozen=True)
@@ -44,6 +56,7 @@ class Method:
     constants: values of those coordinates that are the same everywhere.
     run: (system, mesh frequency, options) -> Outcome.
     cost: about how many points of an undamped system of three coordinates and four segments a point of its own takes.
+    unite: the list of all regions, from those of the blocks.
     parallel: whether threads of one process can run it side by side: where it spends its time outside of Python.
     """
 
@@ -53,6 +66,7 @@ class Method:
     run: Callable[[GearSystem, Array, Any], Outcome]
     cost: Callable[[Any, GearSystem], float]
     constants: Callable[[Any, GearSystem], Mapping[str, Any]]
+    unite: Callable[[Iterable[Sequence[Key]]], tuple[Key, ...]] = _in_order
     parallel: Callable[[], bool] = _never
 
     @property
@@ -104,7 +118,7 @@ def _sides(options: Any, system: GearSystem) -> dict[str, Any]:
 
 def _from_tongues(found: Tongues) -> Outcome:
     names = ("boundary_frequency", "center_frequency", "half_width", "threshold")
-    return Outcome({name: getattr(found, name) for name in names}, found.index)
+    return Outcome({name: getattr(found, name) for name in names}, tuple((tongue, 0) for tongue in found.index))
 
 
 def _modes_and_harmonics(options: Any, system: GearSystem) -> float:
@@ -117,6 +131,26 @@ def _perturbation(system: GearSystem, mesh_frequency: Array, options: Any) -> Ou
 
 def _uncoupled(system: GearSystem, mesh_frequency: Array, options: Any) -> Outcome:
     return _from_tongues(uncoupled(system, options.harmonics))
+
+
+def _boundary_variables(options: Any, system: GearSystem) -> tuple[Variable, ...]:
+    flags = {"flag_masks": list(BOUNDARY_FLAGS.values()), "flag_meanings": " ".join(BOUNDARY_FLAGS)}
+    table = [replace(v, attributes=flags) if v.name == "status" else v for v in EXACT]
+    return (*TONGUE, OCCURRENCE, *table)
+
+
+def _boundaries(system: GearSystem, mesh_frequency: Array, options: Any) -> Outcome:
+    found = boundaries(system, *map(float, mesh_frequency), options.tolerance, options.width_floor)
+    edges = found.arranged()
+    values = {
+        "boundary_frequency": edges.boundary_frequency, "achieved_tolerance": edges.tolerance, "status": edges.flags,
+        "holder": edges.holder, "contacts": found.contacts, "evaluations": found.evaluations,
+    }  # fmt: skip
+    return Outcome(values, edges.index)
+
+
+def _boundaries_cost(options: Any, system: GearSystem) -> float:
+    return 4000 * max(1.0, 2 * sum(system.common_period()[1]) * system.size**2 / 36)
 
 
 METHODS: dict[str, Method] = {
@@ -132,6 +166,10 @@ METHODS: dict[str, Method] = {
         name="floquet", frequency=POINTS, variables=_floquet_variables, constants=_exponent_numbers, run=_floquet,
         cost=_floquet_cost, parallel=_compiled_kernel,
     ),
+    "boundaries": Method(
+        name="boundaries", frequency=RANGE, variables=_boundary_variables, constants=_sides, run=_boundaries,
+        cost=_boundaries_cost, unite=united_edges,
+    ),
 }  # fmt: skip
 """By name, in the order in which they run: the cheap ones first."""
 
@@ -142,6 +180,7 @@ def chosen(methods: Any) -> list[tuple[Method, Any]]:
     return [(method, options) for method, options in asked if options is not None]
 
 
-def tongue_coordinates(tongues: Sequence[Tongue]) -> dict[str, list[Any]]:
+def tongue_coordinates(index: Sequence[Key]) -> dict[str, list[Any]]:
     """The coordinates of the dimension ``tongue``."""
-    return {variable.name: [getattr(tongue, variable.name) for tongue in tongues] for variable in TONGUE}
+    found = {variable.name: [getattr(tongue, variable.name) for tongue, _ in index] for variable in TONGUE}
+    return found | {OCCURRENCE.name: [occurrence for _, occurrence in index]}

@@ -20,6 +20,7 @@ from typing import Protocol
 
 from gearstab.perturbation import Tongue
 from gearstab.results.write import write_bytes
+from gearstab.sweep.methods import Key
 
 MAGIC = b"gearstab part 1\n"
 CHECKSUM = 32
@@ -32,7 +33,7 @@ class Finished(Protocol):
     def key(self) -> str: ...
 
     @property
-    def tongues(self) -> tuple[Tongue, ...]: ...
+    def tongues(self) -> tuple[Key, ...]: ...
 
     @property
     def points(self) -> int: ...
@@ -59,7 +60,7 @@ class Part:
     """
 
     key: str
-    tongues: tuple[Tongue, ...]
+    tongues: tuple[Key, ...]
     chunks: Mapping[str, list[bytes]]
     points: int
     unstable: int
@@ -80,7 +81,7 @@ class StoredPart:
 
     path: Path
     key: str
-    tongues: tuple[Tongue, ...]
+    tongues: tuple[Key, ...]
     places: Mapping[str, list[tuple[int, int]]]
     points: int
     unstable: int
@@ -103,7 +104,7 @@ class StoredPart:
 def to_bytes(part: Part, digest: str) -> bytes:
     """The contents of a part file."""
     header = {
-        "digest": digest, "key": part.key, "tongues": [asdict(tongue) for tongue in part.tongues],
+        "digest": digest, "key": part.key, "tongues": [[asdict(tongue), occurrence] for tongue, occurrence in part.tongues],
         "chunks": {name: [len(chunk) for chunk in chunks] for name, chunks in part.chunks.items()},
         "points": part.points, "unstable": part.unstable, "failed": part.failed,
     }  # fmt: skip
@@ -128,7 +129,7 @@ def from_bytes(data: bytes, path: Path, digest: str) -> StoredPart | None:
         ends = list(accumulate(lengths, initial=offset))
         places[name] = list(zip(ends[:-1], lengths, strict=True))
         offset = ends[-1]
-    tongues = tuple(Tongue(**tongue) for tongue in header["tongues"])
+    tongues = tuple((Tongue(**tongue), occurrence) for tongue, occurrence in header["tongues"])
     return StoredPart(path, header["key"], tongues, places, header["points"], header["unstable"], header["failed"])
 
 

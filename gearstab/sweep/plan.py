@@ -21,6 +21,7 @@ import numpy as np
 from gearstab import __version__
 from gearstab.config import Axis, Config
 from gearstab.floquet import kernel
+from gearstab.sweep.errors import RequestError
 from gearstab.sweep.methods import POINTS, Method, chosen
 from gearstab.system import Array, GearSystem
 from gearstab.systems import build
@@ -146,13 +147,21 @@ class Plan:
 
 
 def plan(config: Config) -> Plan:
-    """Divide the grid of a configuration that has a ``sweep`` and ``methods``."""
+    """Divide the grid of a configuration that has a ``sweep`` and ``methods``. Raises RequestError."""
     if not config.axes or not config.methods.chosen:
         raise ValueError("a sweep needs axes and methods")
     base = build(config.parameters)
     fast = next((axis for axis in config.axes if [a.path for a in axis.assignments] == [FREQUENCY]), None)
     layouts = tuple(_layout(config, base, fast, method, options) for method, options in chosen(config.methods))
-    return Plan(config, base, fast, layouts, kernel.name())
+    return Plan(config, base, fast, layouts, chosen_kernel())
+
+
+def chosen_kernel() -> str:
+    """The kernel that will run. Raises RequestError where the environment asks for one that is not there."""
+    try:
+        return kernel.name()
+    except ValueError as error:
+        raise RequestError(str(error)) from None
 
 
 def _layout(config: Config, base: GearSystem, fast: Axis | None, method: Method, options: Any) -> Layout:

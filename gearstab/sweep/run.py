@@ -17,7 +17,7 @@ from gearstab import __version__
 from gearstab.results.errors import ResultError
 from gearstab.results.read import attributes
 from gearstab.sweep import merge
-from gearstab.sweep.errors import Interrupted, OutputError, SweepError
+from gearstab.sweep.errors import Interrupted, RequestError, SweepError
 from gearstab.sweep.parts import PartFolder
 from gearstab.sweep.plan import Plan
 from gearstab.sweep.pool import Failure, run_blocks
@@ -54,7 +54,7 @@ def run(
 
     jobs: threads or processes, default one a processor.
 
-    Raises OutputError before anything is computed: ``out`` holds something else and ``overwrite`` is not given, or cannot be written.
+    Raises RequestError before anything is computed: ``out`` holds something else and ``overwrite`` is not given, or cannot be written.
     SweepError: the disk is full, or a block failed; Interrupted: by SIGINT or SIGTERM. Then what is finished is kept.
     """
     out, reporter = Path(out), progress or Reporter()
@@ -82,31 +82,31 @@ def run(
 
 
 def is_complete(plan: Plan, out: Path) -> bool:
-    """Whether ``out`` is the result of this plan. Raises OutputError if it is anything else."""
+    """Whether ``out`` is the result of this plan. Raises RequestError if it is anything else."""
     if not out.exists():
         return False
     try:
         found = attributes(out)
     except ResultError as error:
-        raise OutputError(f"{error}; choose another output or use --overwrite") from None
+        raise RequestError(f"{error}; choose another output or use --overwrite") from None
     if found.get("config_digest") != plan.config.digest:
-        raise OutputError(f"{out}: is the result of another configuration; choose another output or use --overwrite")
+        raise RequestError(f"{out}: is the result of another configuration; choose another output or use --overwrite")
     if found["gearstab_version"] != __version__:
-        raise OutputError(f"{out}: was computed by gearstab {found['gearstab_version']}; use --overwrite to compute it again")
+        raise RequestError(f"{out}: was computed by gearstab {found['gearstab_version']}; use --overwrite to compute it again")
     return True
 
 
 def prepare(out: Path) -> None:
-    """Make the output's folder and see that files can be written there. Raises OutputError."""
+    """Make the output's folder and see that files can be written there. Raises RequestError."""
     if out.is_dir():
-        raise OutputError(f"{out}: is a folder")
+        raise RequestError(f"{out}: is a folder")
     probe = out.with_name(f".{out.name}.{os.getpid()}.tmp")
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
         probe.write_bytes(b"")
         probe.unlink()
     except OSError as error:
-        raise OutputError(f"{out}: cannot be written: {(error.strerror or str(error)).lower()}") from None
+        raise RequestError(f"{out}: cannot be written: {(error.strerror or str(error)).lower()}") from None
 
 
 @contextmanager
