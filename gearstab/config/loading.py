@@ -125,11 +125,9 @@ def _read_system(document: Document, model: type[System], source: FilePath) -> _
     built = [(layout.name, sweep.build(document, layout)) for layout in layouts]
     if system is None:
         return None
-    plain = {"kind": raw["kind"]} | system.model_dump(mode="json", exclude_none=True)
-    parameters = as_parameters(system) | from_file
-    if "damping" not in parameters:
-        plain.setdefault("damping_ratio", 0.0)
-        parameters.setdefault("damping_ratio", 0.0)
+    undamped = {"damping_ratio": 0.0} if (raw | from_file).get("damping") is None else {}
+    plain = {"kind": raw["kind"]} | undamped | system.model_dump(mode="json", exclude_none=True)
+    parameters = undamped | as_parameters(system) | from_file
     axes = tuple(item[0] for _, item in built if item)
     return _System(plain, parameters, contents, axes, {name: item[1] for name, item in built if item})
 

@@ -52,11 +52,12 @@ class Matrices(System):
         yield from super().conflicts(raw)
         size = cls.size(raw)
         for name in ("mass", "stiffness"):
-            if raw.get(name) is None:
+            rows = raw.get(name)
+            if rows is None and raw.get("file") is None:
                 remedy = f"add {name}, or file: the name of a .npz, .h5 or .mat file with it"
                 yield (), f"{name} is missing", remedy
-            elif isinstance(raw[name], list) and size is not None:
-                yield from not_square(raw[name], size, (name,))
+            elif isinstance(rows, list) and size is not None:
+                yield from not_square(rows, size, (name,))
         if size is not None:
             yield from _of_size(raw, size)
         names = raw.get("coordinates")
