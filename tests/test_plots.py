@@ -372,6 +372,19 @@ def test_response_shows_every_history():
     assert len(one["lines"]) == 1
 
 
+def test_a_growing_history_shows_its_beginning_too():
+    tree = made.response()
+    time = tree["response"]["time"].values
+    tree["response"]["displacement"].values[:, 1] = np.exp(time) * np.sin(5 * time)
+    figure, artists = draw(tree)
+    scales = [ax.get_yscale() for ax in figure.axes]
+    assert scales == ["linear", "asinh", "linear", "linear", "linear"]
+    ticks = figure.axes[1].get_yticks()
+    np.testing.assert_array_equal(ticks, -ticks[::-1])
+    assert ticks.max() == 1e8  # exp(20) = 4.9e8
+    np.testing.assert_array_equal(artists["lines"][1].get_ydata(), np.exp(time) * np.sin(5 * time))
+
+
 # --- what cannot be drawn
 
 

@@ -80,9 +80,11 @@ def test_a_tongue_that_closes_before_the_end_is_pointed_at_from_within():
     group["boundary_frequency"][5, :, 15:] = np.nan  # 2w3 ends at epsilon = 0.35
     figure, artists = draw(made.tree(floquet=made.floquet_group(coords), perturbation=group), "map")
     texts = [text.get_text() for text in artists["names"].texts]
-    leader = artists["names"].leaders[texts.index(r"$2\omega_{3}$")]
-    first = figure.axes[0].transData.inverted().transform(leader.get_transform().transform(leader.get_xydata()))[0]
-    assert first[1] == pytest.approx(0.35)
+    (leader,) = artists["names"].inner
+    ends = figure.axes[0].transData.inverted().transform(leader.get_transform().transform(leader.get_xydata()))
+    np.testing.assert_allclose(ends[:, 0], 5.423447526)
+    np.testing.assert_allclose(ends[:, 1], [0.35, 0.5])
+    assert r"$2\omega_{3}$" in texts
 
 
 numbers = st.lists(st.floats(0, 100), min_size=1, max_size=25)

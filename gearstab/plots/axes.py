@@ -57,6 +57,12 @@ class Axis:
         return axis_label(self.name, self.long_name, self.units, self.meshes)
 
     @property
+    def short_label(self) -> str:
+        """What stands beside an axis without room: the symbol, or the name without one, and the unit."""
+        unit = unit_text(self.units)
+        return short_label(self.name, self.meshes) + (f" ({unit})" if unit else "")
+
+    @property
     def logarithmic(self) -> bool:
         """Whether the values follow a geometric series (and not an arithmetic one)."""
         x = self.positions[self.order]

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from gearstab.plots import grid, tongues
+from gearstab.plots import grid, names, tongues
 from gearstab.plots.axes import FREQUENCY, GROUPS, Request, View, view_of
 from gearstab.plots.curve import caption, combinations, write_legend
 from gearstab.plots.errors import PlotError
@@ -133,7 +133,7 @@ def legend_handles(cases: list[Artists], captions: list[str]) -> list[Any]:
     return handles
 
 
-def named_cases(tree: xr.DataTree, ax: Axes, views: list[View]) -> tongues.NamedTongues:
+def named_cases(tree: xr.DataTree, ax: Axes, views: list[View]) -> names.NamedTongues:
     """Name every tongue once, where it is widest among the cases."""
     axis = tongues.parameter_axis(views[0])
     assert axis is not None
@@ -145,8 +145,8 @@ def named_cases(tree: xr.DataTree, ax: Axes, views: list[View]) -> tongues.Named
         if lines:
             best = np.argmax([tongues.widest(item, *limits) for item in lines], axis=0)
             edges = np.stack([item.edges for item in lines])[best, np.arange(best.size)]
-            return tongues.name_tongues(ax, Tongues(edges, lines[0].labels, parameter), frequency_on_x)
-    return tongues.NamedTongues((), ())
+            return names.name_tongues(ax, Tongues(edges, lines[0].labels, parameter), frequency_on_x)
+    return names.NamedTongues()
 
 
 def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
@@ -165,7 +165,7 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     handles = legend_handles(cases, [caption(view.free, case) for case in chosen])
     legend = write_legend(figure, handles)
     write_title(figure, tree, request, view)
-    tongues.settle(figure)
-    names = named_cases(tree, ax, views)
-    tongues.freeze(figure)
-    return figure, {"cases": cases, "names": names, "legend": legend}
+    names.settle(figure)
+    named = named_cases(tree, ax, views)
+    names.freeze(figure)
+    return figure, {"cases": cases, "names": named, "legend": legend}

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.legend import Legend
 from matplotlib.lines import Line2D
 
-from gearstab.plots import grid, tongues
+from gearstab.plots import grid, names, tongues
 from gearstab.plots.axes import FREQUENCY, Axis, Request, View, view_of
 from gearstab.plots.errors import PlotError
 from gearstab.plots.heading import write_title
@@ -93,7 +93,7 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     if len(cases) > 1:
         write_legend(figure, lines)
     write_title(figure, tree, request, view)
-    tongues.settle(figure)
-    names = tongues.name_tongues(ax, found, True) if found is not None else None
-    tongues.freeze(figure)
-    return figure, {"lines": lines, "bands": bands, "names": names}
+    names.settle(figure)
+    named = names.name_tongues(ax, found, True) if found is not None else None
+    names.freeze(figure)
+    return figure, {"lines": lines, "bands": bands, "names": named}

@@ -23,4 +23,4 @@ def write_title(figure: Figure, tree: xr.DataTree, request: Request, view: View 
     if view is not None and view.chosen:
         lines.append(",  ".join(view.chosen))
     if lines:
-        figure.suptitle("\n".join(lines), linespacing=1.0)
+        figure.suptitle("\n".join(lines), linespacing=1.1)

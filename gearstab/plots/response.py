@@ -8,6 +8,7 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullLocator
 
 from gearstab.plots.axes import Request
 from gearstab.plots.errors import PlotError, listed
@@ -15,9 +16,13 @@ from gearstab.plots.heading import write_title
 from gearstab.plots.style import CASES, new_figure
 from gearstab.plots.text import fitted, plain, unit_text
 
+Array = np.ndarray
 Artists = dict[str, Any]
 
 MOST_PANELS = 12
+GROWN = 1000
+"""A history that outgrows its first twentieth by this factor is drawn over asinh, which shows its beginning too."""
+
 LONG = 20_000
 """Histories with more samples are stored as pixels inside a PDF or SVG file: as lines they would take megabytes."""
 
@@ -90,7 +95,28 @@ def draw_history(ax: Axes, label: str, data: xr.DataArray, colour: str) -> Any:
     ax.set_xlim(time[0], time[-1])
     ax.set_ylabel(fitted(label, 1.1, 8.5), linespacing=0.95)
     ax.margins(y=0.08)
+    show_growth(ax, data.values)
     return line
+
+
+def show_growth(ax: Axes, values: Array) -> None:
+    """Draw a history that outgrows its beginning over asinh: linear up to the beginning's size, then by decades."""
+    start, peak = np.abs(values[: max(values.size // 20, 2)]).max(), np.abs(values).max()
+    if not 0 < GROWN * start < peak < np.inf:
+        return
+    ax.set_yscale("asinh", linear_width=start)
+    last = int(np.floor(np.log10(peak)))
+    step = max(1, round((last - np.log10(start)) / 2))
+    sizes = [10.0**power for power in range(last, int(np.ceil(np.log10(start))), -step)]
+    ticks = [*(-size for size in sizes), 0.0, *reversed(sizes)]
+    ax.set_yticks(ticks, [tick_text(tick) for tick in ticks])
+    ax.yaxis.set_minor_locator(NullLocator())
+
+
+def tick_text(value: float) -> str:
+    """A signed power of ten, or 0."""
+    sign = "-" if value < 0 else ""
+    return f"${sign}10^{{{round(np.log10(abs(value)))}}}$" if value else "0"
 
 
 def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:

@@ -10,7 +10,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from gearstab.plots import stability_map, tongues
+from gearstab.plots import names, stability_map
 from gearstab.plots.axes import Request, View, view_of
 from gearstab.plots.curve import caption, combinations
 from gearstab.plots.heading import write_title
@@ -71,8 +71,8 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     figure.supxlabel(view.x.label, fontsize=8.5)
     figure.supylabel(view.y.label, fontsize=8.5)  # type: ignore[union-attr]
     write_title(figure, tree, request, view)
-    tongues.settle(figure)
+    names.settle(figure)
     for ax, item, artists in zip(grid, views, panels, strict=False):
-        artists["names"] = tongues.name_view(tree, ax, item, rows=1)
-    tongues.freeze(figure)
+        artists["names"] = names.name_view(tree, ax, item, rows=1)
+    names.freeze(figure)
     return figure, {"panels": panels, "colour_bar": bar}

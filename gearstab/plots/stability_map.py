@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import Colormap, Normalize
 from matplotlib.figure import Figure
 
-from gearstab.plots import grid, tongues
+from gearstab.plots import grid, names, tongues
 from gearstab.plots.axes import GROUPS, Request, View, view_of
 from gearstab.plots.errors import PlotError, listed
 from gearstab.plots.heading import write_title
@@ -152,7 +152,7 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     bar.outline.set_linewidth(0.5)
     artists["colour_bar"] = bar
     write_title(figure, tree, request, view)
-    tongues.settle(figure)
-    artists["names"] = tongues.name_view(tree, ax, view)
-    tongues.freeze(figure)
+    names.settle(figure)
+    artists["names"] = names.name_view(tree, ax, view)
+    names.freeze(figure)
     return figure, artists

@@ -168,10 +168,11 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
 
 def dress(ax: Axes3D, view: View, data: xr.DataArray) -> None:
     """Labels, a view from above, white panes and a light grid."""
-    ax.set_xlabel(view.x.label, labelpad=-4)
-    ax.set_ylabel(view.y.label, labelpad=-4)  # type: ignore[union-attr]
+    ax.set_xlabel(view.x.short_label, labelpad=-4)
+    ax.set_ylabel(view.y.short_label, labelpad=-4)  # type: ignore[union-attr]
     ax.set_zlabel(axis_label(FREQUENCY, "mesh frequency", str(data.attrs.get("units", "1"))), labelpad=-2, rotation=90)
-    ax.zaxis.set_rotate_label(False)
+    for axis in (ax.xaxis, ax.yaxis, ax.zaxis):
+        axis.set_rotate_label(False)
     ax.view_init(elev=ELEVATION, azim=AZIMUTH)
     ax.set_box_aspect((1, 1, 0.8), zoom=0.92)
     for axis in (ax.xaxis, ax.yaxis, ax.zaxis):
