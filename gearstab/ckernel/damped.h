@@ -7,8 +7,9 @@
 #define GEARSTAB_DAMPED_H
 
 /* e^{at} cos bt and e^{at} sin bt of the m coordinates of a segment, divided by exp(growth). */
-INLINE vec decaying_rotation(const struct damped *pattern, int64_t r, int64_t s, vec period, vec *cosine, vec *sine) {
-    int64_t m = pattern->m, at = (r * pattern->states + pattern->state[s]) * m;
+INLINE vec decaying_rotation(const struct damped *pattern, int64_t m, int64_t r, int64_t s, vec period, vec *cosine,
+                             vec *sine) {
+    int64_t at = (r * pattern->states + pattern->state[s]) * m;
     double fraction = pattern->fractions[r * pattern->segments + s];
     const double *decay = pattern->decay + at, *frequency = pattern->frequency + at;
     double slowest = decay[0];
@@ -51,58 +52,103 @@ INLINE void real_change(const double *b, int64_t m, int64_t columns, const vec *
         }
 }
 
-/* One period, x (m, m) by columns, divided by exp(scale); work (m + 2, m). */
-INLINE vec propagate_damped(const struct damped *pattern, int64_t r, vec period, vec *x, vec *work) {
-    int64_t m = pattern->m;
-    vec scale = all(0.0), *cosine = work, *sine = work + m, *q = work + 2 * m;
-    for (int64_t i = 0; i < m * m; i++)
-        x[i] = all(i % (m + 1) == 0);
-    for (int64_t s = 0; s < pattern->segments; s++) {
-        scale += decaying_rotation(pattern, r, s, period, cosine, sine);
-        const double *frequency = pattern->frequency + (r * pattern->states + pattern->state[s]) * m;
-        for (int64_t c = 0; c < m; c++)
-            for (int64_t i = 0; i < m; i++) {
-                vec *from = x + c * m + i, *to = q + c * m + i;
-                if (frequency[i] == 0) {
-                    to[0] = cosine[i] * from[0];
-                    continue;
-                }
-                vec a = from[0], b = from[1];
-                to[0] = cosine[i] * a + sine[i] * b;
-                to[1] = cosine[i] * b - sine[i] * a;
+/* The first segment on the unit matrix. */
+INLINE void first_rotation(const double *b, const double *frequency, int64_t m, const vec *cosine, const vec *sine, vec *x) {
+    for (int64_t c = 0; c < m; c++) {
+        int pair = frequency[c] != 0;
+        for (int64_t i = 0; i < m; i++) {
+            const double *at = b + i * m + c;
+            x[c * m + i] = at[0] * cosine[c];
+            if (pair) {
+                x[c * m + i] -= at[1] * sine[c];
+                x[(c + 1) * m + i] = at[0] * sine[c] + at[1] * cosine[c];
+            }
+        }
+        c += pair;
+    }
+}
+
+/* q = the rotation of a segment on the columns of x. */
+INLINE void rotate(const double *frequency, int64_t m, const vec *cosine, const vec *sine, const vec *x, vec *q) {
+    for (int64_t c = 0; c < m; c++)
+        for (int64_t i = 0; i < m; i++) {
+            const vec *from = x + c * m + i;
+            vec *to = q + c * m + i;
+            to[0] = cosine[i] * from[0];
+            if (frequency[i] != 0) {
+                to[0] += sine[i] * from[1];
+                to[1] = cosine[i] * from[1] - sine[i] * from[0];
                 i++;
             }
-        real_change(pattern->change + (r * pattern->segments + s) * m * m, m, m, q, x);
+        }
+}
+
+/* One period, x (m, m) by columns, divided by exp(scale); work (m + 2, m). */
+INLINE vec propagate_damped(const struct damped *pattern, int64_t m, int64_t r, vec period, vec *x, vec *work) {
+    vec scale = all(0.0), *cosine = work, *sine = work + m, *q = work + 2 * m;
+    for (int64_t s = 0; s < pattern->segments; s++) {
+        const double *frequency = pattern->frequency + (r * pattern->states + pattern->state[s]) * m;
+        const double *change = pattern->change + (r * pattern->segments + s) * m * m;
+        scale += decaying_rotation(pattern, m, r, s, period, cosine, sine);
+        if (s == 0) {
+            first_rotation(change, frequency, m, cosine, sine, x);
+        } else {
+            rotate(frequency, m, cosine, sine, x, q);
+            real_change(change, m, m, q, x);
+        }
         if (s % RESCALE_EVERY != RESCALE_EVERY - 1 && s + 1 < pattern->segments)
             continue;
-        vec size = largest_entry(x, m * m), factor = 1.0 / larger(size, all(DBL_MIN));
-        scale += logarithm(larger(size, all(DBL_MIN)));
+        vec size = larger(largest_entry(x, m * m), all(DBL_MIN)), factor = 1.0 / size;
+        scale += logarithm(size);
         for (int64_t i = 0; i < m * m; i++)
             x[i] = x[i] * factor;
     }
     return scale;
 }
 
+/* ln max |lambda| of x (m, m), which is destroyed; work (4, m). */
+static vec largest_by_qr(vec *x, int64_t m, vec *work) {
+    vec *real = work + 2 * m, *imaginary = work + 3 * m, largest = all(0.0);
+    reduce_to_hessenberg(x, m, work);
+    hessenberg_eigenvalues(x, m, real, imaginary);
+    for (int64_t i = 0; i < m; i++)
+        largest = larger(largest, real[i] * real[i] + imaginary[i] * imaginary[i]);
+    return 0.5 * logarithm(larger(largest, all(DBL_MIN)));
+}
+
+/* A row, m a constant where this is inlined for small ones; room (m, m) and (m + 4, m). */
+INLINE void scan_damped_row(const struct damped *pattern, int64_t m, int64_t r, int64_t points, const double *omega,
+                            double *growth, double *scale, vec *x, vec *work) {
+    for (int64_t k = 0; k < points; k += LANES) {
+        vec period = pattern->cycles / load_part(omega, k, points), value = all(0.0);
+        vec taken = propagate_damped(pattern, m, r, period, x, work);
+        mask sure = {0};
+        if (m == 4 || m == 6)
+            value = largest_modulus(x, m, &sure);
+        if (any(~sure))
+            value = choose(sure, value, largest_by_qr(x, m, work));
+        store_part(scale, k, points, taken);
+        store_part(growth, k, points, taken + value);
+    }
+}
+
 static int scan_damped(const struct damped *pattern, int64_t first, int64_t last, int64_t points, const double *omega,
                        double *growth, double *scale) {
     int64_t m = pattern->m;
     void *memory;
-    vec *x = vectors(m * m + m * (m + 2) + 2 * m, &memory);
+    vec *x = vectors(m * m + m * (m + 4), &memory);
     if (!x)
         return -1;
-    vec *work = x + m * m, *real = work + m * (m + 2), *imaginary = real + m;
-    for (int64_t r = first; r < last; r++)
-        for (int64_t k = 0; k < points; k += LANES) {
-            vec period = pattern->cycles / load_part(omega + r * points, k, points);
-            vec taken = propagate_damped(pattern, r, period, x, work), largest = all(0.0);
-            /* The columns are the rows of the transpose, which has the same eigenvalues. */
-            reduce_to_hessenberg(x, m, work);
-            hessenberg_eigenvalues(x, m, real, imaginary);
-            for (int64_t i = 0; i < m; i++)
-                largest = larger(largest, real[i] * real[i] + imaginary[i] * imaginary[i]);
-            store_part(scale + r * points, k, points, taken);
-            store_part(growth + r * points, k, points, taken + 0.5 * logarithm(larger(largest, all(DBL_MIN))));
+    vec *work = x + m * m;
+    for (int64_t r = first; r < last; r++) {
+        const double *asked = omega + r * points;
+        double *value = growth + r * points, *taken = scale + r * points;
+        switch (m) {
+        case 4: scan_damped_row(pattern, 4, r, points, asked, value, taken, x, work); break;
+        case 6: scan_damped_row(pattern, 6, r, points, asked, value, taken, x, work); break;
+        default: scan_damped_row(pattern, m, r, points, asked, value, taken, x, work);
         }
+    }
     free(memory);
     return 0;
 }

@@ -1,0 +1,126 @@
+/* The largest modulus of the eigenvalues of a small matrix, without the eigenvalues.
+
+   Traces of powers give the characteristic polynomial (Newton's identities); squaring its roots again and again (Dandelin and
+   Graeffe) leaves the largest modulus plain: with the elementary symmetric functions e_j of the 2^k-th powers of m roots,
+   r^(2^k) is max_j |e_j|^(1/j) up to a factor binom(m, j), which is nothing after SQUARINGS steps. Every step costs the same
+   in all lanes. The price is the condition of the roots of a polynomial, so that it is measured: the same is done
+   with slightly perturbed polynomials, and where the result moves too much the point is left to the QR algorithm. */
+
+#ifndef GEARSTAB_MODULI_H
+#define GEARSTAB_MODULI_H
+
+#define LARGEST_POWER 6 /* the order of the matrices */
+#define ROUNDS 8        /* of STEPS squarings; 2^-48 ln binom(6, 3) = 1e-14 */
+#define STEPS 6         /* without scaling: from r >= 1/6 to e_6 > 2^-1000 */
+#define CHECKED 2       /* rounds after which the perturbed polynomials are compared */
+#define PERTURBATION 1e-8
+#define ROUNDING (16 * DBL_EPSILON) /* of e_j over the j-th power of the matrix's size */
+#define TRUSTED 2e-13
+#define LOG_TWO 0.6931471805599453
+
+/* log2 of max_j |e_j|^(1/j), the exponent and mantissa of a number read as a piecewise linear logarithm. */
+INLINE vec leading_exponent(const vec *e, int64_t m) {
+    vec largest = all(-DBL_MAX);
+    for (int64_t j = 1; j <= m; j++) {
+        vec number = (vec)(((bits)magnitude(e[j]) >> 11) | UINT64_C(0x4330000000000000)) - (0x1p52 + 1023 * 0x1p41);
+        largest = larger(number * (0x1p-41 / (double)j), largest);
+    }
+    return largest;
+}
+
+/* e_j of the squares of the roots: e_j^2 + 2 sum_i (-1)^i e_(j-i) e_(j+i). */
+INLINE void square_the_roots(vec *e, int64_t m) {
+    vec next[LARGEST_POWER + 1];
+    for (int64_t j = 1; j <= m; j++) {
+        vec sum = all(0.0);
+        for (int64_t i = 1; i <= j && j + i <= m; i++)
+            sum = i % 2 ? sum - e[j - i] * e[j + i] : sum + e[j - i] * e[j + i];
+        next[j] = e[j] * e[j] + (sum + sum);
+    }
+    for (int64_t j = 1; j <= m; j++)
+        e[j] = next[j];
+}
+
+/* Divide the roots by a power of 2 near the largest of them; returns its exponent. */
+INLINE vec divide_roots(vec *e, int64_t m) {
+    vec shifted = 0x1.8p52 - larger(smaller(leading_exponent(e, m), all(150.0)), all(-150.0));
+    vec exponent = 0x1.8p52 - shifted;
+    vec factor = (vec)(((bits)shifted + 1023) << 52), power = factor;
+    for (int64_t j = 1; j <= m; j++) {
+        e[j] = e[j] * power;
+        power = power * factor;
+    }
+    return exponent;
+}
+
+/* e_1..e_m of the eigenvalues of x (m, m) from the traces of its powers, m <= 6. */
+INLINE void characteristic_polynomial(const vec *x, int64_t m, vec *e) {
+    vec power[3][LARGEST_POWER * LARGEST_POWER], trace[LARGEST_POWER + 1];
+    int64_t half = (m + 1) / 2;
+    memcpy(power[0], x, (size_t)(m * m) * sizeof *x);
+    for (int64_t k = 1; k < half; k++)
+        for (int64_t i = 0; i < m; i++)
+            for (int64_t j = 0; j < m; j++) {
+                vec sum = power[k - 1][i * m] * x[j];
+                for (int64_t l = 1; l < m; l++)
+                    sum += power[k - 1][i * m + l] * x[l * m + j];
+                power[k][i * m + j] = sum;
+            }
+    trace[1] = all(0.0);
+    for (int64_t i = 0; i < m; i++)
+        trace[1] += x[i * (m + 1)];
+    for (int64_t k = 2; k <= m; k++) {
+        const vec *a = power[k / 2 - 1], *b = power[k - k / 2 - 1];
+        vec sum = all(0.0);
+        for (int64_t i = 0; i < m; i++)
+            for (int64_t j = 0; j < m; j++)
+                sum += a[i * m + j] * b[j * m + i];
+        trace[k] = sum;
+    }
+    e[0] = all(1.0);
+    for (int64_t k = 1; k <= m; k++) {
+        vec sum = all(0.0);
+        for (int64_t i = 1; i <= k; i++)
+            sum += (i % 2 ? 1.0 : -1.0) * (e[k - i] * trace[i]);
+        e[k] = sum * (1.0 / (double)k);
+    }
+}
+
+/* ln max |lambda| of x (m, m), m <= 6 a constant where this is inlined; in *sure where that is right to TRUSTED. */
+INLINE vec largest_modulus(const vec *x, int64_t m, mask *sure) {
+    static const double sign[2][LARGEST_POWER] = {{1, -1, 1, 1, -1, -1}, {1, 1, -1, 1, 1, -1}};
+    vec e[3][LARGEST_POWER + 1], result[3], size = all(0.0);
+    characteristic_polynomial(x, m, e[0]);
+    for (int64_t i = 0; i < m * m; i++)
+        size += x[i] * x[i];
+    size = root(size * (1.0 / (double)m));
+    vec amount = all(PERTURBATION);
+    e[1][0] = e[2][0] = e[0][0];
+    for (int64_t j = 1; j <= m; j++) {
+        amount = amount * size;
+        e[1][j] = e[0][j] + sign[0][j - 1] * amount;
+        e[2][j] = e[0][j] + sign[1][j - 1] * amount;
+    }
+    double weight = 1.0;
+    result[0] = result[1] = result[2] = all(0.0);
+    *sure = (mask){0};
+    for (int k = 0; k < ROUNDS; k++) {
+        if (k == CHECKED) {
+            vec moved = all(0.0);
+            for (int c = 1; c < 3; c++) {
+                vec other = result[c] + weight * leading_exponent(e[c], m);
+                moved = larger(magnitude(other - result[0] - weight * leading_exponent(e[0], m)), moved);
+            }
+            *sure = moved < TRUSTED / LOG_TWO * (PERTURBATION / ROUNDING);
+        }
+        for (int c = 0; c < (k < CHECKED ? 3 : 1); c++)
+            result[c] += weight * divide_roots(e[c], m);
+        for (int step = 0; step < STEPS; step++)
+            for (int c = 0; c < (k < CHECKED ? 3 : 1); c++)
+                square_the_roots(e[c], m);
+        weight *= 1.0 / (1 << STEPS);
+    }
+    return LOG_TWO * (result[0] + weight * leading_exponent(e[0], m));
+}
+
+#endif
