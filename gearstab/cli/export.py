@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import click
@@ -9,17 +10,25 @@ import click
 from gearstab.cli.errors import user_errors
 
 
-@click.command(name="export")
+@click.command(name="export", short_help="Write a result file as tidy CSV.")
 @click.argument("result", type=click.Path(path_type=Path))
-@click.option("-o", "--output", required=True, type=click.Path(path_type=Path, allow_dash=True), help="CSV file; - for standard output.")
-@click.option("--group", metavar="NAME", help="Which group of the file [default: floquet, else the first one over the sweep].")
+@click.option(
+    "-o",
+    "--output",
+    required=True,
+    type=click.Path(path_type=Path, allow_dash=True),
+    help="CSV file; - for standard output.",
+)
+@click.option(
+    "--group", metavar="NAME", help="Which group of the file [default: floquet, else the first one over the sweep]."
+)
 def command(result: Path, output: Path, group: str | None) -> None:
     """Write the file RESULT as tidy CSV: one row a grid point, one column an axis or variable."""
     with user_errors():
-        from gearstab.results.export import export_csv, to_stream
+        from gearstab.results import export
 
         if str(output) == "-":
-            to_stream(result, click.get_text_stream("stdout"), group)
+            export.to_stream(result, sys.stdout, group)
             return
-        rows = export_csv(result, output, group)
+        rows = export.export_csv(result, output, group)
     click.echo(f"{output}: {rows:,} rows", err=True)

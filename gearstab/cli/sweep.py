@@ -16,16 +16,32 @@ if TYPE_CHECKING:
     from gearstab.sweep.estimate import Estimate
 
 
-@click.command(name="sweep")
+@click.command(name="sweep", short_help="Compute a grid.")
 @click.argument("config", type=click.Path(path_type=Path))
-@click.option("-o", "--output", type=click.Path(path_type=Path), help="Result file [default: results/<CONFIG's name>.h5].")
+@click.option(
+    "-o", "--output", type=click.Path(path_type=Path), help="Result file [default: results/<CONFIG's name>.h5]."
+)
 @click.option("-j", "--jobs", type=click.IntRange(min=1), help="Threads or processes [default: one a processor].")
-@click.option("--set", "overrides", multiple=True, metavar="PATH=VALUE", help="Replace a value of CONFIG for this run; repeatable.")
-@click.option("--resume/--overwrite", default=None, help="Go on with what an interrupted run finished (default), or start anew.")
+@click.option(
+    "--set",
+    "overrides",
+    multiple=True,
+    metavar="PATH=VALUE",
+    help="Replace a value of CONFIG for this run; repeatable.",
+)
+@click.option(
+    "--resume/--overwrite", default=None, help="Go on with what an interrupted run finished (default), or start anew."
+)
 @click.option("--dry-run", is_flag=True, help="Print size, time, memory and file size; compute and write nothing.")
 @click.option("-q", "--quiet", is_flag=True, help="Print errors only.")
 def command(
-    config: Path, output: Path | None, jobs: int | None, overrides: tuple[str, ...], resume: bool | None, dry_run: bool, quiet: bool
+    config: Path,
+    output: Path | None,
+    jobs: int | None,
+    overrides: tuple[str, ...],
+    resume: bool | None,
+    dry_run: bool,
+    quiet: bool,
 ) -> None:
     """Compute stability over the grid of CONFIG with all its methods."""
     start = time.perf_counter()
@@ -68,12 +84,17 @@ def forecast(plan: Plan, found: Estimate, target: Path) -> str:
     from gearstab.cli.progress import duration
 
     axes = [[axis.name, f"{axis.size:,}", extent(axis)] for axis in plan.config.axes]
-    methods = [[m.name, f"{m.points:,}", f"{m.blocks:,}", duration(m.seconds), size(m.file_size)] for m in found.methods]
+    methods = [
+        [m.name, f"{m.points:,}", f"{m.blocks:,}", duration(m.seconds), size(m.file_size)] for m in found.methods
+    ]
     lines = [plan.config.title, ""]
     lines += [*table(["axis", "values", "from .. to"], axes), ""]
     lines += [*table(["method", "points", "blocks", "time", "in the file"], methods), ""]
     lines.append(f"points        {plan.points:,} of {plan.systems:,} system{'s' * (plan.systems != 1)}")
-    lines.append(f"time          {duration(found.seconds)} on {found.jobs} processor{'s' * (found.jobs != 1)} ({plan.kernel} kernel)")
+    lines.append(
+        f"time          {duration(found.seconds)} on {found.jobs} processor{'s' * (found.jobs != 1)} "
+        f"({plan.kernel} kernel)"
+    )
     lines.append(f"memory        {size(found.memory)}")
     lines.append(f"file          {size(found.file_size)}, {target}")
     return "\n".join(lines)
@@ -100,4 +121,7 @@ def size(count: float) -> str:
 def table(header: list[str], rows: list[list[str]]) -> list[str]:
     """Columns of text, two spaces apart."""
     widths = [max(len(row[k]) for row in [header, *rows]) for k in range(len(header))]
-    return ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in [header, *rows]]
+    return [
+        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
+        for row in [header, *rows]
+    ]

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import expm
 
 from gearstab.floquet.segments import Pattern
 from gearstab.system import Array
@@ -108,6 +107,8 @@ def exponential(generator: Generators, row: int, state: int, duration: Array) ->
     values = values - values.real.max()
     if not generator.well_conditioned[row]:
         shifted = generator.matrix[row, state] - generator.eigen[0][row, state].real.max() * np.eye(len(values))
+        from scipy.linalg import expm  # takes as long to load as a small sweep to run
+
         return expm(shifted * duration[:, None, None])
     return ((vectors * np.exp(values * duration[:, None])[:, None, :]) @ inverse).real
 

@@ -1,7 +1,7 @@
 """Chunks of an array, encoded as HDF5's filters shuffle and deflate store them.
 
-Encoding them here rather than in the HDF5 library lets the threads or processes that computed the values do it too (HDF5
-runs under one lock), and lets a merge of any number of parts copy bytes.
+Encoding them here rather than in the HDF5 library lets the threads or processes that computed the values do it too
+(HDF5 runs under one lock), and lets a merge of any number of parts copy bytes.
 """
 
 from __future__ import annotations

@@ -28,7 +28,7 @@ ROWS_AT_ONCE = 1 << 16
 
 
 def export_csv(path: Path, out: Path, group: str | None = None) -> int:
-    """Write a group of the result at ``path`` to ``out``, which has its name only when it is complete; the number of rows.
+    """Write a group of the result at ``path`` to ``out``, which gets its name when complete; the number of rows.
 
     group: default ``floquet``, else the first other one that there is.
 
@@ -86,7 +86,7 @@ def chosen_group(tree: xr.DataTree, group: str | None, path: Path) -> str:
 
 
 def dimensions(dataset: xr.Dataset) -> list[str]:
-    """The dimensions of all variables, in the order in which they name them; those that only hold inherited coordinates are left out."""
+    """The dimensions of the variables, in the order in which they name them."""
     return list(dict.fromkeys(str(dim) for name in by_size(dataset) for dim in dataset[name].dims))
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import platform
-from datetime import datetime, timezone
+from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,7 +26,7 @@ def root_attributes(config: Config, kernel: str) -> dict[str, Any]:
         "Conventions": "CF-1.11",
         "title": config.title,
         "source": f"gearstab {__version__}",
-        "created": datetime.now(timezone.utc).isoformat(timespec="seconds"),
+        "created": datetime.now(UTC).isoformat(timespec="seconds"),
         "gearstab_version": __version__,
         "numpy_version": np.__version__,
         "h5py_version": h5py.__version__,
@@ -50,4 +50,6 @@ def modes_group(system: GearSystem) -> Group:
         "mesh_deflection": modes.mesh_deflection,
         "mode_type": [str(kind) for kind in mode_types(modes)],
     }
-    return Group(fields_of(MODES, values), {"comment": "modes of the mean system at the base values of the configuration"})
+    return Group(
+        fields_of(MODES, values), {"comment": "modes of the mean system at the base values of the configuration"}
+    )

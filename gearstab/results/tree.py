@@ -75,7 +75,7 @@ class ResultTree:
 
 
 def fields_of(variables: Sequence[Variable], values: Mapping[str, Any]) -> tuple[Field, ...]:
-    """The variables of a table that there are values for, in its order. Raises KeyError for a value without a variable."""
+    """The variables of a table that there are values for, in its order. Raises KeyError for unknown names."""
     unknown = values.keys() - {variable.name for variable in variables}
     if unknown:
         raise KeyError(f"no variable declared for {', '.join(sorted(unknown))}")

@@ -99,20 +99,23 @@ OCCURRENCE = coordinate("occurrence", "tongue", "i4", "1", "number, from 0, of a
 EXACT = (
     SIDE,
     BOUNDARY,
-    Variable("achieved_tolerance", ("tongue", ROWS), "f8", "1", "half of the bracket around the boundaries, relative to them"),
+    Variable("tolerance", ("tongue", ROWS), "f8", "1", "half of the bracket around the boundaries, relative to them"),
     Variable("status", ("tongue", ROWS), "i2", "1", "what became of the tongue"),
     Variable(
         "holder", ("tongue", ROWS), "i4", "1", "tongue under which the region stands that this tongue lies in",
-        {"comment": "position along the dimension tongue, from 0, or -1; the region of merged tongues stands once"}, missing=-1,
+        {"comment": "position along the dimension tongue, from 0, or -1; the region of merged tongues stands once"},
+        missing=-1,
     ),
-    Variable("contacts", (ROWS,), "i4", "1", "collisions of multipliers that open no region as wide as the width floor"),
+    Variable("contacts", (ROWS,), "i4", "1", "collisions of multipliers without a region as wide as the width floor"),
     Variable("evaluations", (ROWS,), "i4", "1", "monodromy matrices computed"),
 )  # fmt: skip
 
 FIRST_ORDER = (
     SIDE,
     BOUNDARY,
-    Variable("center_frequency", ("tongue", ROWS), "f8", "rad/s", "mesh frequency at the root of the instability region"),
+    Variable(
+        "center_frequency", ("tongue", ROWS), "f8", "rad/s", "mesh frequency at the root of the instability region"
+    ),
     Variable("half_width", ("tongue", ROWS), "f8", "rad/s", "half of the unstable range of mesh frequency"),
     Variable("threshold", ("tongue", ROWS), "f8", "1", "factor on every epsilon at which the region opens"),
 )

@@ -1,8 +1,8 @@
 """Result files: netCDF-4/HDF5 with dimension scales and explicit types, complete from the moment they have their name.
 
-Everything goes into a file of HDF5 in memory, which is then written in one go, so that a full disk is an ordinary OSError
-(inside the HDF5 library it can end in a crash). Results too large for that are written by
-:func:`write_on_disk` in a process of its own.
+Everything goes into an HDF5 file in memory, which is then written in one go, so that a full disk is an ordinary OSError
+(inside the HDF5 library it can end in a crash). Results too large for that are written by :func:`write_on_disk` in a
+process of its own.
 """
 
 from __future__ import annotations
@@ -102,7 +102,10 @@ def _fill_group(target: h5py.Group, group: Group, inherited: Mapping[str, Any]) 
     for item in sorted(group.fields, key=lambda item: item.variable.name not in own):
         name = item.variable.name
         dataset = _create(target, item)
-        _write_attributes(dataset, {"long_name": item.variable.long_name, "units": item.variable.units} | dict(item.variable.attributes))
+        _write_attributes(
+            dataset,
+            {"long_name": item.variable.long_name, "units": item.variable.units} | dict(item.variable.attributes),
+        )
         if name in own:
             dataset.make_scale(name)
             scales[name] = dataset
@@ -127,7 +130,9 @@ def _create(target: h5py.Group, item: Field) -> h5py.Dataset:
         return target.create_dataset(name, data=values, dtype=values.dtype, **options)
     if not prod(item.values.shape):
         return target.create_dataset(name, shape=item.values.shape, dtype=item.variable.dtype)
-    dataset = target.create_dataset(name, shape=item.values.shape, dtype=item.variable.dtype, chunks=item.values.chunk, **packed)
+    dataset = target.create_dataset(
+        name, shape=item.values.shape, dtype=item.variable.dtype, chunks=item.values.chunk, **packed
+    )
     for offset, data in item.values.pieces():
         dataset.id.write_direct_chunk(offset, data)
     return dataset

@@ -5,4 +5,4 @@ from gearstab.sweep.plan import Plan, plan
 from gearstab.sweep.reporter import Reporter
 from gearstab.sweep.run import Summary, run
 
-__all__ = ["Interrupted", "RequestError", "Plan", "Reporter", "Summary", "SweepError", "plan", "run"]
+__all__ = ["Interrupted", "Plan", "Reporter", "RequestError", "Summary", "SweepError", "plan", "run"]

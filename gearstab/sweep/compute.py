@@ -79,7 +79,7 @@ def run_rows(plan: Plan, layout: Layout, rows: dict[str, Array], count: int, col
 def joined(
     plan: Plan, layout: Layout, outcomes: list[tuple[Array, Outcome]], count: int
 ) -> tuple[dict[str, Array], tuple[Key, ...]]:
-    """The results of all groups as arrays over all rows: ``(rows, P, ...)`` over points, ``(tongue, ..., rows)`` over tongues."""
+    """The results of all groups as arrays over all rows: ``(rows, P, ...)`` over points, else ``(..., rows)``."""
     if not layout.method.over_tongues:
         first = outcomes[0][1].values
         values = {name: np.empty((count, *part.shape[1:]), part.dtype) for name, part in first.items()}
@@ -98,7 +98,7 @@ def joined(
             part = outcome.values[variable.name]
             if variable.name == HOLDER:
                 part = moved(part, index)
-            where = (index, *map(range, over[1:]), members) if over else (members,)
+            where = [index, *(np.arange(n) for n in over[1:]), members] if over else [members]
             values[variable.name][np.ix_(*where)] = part.reshape(*(len(along) for along in where[:-1]), -1)
     return values, tongues
 
@@ -130,7 +130,9 @@ def _part(plan: Plan, layout: Layout, block: Block, values: dict[str, Array], to
         else:
             # One chunk a tongue: lists of tongues that differ between blocks are brought together by moving chunks.
             apart = data.reshape(*data.shape[:-1], *block.shape)[:, None]
-            chunks[variable.name] = [encode(item, item.shape[: item.ndim - len(block.shape)] + layout.chunk) for item in apart]
+            chunks[variable.name] = [
+                encode(item, item.shape[: item.ndim - len(block.shape)] + layout.chunk) for item in apart
+            ]
     stable = values.get("stable", np.zeros(0))
     return Part(block.key, tongues, chunks, block.points, int(np.sum(stable == 0)), int(np.sum(stable < 0)))
 

@@ -6,7 +6,7 @@ class SweepError(RuntimeError):
 
 
 class RequestError(ValueError):
-    """What was asked for cannot be done: the result cannot go where it should, or the kernel is not there. Nothing was computed."""
+    """What was asked for cannot be done: no place for the result, no such kernel. Nothing was computed."""
 
 
 class Interrupted(RuntimeError):

@@ -23,7 +23,11 @@ OVERHEAD = 2.5
 
 @dataclass(frozen=True)
 class MethodEstimate:
-    """One method: its points and blocks, seconds on one processor, seconds on all, bytes in the file, bytes of one block in memory."""
+    """One method.
+
+    points, blocks: how many. work: seconds on one processor; seconds: on all. file_size: bytes in the file;
+    memory: bytes that one block takes.
+    """
 
     name: str
     points: int
@@ -71,7 +75,9 @@ def _method(plan: Plan, layout: Layout, workers: int) -> MethodEstimate:
     block_work = work / layout.count
     seconds = block_work * rounds if work > 1 else work
     memory = prod(layout.chunk) * _bytes_a_point(plan, layout, size / points) * (1 + OVERHEAD)
-    return MethodEstimate(layout.method.name, layout.points, layout.count, work, seconds, size * layout.points / points, memory)
+    return MethodEstimate(
+        layout.method.name, layout.points, layout.count, work, seconds, size * layout.points / points, memory
+    )
 
 
 def _bytes_a_point(plan: Plan, layout: Layout, encoded: float) -> float:

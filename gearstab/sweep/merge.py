@@ -8,7 +8,6 @@ import pickle
 import subprocess
 import sys
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +16,7 @@ from gearstab.config import Axis
 from gearstab.results.chunks import decode, encode
 from gearstab.results.provenance import modes_group, root_attributes
 from gearstab.results.tree import Chunked, Field, Group, Offset, ResultTree
-from gearstab.results.variables import GRID, TEXT, Variable, coordinate
+from gearstab.results.variables import TEXT, Variable, coordinate
 from gearstab.results.write import sync, write_on_disk, write_result
 from gearstab.sweep.compute import HOLDER, moved
 from gearstab.sweep.methods import Key, tongue_coordinates
@@ -35,7 +34,12 @@ def result_tree(plan: Plan, finished: Mapping[str, Finished]) -> ResultTree:
     groups = {"modes": modes_group(plan.base)}
     for layout in plan.layouts:
         names = set(layout.dims)
-        beside = [field for axis in plan.config.axes if axis.name in names for field in axis_fields(axis, plan.config.parameters)[1:]]
+        beside = [
+            field
+            for axis in plan.config.axes
+            if axis.name in names
+            for field in axis_fields(axis, plan.config.parameters)[1:]
+        ]
         groups[layout.method.name] = _method_group(plan, layout, finished, beside)
     return ResultTree(root, groups)
 
@@ -98,7 +102,9 @@ def _over_points(plan: Plan, layout: Layout, variable: Variable, parts: Mapping[
     return Chunked(layout.shape + rest, layout.chunk + rest, pieces, sum(p.size(variable.name) for p in parts.values()))
 
 
-def _over_tongues(layout: Layout, variable: Variable, parts: Mapping[str, Finished], tongues: tuple[Key, ...]) -> Chunked:
+def _over_tongues(
+    layout: Layout, variable: Variable, parts: Mapping[str, Finished], tongues: tuple[Key, ...]
+) -> Chunked:
     """A variable of one chunk a tongue and block."""
     sides = (2,) if "side" in variable.dims else ()
     shape = (1, *sides, *layout.chunk)
@@ -130,7 +136,7 @@ def write(plan: Plan, finished: Mapping[str, Finished], out: Path, folder: Path)
 
 
 def _write_apart(plan: Plan, finished: Mapping[str, Finished], path: Path) -> None:
-    """Write a large result in a process of its own: on a full disk the HDF5 library may crash even when the error is caught."""
+    """Write a large result in a process of its own: on a full disk HDF5 may crash even if the error is caught."""
     command = [sys.executable, "-c", "from gearstab.sweep.merge import main; main()", str(path)]
     # Its own session: an interrupt from the terminal is handled here.
     child = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True)
@@ -145,11 +151,15 @@ def _write_apart(plan: Plan, finished: Mapping[str, Finished], path: Path) -> No
     path.unlink(missing_ok=True)
     last = said.decode(errors="replace").strip().rpartition("\n")[2]
     number, _, message = last.partition(" ") if child.returncode == 1 else ("", "", "")
-    raise OSError(int(number) if number.isdigit() else errno.EIO, message or "the process that writes it ended unexpectedly", str(path))
+    raise OSError(
+        int(number) if number.isdigit() else errno.EIO,
+        message or "the process that writes it ended unexpectedly",
+        str(path),
+    )
 
 
 def main() -> None:
-    """In the process of its own: write the result to the path in the arguments; what and from where comes in standard input."""
+    """In a process of its own: write the plan and the parts that standard input names to the path in the arguments."""
     plan, finished = pickle.load(sys.stdin.buffer)
     try:
         write_on_disk(Path(sys.argv[1]), result_tree(plan, finished))

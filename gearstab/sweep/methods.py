@@ -9,8 +9,6 @@ from typing import Any
 import numpy as np
 
 from gearstab.floquet import STATUS_FLAGS, kernel, solve
-from gearstab.floquet.boundaries import BOUNDARY_FLAGS, boundaries
-from gearstab.floquet.boundaries import union as united_edges
 from gearstab.perturbation import Tongue, Tongues, first_order, uncoupled
 from gearstab.results.variables import EXACT, EXPONENTS, FIRST_ORDER, FLOQUET, OCCURRENCE, SIDE, TONGUE, Variable
 from gearstab.system import Array, GearSystem
@@ -20,8 +18,8 @@ POINTS, RANGE = "points", "range"
 
 
 Key = tuple[Tongue, int]
-"""What tells the regions along the dimension ``tongue`` apart: where a region is rooted and, as there can be several of one
-root, which one of them it is."""
+"""What tells the regions along the dimension ``tongue`` apart: where a region is rooted and, as there can be several of
+one root, which one of them it is."""
 
 
 @dataclass(frozen=True)
@@ -134,19 +132,30 @@ def _uncoupled(system: GearSystem, mesh_frequency: Array, options: Any) -> Outco
 
 
 def _boundary_variables(options: Any, system: GearSystem) -> tuple[Variable, ...]:
+    from gearstab.floquet.boundaries import BOUNDARY_FLAGS
+
     flags = {"flag_masks": list(BOUNDARY_FLAGS.values()), "flag_meanings": " ".join(BOUNDARY_FLAGS)}
     table = [replace(v, attributes=flags) if v.name == "status" else v for v in EXACT]
     return (*TONGUE, OCCURRENCE, *table)
 
 
 def _boundaries(system: GearSystem, mesh_frequency: Array, options: Any) -> Outcome:
-    found = boundaries(system, *map(float, mesh_frequency), options.tolerance, options.width_floor)
+    from gearstab.floquet.boundaries import boundaries
+
+    start, stop = (float(end) for end in mesh_frequency)
+    found = boundaries(system, start, stop, options.tolerance, options.width_floor)
     edges = found.arranged()
     values = {
-        "boundary_frequency": edges.boundary_frequency, "achieved_tolerance": edges.tolerance, "status": edges.flags,
+        "boundary_frequency": edges.boundary_frequency, "tolerance": edges.tolerance, "status": edges.flags,
         "holder": edges.holder, "contacts": found.contacts, "evaluations": found.evaluations,
     }  # fmt: skip
     return Outcome(values, edges.index)
+
+
+def _united_regions(indices: Iterable[Sequence[Key]]) -> tuple[Key, ...]:
+    from gearstab.floquet.boundaries import union
+
+    return union(indices)
 
 
 def _boundaries_cost(options: Any, system: GearSystem) -> float:
@@ -168,7 +177,7 @@ METHODS: dict[str, Method] = {
     ),
     "boundaries": Method(
         name="boundaries", frequency=RANGE, variables=_boundary_variables, constants=_sides, run=_boundaries,
-        cost=_boundaries_cost, unite=united_edges,
+        cost=_boundaries_cost, unite=_united_regions,
     ),
 }  # fmt: skip
 """By name, in the order in which they run: the cheap ones first."""

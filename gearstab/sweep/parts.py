@@ -1,7 +1,7 @@
 """Finished blocks, in memory or as part files.
 
-A part file is built in memory, written under a temporary name, synchronised with the disk and renamed, so that it is whole or not
-there; it carries the digest of its sweep, its own key and a checksum, and what does not agree is ignored:
+A part file is built in memory, written under a temporary name, synchronised with the disk and renamed, so that it is
+whole or not there; it carries the digest of its sweep, its own key and a checksum, and what does not agree is ignored:
 
     MAGIC, length of the header (8 bytes), header (JSON), chunks of all variables, SHA-256 of everything before
 """
@@ -104,7 +104,8 @@ class StoredPart:
 def to_bytes(part: Part, digest: str) -> bytes:
     """The contents of a part file."""
     header = {
-        "digest": digest, "key": part.key, "tongues": [[asdict(tongue), occurrence] for tongue, occurrence in part.tongues],
+        "digest": digest, "key": part.key,
+        "tongues": [[asdict(tongue), occurrence] for tongue, occurrence in part.tongues],
         "chunks": {name: [len(chunk) for chunk in chunks] for name, chunks in part.chunks.items()},
         "points": part.points, "unstable": part.unstable, "failed": part.failed,
     }  # fmt: skip

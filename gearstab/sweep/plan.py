@@ -1,8 +1,8 @@
 """From a configuration to blocks: which part of the grid is computed together, in the order of the result's chunks.
 
-Every method has blocks of its own, hyper-rectangles over the axes of its results. A block is a chunk of the result file, so
-that finishing a sweep copies bytes. The division depends on the configuration alone, not on the machine, so that a sweep can
-be resumed anywhere.
+Every method has blocks of its own, hyper-rectangles over the axes of its results. A block is a chunk of the result
+file, so that finishing a sweep copies bytes. The division depends on the configuration alone, not on the machine, so
+that a sweep can be resumed anywhere.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from gearstab import __version__
 from gearstab.config import Axis, Config
 from gearstab.floquet import kernel
 from gearstab.sweep.errors import RequestError
-from gearstab.sweep.methods import POINTS, Method, chosen
+from gearstab.sweep.methods import POINTS, RANGE, Method, chosen
 from gearstab.system import Array, GearSystem
 from gearstab.systems import build
 
@@ -60,7 +60,7 @@ class Block:
 
 @dataclass(frozen=True)
 class Layout:
-    """A method's grid and its division: the axes' names and sizes, and the shape of all blocks but those at the ends."""
+    """A method's grid (names and sizes of its axes) and its division: the shape of all blocks but those at the ends."""
 
     method: Method
     options: Any
@@ -136,7 +136,7 @@ class Plan:
         return hashlib.sha256(text.encode()).hexdigest()
 
     def mesh_frequency(self, rows: dict[str, Array], columns: slice) -> Array:
-        """The mesh frequency of rows (indices by axis name): ``(P,)`` of the mesh frequency axis, else ``(rows, 1)``."""
+        """The mesh frequency of rows (indices by axis name): ``(P,)`` of its own axis, else ``(rows, 1)``."""
         if self.fast is not None:
             return np.asarray(self.fast.values, dtype=float)[columns]
         found = [(axis, a.values) for axis in self.row_axes for a in axis.assignments if a.path == FREQUENCY]
@@ -151,9 +151,18 @@ def plan(config: Config) -> Plan:
     if not config.axes or not config.methods.chosen:
         raise ValueError("a sweep needs axes and methods")
     base = build(config.parameters)
+    _check_range(config)
     fast = next((axis for axis in config.axes if [a.path for a in axis.assignments] == [FREQUENCY]), None)
     layouts = tuple(_layout(config, base, fast, method, options) for method, options in chosen(config.methods))
     return Plan(config, base, fast, layouts, chosen_kernel())
+
+
+def _check_range(config: Config) -> None:
+    """Boundaries are looked for between two mesh frequencies."""
+    methods = [method.name for method, _ in chosen(config.methods) if method.frequency == RANGE]
+    values = [a.values for axis in config.axes for a in axis.assignments if a.path == FREQUENCY]
+    if methods and not (values and np.ptp(np.asarray(values[-1], dtype=float)) > 0):
+        raise RequestError(f"{config.source}: methods.{methods[0]} needs a range of mesh_frequency, not a single value")
 
 
 def chosen_kernel() -> str:
@@ -173,11 +182,13 @@ def _layout(config: Config, base: GearSystem, fast: Axis | None, method: Method,
         widest = 8 * (2 * base.size if getattr(options, "exponents", False) else 1)
         wanted = min(wanted, MOST_BYTES / widest)
     inner = next((k for k, axis in enumerate(axes) if axis is fast), None)
-    return Layout(method, options, tuple(axis.name for axis in axes), shape, chunk_shape(shape, inner, max(FEWEST, int(wanted))))
+    return Layout(
+        method, options, tuple(axis.name for axis in axes), shape, chunk_shape(shape, inner, max(FEWEST, int(wanted)))
+    )
 
 
 def chunk_shape(shape: tuple[int, ...], inner: int | None, wanted: int) -> tuple[int, ...]:
-    """The shape of blocks of about ``wanted`` points: whole in ``inner`` (if given) as far as that goes, then in the last axes."""
+    """The shape of blocks of about ``wanted`` points: whole in ``inner`` (if given) as far as that goes, then last."""
     chunk = [1] * len(shape)
     left = wanted
     order = [k for k in reversed(range(len(shape))) if k != inner]

@@ -1,9 +1,9 @@
 """Who computes the blocks: this process, its threads, or a pool of processes.
 
-A first block is computed here. If what remains is worth it the others go to threads, where the method spends its time outside of
-Python, and else to processes (joblib's loky), which write part files and return receipts: a process that is killed costs no
-result. The blocks it may have been working on then run one by one in processes of their own, and one that kills
-its process again is given up and named, while all others go on.
+A first block is computed here. If what remains is worth it the others go to threads, where the method spends its time
+outside of Python, and else to processes (joblib's loky), which write part files and return receipts: a process that is
+killed costs no result. The blocks it may have been working on then run one by one in processes of their own, and one
+that kills its process again is given up and named, while all others go on.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from typing import Any
@@ -36,11 +36,13 @@ class Failure:
 Result = Finished | Failure
 
 
-def run_blocks(plan: Plan, blocks: Sequence[Block], folder: PartFolder, jobs: int, before_processes: Callable[[], None]) -> Iterator[Result]:
+def run_blocks(
+    plan: Plan, blocks: Sequence[Block], folder: PartFolder, jobs: int, before_processes: Callable[[], None]
+) -> Generator[Result, None, None]:
     """Compute blocks of one method, in any order.
 
-    before_processes: called once before processes start. Closing the iterator (or an exception in it) stops all work; threads finish
-    the block they are in.
+    before_processes: called once before processes start. Closing the generator (or an exception in it) stops all work;
+    threads finish the block they are in.
     """
     rest = list(blocks)
     seconds = 0.0
@@ -94,7 +96,7 @@ def _in_processes(plan: Plan, blocks: list[Block], folder: PartFolder, jobs: int
         for result in _pooled(plan, list(pending.values()), folder, min(jobs, len(pending)), started):
             del pending[_key(result)]
             yield result
-        # Whatever the pool left undone was in a process that died, or waiting: what finished unseen is in its part file.
+        # What the pool left undone was in a process that died, or waiting; what finished unseen is in its part file.
         for key, part in folder.find(set(pending)).items():
             del pending[key]
             yield part
@@ -108,8 +110,10 @@ def _key(result: Result) -> str:
     return result.block.key if isinstance(result, Failure) else result.key
 
 
-def _pooled(plan: Plan, blocks: list[Block], folder: PartFolder, jobs: int, started: dict[str, Block]) -> Iterator[Result]:
-    """Compute blocks in processes until all are done or a process dies; ``started`` gets those that were handed out."""
+def _pooled(
+    plan: Plan, blocks: list[Block], folder: PartFolder, jobs: int, started: dict[str, Block]
+) -> Iterator[Result]:
+    """Compute blocks in processes until all are done or a process dies; ``started`` gets those handed out."""
     from joblib import Parallel, delayed, parallel_config
     from joblib.externals.loky import get_reusable_executor
     from joblib.externals.loky.process_executor import BrokenProcessPool

@@ -32,8 +32,8 @@ MOST_FAILURES = 10
 class Summary:
     """What a sweep did. computed: points of all methods computed now; reused: those found in part files.
 
-    grid: points of the grid; unstable, failed: those that are unstable (None without a method that tells), and that could not be
-    computed. complete: whether the result was there already.
+    grid: points of the grid; unstable, failed: those that are unstable (None without a method that tells), and that
+    could not be computed. complete: whether the result was there already.
     """
 
     grid: int
@@ -45,17 +45,23 @@ class Summary:
 
 
 def run(
-    plan: Plan, out: str | Path, jobs: int | None = None, resume: bool = False, overwrite: bool = False, progress: Reporter | None = None
+    plan: Plan,
+    out: str | Path,
+    jobs: int | None = None,
+    resume: bool = False,
+    overwrite: bool = False,
+    progress: Reporter | None = None,
 ) -> Summary:
     """Compute a plan and write the result file ``out``, which has its name only when it is complete.
 
-    What an earlier run of the same plan finished (``OUT.parts``) is used, unless ``overwrite``. ``resume`` only states that this is
-    meant. A result of the same configuration is left as it is.
+    What an earlier run of the same plan finished (``OUT.parts``) is used, unless ``overwrite``; ``resume`` only states
+    that this is meant. A result of the same configuration is left as it is.
 
     jobs: threads or processes, default one a processor.
 
-    Raises RequestError before anything is computed: ``out`` holds something else and ``overwrite`` is not given, or cannot be written.
-    SweepError: the disk is full, or a block failed; Interrupted: by SIGINT or SIGTERM. Then what is finished is kept.
+    Raises RequestError, before anything is computed, if ``out`` holds something else and ``overwrite`` is not given, or
+    if it cannot be written; SweepError if the disk is full or a block failed; Interrupted after SIGINT or SIGTERM. What is
+    finished is kept.
     """
     out, reporter = Path(out), progress or Reporter()
     if not overwrite and is_complete(plan, out):
@@ -92,7 +98,9 @@ def is_complete(plan: Plan, out: Path) -> bool:
     if found.get("config_digest") != plan.config.digest:
         raise RequestError(f"{out}: is the result of another configuration; choose another output or use --overwrite")
     if found["gearstab_version"] != __version__:
-        raise RequestError(f"{out}: was computed by gearstab {found['gearstab_version']}; use --overwrite to compute it again")
+        raise RequestError(
+            f"{out}: was computed by gearstab {found['gearstab_version']}; use --overwrite to compute it again"
+        )
     return True
 
 
@@ -201,7 +209,9 @@ def _unwritable(error: OSError, store: Store) -> SweepError:
 def _interrupted(kept: int, total: int, folder: PartFolder) -> str:
     if not kept:
         return "interrupted before anything was finished"
-    return f"interrupted; {kept} of {total} blocks are kept in {folder.every}: run the same command with --resume to go on"
+    return (
+        f"interrupted; {kept} of {total} blocks are kept in {folder.every}: run the same command with --resume to go on"
+    )
 
 
 def _summary(plan: Plan, store: Store, reused: int) -> Summary:

@@ -1,7 +1,8 @@
-"""Where finished blocks wait for the end of the sweep: a short sweep keeps them in memory, a longer one in part files."""
+"""Where finished blocks wait for the end of the sweep: in memory for a short one, in part files for a longer one."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from contextlib import suppress
 from time import monotonic
 
@@ -14,9 +15,9 @@ MOST_SECONDS, MOST_BYTES = 2.0, 1 << 26
 class Store:
     """All finished blocks of a sweep, by key."""
 
-    def __init__(self, folder: PartFolder, found: dict[str, Finished]) -> None:
+    def __init__(self, folder: PartFolder, found: Mapping[str, Finished]) -> None:
         self.folder = folder
-        self.finished = dict(found)
+        self.finished: dict[str, Finished] = dict(found)
         self._start = monotonic()
         self._waiting: dict[str, Part] = {}
         self._size = 0
