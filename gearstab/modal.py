@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gearstab import ckernel
 from gearstab.system import Array, GearSystem
 
 RIGID_TOLERANCE = 1e-11
@@ -13,6 +14,8 @@ RIGID_TOLERANCE = 1e-11
 precision leaves n eps ~ 1e-14 of the largest on an exact zero, while real gear trains stay above 1e-9."""
 
 
+SMALL = 12
+"""Largest order for which Jacobi rotations on many matrices at once are faster than LAPACK on one after the other."""
 GRADED = 1e3
 """Above this ratio of the largest to the smallest eigenvalue the small ones are refined."""
 
@@ -22,8 +25,11 @@ def symmetric_eigen(matrix: Array) -> tuple[Array, Array]:
 
     An eigensolver is right to eps times the *largest* eigenvalue: beside a shaft 1e8 times stiffer than the teeth the
     slow modes would keep eight digits. Jacobi rotations of the solver's basis give each eigenvalue the accuracy
-    that the entries of the matrix allow (Demmel & Veselic 1992).
+    that the entries of the matrix allow (Demmel & Veselic 1992). Small matrices are diagonalised by Jacobi
+    rotations alone where the compiled kernel is in use.
     """
+    if matrix.shape[-1] <= SMALL and ckernel.in_use():
+        return ckernel.symmetric_eigen(matrix)
     values, vectors = np.linalg.eigh(matrix)
     size = np.abs(values)
     graded = size.max(axis=-1, initial=0.0) > GRADED * size.min(axis=-1, initial=np.inf)

@@ -9,6 +9,10 @@ from __future__ import annotations
 import os
 from types import ModuleType
 
+import numpy as np
+
+Array = np.ndarray
+
 library: ModuleType | None
 """The extension module, or None where it was not built."""
 
@@ -16,6 +20,23 @@ try:
     from gearstab.ckernel import _kernel as library
 except ImportError:
     library = None
+
+
+def in_use() -> bool:
+    """Whether it was built, and the environment does not ask for NumPy (GEARSTAB_KERNEL=numpy)."""
+    return library is not None and os.environ.get("GEARSTAB_KERNEL") != "numpy"
+
+
+def symmetric_eigen(matrix: Array) -> tuple[Array, Array]:
+    """Eigenvalues ``(..., n)`` ascending and orthonormal eigenvectors ``(..., n, n)`` by cyclic Jacobi rotations."""
+    if library is None:
+        raise ValueError("the compiled kernel was not built")
+    given = np.ascontiguousarray(matrix, dtype=float)
+    n = given.shape[-1]
+    values, vectors = np.empty(given.shape[:-1]), np.empty(given.shape)
+    if given.size:
+        library.symmetric(simd(), given.size // n**2, n, given, values, vectors)
+    return values, vectors
 
 
 def simd() -> str:

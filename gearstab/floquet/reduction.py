@@ -13,6 +13,7 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
+from gearstab.floquet.grouping import equal_rows
 from gearstab.modal import mean_modes
 from gearstab.system import Array, GearSystem
 
@@ -53,7 +54,8 @@ class Elastic:
     def stiffness_of(self, levels: Array) -> Array:
         """``(r, D, n, n)`` for mesh stiffnesses ``(r, D, meshes)``, in units of rate^2 and after the shift."""
         g = self.directions
-        total = self.static[:, None] + np.einsum("rdm,rmi,rmj->rdij", levels, g, g)
+        outer = (g[..., :, None] * g[..., None, :]).reshape(*g.shape[:2], -1)
+        total = self.static[:, None] + (levels @ outer).reshape(*levels.shape[:2], g.shape[-1], g.shape[-1])
         total = total / self.rate[:, None, None, None] ** 2
         return total - self.shift[:, None, None, None] ** 2 * np.eye(g.shape[-1])
 
@@ -75,8 +77,7 @@ def reduce(system: GearSystem, rows: int) -> Iterator[Elastic]:
     damping = None if system.damping is None else _modal(shapes, full(system.damping))
     kind = _kinds(rigid, damping)
     static = _modal(shapes, full(system.stiffness))
-    for key in np.unique(kind, axis=0):
-        members = np.flatnonzero(np.all(kind == key, axis=1))
+    for members, key in equal_rows(kind):
         elastic = np.nonzero(~rigid[members])[1].reshape(len(members), -1)
         inner = _take(static[members], elastic, elastic)
         directions = np.take_along_axis(deflection[members], elastic[:, None, :], axis=-1)

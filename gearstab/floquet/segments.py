@@ -7,12 +7,12 @@ through the same states in the same order form a :class:`Pattern`, and a kernel 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
+from gearstab.floquet.grouping import equal_rows
 from gearstab.floquet.reduction import Elastic, reduce
 from gearstab.modal import symmetric_eigen
 from gearstab.system import Array, GearSystem, Mesh
@@ -96,14 +96,15 @@ def prepare(system: GearSystem) -> list[Pattern]:
     levels = _levels(system.meshes, count)
     patterns = []
     for elastic in reduce(system, count):
-        for members, key in _groups(signature, elastic.rows):
+        for index, key in equal_rows(signature[elastic.rows]):
+            members = elastic.rows[index]
             states, fractions, start = _merged(key, lengths[members], edges[members])
-            unique, index = np.unique(states, return_inverse=True)
+            unique, state = np.unique(states, return_inverse=True)
             on = (unique[:, None] >> np.arange(len(system.meshes))) & 1
             chosen = np.where(on[None].astype(bool), levels[members, None, :, 1], levels[members, None, :, 0])
-            part = elastic.subset(np.searchsorted(elastic.rows, members))
+            part = elastic.subset(index)
             stiffness = part.stiffness_of(chosen)
-            patterns.append(Pattern(members, float(cycles), fractions, start, index, chosen, part, stiffness))
+            patterns.append(Pattern(members, float(cycles), fractions, start, state, chosen, part, stiffness))
     return patterns
 
 
@@ -145,14 +146,6 @@ def _levels(meshes: tuple[Mesh, ...], rows: int) -> Array:
         pair = [mesh.mean_stiffness + 2 * mesh.amplitude * w for w in mesh.waveform.extremes()]
         table.append(np.stack([np.broadcast_to(np.ravel(level), (rows,)) for level in pair], axis=-1))
     return np.stack(table, axis=1)
-
-
-def _groups(signature: Array, rows: Array) -> Iterator[tuple[Array, Array]]:
-    """The rows with equal signatures: (members, signature)."""
-    keys, inverse = np.unique(signature[rows], axis=0, return_inverse=True)
-    inverse = np.ravel(inverse)
-    for k, key in enumerate(keys):
-        yield rows[inverse == k], key
 
 
 def _merged(key: Array, lengths: Array, edges: Array) -> tuple[Array, Array, Array]:

@@ -1,0 +1,36 @@
+"""Rows of a table of small integers that are equal, found without sorting whole rows."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from gearstab.system import Array
+
+LARGEST = 2**62
+
+
+def equal_rows(table: Array) -> Iterator[tuple[Array, Array]]:
+    """(members, row) for each distinct row of ``table`` (rows, columns), in lexicographic order; members ascend."""
+    if len(table) == 0:
+        return
+    code = _codes(table)
+    order = np.argsort(code, kind="stable")
+    starts = np.flatnonzero(np.diff(code[order], prepend=code[order[0]] - 1))
+    for members in np.split(order, starts[1:]):
+        yield members, table[members[0]]
+
+
+def _codes(table: Array) -> Array:
+    """``(rows,)``, one integer a row, ordered as the rows are."""
+    code, limit = np.zeros(len(table), dtype=np.int64), 1
+    for column in table.T:
+        lowest = int(column.min())
+        span = int(column.max()) - lowest + 1
+        if limit * span > LARGEST:
+            distinct, code = np.unique(code, return_inverse=True)
+            limit = len(distinct)
+        code = code * span + (column - lowest)
+        limit *= span
+    return code
