@@ -1,0 +1,6 @@
+"""Speed against error: every way to compute stability that fits a scene, measured side by side."""
+
+from gearstab.bench.scene import Scene
+from gearstab.bench.work_precision import Measurement, measure
+
+__all__ = ["Measurement", "Scene", "measure"]

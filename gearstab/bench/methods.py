@@ -1,0 +1,127 @@
+"""The ways to compute the growth of a scene, one function each, one explicit table.
+
+A method takes a scene, mesh frequencies ``(P,)`` and a tolerance (ignored by exact ones) and returns ln max |lambda|
+over one common period, ``(P,)``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.integrate import solve_ivp
+from scipy.linalg import expm
+
+from gearstab.bench.scene import Scene
+from gearstab.floquet import kernel, numpy_kernel, solve
+from gearstab.floquet.segments import prepare
+from gearstab.system import Array
+
+Method = Callable[[Scene, Array, float], Array]
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A method and the settings to try: ``tolerances`` of an integrator, or (nan,) for an exact one.
+
+    batch: whether it treats many frequencies at once, and is therefore timed on many.
+    fits: whether it can be applied to a scene.
+    """
+
+    name: str
+    run: Method
+    tolerances: tuple[float, ...] = (np.nan,)
+    batch: bool = False
+    fits: Callable[[Scene], bool] = lambda scene: True
+
+
+def exact(name: str) -> Method:
+    """The product's own way, with one of its kernels."""
+
+    def run(scene: Scene, omega: Array, _: float) -> Array:
+        with kernel.using(name):
+            found = solve(scene.system, omega)
+        return found.growth_rate[0] * 2 * np.pi * scene.cycles / omega
+
+    return run
+
+
+def batched_eigenvalues(scene: Scene, omega: Array, _: float) -> Array:
+    """Batched NumPy products of the segments' propagators, then numpy.linalg.eigvals of all monodromy matrices."""
+    (pattern,) = prepare(scene.system)
+    matrix, scale = numpy_kernel.monodromy(pattern, 0, omega / pattern.elastic.rate[0])
+    growth = np.log(np.abs(np.linalg.eigvals(matrix)).max(axis=-1)) + scale
+    return growth - float(pattern.elastic.shift[0]) * 2 * np.pi * pattern.cycles * pattern.elastic.rate[0] / omega
+
+
+def exponential_products(scene: Scene, omega: Array, _: float) -> Array:
+    """scipy.linalg.expm of every segment at every frequency, multiplied; eigenvalues of the product."""
+    parts = [(duration, scene.generator(levels)) for duration, levels in scene.segments]
+    growth = np.empty(len(omega))
+    for k, frequency in enumerate(omega):
+        total = np.eye(2 * scene.system.size)
+        for duration, generator in parts:
+            total = expm(generator * (duration * 2 * np.pi / frequency)) @ total
+        growth[k] = np.log(np.abs(np.linalg.eigvals(total)).max())
+    return growth
+
+
+def integration(method: str, broken: bool) -> Method:
+    """scipy.integrate.solve_ivp of the 2n fundamental solutions, restarted at every jump (broken) or run across."""
+
+    def run(scene: Scene, omega: Array, tolerance: float) -> Array:
+        parts = [(duration, scene.generator(levels)) for duration, levels in scene.segments]
+        ends = np.cumsum([duration for duration, _ in parts])
+        growth = np.empty(len(omega))
+        for k, frequency in enumerate(omega):
+            period = 2 * np.pi / frequency
+            y = np.eye(2 * scene.system.size)
+            if broken:
+                for duration, generator in parts:
+                    y = _integrate(lambda _, x, a=generator: a @ x, y, duration * period, method, tolerance)
+            else:
+                generators = [generator for _, generator in parts]
+
+                def field(t: float, x: Array, period: float = period, generators: list[Array] = generators) -> Array:
+                    segment = int(np.searchsorted(ends, t / period, side="right"))
+                    return generators[min(segment, len(generators) - 1)] @ x
+
+                y = _integrate(field, y, scene.cycles * period, method, tolerance)
+            growth[k] = np.log(np.abs(np.linalg.eigvals(y)).max())
+        return growth
+
+    return run
+
+
+def _integrate(field: Callable, y: Array, span: float, method: str, tolerance: float) -> Array:
+    if span == 0:
+        return y
+    shape = y.shape
+    run = solve_ivp(
+        lambda t, x: field(t, x.reshape(shape)).ravel(),
+        (0, span),
+        y.ravel(),
+        method,
+        rtol=tolerance,
+        atol=1e-2 * tolerance,
+    )
+    return run.y[:, -1].reshape(shape)
+
+
+def conservative(scene: Scene) -> bool:
+    """No damping, or damping proportional to the mass, which only shifts the exponents."""
+    return all(pattern.elastic.damping is None for pattern in prepare(scene.system))
+
+
+INTEGRATOR_TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
+
+METHODS: tuple[Entry, ...] = (
+    *(Entry(f"exact, {name} kernel", exact(name), batch=True) for name in kernel.available()),
+    Entry("NumPy products + eigvals", batched_eigenvalues, batch=True, fits=conservative),
+    Entry("products of expm", exponential_products),
+    Entry("DOP853, broken at jumps", integration("DOP853", True), INTEGRATOR_TOLERANCES),
+    Entry("RK45, broken at jumps", integration("RK45", True), INTEGRATOR_TOLERANCES[:4]),
+    Entry("DOP853, unbroken", integration("DOP853", False), INTEGRATOR_TOLERANCES),
+    Entry("RK45, unbroken", integration("RK45", False), INTEGRATOR_TOLERANCES[:4]),
+)

@@ -1,0 +1,85 @@
+"""Measure every method that fits a scene: time a point against true error."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from time import perf_counter
+
+import numpy as np
+
+from gearstab.bench import reference
+from gearstab.bench.methods import METHODS, Entry
+from gearstab.bench.scene import Scene
+from gearstab.system import Array
+
+BATCH = (4096, 65536)
+"""Mesh frequencies on which methods that treat many at once are timed: the larger number if they are quick."""
+QUICK = 0.02
+"""Seconds for the smaller batch below which the larger is taken, so that a call's own cost does not count."""
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """One method with one tolerance.
+
+    seconds: median time a point.  error: the largest |growth - reference| over the reference points, growth being
+    ln max |lambda| over one common period.  wrong: how many of these points get the wrong stability flag, taking a
+    growth above FLAG as unstable.
+    """
+
+    method: str
+    tolerance: float
+    seconds: float
+    error: float
+    wrong: int
+
+
+MOST_RUNS = 15
+FLAG = 1e-6
+"""Integrators cannot tell a growth smaller than their error from none; they are given this much."""
+
+
+def measure(
+    scene: Scene, points: int = 8, budget: float = 1.0, progress: Callable[[str], None] = lambda text: None
+) -> list[Measurement]:
+    """All methods of the table on one scene.
+
+    Parameters
+    ----------
+    points: reference points, spread over the scene's range of mesh frequencies.
+    budget: seconds to spend on timing each setting, at least one run.
+    progress: is told what is going on.
+    """
+    omega = scene.frequencies(points)
+    progress("reference")
+    truth = np.array([reference.growth(scene, value) for value in omega])
+    found = []
+    for entry in METHODS:
+        if not entry.fits(scene):
+            continue
+        for tolerance in entry.tolerances:
+            progress(entry.name if np.isnan(tolerance) else f"{entry.name}, {tolerance:.0e}")
+            found.append(_measure(entry, tolerance, scene, omega, truth, budget))
+    return found
+
+
+def _measure(entry: Entry, tolerance: float, scene: Scene, omega: Array, truth: Array, budget: float) -> Measurement:
+    growth = entry.run(scene, omega, tolerance)
+    error = float(np.max(np.abs(growth - truth)))
+    wrong = int(np.sum((growth > FLAG) != (truth > FLAG)))
+    sample = omega
+    if entry.batch:
+        sample = np.linspace(scene.start, scene.stop, BATCH[0])
+        if _timed(entry, scene, sample, tolerance) < QUICK:
+            sample = np.linspace(scene.start, scene.stop, BATCH[1])
+    times: list[float] = []
+    while not times or (sum(times) < budget and len(times) < MOST_RUNS):
+        times.append(_timed(entry, scene, sample, tolerance))
+    return Measurement(entry.name, tolerance, float(np.median(times)) / len(sample), error, wrong)
+
+
+def _timed(entry: Entry, scene: Scene, omega: Array, tolerance: float) -> float:
+    start = perf_counter()
+    entry.run(scene, omega, tolerance)
+    return perf_counter() - start

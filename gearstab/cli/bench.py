@@ -1,0 +1,91 @@
+"""``gearstab bench``: speed against error of every method that fits a configuration."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+if TYPE_CHECKING:
+    from gearstab.bench import Scene
+    from gearstab.config import Config
+
+
+@click.command()
+@click.argument("config", type=click.Path(path_type=Path))
+@click.option("-o", "--output", type=click.Path(path_type=Path), help="Result file [default: results/NAME.bench.h5].")
+@click.option("--set", "overrides", multiple=True, metavar="PATH=VALUE", help="Override a value of CONFIG; repeatable.")
+@click.option("--points", type=click.IntRange(1, 1000), default=8, show_default=True, help="Reference points.")
+@click.option("--seconds", type=click.FloatRange(0.0), default=1.0, show_default=True, help="Time for each setting.")
+@click.option("--no-plot", is_flag=True, help="Do not draw the work-precision diagram.")
+@click.option("-q", "--quiet", is_flag=True, help="No progress.")
+def command(
+    config: Path,
+    output: Path | None,
+    overrides: tuple[str, ...],
+    points: int,
+    seconds: float,
+    no_plot: bool,
+    quiet: bool,
+) -> None:
+    """Compare speed and true error of the methods on the base system of CONFIG.
+
+    The reference is computed in high precision at points spread over the mesh frequencies of CONFIG. Prints a table,
+    writes a result file and draws the work-precision diagram beside it.
+    """
+    from gearstab.cli.errors import user_errors
+
+    with user_errors():
+        from gearstab.config import load
+
+        loaded = load(config, overrides)
+        scene = _scene(loaded)
+        target = output or Path("results") / f"{config.stem}.bench.h5"
+        target.parent.mkdir(parents=True, exist_ok=True)
+    from gearstab.bench import measure
+    from gearstab.bench.output import bench_group, table
+    from gearstab.floquet import kernel
+    from gearstab.results import Group, ResultTree, write_result
+    from gearstab.results.provenance import modes_group, root_attributes
+
+    found = measure(scene, points, seconds, (lambda text: None) if quiet else _say)
+    click.echo(table(found, points))
+    with user_errors():
+        groups = {"modes": modes_group(scene.system), "bench": bench_group(scene, points, found)}
+        write_result(target, ResultTree(Group((), root_attributes(loaded, kernel.name())), groups))
+        if not quiet:
+            click.echo(f"written: {target}", err=True)
+        if not no_plot:
+            _draw(target, quiet)
+
+
+def _scene(loaded: Config) -> Scene:
+    """The base system and the range of the mesh_frequency axis. Raises ConfigError without such an axis."""
+    from gearstab.bench import Scene
+    from gearstab.config.problems import ConfigError, Problem
+    from gearstab.systems import build
+
+    axis = next((axis for axis in loaded.axes if axis.name == "mesh_frequency"), None)
+    if axis is None:
+        hint = "add mesh_frequency: {start: .., stop: .., num: ..}"
+        raise ConfigError([Problem(str(loaded.source), None, "sweep", "", "bench needs an axis mesh_frequency", hint)])
+    values = [float(value) for value in axis.values]
+    return Scene(build(loaded.parameters), min(values), max(values))
+
+
+def _say(text: str) -> None:
+    click.echo(f"measuring: {text}", err=True)
+
+
+def _draw(target: Path, quiet: bool) -> None:
+    from gearstab.plots import draw
+    from gearstab.plots.style import save
+    from gearstab.results import open_result
+
+    picture = target.with_suffix(".png")
+    with open_result(target) as tree:
+        figure, _ = draw(tree, "work-precision")
+        save(figure, picture, title=str(tree.attrs["title"]))
+    if not quiet:
+        click.echo(f"drawn: {picture}", err=True)

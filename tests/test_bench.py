@@ -1,0 +1,114 @@
+"""The benchmark's reference, its independent segments and its honesty; no times are asserted."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import hard_cases
+import numpy as np
+import oracle
+import pytest
+from click.testing import CliRunner
+
+from gearstab.bench import Scene, measure, reference
+from gearstab.bench.methods import METHODS, Entry
+from gearstab.cli import group
+from gearstab.floquet import solve
+from gearstab.results import open_result
+
+CONFIG = """
+title: A train for the benchmark
+system:
+  kind: two_stage
+  inertias: [1.0, 0.3, 4.0]
+  input_shaft_stiffness: 0.5
+  tooth_ratio: "1/2"
+  meshes:
+    - {mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.4}
+    - {mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.7, phasing: 0.2}
+sweep: {mesh_frequency: {start: 0.5, stop: 7.0, num: 50}}
+methods: {floquet: {}}
+"""
+
+
+def test_reference_agrees_with_the_oracle():
+    scene = Scene(hard_cases.train(0.3, (1.4, 1.7), 0.2, "1/2"), 0.5, 7.0)
+    for omega in (0.61, 2.05, 5.3):
+        exact = oracle.solve(oracle.plain(scene.system), omega)
+        expected = float(exact.growth_rate * exact.period)
+        # The scene's segments are rounded to doubles, the oracle's are exact.
+        assert reference.growth(scene, omega) == pytest.approx(expected, abs=1e-14)
+
+
+def test_extended_doubles_agree_with_thirty_digits():
+    if np.finfo(np.longdouble).nmant < 63:
+        pytest.skip("this processor has no extended doubles")
+    scene = Scene(hard_cases.train(0.3, (1.4, 1.7), damping=np.diag([0.02, 0.01, 0.03])), 0.5, 7.0)
+    for omega in (0.6, 2.0, 5.3):
+        # A period of ten segments in 64 bits, 5e-20 each operation, some hundred operations an exponential.
+        assert reference._extended(scene, omega) == pytest.approx(reference._multiprecision(scene, omega), abs=2e-16)
+
+
+def test_scene_has_the_segments_of_the_oracle():
+    scene = Scene(hard_cases.train(0.3, (1.4, 1.7), 0.2, "2/3"), 0.5, 7.0)
+    ours = [s for s in scene.segments if s[0] > 1e-12]
+    theirs = [s for s in oracle.segments(oracle.plain(scene.system)) if s[0] > 1e-12]
+    np.testing.assert_allclose([d for d, _ in ours], [float(d) for d, _ in theirs], atol=1e-14)
+    np.testing.assert_allclose([k for _, k in ours], [[float(x) for x in k] for _, k in theirs], atol=1e-14)
+
+
+@pytest.mark.parametrize("entry", METHODS, ids=lambda entry: entry.name)
+def test_every_method_finds_the_growth(entry: Entry):
+    """At its finest tolerance, on points well inside tongues, where the growth is a smooth function of M."""
+    damped = hard_cases.train(0.3, damping=np.diag([0.02, 0.01, 0.03]))
+    for system in (hard_cases.train(0.3), damped):
+        scene = Scene(system, 1.95, 5.4)
+        if not entry.fits(scene):
+            continue
+        omega = np.array([2.0, 5.3])
+        period = 2 * np.pi * scene.cycles / omega
+        expected = solve(system, omega).growth_rate[0] * period
+        np.testing.assert_allclose(entry.run(scene, omega, min(entry.tolerances)), expected, atol=2e-8)
+
+
+def test_measurements_are_honest():
+    """Exact methods to rounding error; the error of an integrator falls with its tolerance."""
+    found = measure(Scene(hard_cases.train(0.3), 0.5, 7.0), points=4, budget=0.0)
+    by_name: dict[str, list[float]] = {}
+    for m in found:
+        by_name.setdefault(m.method, []).append(m.error)
+        assert m.seconds > 0
+    for name, errors in by_name.items():
+        if len(errors) == 1:
+            assert errors[0] < 1e-12, name
+        else:
+            assert errors[-1] < 1e-3 * errors[0], name
+
+
+def test_mass_proportional_damping_is_measured_by_every_method():
+    system = hard_cases.train(0.3)
+    scene = Scene(replace(system, damping=0.02 * system.mass), 0.5, 7.0)
+    names = {m.method for m in measure(scene, points=2, budget=0.0) if m.error < 1e-6}
+    assert "NumPy products + eigvals" in names
+
+
+def test_command(tmp_path):
+    (tmp_path / "train.yaml").write_text(CONFIG)
+    target = tmp_path / "out" / "train.h5"
+    arguments = ["bench", str(tmp_path / "train.yaml"), "-o", str(target), "--points", "2", "--seconds", "0", "-q"]
+    result = CliRunner().invoke(group, arguments)
+    assert result.exit_code == 0, result.output
+    assert "products of expm" in result.output
+    assert target.with_suffix(".png").stat().st_size > 10_000
+    with open_result(target) as tree:
+        bench = tree["bench"].to_dataset().load()
+    assert set(bench) >= {"seconds", "error", "wrong_flags"}
+    assert np.all(bench["wrong_flags"].values[np.isnan(bench["tolerance"].values)] == 0)
+
+
+def test_command_needs_a_mesh_frequency_axis(tmp_path):
+    text = CONFIG.replace("mesh_frequency: {start: 0.5, stop: 7.0, num: 50}", "epsilon: [0.1, 0.2]")
+    (tmp_path / "train.yaml").write_text(text.replace("floquet: {}", "perturbation: {}"))
+    result = CliRunner().invoke(group, ["bench", str(tmp_path / "train.yaml")])
+    assert result.exit_code == 2
+    assert "mesh_frequency" in result.output
