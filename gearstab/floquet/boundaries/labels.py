@@ -100,16 +100,15 @@ class Unnamed:
     meetings: tuple[int, int, int]
 
 
-def assign(regions: list[Unnamed], frequency: Array, cycles: float, once: bool) -> list[tuple[Root, ...]]:
+def assign(regions: list[Unnamed], frequency: Array, cycles: float) -> list[tuple[Root, ...]]:
     """The roots of each region of one row, that with the largest share first; every region has at least one.
 
     frequency: ``(n,)``, natural frequencies of the mean system in the units of 1/cycle; cycles: N.
-    once: whether no two regions may have the same root, which holds without damping.
     """
     classes = [_classes(region) for region in regions]
     leading = [max(region.shares, key=region.shares.__getitem__, default=None) for region in regions]
     plain = [r is not None and c == [class_of(r)] for r, c in zip(leading, classes, strict=True)]
-    if all(plain) and (not once or len(set(leading)) == len(leading)):
+    if all(plain) and len(set(leading)) == len(leading):
         return [(root,) for root in leading if root is not None]
     slots = [(k, c) for k, own in enumerate(classes) for c in own]
     roots = _candidates(regions, frequency, cycles)

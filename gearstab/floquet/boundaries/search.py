@@ -98,7 +98,6 @@ class Interval:
     meetings: tuple[int, int, int]
     error: tuple[float, float]
     cut: tuple[bool, bool]
-    probe: float
 
 
 @dataclass(frozen=True)
@@ -330,4 +329,4 @@ def _interval(samples: Samples, row: int, start: tuple[float, int, float], stop:
     at_one, at_minus_one = (int(n) for n in samples.real[:, b] - samples.real[:, a])
     meetings = (at_one, at_minus_one, (total - at_one - at_minus_one) // 2)
     cut = (not samples.stable[a], not samples.stable[b])
-    return Interval(row, float(start[0]), float(stop[0]), meetings, (float(start[2]), float(stop[2])), cut, 0.5 * float(start[0] + stop[0]))
+    return Interval(row, float(start[0]), float(stop[0]), meetings, (float(start[2]), float(stop[2])), cut)

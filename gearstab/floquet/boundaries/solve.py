@@ -18,6 +18,8 @@ from gearstab.system import Array, GearSystem
 
 ASIDE = 0.03
 """Points near the edges of merged regions at which their tongues are looked for, as a part of the width."""
+PRESENT = 0.4
+"""The share that a tongue of a merged undamped region needs somewhere in a damped region to be named as part of it."""
 
 
 def boundaries(
@@ -48,20 +50,17 @@ def boundaries(
     found = _Collected(system, start, stop, width_floor)
     if system.damping is None:
         for pattern in prepare(system):
-            found.add(pattern, pattern, _undamped(pattern, start, stop, tolerance, width_floor))
+            found.undamped(pattern, search(pattern, *_range(pattern, start, stop), tolerance, width_floor))
         return found.result(rows)
     for pattern, guide in _guided(system):
-        found.add(pattern, guide, damped.search(pattern, guide, *_range(pattern, start, stop), tolerance, width_floor))
+        limits = _range(pattern, start, stop)
+        found.damped(pattern, guide, *damped.search(pattern, guide, *limits, tolerance, width_floor))
     return found.result(rows)
 
 
 def _range(pattern: Pattern, start: float, stop: float) -> tuple[Array, Array]:
     """Cycles 1/Omega in the pattern's units, from the highest to the lowest mesh frequency."""
     return pattern.elastic.rate / stop, pattern.elastic.rate / start
-
-
-def _undamped(pattern: Pattern, start: float, stop: float, tolerance: float, floor: float) -> Search:
-    return search(pattern, *_range(pattern, start, stop), tolerance, floor)
 
 
 def _guided(system: GearSystem) -> list[tuple[Pattern, Pattern]]:
@@ -110,23 +109,47 @@ class _Collected:
         self.period = self.system.common_period()[0]
         self.tongues: dict[tuple[int, int, int], Tongue] = {}
 
-    def add(self, pattern: Pattern, guide: Pattern, found: Search) -> None:
-        """Name the regions of a pattern by the undamped solutions of ``guide`` and keep them."""
+    def undamped(self, pattern: Pattern, found: Search) -> None:
+        """Name and keep the regions of a pattern."""
         self.contacts[pattern.rows] += found.contacts
         self.evaluations[pattern.rows] += found.evaluations
-        unnamed, extra = _unnamed(guide, found.intervals)
+        names = self._named(pattern, found.intervals)
+        for interval, roots in zip(found.intervals, names, strict=True):
+            self._keep(pattern, interval, roots)
+
+    def damped(self, pattern: Pattern, guide: Pattern, found: Search, free: Search) -> None:
+        """Name the regions of a damped pattern by the undamped ones they overlap, and keep them."""
+        self.contacts[pattern.rows] += found.contacts
+        self.evaluations[pattern.rows] += found.evaluations
+        names = self._named(guide, free.intervals)
+        overlaps = [_overlaps(interval, free.intervals) for interval in found.intervals]
+        probes = [(k, j, c) for k, own in enumerate(overlaps) for j, points in own for c in points]
+        rows = np.array([found.intervals[k].row for k, _, _ in probes], dtype=int)
+        parts = labels.shares(guide, rows, np.array([c for _, _, c in probes])) if probes else []
+        self.evaluations[pattern.rows] += np.bincount(rows, minlength=len(pattern.rows))
+        for k, interval in enumerate(found.intervals):
+            share: labels.Shares = {}
+            for (owner, j, _), part in zip(probes, parts, strict=True):
+                if owner == k:
+                    for root in names[j]:
+                        share[root] = max(share.get(root, 0.0), part.get(root, 0.0))
+            best = sorted(share, key=lambda root: -share[root])  # noqa: B023
+            self._keep(pattern, interval, tuple(r for r in best if r == best[0] or share[r] > PRESENT))
+
+    def _named(self, pattern: Pattern, intervals: list[Interval]) -> list[tuple[labels.Root, ...]]:
+        """The roots of each region of an undamped pattern."""
+        unnamed, extra = _unnamed(pattern, intervals)
         self.evaluations[pattern.rows] += extra
-        rate = pattern.elastic.rate
+        names: list[tuple[labels.Root, ...]] = [()] * len(intervals)
+        owner = np.array([i.row for i in intervals], dtype=int)
         for k, row in enumerate(pattern.rows):
-            mine = [(i, u) for i, u in zip(found.intervals, unnamed, strict=True) if i.row == k]
-            mine.reverse()
-            if not mine:
-                continue
-            numbers = self._modes(int(row), pattern.size)
-            frequency = np.sqrt(np.maximum(self.squared[row, numbers], 0.0)) / rate[k]
-            names = labels.assign([u for _, u in mine], frequency, pattern.cycles, once=pattern is guide)
-            for (interval, _), roots in zip(mine, names, strict=True):
-                self._keep(int(row), rate[k], interval, tuple(self._tongue(r, numbers) for r in roots))
+            mine = np.flatnonzero(owner == k)
+            if len(mine):
+                squared = self.squared[row, self._modes(int(row), pattern.size)]
+                frequency = np.sqrt(np.maximum(squared, 0.0)) / pattern.elastic.rate[k]
+                for j, roots in zip(mine, labels.assign([unnamed[j] for j in mine], frequency, pattern.cycles), strict=True):
+                    names[j] = roots
+        return names
 
     def _modes(self, row: int, elastic: int) -> Array:
         """Numbers from 0 of the elastic modes: rigid ones come between negative and positive squared frequencies."""
@@ -140,12 +163,15 @@ class _Collected:
             self.tongues[key] = tongue_of(self.system, key[0], key[1], Fraction(root.cycles) / self.period)
         return self.tongues[key]
 
-    def _keep(self, row: int, rate: float, interval: Interval, members: tuple[Tongue, ...]) -> None:
+    def _keep(self, pattern: Pattern, interval: Interval, roots: tuple[labels.Root, ...]) -> None:
+        row, rate = int(pattern.rows[interval.row]), float(pattern.elastic.rate[interval.row])
+        numbers = self._modes(row, pattern.size)
         error = 0.5 * max(interval.error[0] / interval.start, interval.error[1] / interval.stop)
-        lower, upper = rate / interval.stop, rate / interval.start
         cut_upper, cut_lower = interval.cut
         # The ends of the range itself, not what two divisions make of them.
-        lower, upper = (self.start if cut_lower else lower), (self.stop if cut_upper else upper)
+        lower = self.start if cut_lower else rate / interval.stop
+        upper = self.stop if cut_upper else rate / interval.start
+        members = tuple(self._tongue(root, numbers) for root in roots)
         self.regions.append((row, lower, upper, error, (cut_lower, cut_upper), members))
 
     def result(self, rows: int) -> Boundaries:
@@ -166,23 +192,39 @@ class _Collected:
         )
 
 
-def _unnamed(guide: Pattern, intervals: list[Interval]) -> tuple[list[Unnamed], Array]:
+def _unnamed(pattern: Pattern, intervals: list[Interval]) -> tuple[list[Unnamed], Array]:
     """Look for the unstable solutions inside each region: in the middle, and near both edges of one that may hold several
     tongues. Also the number of evaluations of each row."""
     owner, cycle = [], []
     for k, i in enumerate(intervals):
+        width, middle = i.stop - i.start, 0.5 * (i.start + i.stop)
         single = sum(i.meetings) <= 1 and not any(i.cut)
-        aside = [] if single else [i.start + ASIDE * (i.stop - i.start), i.stop - ASIDE * (i.stop - i.start)]
-        for point in [i.probe, *aside]:
-            owner.append(k)
-            cycle.append(point)
+        points = [middle] if single else [middle, i.start + ASIDE * width, i.stop - ASIDE * width]
+        owner += [k] * len(points)
+        cycle += points
     row = np.array([intervals[k].row for k in owner], dtype=int)
-    parts = labels.shares(guide, row, np.array(cycle)) if owner else []
+    parts = labels.shares(pattern, row, np.array(cycle)) if owner else []
     shares: list[labels.Shares] = [{} for _ in intervals]
     for k, part in zip(owner, parts, strict=True):
         for root, share in part.items():
             shares[k][root] = max(share, shares[k].get(root, 0.0))
     result = [
-        Unnamed(i.probe, s, i.meetings if not any(i.cut) else (0, 0, 0)) for i, s in zip(intervals, shares, strict=True)
+        Unnamed(0.5 * (i.start + i.stop), s, i.meetings if not any(i.cut) else (0, 0, 0))
+        for i, s in zip(intervals, shares, strict=True)
     ]
-    return result, np.bincount(row, minlength=len(guide.rows))
+    return result, np.bincount(row, minlength=len(pattern.rows))
+
+
+def _overlaps(interval: Interval, guides: list[Interval]) -> list[tuple[int, list[float]]]:
+    """The undamped regions that share points with a damped one, or the nearest, and where to look for their tongues."""
+    own = [(j, g) for j, g in enumerate(guides) if g.row == interval.row]
+    found = []
+    for j, g in own:
+        low, high = max(g.start, interval.start), min(g.stop, interval.stop)
+        if low < high:
+            found.append((j, [low + part * (high - low) for part in (0.1, 0.5, 0.9)]))
+    if not found and own:
+        middle = 0.5 * (interval.start + interval.stop)
+        j, g = min(own, key=lambda item: max(item[1].start - middle, middle - item[1].stop))
+        found.append((j, [0.5 * (g.start + g.stop)]))
+    return found
