@@ -17,6 +17,7 @@ from uuid import uuid4
 
 import numpy as np
 
+from gearstab.results.chunks import decode
 from gearstab.results.tree import Chunked, Field, Group, ResultTree
 from gearstab.results.variables import TEXT
 
@@ -128,6 +129,10 @@ def _create(target: h5py.Group, item: Field) -> h5py.Dataset:
         values = item.array()
         options = packed if values.nbytes > COMPRESSED_FROM else {}
         return target.create_dataset(name, data=values, dtype=values.dtype, **options)
+    if item.values.shape == ():
+        # One number, which HDF5 does not divide.
+        ((_, data),) = item.values.pieces()
+        return target.create_dataset(name, data=decode(data, (), item.variable.dtype))
     if not prod(item.values.shape):
         return target.create_dataset(name, shape=item.values.shape, dtype=item.variable.dtype)
     dataset = target.create_dataset(

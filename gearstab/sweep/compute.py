@@ -99,7 +99,8 @@ def joined(
             if variable.name == HOLDER:
                 part = moved(part, index)
             where = [index, *(np.arange(n) for n in over[1:]), members] if over else [members]
-            values[variable.name][np.ix_(*where)] = part.reshape(*(len(along) for along in where[:-1]), -1)
+            # Without a batch there is one row for all.
+            values[variable.name][np.ix_(*where)] = part if part.ndim == len(where) else part[..., None]
     return values, tongues
 
 

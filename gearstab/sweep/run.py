@@ -60,8 +60,8 @@ def run(
     jobs: threads or processes, default one a processor.
 
     Raises RequestError, before anything is computed, if ``out`` holds something else and ``overwrite`` is not given, or
-    if it cannot be written; SweepError if the disk is full or a block failed; Interrupted after SIGINT or SIGTERM. What is
-    finished is kept.
+    if it cannot be written; SweepError if the disk is full or a block failed; Interrupted after SIGINT or SIGTERM. What
+    is finished is kept.
     """
     out, reporter = Path(out), progress or Reporter()
     if not overwrite and is_complete(plan, out):
