@@ -10,8 +10,8 @@
 #define GEARSTAB_MODULI_H
 
 #define LARGEST_POWER 6 /* the order of the matrices */
-#define ROUNDS 8        /* of STEPS squarings; 2^-48 ln binom(6, 3) = 1e-14 */
-#define STEPS 6         /* without scaling: from r >= 1/6 to e_6 > 2^-1000 */
+#define ROUNDS 10       /* of STEPS squarings; 2^-50 ln binom(6, 3) = 3e-15 */
+#define STEPS 5         /* without scaling: r > 2^-3.2 (six equal roots, e_1 = 6 r) still gives e_6 > 2^-620 */
 #define CHECKED 2       /* rounds after which the perturbed polynomials are compared */
 #define PERTURBATION 1e-8
 #define ROUNDING (16 * DBL_EPSILON) /* of e_j over the j-th power of the matrix's size */
