@@ -65,9 +65,10 @@ class Growth:
             return growth / period - self.pattern.elastic.shift[row], vectors
         size = self.generator.matrix.shape[-1]
         result, vectors = np.empty(len(row)), np.empty((len(row), size), dtype=complex)
-        for k in np.unique(row):
-            mine = np.flatnonzero(row == k)
-            matrix, scale = general.monodromy(self.generator, self.pattern, int(k), 1 / cycle[mine])
+        for k, mine in enumerate(undamped.by_row(row, len(self.count))):
+            if len(mine) == 0:
+                continue
+            matrix, scale = general.monodromy(self.generator, self.pattern, k, 1 / cycle[mine])
             result[mine], vectors[mine] = _fastest(matrix)
             result[mine] += scale
         return (result - DAMPED_ON_CIRCLE) / period, vectors
@@ -266,9 +267,10 @@ def _step(a: Array, b: Array, c: Array, fa: Array, fb: Array, fc: Array, toleran
 def _intervals(table: Table, change: Array, root: Array, error: Array, floor: float) -> list[Interval]:
     """Pair the zeros of each row; a region that reaches an end of the range is cut there."""
     result = []
-    for row in range(len(table.growth.count)):
-        mine = np.flatnonzero(table.row == row)
-        edges = [(float(root[k]), float(error[k])) for k in np.flatnonzero(table.row[change] == row)]
+    rows = len(table.growth.count)
+    samples_of, edges_of = undamped.by_row(table.row, rows), undamped.by_row(table.row[change], rows)
+    for row, (mine, own) in enumerate(zip(samples_of, edges_of, strict=True)):
+        edges = [(float(root[k]), float(error[k])) for k in own]
         low, high = table.cycle[mine[0]], table.cycle[mine[-1]]
         cut = (bool(table.value[mine[0]] > 0), bool(table.value[mine[-1]] > 0))
         edges = [(float(low), 0.0)] * cut[0] + edges + [(float(high), 0.0)] * cut[1]

@@ -121,7 +121,7 @@ def assign(regions: list[Unnamed], frequency: Array, cycles: float) -> list[tupl
             result[slots[slot][0]].append(roots[column])
     for k, own in enumerate(result):
         fallback = leading[k] or _nearest(regions[k].cycle, roots, frequency, cycles)
-        own.sort(key=lambda root: -regions[k].shares.get(root, 0.0))  # noqa: B023
+        own.sort(key=lambda root: (-round(regions[k].shares.get(root, 0.0), 3), root))  # noqa: B023
         own += [] if own else [fallback]
     return [tuple(own) for own in result]
 

@@ -131,6 +131,9 @@ def search(pattern: Pattern, first: Array, last: Array, tolerance: float, floor:
 
     tolerance, floor: relative to Omega.
     """
+    if len(pattern.states) == 1 and np.all(pattern.squared_frequency > 0):
+        # Constant stiffness: multipliers only pass through each other.
+        return Search([], *np.zeros((2, len(first)), dtype=np.int64))
     samples, brackets = _scan(pattern, first, last)
     spacing = np.full(len(first), np.inf)
     np.minimum.at(spacing, samples.row[brackets.left], samples.cycle[brackets.right] - samples.cycle[brackets.left])
@@ -298,10 +301,16 @@ def _assemble(samples: Samples, edges: list[tuple[Array, ...]], first: Array, la
     a, b = a[order], b[order]
     usable = np.flatnonzero(samples.known | ~samples.stable)
     result = []
-    for row in range(len(first)):
-        mine = np.flatnonzero(samples.row[a] == row)
-        result += _intervals(samples, a[mine], b[mine], usable[samples.row[usable] == row], row, floor)
+    edges_of, samples_of = by_row(samples.row[a], len(first)), by_row(samples.row[usable], len(first))
+    for row, (mine, own) in enumerate(zip(edges_of, samples_of, strict=True)):
+        result += _intervals(samples, a[mine], b[mine], usable[own], row, floor)
     return result
+
+
+def by_row(row: Array, count: int) -> list[Array]:
+    """Positions of the entries of each of ``count`` rows, in their order."""
+    order = np.argsort(row, kind="stable")
+    return np.split(order, np.searchsorted(row[order], np.arange(1, count)))
 
 
 def _intervals(samples: Samples, a: Array, b: Array, own: Array, row: int, floor: float) -> list[Interval]:

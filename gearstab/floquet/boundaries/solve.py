@@ -10,7 +10,7 @@ import numpy as np
 from gearstab.floquet.boundaries import damped, labels
 from gearstab.floquet.boundaries.labels import Unnamed
 from gearstab.floquet.boundaries.regions import Boundaries, tongue_of
-from gearstab.floquet.boundaries.search import Interval, Search, search
+from gearstab.floquet.boundaries.search import Interval, Search, by_row, search
 from gearstab.floquet.segments import Pattern, prepare
 from gearstab.modal import mean_modes
 from gearstab.perturbation.tongues import Tongue
@@ -122,18 +122,21 @@ class _Collected:
         self.contacts[pattern.rows] += found.contacts
         self.evaluations[pattern.rows] += found.evaluations
         names = self._named(guide, free.intervals)
-        overlaps = [_overlaps(interval, free.intervals) for interval in found.intervals]
-        probes = [(k, j, c) for k, own in enumerate(overlaps) for j, points in own for c in points]
+        guides = by_row(np.array([g.row for g in free.intervals], dtype=int), len(pattern.rows))
+        probes = [
+            (k, j, c)
+            for k, interval in enumerate(found.intervals)
+            for j, c in _probes(interval, [(int(j), free.intervals[j]) for j in guides[interval.row]])
+        ]
         rows = np.array([found.intervals[k].row for k, _, _ in probes], dtype=int)
         parts = labels.shares(guide, rows, np.array([c for _, _, c in probes])) if probes else []
         self.evaluations[pattern.rows] += np.bincount(rows, minlength=len(pattern.rows))
-        for k, interval in enumerate(found.intervals):
-            share: labels.Shares = {}
-            for (owner, j, _), part in zip(probes, parts, strict=True):
-                if owner == k:
-                    for root in names[j]:
-                        share[root] = max(share.get(root, 0.0), part.get(root, 0.0))
-            best = sorted(share, key=lambda root: -share[root])  # noqa: B023
+        shares: list[labels.Shares] = [{} for _ in found.intervals]
+        for (k, j, _), part in zip(probes, parts, strict=True):
+            for root in names[j]:
+                shares[k][root] = max(shares[k].get(root, 0.0), part.get(root, 0.0))
+        for interval, share in zip(found.intervals, shares, strict=True):
+            best = sorted(share, key=lambda root: (-round(share[root], 3), root))  # noqa: B023
             self._keep(pattern, interval, tuple(r for r in best if r == best[0] or share[r] > PRESENT))
 
     def _named(self, pattern: Pattern, intervals: list[Interval]) -> list[tuple[labels.Root, ...]]:
@@ -142,8 +145,7 @@ class _Collected:
         self.evaluations[pattern.rows] += extra
         names: list[tuple[labels.Root, ...]] = [()] * len(intervals)
         owner = np.array([i.row for i in intervals], dtype=int)
-        for k, row in enumerate(pattern.rows):
-            mine = np.flatnonzero(owner == k)
+        for k, (row, mine) in enumerate(zip(pattern.rows, by_row(owner, len(pattern.rows)), strict=True)):
             if len(mine):
                 squared = self.squared[row, self._modes(int(row), pattern.size)]
                 frequency = np.sqrt(np.maximum(squared, 0.0)) / pattern.elastic.rate[k]
@@ -215,16 +217,15 @@ def _unnamed(pattern: Pattern, intervals: list[Interval]) -> tuple[list[Unnamed]
     return result, np.bincount(row, minlength=len(pattern.rows))
 
 
-def _overlaps(interval: Interval, guides: list[Interval]) -> list[tuple[int, list[float]]]:
-    """The undamped regions that share points with a damped one, or the nearest, and where to look for their tongues."""
-    own = [(j, g) for j, g in enumerate(guides) if g.row == interval.row]
+def _probes(interval: Interval, guides: list[tuple[int, Interval]]) -> list[tuple[int, float]]:
+    """Points of the undamped regions that overlap a damped one, or of the nearest, at which to look for its tongues."""
     found = []
-    for j, g in own:
+    for j, g in guides:
         low, high = max(g.start, interval.start), min(g.stop, interval.stop)
         if low < high:
-            found.append((j, [low + part * (high - low) for part in (0.1, 0.5, 0.9)]))
-    if not found and own:
+            found += [(j, low + part * (high - low)) for part in (0.1, 0.5, 0.9)]
+    if not found and guides:
         middle = 0.5 * (interval.start + interval.stop)
-        j, g = min(own, key=lambda item: max(item[1].start - middle, middle - item[1].stop))
-        found.append((j, [0.5 * (g.start + g.stop)]))
+        j, g = min(guides, key=lambda item: max(item[1].start - middle, middle - item[1].stop))
+        found.append((j, 0.5 * (g.start + g.stop)))
     return found
