@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -269,7 +270,7 @@ def number(text: str) -> int | float | str:
 
 def _represent_float(representer: Any, value: float) -> Node:
     """Every digit, and a point before the exponent: readers of YAML 1.1 take 1e-09 for a text."""
-    text = repr(value)
+    text = repr(value) if math.isfinite(value) else f"{value}".replace("inf", ".inf").replace("nan", ".nan")
     mantissa, letter, exponent = text.partition("e")
     if letter and "." not in mantissa:
         text = f"{mantissa}.0e{exponent}"

@@ -35,20 +35,22 @@ class Edge:
         return {"type": ["number", "string"]}
 
 
+Count = Annotated[int, Field(ge=1, le=LARGEST_AXIS), Whole()]
+Spacing = Annotated[str, Choice("spacing", ("linear", "log"))]
+
+
 class Range(Section):
     """Equally spaced values, both ends included."""
 
     start: Annotated[Any, Edge()] = Field(title="start", description="The first value.")
     stop: Annotated[Any, Edge()] = Field(title="stop", description="The last value.")
-    num: Annotated[int, Field(ge=1, le=LARGEST_AXIS), Whole()] | None = Field(
-        default=None, title="number of values", description="How many values; or give step."
-    )
+    num: Count | None = Field(default=None, title="number of values", description="How many values; or give step.")
     step: Annotated[Any, Edge()] | None = Field(
         default=None,
         title="step",
         description="From value to value; the stop is included when a step hits it. Or give num.",
     )
-    spacing: Annotated[str, Choice("spacing", ("linear", "log"))] = Field(
+    spacing: Spacing = Field(
         default="linear", title="spacing", description="log: equal ratios instead of equal differences, with num."
     )
 

@@ -7,6 +7,7 @@ points of an axis that varies several differently. So the cost does not grow wit
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -22,7 +23,7 @@ LEVEL_KEYS = ("mean_stiffness", "max_stiffness", "epsilon", "amplitude", "contac
 SYMMETRY_TOLERANCE = 1e-9
 """Asymmetry of a matrix, relative to its largest entry, that comes from writing it with few digits."""
 DEFINITE_TOLERANCE = 1e-14
-"""A mass matrix whose eigenvalues differ by more than this has no inverse in double precision."""
+"""A mass matrix, scaled to a diagonal of ones, with a lower eigenvalue has no inverse in double precision."""
 
 Selection = dict[str, Array]
 """Axis name -> indices of the points that are looked at, all of one shape."""
@@ -30,6 +31,9 @@ Selection = dict[str, Array]
 
 def check(document: Document, config: Config) -> None:
     """Report what cannot exist anywhere on the grid, or at the base values where a response asks for them."""
+    # Exact ratios play no part here, and would have to be the same at all points.
+    axes = [replace(a, assignments=tuple(item for item in a.assignments if not item.structural)) for a in config.axes]
+    config = replace(config, axes=tuple(axes))
     for i in range(len(config.parameters["meshes"])):
         _check_levels(document, config, i)
     if config.kind == "matrices" and _symmetric(document, config.parameters):
@@ -40,7 +44,7 @@ def extreme_points(axes: Sequence[Axis], concerns: Callable[[Path], bool]) -> Se
     """The points that can be the worst for the parameters that a question concerns."""
     picks: Selection = {}
     for axis in axes:
-        values = [a.values for a in axis.assignments if concerns(a.path) and isinstance(a.values, np.ndarray)]
+        values = [a.values for a in axis.assignments if concerns(a.path)]
         if not values:
             continue
         keys = {a.path[-1] for a in axis.assignments if concerns(a.path)}
@@ -67,13 +71,13 @@ def _check_levels(document: Document, config: Config, index: int) -> None:
     allowed = config.parameters["allow_negative_stiffness"]
     for selection in selections:
         p = parameters_at(config, selection)["meshes"][index]
-        with np.errstate(divide="ignore", invalid="ignore"):
+        with np.errstate(all="ignore"):  # what overflows is reported, or of no concern
             item = mesh(p, np.ones(1))
             amplitude = p.get("amplitude", item.amplitude)
             lowest = item.mean_stiffness + 2 * np.asarray(amplitude) * item.waveform.extremes()[0]
-        checked = np.atleast_1d(item.mean_stiffness if allowed else np.minimum(lowest, item.mean_stiffness))
-        scale = np.atleast_1d(p.get("mean_stiffness", p.get("max_stiffness")))
-        worst = int(np.argmin(checked / scale))
+            checked = np.atleast_1d(item.mean_stiffness if allowed else np.minimum(lowest, item.mean_stiffness))
+            relative = checked / np.atleast_1d(p.get("mean_stiffness", p.get("max_stiffness")))
+        worst = int(np.argmin(relative))
         if checked[worst] <= 0:
             at_worst = {k: float(np.broadcast_to(p[k], checked.shape)[worst]) for k in LEVEL_KEYS if k in p}
             chosen = {name: int(rows[worst]) for name, rows in selection.items()}
@@ -148,11 +152,12 @@ def _check_definite(document: Document, config: Config) -> None:
     parameters = parameters_at(config, selection)
     bare = [{key: value for key, value in item.items() if key != "damping"} for item in parameters["meshes"]]
     system = build(parameters | {"meshes": bare, "damping": None, "damping_ratio": 0.0})
-    masses = np.linalg.eigvalsh(system.mass)
-    singular = masses[..., 0] <= DEFINITE_TOLERANCE * np.abs(masses[..., -1])
+    singular = _singular(system.mass)
     if np.any(singular):
         where = _axis_of(config, selection, "mass") if np.ndim(singular) else ""
-        message = f"is not positive definite{where}: its lowest eigenvalue is {np.min(masses):.6g}"
+        message = (
+            f"is not positive definite{where}: its lowest eigenvalue is {np.min(np.linalg.eigvalsh(system.mass)):.6g}"
+        )
         _report_matrix(
             document, ("system", "mass"), "mass", message, "give every coordinate a positive mass or inertia"
         )
@@ -164,6 +169,14 @@ def _check_definite(document: Document, config: Config) -> None:
         message = f"with the mean mesh stiffness has a negative eigenvalue{where}: omega^2 = {np.min(squares):.6g}"
         remedy = "check the signs of stiffness, or set system.allow_negative_stiffness: true"
         _report_matrix(document, ("system", "stiffness"), "stiffness", message, remedy)
+
+
+def _singular(mass: Array) -> Array:
+    """Where a mass matrix is not positive definite, whatever the units of its coordinates."""
+    diagonal = np.diagonal(mass, axis1=-2, axis2=-1)
+    scale = 1 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
+    lowest = np.linalg.eigvalsh(mass * scale[..., :, None] * scale[..., None, :])[..., 0]
+    return np.any(diagonal <= 0, axis=-1) | (lowest <= DEFINITE_TOLERANCE)
 
 
 def _axis_of(config: Config, selection: Selection, name: str) -> str:

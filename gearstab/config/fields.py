@@ -17,6 +17,11 @@ from gearstab.config.units import UnitError, to_si
 LARGEST_DENOMINATOR = 1000
 """A decimal number is taken for an exact ratio up to this denominator: 0.6 is 3/5, but 0.6667 is hardly 6667/10000."""
 
+LARGEST_NUMBER = 1e100
+"""Products of three numbers stay within double precision."""
+LARGEST_TERM = 10**9
+"""Of an exact ratio; the common period of the meshes holds as many cycles."""
+
 
 def wrong(kind: str, message: str, hint: str) -> PydanticCustomError:
     """An error whose remedy travels in its context."""
@@ -76,6 +81,8 @@ class Quantity:
             result = math.inf
         if not math.isfinite(result):
             raise wrong("number", "must be a finite number", "write a number")
+        if abs(result) > LARGEST_NUMBER:
+            raise wrong("number", "is too large to compute with", f"stay below {LARGEST_NUMBER:g} by a choice of units")
         return result
 
 
@@ -109,16 +116,18 @@ class Ratio:
         if isinstance(value, bool) or not isinstance(value, int | float | str):
             raise wrong("ratio", "must be a ratio", remedy)
         if isinstance(value, str):
-            found = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*(?:/\s*(\d+)\s*)?", value)
+            found = re.fullmatch(r"\s*(\d{1,12}(?:\.\d{1,12})?)\s*(?:/\s*(\d{1,12})\s*)?", value)
             if not found or (found[2] and ("." in found[1] or int(found[2]) == 0)):
                 raise wrong("ratio", "must be a ratio of two integers", remedy)
             ratio = Fraction(int(found[1]), int(found[2])) if found[2] else Fraction(found[1])
-        elif math.isfinite(value):
-            ratio = Fraction(repr(value))
+        elif isinstance(value, int) or math.isfinite(value):
+            ratio = Fraction(value if isinstance(value, int) else repr(value))
         else:
             raise wrong("ratio", "must be a finite ratio", remedy)
         if ratio <= 0:
             raise wrong("ratio", "must be > 0", remedy)
+        if max(ratio.numerator, ratio.denominator) > LARGEST_TERM:
+            raise wrong("ratio", "has too many digits", "write a ratio of tooth numbers")
         if ratio.denominator > LARGEST_DENOMINATOR and not (isinstance(value, str) and "/" in value):
             near = ratio.limit_denominator(100)
             raise wrong(

@@ -30,6 +30,7 @@ def schema() -> dict[str, Any]:
     found = definitions["$defs"]
     for model in _all_models(models):
         _loosen(found[model.__name__], model)
+    found["Tie"]["properties"]["values"] = _tied_values(found["Tie"]["properties"]["values"])
     found["Matrices"]["properties"]["damping"] = _matrix_or(found["Matrices"]["properties"]["damping"])
     return {
         "$schema": DIALECT,
@@ -86,6 +87,13 @@ def _values() -> dict[str, Any]:
         "description": "The values of a parameter along an axis: one, a list, or a range.",
         "anyOf": [NUMBER, {"type": "array", "minItems": 1, "items": NUMBER}, {"$ref": "#/$defs/Range"}],
     }
+
+
+def _tied_values(form: dict[str, Any]) -> dict[str, Any]:
+    """Values for all targets, or a list of such values, one for each target."""
+    each = {"anyOf": [NUMBER, {"type": "array", "minItems": 1, "items": NUMBER}, {"$ref": "#/$defs/Range"}]}
+    options = [NUMBER, {"type": "array", "minItems": 1, "items": each}, {"$ref": "#/$defs/Range"}]
+    return {"description": form["description"], "anyOf": options}
 
 
 def _case() -> dict[str, Any]:

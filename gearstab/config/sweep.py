@@ -10,7 +10,7 @@ from pydantic import Field
 
 from gearstab.config.axes import Assignment, Axis
 from gearstab.config.document import Document
-from gearstab.config.expansion import Edge, Expansion, Range, expand, expand_list
+from gearstab.config.expansion import Count, Edge, Expansion, Range, Spacing, expand, expand_list
 from gearstab.config.fields import Section
 from gearstab.config.problems import Path, dotted, nearest
 from gearstab.config.system import System
@@ -41,13 +41,11 @@ class Tie(Section):
     stop: Annotated[Any, Edge()] | None = Field(
         default=None, title="stop", description="The last value, of all targets."
     )
-    num: Annotated[Any, Edge()] | None = Field(
-        default=None, title="number of values", description="How many values; or give step."
-    )
+    num: Count | None = Field(default=None, title="number of values", description="How many values; or give step.")
     step: Annotated[Any, Edge()] | None = Field(
         default=None, title="step", description="From value to value; or give num."
     )
-    spacing: Annotated[Any, Edge()] | None = Field(default=None, title="spacing", description="linear or log.")
+    spacing: Spacing | None = Field(default=None, title="spacing", description="linear or log.")
 
 
 @dataclass

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 from pydantic import TypeAdapter
 
 from gearstab.config.fields import AngularFrequency, Ratio
@@ -123,7 +124,7 @@ def _walk(name: str, parts: list[str], model: type[System], raw: dict[str, Any])
 
 
 def _index(name: str, part: str, path: Path, value: Any, entry: Any) -> int:
-    entries = list(value) if value is not None and not isinstance(value, str | dict) else []
+    entries = list(value) if isinstance(value, list | np.ndarray) else []
     if not part.isdigit() and isinstance(entry, type) and issubclass(entry, Mesh):
         names = [mesh.get("name") if isinstance(mesh, dict) else None for mesh in entries]
         if part not in names:

@@ -1,0 +1,60 @@
+"""``gearstab check`` as a user runs it: exit codes, streams, one line for each mistake."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+RUN = [sys.executable, "-W", "error", "-c", "import sys; from gearstab.cli import main; main(sys.argv[1:])", "check"]
+
+WRONG = """\
+system:
+  kind: two_stage
+  inertias: [1.0, -0.3, 4.0]
+  input_shaft_stiffness: 0.5
+  tooth_ratio: 1
+  meshes:
+    - {mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5}
+    - {mean_stiffness: 1.0, epsilon: 0.3, contact_ration: 1.5}
+"""
+
+
+def check(root: Path, *args: str | Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([*RUN, *map(str, args)], cwd=root, capture_output=True, text=True, check=False)
+
+
+def test_a_valid_configuration(root: Path) -> None:
+    done = check(root, "configs/gear_pair.yaml", "--set", "sweep.contact_ratio.num=3")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout == (
+        "configs/gear_pair.yaml: valid gear_pair; "
+        "damping_ratio (3) x contact_ratio (3) x mesh_frequency (500) = 4,500 points; "
+        "methods floquet, perturbation\n"
+    )
+
+
+def test_mistakes(tmp_path: Path, root: Path) -> None:
+    path = tmp_path / "wrong.yaml"
+    path.write_text(WRONG)
+    done = check(root, path, "--set", "tooth_ratio=0.6667")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.splitlines() == [
+        f"{path}:3: system.inertias.1: must be > 0 (got -0.3); choose a value > 0",
+        f"{path}:8: system.meshes.1.contact_ratio: is missing; add contact_ratio: c >= 1: floor(c) + 1 pairs of teeth "
+        "carry for the fraction c - floor(c) of the period (1)",
+        f"{path}:8: system.meshes.1.contact_ration: unknown key; did you mean 'contact_ratio'?",
+        "--set tooth_ratio: system.tooth_ratio: is no short decimal, and the ratio must be exact (got 0.6667); "
+        'write a fraction such as "2/3"',
+    ]
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize(("name", "message"), [("none.yaml", "there is no such file"), (".", "is a folder")])
+def test_no_configuration(tmp_path: Path, root: Path, name: str, message: str) -> None:
+    done = check(root, tmp_path / name)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith(f"{tmp_path / name}: {message}; ")
+    assert done.stderr.count("\n") == 1
