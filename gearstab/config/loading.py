@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from gearstab.config import overrides as override
 from gearstab.config.axes import Array, Axis, Config
 from gearstab.config.document import Document, read
@@ -42,6 +44,8 @@ def load(path: str | FilePath, overrides: Sequence[str] = (), needs: Sequence[st
     system = _read_system(document, model, source) if model else None
     methods = _read_methods(document)
     respond = _read_respond(document, model, system)
+    if methods is not None and methods.boundaries is not None and system is not None:
+        _check_range(document, system.axes)
     if document.problems or system is None or methods is None:
         raise ConfigError(document.problems)
     config = _config(document, source, system, methods, respond)
@@ -190,6 +194,14 @@ def _read_methods(document: Document) -> Methods | None:
                 remedy = "add mesh_frequency: {start: .., stop: .., num: ..} to sweep"
                 document.report(("methods", name), "needs a mesh_frequency axis", remedy, at_key=True)
     return validate(document, Methods, ("methods",))
+
+
+def _check_range(document: Document, axes: Sequence[Axis]) -> None:
+    """Boundaries are sought over a range of the mesh frequency, so that one frequency alone holds none."""
+    for axis in axes:
+        if axis.name == "mesh_frequency" and np.ptp(np.asarray(axis.values)) == 0:
+            path = ("sweep", "mesh_frequency")
+            document.report(path, "is no range, over which boundaries are sought", "give two frequencies or more")
 
 
 def _read_respond(document: Document, model: type[System] | None, system: _System | None) -> Respond | None:
