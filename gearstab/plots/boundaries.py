@@ -80,11 +80,14 @@ def draw_marks(ax: Axes, exact: Tongues, frequency_on_x: bool, colour: str) -> t
     return drawn[0], drawn[1]
 
 
-def draw_case(tree: xr.DataTree, ax: Axes, view: View, number: int = 0, fill: Any = SHADE) -> Artists:
+def draw_case(
+    tree: xr.DataTree, ax: Axes, view: View, number: int = 0, fill: Any = SHADE, marks: bool = True
+) -> Artists:
     """Draw one case into a frame: ``regions``, ``perturbation``, ``uncoupled``, ``boundaries`` and ``thin`` (see
     :func:`draw_marks`), None where the result does not hold them.
 
-    number: which colour and line style; fill: the colour of the unstable regions.
+    number: which colour and line style; fill: the colour of the unstable regions; marks: whether the exact boundaries
+    are marked even where the regions show them.
     """
     found = tongues.parameter_axis(view)
     assert found is not None
@@ -102,7 +105,7 @@ def draw_case(tree: xr.DataTree, ax: Axes, view: View, number: int = 0, fill: An
             look = {"colors": colour, "linestyles": [pattern], "linewidths": 0.75, "zorder": 2.4}
             artists[group] = tongues.boundary_lines(ax, lines, frequency_on_x, seen, **look)
     exact = tongues.read_tongues(tree, "boundaries", view, parameter)
-    if exact is not None:
+    if exact is not None and (marks or regions is None):
         artists["boundaries"], artists["thin"] = draw_marks(ax, exact, frequency_on_x, colour)
     return artists
 
@@ -139,14 +142,16 @@ def named_cases(tree: xr.DataTree, ax: Axes, views: list[View]) -> names.NamedTo
     assert axis is not None
     parameter, frequency_on_x = axis
     limits = ax.get_xlim() if frequency_on_x else ax.get_ylim()
+    groups = []
     for group in ("boundaries", "perturbation", "uncoupled"):
         found = [tongues.read_tongues(tree, group, view, parameter) for view in views]
-        lines = [item for item in found if item is not None and any(item.labels)]
+        lines = [item for item in found if item is not None]
         if lines:
             best = np.argmax([tongues.widest(item, *limits) for item in lines], axis=0)
             edges = np.stack([item.edges for item in lines])[best, np.arange(best.size)]
-            return names.name_tongues(ax, Tongues(edges, lines[0].labels, parameter), frequency_on_x)
-    return names.NamedTongues()
+            groups.append(Tongues(edges, lines[0].labels, parameter))
+    shown = names.merged(groups, *limits)
+    return names.name_tongues(ax, shown, frequency_on_x) if shown is not None else names.NamedTongues()
 
 
 def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
@@ -161,7 +166,7 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     figure = new_figure(size, 0.78 if size == "single" else 0.5, request.dpi)
     ax = figure.add_subplot()
     tints = [SHADE] if len(views) == 1 else [to_rgba(CASES[k], 0.18) for k in range(len(views))]
-    cases = [draw_case(tree, ax, item, k, tints[k]) for k, item in enumerate(views)]
+    cases = [draw_case(tree, ax, item, k, tints[k], len(views) == 1) for k, item in enumerate(views)]
     handles = legend_handles(cases, [caption(view.free, case) for case in chosen])
     legend = write_legend(figure, handles)
     write_title(figure, tree, request, view)

@@ -21,7 +21,7 @@ from matplotlib.transforms import (
 from gearstab.plots.axes import View
 from gearstab.plots.placement import Placed, place
 from gearstab.plots.text import tongue_label
-from gearstab.plots.tongues import INVISIBLE, Tongues, parameter_axis, read_tongues
+from gearstab.plots.tongues import INVISIBLE, Tongues, parameter_axis, read_tongues, widest
 
 Array = np.ndarray
 
@@ -60,14 +60,26 @@ def anchors(tongues: Tongues, low: float, high: float, logarithmic: bool = False
 
 
 def name_view(tree: xr.DataTree, ax: Axes, view: View, rows: int = 3) -> NamedTongues:
-    """Name the tongues of a view whose frame has settled: those of the exact boundaries if they are labelled."""
+    """Name the tongues of a view whose frame has settled: by exact boundaries, or else by predicted ones."""
     found = parameter_axis(view)
-    if found is not None:
-        for group in ("boundaries", "perturbation"):
-            lines = read_tongues(tree, group, view, found[0])
-            if lines is not None and any(lines.labels):
-                return name_tongues(ax, lines, found[1], rows)
-    return NamedTongues()
+    if found is None:
+        return NamedTongues()
+    parameter, frequency_on_x = found
+    limits = ax.get_xlim() if frequency_on_x else ax.get_ylim()
+    groups = [read_tongues(tree, group, view, parameter) for group in ("boundaries", "perturbation")]
+    lines = merged([group for group in groups if group is not None], *limits)
+    return name_tongues(ax, lines, frequency_on_x, rows) if lines is not None else NamedTongues()
+
+
+def merged(groups: list[Tongues], low: float, high: float) -> Tongues | None:
+    """The labelled tongues of all groups that can be seen, from the first group that shows each; None without any."""
+    edges: dict[str, Array] = {}
+    for group in groups:
+        seen = widest(group, low, high) > INVISIBLE
+        for i in np.flatnonzero(seen):
+            edges.setdefault(group.labels[i], group.edges[i])
+    edges.pop("", None)
+    return Tongues(np.stack(list(edges.values())), tuple(edges), groups[0].parameter) if edges else None
 
 
 def name_tongues(ax: Axes, tongues: Tongues, frequency_on_x: bool, rows: int = 3) -> NamedTongues:

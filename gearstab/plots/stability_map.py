@@ -72,7 +72,7 @@ def draw_map(
 
     Returns the artists, None where there is no such thing: ``cells`` (values of unstable points; stable ones masked),
     ``failed`` (hatched), ``note`` (if all is stable), ``neutral`` (the line growth_rate = 0 of a damped system),
-    ``perturbation`` and ``boundaries`` (lines).
+    ``perturbation`` (lines), ``boundaries`` and ``thin`` (see ``tongues.exact_lines``).
     """
     assert view.y is not None
     values, failed = read_cells(tree, view, variable)
@@ -108,7 +108,7 @@ def draw_neutral(tree: xr.DataTree, ax: Axes, view: View) -> object | None:
 
 def draw_boundaries(tree: xr.DataTree, ax: Axes, view: View | None, dashed: bool) -> Artists:
     """Exact boundaries (solid) and those of perturbation theory (dashed next to another line) of the view, if any."""
-    artists: Artists = {"perturbation": None, "boundaries": None}
+    artists: Artists = {"perturbation": None, "boundaries": None, "thin": None}
     found = tongues.parameter_axis(view) if view is not None else None
     if view is None or found is None:
         return artists
@@ -116,7 +116,7 @@ def draw_boundaries(tree: xr.DataTree, ax: Axes, view: View | None, dashed: bool
     low, high = ax.get_xlim() if frequency_on_x else ax.get_ylim()
     exact = tongues.read_tongues(tree, "boundaries", view, parameter)
     if exact is not None:
-        artists["boundaries"] = tongues.boundary_lines(ax, exact, frequency_on_x, linewidths=0.45, zorder=2.2)
+        artists["boundaries"], artists["thin"] = tongues.exact_lines(ax, exact, frequency_on_x)
     first = tongues.read_tongues(tree, "perturbation", view, parameter)
     if first is not None:
         seen = tongues.widest(first, low, high) > tongues.INVISIBLE

@@ -11,9 +11,16 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 
 from gearstab.plots.axes import FREQUENCY, Axis, View
-from gearstab.plots.style import LINE
+from gearstab.plots.style import GROWTH, LINE
 
 Array = np.ndarray
+
+EDGE: dict[str, Any] = {"colors": LINE, "linewidths": 0.45, "zorder": 2.2}
+THIN: dict[str, Any] = {"colors": [GROWTH(0.15)], "linewidths": 0.4, "zorder": 2.1}
+"""A tongue thinner than a line is a sliver of the lightest growth colours, as it would be among the cells."""
+
+ONE_LINE = 0.002
+"""Two edges nearer than this part of the frame print as one line."""
 
 INVISIBLE = 0.004
 """A tongue nowhere wider than this part of the frame is about as thin as its own two lines: it gets no name."""
@@ -82,6 +89,45 @@ def boundary_lines(
     lines = LineCollection(segments, **{**style, **line})
     ax.add_collection(lines, autolim=False)
     return lines
+
+
+def exact_lines(ax: Axes, tongues: Tongues, frequency_on_x: bool) -> tuple[LineCollection, LineCollection]:
+    """Draw exact boundaries: both edges of a tongue where it is wide enough to see, else one light line for all of it.
+
+    A line is broken where an edge leaps, as it does where regions merge and where a name passes to another region.
+    Returns the edges and the light lines.
+    """
+    low, high = ax.get_xlim() if frequency_on_x else ax.get_ylim()
+    edges, span = tongues.edges, high - low
+    narrow = ~(edges[:, 1] - edges[:, 0] >= ONE_LINE * span)
+    wide = np.where((narrow & beside(narrow))[:, None], np.nan, edges)
+    middle = np.where((~narrow & beside(~narrow))[:, None], np.nan, edges.mean(axis=1, keepdims=True))
+    drawn = []
+    for frequency, look in ((wide, EDGE), (middle, THIN)):
+        lines = frequency.reshape(-1, frequency.shape[-1])
+        parts = [part for line in lines for part in pieces(line, tongues.positions, span)]
+        drawn.append(LineCollection([p if frequency_on_x else p[:, ::-1] for p in parts], **look))
+        ax.add_collection(drawn[-1], autolim=False)
+    return drawn[0], drawn[1]
+
+
+def beside(rows: Array) -> Array:
+    """Whether both neighbours of a row hold too: what is cut there overlaps by a row with what goes on."""
+    padded = np.pad(rows, ((0, 0), (1, 1)), constant_values=True)
+    return padded[:, :-2] & padded[:, 2:]
+
+
+def pieces(frequency: Array, positions: Array, span: float) -> list[Array]:
+    """The unbroken parts ``(points, 2)`` of an edge, cut at NaN and where it leaps.
+
+    A leap is far beyond the edge's usual step (an edge of parabolic shape stays below twice the median), or more than a
+    twentieth of the frame.
+    """
+    leaps = np.abs(np.diff(frequency))
+    usual = float(np.median(leaps[np.isfinite(leaps)])) if np.isfinite(leaps).any() else 0.0
+    cuts = np.flatnonzero(~(leaps <= min(INVISIBLE * span + 5 * usual, 0.05 * span))) + 1
+    parts = np.split(np.stack([frequency, positions], axis=-1), cuts)
+    return [part for part in parts if len(part) > 1 and np.isfinite(part).all()]
 
 
 def parameter_axis(view: View) -> tuple[Axis, bool] | None:
