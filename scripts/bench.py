@@ -112,7 +112,7 @@ def timed(work: Callable[[], Array]) -> tuple[float, Array]:
 def main() -> None:
     """Run all methods and print the table."""
     config = load(CONFIG, ["sweep.mesh_frequency.num=1000", "sweep.epsilon={start: 0.002, stop: 0.4, num: 200}"])
-    omega = next(axis.values for axis in config.axes if axis.name == "mesh_frequency")
+    omega = np.asarray(next(axis.values for axis in config.axes if axis.name == "mesh_frequency"), dtype=float)
     rows = np.arange(200)
     system = build(parameters_at(config, {"epsilon": rows}))
     single = [build(parameters_at(config, {"epsilon": np.array(k)})) for k in rows]

@@ -25,7 +25,7 @@ Acoustics* 124 (2002), 68-76.
 `make reproduction` makes this page: it runs the configurations in `configs/` with the values named below and reads
 their result files. All numbers under "here" are computed; the tests make the page again and compare it. "First order"
 is the perturbation theory of this program, "Floquet" its exact boundaries: two independent ways. `2w3` names the region
-at twice the third natural frequency, and so on.
+at twice the third natural frequency, and so on; a star marks a width of a region that has merged with another one.
 
 The figures carry no numbers beside their axes, so statements are checked, not curves. The results of Tordion & Gauvin
 (1977) in Fig. 8 are not checked: the paper does not give their equations.

@@ -12,10 +12,13 @@ import xarray as xr
 
 from gearstab.cli.respond import respond
 from gearstab.config import load
+from gearstab.floquet.boundaries import BOUNDARY_FLAGS
 from gearstab.results import open_result
 from gearstab.sweep import plan, run
 
 CONFIGS = Path(__file__).parent.parent / "configs"
+
+MERGED = BOUNDARY_FLAGS["merged"] | BOUNDARY_FLAGS["absorbed"]
 
 
 @dataclass(frozen=True)
@@ -91,11 +94,28 @@ def predicted(tree: xr.DataTree, label: str) -> xr.DataArray:
     return tongue(tree, "perturbation", "boundary_frequency", label)
 
 
+def regions(tree: xr.DataTree, label: str) -> xr.Dataset:
+    """The regions by Floquet theory that the tongue with this label belongs to, one or (where it is split) more."""
+    values = tree["boundaries"].to_dataset().drop_vars("mesh_frequency", errors="ignore")
+    parts = values.isel(tongue=np.flatnonzero(values["label"].values.astype(str) == label))
+    # A tongue that has merged into another one's region has that region's edges.
+    of_holder = values["boundary_frequency"].isel(tongue=parts["holder"].clip(min=0))
+    parts["boundary_frequency"] = of_holder.where(parts["holder"] >= 0)
+    return parts
+
+
 def edges(tree: xr.DataTree, label: str) -> xr.DataArray:
     """Edges by Floquet theory, over ``side``; NaN where the region is closed, the outermost ones where it is split."""
-    values = tree["boundaries"].to_dataset()
-    parts = values["boundary_frequency"].isel(tongue=np.flatnonzero(values["label"].values.astype(str) == label))
-    return xr.concat([parts.isel(side=0).min("tongue"), parts.isel(side=1).max("tongue")], parts["side"])
+    found = regions(tree, label)["boundary_frequency"]
+    return xr.concat([found.isel(side=0).min("tongue"), found.isel(side=1).max("tongue")], found["side"])
+
+
+def measured(tree: xr.DataTree, label: str, **selection: object) -> str:
+    """Widths by Floquet theory as the table prints them: with a star where the region has merged with another one."""
+    merged = (regions(tree, label)["status"] & MERGED).any("tongue")
+    size = width(edges(tree, label))
+    values, stars = (v.sel(selection).values.ravel() for v in (size, merged))
+    return ", ".join(number(v) + "*" * bool(star) for v, star in zip(values, stars, strict=True))
 
 
 def width(values: xr.DataArray) -> xr.DataArray:
@@ -106,6 +126,11 @@ def width(values: xr.DataArray) -> xr.DataArray:
 def center(values: xr.DataArray) -> xr.DataArray:
     """The middle of a region."""
     return values.mean("side")
+
+
+def by_label(tree: xr.DataTree, labels: Iterable[str], **selection: object) -> str:
+    """The same of several regions, each with its name."""
+    return "; ".join(f"{label}: {measured(tree, label, **selection)}" for label in labels)
 
 
 def number(value: object, digits: int = 3) -> str:

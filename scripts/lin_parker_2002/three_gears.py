@@ -24,8 +24,9 @@ from lin_parker_2002.common import (
     interference,
     regular,
     sinpi,
+    sort_of,
 )
-from statements import Runs, Statement, at_most, edges, half_width, number, numbers, slope, width
+from statements import Runs, Statement, at_most, by_label, edges, half_width, measured, number, numbers, slope, width
 
 
 def fig3(runs: Runs) -> xr.DataTree:
@@ -61,8 +62,8 @@ def primary_order(runs: Runs) -> Iterator[Statement]:
     yield Statement(
         "3.1, Fig. 3",
         "the region around 2w3 is much larger than those around 2w1 and 2w2 (Lambda_33 > Lambda_22 > Lambda_11)",
-        f"half-widths/eps at {', '.join(PRIMARY)}: {numbers(found)}; widths by Floquet theory at eps = 0.3: "
-        f"{numbers(floquet)}",
+        f"half-widths/eps at {', '.join(PRIMARY)}: {numbers(found)}; Floquet widths at eps = 0.3: "
+        f"{by_label(tree, PRIMARY, epsilon=0.3)}",
         all(w[2] > 2 * w[1] and w[1] > w[0] for w in (found, floquet)),
     )
     yield Statement(
@@ -90,16 +91,14 @@ def agreement(runs: Runs) -> Iterator[Statement]:
 def secondary_of_fig3(runs: Runs) -> Iterator[Statement]:
     tree = fig3(runs)
     first, exact = half_width(tree, "w3"), width(edges(tree, "w3"))
-    other = width(edges(tree, "2w1")).sel(epsilon=0.3)
     yield Statement(
         "3.1, (22)",
         "secondary regions vanish for c1, c2 = 1, 1.5, 2",
         f"c1 = c2 = 1.5: first-order half-width at w3 {number(first.max())}; Floquet width at eps = 0.1, 0.3, 0.5: "
-        f"{numbers(exact)}",
-        None,
+        f"{measured(tree, 'w3')}",
+        sort_of(False, bool(first.max() < 1e-9 and exact.sel(epsilon=0.1) < 0.1 * exact.sel(epsilon=0.5))),
         "To first order only. The region that second-order terms leave at w3 is, at eps = 0.3, wider than the primary "
-        "one at "
-        f"2w1 ({number(other)}).",
+        f"one at 2w1 ({measured(tree, '2w1', epsilon=0.3)}).",
     )
 
 
@@ -176,41 +175,43 @@ def primary_extremes(runs: Runs) -> Iterator[Statement]:
 
 
 def fig5(runs: Runs) -> Iterator[Statement]:
-    tree = runs.sweep("lin_parker_2002/fig5", sweep__epsilon=[0.3], sweep__mesh_frequency=RANGE, methods=BOTH)
-    found = {label: width(edges(tree, label)).isel(epsilon=0).values for label in [*PRIMARY, *COMBINATION]}
-    shown = "; ".join(f"{label}: {numbers(found[label])}" for label in PRIMARY)
-    less = all(v[1] < 0.5 * v[0] for v in (found[s] for s in PRIMARY))
+    tree = runs.sweep("lin_parker_2002/fig5", sweep__epsilon=[0.1, 0.3], sweep__mesh_frequency=RANGE, methods=BOTH)
+    labels = [*PRIMARY, *COMBINATION]
+    found = {label: width(edges(tree, label)).transpose("case", "epsilon").values for label in labels}
+    low, high = (by_label(tree, PRIMARY, epsilon=value) for value in (0.1, 0.3))
+    less = {s: bool(np.all((found[s][1] < 0.5 * found[s][0]) & (found[s][2] < found[s][1]))) for s in PRIMARY}
+    order = slope(tree, "2w1").values
     yield Statement(
         "3.1, Fig. 5",
         "h = 0.5 instead of 0 (c1 = c2 = 1.5) markedly reduces the primary regions; c1 = 1.1, c2 = 1.9, h = 0.9 "
-        "reduces "
-        "them further",
-        f"Floquet widths at eps = 0.3 for the three cases: {shown}",
-        less and all(found[s][2] < found[s][1] for s in PRIMARY),
+        "reduces them further",
+        f"Floquet widths for the three cases at eps = 0.1: {low}; at eps = 0.3: {high}",
+        sort_of(all(less.values()), less["2w2"] and less["2w3"]),
+        f"At 2w1 only to first order (half-widths/eps {numbers(order)}): terms of second order outweigh what is left "
+        "there.",
     )
-    shown = "; ".join(f"{label}: {numbers(found[label][:2])}" for label in COMBINATION)
-    larger = [found[label][1] > found[label][0] for label in COMBINATION]
+    larger = [bool(np.all(found[label][1] > found[label][0])) for label in COMBINATION]
     m = Modes(tree)
     signs = ["+" if m.d(1, p) * m.d(2, p) * m.d(1, q) * m.d(2, q) > 0 else "-" for p, q in ((1, 2), (1, 3), (2, 3))]
     exceptions = ", ".join(label for label, yes in zip(COMBINATION, larger, strict=True) if not yes)
+    shown = by_label(tree.isel(case=slice(0, 2)), COMBINATION, epsilon=0.1)
     yield Statement(
         "3.1, Fig. 5",
         "what reduces the primary regions (h = 0.5) makes the combination regions large, and vice versa",
-        f"Floquet widths at eps = 0.3 for h = 0 and 0.5: {shown}",
-        True if all(larger) else (None if any(larger) else False),
+        f"Floquet widths at eps = 0.1 for h = 0 and 0.5: {shown}",
+        sort_of(all(larger), any(larger)),
         f"Not for {exceptions}. The signs of delta_1p delta_2p delta_1q delta_2q in (23) are {', '.join(signs)}: "
-        "where it is +, "
-        "a combination region shrinks with the primary ones."
+        "where it is +, a combination region shrinks with the primary ones."
         if exceptions
         else "",
     )
-    middle = [label for label in COMBINATION[1:] if not found[label][0] < found[label][2] < found[label][1]]
+    between = [bool(np.all((found[s][0] < found[s][2]) & (found[s][2] < found[s][1]))) for s in ("w1+w3", "w2+w3")]
     yield Statement(
         "3.1, Fig. 5",
         "c1 = 1.1, c2 = 1.9, h = 0.9 is a trade-off: several regions are smaller, none is a true minimum",
-        "Floquet widths at eps = 0.3 for the three cases: "
-        + "; ".join(f"{label}: {numbers(found[label])}" for label in COMBINATION),
-        not middle,
+        f"Floquet widths at eps = 0.1 for the three cases: {by_label(tree, ['w1+w3', 'w2+w3'], epsilon=0.1)}",
+        all(between),
+        "The primary regions are nearly closed, and these lie between the extremes.",
     )
 
 
