@@ -70,7 +70,10 @@ sweep:
     - {label: equal, meshes.first.epsilon: 0.2, meshes.second.contact_ratio: 1.5}
     - {label: unequal, meshes.first.epsilon: 0.4, meshes.second.contact_ratio: 1.8}
   input_shaft_stiffness: [0.5, 0.7, 0.9]
-methods: {floquet: {exponents: true}, perturbation: {harmonics: 2}, boundaries: {tolerance: 1.0e-6, width_floor: 1.0e-3}}
+methods:
+  floquet: {exponents: true}
+  perturbation: {harmonics: 2}
+  boundaries: {tolerance: 1.0e-6, width_floor: 1.0e-3}
 """
 
 
@@ -157,8 +160,8 @@ def test_an_absorbed_tongue_points_to_the_one_that_holds_its_region(cases: tuple
 
 @pytest.mark.parametrize("points", [1, 5, 1000])
 def test_the_division_does_not_matter(make: Make, cases: tuple[Plan, xr.DataTree], tmp_path: Path, points: int) -> None:
-    planned, tree = cases
-    text = CASES.replace(", boundaries: {tolerance: 1.0e-6, width_floor: 1.0e-3}", "")
+    _, tree = cases
+    text = CASES[: CASES.index("  boundaries")]
     other = computed(divided(make(text), points), tmp_path)
     for group in ("floquet", "perturbation"):
         for name, values in other[group].data_vars.items():
@@ -227,8 +230,8 @@ def test_nothing_but_the_mesh_frequency_may_differ_from_row_to_row(make: Make, t
 
 
 def test_a_parameter_without_effect_still_is_an_axis(make: Make, tmp_path: Path) -> None:
-    text = "sweep: {damping_ratio: [0.0, 0.0, 0.0], mesh_frequency: [2.0, 5.4]}\nmethods: {floquet: {}, perturbation: {}}\n"
-    tree = computed(make(text), tmp_path)
+    sweep = "sweep: {damping_ratio: [0.0, 0.0, 0.0], mesh_frequency: [2.0, 5.4]}\n"
+    tree = computed(make(sweep + "methods: {floquet: {}, perturbation: {}}\n"), tmp_path)
     growth = tree["floquet"]["growth_rate"]
     assert growth.shape == (3, 2)
     np.testing.assert_array_equal(growth[0], growth[2])
@@ -236,8 +239,8 @@ def test_a_parameter_without_effect_still_is_an_axis(make: Make, tmp_path: Path)
 
 
 def test_the_mesh_frequency_alone(make: Make, tmp_path: Path) -> None:
-    text = "sweep: {mesh_frequency: {start: 5.0, stop: 6.0, num: 11}}\nmethods: {floquet: {}, perturbation: {}, boundaries: {}}\n"
-    tree = computed(make(text), tmp_path)
+    sweep = "sweep: {mesh_frequency: {start: 5.0, stop: 6.0, num: 11}}\n"
+    tree = computed(make(sweep + "methods: {floquet: {}, perturbation: {}, boundaries: {}}\n"), tmp_path)
     edges = tree["boundaries"]["boundary_frequency"]
     assert edges.dims == ("tongue", "side")
     widest = edges[int(np.nanargmax(edges[:, 1] - edges[:, 0]))].values

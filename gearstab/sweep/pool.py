@@ -12,6 +12,7 @@ import os
 import signal
 import threading
 import time
+import warnings
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
@@ -123,17 +124,27 @@ def _pooled(
             started[block.key] = block
             yield delayed(_work)(plan, block, folder, os.getpid())
 
+    with parallel_config(backend="loky", inner_max_num_threads=1):
+        # With one job joblib would stay in this process. Results come as they are done; max_nbytes: no temporary files.
+        pool = Parallel(n_jobs=max(jobs, 2), return_as="generator_unordered", batch_size=1, max_nbytes=None)
+        results = pool(tasks())
     finished = False
     try:
-        with parallel_config(backend="loky", n_jobs=jobs, inner_max_num_threads=1):
-            # Results come as they are done; max_nbytes: no temporary files of large arguments.
-            yield from Parallel(return_as="generator_unordered", batch_size=1, max_nbytes=None)(tasks())
+        while (result := _quietly_next(results)) is not None:
+            yield result
         finished = True
     except BrokenProcessPool:
         finished = True
     finally:
         if not finished:
             get_reusable_executor().shutdown(wait=True, kill_workers=True)
+
+
+def _quietly_next(results: Iterator[StoredPart | Failure]) -> StoredPart | Failure | None:
+    """The next result, None at the end; that others are thrown away when it is interrupted needs no warning."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        return next(results, None)
 
 
 def _work(plan: Plan, block: Block, folder: PartFolder, parent: int) -> StoredPart | Failure:

@@ -1,0 +1,113 @@
+"""A sweep whose method is slow, logs what it computes, and fails where it is told to; run as a script it is a process to kill.
+
+    python sweep_faults.py CONFIG OUT JOBS FOLDER
+
+What happens at the block with the stiffness k0 is told by files in FOLDER: ``kill-K`` with a number: kill the process so many
+times; ``raise-K``: raise an error; ``memory-K``: run out of memory. ``slow`` holds seconds that every block takes. Blocks are
+single stiffnesses; ``log`` gets a line for each one computed.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gearstab.config import load
+from gearstab.sweep import Plan, Reporter, plan, pool, run, store
+from gearstab.sweep.errors import Interrupted, SweepError
+from gearstab.sweep.methods import Outcome
+from gearstab.system import GearSystem
+
+CONFIG = """
+title: A train
+system:
+  kind: two_stage
+  inertias: [1.0, 0.3, 4.0]
+  input_shaft_stiffness: 0.5
+  tooth_ratio: 1
+  meshes:
+    - {name: first, mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5}
+    - {name: second, mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5}
+sweep:
+  input_shaft_stiffness: [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0]
+  mesh_frequency: [1.0, 2.0, 3.0]
+methods: {floquet: {}}
+"""
+
+FOLDER = "GEARSTAB_TEST_FOLDER"
+
+
+def value(stiffness: float) -> np.ndarray:
+    """What the method gives."""
+    return np.sin(stiffness * np.array([1.0, 2.0, 3.0]))
+
+
+def method(system: GearSystem, mesh_frequency: np.ndarray, options: Any) -> Outcome:
+    """Computes one row and does what the files tell."""
+    folder = Path(os.environ[FOLDER])
+    (stiffness,) = np.atleast_1d(system.stiffness[..., 0, 0])
+    name = f"{stiffness:g}"
+    with open(folder / "log", "a") as log:
+        log.write(f"{name}\n")
+    if (folder / "slow").exists():
+        time.sleep(float((folder / "slow").read_text()))
+    kill = folder / f"kill-{name}"
+    if kill.exists() and (left := int(kill.read_text())):
+        kill.write_text(str(left - 1))
+        os.kill(os.getpid(), signal.SIGKILL)
+    if (folder / f"raise-{name}").exists():
+        raise ArithmeticError(f"no luck with {name}")
+    if (folder / f"memory-{name}").exists():
+        raise MemoryError
+    growth = value(float(stiffness))[None]
+    return Outcome({"growth_rate": growth, "stable": (growth <= 0).astype("i1"), "status": np.zeros((1, 3), "i2")})
+
+
+def faulty(path: Path) -> Plan:
+    """The plan of a configuration with this method, in blocks of one row."""
+    planned = plan(load(path))
+    (layout,) = planned.layouts
+    fake = replace(layout.method, run=method, parallel=never)
+    return replace(planned, layouts=(replace(layout, chunk=(1, 3), method=fake),))
+
+
+def never() -> bool:
+    """It is no use to run it in threads."""
+    return False
+
+
+class Spoken(Reporter):
+    """Messages on standard error, and a line for each block on standard output."""
+
+    def message(self, text: str) -> None:
+        sys.stderr.write(text + "\n")
+
+    def advance(self, points: int, unstable: int, failed: int) -> None:
+        if points:
+            sys.stdout.write("block\n")
+            sys.stdout.flush()
+
+
+def main(config: str, out: str, jobs: str, folder: str) -> int:
+    """Run the sweep as the command does: the exit code."""
+    os.environ[FOLDER] = folder
+    pool.WORTH_PROCESSES = 0.0
+    store.MOST_SECONDS = 0.0
+    try:
+        summary = run(faulty(Path(config)), out, int(jobs), progress=Spoken())
+    except (SweepError, Interrupted) as error:
+        sys.stderr.write(f"{error}\n")
+        return 130 if isinstance(error, Interrupted) else 1
+    sys.stderr.write(f"computed {summary.computed}, reused {summary.reused}\n")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(*sys.argv[1:]))
