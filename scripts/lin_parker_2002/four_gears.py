@@ -101,8 +101,8 @@ def coupled_region(runs: Runs) -> Iterator[Statement]:
         "3.2, Fig. 6(b)",
         "for R = 1/2 the region at Omega_1 = w3 couples with the second mesh's at 2w3 and is much larger than in Fig. "
         "6(a)",
-        f"Floquet widths at w3, eps = 0.3: R = 1/2 {number(together)}, R = 3/5 {number(alone)}; first-order half-widths "
-        f"at w3 for R = 1/2 and h = 0, 0.25, 0.4: {at_most(spread)}",
+        f"Floquet widths at w3, eps = 0.3: R = 1/2 {number(together)}, R = 3/5 {number(alone)}; first-order "
+        f"half-widths at w3 for R = 1/2 and h = 0, 0.25, 0.4: {at_most(spread)}",
         sort_of(bool(together > 2 * alone) and spread > 1e-9, bool(together > 2 * alone)),
         "It is much larger, but not by coupling: for c1 = 1.5 the first mesh has no second harmonic, and to first "
         "order the region is the second mesh's primary one alone, whatever the phasing.",
