@@ -1,13 +1,14 @@
 """Edges of damped regions: zeros of the growth rate, with the regions of the undamped system as a guide.
 
-The growth rate g(Omega) is continuous, not smooth, and its positive parts may be much narrower than any scan. Without damping
-regions are found with certainty (:mod:`~gearstab.floquet.boundaries.search`); damping takes from their growth, so that what is left lies
-inside them when all modes decay alike, and inside or around them when they do not: to first order
-the growth is greatest in the middle of a tongue, whatever the damping, while its edges may move outwards (see
-:mod:`gearstab.perturbation.damped`). Hence g is sampled in and about every undamped region, and on a scan uniform in the
-period that finds what has moved far. Local maxima below zero that may reach it are refined, and so are minima above: smooth ones, and
-the corners where one solution takes over from another as the fastest, which are recognised by the change of its eigenvector.
-Sign changes are bracketed and refined with Chandrupatla's method (1997, Adv. Eng. Softw. 28, 145-149), which mixes inverse quadratic interpolation and bisection.
+The growth rate g(Omega) is continuous, not smooth, and its positive parts may be much narrower than any scan. Without
+damping regions are found with certainty (:mod:`~gearstab.floquet.boundaries.search`); damping takes from their
+growth, so that what is left lies inside them when all modes decay alike, and inside or around them when they do not:
+to first order the growth is greatest in the middle of a tongue, whatever the damping, while its edges may move
+outwards (see :mod:`gearstab.perturbation.damped`). Hence g is sampled in and about every undamped region, and on a
+scan uniform in the period that finds what has moved far. Local maxima below zero that may reach it are refined, and
+so are minima above: smooth ones, and the corners where one solution takes over from another as the fastest, which are
+recognised by the change of its eigenvector. Sign changes are bracketed and refined with Chandrupatla's method (1997,
+Adv. Eng. Softw. 28, 145-149), which mixes inverse quadratic interpolation and bisection.
 """
 
 from __future__ import annotations
@@ -42,6 +43,8 @@ DENSITY = 16
 """Samples a collision inside unstable ranges, of the system and of the undamped one."""
 SAME = 0.5
 """Squared overlap of the fastest solutions of neighbouring samples above which they are one branch."""
+UNDAMPED = 1e-8
+"""Decay a period below which a solution counts as undamped."""
 CLOSEST = 1e-5
 """Relative distance down to which a change of branch is followed."""
 
@@ -54,15 +57,27 @@ class Growth:
         damping = pattern.elastic.damping
         self.generator = None if damping is None else general.generators(pattern, damping)
         self.count = np.zeros(len(pattern.rows), dtype=np.int64)
+        self.noise = np.zeros(len(pattern.rows))
+
+    def settle(self, row: Array, value: Array, cycle: Array) -> Array:
+        """Find the rows with an undamped mode, whose growth never falls below zero but for rounding: there a growth a
+        period up to DAMPED_ON_CIRCLE is none. Returns the samples ``(P,)`` corrected for that.
+        """
+        lowest = np.zeros(len(self.count))
+        period = 2 * np.pi * self.pattern.cycles * cycle
+        np.minimum.at(lowest, row, value * period)
+        self.noise = np.where(lowest > -UNDAMPED, DAMPED_ON_CIRCLE, 0.0)
+        return value - self.noise[row] / period
 
     def __call__(self, row: Array, cycle: Array) -> tuple[Array, Array]:
-        """Largest real part of the exponents ``(P,)``, in the pattern's units, at most 0 where stable; the initial state of
-        that solution, a unit vector ``(P, m)``."""
+        """Largest real part of the exponents ``(P,)``, in the pattern's units, at most 0 where stable; the initial
+        state of that solution, a unit vector ``(P, m)``.
+        """
         self.count += np.bincount(row, minlength=len(self.count))
         period = 2 * np.pi * self.pattern.cycles * cycle
         if self.generator is None:
             growth, vectors = self._uniform(row, cycle)
-            return growth / period - self.pattern.elastic.shift[row], vectors
+            return growth / period - self.pattern.elastic.shift[row] - self.noise[row] / period, vectors
         size = self.generator.matrix.shape[-1]
         result, vectors = np.empty(len(row)), np.empty((len(row), size), dtype=complex)
         for k, mine in enumerate(undamped.by_row(row, len(self.count))):
@@ -71,7 +86,7 @@ class Growth:
             matrix, scale = general.monodromy(self.generator, self.pattern, k, 1 / cycle[mine])
             result[mine], vectors[mine] = _fastest(matrix)
             result[mine] += scale
-        return (result - DAMPED_ON_CIRCLE) / period, vectors
+        return (result - self.noise[row]) / period, vectors
 
     def _uniform(self, row: Array, cycle: Array) -> tuple[Array, Array]:
         """ln max |lambda| without the decay common to all solutions; exactly 0 on the circle."""
@@ -89,7 +104,9 @@ class Growth:
 
 
 def _fastest(matrix: Array) -> tuple[Array, Array]:
-    """ln |lambda| and eigenvector of the largest eigenvalue of ``(P, m, m)``; of a complex pair, that of positive imaginary part."""
+    """ln |lambda| and eigenvector of the largest eigenvalue of ``(P, m, m)``; of a complex pair, that of positive
+    imaginary part.
+    """
     values, vectors = np.linalg.eig(matrix)
     with np.errstate(divide="ignore"):
         logs = np.where(values.imag >= 0, np.log(np.abs(values)), -np.inf)
@@ -105,6 +122,7 @@ class Table:
         self.growth = growth
         self.row, self.cycle = row, cycle
         self.value, self.vector = growth(row, cycle)
+        self.value = growth.settle(row, self.value, cycle)
         self._sort()
 
     def add(self, row: Array, cycle: Array) -> None:
@@ -121,16 +139,19 @@ class Table:
         new = np.ones(len(order), dtype=bool)
         new[1:] = (np.diff(self.row[order]) > 0) | (np.diff(self.cycle[order]) > 0)
         kept = order[new]
-        self.row, self.cycle, self.value, self.vector = (x[kept] for x in (self.row, self.cycle, self.value, self.vector))
+        self.row, self.cycle, self.value, self.vector = (
+            x[kept] for x in (self.row, self.cycle, self.value, self.vector)
+        )
 
 
 def search(
     pattern: Pattern, guide: Pattern, first: Array, last: Array, tolerance: float, floor: float
 ) -> tuple[Search, Search]:
-    """Intervals of positive growth of all rows between the cycles ``first`` and ``last`` ``(r,)``, in the pattern's units.
+    """Intervals of positive growth of all rows between the cycles ``first`` and ``last`` ``(r,)``, in the pattern's
+    units.
 
     Returns (the damped intervals, those of the guide); all evaluations are counted in the first.
-    guide: the same rows without damping (or, for a decay common to all solutions, the pattern itself, taken without its shift).
+    guide: the same rows without damping.
     """
     found = undamped.search(guide, first, last, max(tolerance, 0.1 * floor), floor)
     spacing = (last - first) / undamped.collisions(pattern, first, last) / DENSITY
@@ -148,9 +169,7 @@ def search(
     return Search(intervals, found.contacts, found.evaluations + table.growth.count), found
 
 
-def _scan(
-    pattern: Pattern, guides: list[Interval], first: Array, last: Array, spacing: Array
-) -> tuple[Array, Array]:
+def _scan(pattern: Pattern, guides: list[Interval], first: Array, last: Array, spacing: Array) -> tuple[Array, Array]:
     """Uniform in the period, and inside and just outside every undamped region."""
     count = undamped.collisions(pattern, first, last)
     row = np.repeat(np.arange(len(first)), count)
@@ -193,7 +212,8 @@ def _extrema(table: Table, floor: float) -> tuple[Array, Array]:
 def _corners(table: Table, floor: float) -> tuple[Array, Array]:
     """Where g may fall below zero between two samples above it, as one solution takes over from another as the fastest.
 
-    Where the lines through the two samples on either side meet below zero; in the middle, where the fastest solutions differ.
+    Where the lines through the two samples on either side meet below zero; in the middle, where the fastest solutions
+    differ.
     """
     r, x, g = table.row, table.cycle, table.value
     if len(r) < 4:
@@ -213,8 +233,9 @@ def _corners(table: Table, floor: float) -> tuple[Array, Array]:
 
 
 def _fill(table: Table, spacing: Array) -> tuple[Array, Array]:
-    """Further points between samples above zero, so that they are no farther apart than ``spacing`` ``(r,)``; more where the
-    sign changes, which may hide two further changes."""
+    """Further points between samples above zero, so that they are no farther apart than ``spacing`` ``(r,)``; more
+    where the sign changes, which may hide two further changes.
+    """
     x = table.cycle
     width = np.diff(x)
     above = np.stack([table.value[1:], table.value[:-1]]) > 0
@@ -227,7 +248,9 @@ def _fill(table: Table, spacing: Array) -> tuple[Array, Array]:
 
 
 def _roots(table: Table, change: Array, tolerance: float) -> tuple[Array, Array]:
-    """Zeros of g between neighbouring samples of opposite sign, and the widths of their brackets (Chandrupatla 1997)."""
+    """Zeros of g between neighbouring samples of opposite sign, and the widths of their brackets (Chandrupatla
+    1997).
+    """
     row = table.row[change]
     a, b = table.cycle[change + 1].copy(), table.cycle[change].copy()
     fa, fb = table.value[change + 1].copy(), table.value[change].copy()
@@ -254,7 +277,9 @@ def _roots(table: Table, change: Array, tolerance: float) -> tuple[Array, Array]
 
 
 def _step(a: Array, b: Array, c: Array, fa: Array, fb: Array, fc: Array, tolerance: float) -> Array:
-    """Where between a (0) and b (1) to look next: inverse quadratic interpolation where it is monotone, else the middle."""
+    """Where between a (0) and b (1) to look next: inverse quadratic interpolation where it is monotone, else the
+    middle.
+    """
     with np.errstate(divide="ignore", invalid="ignore"):
         xi, phi = (a - b) / (c - b), (fa - fb) / (fc - fb)
         smooth = (1 - np.sqrt(1 - xi) < phi) & (phi < np.sqrt(xi))

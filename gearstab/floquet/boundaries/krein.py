@@ -1,41 +1,43 @@
 """How many collisions of multipliers lie below a period: an integer that no tongue, however narrow, can hide from.
 
-Theory. Write the elastic system u'' + K(t) u = 0 on the time t = T tau, so that T = 2 pi N/Omega is a parameter. A multiplier
-lambda = exp(i phi) on the unit circle with eigenvector (u, v) has the *Krein sign* of kappa = 2 Im u^H v. For a Floquet solution
-on the circle
+Theory. In the elastic system u'' + K u = 0, K a fixed function of t/T, let the period T = 2 pi N/Omega vary. A
+multiplier lambda = exp(i phi) on the unit circle with eigenvector (u, v) has the *Krein sign* of kappa = 2 Im u^H v.
+For a Floquet solution on the circle
 
-    kappa dphi/dT = int_0^1 (|u'|^2 + u^H K u) dtau = 2 int_0^1 |u'|^2 dtau > 0,
+    kappa dphi/dT = (1/T) int_0^T (|u'|^2 + u^H K u) dt = (2/T) int_0^T |u'|^2 dt > 0,
 
-since int u^H K u = int |u'|^2 follows from u'' = -K u by parts. Hence multipliers of positive sign move counterclockwise and
-those of negative sign clockwise as T grows, whether or not K(t) is positive (for K > 0: Krein 1955; Gelfand & Lidskii 1955;
-Yakubovich & Starzhinskii 1975, ch. III). Only two multipliers of opposite signs can leave the circle, and when such a pair
-comes back its positive member is ahead. With the phases Theta_1..Theta_n of the positive multipliers, continued
-from T = 0, every meeting of the i-th with the mirror image of the j-th is a jump of floor((Theta_i + Theta_j)/2 pi), and
+since int u^H K u = int |u'|^2 follows from u'' = -K u by parts. Hence multipliers of positive sign move
+counterclockwise and those of negative sign clockwise as T grows, whether or not K(t) is positive (for K > 0: Krein
+1955; Gelfand & Lidskii 1955; Yakubovich & Starzhinskii 1975, ch. III). Only two multipliers of opposite signs can
+leave the circle, and when such a pair comes back its positive member is ahead. With the phases Theta_1..Theta_n of
+the positive multipliers, continued from T = 0, every meeting of the i-th with the mirror image of the j-th is a jump
+of floor((Theta_i + Theta_j)/2 pi), and
 
     C = sum_(i, j) floor((Theta_i + Theta_j)/2 pi)
 
-grows by 1 with a meeting at lambda = +-1 (i = j) and by 2 with a meeting elsewhere (and its complex conjugate). **Two stable
-points with different C have a tongue or a contact of width zero between them.** Theta_i is ambiguous where two positive multipliers pass each other, but C is not: with Theta_i = phi_i +
-2 pi k_i, 0 <= phi_i < 2 pi,
+grows by 1 with a meeting at lambda = +-1 (i = j) and by 2 with a meeting elsewhere (and its complex conjugate). **Two
+stable points with different C have a tongue or a contact of width zero between them.** Theta_i is ambiguous where two
+positive multipliers pass each other, but C is not: with Theta_i = phi_i + 2 pi k_i, 0 <= phi_i < 2 pi,
 
     C = 2 n W + sum_(i, j) floor((phi_i + phi_j)/2 pi),    W = sum_i k_i,
 
-depends on the phases of M and on the total winding W alone (the fundamental group of the symplectic group is that of the
-integers). W is exact, from a Morse index (:mod:`~gearstab.floquet.boundaries.points`): each theta is passed once by every
-positive multiplier upwards and by every negative one downwards, so that (Bott)
+depends on the phases of M and on the total winding W alone (the fundamental group of the symplectic group is that of
+the integers). W is exact, from a Morse index (:mod:`~gearstab.floquet.boundaries.points`): each theta is passed once
+by every positive multiplier upwards and by every negative one downwards, so that (Bott)
 
     N(theta) = sum_i floor((Theta_i - theta)/2 pi) + floor((Theta_i + theta)/2 pi) + 1;
     N(0) = 2 W + n,    N(pi) = 2 W + 2 #{phi_i > pi}.
 
-Unstable points have two such integers, *begun* and *ended*: a pair off the circle counts as sitting on it at its angle, as met
-for the one and as not met for the other. Their difference is the number of multipliers outside the circle. Where a pair
-enters the instability, begun rises, where it returns to the circle, ended.
+Unstable points have two such integers, *begun* and *ended*: a pair off the circle counts as sitting on it at its
+angle, as met for the one and as not met for the other. Their difference is the number of multipliers outside the
+circle. Where a pair enters the instability, begun rises, where it returns to the circle, ended.
 
-One gap remains for n >= 3: a pair that is off the circle does not interact with a third multiplier on it and may overtake it, with or
-against the direction of its motion; against it, floor falls by what the meeting has added. Equal C then excludes a
-tongue only if no three multipliers come together between the two points. That is tested with the speeds of the phases, which the
-formula above gives exactly: a bracket is empty only if, from one of its ends, no pair could have met inside at
-its present speed; and two unstable ends belong to one tongue only if, seen from one of them, its pair cannot have left the tongue.
+One gap remains for n >= 3: a pair that is off the circle does not interact with a third multiplier on it and may
+overtake it, with or against the direction of its motion; against it, floor falls by what the meeting has added. Equal
+C then excludes a tongue only if no three multipliers come together between the two points. That is tested with the
+speeds of the phases, which the formula above gives exactly: a bracket is empty only if, from one of its ends, no pair
+could have met inside at its present speed; and two unstable ends belong to one tongue only if, seen from one of them,
+its pair cannot have left the tongue.
 """
 
 from __future__ import annotations
@@ -54,8 +56,8 @@ from gearstab.system import Array
 ROUNDING = 1e-14
 """Error of a multiplier on the circle per size of M."""
 MIXED = 0.1
-"""A multiplier off the circle has kappa = 0, one of a definite cluster that rounding moved off it has |kappa| of order 1
-(for |u|^2 + |v|^2 = 1)."""
+"""A multiplier off the circle has kappa = 0, one of a definite cluster that rounding moved off it has |kappa| of
+order 1 (for |u|^2 + |v|^2 = 1)."""
 MIRROR = 1e-10
 """Offset that lays several real pairs out as mirror images around +-1."""
 TIE = 1e-12
@@ -68,9 +70,10 @@ class Verdicts:
     stable: ``(P,)`` bool.
     begun, ended: ``(P,)`` int64, both C where stable.
     known: ``(P,)`` bool, whether begun and ended are right: not where M is too large or signs are lost in rounding.
-    real: ``(2, P)`` int64, meetings so far at +1 and at -1 (right where stable); C less these is twice the number of others.
-    soon, since: ``(P,)``: cycles until the next event and since the last one at present speeds, see :func:`_times`.
-    ahead, behind: the pairs that meet next and that met last; on unstable points both are the pair off the circle.
+    real: ``(2, P)`` int64, meetings so far at +1 and at -1 (right where stable); C less these is twice the number of
+    others. soon, since: ``(P,)``: cycles until the next event and since the last one at present speeds, see
+    :func:`_times`. ahead, behind: the pairs that meet next and that met last; on unstable points both are the pair
+    off the circle.
     """
 
     stable: Array
@@ -88,8 +91,9 @@ class Verdicts:
 class Spectrum:
     """Multipliers of P points and their Krein signs.
 
-    values ``(P, 2n)``, vectors ``(P, 2n, 2n)`` in columns; sign ``(P, 2n)``: kappa for unit vectors; off ``(P, 2n)``: not on
-    the unit circle; mirror ``(P, 2n)``: position of the multiplier nearest to 1/conj(lambda), another one where off.
+    values ``(P, 2n)``, vectors ``(P, 2n, 2n)`` in columns; sign ``(P, 2n)``: kappa for unit vectors; off ``(P, 2n)``:
+    not on the unit circle; mirror ``(P, 2n)``: position of the multiplier nearest to 1/conj(lambda), another one
+    where off.
     """
 
     values: Array
@@ -102,10 +106,11 @@ class Spectrum:
 def spectrum(matrix: Array) -> Spectrum:
     """Multipliers of ``(P, 2n, 2n)`` with their Krein signs.
 
-    A pair that is off the circle by rounding alone and one that truly is are told apart by the distance to the mirror image
-    1/conj(lambda): the truly unstable pair are mirror images of each other, while the error of a nearly double multiplier on the
-    circle is far smaller than the distance of the two. This agrees with :mod:`gearstab.floquet.decision` and resolves
-    the last 1e-10 around an edge, where the definiteness of a nearly defective pair is below that rule's threshold.
+    A pair that is off the circle by rounding alone and one that truly is are told apart by the distance to the mirror
+    image 1/conj(lambda): the truly unstable pair are mirror images of each other, while the error of a nearly double
+    multiplier on the circle is far smaller than the distance of the two. This agrees with
+    :mod:`gearstab.floquet.decision` and resolves the last 1e-10 around an edge, where the definiteness of a nearly
+    defective pair is below that rule's threshold.
     """
     values, vectors = np.linalg.eig(matrix)
     values, vectors = values.astype(complex), vectors.astype(complex)
@@ -134,7 +139,11 @@ def evaluate(pattern: Pattern, row: Array, cycle: Array) -> Verdicts:
     stable = points.finite & ~found.off.any(axis=1)
     n = pattern.size
     # One of each pair of mirror images, n in all; if not, signs are lost in rounding.
-    known = points.finite & (chosen.sum(axis=1) == n) & ((found.off & outside).sum(axis=1) == (found.off & ~outside).sum(axis=1))
+    known = (
+        points.finite
+        & (chosen.sum(axis=1) == n)
+        & ((found.off & outside).sum(axis=1) == (found.off & ~outside).sum(axis=1))
+    )
     order = np.argsort(~chosen, axis=1, kind="stable")[:, :n]
     phase = np.take_along_axis(np.angle(found.values) % (2 * np.pi), order, axis=1)
     is_off = np.take_along_axis(found.off, order, axis=1)
@@ -153,12 +162,14 @@ def _times(
 ) -> tuple[Array, Array]:
     """Cycles until the next and since the last event at the present speeds.
 
-    Stable points: a meeting of a positive multiplier with the mirror image of another; unstable ones: the return of the pair
-    nearest to the circle, and its departure. Infinite for n < 3, where no third multiplier can disturb the count.
+    Stable points: a meeting of a positive multiplier with the mirror image of another; unstable ones: the return of
+    the pair nearest to the circle, and its departure. Infinite for n < 3, where no third multiplier can disturb the
+    count.
     """
     n, per_cycle = phase.shape[1], 2 * np.pi * pattern.cycles
     if n < 3:
-        return np.full((2, len(phase)), np.inf)
+        never = np.full(len(phase), np.inf)
+        return never, never
     vectors = np.take_along_axis(found.vectors, order[:, None, :], axis=2)
     action = np.take_along_axis(found.sign, order, axis=1)
     mean = np.einsum("pik,pik->pk", vectors.conj(), points.energy @ vectors).real
@@ -171,8 +182,10 @@ def _times(
         half = np.sqrt(np.maximum(pair.coupling**2 - 0.25 * pair.detuning**2, 0.0))
         # delta and b come with a factor sinh(g)/g for a pair that grows by exp(g).
         shrink = np.where(half > 0, np.arcsinh(half) / half, 1.0) / (pair.slope * per_cycle)
-        leaving = [np.nanmin(np.append(d * shrink, np.full((1, len(phase)), np.inf), axis=0), axis=0)
-                   for d in (2 * pair.coupling - pair.detuning, 2 * pair.coupling + pair.detuning)]
+        leaving = [
+            np.nanmin(np.append(d * shrink, np.full((1, len(phase)), np.inf), axis=0), axis=0)
+            for d in (2 * pair.coupling - pair.detuning, 2 * pair.coupling + pair.detuning)
+        ]
     return np.where(stable, meeting[0], leaving[0]), np.where(stable, meeting[1], leaving[1])
 
 
@@ -194,8 +207,8 @@ def _winding(points: Points, phase: Array, off: Array, real: Array) -> tuple[Arr
 def _meetings(phase: Array, real: Array) -> Array:
     """sum_(i, j) floor((phi_i + phi_j)/2 pi), pairs off the circle as met.
 
-    Several pairs on the same side of the real axis may still come back as complex ones, at mirrored angles around +-1: for the
-    least number of meetings they are laid out so.
+    Several pairs on the same side of the real axis may still come back as complex ones, at mirrored angles around
+    +-1: for the least number of meetings they are laid out so.
     """
     phase = np.where(real, np.where(np.abs(phase - np.pi) < 1, np.pi, 0.0), phase)
     for p in np.flatnonzero(real.sum(axis=1) > 1):

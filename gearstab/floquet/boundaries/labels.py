@@ -1,19 +1,20 @@
 """Which modes and which frequency of excitation make a region unstable.
 
-At epsilon = 0 a tongue is rooted where w_p + w_q = nu, nu = (M/N) Omega with the common period N 2 pi/Omega. How (p, q, M) are
-carried on to finite epsilon: inside a tongue the growing Floquet solution is
+At epsilon = 0 a tongue is rooted where w_p + w_q = nu, nu = (M/N) Omega with the common period N 2 pi/Omega. How (p,
+q, M) are carried on to finite epsilon: inside a tongue the growing Floquet solution is
 
     u(t) = exp(g t/T) sum_k c_k exp(i w_k t),    w_k = (psi + 2 pi k)/T,
 
-and its Krein form vanishes. In the coordinates of the mean modes the form is the sum of the *actions* w_k |c_(k, p)|^2 of all modes
-and frequencies, so that positive and negative frequencies balance. At epsilon = 0 there is one of each, mode p at +w_p and
-mode q at -w_q, and their frequencies differ by nu: M = k - k'. At finite epsilon the largest action of each sign takes their
-place. This is exact as long as one part carries more than half of its sign's action: parts are continuous in epsilon, and two
-cannot exceed one half. Beyond that, and where tongues have merged, each row distributes the roots over its regions, each once, so that
-the sum of the shares is greatest: a region has as many roots of each class (meetings at +1: p = q, M even; at -1: p = q, M odd;
-elsewhere: p < q) as its meetings say. (The nearest root w_p + w_q = nu, in contrast, is wrong as soon as tongues have shifted by their
-distance.) The phase of a multiplier alone cannot tell: it is defined modulo 2 pi and is passed on
-where two positive multipliers avoid each other.
+and its Krein form vanishes. In the coordinates of the mean modes the form is the sum of the *actions* w_k |c_(k,
+p)|^2 of all modes and frequencies, so that positive and negative frequencies balance. At epsilon = 0 there is one of
+each, mode p at +w_p and mode q at -w_q, and their frequencies differ by nu: M = k - k'. At finite epsilon the largest
+action of each sign takes their place. This is exact as long as one part carries more than half of its sign's action:
+parts are continuous in epsilon, and two cannot exceed one half. Beyond that, and where tongues have merged, each row
+distributes the roots over its regions, each once, so that the sum of the shares is greatest: a region has as many
+roots of each class (meetings at +1: p = q, M even; at -1: p = q, M odd; elsewhere: p < q) as its meetings say. (The
+nearest root w_p + w_q = nu, in contrast, is wrong as soon as tongues have shifted by their distance.) The phase of a
+multiplier alone cannot tell: it is defined modulo 2 pi and is passed on where two positive multipliers avoid each
+other.
 """
 
 from __future__ import annotations
@@ -121,7 +122,7 @@ def assign(regions: list[Unnamed], frequency: Array, cycles: float) -> list[tupl
             result[slots[slot][0]].append(roots[column])
     for k, own in enumerate(result):
         fallback = leading[k] or _nearest(regions[k].cycle, roots, frequency, cycles)
-        own.sort(key=lambda root: (-round(regions[k].shares.get(root, 0.0), 3), root))  # noqa: B023
+        own.sort(key=lambda root: (-round(regions[k].shares.get(root, 0.0), 3), root))
         own += [] if own else [fallback]
     return [tuple(own) for own in result]
 
@@ -173,7 +174,9 @@ def _nearest(cycle: float, roots: list[Root], frequency: Array, cycles: float) -
 
 
 def _actions(pattern: Pattern, row: Array, cycle: Array, vector: Array, logs: Array) -> Array:
-    """Re(w_k) |c_kp|^2 ``(P, n, 2K + 1)`` of the solutions that start at ``vector`` ``(P, 2n)`` with multipliers exp(logs)."""
+    """Re(w_k) |c_kp|^2 ``(P, n, 2K + 1)`` of the solutions that start at ``vector`` ``(P, 2n)`` with multipliers
+    exp(logs).
+    """
     n = pattern.size
     period = 2 * np.pi * pattern.cycles * cycle
     frequency = np.sqrt(pattern.squared_frequency[row].astype(complex))

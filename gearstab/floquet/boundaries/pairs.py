@@ -1,14 +1,16 @@
 """The two multipliers of opposite sign that are about to meet, reduced to the two numbers that decide their fate.
 
-On the invariant subspace of a positive and a negative multiplier, in a basis e+, e- with Krein form diag(1, -1), the monodromy
-matrix is mu exp(i X) with X = [[x, b], [-b*, -y]] and real x, y. With the detuning delta = x + y the multipliers are on
-the unit circle where |delta| > 2 |b|. As the period grows delta goes from negative to positive, so that
+On the invariant subspace of a positive and a negative multiplier, in a basis e+, e- with Krein form diag(1, -1), the
+monodromy matrix is mu exp(i X) with X = [[x, b], [-b*, -y]] and real x, y. With the detuning delta = x + y the
+multipliers are on the unit circle where |delta| > 2 |b|. As the period grows delta goes from negative to positive, so
+that
 
     delta + 2 |b| = 0 at the edge where the pair leaves the circle,    delta - 2 |b| = 0 where it returns.
 
-Both are smooth, nearly linear and well conditioned: they cross zero with the slope of the phases, however narrow the tongue, unlike
-the discriminant, delta^2 - 4 |b|^2, which is no larger than the square of the tongue's width. The basis is the Euclidean
-one of the subspace that diagonalises the form; delta and b depend on that choice, their zeros do not.
+Both are smooth, nearly linear and well conditioned: they cross zero with the slope of the phases, however narrow the
+tongue, unlike the discriminant, delta^2 - 4 |b|^2, which is no larger than the square of the tongue's width. The
+basis is the Euclidean one of the subspace that diagonalises the form; delta and b depend on that choice, their zeros
+do not.
 
 Source: Gelfand & Lidskii 1955; Yakubovich & Starzhinskii 1975, ch. III (strong stability and the 2 x 2 case).
 """

@@ -1,20 +1,20 @@
 """Monodromy matrices and Morse indices at scattered points (row, mesh frequency) of one pattern.
 
-The search asks for a handful of points of every row at a time, so that here the points, not the frequencies of one row, run
-along the arrays. The product of segments is the one of :mod:`gearstab.floquet.numpy_kernel`.
+The search asks for a handful of points of every row at a time, so that here the points, not the frequencies of one
+row, run along the arrays. The product of segments is the one of :mod:`gearstab.floquet.numpy_kernel`.
 
-The *Morse index* N(theta) is the number of negative eigenvalues of the quadratic form int |u'|^2 - u^H K(t) u dt over one
-common period T with u(T) = exp(i theta) u(0). It is an exact integer of the path of matrices over the period, which the
-monodromy matrix alone cannot give. On the pieces between the jumps of K the form is reduced to the
+The *Morse index* N(theta) is the number of negative eigenvalues of the quadratic form int |u'|^2 - u^H K(t) u dt over
+one common period T with u(T) = exp(i theta) u(0). It is an exact integer of the path of matrices over the period,
+which the monodromy matrix alone cannot give. On the pieces between the jumps of K the form is reduced to the
 displacements at the jumps, as in the algorithm of Wittrick & Williams (1971, Q. J. Mech. Appl. Math. 24, 263-284):
 
     N(theta) = sum over segments and modes of floor(w t/pi) + sum over inner jumps of s(D B^-1 + w cot w t)
                + s(B^-1 A + D B^-1 - exp(i theta) B^-1 - exp(-i theta) B^-T),
 
-where [[A, B], [C, D]] propagates from t = 0 to the jump (in the last term over the whole period), the middle sum is over the
-jumps inside the period, w and t belong to the segment that follows, and s counts negative eigenvalues. Source for
-N(theta) as index of a periodic problem: Bott 1956 (Comm. Pure Appl. Math. 9, 171-206); Long 2002, Index Theory for
-Symplectic Paths.
+where [[A, B], [C, D]] propagates from t = 0 to the jump (in the last term over the whole period), the middle sum is
+over the jumps inside the period, w and t belong to the segment that follows, and s counts negative eigenvalues.
+Source for N(theta) as index of a periodic problem: Bott 1956 (Comm. Pure Appl. Math. 9, 171-206); Long 2002, Index
+Theory for Symplectic Paths.
 """
 
 from __future__ import annotations
@@ -37,9 +37,9 @@ class Points:
     """Propagation over a common period at P points.
 
     matrix: ``(P, 2n, 2n)``, M in the modes of the first segment.
-    energy: ``(P, 2n, 2n)``, E with z^H E z = the mean over the period of |u'|^2 + u^H K u along the solution that starts at z.
-    antiperiodic, periodic: ``(P,)``, the Morse indices N(pi) and N(0).
-    finite: ``(P,)``, whether M is small enough for what is computed from it.
+    energy: ``(P, 2n, 2n)``, E with z^H E z = the mean over the period of |u'|^2 + u^H K u along the solution that
+    starts at z. antiperiodic, periodic: ``(P,)``, the Morse indices N(pi) and N(0). finite: ``(P,)``, whether M is
+    small enough for what is computed from it.
     """
 
     matrix: Array
@@ -91,7 +91,9 @@ def propagate(pattern: Pattern, row: Array, cycle: Array) -> Points:
 
 
 def _rotation(squared: Array, duration: Array) -> tuple[Array, Array, Array, Array]:
-    """cos w t, sin(w t)/w, -w sin w t ``(P, n)`` for w^2 ``(P, n)`` of either sign, and sum_modes floor(w t/pi) ``(P,)``."""
+    """cos w t, sin(w t)/w, -w sin w t ``(P, n)`` for w^2 ``(P, n)`` of either sign, and sum_modes floor(w t/pi)
+    ``(P,)``.
+    """
     w = np.sqrt(np.abs(squared))
     angle = w * duration[:, None]
     half_turns = np.floor(angle / np.pi)

@@ -13,19 +13,20 @@ from gearstab.perturbation.tongues import Excitation, Tongue, kind_of, tongue
 from gearstab.system import Array, GearSystem
 
 BOUNDARY_FLAGS = {"open": 1, "merged": 2, "absorbed": 4, "cut_below": 8, "cut_above": 16, "split": 32}
-"""Bits of the flags of a tongue: it has a region; that region holds other tongues too; it lies in the region of another tongue (its
-own edges are NaN); the region goes on below the lowest, above the highest mesh frequency (its edge is that of the range); the tongue has
-several regions, told apart by their occurrence. 0: closed, or narrower than the width floor."""
+"""Bits of the flags of a tongue: it has a region; that region holds other tongues too; it lies in the region of
+another tongue (its own edges are NaN); the region goes on below the lowest, above the highest mesh frequency (its
+edge is that of the range); the tongue has several regions, told apart by their occurrence. 0: closed, or narrower
+than the width floor."""
 
 
 @dataclass(frozen=True)
 class Boundaries:
     """All instability regions of ``rows`` rows within [start, stop], ordered by row and mesh frequency.
 
-    row ``(regions,)``; lower, upper ``(regions,)``: edges in the mesh frequency Omega of the first mesh, rad per unit time.
-    tolerance ``(regions,)``: half of the larger of the two brackets that enclose the edges, relative to Omega.
-    cut ``(regions, 2)`` bool: whether the lower, upper edge is that of the range and not of the region.
-    members: the tongues of each region, the one that accounts for most of the growing motion first; more than one where
+    row ``(regions,)``; lower, upper ``(regions,)``: edges in the mesh frequency Omega of the first mesh, rad per unit
+    time. tolerance ``(regions,)``: half of the larger of the two brackets that enclose the edges, relative to Omega.
+    cut ``(regions, 2)`` bool: whether the lower, upper edge is that of the range and not of the region. members: the
+    tongues of each region, the one that accounts for most of the growing motion first; more than one where
         tongues have merged.
     contacts ``(rows,)``: collisions of multipliers that open no region as wide as ``width_floor`` (relative to Omega).
     evaluations ``(rows,)``: monodromy matrices computed.
@@ -64,15 +65,16 @@ class Boundaries:
             edges[k, :, r] = self.lower[region], self.upper[region]
             tolerance[k, r] = self.tolerance[region]
             flags[k, r] |= self._flags(region)
-        for k, (key, _) in enumerate(index):
-            rows = [flags[j] & 1 for j, (other, _) in enumerate(index) if other == key]
-            flags[k] |= np.where((flags[k] > 0) & (sum(rows) > 1), BOUNDARY_FLAGS["split"], 0).astype(np.int16)
+        for k, (member, _) in enumerate(index):
+            opened = sum(flags[j] & BOUNDARY_FLAGS["open"] for j, (other, _) in enumerate(index) if other == member)
+            flags[k] |= np.where((flags[k] > 0) & (opened > 1), BOUNDARY_FLAGS["split"], 0).astype(np.int16)
         return Edges(index, edges, tolerance, flags, holder)
 
     def _occurrences(self) -> tuple[list[tuple[Tongue, int]], list[tuple[int, int]]]:
         """(tongue, occurrence) of every member of every region, and (region, position of the region's first member)."""
         count: Counter[tuple[int, Tongue]] = Counter()
-        keys, place = [], []
+        keys: list[tuple[Tongue, int]] = []
+        place: list[tuple[int, int]] = []
         for region, members in enumerate(self.members):
             first = len(keys)
             for member in members:
@@ -94,10 +96,11 @@ class Boundaries:
 class Edges:
     """Instability regions over (tongue, rows), every region once: under the first of its tongues.
 
-    index: (tongue, occurrence); the occurrence counts, from 0 and by ascending mesh frequency, the regions of one row with the same tongue.
-    boundary_frequency ``(tongue, 2, rows)``: lower and upper edge in Omega; NaN where the tongue is closed or absorbed.
-    tolerance ``(tongue, rows)``; flags ``(tongue, rows)``: bits of BOUNDARY_FLAGS.
-    holder ``(tongue, rows)``: position in ``index`` of the tongue under which the region stands; -1 where there is none.
+    index: (tongue, occurrence); the occurrence counts, from 0 and by ascending mesh frequency, the regions of one row
+    with the same tongue. boundary_frequency ``(tongue, 2, rows)``: lower and upper edge in Omega; NaN where the
+    tongue is closed or absorbed. tolerance ``(tongue, rows)``; flags ``(tongue, rows)``: bits of BOUNDARY_FLAGS.
+    holder ``(tongue, rows)``: position in ``index`` of the tongue under which the region stands; -1 where there is
+    none.
     """
 
     index: tuple[tuple[Tongue, int], ...]

@@ -1,16 +1,17 @@
 """All unstable intervals of a conservative pattern along the period, by refinement of brackets.
 
-A bracket lies between two neighbouring samples of a row. Its integers (:mod:`~gearstab.floquet.boundaries.krein`) say what it
-holds:
+A bracket lies between two neighbouring samples of a row. Its integers (:mod:`~gearstab.floquet.boundaries.krein`) say
+what it holds:
 
 * nothing (both ends stable, equal C; or nowhere stable: begun at the left end exceeds ended at the right end): done;
 * exactly one edge (one end stable, and the integers of the two agree): refined to the tolerance;
 * narrow: both ends stable, C differs: tongues or contacts; refined until an unstable sample or the width floor is met;
 * open: anything else, e.g. two unstable ends that may have a stable gap between them: halved.
 
-All brackets of all rows are refined at once, one point a bracket and round. Points are proposed by interpolation of the detuning of the
-colliding pair (:mod:`~gearstab.floquet.boundaries.pairs`), and by halving where that does not help; what counts is
-only the verdict at the point, so that every edge ends between two samples that are a tolerance apart.
+All brackets of all rows are refined at once, one point a bracket and round. Points are proposed by interpolation of
+the detuning of the colliding pair (:mod:`~gearstab.floquet.boundaries.pairs`), and by halving where that does not
+help; what counts is only the verdict at the point, so that every edge ends between two samples that are a tolerance
+apart.
 """
 
 from __future__ import annotations
@@ -68,7 +69,8 @@ class Samples:
 
 @dataclass
 class Brackets:
-    """Intervals between neighbouring samples: positions ``(B,)`` of the ends, and of the end that was replaced last (-1: none).
+    """Intervals between neighbouring samples: positions ``(B,)`` of the ends, and of the end that was replaced last
+    (-1: none).
 
     age, width: rounds of interpolation and the width when they began; failures: points that told nothing.
     """
@@ -102,8 +104,9 @@ class Interval:
 
 @dataclass(frozen=True)
 class Search:
-    """intervals: by row and ascending cycle. contacts ``(r,)``: collisions that open no interval wider than the floor. evaluations ``(r,)``:
-    monodromy matrices computed."""
+    """intervals: by row and ascending cycle. contacts ``(r,)``: collisions that open no interval wider than the
+    floor. evaluations ``(r,)``: monodromy matrices computed.
+    """
 
     intervals: list[Interval]
     contacts: Array
@@ -119,15 +122,18 @@ def sample(pattern: Pattern, row: Array, cycle: Array) -> Samples:
         v = evaluate(pattern, row[part], cycle[part])
         ahead = np.stack([v.ahead.detuning, v.ahead.coupling])
         behind = np.stack([v.behind.detuning, v.behind.coupling])
-        parts.append(Samples(row[part], cycle[part], v.stable, v.begun, v.ended, v.known, v.real, ahead, behind, v.soon, v.since))
-    first = parts[0]
-    for part in parts[1:]:
-        first = first.joined(part)
-    return first
+        parts.append(
+            Samples(row[part], cycle[part], v.stable, v.begun, v.ended, v.known, v.real, ahead, behind, v.soon, v.since)
+        )
+    total = parts[0]
+    for more in parts[1:]:
+        total = total.joined(more)
+    return total
 
 
 def search(pattern: Pattern, first: Array, last: Array, tolerance: float, floor: float) -> Search:
-    """Unstable intervals of all rows between the cycles ``first`` and ``last`` ``(r,)``, 1/Omega in the pattern's units.
+    """Unstable intervals of all rows between the cycles ``first`` and ``last`` ``(r,)``, 1/Omega in the pattern's
+    units.
 
     tolerance, floor: relative to Omega.
     """
@@ -142,7 +148,8 @@ def search(pattern: Pattern, first: Array, last: Array, tolerance: float, floor:
     edges: list[tuple[Array, ...]] = []
     for _ in range(ROUNDS):
         kind = classify(samples, brackets, spacing)
-        wide = _width(samples, brackets) > np.where(_is_edge(samples, brackets, kind), tolerance, floor) * samples.cycle[brackets.left]
+        least = np.where(_is_edge(samples, brackets), tolerance, floor)
+        wide = _width(samples, brackets) > least * samples.cycle[brackets.left]
         more = (kind != NOTHING) & wide & (brackets.failures < ATTEMPTS)
         finished = brackets.subset(np.flatnonzero((kind != NOTHING) & ~more))
         _finish(samples, finished, kind[(kind != NOTHING) & ~more], edges, contacts)
@@ -177,7 +184,9 @@ def _scan(pattern: Pattern, first: Array, last: Array) -> tuple[Samples, Bracket
     inner = samples.row[kept[1:]] == samples.row[kept[:-1]]
     left, right = kept[:-1][inner], kept[1:][inner]
     none = np.full(len(left), -1)
-    return samples, Brackets(left, right, none, np.zeros_like(left), samples.cycle[right] - samples.cycle[left], np.zeros_like(left))
+    return samples, Brackets(
+        left, right, none, np.zeros_like(left), samples.cycle[right] - samples.cycle[left], np.zeros_like(left)
+    )
 
 
 def collisions(pattern: Pattern, first: Array, last: Array) -> Array:
@@ -187,8 +196,9 @@ def collisions(pattern: Pattern, first: Array, last: Array) -> Array:
 
 
 def classify(samples: Samples, brackets: Brackets, spacing: Array) -> Array:
-    """What each bracket holds. Where the integers are unknown (strong growth) a bracket is halved down to a quarter of the
-    scan's spacing and then taken at face value."""
+    """What each bracket holds. Where the integers are unknown (strong growth) a bracket is halved down to a quarter
+    of the scan's spacing and then taken at face value.
+    """
     a, b = brackets.left, brackets.right
     stable_a, stable_b = samples.stable[a], samples.stable[b]
     begun, ended = samples.begun[a], samples.ended[b]
@@ -206,7 +216,7 @@ def classify(samples: Samples, brackets: Brackets, spacing: Array) -> Array:
     return np.where(known, kind, np.where(small, face, OPEN))
 
 
-def _is_edge(samples: Samples, brackets: Brackets, kind: Array) -> Array:
+def _is_edge(samples: Samples, brackets: Brackets) -> Array:
     """Whether a bracket ends in an edge, so that it is refined to the tolerance."""
     return samples.stable[brackets.left] != samples.stable[brackets.right]
 
@@ -217,7 +227,7 @@ def _width(samples: Samples, brackets: Brackets) -> Array:
 
 def propose(samples: Samples, brackets: Brackets, kind: Array, tolerance: float, floor: float) -> Array:
     """The next point of each bracket, ``(B,)``."""
-    a, b, old = brackets.left, brackets.right, brackets.old
+    a, b = brackets.left, brackets.right
     x, y = samples.cycle[a], samples.cycle[b]
     middle = 0.5 * (x + y)
     # Where a middle told nothing, somewhere else.
@@ -250,7 +260,12 @@ def _value(side: Array, index: Array, group: Array, factor: Array) -> Array:
 
 
 def _quadratic(
-    samples: Samples, brackets: Brackets, group: Array, factor: Array, left: tuple[Array, Array], right: tuple[Array, Array]
+    samples: Samples,
+    brackets: Brackets,
+    group: Array,
+    factor: Array,
+    left: tuple[Array, Array],
+    right: tuple[Array, Array],
 ) -> Array:
     """Inverse quadratic interpolation through both ends and the end replaced last; NaN without one."""
     old = np.maximum(brackets.old, 0)
@@ -295,7 +310,9 @@ def _finish(samples: Samples, brackets: Brackets, kind: Array, edges: list[tuple
     np.add.at(contacts, samples.row[a[narrow]], (samples.ended[b] - samples.begun[a])[narrow])
 
 
-def _assemble(samples: Samples, edges: list[tuple[Array, ...]], first: Array, last: Array, floor: float) -> list[Interval]:
+def _assemble(
+    samples: Samples, edges: list[tuple[Array, ...]], first: Array, last: Array, floor: float
+) -> list[Interval]:
     a, b = (np.concatenate(part) for part in zip(*edges, strict=True))
     order = np.lexsort((samples.cycle[a], samples.row[a]))
     a, b = a[order], b[order]

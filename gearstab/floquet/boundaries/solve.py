@@ -27,10 +27,11 @@ def boundaries(
 ) -> Boundaries:
     """All instability regions between the mesh frequencies ``start`` and ``stop`` of the first mesh.
 
-    Conservative rows: no region wider than ``width_floor`` is missed, by an integer count of the collisions of multipliers
-    (:mod:`~gearstab.floquet.boundaries.krein`). Edges lie in brackets between a stable and an unstable point. Damped rows: the
-    zeros of the growth rate, looked for in and around the regions of the same system without damping and on a scan uniform in
-    the period (:mod:`~gearstab.floquet.boundaries.damped`); a region of which the scan and the undamped tongues give no hint would be missed.
+    Conservative rows: no region wider than ``width_floor`` is missed, by an integer count of the collisions of
+    multipliers (:mod:`~gearstab.floquet.boundaries.krein`). Edges lie in brackets between a stable and an unstable
+    point. Damped rows: the zeros of the growth rate, looked for in and around the regions of the same system without
+    damping and on a scan uniform in the period (:mod:`~gearstab.floquet.boundaries.damped`); a region of which the
+    scan and the undamped tongues give no hint would be missed.
 
     Parameters
     ----------
@@ -136,7 +137,7 @@ class _Collected:
             for root in names[j]:
                 shares[k][root] = max(shares[k].get(root, 0.0), part.get(root, 0.0))
         for interval, share in zip(found.intervals, shares, strict=True):
-            best = sorted(share, key=lambda root: (-round(share[root], 3), root))  # noqa: B023
+            best = sorted(share, key=lambda root: (-round(share[root], 3), root))
             self._keep(pattern, interval, tuple(r for r in best if r == best[0] or share[r] > PRESENT))
 
     def _named(self, pattern: Pattern, intervals: list[Interval]) -> list[tuple[labels.Root, ...]]:
@@ -149,7 +150,9 @@ class _Collected:
             if len(mine):
                 squared = self.squared[row, self._modes(int(row), pattern.size)]
                 frequency = np.sqrt(np.maximum(squared, 0.0)) / pattern.elastic.rate[k]
-                for j, roots in zip(mine, labels.assign([unnamed[j] for j in mine], frequency, pattern.cycles), strict=True):
+                for j, roots in zip(
+                    mine, labels.assign([unnamed[j] for j in mine], frequency, pattern.cycles), strict=True
+                ):
                     names[j] = roots
         return names
 
@@ -195,8 +198,9 @@ class _Collected:
 
 
 def _unnamed(pattern: Pattern, intervals: list[Interval]) -> tuple[list[Unnamed], Array]:
-    """Look for the unstable solutions inside each region: in the middle, and near both edges of one that may hold several
-    tongues. Also the number of evaluations of each row."""
+    """Look for the unstable solutions inside each region: in the middle, and near both edges of one that may hold
+    several tongues. Also the number of evaluations of each row.
+    """
     owner, cycle = [], []
     for k, i in enumerate(intervals):
         width, middle = i.stop - i.start, 0.5 * (i.start + i.stop)
