@@ -18,6 +18,13 @@ def growth_of(tree, **index):
     return tree["floquet"]["growth_rate"].isel(index).transpose("epsilon", "mesh_frequency").values
 
 
+@pytest.fixture(scope="module")
+def plain_map():
+    """(result, figure, artists) of a map that tests only look at."""
+    tree = made.fig3()
+    return tree, *draw(tree, "map")
+
+
 def segments(lines):
     return [np.asarray(path.vertices) for path in lines.get_paths()]
 
@@ -29,9 +36,8 @@ def names_in(artists):
 # --- map
 
 
-def test_map_colours_the_growth_rates_of_unstable_points_only():
-    tree = made.fig3()
-    _, artists = draw(tree, "map")
+def test_map_colours_the_growth_rates_of_unstable_points_only(plain_map):
+    tree, _, artists = plain_map
     values, growth = artists["cells"].get_array(), growth_of(tree)
     assert values.shape == growth.shape
     np.testing.assert_array_equal(np.ma.getmaskarray(values), growth <= 0)
@@ -54,9 +60,8 @@ def test_map_trusts_the_stable_flag_over_rounding_in_the_growth_rate():
     )
 
 
-def test_map_draws_the_perturbation_boundaries_that_can_be_seen():
-    tree = made.fig3()
-    _, artists = draw(tree, "map")
+def test_map_draws_the_perturbation_boundaries_that_can_be_seen(plain_map):
+    tree, _, artists = plain_map
     edges = tree["perturbation"]["boundary_frequency"].values
     # 0.4 % of the frame, 0.0266 rad/s, is the width below which a tongue is no more than its own lines.
     seen = [e for e in edges if e[1, -1] - e[0, -1] > 0.0266 and e[1, -1] > 0.35 and e[0, -1] < 7]
@@ -68,8 +73,8 @@ def test_map_draws_the_perturbation_boundaries_that_can_be_seen():
         np.testing.assert_array_equal(segment[:, 1], tree["perturbation"]["epsilon"].values)
 
 
-def test_map_names_the_tongues_of_figure_3():
-    _, artists = draw(made.fig3(), "map")
+def test_map_names_the_tongues_of_figure_3(plain_map):
+    artists = plain_map[-1]
     expected = {
         r"$2\omega_{1}$", r"$2\omega_{2}$", r"$2\omega_{3}$", r"$\omega_{1}+\omega_{2}$", r"$\omega_{1}+\omega_{3}$",
         r"$\omega_{2}+\omega_{3}$", r"$2\omega_{2}/3$", r"$2\omega_{3}/3$",
@@ -214,8 +219,8 @@ def test_selection_takes_the_nearest_value_and_says_so():
     assert plain.get_suptitle() == ""
 
 
-def test_axis_labels_carry_symbol_and_unit():
-    figure, artists = draw(made.fig3(), "map")
+def test_axis_labels_carry_symbol_and_unit(plain_map):
+    _, figure, artists = plain_map
     ax = figure.axes[0]
     assert ax.get_xlabel() == r"mesh frequency $\Omega$ (rad/s)"
     assert ax.get_ylabel() == r"stiffness variation $\varepsilon$"
@@ -302,6 +307,19 @@ def test_one_selected_tongue_is_drawn_alone():
     _, artists = draw(made.fig3(), "boundaries", select={"tongue": "2w3"})
     assert len(segments(artists["cases"][0]["perturbation"])) == 2
     assert names_in(artists) == [r"$2\omega_{3}$"]
+
+
+def test_a_tongue_that_only_the_exact_boundaries_know_can_be_selected():
+    coords = made.axes()
+    exact = made.boundary_group(coords)
+    tree = made.tree(perturbation=exact.isel(tongue=[0, 5]), boundaries=exact)
+    figure, artists = draw(tree, "boundaries", select={"tongue": "2w2"})
+    assert artists["cases"][0]["perturbation"] is not None
+    assert segments(artists["cases"][0]["perturbation"]) == []
+    assert names_in(artists) == [r"$2\omega_{2}$"]
+    assert figure.get_suptitle().endswith(r"$2\omega_{2}$")
+    with pytest.raises(PlotError, match="no value 'w9'"):
+        draw(tree, "boundaries", select={"tongue": "w9"})
 
 
 # --- slices and curves
@@ -411,6 +429,11 @@ def test_a_growing_history_shows_its_beginning_too():
 # --- what cannot be drawn
 
 
+@pytest.fixture(scope="module")
+def four_axes():
+    return made.fig3(phasing=np.linspace(0, 0.5, 15), case=["first", "second"])
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [
@@ -434,10 +457,9 @@ def test_a_growing_history_shows_its_beginning_too():
         ({"x": "epsilon", "select": {"epsilon": "0.1"}}, ["epsilon", "at once"]),
     ],
 )
-def test_what_cannot_be_drawn_is_one_line_that_says_what_can(options, words):
-    tree = made.fig3(phasing=np.linspace(0, 0.5, 15), case=["first", "second"])
+def test_what_cannot_be_drawn_is_one_line_that_says_what_can(options, words, four_axes):
     with pytest.raises(PlotError) as caught:
-        draw(tree, **options)
+        draw(four_axes, **options)
     message = str(caught.value)
     assert "\n" not in message
     for word in words:

@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gearstab.plots import draw
+from gearstab.plots.axes import Axis
 from gearstab.plots.placement import FAR, isotonic, pack, place
 from gearstab.plots.text import axis_label, fitted, symbol, tongue_label, unit_text
 
@@ -171,6 +172,11 @@ def test_symbols(name, text):
 def test_units(units, text):
     assert unit_text(units) == text
     assert axis_label("case", "inertia", units).startswith("inertia")
+
+
+def test_labels_with_commas_are_quoted_in_messages():
+    axis = Axis("case", np.array(["worst", "c = 1.5, h = 0"], dtype=object))
+    assert axis.extent() == "its values: worst, 'c = 1.5, h = 0'"
 
 
 def test_long_labels_are_broken_between_words_and_outside_formulas():

@@ -108,7 +108,7 @@ class Axis:
         if not self.numeric:
             labels = [str(value) for value in self.values]
             if text not in labels:
-                raise PlotError(f"{self.name} has no value {text!r}; its values: {listed(labels)}")
+                raise PlotError(f"{self.name} has no value {text!r}; its values: {listed(map(quoted, labels))}")
             return labels.index(text)
         try:
             wanted = float(text)
@@ -122,9 +122,14 @@ class Axis:
     def extent(self) -> str:
         """The values in a few words, for messages."""
         if not self.numeric or self.size <= 8:
-            return "its values: " + listed(self.text(i) for i in range(self.size))
+            return "its values: " + listed(quoted(self.text(i)) for i in range(self.size))
         low, high = self.positions.min(), self.positions.max()
         return f"{self.size} values from {number_text(low)} to {number_text(high)}"
+
+
+def quoted(label: str) -> str:
+    """A label for a list in a message: in quotes if it holds a comma itself."""
+    return f"'{label}'" if "," in label else label
 
 
 def midpoints(x: Array) -> Array:
@@ -160,10 +165,19 @@ def sweep_axes(tree: xr.DataTree) -> dict[str, Axis]:
     for dataset in datasets(tree):
         for variable in dataset.data_vars.values():
             for dim in variable.dims:
-                axes.setdefault(str(dim), axis_of(dataset, str(dim), meshes))
+                axis = axis_of(dataset, str(dim), meshes)
+                axes[axis.name] = joined(axes[axis.name], axis) if axis.name in axes else axis
     if axes and FREQUENCY not in axes:
         axes[FREQUENCY] = spanned_frequency(tree, meshes)
     return axes
+
+
+def joined(axis: Axis, other: Axis) -> Axis:
+    """The axis of two groups: the same in both, but for the tongues, of which the exact boundaries know more."""
+    if axis.name != "tongue" or axis.numeric or other.numeric:
+        return axis
+    labels = dict.fromkeys([*axis.values, *other.values])
+    return replace(axis, values=np.array(list(labels), dtype=object))
 
 
 def datasets(tree: xr.DataTree) -> list[xr.Dataset]:

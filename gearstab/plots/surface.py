@@ -146,7 +146,7 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     """
     data = boundary_data(tree)
     dims = [str(name) for name in data.dims if name not in ("tongue", "side")]
-    view = view_of(tree, dims, request)
+    view = view_of(tree, dims, request, data.to_dataset())
     if view.free or not view.x.numeric or view.y is None or not view.y.numeric:
         left = "; ".join(f"{axis.name}: {axis.extent()}" for axis in view.free)
         needed = "a surface needs exactly two axes of numbers besides mesh_frequency"
