@@ -44,7 +44,7 @@ install: $(VENV)/.installed ## a virtual environment in .venv with the locked pa
 
 demo: $(VENV)/.installed ## sweep of Lin & Parker's gear train and its stability map
 	@$(GEARSTAB) sweep configs/lin_parker_2002/fig3.yaml -o results/demo.h5 --overwrite
-	@$(GEARSTAB) plot results/demo.h5 -o results/demo.$(FORMAT)
+	@$(GEARSTAB) plot results/demo.h5 -o results/demo.$(FORMAT) --size double
 	@echo "The stability map is in results/demo.$(FORMAT), the numbers are in results/demo.h5."
 
 test: $(VENV)/.installed ## all tests but the slow ones
@@ -74,8 +74,9 @@ $(FIGURES): results/figures/%.$(FORMAT): results/%.h5 $(PLOTS) | $(VENV)/.instal
 bench: $(VENV)/.installed ## speed and error of the methods, side by side
 	@$(BIN)/python scripts/bench.py
 
-reproduction: $(VENV)/.installed ## docs/reproduction.md: what Lin & Parker (2002) state, against what comes out here
+reproduction: $(VENV)/.installed results/lin_parker_2002/fig3.h5 ## docs: what Lin & Parker (2002) state against what comes out, and the picture
 	@$(BIN)/python scripts/reproduction.py --write
+	@$(GEARSTAB) plot results/lin_parker_2002/fig3.h5 -o docs/images/fig3.png --size double --dpi 130 --no-title
 
 lock: ## scripts/requirements.lock from pyproject.toml (needs uv)
 	$(UV) pip compile pyproject.toml --extra dev --universal --python-version 3.11 --generate-hashes --upgrade \
