@@ -111,9 +111,13 @@ static vec largest_by_qr(vec *x, int64_t m, vec *work) {
     vec *real = work + 2 * m, *imaginary = work + 3 * m, largest = all(0.0);
     reduce_to_hessenberg(x, m, work);
     hessenberg_eigenvalues(x, m, real, imaginary);
-    for (int64_t i = 0; i < m; i++)
-        largest = larger(largest, real[i] * real[i] + imaginary[i] * imaginary[i]);
-    return 0.5 * logarithm(larger(largest, all(DBL_MIN)));
+    mask known = ~(mask){0};
+    for (int64_t i = 0; i < m; i++) {
+        vec square = real[i] * real[i] + imaginary[i] * imaginary[i];
+        largest = larger(largest, square);
+        known &= square == square;
+    }
+    return choose(known, 0.5 * logarithm(larger(largest, all(DBL_MIN))), all(NAN));
 }
 
 /* A row, m a constant where this is inlined for small ones; room (m, m) and (m + 4, m). */

@@ -8,6 +8,7 @@
 #define GEARSTAB_HESSENBERG_H
 
 #define MOST_SWEEPS 40 /* an eigenvalue; two or three are usual */
+#define NOTHING 1e-140 /* the square of less underflows; matrices come with entries of about one or more */
 
 /* A reflection I - v beta v^T that makes x (count, stride) a multiple of its first entry; v replaces x[1..], v[0] in first.
    Returns that multiple. */
@@ -83,7 +84,7 @@ static int deflate(vec *h, int64_t m, int lane, struct blocks *block, vec *real,
         int64_t high = block->highest[lane], low = high;
         for (; low > 0; low--) {
             double size = fabs(H(low - 1, low - 1)) + fabs(H(low, low));
-            if (!(fabs(H(low, low - 1)) > DBL_EPSILON * size))
+            if (!(fabs(H(low, low - 1)) > DBL_EPSILON * size + NOTHING))
                 break;
         }
         block->lowest[lane] = low;

@@ -1,10 +1,11 @@
 /* The largest modulus of the eigenvalues of a small matrix, without the eigenvalues.
 
    Traces of powers give the characteristic polynomial (Newton's identities); squaring its roots again and again (Dandelin and
-   Graeffe) leaves the largest modulus plain: with the elementary symmetric functions e_j of the 2^k-th powers of m roots,
-   r^(2^k) is max_j |e_j|^(1/j) up to a factor binom(m, j), which is nothing after SQUARINGS steps. Every step costs the same
-   in all lanes. The price is the condition of the roots of a polynomial, so that it is measured: the same is done
-   with slightly perturbed polynomials, and where the result moves too much the point is left to the QR algorithm. */
+   Graeffe) parts the largest modulus r from the others. With the elementary symmetric functions e_j of the 2^k-th powers of m
+   roots, a dominant root or pair is a root of z^2 - e_1 z + e_2; and where nothing comes to dominate, r^(2^k) is still max_j
+   |e_j|^(1/j) up to a factor binom(m, j), which is nothing after all ROUNDS. The price is the condition of the roots of
+   polynomials, the first and the following, so that it is measured: the same is done with rounding errors magnified, and
+   where the result moves too much the point is left to the QR algorithm. */
 
 #ifndef GEARSTAB_MODULI_H
 #define GEARSTAB_MODULI_H
@@ -12,11 +13,13 @@
 #define LARGEST_POWER 6 /* the order of the matrices */
 #define ROUNDS 10       /* of STEPS squarings; 2^-50 ln binom(6, 3) = 3e-15 */
 #define STEPS 5         /* without scaling: r > 2^-3.2 (six equal roots, e_1 = 6 r) still gives e_6 > 2^-620 */
-#define CHECKED 2       /* rounds after which the perturbed polynomials are compared */
+#define FIRST_LOOK 2    /* rounds before it is asked whether a root or pair dominates */
 #define PERTURBATION 1e-8
-#define ROUNDING (16 * DBL_EPSILON) /* of e_j over the j-th power of the matrix's size */
+#define ROUNDING (8 * DBL_EPSILON) /* of e_j over the j-th power of the matrix's size */
 #define TRUSTED 2e-13
 #define LOG_TWO 0.6931471805599453
+
+static const double SIGN[LARGEST_POWER] = {1, -1, 1, 1, -1, -1};
 
 /* log2 of max_j |e_j|^(1/j), the exponent and mantissa of a number read as a piecewise linear logarithm. */
 INLINE vec leading_exponent(const vec *e, int64_t m) {
@@ -28,14 +31,20 @@ INLINE vec leading_exponent(const vec *e, int64_t m) {
     return largest;
 }
 
-/* e_j of the squares of the roots: e_j^2 + 2 sum_i (-1)^i e_(j-i) e_(j+i). */
-INLINE void square_the_roots(vec *e, int64_t m) {
+/* e_j of the squares of the roots: e_j^2 + 2 sum_i (-1)^i e_(j-i) e_(j+i), changed by a part of the sum of moduli, whose sign
+   depends on j. */
+INLINE void square_the_roots(vec *e, int64_t m, double change) {
     vec next[LARGEST_POWER + 1];
     for (int64_t j = 1; j <= m; j++) {
-        vec sum = all(0.0);
-        for (int64_t i = 1; i <= j && j + i <= m; i++)
-            sum = i % 2 ? sum - e[j - i] * e[j + i] : sum + e[j - i] * e[j + i];
-        next[j] = e[j] * e[j] + (sum + sum);
+        vec sum = all(0.0), size = all(0.0), square = e[j] * e[j];
+        for (int64_t i = 1; i <= j && j + i <= m; i++) {
+            vec product = e[j - i] * e[j + i];
+            sum = i % 2 ? sum - product : sum + product;
+            size += magnitude(product);
+        }
+        next[j] = square + 2.0 * sum;
+        if (change != 0)
+            next[j] += SIGN[j - 1] * change * (square + 2.0 * size);
     }
     for (int64_t j = 1; j <= m; j++)
         e[j] = next[j];
@@ -86,41 +95,49 @@ INLINE void characteristic_polynomial(const vec *x, int64_t m, vec *e) {
     }
 }
 
-/* ln max |lambda| of x (m, m), m <= 6 a constant where this is inlined; in *sure where that is right to TRUSTED. */
+/* Whether the two largest roots, or the largest alone, are beyond the others to all digits. */
+INLINE mask dominated(const vec *e, int64_t m) {
+    vec third = m > 2 ? magnitude(e[1] * e[3]) : all(0.0), fourth = m > 3 ? magnitude(e[4]) : all(0.0);
+    return 2.0 * (third + fourth) <= DBL_EPSILON * e[2] * e[2];
+}
+
+/* log2 of the larger modulus of the roots of z^2 - e_1 z + e_2. */
+INLINE vec log_of_pair(const vec *e) {
+    vec half = 0.5 * magnitude(e[1]), discriminant = half * half - e[2];
+    vec modulus = choose(discriminant > 0.0, half + root(magnitude(discriminant)), root(magnitude(e[2])));
+    return (1.0 / LOG_TWO) * logarithm(larger(modulus, all(DBL_MIN)));
+}
+
+/* ln max |lambda| of x (m, m), 2 <= m <= 6 a constant where this is inlined; in *sure where that is right to TRUSTED. */
 INLINE vec largest_modulus(const vec *x, int64_t m, mask *sure) {
-    static const double sign[2][LARGEST_POWER] = {{1, -1, 1, 1, -1, -1}, {1, 1, -1, 1, 1, -1}};
-    vec e[3][LARGEST_POWER + 1], result[3], size = all(0.0);
+    vec e[2][LARGEST_POWER + 1], result[2] = {all(0.0), all(0.0)}, size = all(0.0), amount = all(PERTURBATION);
     characteristic_polynomial(x, m, e[0]);
     for (int64_t i = 0; i < m * m; i++)
         size += x[i] * x[i];
     size = root(size * (1.0 / (double)m));
-    vec amount = all(PERTURBATION);
-    e[1][0] = e[2][0] = e[0][0];
+    e[1][0] = e[0][0];
     for (int64_t j = 1; j <= m; j++) {
         amount = amount * size;
-        e[1][j] = e[0][j] + sign[0][j - 1] * amount;
-        e[2][j] = e[0][j] + sign[1][j - 1] * amount;
+        e[1][j] = e[0][j] + SIGN[j - 1] * amount;
     }
     double weight = 1.0;
-    result[0] = result[1] = result[2] = all(0.0);
-    *sure = (mask){0};
+    mask simple = {0};
     for (int k = 0; k < ROUNDS; k++) {
-        if (k == CHECKED) {
-            vec moved = all(0.0);
-            for (int c = 1; c < 3; c++) {
-                vec other = result[c] + weight * leading_exponent(e[c], m);
-                moved = larger(magnitude(other - result[0] - weight * leading_exponent(e[0], m)), moved);
-            }
-            *sure = moved < TRUSTED / LOG_TWO * (PERTURBATION / ROUNDING);
-        }
-        for (int c = 0; c < (k < CHECKED ? 3 : 1); c++)
+        for (int c = 0; c < 2; c++)
             result[c] += weight * divide_roots(e[c], m);
-        for (int step = 0; step < STEPS; step++)
-            for (int c = 0; c < (k < CHECKED ? 3 : 1); c++)
-                square_the_roots(e[c], m);
+        simple = dominated(e[0], m) & dominated(e[1], m);
+        if (k >= FIRST_LOOK && !any(~simple))
+            break;
+        for (int step = 0; step < STEPS; step++) {
+            square_the_roots(e[0], m, 0.0);
+            square_the_roots(e[1], m, step % 2 ? PERTURBATION : -PERTURBATION);
+        }
         weight *= 1.0 / (1 << STEPS);
     }
-    return LOG_TWO * (result[0] + weight * leading_exponent(e[0], m));
+    for (int c = 0; c < 2; c++)
+        result[c] += weight * choose(simple, log_of_pair(e[c]), leading_exponent(e[c], m));
+    *sure = magnitude(result[1] - result[0]) < TRUSTED / LOG_TWO * (PERTURBATION / ROUNDING);
+    return LOG_TWO * result[0];
 }
 
 #endif
