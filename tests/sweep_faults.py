@@ -1,10 +1,10 @@
-"""A sweep whose method is slow, logs what it computes, and fails where it is told to; run as a script it is a process to kill.
+"""A sweep whose method is slow, logs what it computes, and fails where told to; as a script it is a process to kill.
 
     python sweep_faults.py CONFIG OUT JOBS FOLDER
 
-What happens at the block with the stiffness k0 is told by files in FOLDER: ``kill-K`` with a number: kill the process so many
-times; ``raise-K``: raise an error; ``memory-K``: run out of memory. ``slow`` holds seconds that every block takes. Blocks are
-single stiffnesses; ``log`` gets a line for each one computed.
+Files in FOLDER tell what happens at the block with the stiffness k0 = K: ``kill-K`` holds how often its process dies;
+``raise-K``: an error; ``memory-K``: no memory. ``slow`` holds seconds that every block takes. Blocks are single
+stiffnesses; ``log`` gets a line for each one computed.
 """
 
 from __future__ import annotations

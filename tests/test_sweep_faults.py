@@ -1,4 +1,4 @@
-"""Killed processes, interrupts, full disks, damaged parts: what is finished is kept, and a second run gives the same result."""
+"""Killed processes, interrupts, full disks, damaged parts: what is finished is kept, and a second run completes it."""
 
 from __future__ import annotations
 

@@ -94,7 +94,7 @@ def _floquet(system: GearSystem, mesh_frequency: Array, options: Any) -> Outcome
 
 def _floquet_cost(options: Any, system: GearSystem) -> float:
     segments = 2 * sum(system.common_period()[1])
-    work = max(1.0, segments * system.size**2 / 36)
+    work = max(1.0, segments * system.size**3 / 108)
     return work * (5 if options.exponents or system.damping is not None else 1)
 
 
@@ -159,7 +159,7 @@ def _united_regions(indices: Iterable[Sequence[Key]]) -> tuple[Key, ...]:
 
 
 def _boundaries_cost(options: Any, system: GearSystem) -> float:
-    return 4000 * max(1.0, 2 * sum(system.common_period()[1]) * system.size**2 / 36)
+    return 4000 * max(1.0, 2 * sum(system.common_period()[1]) * system.size**3 / 108)
 
 
 METHODS: dict[str, Method] = {

@@ -15,6 +15,7 @@ import time
 import warnings
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -117,6 +118,7 @@ def _pooled(
     """Compute blocks in processes until all are done or a process dies; ``started`` gets those handed out."""
     from joblib import Parallel, delayed, parallel_config
     from joblib.externals.loky import get_reusable_executor
+    from joblib.externals.loky.backend import resource_tracker
     from joblib.externals.loky.process_executor import BrokenProcessPool
 
     def tasks() -> Iterator[Any]:
@@ -127,7 +129,9 @@ def _pooled(
     with parallel_config(backend="loky", inner_max_num_threads=1):
         # With one job joblib would stay in this process. Results come as they are done; max_nbytes: no temporary files.
         pool = Parallel(n_jobs=max(jobs, 2), return_as="generator_unordered", batch_size=1, max_nbytes=None)
-        results = pool(tasks())
+        resource_tracker.ensure_running()  # its start would let interrupts through
+        with _interrupts_later():
+            results = pool(tasks())
     finished = False
     try:
         while (result := _quietly_next(results)) is not None:
@@ -138,6 +142,19 @@ def _pooled(
     finally:
         if not finished:
             get_reusable_executor().shutdown(wait=True, kill_workers=True)
+
+
+@contextmanager
+def _interrupts_later() -> Iterator[None]:
+    """Hold back an interrupt (where the system can do that); processes started meanwhile never get one."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _quietly_next(results: Iterator[StoredPart | Failure]) -> StoredPart | Failure | None:
