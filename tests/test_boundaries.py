@@ -335,3 +335,19 @@ def test_single_system() -> None:
     assert found.rows == 1
     assert inside(found, 0, np.array([5.4]))[0]
     assert found.labels()[-1] == "2w3"
+
+
+def test_names_are_kept_from_small_to_large_epsilon() -> None:
+    """Down to low mesh frequencies, where the leading part of a solution carries less than half of its action: once
+    open, a tongue stays open or goes into the region of another one; it never changes its name for that of
+    another."""
+    epsilon = np.linspace(0.02, 0.5, 25)
+    edges = boundaries(both(epsilon), 0.35, 7.0).arranged()
+    centre = edges.boundary_frequency.mean(axis=1)
+    merged = (edges.flags & BOUNDARY_FLAGS["merged"]) > 0
+    for k, (tongue, occurrence) in enumerate(edges.index):
+        assert occurrence == 0
+        present = np.flatnonzero(edges.flags[k])
+        assert np.array_equal(present, np.arange(present[0], 25)), tongue.label
+        alone = np.where(merged[k], np.nan, centre[k])
+        assert np.nanmax(np.abs(np.diff(alone)), initial=0.0) < 0.02, tongue.label

@@ -303,5 +303,5 @@ def _intervals(table: Table, change: Array, root: Array, error: Array, floor: fl
         for k, ((start, wrong), (stop, other)) in enumerate(pairs):
             ends = (cut[0] and k == 0, cut[1] and k == len(pairs) - 1)
             if stop - start > floor * start:
-                result.append(Interval(row, start, stop, (0, 0, 0), (wrong, other), ends))
+                result.append(Interval(row, start, stop, (0, 0, 0), (0, 0, 0), (wrong, other), ends))
     return result

@@ -11,10 +11,10 @@ each, mode p at +w_p and mode q at -w_q, and their frequencies differ by nu: M =
 action of each sign takes their place. This is exact as long as one part carries more than half of its sign's action:
 parts are continuous in epsilon, and two cannot exceed one half. Beyond that, and where tongues have merged, each row
 distributes the roots over its regions, each once, so that the sum of the shares is greatest: a region has as many
-roots of each class (meetings at +1: p = q, M even; at -1: p = q, M odd; elsewhere: p < q) as its meetings say. (The
-nearest root w_p + w_q = nu, in contrast, is wrong as soon as tongues have shifted by their distance.) The phase of a
-multiplier alone cannot tell: it is defined modulo 2 pi and is passed on where two positive multipliers avoid each
-other.
+roots of each class (meetings at +1: p = q, M even; at -1: p = q, M odd; elsewhere: p < q) as its meetings say, and a
+root is preferred where the number of collisions of its class since T = 0 says that it is its turn. (The nearest root
+w_p + w_q = nu, in contrast, is wrong as soon as tongues have shifted by their distance.) The phase of a multiplier
+alone cannot tell: it is defined modulo 2 pi and is passed on where two positive multipliers avoid each other.
 """
 
 from __future__ import annotations
@@ -50,6 +50,10 @@ REACH = 1.3
 """How far, as a ratio of mesh frequencies, a root without a share may be from the regions of its row."""
 NEARNESS = 0.1
 """What the distance from the root counts beside a share of 1."""
+TURN = 0.5
+"""What the order counts beside it: as long as two tongues of a class have not passed each other, their order is that at
+epsilon = 0, and the counts of collisions say whose turn it is."""
+BELOW = 1e-9
 FORBIDDEN = -10.0
 
 
@@ -94,10 +98,13 @@ def class_of(root: Root) -> int:
 
 @dataclass(frozen=True)
 class Unnamed:
-    """A region that awaits its roots: where it is (cycle = 1/Omega), shares found inside, meetings of each class."""
+    """A region that awaits its roots: where it is (cycle = 1/Omega), the shares found inside, and how many collisions
+    of each class lie below it and inside it.
+    """
 
     cycle: float
     shares: Shares
+    passed: tuple[int, int, int]
     meetings: tuple[int, int, int]
 
 
@@ -108,10 +115,13 @@ def assign(regions: list[Unnamed], frequency: Array, cycles: float) -> list[tupl
     """
     classes = [_classes(region) for region in regions]
     leading = [max(region.shares, key=region.shares.__getitem__, default=None) for region in regions]
-    plain = [r is not None and c == [class_of(r)] for r, c in zip(leading, classes, strict=True)]
+    plain = [
+        r is not None and c == [class_of(r)] and region.shares[r] > 0.5
+        for r, c, region in zip(leading, classes, regions, strict=True)
+    ]
     if all(plain) and len(set(leading)) == len(leading):
         return [(root,) for root in leading if root is not None]
-    slots = [(k, c) for k, own in enumerate(classes) for c in own]
+    slots = [(k, c, own[:j].count(c)) for k, own in enumerate(classes) for j, c in enumerate(own)]
     roots = _candidates(regions, frequency, cycles)
     score = _scores(regions, slots, roots, frequency, cycles)
     from scipy.optimize import linear_sum_assignment
@@ -153,20 +163,35 @@ def _candidates(regions: list[Unnamed], frequency: Array, cycles: float) -> list
     return [root for root in found if frequency[root.p] + frequency[root.q] > 0]
 
 
+def _rank(root: Root, frequency: Array, cycles: float) -> int:
+    """How many roots of the same class lie below a root, since T = 0."""
+    turns = frequency * (cycles * _center(root, frequency, cycles))
+    if class_of(root) == 2:
+        total = (turns[:, None] + turns)[np.triu_indices(len(turns), 1)]
+        return int(np.floor(total - BELOW).sum())
+    return int(np.floor(turns + 0.5 * class_of(root) - BELOW).sum())
+
+
 def _scores(
-    regions: list[Unnamed], slots: list[tuple[int, int]], roots: list[Root], frequency: Array, cycles: float
+    regions: list[Unnamed], slots: list[tuple[int, int, int]], roots: list[Root], frequency: Array, cycles: float
 ) -> Array:
-    """``(slots, roots)``: the share, and a little for a root that is near."""
+    """``(slots, roots)``: the share; something for a root whose turn it is by the count; a little for one that is near.
+
+    slots: region, class, and the number of the root among those of its class in the region.
+    """
     place = {root: k for k, root in enumerate(roots)}
     center = np.log([_center(root, frequency, cycles) for root in roots])
-    cycle = np.log([regions[k].cycle for k, _ in slots])
+    cycle = np.log([regions[k].cycle for k, _, _ in slots])
     score = NEARNESS * np.exp(-np.abs(center[None, :] - cycle[:, None]) / 0.1)
-    for i, (k, _) in enumerate(slots):
+    turn = np.array([regions[k].passed[c] + j for k, c, j in slots])
+    rank = np.array([_rank(root, frequency, cycles) for root in roots])
+    score += TURN * np.exp(-np.abs(rank[None, :] - turn[:, None]))
+    for i, (k, _, _) in enumerate(slots):
         for root, share in regions[k].shares.items():
             if root in place:
                 score[i, place[root]] += share
     kinds = np.array([class_of(root) for root in roots])
-    return np.where(kinds[None, :] == np.array([c for _, c in slots])[:, None], score, FORBIDDEN)
+    return np.where(kinds[None, :] == np.array([c for _, c, _ in slots])[:, None], score, FORBIDDEN)
 
 
 def _nearest(cycle: float, roots: list[Root], frequency: Array, cycles: float) -> Root:

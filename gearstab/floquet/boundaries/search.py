@@ -90,13 +90,15 @@ class Brackets:
 class Interval:
     """One unstable interval of a row in cycle = 1/Omega.
 
-    start, stop; before, after: C on either side; error: widths of the brackets of both edges;
-    cut: whether an end is that of the range.
+    passed: collisions at +1, at -1 and elsewhere between T = 0 and ``start``; meetings: how many of each are inside,
+    from the counts on both sides (where the range cuts the interval, in the part that it shows); error: widths of the
+    brackets of both edges; cut: whether an end is that of the range.
     """
 
     row: int
     start: float
     stop: float
+    passed: tuple[int, int, int]
     meetings: tuple[int, int, int]
     error: tuple[float, float]
     cut: tuple[bool, bool]
@@ -351,8 +353,13 @@ def _intervals(samples: Samples, a: Array, b: Array, own: Array, row: int, floor
 def _interval(samples: Samples, row: int, start: tuple[float, int, float], stop: tuple[float, int, float]) -> Interval:
     """From (cycle, sample beyond the edge, error) of both ends; at the end of the range that sample is unstable."""
     a, b = start[1], stop[1]
-    total = int(samples.begun[b] - samples.ended[a])
-    at_one, at_minus_one = (int(n) for n in samples.real[:, b] - samples.real[:, a])
-    meetings = (at_one, at_minus_one, (total - at_one - at_minus_one) // 2)
+    passed = _by_class(samples.real[:, a], samples.ended[a])
+    meetings = _by_class(samples.real[:, b] - samples.real[:, a], samples.begun[b] - samples.ended[a])
     cut = (not samples.stable[a], not samples.stable[b])
-    return Interval(row, float(start[0]), float(stop[0]), meetings, (float(start[2]), float(stop[2])), cut)
+    return Interval(row, float(start[0]), float(stop[0]), passed, meetings, (float(start[2]), float(stop[2])), cut)
+
+
+def _by_class(real: Array, total: int) -> tuple[int, int, int]:
+    """Collisions at +1, at -1 and elsewhere, each once, from those at +-1 and C."""
+    at_one, at_minus_one = (int(n) for n in real)
+    return at_one, at_minus_one, (int(total) - at_one - at_minus_one) // 2

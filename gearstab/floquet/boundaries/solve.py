@@ -214,10 +214,10 @@ def _unnamed(pattern: Pattern, intervals: list[Interval]) -> tuple[list[Unnamed]
     for k, part in zip(owner, parts, strict=True):
         for root, share in part.items():
             shares[k][root] = max(share, shares[k].get(root, 0.0))
-    result = [
-        Unnamed(0.5 * (i.start + i.stop), s, i.meetings if not any(i.cut) else (0, 0, 0))
-        for i, s in zip(intervals, shares, strict=True)
-    ]
+    result = []
+    for i, own in zip(intervals, shares, strict=True):
+        meetings = (0, 0, 0) if any(i.cut) else i.meetings
+        result.append(Unnamed(0.5 * (i.start + i.stop), own, i.passed, meetings))
     return result, np.bincount(row, minlength=len(pattern.rows))
 
 
