@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from gearstab.config.system import System
 
 PLANNED_SECTIONS = ("design",)
-NEED_MESH_FREQUENCY = ("floquet", "boundaries")
 
 
 def load(path: str | FilePath, overrides: Sequence[str] = (), needs: Sequence[str] = ()) -> Config:
@@ -175,6 +174,7 @@ def _read_matrices(document: Document, source: FilePath) -> dict[str, Array]:
 
 def _read_methods(document: Document) -> Methods | None:
     from gearstab.config.methods import Methods
+    from gearstab.config.sweep import sets_mesh_frequency
     from gearstab.config.validation import validate
 
     data = document.data
@@ -188,11 +188,13 @@ def _read_methods(document: Document) -> Methods | None:
         document.report(("methods",), "names no method", f"add one of {', '.join(Methods.model_fields)}")
         return None
     sweep = data.get("sweep")
-    if isinstance(section, dict) and isinstance(sweep, dict) and "mesh_frequency" not in sweep:
-        for name in NEED_MESH_FREQUENCY:
-            if name in section:
-                remedy = "add mesh_frequency: {start: .., stop: .., num: ..} to sweep"
-                document.report(("methods", name), "needs a mesh_frequency axis", remedy, at_key=True)
+    if isinstance(section, dict) and isinstance(sweep, dict):
+        remedy = "add mesh_frequency: {start: .., stop: .., num: ..} to sweep"
+        if "floquet" in section and not sets_mesh_frequency(sweep):
+            document.report(("methods", "floquet"), "needs a mesh_frequency axis", remedy, at_key=True)
+        # Boundaries are sought between the ends of an axis; frequencies that come with cases have none.
+        if "boundaries" in section and "mesh_frequency" not in sweep:
+            document.report(("methods", "boundaries"), "needs a mesh_frequency axis", remedy, at_key=True)
     return validate(document, Methods, ("methods",))
 
 

@@ -96,19 +96,26 @@ class Context:
     model: type[System]
     raw: dict[str, Any]
 
-    def resolve(self, name: str, path: Path, *, own_axis: bool = False) -> list[Target]:
+    def resolve(self, name: str, path: Path) -> list[Target]:
         """The targets of a name that stands at ``path``; reports a name that has none."""
         try:
-            targets = resolve(name, self.model, self.raw)
+            return resolve(name, self.model, self.raw)
         except TargetError as error:
             self.document.report(path, str(error), error.hint, at_key=True)
             return []
-        if not own_axis and targets[0].paths[0] == MESH_FREQUENCY:
-            self.document.report(
-                path, "the mesh frequency varies on its own", "make mesh_frequency an axis", at_key=True
-            )
-            return []
-        return targets
+
+
+def sets_mesh_frequency(section: dict[str, Any]) -> bool:
+    """Whether an axis of a ``sweep`` section, in whichever form, sets the mesh frequency."""
+    name = MESH_FREQUENCY[0]
+    for key, spec in section.items():
+        tied = spec.get("targets") if isinstance(spec, dict) else None
+        cases = spec if isinstance(spec, list) else []
+        if key == name or (isinstance(tied, list) and name in tied):
+            return True
+        if any(isinstance(case, dict) and name in case for case in cases):
+            return True
+    return False
 
 
 def layouts(context: Context) -> list[Layout]:
@@ -131,7 +138,7 @@ def layouts(context: Context) -> list[Layout]:
         elif isinstance(spec, dict) and ("targets" in spec or "values" in spec):
             found.append(_tie(context, name, path, spec))
         else:
-            found.append(Layout(name, [Column(path, context.resolve(name, path, own_axis=True))]))
+            found.append(Layout(name, [Column(path, context.resolve(name, path))]))
     _report_rivals(document, found)
     return found
 

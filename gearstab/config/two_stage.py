@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
@@ -25,7 +26,9 @@ class TwoStage(System):
         description="k0, along the line of action (N/m); 0 leaves the train free to rotate.",
     )
     tooth_ratio: ExactRatio = Field(
-        title="tooth ratio", description='R = Z2/Z4 = Omega_1/Omega_2, exact: 1 for three gears, 0.6 or "3/5".'
+        default=Fraction(1),
+        title="tooth ratio",
+        description='R = Z2/Z4 = Omega_1/Omega_2, exact: 1 (three gears; the default), 0.6 or "3/5".',
     )
     meshes: tuple[Mesh, SecondMesh] = Field(title="meshes", description="The first and the second tooth mesh.")
 

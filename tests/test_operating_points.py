@@ -1,0 +1,62 @@
+"""Cases and ties that set the mesh frequency: points of operation instead of a grid."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from gearstab.cli import group
+from gearstab.config import ConfigError, load
+from gearstab.results import open_result
+
+SYSTEM = """\
+system:
+  kind: two_stage
+  inertias: [1.0, 0.3, 4.0]
+  input_shaft_stiffness: 0.5
+  meshes:
+    - {max_stiffness: 1.0, amplitude: 0.3, contact_ratio: 1.47}
+    - {max_stiffness: 1.0, amplitude: 0.3, contact_ratio: 1.57, phasing: 0.0}
+"""
+METHODS = "methods: {floquet: {}}\n"
+
+
+def growth(folder, sweep, methods=METHODS):
+    (folder / "points.yaml").write_text(SYSTEM + f"sweep:\n  {sweep}\n" + methods)
+    target = folder / "points.h5"
+    arguments = ["sweep", str(folder / "points.yaml"), "-o", str(target), "--overwrite", "-q"]
+    result = CliRunner().invoke(group, arguments)
+    assert result.exit_code == 0, result.output
+    with open_result(target) as tree:
+        return tree["floquet"].to_dataset().load()
+
+
+def test_points_agree_with_the_grid(tmp_path):
+    cases = "[{label: A, mesh_frequency: 4.2, phasing: 0}, {label: B, mesh_frequency: 4.2, phasing: 0.4}]"
+    points = growth(tmp_path, f"case: {cases}\n  damping_ratio: [0, 0.01]")
+    assert points["growth_rate"].dims == ("case", "damping_ratio")
+    np.testing.assert_array_equal(points["mesh_frequency"], [4.2, 4.2])
+    grid = growth(tmp_path, "phasing: [0, 0.4]\n  mesh_frequency: [2.0, 4.2]\n  damping_ratio: [0, 0.01]")
+    np.testing.assert_array_equal(points["growth_rate"], grid["growth_rate"].sel(mesh_frequency=4.2))
+
+
+def test_tied_to_another_parameter(tmp_path):
+    both = growth(tmp_path, "run: {targets: [mesh_frequency, phasing], values: [[2.0, 4.2, 5.0], [0.0, 0.0, 0.4]]}")
+    grid = growth(tmp_path, "phasing: [0, 0.4]\n  mesh_frequency: [2.0, 4.2, 5.0]")["growth_rate"]
+    np.testing.assert_array_equal(both["growth_rate"], [grid[0, 0], grid[0, 1], grid[1, 2]])
+
+
+@pytest.mark.parametrize(
+    ("sweep", "methods", "message"),
+    [
+        ("case: [{label: A, mesh_frequency: 4.2}, {label: B, phasing: 0.4}]", METHODS, "does not set mesh_frequency"),
+        ("case: [{label: A, mesh_frequency: 4.2}]", "methods: {boundaries: {}}\n", "needs a mesh_frequency axis"),
+        ("case: [{label: A, mesh_frequency: -4.2}]", METHODS, "must be > 0"),
+        ("case: [{label: A, phasing: 0.1}]", METHODS, "needs a mesh_frequency axis"),
+    ],
+)
+def test_mistakes(tmp_path, sweep, methods, message):
+    (tmp_path / "points.yaml").write_text(SYSTEM + f"sweep:\n  {sweep}\n" + methods)
+    with pytest.raises(ConfigError, match=message):
+        load(tmp_path / "points.yaml")
