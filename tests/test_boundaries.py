@@ -351,3 +351,12 @@ def test_names_are_kept_from_small_to_large_epsilon() -> None:
         assert np.array_equal(present, np.arange(present[0], 25)), tongue.label
         alone = np.where(merged[k], np.nan, centre[k])
         assert np.nanmax(np.abs(np.diff(alone)), initial=0.0) < 0.02, tongue.label
+
+
+def test_modes_without_mesh_deflection_have_no_tongue() -> None:
+    """Their multipliers meet others inside regions of the rest, which must not be named after them."""
+    system = matrices(np.eye(3), np.diag([0, 0.7, 2.0]), [{"direction": [1, 0, 0], "epsilon": np.array([0.1, 0.4])}])
+    found = boundaries(system, 0.3, 4.0)
+    assert len(found.row) > 8
+    assert {(t.mode_p, t.mode_q) for members in found.members for t in members} == {(2, 2)}
+    assert all(len(members) == 1 for members in found.members)

@@ -18,6 +18,8 @@ from gearstab.system import Array, GearSystem
 
 ASIDE = 0.03
 """Points near the edges of merged regions at which their tongues are looked for, as a part of the width."""
+UNDEFLECTED = 1e-9
+"""A modal mesh deflection below this part of the largest one is rounding."""
 PRESENT = 0.4
 """The share that a tongue of a merged undamped region needs somewhere in a damped region to be named as part of it."""
 
@@ -27,11 +29,12 @@ def boundaries(
 ) -> Boundaries:
     """All instability regions between the mesh frequencies ``start`` and ``stop`` of the first mesh.
 
-    Conservative rows: no region wider than ``width_floor`` is missed, by an integer count of the collisions of
-    multipliers (:mod:`~gearstab.floquet.boundaries.krein`). Edges lie in brackets between a stable and an unstable
-    point. Damped rows: the zeros of the growth rate, looked for in and around the regions of the same system without
-    damping and on a scan uniform in the period (:mod:`~gearstab.floquet.boundaries.damped`); a region of which the
-    scan and the undamped tongues give no hint would be missed.
+    Conservative rows: an integer count of the collisions of multipliers finds regions however narrow, and stable gaps
+    too (:mod:`~gearstab.floquet.boundaries.krein`; for three and more modes with a test on the speeds of the phases).
+    Edges lie in brackets between a stable and an unstable point. Damped rows: the zeros of the growth rate, looked
+    for in and around the regions of the same system without damping, and on a scan uniform in the period
+    (:mod:`~gearstab.floquet.boundaries.damped`). That is no proof: a damped region far from all undamped ones, or a
+    gap between merged regions, may be missed if it is narrower than about a fiftieth of the distance of collisions.
 
     Parameters
     ----------
@@ -150,10 +153,11 @@ class _Collected:
             if len(mine):
                 squared = self.squared[row, self._modes(int(row), pattern.size)]
                 frequency = np.sqrt(np.maximum(squared, 0.0)) / pattern.elastic.rate[k]
-                for j, roots in zip(
-                    mine, labels.assign([unnamed[j] for j in mine], frequency, pattern.cycles), strict=True
-                ):
-                    names[j] = roots
+                coupled = _coupled(pattern.elastic.directions[k])
+                roots = labels.assign([unnamed[j] for j in mine], frequency, pattern.cycles)
+                for j, own in zip(mine, roots, strict=True):
+                    # Modes that never act on each other pass through: a collision, but no tongue.
+                    names[j] = tuple(root for root in own if coupled[root.p, root.q]) or own[:1]
         return names
 
     def _modes(self, row: int, elastic: int) -> Array:
@@ -195,6 +199,15 @@ class _Collected:
             self.evaluations,
             self.floor,
         )
+
+
+def _coupled(directions: Array) -> Array:
+    """Which modes ``(n, n)`` are coupled by the meshes ``(meshes, n)``, directly or through others."""
+    deflects = np.abs(directions) > UNDEFLECTED * np.abs(directions).max(initial=0.0)
+    reached = deflects.T.astype(int) @ deflects > 0
+    for _ in range(len(reached).bit_length()):
+        reached = reached.astype(int) @ reached > 0
+    return reached
 
 
 def _unnamed(pattern: Pattern, intervals: list[Interval]) -> tuple[list[Unnamed], Array]:
