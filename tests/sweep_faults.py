@@ -105,7 +105,7 @@ def main(config: str, out: str, jobs: str, folder: str) -> int:
     except (SweepError, Interrupted) as error:
         sys.stderr.write(f"{error}\n")
         return 130 if isinstance(error, Interrupted) else 1
-    sys.stderr.write(f"computed {summary.computed}, reused {summary.reused}\n")
+    sys.stderr.write(f"{summary.reused} of {summary.blocks} blocks reused\n")
     return 0
 
 

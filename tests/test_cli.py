@@ -111,7 +111,8 @@ def expected() -> list[tuple[Exception, int]]:
     return [
         (ConfigError([problem]), 2), (PlotError("no axis"), 2), (ResultError("a.h5: no"), 2), (RequestError("no"), 2),
         (SweepError("killed"), 1), (Interrupted("stopped"), 130),
-        (PermissionError(errno.EACCES, "Permission denied", "f"), 2), (OSError(errno.ENOSPC, "No space left on device", "f"), 1),
+        (PermissionError(errno.EACCES, "Permission denied", "f"), 2),
+        (OSError(errno.ENOSPC, "No space left on device", "f"), 1),
     ]  # fmt: skip
 
 

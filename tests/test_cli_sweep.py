@@ -52,7 +52,7 @@ def test_the_result_goes_where_nothing_else_is_said(folder: Path, capsys: pytest
     assert called("sweep", "train.yaml") == 0
     said = capsys.readouterr()
     assert said.out == ""
-    assert said.err.startswith(f"{Path('results/train.h5')}: 24 points")
+    assert said.err.startswith(f"{Path('results/train.h5')}: 20 points")
     assert said.err.count("\n") == 1
     assert [p.name for p in (folder / "results").iterdir()] == ["train.h5"]
 
@@ -75,7 +75,7 @@ def test_a_finished_result_is_told(folder: Path, capsys: pytest.CaptureFixture[s
         assert called("sweep", "train.yaml", *flag) == 0
         assert "already complete" in capsys.readouterr().err
     assert called("sweep", "train.yaml", "--overwrite") == 0
-    assert "24 points" in capsys.readouterr().err
+    assert "20 points" in capsys.readouterr().err
 
 
 def test_another_result_is_not_overwritten(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

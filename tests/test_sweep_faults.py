@@ -150,7 +150,7 @@ def test_a_killed_sweep_goes_on_where_it_was(scene: Scene) -> None:
     code, said = scene.finish(jobs=2)
     assert code == 0, said
     assert len(scene.log()) == 8 - len(finished)
-    assert f"going on with {len(finished)} finished blocks" in said
+    assert f"going on with {len(finished)} of 8 blocks" in said
     scene.check()
     assert data_of(scene.out) == whole
 

@@ -97,8 +97,3 @@ def test_an_unknown_kernel_is_the_users_mistake(monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setenv("GEARSTAB_KERNEL", "fortran")
     with pytest.raises(RequestError, match="fortran"):
         plan(load(FIG3))
-
-
-def test_boundaries_need_a_range() -> None:
-    with pytest.raises(RequestError, match="range"):
-        plan(load(FIG3, ["sweep.mesh_frequency=[3.0]"]))

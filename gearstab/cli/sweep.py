@@ -69,13 +69,13 @@ def final_line(target: Path, summary: Summary, seconds: float) -> str:
 
     if summary.complete:
         return f"{target}: already complete; --overwrite computes it again"
-    parts = [f"{summary.computed:,} points in {duration(seconds)}"]
+    parts = [f"{summary.points:,} point{'s' * (summary.points != 1)} in {duration(seconds)}"]
     if summary.reused:
-        parts.append(f"{summary.reused:,} from an earlier run")
+        parts.append(f"{summary.reused} of {summary.blocks} blocks from an earlier run")
     if summary.unstable is not None:
-        parts.append(f"{100 * summary.unstable / summary.grid:.1f} % of the grid unstable")
+        parts.append(f"{100 * summary.unstable / summary.points:.1f} % unstable")
     if summary.failed:
-        parts.append(f"{summary.failed:,} points could not be computed (see status)")
+        parts.append(f"{summary.failed:,} could not be computed (see status)")
     return f"{target}: {', '.join(parts)}"
 
 

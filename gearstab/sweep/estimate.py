@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import time
 from dataclasses import dataclass
 from math import ceil, prod
@@ -13,6 +12,7 @@ from gearstab.results.variables import GRID
 from gearstab.sweep import merge
 from gearstab.sweep.compute import compute, results_of
 from gearstab.sweep.plan import Block, Layout, Plan
+from gearstab.sweep.pool import default_jobs, kernel_threads
 
 SECONDS = 0.4
 """Time that the samples of one method may take."""
@@ -51,8 +51,9 @@ class Estimate:
 
 def estimate(plan: Plan, jobs: int | None = None) -> Estimate:
     """Compute growing samples of every method's grid for a fraction of a second and scale what they take."""
-    workers = jobs or os.cpu_count() or 1
-    methods = tuple(_method(plan, layout, workers) for layout in plan.layouts)
+    workers = jobs or default_jobs()
+    with kernel_threads(1):
+        methods = tuple(_method(plan, layout, workers) for layout in plan.layouts)
     file_size = sum(m.file_size for m in methods)
     memory = max(m.memory * min(workers, m.blocks) for m in methods) + min(file_size, merge.IN_MEMORY)
     return Estimate(methods, workers, sum(m.seconds for m in methods), file_size, memory)

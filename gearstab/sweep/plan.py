@@ -22,7 +22,7 @@ from gearstab import __version__
 from gearstab.config import Axis, Config
 from gearstab.floquet import kernel
 from gearstab.sweep.errors import RequestError
-from gearstab.sweep.methods import POINTS, RANGE, Method, chosen
+from gearstab.sweep.methods import POINTS, Method, chosen
 from gearstab.system import Array, GearSystem
 from gearstab.systems import build
 
@@ -120,6 +120,11 @@ class Plan:
         return prod(axis.size for axis in self.config.axes)
 
     @property
+    def blocks(self) -> int:
+        """Number of blocks of all methods."""
+        return sum(layout.count for layout in self.layouts)
+
+    @property
     def systems(self) -> int:
         """Number of different systems."""
         return prod(axis.size for axis in self.row_axes)
@@ -151,18 +156,9 @@ def plan(config: Config) -> Plan:
     if not config.axes or not config.methods.chosen:
         raise ValueError("a sweep needs axes and methods")
     base = build(config.parameters)
-    _check_range(config)
     fast = next((axis for axis in config.axes if [a.path for a in axis.assignments] == [FREQUENCY]), None)
     layouts = tuple(_layout(config, base, fast, method, options) for method, options in chosen(config.methods))
     return Plan(config, base, fast, layouts, chosen_kernel())
-
-
-def _check_range(config: Config) -> None:
-    """Boundaries are looked for between two mesh frequencies."""
-    methods = [method.name for method, _ in chosen(config.methods) if method.frequency == RANGE]
-    values = [a.values for axis in config.axes for a in axis.assignments if a.path == FREQUENCY]
-    if methods and not (values and np.ptp(np.asarray(values[-1], dtype=float)) > 0):
-        raise RequestError(f"{config.source}: methods.{methods[0]} needs a range of mesh_frequency, not a single value")
 
 
 def chosen_kernel() -> str:

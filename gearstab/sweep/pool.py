@@ -12,19 +12,25 @@ import os
 import signal
 import threading
 import time
-import warnings
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
+from itertools import islice
 
+from gearstab.floquet import c_kernel
 from gearstab.sweep.compute import compute
+from gearstab.sweep.errors import RequestError
 from gearstab.sweep.parts import Finished, Part, PartFolder, StoredPart
 from gearstab.sweep.plan import Block, Plan
 
 WORTH_THREADS, WORTH_PROCESSES = 0.05, 3.0
 """Seconds of remaining work from which threads and processes (which take about a second to start) pay."""
+
+THREADS = "GEARSTAB_THREADS"
+"""The environment variable with the number of threads that a call of the compiled kernel may use."""
+ONE_THREAD = (THREADS, "OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
+"""Those that keep the processes of a pool from competing for processors."""
 
 
 @dataclass(frozen=True)
@@ -53,15 +59,39 @@ def run_blocks(
         if jobs > 1 and len(rest) > 1 and seconds * len(rest) > (WORTH_THREADS if threads else WORTH_PROCESSES):
             break
         start = time.perf_counter()
-        yield attempt(plan, rest.pop(0))
+        with kernel_threads(jobs):
+            result = attempt(plan, rest.pop(0))
         seconds = time.perf_counter() - start
+        yield result
     if not rest:
         return
     if threads:
-        yield from _in_threads(plan, rest, jobs)
+        with kernel_threads(max(1, jobs // len(rest))):
+            yield from _in_threads(plan, rest, jobs)
     else:
         before_processes()
         yield from _in_processes(plan, rest, folder, jobs)
+
+
+def default_jobs() -> int:
+    """As many as the kernel would use threads. Raises RequestError for a senseless GEARSTAB_THREADS."""
+    try:
+        return c_kernel.threads()
+    except ValueError as error:
+        raise RequestError(str(error)) from None
+
+
+@contextmanager
+def kernel_threads(count: int) -> Iterator[None]:
+    """Let every call of the compiled kernel use so many threads, in which it runs rows of a block side by side."""
+    before = os.environ.get(THREADS)
+    os.environ[THREADS] = str(count)
+    try:
+        yield
+    finally:
+        os.environ.pop(THREADS)
+        if before is not None:
+            os.environ[THREADS] = before
 
 
 def attempt(plan: Plan, block: Block) -> Part | Failure:
@@ -116,57 +146,57 @@ def _pooled(
     plan: Plan, blocks: list[Block], folder: PartFolder, jobs: int, started: dict[str, Block]
 ) -> Iterator[Result]:
     """Compute blocks in processes until all are done or a process dies; ``started`` gets those handed out."""
-    from joblib import Parallel, delayed, parallel_config
     from joblib.externals.loky import get_reusable_executor
     from joblib.externals.loky.backend import resource_tracker
     from joblib.externals.loky.process_executor import BrokenProcessPool
 
-    def tasks() -> Iterator[Any]:
-        for block in blocks:
-            started[block.key] = block
-            yield delayed(_work)(plan, block, folder, os.getpid())
-
-    with parallel_config(backend="loky", inner_max_num_threads=1):
-        # With one job joblib would stay in this process. Results come as they are done; max_nbytes: no temporary files.
-        pool = Parallel(n_jobs=max(jobs, 2), return_as="generator_unordered", batch_size=1, max_nbytes=None)
-        resource_tracker.ensure_running()  # its start would let interrupts through
-        with _interrupts_later():
-            results = pool(tasks())
+    resource_tracker.ensure_running()  # its start would let interrupts through
+    waiting = iter(blocks)
+    running: set[Future[StoredPart | Failure]] = set()
     finished = False
     try:
-        while (result := _quietly_next(results)) is not None:
-            yield result
+        with _interrupts_later():
+            pool = get_reusable_executor(
+                jobs, env=dict.fromkeys(ONE_THREAD, "1"), initializer=_prepare, initargs=(os.getpid(),)
+            )
+        while True:
+            with _interrupts_later():
+                # No more than that: a process that dies takes all of them with it.
+                for block in islice(waiting, 2 * jobs - len(running)):
+                    started[block.key] = block
+                    running.add(pool.submit(_work, plan, block, folder))
+            if not running:
+                break
+            done, running = wait(running, return_when=FIRST_COMPLETED)
+            for future in done:
+                yield future.result()
         finished = True
     except BrokenProcessPool:
         finished = True
     finally:
         if not finished:
-            get_reusable_executor().shutdown(wait=True, kill_workers=True)
+            with _interrupts_later():
+                get_reusable_executor().shutdown(wait=True, kill_workers=True)
 
 
 @contextmanager
 def _interrupts_later() -> Iterator[None]:
-    """Hold back an interrupt (where the system can do that); processes started meanwhile never get one."""
+    """Hold back interrupts (where the system can do that), so that they leave no half-started pool behind.
+
+    Processes started meanwhile never get one from the terminal.
+    """
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
     try:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _quietly_next(results: Iterator[StoredPart | Failure]) -> StoredPart | Failure | None:
-    """The next result, None at the end; that others are thrown away when it is interrupted needs no warning."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)
-        return next(results, None)
-
-
-def _work(plan: Plan, block: Block, folder: PartFolder, parent: int) -> StoredPart | Failure:
+def _work(plan: Plan, block: Block, folder: PartFolder) -> StoredPart | Failure:
     """In a process of the pool: compute a block and write its part file."""
-    _prepare(parent)
     part = attempt(plan, block)
     if isinstance(part, Failure):
         return part
@@ -176,16 +206,11 @@ def _work(plan: Plan, block: Block, folder: PartFolder, parent: int) -> StoredPa
         return Failure(block, error)
 
 
-_prepared = False
-
-
 def _prepare(parent: int) -> None:
     """Once in every process: an interrupt is the parent's to handle, and without a parent there is nothing to do."""
-    global _prepared
-    if _prepared:
-        return
-    _prepared = True
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if hasattr(signal, "pthread_sigmask"):
+        signal.pthread_sigmask(signal.SIG_SETMASK, [])
 
     def watch() -> None:
         while os.getppid() == parent:

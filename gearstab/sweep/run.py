@@ -20,7 +20,7 @@ from gearstab.sweep import merge
 from gearstab.sweep.errors import Interrupted, RequestError, SweepError
 from gearstab.sweep.parts import PartFolder
 from gearstab.sweep.plan import Plan
-from gearstab.sweep.pool import Failure, run_blocks
+from gearstab.sweep.pool import Failure, default_jobs, run_blocks
 from gearstab.sweep.reporter import Reporter
 from gearstab.sweep.store import Store
 
@@ -30,14 +30,15 @@ MOST_FAILURES = 10
 
 @dataclass(frozen=True)
 class Summary:
-    """What a sweep did. computed: points of all methods computed now; reused: those found in part files.
+    """What a sweep did.
 
-    grid: points of the grid; unstable, failed: those that are unstable (None without a method that tells), and that
-    could not be computed. complete: whether the result was there already.
+    points: of the grid. blocks, reused: blocks of all methods, and how many of them an earlier run had finished.
+    unstable, failed: points that are unstable (None without a method that tells), and that could not be computed.
+    complete: whether the result was there already.
     """
 
-    grid: int
-    computed: int = 0
+    points: int
+    blocks: int
     reused: int = 0
     unstable: int | None = None
     failed: int = 0
@@ -64,25 +65,26 @@ def run(
     is finished is kept.
     """
     out, reporter = Path(out), progress or Reporter()
+    workers = jobs or default_jobs()
     if not overwrite and is_complete(plan, out):
-        return Summary(plan.points, complete=True)
+        return Summary(plan.points, plan.blocks, complete=True)
     prepare(out)
     folder = PartFolder(out, plan.digest)
     if overwrite:
         folder.remove_all()
     store = Store(folder, folder.find({block.key for layout in plan.layouts for block in layout.blocks()}))
-    reused = sum(part.points for part in store.finished.values())
+    reused = len(store.finished)
     if reused:
-        reporter.message(f"going on with {len(store.finished)} finished blocks in {folder.every}")
+        reporter.message(f"going on with {reused} of {plan.blocks} blocks that are finished in {folder.every}")
     elif resume:
         reporter.message("nothing to go on with: starting anew")
     try:
         with interrupts():
-            _compute(plan, store, jobs or os.cpu_count() or 1, reporter)
+            _compute(plan, store, workers, reporter)
             _finish(plan, store, out)
     except KeyboardInterrupt:
         kept = store.rescue()
-        raise Interrupted(_interrupted(kept, sum(layout.count for layout in plan.layouts), folder)) from None
+        raise Interrupted(_interrupted(kept, plan.blocks, folder)) from None
     folder.remove()
     return _summary(plan, store, reused)
 
@@ -119,7 +121,7 @@ def prepare(out: Path) -> None:
 
 @contextmanager
 def interrupts() -> Iterator[None]:
-    """Let SIGTERM interrupt as Ctrl-C does (where signals can be handled: in the main thread)."""
+    """Let SIGTERM and SIGHUP interrupt as Ctrl-C does (where signals can be handled: in the main thread)."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -127,11 +129,16 @@ def interrupts() -> Iterator[None]:
     def interrupt(number: int, frame: Any) -> None:
         raise KeyboardInterrupt
 
-    before = signal.signal(signal.SIGTERM, interrupt)
+    numbers = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
+    # What is ignored (nohup) stays so.
+    before = {number: signal.getsignal(number) for number in numbers if signal.getsignal(number) != signal.SIG_IGN}
+    for number in before:
+        signal.signal(number, interrupt)
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def _compute(plan: Plan, store: Store, jobs: int, reporter: Reporter) -> None:
@@ -215,7 +222,11 @@ def _interrupted(kept: int, total: int, folder: PartFolder) -> str:
 
 
 def _summary(plan: Plan, store: Store, reused: int) -> Summary:
-    total = sum(part.points for part in store.finished.values())
-    tells = [part for part in store.finished.values() if part.key.startswith("floquet-")]
+    tells = [
+        store.finished[block.key]
+        for layout in plan.layouts
+        if not layout.method.over_tongues
+        for block in layout.blocks()
+    ]
     unstable = sum(part.unstable for part in tells) if tells else None
-    return Summary(plan.points, total - reused, reused, unstable, sum(part.failed for part in tells))
+    return Summary(plan.points, plan.blocks, reused, unstable, sum(part.failed for part in tells))
