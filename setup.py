@@ -28,7 +28,7 @@ class BuildKernel(build_ext):
         """Build one extension, or say why not."""
         if self.compiler.compiler_type != "msvc":
             # Vectors are passed to inlined functions only, so that the way they are passed is nobody's concern.
-            ext.extra_compile_args = ["-O3", "-ffp-contract=fast", "-Wno-psabi"]
+            ext.extra_compile_args = ["-O3", "-ffp-contract=fast", "-fno-math-errno", "-Wno-psabi"]
         try:
             super().build_extension(ext)
         except (CCompilerError, BaseError, OSError) as error:

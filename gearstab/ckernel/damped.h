@@ -34,10 +34,10 @@ INLINE void real_change(const double *b, int64_t m, int64_t columns, const vec *
     int64_t c = 0;
     for (; c + 3 < columns; c += 4) {
         const vec *q0 = q + c * m, *q1 = q0 + m, *q2 = q1 + m, *q3 = q2 + m;
-        for (int64_t i = 0; i < m; i++) {
+        UNROLLED for (int64_t i = 0; i < m; i++) {
             const double *line = b + i * m;
             vec s0 = line[0] * q0[0], s1 = line[0] * q1[0], s2 = line[0] * q2[0], s3 = line[0] * q3[0];
-            for (int64_t j = 1; j < m; j++)
+            UNROLLED for (int64_t j = 1; j < m; j++)
                 s0 += line[j] * q0[j], s1 += line[j] * q1[j], s2 += line[j] * q2[j], s3 += line[j] * q3[j];
             vec *to = result + c * m + i;
             to[0] = s0, to[m] = s1, to[2 * m] = s2, to[3 * m] = s3;
@@ -46,7 +46,7 @@ INLINE void real_change(const double *b, int64_t m, int64_t columns, const vec *
     for (; c < columns; c++)
         for (int64_t i = 0; i < m; i++) {
             vec sum = b[i * m] * q[c * m];
-            for (int64_t j = 1; j < m; j++)
+            UNROLLED for (int64_t j = 1; j < m; j++)
                 sum += b[i * m + j] * q[c * m + j];
             result[c * m + i] = sum;
         }
@@ -70,7 +70,7 @@ INLINE void first_rotation(const double *b, const double *frequency, int64_t m, 
 
 /* q = the rotation of a segment on the columns of x. */
 INLINE void rotate(const double *frequency, int64_t m, const vec *cosine, const vec *sine, const vec *x, vec *q) {
-    for (int64_t c = 0; c < m; c++)
+    UNROLLED for (int64_t c = 0; c < m; c++)
         for (int64_t i = 0; i < m; i++) {
             const vec *from = x + c * m + i;
             vec *to = q + c * m + i;
@@ -120,37 +120,68 @@ static vec largest_by_qr(vec *x, int64_t m, vec *work) {
     return choose(known, 0.5 * logarithm(larger(largest, all(DBL_MIN))), all(NAN));
 }
 
+/* Matrices of single points that wait until LANES of them fill the QR algorithm. */
+struct queue {
+    vec *x; /* (m, m) */
+    int64_t point[LANES];
+    int64_t length;
+};
+
+/* Add ln max |lambda| of the waiting matrices to the growth of their points; work (4, m). */
+static void flush(struct queue *queue, int64_t m, double *growth, vec *work) {
+    if (!queue->length)
+        return;
+    for (int64_t lane = queue->length; lane < LANES; lane++)
+        for (int64_t i = 0; i < m * m; i++)
+            queue->x[i][lane] = i % (m + 1) == 0;
+    vec value = largest_by_qr(queue->x, m, work);
+    for (int64_t lane = 0; lane < queue->length; lane++)
+        growth[queue->point[lane]] += value[lane];
+    queue->length = 0;
+}
+
 /* A row, m a constant where this is inlined for small ones; room (m, m) and (m + 4, m). */
 INLINE void scan_damped_row(const struct damped *pattern, int64_t m, int64_t r, int64_t points, const double *omega,
-                            double *growth, double *scale, vec *x, vec *work) {
+                            double *growth, double *scale, struct queue *queue, vec *x, vec *work) {
     for (int64_t k = 0; k < points; k += LANES) {
         vec period = pattern->cycles / load_part(omega, k, points), value = all(0.0);
         vec taken = propagate_damped(pattern, m, r, period, x, work);
         mask sure = {0};
         if (m == 4 || m == 6)
             value = largest_modulus(x, m, &sure);
-        if (any(~sure))
-            value = choose(sure, value, largest_by_qr(x, m, work));
         store_part(scale, k, points, taken);
-        store_part(growth, k, points, taken + value);
+        store_part(growth, k, points, taken + choose(sure, value, all(0.0)));
+        if (!any(~sure))
+            continue;
+        for (int64_t lane = 0; lane < LANES && k + lane < points; lane++) {
+            if (sure[lane])
+                continue;
+            for (int64_t i = 0; i < m * m; i++)
+                queue->x[i][queue->length] = x[i][lane];
+            queue->point[queue->length++] = k + lane;
+            if (queue->length == LANES)
+                flush(queue, m, growth, work);
+        }
     }
+    flush(queue, m, growth, work);
 }
 
 static int scan_damped(const struct damped *pattern, int64_t first, int64_t last, int64_t points, const double *omega,
                        double *growth, double *scale) {
     int64_t m = pattern->m;
     void *memory;
-    vec *x = vectors(m * m + m * (m + 4), &memory);
+    vec *x = vectors(2 * m * m + m * (m + 4), &memory);
     if (!x)
         return -1;
-    vec *work = x + m * m;
+    vec *work = x + 2 * m * m;
+    struct queue queue = {.x = x + m * m};
     for (int64_t r = first; r < last; r++) {
         const double *asked = omega + r * points;
         double *value = growth + r * points, *taken = scale + r * points;
         switch (m) {
-        case 4: scan_damped_row(pattern, 4, r, points, asked, value, taken, x, work); break;
-        case 6: scan_damped_row(pattern, 6, r, points, asked, value, taken, x, work); break;
-        default: scan_damped_row(pattern, m, r, points, asked, value, taken, x, work);
+        case 4: scan_damped_row(pattern, 4, r, points, asked, value, taken, &queue, x, work); break;
+        case 6: scan_damped_row(pattern, 6, r, points, asked, value, taken, &queue, x, work); break;
+        default: scan_damped_row(pattern, m, r, points, asked, value, taken, &queue, x, work);
         }
     }
     free(memory);

@@ -24,7 +24,7 @@ static const double SIGN[LARGEST_POWER] = {1, -1, 1, 1, -1, -1};
 /* log2 of max_j |e_j|^(1/j), the exponent and mantissa of a number read as a piecewise linear logarithm. */
 INLINE vec leading_exponent(const vec *e, int64_t m) {
     vec largest = all(-DBL_MAX);
-    for (int64_t j = 1; j <= m; j++) {
+    UNROLLED for (int64_t j = 1; j <= m; j++) {
         vec number = (vec)(((bits)magnitude(e[j]) >> 11) | UINT64_C(0x4330000000000000)) - (0x1p52 + 1023 * 0x1p41);
         largest = larger(number * (0x1p-41 / (double)j), largest);
     }
@@ -35,9 +35,10 @@ INLINE vec leading_exponent(const vec *e, int64_t m) {
    depends on j. */
 INLINE void square_the_roots(vec *e, int64_t m, double change) {
     vec next[LARGEST_POWER + 1];
-    for (int64_t j = 1; j <= m; j++) {
+    UNROLLED for (int64_t j = 1; j <= m; j++) {
         vec sum = all(0.0), size = all(0.0), square = e[j] * e[j];
-        for (int64_t i = 1; i <= j && j + i <= m; i++) {
+        int64_t last = j < m - j ? j : m - j;
+        UNROLLED for (int64_t i = 1; i <= last; i++) {
             vec product = e[j - i] * e[j + i];
             sum = i % 2 ? sum - product : sum + product;
             size += magnitude(product);
@@ -46,7 +47,7 @@ INLINE void square_the_roots(vec *e, int64_t m, double change) {
         if (change != 0)
             next[j] += SIGN[j - 1] * change * (square + 2.0 * size);
     }
-    for (int64_t j = 1; j <= m; j++)
+    UNROLLED for (int64_t j = 1; j <= m; j++)
         e[j] = next[j];
 }
 
@@ -55,41 +56,46 @@ INLINE vec divide_roots(vec *e, int64_t m) {
     vec shifted = 0x1.8p52 - larger(smaller(leading_exponent(e, m), all(150.0)), all(-150.0));
     vec exponent = 0x1.8p52 - shifted;
     vec factor = (vec)(((bits)shifted + 1023) << 52), power = factor;
-    for (int64_t j = 1; j <= m; j++) {
+    UNROLLED for (int64_t j = 1; j <= m; j++) {
         e[j] = e[j] * power;
         power = power * factor;
     }
     return exponent;
 }
 
+/* result = a b, all (m, m). */
+INLINE void multiply(const vec *a, const vec *b, int64_t m, vec *result) {
+    for (int64_t i = 0; i < m; i++)
+        UNROLLED for (int64_t j = 0; j < m; j++) {
+            vec sum = a[i * m] * b[j];
+            UNROLLED for (int64_t l = 1; l < m; l++)
+                sum += a[i * m + l] * b[l * m + j];
+            result[i * m + j] = sum;
+        }
+}
+
 /* e_1..e_m of the eigenvalues of x (m, m) from the traces of its powers, m <= 6. */
 INLINE void characteristic_polynomial(const vec *x, int64_t m, vec *e) {
-    vec power[3][LARGEST_POWER * LARGEST_POWER], trace[LARGEST_POWER + 1];
-    int64_t half = (m + 1) / 2;
-    memcpy(power[0], x, (size_t)(m * m) * sizeof *x);
-    for (int64_t k = 1; k < half; k++)
-        for (int64_t i = 0; i < m; i++)
-            for (int64_t j = 0; j < m; j++) {
-                vec sum = power[k - 1][i * m] * x[j];
-                for (int64_t l = 1; l < m; l++)
-                    sum += power[k - 1][i * m + l] * x[l * m + j];
-                power[k][i * m + j] = sum;
-            }
+    vec second[LARGEST_POWER * LARGEST_POWER], third[LARGEST_POWER * LARGEST_POWER], trace[LARGEST_POWER + 1];
+    const vec *power[] = {x, second, third};
+    multiply(x, x, m, second);
+    if (m > 4)
+        multiply(second, x, m, third);
     trace[1] = all(0.0);
-    for (int64_t i = 0; i < m; i++)
+    UNROLLED for (int64_t i = 0; i < m; i++)
         trace[1] += x[i * (m + 1)];
-    for (int64_t k = 2; k <= m; k++) {
+    UNROLLED for (int64_t k = 2; k <= m; k++) {
         const vec *a = power[k / 2 - 1], *b = power[k - k / 2 - 1];
         vec sum = all(0.0);
-        for (int64_t i = 0; i < m; i++)
-            for (int64_t j = 0; j < m; j++)
+        UNROLLED for (int64_t i = 0; i < m; i++)
+            UNROLLED for (int64_t j = 0; j < m; j++)
                 sum += a[i * m + j] * b[j * m + i];
         trace[k] = sum;
     }
     e[0] = all(1.0);
-    for (int64_t k = 1; k <= m; k++) {
+    UNROLLED for (int64_t k = 1; k <= m; k++) {
         vec sum = all(0.0);
-        for (int64_t i = 1; i <= k; i++)
+        UNROLLED for (int64_t i = 1; i <= k; i++)
             sum += (i % 2 ? 1.0 : -1.0) * (e[k - i] * trace[i]);
         e[k] = sum * (1.0 / (double)k);
     }
@@ -112,11 +118,11 @@ INLINE vec log_of_pair(const vec *e) {
 INLINE vec largest_modulus(const vec *x, int64_t m, mask *sure) {
     vec e[2][LARGEST_POWER + 1], result[2] = {all(0.0), all(0.0)}, size = all(0.0), amount = all(PERTURBATION);
     characteristic_polynomial(x, m, e[0]);
-    for (int64_t i = 0; i < m * m; i++)
+    UNROLLED for (int64_t i = 0; i < m * m; i++)
         size += x[i] * x[i];
     size = root(size * (1.0 / (double)m));
     e[1][0] = e[0][0];
-    for (int64_t j = 1; j <= m; j++) {
+    UNROLLED for (int64_t j = 1; j <= m; j++) {
         amount = amount * size;
         e[1][j] = e[0][j] + SIGN[j - 1] * amount;
     }

@@ -1,7 +1,8 @@
 /* Vectors of LANES doubles and the elementary functions the kernel needs on them.
 
    Included by level_*.c, each of which has chosen LANES and a target; a vector holds one number of LANES mesh
-   frequencies. GCC's and Clang's vector extensions only: no intrinsics, no vector library, no relaxed arithmetic.
+   frequencies. GCC's and Clang's vector extensions, no vector library, no relaxed arithmetic; a level may define LARGER and
+   ANY by the instructions that compilers do not find by themselves.
    The polynomials are interpolations at Chebyshev nodes, whose errors stand beside them; a*b + c becomes
    a fused multiply-add where the target has one. */
 
@@ -17,6 +18,9 @@ typedef int64_t mask __attribute__((vector_size(8 * LANES)));   /* lanes of 0 or
 typedef uint64_t bits __attribute__((vector_size(8 * LANES)));
 
 #define INLINE static inline __attribute__((always_inline, unused))
+
+/* For loops whose number of turns is a small constant where they are inlined. */
+#define UNROLLED _Pragma("GCC unroll 8")
 
 #define SIGN_BIT (UINT64_C(1) << 63)
 
@@ -36,16 +40,26 @@ INLINE vec magnitude(vec a) { return (vec)((bits)a & ~SIGN_BIT); }
 
 INLINE vec with_sign_of(vec size, vec sign) { return (vec)(((bits)size & ~SIGN_BIT) | ((bits)sign & SIGN_BIT)); }
 
-/* Where b is NaN the result is b, so that a NaN is never lost by taking it as the second argument. */
-INLINE vec larger(vec a, vec b) { return choose(a > b, a, b); }
+/* b where one of the two is NaN. */
+INLINE vec larger(vec a, vec b) {
+#ifdef LARGER
+    return LARGER(a, b);
+#else
+    return choose(a > b, a, b);
+#endif
+}
 
-INLINE vec smaller(vec a, vec b) { return choose(a < b, a, b); }
+INLINE vec smaller(vec a, vec b) { return -larger(-a, -b); }
 
 INLINE int any(mask m) {
+#ifdef ANY
+    return ANY(m);
+#else
     int64_t found = 0;
     for (int i = 0; i < LANES; i++)
         found |= m[i];
     return found != 0;
+#endif
 }
 
 INLINE vec root(vec a) {
