@@ -80,7 +80,9 @@ def reduce(system: GearSystem, rows: int) -> Iterator[Elastic]:
     for members, key in equal_rows(kind):
         elastic = np.nonzero(~rigid[members])[1].reshape(len(members), -1)
         inner = _take(static[members], elastic, elastic)
-        directions = np.take_along_axis(deflection[members], elastic[:, None, :], axis=-1)
+        directions = deflection[members]
+        if elastic.shape[1] < n:
+            directions = np.take_along_axis(directions, elastic[:, None, :], axis=-1)
         loose = np.nonzero(rigid[members])[1].reshape(len(members), -1)
         none = np.zeros(len(members))
         base = Elastic(members, rate[members], inner, directions, None, none, np.zeros(loose.shape), None)
@@ -100,6 +102,8 @@ def _modal(shapes: Array, matrix: Array) -> Array:
 
 
 def _take(matrix: Array, rows: Array, columns: Array) -> Array:
+    if rows.shape[1] == columns.shape[1] == matrix.shape[1]:
+        return matrix  # all of them, in ascending order
     chosen = np.take_along_axis(matrix, rows[:, :, None], axis=1)
     return np.take_along_axis(chosen, columns[:, None, :], axis=2)
 

@@ -72,8 +72,8 @@ class Pattern:
     @cached_property
     def change(self) -> Array:
         """``(r, S, n, n)``, V_{s+1}^T V_s: from the modes of segment s to those of the next (the last to the first)."""
-        following = self.modes[:, np.roll(self.states, -1)]
-        return np.swapaxes(following, -1, -2) @ self.modes[:, self.states]
+        transposed = np.ascontiguousarray(np.swapaxes(self.modes, -1, -2))
+        return transposed.take(np.roll(self.states, -1), axis=1) @ self.modes.take(self.states, axis=1)
 
     def row(self, index: int) -> Pattern:
         """One of the rows, as a pattern of its own."""
@@ -101,7 +101,8 @@ def prepare(system: GearSystem) -> list[Pattern]:
             states, fractions, start = _merged(key, lengths[members], edges[members])
             unique, state = np.unique(states, return_inverse=True)
             on = (unique[:, None] >> np.arange(len(system.meshes))) & 1
-            chosen = np.where(on[None].astype(bool), levels[members, None, :, 1], levels[members, None, :, 0])
+            own = levels[members, None]
+            chosen = np.where(on.astype(bool), own[..., 1], own[..., 0])
             part = elastic.subset(index)
             stiffness = part.stiffness_of(chosen)
             patterns.append(Pattern(members, float(cycles), fractions, start, state, chosen, part, stiffness))
