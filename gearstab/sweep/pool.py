@@ -8,6 +8,7 @@ that kills its process again is given up and named, while all others go on.
 
 from __future__ import annotations
 
+import multiprocessing.resource_tracker
 import os
 import signal
 import threading
@@ -150,15 +151,17 @@ def _pooled(
     from joblib.externals.loky.backend import resource_tracker
     from joblib.externals.loky.process_executor import BrokenProcessPool
 
-    resource_tracker.ensure_running()  # its start would let interrupts through
+    # Started later, these would let interrupts through.
+    resource_tracker.ensure_running()
+    multiprocessing.resource_tracker.ensure_running()
     waiting = iter(blocks)
     running: set[Future[StoredPart | Failure]] = set()
+    with _interrupts_later():
+        pool = get_reusable_executor(
+            jobs, env=dict.fromkeys(ONE_THREAD, "1"), initializer=_prepare, initargs=(os.getpid(),)
+        )
     finished = False
     try:
-        with _interrupts_later():
-            pool = get_reusable_executor(
-                jobs, env=dict.fromkeys(ONE_THREAD, "1"), initializer=_prepare, initargs=(os.getpid(),)
-            )
         while True:
             with _interrupts_later():
                 # No more than that: a process that dies takes all of them with it.
@@ -176,7 +179,7 @@ def _pooled(
     finally:
         if not finished:
             with _interrupts_later():
-                get_reusable_executor().shutdown(wait=True, kill_workers=True)
+                pool.shutdown(wait=True, kill_workers=True)
 
 
 @contextmanager
