@@ -3,7 +3,7 @@
 PYTHON ?= python3
 UV ?= uv
 FORMAT ?= png
-BENCH ?= configs/lin_parker_2002/fig3.yaml configs/lin_parker_2002/fig6a.yaml configs/matrices.yaml
+BENCH ?= configs/lin_parker_2002/fig3.yaml configs/lin_parker_2002/fig6a.yaml configs/matrices.yaml configs/drive_train.yaml
 
 VENV := .venv
 BIN := $(VENV)/bin
@@ -74,6 +74,7 @@ $(FIGURES): results/figures/%.$(FORMAT): results/%.h5 $(PLOTS) | $(VENV)/.instal
 
 bench: $(VENV)/.installed ## speed and error of the methods, side by side
 	@$(BIN)/python scripts/bench.py
+	@$(BIN)/python scripts/bench_kernel.py
 	@$(foreach scene,$(BENCH),echo; echo "$(scene)"; $(GEARSTAB) bench $(scene) -o results/bench/$(basename $(notdir $(scene))).h5 -q;)
 
 reproduction: $(VENV)/.installed results/lin_parker_2002/fig3.h5 ## docs: what Lin & Parker (2002) state against what comes out, and the picture
