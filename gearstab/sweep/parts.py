@@ -169,6 +169,10 @@ class PartFolder:
                 found[part.key] = part
         return found
 
+    def count(self) -> int:
+        """Number of part files."""
+        return sum(1 for _ in self.path.glob("*.part"))
+
     def remove(self) -> None:
         """Remove the part files of this sweep, and the folder if no other sweep has any."""
         shutil.rmtree(self.path, ignore_errors=True)

@@ -18,18 +18,22 @@ from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import islice
+from typing import Any
 
 from gearstab.floquet import c_kernel
 from gearstab.sweep.compute import compute
 from gearstab.sweep.errors import RequestError
 from gearstab.sweep.parts import Finished, Part, PartFolder, StoredPart
 from gearstab.sweep.plan import Block, Plan
+from gearstab.sweep.reporter import Reporter
 
 WORTH_THREADS, WORTH_PROCESSES = 0.05, 3.0
 """Seconds of remaining work from which threads and processes (which take about a second to start) pay."""
 
 THREADS = "GEARSTAB_THREADS"
 """The environment variable with the number of threads that a call of the compiled kernel may use."""
+PATIENCE = 1.0
+"""Seconds after which the user is told what an interrupted sweep waits for."""
 ONE_THREAD = (THREADS, "OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 """Those that keep the processes of a pool from competing for processors."""
 
@@ -46,12 +50,17 @@ Result = Finished | Failure
 
 
 def run_blocks(
-    plan: Plan, blocks: Sequence[Block], folder: PartFolder, jobs: int, before_processes: Callable[[], None]
+    plan: Plan,
+    blocks: Sequence[Block],
+    folder: PartFolder,
+    jobs: int,
+    before_processes: Callable[[], None],
+    reporter: Reporter,
 ) -> Generator[Result, None, None]:
     """Compute blocks of one method, in any order.
 
     before_processes: called once before processes start. Closing the generator (or an exception in it) stops all work;
-    threads finish the block they are in.
+    blocks that are being computed are finished before.
     """
     rest = list(blocks)
     seconds = 0.0
@@ -68,10 +77,10 @@ def run_blocks(
         return
     if threads:
         with kernel_threads(max(1, jobs // len(rest))):
-            yield from _in_threads(plan, rest, jobs)
+            yield from _in_threads(plan, rest, jobs, reporter)
     else:
         before_processes()
-        yield from _in_processes(plan, rest, folder, jobs)
+        yield from _in_processes(plan, rest, folder, jobs, reporter)
 
 
 def default_jobs() -> int:
@@ -103,7 +112,7 @@ def attempt(plan: Plan, block: Block) -> Part | Failure:
         return Failure(block, error)
 
 
-def _in_threads(plan: Plan, blocks: list[Block], jobs: int) -> Iterator[Result]:
+def _in_threads(plan: Plan, blocks: list[Block], jobs: int, reporter: Reporter) -> Iterator[Result]:
     pool = ThreadPoolExecutor(min(jobs, len(blocks)))
     try:
         waiting = iter(blocks)
@@ -119,14 +128,17 @@ def _in_threads(plan: Plan, blocks: list[Block], jobs: int) -> Iterator[Result]:
             for future in done:
                 yield future.result()
     finally:
-        pool.shutdown(wait=True, cancel_futures=True)
+        with _told_if_long(reporter):
+            pool.shutdown(wait=True, cancel_futures=True)
 
 
-def _in_processes(plan: Plan, blocks: list[Block], folder: PartFolder, jobs: int) -> Iterator[Result]:
+def _in_processes(
+    plan: Plan, blocks: list[Block], folder: PartFolder, jobs: int, reporter: Reporter
+) -> Iterator[Result]:
     pending = {block.key: block for block in blocks}
     while pending:
         started: dict[str, Block] = {}
-        for result in _pooled(plan, list(pending.values()), folder, min(jobs, len(pending)), started):
+        for result in _pooled(plan, list(pending.values()), folder, min(jobs, len(pending)), started, reporter):
             del pending[_key(result)]
             yield result
         # What the pool left undone was in a process that died, or waiting; what finished unseen is in its part file.
@@ -135,7 +147,7 @@ def _in_processes(plan: Plan, blocks: list[Block], folder: PartFolder, jobs: int
             yield part
         for key in [key for key in started if key in pending]:
             block = pending.pop(key)
-            results = list(_pooled(plan, [block], folder, 1, {}))
+            results = list(_pooled(plan, [block], folder, 1, {}, reporter))
             yield results[0] if results else Failure(block, None)
 
 
@@ -144,7 +156,7 @@ def _key(result: Result) -> str:
 
 
 def _pooled(
-    plan: Plan, blocks: list[Block], folder: PartFolder, jobs: int, started: dict[str, Block]
+    plan: Plan, blocks: list[Block], folder: PartFolder, jobs: int, started: dict[str, Block], reporter: Reporter
 ) -> Iterator[Result]:
     """Compute blocks in processes until all are done or a process dies; ``started`` gets those handed out."""
     from joblib.externals.loky import get_reusable_executor
@@ -164,8 +176,8 @@ def _pooled(
     try:
         while True:
             with _interrupts_later():
-                # No more than that: a process that dies takes all of them with it.
-                for block in islice(waiting, 2 * jobs - len(running)):
+                # As many as processes: one that dies takes all with it, and none can be called back.
+                for block in islice(waiting, jobs - len(running)):
                     started[block.key] = block
                     running.add(pool.submit(_work, plan, block, folder))
             if not running:
@@ -178,8 +190,31 @@ def _pooled(
         finished = True
     finally:
         if not finished:
-            with _interrupts_later():
-                pool.shutdown(wait=True, kill_workers=True)
+            _end(running, pool, reporter)
+
+
+def _end(running: set[Future[StoredPart | Failure]], pool: Any, reporter: Reporter) -> None:
+    """Let processes finish their blocks, so that these are kept; a second interrupt ends them at once."""
+    try:
+        with _told_if_long(reporter):
+            wait(running)
+    except KeyboardInterrupt:
+        with _interrupts_later():
+            pool.shutdown(wait=True, kill_workers=True)
+        raise
+
+
+@contextmanager
+def _told_if_long(reporter: Reporter) -> Iterator[None]:
+    """Tell why it takes a while, if it does."""
+    text = "stopping: blocks that are being computed are finished first; interrupt again to stop at once"
+    timer = threading.Timer(PATIENCE, reporter.message, [text])
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
 
 
 @contextmanager

@@ -150,7 +150,7 @@ def _compute(plan: Plan, store: Store, jobs: int, reporter: Reporter) -> None:
             there = [part for block in layout.blocks() if (part := store.finished.get(block.key))]
             reporter.begin(layout.method.name, layout.points, sum(part.points for part in there))
             reporter.advance(0, sum(part.unstable for part in there), sum(part.failed for part in there))
-            with closing(run_blocks(plan, missing, store.folder, jobs, store.flush)) as results:
+            with closing(run_blocks(plan, missing, store.folder, jobs, store.flush, reporter)) as results:
                 for result in results:
                     if isinstance(result, Failure):
                         _note(result, store, failures)

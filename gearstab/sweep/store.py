@@ -45,4 +45,4 @@ class Store:
         """Write what can be written when the sweep ends early; the number of blocks that a next run will find."""
         with suppress(OSError):
             self.flush()
-        return len(self.finished) - len(self._waiting)
+        return self.folder.count()
