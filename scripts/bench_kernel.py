@@ -1,8 +1,10 @@
 """Speed of the compiled kernel beside other ways to the same numbers: medians of one run, interleaved, on one core.
 
-Single-core figures count processor time, so that other work on the machine does not show; the figure for threads counts elapsed
-time. GEARSTAB_SIMD limits the vector instructions. Usage: python scripts/bench_kernel.py [ROUNDS]
+Single-core figures count processor time, so that other work on the machine shows less; the figure for threads counts
+elapsed time. GEARSTAB_SIMD limits the vector instructions. Usage: python scripts/bench_kernel.py [ROUNDS]
 """
+
+# ruff: noqa: E402 -- the environment is set before NumPy is imported
 
 from __future__ import annotations
 
@@ -67,7 +69,14 @@ def gearbox() -> GearSystem:
     difference = np.eye(n) - np.eye(n, k=-1)
     spring = difference.T @ np.diag(rng.uniform(0.5, 3.0, n)) @ difference
     meshes = tuple(
-        Mesh(f"m{i}", np.eye(n)[p] - np.eye(n)[p - 1], 2.0, 0.3, Rectangular(1.2 + 0.17 * i), Fraction(1), 0.13 * i)
+        Mesh(
+            f"m{i}",
+            np.eye(n)[p] - np.eye(n)[p - 1],
+            np.array(2.0),
+            np.array(0.3),
+            Rectangular(1.2 + 0.17 * i),
+            lag=0.13 * i,
+        )
         for i, p in enumerate(np.linspace(1, n - 1, 5).astype(int))
     )
     return GearSystem(np.diag(rng.uniform(0.5, 2.0, n)), spring, meshes)
@@ -103,7 +112,8 @@ def integrate(pattern: Pattern, omega: Array) -> list[Array]:
     found = []
     for k in range(len(omega)):
         state = np.eye(size)
-        for (begin, end), which in zip(pairwise(np.append(0.0, np.cumsum(durations[:, k]))), pattern.states, strict=True):
+        jumps = np.append(0.0, np.cumsum(durations[:, k]))
+        for (begin, end), which in zip(pairwise(jumps), pattern.states, strict=True):
             right = lambda _, y, m=a[which]: (m @ y.reshape(size, size)).ravel()  # noqa: E731
             done = solve_ivp(right, (begin, end), state.ravel(), method="DOP853", rtol=ACCURATE, atol=ACCURATE)
             state = done.y[:, -1].reshape(size, size)

@@ -161,7 +161,7 @@ def test_rotations_in_high_precision(level):
 
 
 def test_growing_and_free_segments_in_high_precision(level):
-    """A level below zero (cosh, sinh) or exactly zero (1, t) beside one above: Meissner's formula with complex roots."""
+    """A level below zero (cosh, sinh) or exactly zero (1, t) beside one above: Meissner's formula, complex roots."""
     for low in (-0.6, -1e-9, 0.0):
         item = oscillator(low, 2.0)
         low_, high_ = (mp.mpf(float(v)) for v in sorted(prepare(item)[0].stiffness[0, :, 0, 0]))
@@ -196,9 +196,7 @@ def test_long_periods(level, n):
     """Frequency ratio 101/100: more than 400 segments."""
     base = system(n, "generic", 5, epsilon=0.1)
     first, second = base.meshes
-    item = GearSystem(base.mass, base.stiffness, (first, Mesh(
-        second.name, second.direction, second.mean_stiffness, second.epsilon, second.waveform, Fraction(101, 100), second.lag
-    )))  # fmt: skip
+    item = replace(base, meshes=(first, replace(second, frequency_ratio=Fraction(101, 100))))
     assert len(prepare(item)[0].states) > 400
     omega = np.linspace(0.5, 3, 21)
     with kernel.using("c"):

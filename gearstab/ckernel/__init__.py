@@ -7,6 +7,7 @@ the best that the processor has.
 from __future__ import annotations
 
 import os
+from importlib import import_module
 from types import ModuleType
 
 import numpy as np
@@ -17,7 +18,7 @@ library: ModuleType | None
 """The extension module, or None where it was not built."""
 
 try:
-    from gearstab.ckernel import _kernel as library
+    library = import_module("gearstab.ckernel._kernel")
 except ImportError:
     library = None
 

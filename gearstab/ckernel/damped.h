@@ -70,17 +70,19 @@ INLINE void first_rotation(const double *b, const double *frequency, int64_t m, 
 
 /* q = the rotation of a segment on the columns of x. */
 INLINE void rotate(const double *frequency, int64_t m, const vec *cosine, const vec *sine, const vec *x, vec *q) {
-    UNROLLED for (int64_t c = 0; c < m; c++)
-        for (int64_t i = 0; i < m; i++) {
-            const vec *from = x + c * m + i;
-            vec *to = q + c * m + i;
-            to[0] = cosine[i] * from[0];
-            if (frequency[i] != 0) {
-                to[0] += sine[i] * from[1];
-                to[1] = cosine[i] * from[1] - sine[i] * from[0];
-                i++;
-            }
+    for (int64_t i = 0; i < m; i++) {
+        vec c = cosine[i], s = sine[i];
+        if (frequency[i] == 0) {
+            UNROLLED for (int64_t k = i; k < m * m; k += m)
+                q[k] = c * x[k];
+            continue;
         }
+        UNROLLED for (int64_t k = i; k < m * m; k += m) {
+            q[k] = c * x[k] + s * x[k + 1];
+            q[k + 1] = c * x[k + 1] - s * x[k];
+        }
+        i++;
+    }
 }
 
 /* One period, x (m, m) by columns, divided by exp(scale); work (m + 2, m). */

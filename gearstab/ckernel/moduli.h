@@ -31,21 +31,15 @@ INLINE vec leading_exponent(const vec *e, int64_t m) {
     return largest;
 }
 
-/* e_j of the squares of the roots: e_j^2 + 2 sum_i (-1)^i e_(j-i) e_(j+i), changed by a part of the sum of moduli, whose sign
-   depends on j. */
+/* e_j of the squares of the roots: e_j^2 + 2 sum_i (-1)^i e_(j-i) e_(j+i), each product changed by a part of itself. */
 INLINE void square_the_roots(vec *e, int64_t m, double change) {
     vec next[LARGEST_POWER + 1];
     UNROLLED for (int64_t j = 1; j <= m; j++) {
-        vec sum = all(0.0), size = all(0.0), square = e[j] * e[j];
+        vec sum = all(0.0);
         int64_t last = j < m - j ? j : m - j;
-        UNROLLED for (int64_t i = 1; i <= last; i++) {
-            vec product = e[j - i] * e[j + i];
-            sum = i % 2 ? sum - product : sum + product;
-            size += magnitude(product);
-        }
-        next[j] = square + 2.0 * sum;
-        if (change != 0)
-            next[j] += SIGN[j - 1] * change * (square + 2.0 * size);
+        UNROLLED for (int64_t i = 1; i <= last; i++)
+            sum += (i % 2 ? -2.0 : 2.0) * (1.0 + change * SIGN[(i + j) % LARGEST_POWER]) * (e[j - i] * e[j + i]);
+        next[j] = (1.0 + change * SIGN[j - 1]) * (e[j] * e[j]) + sum;
     }
     UNROLLED for (int64_t j = 1; j <= m; j++)
         e[j] = next[j];
@@ -136,7 +130,7 @@ INLINE vec largest_modulus(const vec *x, int64_t m, mask *sure) {
             break;
         for (int step = 0; step < STEPS; step++) {
             square_the_roots(e[0], m, 0.0);
-            square_the_roots(e[1], m, step % 2 ? PERTURBATION : -PERTURBATION);
+            square_the_roots(e[1], m, PERTURBATION);
         }
         weight *= 1.0 / (1 << STEPS);
     }

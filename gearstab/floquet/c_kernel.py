@@ -66,8 +66,8 @@ def monodromy(pattern: Pattern, row: int | Array, omega: Array) -> tuple[Array, 
 def traces(pattern: Pattern, omega: Array, bound: float = np.inf, limit: int | None = None) -> Array:
     """rho = lambda + 1/lambda of the n pairs of multipliers ``(r, P, n)`` complex, in no order; any n.
 
-    From the Paige-Van Loan reduction of M + M^-1, right to eps times the largest entry of M; NaN where that exceeds the bound or
-    the product had to be scaled down.
+    From the Paige-Van Loan reduction of M + M^-1, right to eps times the largest entry of M; NaN where that exceeds
+    the bound or the product had to be scaled down.
     """
     asked = _contiguous(omega)
     rho = np.empty((*asked.shape, pattern.size), dtype=complex)
@@ -95,27 +95,22 @@ def scan_damped(pattern: Pattern, generator: Generators, omega: Array, limit: in
 
     Rows with a state that cannot be diagonalised safely go the way of the NumPy kernel.
     """
-    growth, scale = np.empty(omega.shape), np.empty(omega.shape)
-    good = np.flatnonzero(generator.well_conditioned)
-    if len(good):
-        growth[good], scale[good] = _scan_modes(pattern, generator, good, _contiguous(omega[good]), limit)
+    growth, scale = _scan_modes(pattern, generator, _contiguous(omega), limit)
     for row in np.flatnonzero(~generator.well_conditioned | np.isnan(growth).any(axis=1)):
         found = numpy_kernel.scan_damped(pattern.row(int(row)), generator.row(int(row)), omega[row : row + 1])
         growth[row], scale[row] = found[0][0], found[1][0]
     return growth, scale
 
 
-def _scan_modes(
-    pattern: Pattern, generator: Generators, rows: Array, omega: Array, limit: int | None
-) -> tuple[Array, Array]:
-    """Some rows of :func:`scan_damped` in the real modal coordinates of their states."""
-    values, basis, inverse = (part[rows] for part in generator.real_modes)
+def _scan_modes(pattern: Pattern, generator: Generators, omega: Array, limit: int | None) -> tuple[Array, Array]:
+    """:func:`scan_damped` in the real modal coordinates of the states, meaningless where they are ill-conditioned."""
+    values, basis, inverse = generator.real_modes
     following = np.roll(pattern.states, -1)
     change = _contiguous(inverse[:, following] @ basis[:, pattern.states])
     growth, scale = np.empty(omega.shape), np.empty(omega.shape)
     count, points = omega.shape
     numbers = (count, len(pattern.states), *values.shape[1:], float(pattern.cycles))
-    arrays = (_contiguous(values.real), _contiguous(values.imag), _contiguous(pattern.fractions[rows]))
+    arrays = (_contiguous(values.real), _contiguous(values.imag), _contiguous(pattern.fractions))
     state = np.ascontiguousarray(pattern.states, dtype=np.int64)
 
     def part(first: int, last: int) -> None:

@@ -1,16 +1,16 @@
 """Which kernel runs, and what a kernel is.
 
-A kernel is a module that offers, for a pattern (:class:`~gearstab.floquet.segments.Pattern`) and mesh frequencies ``(r, P)`` in
-units of the pattern's rate:
+A kernel is a module that offers, for a pattern (:class:`~gearstab.floquet.segments.Pattern`) and mesh frequencies
+``(r, P)`` in units of the pattern's rate:
 
-* ``scan(pattern, omega) -> (verdict, growth)``: int8 of UNSTABLE, STABLE, DOUBTFUL and ln max |lambda| a common period of
-  a conservative pattern, ``(r, P)`` each;
-* ``monodromy(pattern, row, omega) -> (matrix, scale)``: monodromy matrices ``(P, 2n, 2n)`` over exp(scale) at ``(P,)``
-  frequencies of one row or of a row each, for what ``scan`` leaves in doubt;
-* ``log_multipliers(pattern, omega, bound) -> ln lambda``, ``(r, P, 2n)``, imaginary parts in (-pi, pi]; NaN where an entry of the
-  monodromy matrix exceeds the bound;
-* ``scan_damped(pattern, generator, omega) -> (growth, scale)``: ln max |lambda| a common period of a damped pattern and the
-  logarithm of the size of its monodromy matrix, ``(r, P)`` each.
+* ``scan(pattern, omega) -> (verdict, growth)``: int8 of UNSTABLE, STABLE, DOUBTFUL and ln max |lambda| a common period
+  of a conservative pattern, ``(r, P)`` each;
+* ``monodromy(pattern, row, omega) -> (matrix, scale)``: monodromy matrices ``(P, 2n, 2n)`` over exp(scale) at
+  ``(P,)`` frequencies of one row or of a row each, for what ``scan`` leaves in doubt;
+* ``log_multipliers(pattern, omega, bound) -> ln lambda``, ``(r, P, 2n)``, imaginary parts in (-pi, pi]; NaN where an
+  entry of the monodromy matrix exceeds the bound;
+* ``scan_damped(pattern, generator, omega) -> (growth, scale)``: ln max |lambda| a common period of a damped pattern
+  and the logarithm of the size of its monodromy matrix, ``(r, P)`` each.
 
 The environment variable GEARSTAB_KERNEL chooses: ``c`` (compiled, the default where it was built) or ``numpy``.
 """
@@ -45,7 +45,8 @@ def name() -> str:
         raise ValueError(f"GEARSTAB_KERNEL={asked}: the kernels are {' and '.join(KERNELS)}")
     if asked not in available():
         raise ValueError(
-            f"GEARSTAB_KERNEL={asked}: the compiled kernel was not built; install a C compiler and gearstab again, or use numpy"
+            f"GEARSTAB_KERNEL={asked}: the compiled kernel was not built; install a C compiler and gearstab again, "
+            "or use numpy"
         )
     return asked
 
