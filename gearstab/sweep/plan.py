@@ -30,7 +30,7 @@ FREQUENCY = ("mesh_frequency",)
 
 LEAST, MOST = 1 << 17, 1 << 20
 """Size of a block in points of a small system: enough to make calls cheap, few enough to be done in a second."""
-FEWEST = 16
+FEWEST = 4
 """Points of a block, however costly."""
 MOST_BYTES = 1 << 26
 """Size of a block's largest variable."""
