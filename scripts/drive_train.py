@@ -14,7 +14,7 @@ MESHES = (5, 11, 17, 23, 28)
 """The rotors (from 0) before a mesh, as the directions in configs/drive_train.yaml have them."""
 
 
-def model() -> dict[str, np.ndarray]:
+def model() -> tuple[np.ndarray, np.ndarray]:
     """Mass and stiffness without the meshes, dimensionless."""
     place = np.arange(ROTORS)
     mass = 1.0 + 0.4 * np.cos(1.7 * place) + 0.3 * np.sin(0.9 * place)
@@ -23,8 +23,10 @@ def model() -> dict[str, np.ndarray]:
         if k not in MESHES:
             shaft = 2.0 + np.sin(2.3 * k)
             stiffness[k : k + 2, k : k + 2] += shaft * np.array([[1.0, -1.0], [-1.0, 1.0]])
-    return {"mass": np.diag(mass), "stiffness": stiffness}
+    return np.diag(mass), stiffness
 
 
 if __name__ == "__main__":
-    np.savez_compressed(Path(__file__).parent.parent / "configs" / "drive_train.npz", **model())
+    target = Path(__file__).parent.parent / "configs" / "drive_train.npz"
+    mass_matrix, stiffness_matrix = model()
+    np.savez_compressed(target, mass=mass_matrix, stiffness=stiffness_matrix)

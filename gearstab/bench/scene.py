@@ -6,13 +6,17 @@ with it do not inherit its errors.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
 
+from gearstab.modal import mean_modes
 from gearstab.system import Array, GearSystem
+
+COUPLED = 1e-12
+"""Damping between rigid-body and elastic modes below this part of the largest is rounding."""
 
 
 @dataclass(frozen=True)
@@ -60,3 +64,28 @@ class Scene:
         """``count`` mesh frequencies spread over the range, none of them a round number."""
         golden = 0.5 * (np.sqrt(5.0) - 1.0)
         return self.start + (self.stop - self.start) * ((np.arange(count) + 0.5) * golden % 1.0)
+
+
+def without_rigid_modes(system: GearSystem) -> GearSystem:
+    """The system (no batch) in its elastic modes, q = Phi_e u.
+
+    Rigid-body modes take no part in stability, but their defective multiplier 1 would: the largest in a stable system,
+    and known to eight digits only. They stay where damping couples them to the elastic modes.
+    """
+    modes = mean_modes(system)
+    if not modes.rigid.any():
+        return system
+    elastic, damping = modes.shapes[:, ~modes.rigid], system.damping
+    if damping is not None:
+        modal = np.abs(modes.shapes.T @ damping @ modes.shapes)
+        if modal[modes.rigid].max() > COUPLED * modal.max():
+            return system
+        damping = elastic.T @ damping @ elastic
+    return replace(
+        system,
+        mass=elastic.T @ system.mass @ elastic,
+        stiffness=elastic.T @ system.stiffness @ elastic,
+        damping=damping,
+        meshes=tuple(replace(mesh, direction=elastic.T @ mesh.direction) for mesh in system.meshes),
+        coordinates=tuple(f"u{p + 1}" for p in range(elastic.shape[1])),
+    )

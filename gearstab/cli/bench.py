@@ -48,11 +48,12 @@ def command(
     from gearstab.floquet import kernel
     from gearstab.results import Group, ResultTree, write_result
     from gearstab.results.provenance import modes_group, root_attributes
+    from gearstab.systems import build
 
     found = measure(scene, points, seconds, (lambda text: None) if quiet else _say)
     click.echo(table(found, points))
     with user_errors():
-        groups = {"modes": modes_group(scene.system), "bench": bench_group(scene, points, found)}
+        groups = {"modes": modes_group(build(loaded.parameters)), "bench": bench_group(scene, points, found)}
         write_result(target, ResultTree(Group((), root_attributes(loaded, kernel.name())), groups))
         if not quiet:
             click.echo(f"written: {target}", err=True)
@@ -62,7 +63,7 @@ def command(
 
 def _scene(loaded: Config) -> Scene:
     """The base system and the range of the mesh_frequency axis. Raises ConfigError without such an axis."""
-    from gearstab.bench import Scene
+    from gearstab.bench import Scene, without_rigid_modes
     from gearstab.config.problems import ConfigError, Problem
     from gearstab.systems import build
 
@@ -71,7 +72,7 @@ def _scene(loaded: Config) -> Scene:
         hint = "add mesh_frequency: {start: .., stop: .., num: ..}"
         raise ConfigError([Problem(str(loaded.source), None, "sweep", "", "bench needs an axis mesh_frequency", hint)])
     values = [float(value) for value in axis.values]
-    return Scene(build(loaded.parameters), min(values), max(values))
+    return Scene(without_rigid_modes(build(loaded.parameters)), min(values), max(values))
 
 
 def _say(text: str) -> None:
