@@ -1,4 +1,4 @@
-"""Make configs/drive_train.npz: 33 rotors in a row, all neighbours but five pairs joined by shafts; gears mesh between those.
+"""Make configs/drive_train.npz: 33 rotors in a row, joined by shafts but for five pairs, between which gears mesh.
 
 The numbers vary smoothly from rotor to rotor, so that no two modes are alike, and nothing is drawn at random.
 """
