@@ -22,6 +22,7 @@ enum { LEVEL_COUNT = sizeof LEVELS / sizeof *LEVELS };
 
 static int supported(int index) {
 #if defined(__x86_64__)
+    __builtin_cpu_init();
     if (index == 1)
         return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
     if (index == 2)
