@@ -7,6 +7,7 @@ import subprocess
 import sys
 from fractions import Fraction
 from pathlib import Path
+from shutil import copy
 from typing import Any
 
 import h5py
@@ -273,6 +274,8 @@ def test_resolved_configurations_are_the_same(tmp_path: Path, root: Path) -> Non
     assert found
     for source in found:
         config = load(source)
+        for model in source.parent.glob("*.npz"):  # named relative to the configuration
+            copy(model, tmp_path)
         again = read(tmp_path, config.resolved)
         assert again.digest == config.digest, source.name
         assert again.resolved == config.resolved
