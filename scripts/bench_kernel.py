@@ -31,8 +31,8 @@ from gearstab.system import Array, GearSystem, Mesh
 from gearstab.systems import build
 from gearstab.waveforms import Rectangular
 
-ACCURATE = 1e-11
-"""Relative tolerance of DOP853 that leaves some 1e-9 on the multipliers."""
+ACCURATE = 1e-10
+"""Tolerance of DOP853 that leaves 1e-10..5e-9 on rho = lambda + 1/lambda of the train (Omega from 0.35 to 6.5)."""
 
 
 @dataclass(frozen=True)
