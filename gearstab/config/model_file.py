@@ -60,7 +60,7 @@ def _read(path: FilePath) -> Mapping[str, Any]:
     if path.suffix.lower() == ".mat" and not _is_hdf5(path):
         from scipy.io import loadmat
 
-        return dict(loadmat(path))
+        return dict(loadmat(path, spmatrix=False))
     import h5py
 
     with h5py.File(path, "r", locking=False) as file:
