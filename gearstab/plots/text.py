@@ -69,7 +69,7 @@ def unit_text(units: str) -> str:
         return ""
     if units.startswith("1/") and re.fullmatch(r"\w+", units[2:]):
         return rf"$\mathrm{{{units[2:]}}}^{{-1}}$"
-    raised = re.sub(r"(\w+)\s*(?:\*\*|\^)\s*\(?(-?\d+)\)?", r"\1$^{\2}$", units)
+    raised = re.sub(r"(\w+)\s*(?:\*\*|\^)\s*\(?(-?\d+(?:/\d+)?)\)?", r"\1$^{\2}$", units)
     return re.sub(r"\s*\*\s*", " ", raised)
 
 
