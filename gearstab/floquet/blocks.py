@@ -4,9 +4,10 @@ With the elastic modes of the mean system as coordinates the equations are
 
     u'' + C u' + [W^2 + sum_i k_vi(t) delta_i delta_i^T] u = 0,
 
-and all that varies is the matrix of the mesh stiffness variation, which takes one value a state: meshes whose stiffness
-varies alike, k_vi = c_i f(t), enter through the single matrix sum_i c_i delta_i delta_i^T. In a basis in which W^2, C and
-the variation of every state are block diagonal (:mod:`~gearstab.floquet.decouple`) each block is a system of its own:
+and all that varies is the matrix of the mesh stiffness variation, which takes one value a state: meshes whose
+stiffness varies alike, k_vi = c_i f(t), enter through the single matrix sum_i c_i delta_i delta_i^T. In a basis in
+which W^2, C and the variation of every state are block diagonal (:mod:`~gearstab.floquet.decouple`) each block is a
+system of its own:
 
 * modes without mesh deflection do not vary at all; their exponents are those of a constant system;
 * identical meshes in phase, as in a planetary gear, give one block for each type of mesh deflection, the types with two

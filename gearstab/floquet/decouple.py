@@ -1,12 +1,13 @@
 """A basis in which a set of symmetric matrices is block diagonal in as many blocks as possible, for many rows at once.
 
-Every block of a family of symmetric matrices {N_f} is an invariant subspace of all of them, hence of every member: where
-the eigenvalues of one member differ its eigenvectors are the only choice, and the blocks are the connected components of
-the graph of couplings. Where they are equal (or so close that rounding blurs the eigenvectors) the basis is free:
+Every block of a family of symmetric matrices {N_f} is an invariant subspace of all of them, hence of every member:
+where the eigenvalues of one member differ its eigenvectors are the only choice, and the blocks are the connected
+components of the graph of couplings. Where they are equal (or so close that rounding blurs the eigenvectors) the basis
+is free:
 
 1. inside a *cluster* of close eigenvalues generic combinations of the restricted family, and of its squares, are
-   diagonalised, which separates all parts but identical copies of one block (Murota, Kanno, Kojima & Kojima 2010, Japan J.
-   Indust. Appl. Math. 27, 125-160: the eigenspaces of a generic member of a matrix *-algebra);
+   diagonalised, which separates all parts but identical copies of one block: the eigenspaces of a generic member of a
+   matrix *-algebra (Murota, Kanno, Kojima & Kojima 2010, Japan J. Indust. Appl. Math. 27, 125-160);
 2. what stays equal is m copies of one block. The couplings between two such m-fold eigenspaces are multiples of an
    orthogonal m x m matrix; turning one space by it aligns the copies, along a spanning tree of strongest couplings.
 
@@ -14,6 +15,9 @@ Nothing is taken for granted: whatever the basis, blocks are joined wherever a c
 """
 
 from __future__ import annotations
+
+from functools import cache
+from itertools import pairwise
 
 import numpy as np
 
@@ -25,7 +29,8 @@ DISCARDED = 1e-12
 orthogonal to it within eps/CLOSE times some n, and it moves no frequency by more than this part: a region of
 instability that it might open is narrower than the rounding errors of the mesh frequency's product with the period."""
 SURE = 1e-6
-"""Couplings above this part are real whatever the rounding errors of the basis; so are larger gaps between eigenvalues."""
+"""Couplings above this part are real whatever the rounding errors of the basis; so are larger gaps between
+eigenvalues."""
 CLOSE = 0.02
 """Eigenvalues closer than this part belong to one cluster, whose basis is found anew."""
 EQUAL = 1e-7
@@ -93,7 +98,7 @@ def adapted(values: Array, family: Array) -> tuple[Array, Array]:
 def runs(joined: Array) -> list[slice]:
     """The runs of positions that ``joined`` (n - 1,) connects with their successors."""
     edges = [0, *(np.flatnonzero(~np.asarray(joined, dtype=bool)) + 1).tolist(), len(joined) + 1]
-    return [slice(a, b) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+    return [slice(a, b) for a, b in pairwise(edges)]
 
 
 def _offset(values: Array) -> Array:
@@ -113,6 +118,7 @@ def _coupling(family: Array, offset: Array, basis: Array) -> Array:
     return largest
 
 
+@cache
 def _weights(count: int, depth: int) -> Array:
     """Fixed numbers in general position."""
     return np.random.default_rng(1000 + depth).standard_normal(count)

@@ -149,7 +149,7 @@ def _levels(meshes: tuple[Mesh, ...], rows: int) -> Array:
 
 
 def merged(key: Array, lengths: Array, edges: Array) -> tuple[Array, Array, Array]:
-    """Leave out segments marked -1 in ``key`` (S,) and join neighbours in the same state; (states, fractions, start)."""
+    """Leave out segments of state -1 in ``key`` (S,), join neighbours in the same state; (states, fractions, start)."""
     kept = np.flatnonzero(key >= 0)
     states = key[kept]
     first = np.flatnonzero(states != np.roll(states, 1))
