@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, Field, StrictInt, StrictStr
+from pydantic import AfterValidator, BeforeValidator, Field
 
 from gearstab.config.fields import AngularFrequency, Choice, Flag, Quantity, Section, Time, Whole, wrong
 from gearstab.config.mesh import Conflict, exactly_one
@@ -22,6 +22,16 @@ def _each_once(modes: list[int]) -> list[int]:
     return sorted(modes)
 
 
+def _deflection_type(value: Any) -> Any:
+    """T or a name; raises a pydantic error."""
+    if isinstance(value, bool) or not isinstance(value, int | str) or (isinstance(value, int) and value < 0):
+        raise wrong("deflection_type", "must be a type of mesh deflection", "write T = 0, 1, 2, ... or a type's name")
+    return value
+
+
+DeflectionType = Annotated[int | str, BeforeValidator(_deflection_type)]
+
+
 class FloquetOptions(Section):
     """Exact stability at every point of the grid."""
 
@@ -33,7 +43,7 @@ class FloquetOptions(Section):
         title="tolerance",
         description="Of the multipliers, for waves that are not piecewise constant (1).",
     )
-    block: Annotated[StrictInt, Field(ge=0)] | StrictStr | None = Field(
+    block: DeflectionType | None = Field(
         default=None,
         title="block",
         description="Restrict the system to one type of mesh deflection, of a system with cyclic symmetry: "

@@ -88,7 +88,7 @@ def reduce(system: GearSystem, rows: int) -> Iterator[Elastic]:
 
 
 def rigid_modes(squared: Array, deflection: Array) -> Array:
-    """``(r, n)`` bool: modes of zero mean frequency that deflect no mesh (with negative stiffness it may be accidental).
+    """``(r, n)`` bool: modes of zero mean frequency that deflect no mesh (with negative stiffness it may be chance).
 
     squared: ``(r, n)``; deflection: ``(r, meshes, n)``.
     """
