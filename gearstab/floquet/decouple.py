@@ -11,6 +11,9 @@ is free:
 2. what stays equal is m copies of one block. The couplings between two such m-fold eigenspaces are multiples of an
    orthogonal m x m matrix; turning one space by it aligns the copies, along a spanning tree of strongest couplings.
 
+Blocks that are the real form of a complex Hermitian family (the translational modes of a planetary gear whose carrier
+moves) have equal eigenvalues in pairs but no real basis that separates them; they stay whole.
+
 Nothing is taken for granted: whatever the basis, blocks are joined wherever a coupling exceeds ``DISCARDED``.
 """
 

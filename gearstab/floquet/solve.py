@@ -130,8 +130,10 @@ _Solution = tuple[Array, Array, Array, Array | None]
 
 
 def _solved(part: _Part, block: Block, exponents: bool) -> _Solution:
+    """A block, without its copies. A constant one without stiffness along a mode is left to the general rules."""
     damping = part.pattern.elastic.damping
-    if block.constant and (damping is not None or np.all(part.pattern.squared_frequency > 0)):
+    decided = damping is not None or bool(np.all(part.pattern.squared_frequency > 0))
+    if block.constant and part.pattern.size and decided:
         return _constant(part, exponents)
     return _conservative(part, exponents) if damping is None else _damped(part, damping, exponents)
 
