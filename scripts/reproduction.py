@@ -43,7 +43,7 @@ def part(paper: Paper, runs: Runs) -> str:
     count = Counter(s.agrees for statements in found.values() for s in statements)
     text = [
         f"\n## {paper.name}\n\n{paper.reference}\n\n{paper.remarks}\n",
-        f"{count.total()} statements: {count[True]} agree, {count[None]} in part, {count[False]} differ.\n",
+        f"{count.total()} statements: {count[True]} agree, {count[None]} in part, {count[False]} differ.",
     ]
     for title, statements in found.items():
         text += [

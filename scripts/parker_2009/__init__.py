@@ -10,8 +10,7 @@ R. G. Parker, "Vibration of planetary gears with elastically deformable ring gea
 stiffness fluctuations", *ASME IDETC/CIE 2009*, DETC2009-87343.""",
     remarks="""\
 The numerical boundaries are those of the gear in the nine modes of Table 1, in phase in the modes of one type at a
-time, into which it splits exactly. Deflections of pairs of modes with one frequency are compared by sums that do not
-depend on the choice of the two.""",
+time, into which it splits exactly.""",
     sections={
         "Table 1 and the modes": modes.STATEMENTS,
         "Which instabilities exist": existence.STATEMENTS,
