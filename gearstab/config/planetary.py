@@ -170,7 +170,7 @@ class Planetary(System):
         description="dimensionless: masses over m_r, stiffnesses over k_rp and frequencies over sqrt(k_rp/m_r).",
     )
     ring: Ring = Field(title="ring", description="How the ring deforms.")
-    masses: Masses = Field(title="masses", description="Masses of the bodies.")
+    masses: Masses = Field(title="masses", description="Mass of each body.")
     inertias: Inertias = Field(title="inertias", description="Moments of inertia over squared base radii.")
     supports: Supports = Field(
         default=Supports(), title="supports", description="Stiffness of the supports and planet bearings."
