@@ -7,10 +7,13 @@ import planetary_result as planetary
 import pytest
 from plot_results import tree
 
+from gearstab.config import load
 from gearstab.plots import default_kind, draw
 from gearstab.plots.axes import Request
 from gearstab.plots.errors import PlotError
 from gearstab.plots.gear_bodies import LARGEST, displaced, layout_of, mesh_deflection, ring_shape
+from gearstab.results import open_result
+from gearstab.sweep import plan, run
 
 ANGLE = np.linspace(0, 2 * np.pi, 361)
 FOUR = layout_of(planetary.names(4, 2))
@@ -220,3 +223,19 @@ def test_what_cannot_be_drawn_is_said_in_one_line(options, message):
 def test_a_result_without_mode_shapes_has_no_figure_of_modes():
     with pytest.raises(PlotError, match="no mode shapes"):
         draw(tree(), "modes")
+
+
+# --- with the program's own results
+
+
+def test_a_result_of_a_sweep_is_drawn_with_types_and_bodies(root, tmp_path):
+    """From the configuration of Table 1 to the figure; coordinates and meshes have the names that the pictures read."""
+    config = load(root / "configs" / "parker_2009" / "table1.yaml", ["ring.harmonics=6"])
+    run(plan(config), tmp_path / "modes.h5")
+    with open_result(tmp_path / "modes.h5") as made:
+        _, artists = draw(made, "modes", select={"mode": "1-9"}, dpi=60)
+        assert list(made["modes"]["dof"].values) == planetary.names(4, 6)
+    by_hand = draw(planetary.planetary(harmonics=6), "modes", select={"mode": "1-9"}, dpi=60)[1]
+    assert [t.replace(" rad/s", "") for t in titles(artists)] == titles(by_hand)
+    for picture, expected in zip(artists["pictures"], by_hand["pictures"], strict=True):
+        assert bool(picture["meshes"]) == bool(expected["meshes"])

@@ -52,8 +52,8 @@ HALF_WIDTHS = {
 def test_half_widths_are_those_of_an_independent_computation(committed: list[str]) -> None:
     (line,) = [line for line in committed if "single-mode instabilities exist near w5" in line]
     found = line.split("first-order half-widths/eps: ")[1].split(" |")[0].split(", ")
-    # The ring's inertia of Table 1 is printed to five digits, and five digits of the widths are printed here.
-    assert [float(x) for x in found] == pytest.approx(list(HALF_WIDTHS.values()), rel=2e-5)
+    # Five digits of the widths are printed: half of the last one is at most 5e-5 of them.
+    assert [float(x) for x in found] == pytest.approx(list(HALF_WIDTHS.values()), rel=5e-5)
 
 
 def test_every_disagreement_has_its_reason(committed: list[str]) -> None:
