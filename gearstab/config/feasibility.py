@@ -14,7 +14,7 @@ import numpy as np
 
 from gearstab.config.axes import Array, Axis, Config, parameters_at
 from gearstab.config.document import Document
-from gearstab.config.mesh import mesh_items
+from gearstab.config.names import mesh_items
 from gearstab.config.problems import Path
 from gearstab.modal import RIGID_TOLERANCE, eigenmodes
 from gearstab.systems import build

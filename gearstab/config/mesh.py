@@ -134,13 +134,6 @@ class MatrixMesh(Mesh):
     )
 
 
-def mesh_items(meshes: Any) -> list[tuple[str | int, Any]]:
-    """Key and value of every entry of the section ``meshes``, which is a list, or a mapping by name."""
-    if isinstance(meshes, dict):
-        return list(meshes.items())
-    return list(enumerate(meshes)) if isinstance(meshes, list | tuple) else []
-
-
 def exactly_one(raw: dict[str, Any], names: tuple[str, ...], what: str = "") -> Iterator[Conflict]:
     """A conflict unless exactly one of the keys is given."""
     given = [name for name in names if raw.get(name) is not None]

@@ -9,7 +9,8 @@ from pydantic import Field
 
 from gearstab.config.damping import Damping
 from gearstab.config.fields import Flag, NonNegative, Section
-from gearstab.config.mesh import Conflict, ToothMesh, mesh_items
+from gearstab.config.mesh import Conflict, ToothMesh
+from gearstab.config.names import mesh_items
 
 
 class System(Section):

@@ -11,8 +11,8 @@ from pydantic import TypeAdapter
 
 from gearstab.config.fields import AngularFrequency, Ratio
 from gearstab.config.introspection import entry_type, field_types, inner_type, is_model, number_kind
-from gearstab.config.mesh import Mesh, ToothMesh, mesh_items
-from gearstab.config.names import BUT_THE_FIRST, EVERY_MESH, RIVALS
+from gearstab.config.mesh import Mesh, ToothMesh
+from gearstab.config.names import BUT_THE_FIRST, EVERY_MESH, RIVALS, mesh_items
 from gearstab.config.problems import Path, dotted, nearest
 from gearstab.config.system import System
 
