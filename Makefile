@@ -72,12 +72,15 @@ $(FIGURES): results/figures/%.$(FORMAT): results/%.h5 $(PLOTS) | $(VENV)/.instal
 	@mkdir -p $(@D)
 	@$(GEARSTAB) plot $< -o $@ $(PLOT_OPTIONS)
 
+results/figures/parker_2009/table1.$(FORMAT): PLOT_OPTIONS += --kind modes
+
 bench: $(VENV)/.installed ## speed and error of the methods, side by side
 	@$(BIN)/python scripts/bench.py
 	@$(BIN)/python scripts/bench_kernel.py
+	@$(BIN)/python scripts/bench_blocks.py
 	@$(foreach scene,$(BENCH),echo; echo "$(scene)"; $(GEARSTAB) bench $(scene) -o results/bench/$(basename $(notdir $(scene))).h5 -q;)
 
-reproduction: $(VENV)/.installed results/lin_parker_2002/fig3.h5 ## docs: what Lin & Parker (2002) state against what comes out, and the picture
+reproduction: $(VENV)/.installed results/lin_parker_2002/fig3.h5 ## docs: what the papers state against what comes out, and the picture
 	@$(BIN)/python scripts/reproduction.py --write
 	@$(GEARSTAB) plot results/lin_parker_2002/fig3.h5 -o docs/images/fig3.png --size double --dpi 130 --no-title
 

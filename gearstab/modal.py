@@ -135,13 +135,25 @@ NO_DEFLECTION = 1e-12
 """A mesh deflection below this part of sqrt(sum_p delta_ip^2) is the rounding error of an eigenvector."""
 
 
+SEPARATED = 1e-8
+"""Squared frequencies closer than this, relative, belong to modes of which any mixture is one."""
+MIXED = 32
+"""The solver's mixture of neighbours in units of the rounding error of one operation: sums over the coordinates."""
+
+
 def significant_deflection(modes: Modes) -> Array:
     """``(..., n, meshes)``, whether a modal mesh deflection is more than rounding.
 
-    The natural scale is sum_p delta_ip^2 = g_i^T M^-1 g_i.
+    The natural scale is sum_p delta_ip^2 = g_i^T M^-1 g_i. Besides, the solver leaves a part of every mode q in a
+    mode p, about eps w_p w_q/|w_p^2 - w_q^2|, which counts where a mode without mesh deflection has close neighbours.
     """
-    scale = np.sqrt(np.sum(modes.mesh_deflection**2, axis=-2, keepdims=True))
-    return np.abs(modes.mesh_deflection) > NO_DEFLECTION * scale
+    size = np.abs(modes.mesh_deflection)
+    scale = np.sqrt(np.sum(size**2, axis=-2, keepdims=True))
+    values = np.abs(modes.squared_frequency)
+    gap = np.abs(values[..., :, None] - values[..., None, :])
+    mean = np.sqrt(values[..., :, None] * values[..., None, :])
+    part = np.where(gap > SEPARATED * mean, mean / np.where(gap > 0, gap, 1.0), 0.0)
+    return size > np.maximum(NO_DEFLECTION * scale, MIXED * np.finfo(float).eps * (part @ size))
 
 
 def mode_types(modes: Modes) -> Array:

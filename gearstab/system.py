@@ -63,6 +63,25 @@ class Mesh:
 
 
 @dataclass(frozen=True)
+class Cyclic:
+    """Cyclic symmetry of the mean system: turned by 2 pi/N it is the same.
+
+    Parameters
+    ----------
+    order: N.
+    turn: ``(n, n)``, R with R^T M R = M and R^T K R = K: the displacement R q is q turned by 2 pi/N.
+    types: what modes are called that a turn by 2 pi/N takes into cos(2 pi T/N) of themselves, from T = 0 on; the last
+        name is that of all further T.
+    still: what modes without mesh deflection are called.
+    """
+
+    order: int
+    turn: Array
+    types: tuple[str, ...]
+    still: str = "no mesh deflection"
+
+
+@dataclass(frozen=True)
 class GearSystem:
     """M, C, K0 and the meshes.
 
@@ -72,6 +91,7 @@ class GearSystem:
     damping: ``(..., n, n)`` or None for an undamped system.
     meshes: at least one.
     coordinates: names of the n coordinates.
+    symmetry: of the mean system, where it has one; it serves to name modes, nothing relies on it.
     """
 
     mass: Array
@@ -79,6 +99,7 @@ class GearSystem:
     meshes: tuple[Mesh, ...]
     damping: Array | None = None
     coordinates: tuple[str, ...] = ()
+    symmetry: Cyclic | None = None
 
     @property
     def size(self) -> int:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -37,6 +38,20 @@ class Statement:
     why: str = ""
 
 
+@dataclass(frozen=True)
+class Paper:
+    """A paper and what is checked of it.
+
+    name: authors and year. reference: the whole reference. remarks: what a reader of the table must know, a paragraph.
+    sections: under the title of each, functions that compute statements.
+    """
+
+    name: str
+    reference: str
+    remarks: str
+    sections: Mapping[str, Sequence[Callable[[Runs], Iterator[Statement]]]]
+
+
 class Runs:
     """Result files of the configurations with changed values, each computed once."""
 
@@ -45,7 +60,10 @@ class Runs:
         self._known: dict[tuple[str, ...], xr.DataTree] = {}
 
     def sweep(self, config: str, **changes: object) -> xr.DataTree:
-        """The result of ``gearstab sweep configs/CONFIG.yaml --set PATH=VALUE ...``; ``__`` is a dot of a path."""
+        """The result of ``gearstab sweep configs/CONFIG.yaml --set PATH=VALUE ...``; ``__`` is a dot of a path.
+
+        config: may also be the absolute path, without its ending, of a configuration made for the purpose.
+        """
         key, settings = self._key("sweep", config, changes)
         if key not in self._known:
             out = self._out()
@@ -69,6 +87,12 @@ class Runs:
 
     def _out(self) -> Path:
         return self.folder / f"{len(self._known)}.h5"
+
+    def config(self, text: str) -> str:
+        """A configuration made for the purpose, as ``sweep`` takes it."""
+        path = self.folder / f"made-{hashlib.sha256(text.encode()).hexdigest()[:16]}.yaml"
+        path.write_text(text)
+        return str(path.with_suffix(""))
 
 
 def tongue(tree: xr.DataTree, group: str, variable: str, label: str) -> xr.DataArray:

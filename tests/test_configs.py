@@ -51,6 +51,23 @@ def test_all_figures_of_the_paper_are_there() -> None:
     assert found == {f"fig{n}" for n in ("3", "5", "6a", "6b", "7a", "7b", "8a", "8b", "9a", "9b")}
 
 
+def test_the_gear_of_parker_2009_is_that_of_table_1() -> None:
+    """Everything as printed but k_cu, which is 1e11 N/m."""
+    paths = [path for path in CONFIGS if path.parent.name == "parker_2009"]
+    assert {"table1", "fig3", "fig4", "contact_ratio", "gamma_sr", "ring_harmonics", "rigid_ring"} == {
+        p.stem for p in paths
+    }
+    for path in paths:
+        p = load(path).parameters
+        assert p["masses"] == {"ring": 6.35, "carrier": 5.43, "sun": 0.4, "planet": 4.0}, path
+        assert p["inertias"] == {"ring": 7.681, "carrier": 6.0, "sun": 2.5, "planet": 2.0}, path
+        stiff = {"carrier", "sun", "planet", "sun_rotation"}
+        assert {name for name, k in p["supports"].items() if k == 5e11} == stiff, path
+        assert p["supports"]["carrier_rotation"] == 1e11, path
+        assert [p["meshes"][gear]["contact_ratio"] for gear in ("sun", "ring")] == [1.4, 1.6], path
+        assert p["phases"]["sun"] == ([0, 0.25, 0.5, 0.75] if path.stem == "fig4" else [0, 0, 0, 0]), path
+
+
 def test_the_parameters_are_those_of_table_1() -> None:
     for path in CONFIGS:
         if path.parent.name == "lin_parker_2002":

@@ -8,6 +8,7 @@ import plot_results as made
 import pytest
 import xarray as xr
 from click.testing import CliRunner
+from planetary_result import planetary
 
 from gearstab.cli.plot import command, selections
 from gearstab.plots import KINDS, draw
@@ -27,7 +28,9 @@ def result_of(kind):
         "uncoupled": made.boundary_group(coords, factor=1.2),
     }
     groups["floquet"]["growth_rate"].values[0, 3:5] = np.nan
-    others = {"surface": made.two_amplitudes, "response": made.response, "work-precision": made.bench}
+    others = {
+        "surface": made.two_amplitudes, "response": made.response, "work-precision": made.bench, "modes": planetary,
+    }  # fmt: skip
     return others.get(kind, lambda: made.tree(**groups))()
 
 

@@ -156,6 +156,7 @@ def test_tongue_labels(label, text):
         ("meshes.second.epsilon", r"\varepsilon_{2}"),
         ("meshes.0.mean_stiffness", r"k_{g,1}"),
         ("meshes.sun.phase", r"\gamma_{\mathrm{sun}}"),
+        ("phases.sun_ring", r"\gamma_{sr}"),
         ("inertias.1", "m_{2}"),
         ("system.damping_ratio", r"\zeta"),
         ("case", None),
@@ -167,8 +168,9 @@ def test_symbols(name, text):
 
 @pytest.mark.parametrize(
     ("units", "text"),
-    [("1", ""), ("", ""), ("1/s", r"$\mathrm{s}^{-1}$"), ("rad/s", "rad/s"), ("kg*m**2", "kg m$^{2}$"), ("N/m", "N/m")],
-)
+    [("1", ""), ("", ""), ("1/s", r"$\mathrm{s}^{-1}$"), ("rad/s", "rad/s"), ("kg*m**2", "kg m$^{2}$"), ("N/m", "N/m"),
+     ("kg^-1/2", "kg$^{-1/2}$")],
+)  # fmt: skip
 def test_units(units, text):
     assert unit_text(units) == text
     assert axis_label("case", "inertia", units).startswith("inertia")

@@ -14,6 +14,7 @@ import numpy as np
 
 from gearstab.config.axes import Array, Axis, Config, parameters_at
 from gearstab.config.document import Document
+from gearstab.config.names import mesh_items
 from gearstab.config.problems import Path
 from gearstab.modal import RIGID_TOLERANCE, eigenmodes
 from gearstab.systems import build
@@ -34,8 +35,8 @@ def check(document: Document, config: Config) -> None:
     # Exact ratios play no part here, and would have to be the same at all points.
     axes = [replace(a, assignments=tuple(item for item in a.assignments if not item.structural)) for a in config.axes]
     config = replace(config, axes=tuple(axes))
-    for i in range(len(config.parameters["meshes"])):
-        _check_levels(document, config, i)
+    for key, _ in mesh_items(config.parameters["meshes"]):
+        _check_levels(document, config, key)
     if config.kind == "matrices" and _symmetric(document, config.parameters):
         _check_definite(document, config)
 
@@ -58,7 +59,7 @@ def extreme_points(axes: Sequence[Axis], concerns: Callable[[Path], bool]) -> Se
     return {name: grid.ravel() for name, grid in zip(picks, grids, strict=True)}
 
 
-def _check_levels(document: Document, config: Config, index: int) -> None:
+def _check_levels(document: Document, config: Config, index: str | int) -> None:
     """Both stiffness levels of a mesh, or its mean where negative levels are allowed, must be positive."""
 
     def concerns(path: Path) -> bool:
@@ -72,7 +73,7 @@ def _check_levels(document: Document, config: Config, index: int) -> None:
     for selection in selections:
         p = parameters_at(config, selection)["meshes"][index]
         with np.errstate(all="ignore"):  # what overflows is reported, or of no concern
-            item = mesh(p, np.ones(1))
+            item = mesh({"name": ""} | p, np.ones(1))
             amplitude = p.get("amplitude", item.amplitude)
             lowest = item.mean_stiffness + 2 * np.asarray(amplitude) * item.waveform.extremes()[0]
             checked = np.atleast_1d(item.mean_stiffness if allowed else np.minimum(lowest, item.mean_stiffness))
@@ -86,9 +87,10 @@ def _check_levels(document: Document, config: Config, index: int) -> None:
 
 
 def _report_level(
-    document: Document, config: Config, index: int, p: dict[str, float], level: float, chosen: dict[str, int]
+    document: Document, config: Config, index: str | int, p: dict[str, float], level: float, chosen: dict[str, int]
 ) -> None:
-    name, allowed = config.parameters["meshes"][index]["name"], config.parameters["allow_negative_stiffness"]
+    name = config.parameters["meshes"][index].get("name", index)
+    allowed = config.parameters["allow_negative_stiffness"]
     key = "epsilon" if "epsilon" in p else "amplitude"
     fraction = p["contact_ratio"] - np.floor(p["contact_ratio"])
     if "max_stiffness" in p and key == "amplitude":
@@ -109,7 +111,7 @@ def _report_level(
     document.report(path, message, remedy)
 
 
-def _place(document: Document, config: Config, index: int, key: str, chosen: dict[str, int]) -> Path:
+def _place(document: Document, config: Config, index: str | int, key: str, chosen: dict[str, int]) -> Path:
     """Where the value to blame stands: in an axis that sets it or another level key, or in the mesh."""
     for wanted in (key, *LEVEL_KEYS):
         for axis in config.axes:

@@ -2,10 +2,16 @@
 
 from gearstab.config.gear_pair import GearPair
 from gearstab.config.matrices import Matrices
+from gearstab.config.planetary import Planetary
 from gearstab.config.system import System
 from gearstab.config.two_stage import TwoStage
 
-KINDS: dict[str, type[System]] = {"gear_pair": GearPair, "two_stage": TwoStage, "matrices": Matrices}
+KINDS: dict[str, type[System]] = {
+    "gear_pair": GearPair,
+    "two_stage": TwoStage,
+    "planetary": Planetary,
+    "matrices": Matrices,
+}
 
-PLANNED_KINDS = ("planetary", "gearbox")
+PLANNED_KINDS = ("gearbox",)
 """Kinds that the format of a configuration knows and this version does not."""

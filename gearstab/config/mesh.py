@@ -27,15 +27,15 @@ class Waveform(Section):
     )
 
 
-class Mesh(Section):
-    """A tooth mesh: a spring whose stiffness alternates between floor(c) and floor(c) + 1 pairs of teeth."""
-
-    misplaced: ClassVar[dict[str, str]] = {
-        "phasing": "only the second mesh of a two_stage train has a phasing; in matrices give a lag",
-        "lag": "only a mesh of matrices has a lag; the second mesh of a two_stage train has a phasing (a lead)",
-    }
+class Named(Section):
+    """Something in a list that is called by a name."""
 
     name: NameText = Field(title="name", description="What paths, labels and messages call the mesh; unique.")
+
+
+class ToothMesh(Section):
+    """A tooth mesh: a spring whose stiffness alternates between floor(c) and floor(c) + 1 pairs of teeth."""
+
     mean_stiffness: Annotated[float, Field(gt=0), Quantity("N/m")] | None = Field(
         default=None, title="mean mesh stiffness", description="Mean stiffness k_g, kept (N/m); or give max_stiffness."
     )
@@ -72,6 +72,15 @@ class Mesh(Section):
         """Exactly one of the two ways to give the stiffness, and of the two to give its variation."""
         for pair in (("mean_stiffness", "max_stiffness"), ("epsilon", "amplitude")):
             yield from exactly_one(raw, pair)
+
+
+class Mesh(ToothMesh, Named):
+    """A tooth mesh with a name of its own."""
+
+    misplaced: ClassVar[dict[str, str]] = {
+        "phasing": "only the second mesh of a two_stage train has a phasing; in matrices give a lag",
+        "lag": "only a mesh of matrices has a lag; the second mesh of a two_stage train has a phasing (a lead)",
+    }
 
 
 class SecondMesh(Mesh):

@@ -5,13 +5,31 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Annotated, Any
 
-from pydantic import Field
+from pydantic import AfterValidator, BeforeValidator, Field
 
-from gearstab.config.fields import AngularFrequency, Choice, Flag, Quantity, Section, Time, Whole
+from gearstab.config.fields import AngularFrequency, Choice, Flag, Quantity, Section, Time, Whole, wrong
 from gearstab.config.mesh import Conflict, exactly_one
 
 Tolerance = Annotated[float, Field(gt=0, lt=1), Quantity()]
 Harmonics = Annotated[int, Field(ge=1, le=1000), Whole()]
+ModeNumber = Annotated[int, Field(ge=1), Whole()]
+
+
+def _each_once(modes: list[int]) -> list[int]:
+    """Ascending; raises a pydantic error where a mode is named twice."""
+    if len(set(modes)) < len(modes):
+        raise wrong("modes", "names a mode twice", "name each mode once")
+    return sorted(modes)
+
+
+def _deflection_type(value: Any) -> Any:
+    """T or a name; raises a pydantic error."""
+    if isinstance(value, bool) or not isinstance(value, int | str) or (isinstance(value, int) and value < 0):
+        raise wrong("deflection_type", "must be a type of mesh deflection", "write T = 0, 1, 2, ... or a type's name")
+    return value
+
+
+DeflectionType = Annotated[int | str, BeforeValidator(_deflection_type)]
 
 
 class FloquetOptions(Section):
@@ -24,6 +42,18 @@ class FloquetOptions(Section):
         default=1e-9,
         title="tolerance",
         description="Of the multipliers, for waves that are not piecewise constant (1).",
+    )
+    block: DeflectionType | None = Field(
+        default=None,
+        title="block",
+        description="Restrict the system to one type of mesh deflection, of a system with cyclic symmetry: "
+        "T = 0, 1, 2, ... or its name; default all.",
+    )
+    modes: Annotated[list[ModeNumber], AfterValidator(_each_once)] | None = Field(
+        default=None,
+        min_length=1,
+        title="modes",
+        description="Restrict the system to these modes, numbered from 1 by ascending natural frequency; default all.",
     )
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 TOP_LEVEL = ("title", "system", "sweep", "methods", "respond")
 """The sections of a document."""
 
@@ -13,3 +15,10 @@ BUT_THE_FIRST = ("phasing", "lag")
 
 RIVALS = {"epsilon": "amplitude", "amplitude": "epsilon"}
 """A mesh that gives one of these does not have the other."""
+
+
+def mesh_items(meshes: Any) -> list[tuple[str | int, Any]]:
+    """Key and value of every entry of the section ``meshes``, which is a list, or a mapping by name."""
+    if isinstance(meshes, dict):
+        return list(meshes.items())
+    return list(enumerate(meshes)) if isinstance(meshes, list | tuple) else []

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from gearstab.config.document import Document, Where, parse_value
-from gearstab.config.names import BUT_THE_FIRST, EVERY_MESH, RIVALS, TOP_LEVEL
+from gearstab.config.names import BUT_THE_FIRST, EVERY_MESH, RIVALS, TOP_LEVEL, mesh_items
 from gearstab.config.problems import ConfigError, Path, Problem, nearest, shown
 
 
@@ -41,15 +41,15 @@ def _places(document: Document, name: str, option: str) -> list[Path]:
     if name == "mesh_frequency":
         raise _wrong(option, "is no part of the system", "set sweep.mesh_frequency or respond.mesh_frequency")
     meshes = document.get(("system", "meshes"))
-    if name in EVERY_MESH + BUT_THE_FIRST and isinstance(meshes, list):
+    if name in EVERY_MESH + BUT_THE_FIRST and isinstance(meshes, list | dict):
         return _of_meshes(meshes, name, option)
     return [_path(document, ["system", *keys], option)]
 
 
-def _of_meshes(meshes: list[Any], name: str, option: str) -> list[Path]:
+def _of_meshes(meshes: list[Any] | dict[str, Any], name: str, option: str) -> list[Path]:
     rival = RIVALS.get(name, "")
     found: list[Path] = []
-    for i, mesh in enumerate(meshes):
+    for i, mesh in mesh_items(meshes):
         if isinstance(mesh, dict) and mesh.get(rival) is None and not (i == 0 and name in BUT_THE_FIRST):
             found.append(("system", "meshes", i, name))
     if not found:

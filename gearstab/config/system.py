@@ -9,7 +9,8 @@ from pydantic import Field
 
 from gearstab.config.damping import Damping
 from gearstab.config.fields import Flag, NonNegative, Section
-from gearstab.config.mesh import Conflict, Mesh
+from gearstab.config.mesh import Conflict, ToothMesh
+from gearstab.config.names import mesh_items
 
 
 class System(Section):
@@ -49,13 +50,11 @@ class System(Section):
 
 
 def _meshes(model: type[System], meshes: Any) -> Iterator[Conflict]:
-    if not isinstance(meshes, list):
-        return
     seen: set[str] = set()
-    for i, mesh in enumerate(meshes):
+    for i, mesh in mesh_items(meshes):
         if not isinstance(mesh, dict):
             continue
-        for path, message, hint in Mesh.conflicts(mesh):
+        for path, message, hint in ToothMesh.conflicts(mesh):
             yield ("meshes", i, *path), message, hint
         name = mesh.get("name")
         if isinstance(name, str) and name in seen:

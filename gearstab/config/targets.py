@@ -10,9 +10,9 @@ import numpy as np
 from pydantic import TypeAdapter
 
 from gearstab.config.fields import AngularFrequency, Ratio
-from gearstab.config.introspection import entry_type, field_types, is_model, number_kind
-from gearstab.config.mesh import Mesh
-from gearstab.config.names import BUT_THE_FIRST, EVERY_MESH, RIVALS
+from gearstab.config.introspection import entry_type, field_types, inner_type, is_model, number_kind
+from gearstab.config.mesh import Mesh, ToothMesh
+from gearstab.config.names import BUT_THE_FIRST, EVERY_MESH, RIVALS, mesh_items
 from gearstab.config.problems import Path, dotted, nearest
 from gearstab.config.system import System
 
@@ -75,9 +75,8 @@ def resolve(name: str, model: type[System], raw: dict[str, Any]) -> list[Target]
 
 def _of_meshes(name: str, model: type[System], raw: dict[str, Any]) -> list[Target]:
     found = []
-    meshes = raw.get("meshes")
-    for i, mesh in enumerate(meshes if isinstance(meshes, list) else []):
-        kind = entry_type(field_types(model)["meshes"], i)
+    for i, mesh in mesh_items(raw.get("meshes")):
+        kind = inner_type(field_types(model)["meshes"], i)
         has_it = isinstance(mesh, dict) and kind is not None and name in field_types(kind)
         if not has_it or mesh.get(RIVALS.get(name, "")) is not None or (i == 0 and name in BUT_THE_FIRST):
             continue
@@ -90,8 +89,8 @@ def _of_meshes(name: str, model: type[System], raw: dict[str, Any]) -> list[Targ
     raise TargetError(
         f"no mesh but the first has {name}" if name in BUT_THE_FIRST else f"no mesh has {name}",
         {
-            "phasing": "the second mesh of a two_stage train has a phasing, meshes of matrices have a lag",
-            "lag": "meshes of matrices have a lag, the second mesh of a two_stage train has a phasing",
+            "phasing": "two_stage has a phasing of its second mesh, matrices have lags, planetary has phases",
+            "lag": "matrices have lags, two_stage has a phasing of its second mesh, planetary has phases",
         }.get(name, "list the meshes under system.meshes"),
     )
 
@@ -107,6 +106,8 @@ def _walk(name: str, parts: list[str], model: type[System], raw: dict[str, Any])
             field = annotation.model_fields[part]
             title, default = field.title or part, field.get_default()
             annotation, step = field_types(annotation)[part], part
+            if isinstance(annotation, type) and issubclass(annotation, ToothMesh):
+                owner = f" of {part}"
         elif entry_type(annotation, 0) is not None:
             step = index = _index(name, part, path, value, entry_type(annotation, 0))
             annotation, default = entry_type(annotation, index), None

@@ -72,7 +72,7 @@ def reduce(system: GearSystem, rows: int) -> Iterator[Elastic]:
     deflection = np.broadcast_to(modes.mesh_deflection, (*system.batch, n, len(system.meshes)))
     deflection = np.swapaxes(deflection.reshape(rows, n, -1), -1, -2)
     squared = np.broadcast_to(modes.squared_frequency, (*system.batch, n)).reshape(rows, n)
-    rigid = _rigid(squared, deflection)
+    rigid = rigid_modes(squared, deflection)
     rate = np.sqrt(np.maximum(np.mean(np.abs(squared), axis=-1), np.finfo(float).tiny))
     damping = None if system.damping is None else _modal(shapes, full(system.damping))
     kind = _kinds(rigid, damping)
@@ -89,8 +89,11 @@ def reduce(system: GearSystem, rows: int) -> Iterator[Elastic]:
         yield _with_damping(base, None if damping is None else damping[members], elastic, loose, int(key[1]))
 
 
-def _rigid(squared: Array, deflection: Array) -> Array:
-    """Modes of zero mean frequency that deflect no mesh (with negative stiffness a zero may be accidental)."""
+def rigid_modes(squared: Array, deflection: Array) -> Array:
+    """``(r, n)`` bool: modes of zero mean frequency that deflect no mesh (with negative stiffness it may be chance).
+
+    squared: ``(r, n)``; deflection: ``(r, meshes, n)``.
+    """
     size = np.max(np.abs(deflection), axis=(1, 2), keepdims=True)
     still = np.all(np.abs(deflection) <= 1e-7 * size, axis=1)
     return (squared == 0) & still

@@ -98,7 +98,7 @@ def prepare(system: GearSystem) -> list[Pattern]:
     for elastic in reduce(system, count):
         for index, key in equal_rows(signature[elastic.rows]):
             members = elastic.rows[index]
-            states, fractions, start = _merged(key, lengths[members], edges[members])
+            states, fractions, start = merged(key, lengths[members], edges[members])
             unique, state = np.unique(states, return_inverse=True)
             on = (unique[:, None] >> np.arange(len(system.meshes))) & 1
             own = levels[members, None]
@@ -149,8 +149,8 @@ def _levels(meshes: tuple[Mesh, ...], rows: int) -> Array:
     return np.stack(table, axis=1)
 
 
-def _merged(key: Array, lengths: Array, edges: Array) -> tuple[Array, Array, Array]:
-    """Leave out empty segments and join neighbours in the same state; (states, fractions, start)."""
+def merged(key: Array, lengths: Array, edges: Array) -> tuple[Array, Array, Array]:
+    """Leave out segments of state -1 in ``key`` (S,), join neighbours in the same state; (states, fractions, start)."""
     kept = np.flatnonzero(key >= 0)
     states = key[kept]
     first = np.flatnonzero(states != np.roll(states, 1))

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gearstab.floquet import damped, decision, graded, kernel, numpy_kernel
+from gearstab.floquet.blocks import Block, split, whole
 from gearstab.floquet.invariants import DOUBTFUL, STABLE
 from gearstab.floquet.segments import Pattern, prepare
 from gearstab.system import Array, GearSystem
@@ -45,36 +46,64 @@ class Floquet:
     kernel: str
 
 
-def solve(system: GearSystem, mesh_frequency: Array, exponents: bool = False) -> Floquet:
+def solve(system: GearSystem, mesh_frequency: Array, exponents: bool = False, reduction: bool = True) -> Floquet:
     """Stability of every row of a system at every mesh frequency of the first mesh.
 
     The monodromy matrix over the common period of all meshes is the exact product of the segments' propagators.
-    Points are decided as :mod:`~gearstab.floquet.invariants` and :mod:`~gearstab.floquet.decision` say.
+    Points are decided as :mod:`~gearstab.floquet.invariants` and :mod:`~gearstab.floquet.decision` say. Parts of
+    the system that the meshes do not couple are solved one by one (:mod:`~gearstab.floquet.blocks`).
 
     Parameters
     ----------
     system: any batch shape; the result has one row for each entry of the flattened batch.
     mesh_frequency: Omega, ``(P,)`` for all rows or ``(rows, P)``, rad per unit time, positive.
     exponents: whether to compute all characteristic exponents too (slower).
+    reduction: False to treat every system as a whole (slower, for comparison).
     """
     rows = int(np.prod(system.batch, dtype=int))
     omega = np.atleast_1d(np.asarray(mesh_frequency, dtype=float))
     omega = np.broadcast_to(omega, (rows, omega.shape[-1]))
-    growth = np.full(omega.shape, np.nan)
-    stable = np.full(omega.shape, -1, dtype=np.int8)
+    growth = np.full(omega.shape, -np.inf)
+    stable = np.ones(omega.shape, dtype=np.int8)
     status = np.zeros(omega.shape, dtype=np.int16)
-    table = np.full((*omega.shape, 2 * system.size), np.nan, dtype=complex) if exponents else None
+    table = _Exponents(omega.shape, 2 * system.size) if exponents else None
     for pattern in prepare(system):
-        part = _Part(pattern, omega[pattern.rows] / pattern.elastic.rate[:, None])
-        damping = pattern.elastic.damping
-        result = _conservative(part, exponents) if damping is None else _damped(part, damping, exponents)
-        growth[pattern.rows], stable[pattern.rows], status[pattern.rows], found = result
-        if table is not None and found is not None:
-            table[pattern.rows] = _complete(pattern, found)
+        for block in split(pattern) if reduction else [whole(pattern)]:
+            index = block.pattern.rows
+            part = _Part(block.pattern, omega[index] / block.pattern.elastic.rate[:, None])
+            found = _solved(part, block, exponents)
+            growth[index] = np.maximum(growth[index], found[0])
+            stable[index] = np.minimum(stable[index], found[1])
+            status[index] |= found[2]
+            if table is not None and found[3] is not None:
+                table.add(block, found[3])
     failed = ~np.isfinite(growth)
     stable[failed] = -1
     status[failed] |= STATUS_FLAGS["failed"]
-    return Floquet(growth, stable, status, table, kernel.name())
+    growth[failed] = np.nan
+    return Floquet(growth, stable, status, None if table is None else table.ordered(), kernel.name())
+
+
+class _Exponents:
+    """The exponents of all rows, gathered block by block."""
+
+    def __init__(self, shape: tuple[int, ...], count: int) -> None:
+        self.values = np.full((*shape, count), np.nan, dtype=complex)
+        self.filled = np.zeros(shape[0], dtype=int)
+
+    def add(self, block: Block, elastic: Array) -> None:
+        """Those of a block ``(r, P, k)``, once for each copy, and the exactly known ones of its rigid-body modes."""
+        rows, known = block.pattern.rows, block.pattern.elastic.rigid_exponents
+        known = np.broadcast_to(known[:, None, :], (*elastic.shape[:2], known.shape[-1]))
+        every = np.concatenate([np.tile(elastic, block.copies), known.astype(complex)], axis=-1)
+        place = self.filled[rows, None] + np.arange(every.shape[-1])
+        self.values[rows[:, None], :, place] = np.swapaxes(every, 1, 2)
+        self.filled[rows] += every.shape[-1]
+
+    def ordered(self) -> Array:
+        """By descending real and imaginary part."""
+        order = np.lexsort((-self.values.imag, -self.values.real), axis=-1)
+        return np.take_along_axis(self.values, order, axis=-1)
 
 
 @dataclass(frozen=True)
@@ -98,6 +127,35 @@ class _Part:
 
 _Solution = tuple[Array, Array, Array, Array | None]
 """growth rate, stable, status and the elastic exponents, all in the system's own units of time."""
+
+
+def _solved(part: _Part, block: Block, exponents: bool) -> _Solution:
+    """A block, without its copies. A constant one without stiffness along a mode is left to the general rules."""
+    damping = part.pattern.elastic.damping
+    decided = damping is not None or bool(np.all(part.pattern.squared_frequency > 0))
+    if block.constant and part.pattern.size and decided:
+        return _constant(part, exponents)
+    return _conservative(part, exponents) if damping is None else _damped(part, damping, exponents)
+
+
+def _constant(part: _Part, exponents: bool) -> _Solution:
+    """A block whose stiffness does not vary: its exponents are those of a constant system, at every mesh frequency."""
+    pattern = part.pattern
+    rate = pattern.elastic.rate[:, None]
+    if pattern.elastic.damping is None:
+        frequency = np.sqrt(pattern.squared_frequency[:, 0])
+        values = 1j * np.concatenate([frequency, -frequency], axis=1) - pattern.elastic.shift[:, None]
+    else:
+        values = damped.generators(pattern, pattern.elastic.damping).eigen[0][:, 0]
+    growth = np.repeat(values.real.max(axis=1, initial=-np.inf)[:, None], part.omega.shape[1], axis=1)
+    stable = (growth * part.period <= DAMPED_ON_CIRCLE).astype(np.int8)
+    table = None
+    if exponents:
+        turns = values.imag[:, None, :] * part.period[..., None] / (2 * np.pi)
+        turns -= np.ceil(turns - 0.5)
+        imaginary = 2 * np.pi * turns / part.period[..., None]
+        table = (values.real[:, None, :] + 1j * imaginary) * rate[..., None]
+    return growth * rate, stable, part.status(), table
 
 
 def _conservative(part: _Part, exponents: bool) -> _Solution:
@@ -179,12 +237,3 @@ def _damped_logs(pattern: Pattern, generator: damped.Generators, row: int, omega
         chain, growing = damped.factors(generator, pattern, row, omega[wide], spread=1.0)
         logs[wide] = graded.log_multipliers(chain) + growing[:, None]
     return logs
-
-
-def _complete(pattern: Pattern, elastic: Array) -> Array:
-    """All 2n exponents: the elastic ones and the exactly known rigid ones, by descending real and imaginary part."""
-    known = pattern.elastic.rigid_exponents
-    known = np.broadcast_to(known[:, None, :], (*elastic.shape[:2], known.shape[-1]))
-    table = np.concatenate([elastic, known.astype(complex)], axis=-1)
-    order = np.lexsort((-table.imag, -table.real), axis=-1)
-    return np.take_along_axis(table, order, axis=-1)

@@ -30,6 +30,7 @@ KINDS: dict[str, Kind] = {
     "slices": Kind("gearstab.plots.slices", "maps over a third axis, one panel a value"),
     "curve": Kind("gearstab.plots.curve", "growth rate over one axis"),
     "surface": Kind("gearstab.plots.surface", "boundaries of one tongue over two amplitudes"),
+    "modes": Kind("gearstab.plots.modes", "modes: bodies of a planetary gear displaced, charts of other systems"),
     "response": Kind("gearstab.plots.response", "displacements and mesh forces over time"),
     "work-precision": Kind("gearstab.plots.work_precision", "time against error of the methods of a benchmark"),
 }
@@ -38,9 +39,9 @@ KINDS: dict[str, Kind] = {
 def default_kind(tree: xr.DataTree, request: Request) -> str:
     """The kind that suits what the result holds and what is selected.
 
-    Time histories: response; benchmarks: work-precision. Uncoupled modes or a third axis of labels: boundaries, which
-    compare. Growth rates over one axis: curve, over two: map, over more: slices. Boundaries alone: surface over two
-    long axes, else boundaries.
+    Time histories: response; benchmarks: work-precision; neither, and no axes: modes. Uncoupled modes or a third axis
+    of labels: boundaries, which compare. Growth rates over one axis: curve, over two: map, over more: slices.
+    Boundaries alone: surface over two long axes, else boundaries.
     """
     from gearstab.plots.axes import FREQUENCY, find_axis, sweep_axes
 
@@ -49,6 +50,8 @@ def default_kind(tree: xr.DataTree, request: Request) -> str:
         return "response"
     if not axes and "bench" in tree.children:
         return "work-precision"
+    if not axes and "modes" in tree.children:
+        return "modes"
     held = set(tree.children)
     growth = "floquet" in held and "growth_rate" in tree["floquet"].data_vars
     lines = bool(held & {"perturbation", "boundaries", "uncoupled"})

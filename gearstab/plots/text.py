@@ -17,6 +17,7 @@ SYMBOLS = {
     "phasing": "h",
     "lag": r"\alpha",
     "phase": r"\gamma",
+    "sun_ring": r"\gamma_{sr}",
     "mean_stiffness": "k_g",
     "max_stiffness": r"k_{\max}",
     "damping_ratio": r"\zeta",
@@ -51,7 +52,9 @@ def symbol(name: str, meshes: Mapping[str, int] | None = None) -> str | None:
     if element.isdigit():
         number = int(element) + 1
     if number is None:
-        return base if element in ("meshes", "system") else with_index(base, rf"\mathrm{{{element.replace('_', '~')}}}")
+        if element in ("meshes", "phases", "system"):
+            return base
+        return with_index(base, rf"\mathrm{{{element.replace('_', '~')}}}")
     return with_index(base, str(number))
 
 
@@ -69,7 +72,7 @@ def unit_text(units: str) -> str:
         return ""
     if units.startswith("1/") and re.fullmatch(r"\w+", units[2:]):
         return rf"$\mathrm{{{units[2:]}}}^{{-1}}$"
-    raised = re.sub(r"(\w+)\s*(?:\*\*|\^)\s*\(?(-?\d+)\)?", r"\1$^{\2}$", units)
+    raised = re.sub(r"(\w+)\s*(?:\*\*|\^)\s*\(?(-?\d+(?:/\d+)?)\)?", r"\1$^{\2}$", units)
     return re.sub(r"\s*\*\s*", " ", raised)
 
 

@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gearstab import __version__
-from gearstab.modal import mean_modes, mode_types
+from gearstab.modal import mean_modes
 from gearstab.results.tree import Group, fields_of
-from gearstab.results.variables import MODES
+from gearstab.results.variables import DEFLECTION_TYPE, MODES, Variable
+from gearstab.symmetry import deflection_types, oriented, type_names
+from gearstab.system import GearSystem
 
 if TYPE_CHECKING:
     from gearstab.config import Config
-    from gearstab.system import GearSystem
 
 
 def root_attributes(config: Config, kernel: str) -> dict[str, Any]:
@@ -40,7 +41,8 @@ def root_attributes(config: Config, kernel: str) -> dict[str, Any]:
 
 def modes_group(system: GearSystem) -> Group:
     """The group ``/modes`` of a single system."""
-    modes = mean_modes(system)
+    modes = oriented(system, mean_modes(system))
+    table: tuple[Variable, ...] = MODES
     values = {
         "mode": np.arange(1, system.size + 1),
         "dof": list(system.coordinates) or [f"q{i + 1}" for i in range(system.size)],
@@ -48,8 +50,10 @@ def modes_group(system: GearSystem) -> Group:
         "natural_frequency": modes.natural_frequency,
         "mode_shape": np.swapaxes(modes.shapes, -1, -2),
         "mesh_deflection": modes.mesh_deflection,
-        "mode_type": [str(kind) for kind in mode_types(modes)],
+        "mode_type": type_names(system, modes),
     }
+    if system.symmetry is not None:
+        table, values = (*MODES, DEFLECTION_TYPE), values | {DEFLECTION_TYPE.name: deflection_types(system, modes)}
     return Group(
-        fields_of(MODES, values), {"comment": "modes of the mean system at the base values of the configuration"}
+        fields_of(table, values), {"comment": "modes of the mean system at the base values of the configuration"}
     )

@@ -65,6 +65,15 @@ MODES = (
     Variable("mode_type", ("mode",), TEXT, "1", "type of the mode"),
 )
 
+DEFLECTION_TYPE = Variable(
+    "mesh_deflection_type",
+    ("mode",),
+    "i4",
+    "1",
+    "T of mesh deflections that go round as cos T psi, else -1",
+)
+"""Of systems with cyclic symmetry."""
+
 STABLE_FLAGS = {"flag_values": [-1, 0, 1], "flag_meanings": "failed unstable stable"}
 
 FLOQUET = (

@@ -88,12 +88,13 @@ def _method_group(plan: Plan, layout: Layout, finished: Mapping[str, Finished], 
             fields.append(Field(resolved, _over_points(plan, layout, variable, parts)))
         else:
             fields.append(Field(resolved, _over_tongues(layout, variable, parts, tongues)))
-    return Group((*fields, *beside), layout.method.attributes(layout.options))
+    return Group((*fields, *beside), layout.method.attributes(layout.options, plan.base))
 
 
 def _over_points(plan: Plan, layout: Layout, variable: Variable, parts: Mapping[str, Finished]) -> Chunked:
     """A variable of one chunk a block."""
-    rest = tuple(2 * plan.base.size for dim in variable.dims if dim == "exponent")
+    constants = layout.method.constants(layout.options, plan.base)
+    rest = tuple(len(constants[dim]) for dim in variable.dims if dim == "exponent")
 
     def pieces() -> Iterator[tuple[Offset, bytes]]:
         for block in layout.blocks():

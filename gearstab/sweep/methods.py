@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 
 from gearstab.floquet import STATUS_FLAGS, kernel, solve
+from gearstab.floquet.report import reduction
+from gearstab.floquet.truncation import modes_basis, neglected, restricted, torn, type_basis
 from gearstab.perturbation import Tongue, Tongues, first_order, uncoupled
 from gearstab.results.variables import EXACT, EXPONENTS, FIRST_ORDER, FLOQUET, OCCURRENCE, SIDE, TONGUE, Variable
 from gearstab.system import Array, GearSystem
@@ -38,6 +40,14 @@ def _never() -> bool:
     return False
 
 
+def _nothing(options: Any, system: GearSystem) -> Mapping[str, Any]:
+    return {}
+
+
+def _any(options: Any, system: GearSystem) -> None:
+    return None
+
+
 def _in_order(indices: Iterable[Sequence[Key]]) -> tuple[Key, ...]:
     """Each once, in order of first appearance."""
     return tuple(dict.fromkeys(key for index in indices for key in index))
@@ -56,6 +66,8 @@ class Method:
     cost: about how many points of an undamped system of three coordinates and four segments a point of its own takes.
     unite: the list of all regions, from those of the blocks.
     parallel: whether threads of one process can run it side by side: where it spends its time outside of Python.
+    report: attributes that say what it makes of the base system.
+    check: raises ValueError where the options do not fit the base system.
     """
 
     name: str
@@ -66,16 +78,19 @@ class Method:
     constants: Callable[[Any, GearSystem], Mapping[str, Any]]
     unite: Callable[[Iterable[Sequence[Key]]], tuple[Key, ...]] = _in_order
     parallel: Callable[[], bool] = _never
+    report: Callable[[Any, GearSystem], Mapping[str, Any]] = _nothing
+    check: Callable[[Any, GearSystem], None] = _any
 
     @property
     def over_tongues(self) -> bool:
         """Whether its results stand over instability regions, a list that differs from system to system."""
         return self.frequency != POINTS
 
-    def attributes(self, options: Any) -> dict[str, Any]:
-        """What the group in the result says of the options."""
+    def attributes(self, options: Any, system: GearSystem) -> dict[str, Any]:
+        """What the group in the result says of the options and of the base system."""
         plain = options.model_dump(exclude_none=True)
-        return {name: int(value) if isinstance(value, bool) else value for name, value in plain.items()}
+        own = {name: int(value) if isinstance(value, bool) else value for name, value in plain.items()}
+        return own | dict(self.report(options, system))
 
 
 def _floquet_variables(options: Any, system: GearSystem) -> tuple[Variable, ...]:
@@ -84,8 +99,21 @@ def _floquet_variables(options: Any, system: GearSystem) -> tuple[Variable, ...]
     return (*table, *(EXPONENTS if options.exponents else ()))
 
 
+def _basis(options: Any, system: GearSystem) -> Array | None:
+    """What the options restrict the system to, None where they do not. Raises ValueError."""
+    if options.modes is not None:
+        return modes_basis(system, options.modes)
+    return None if options.block is None else type_basis(system, options.block)
+
+
+def _chosen_part(options: Any, system: GearSystem) -> GearSystem:
+    """The system that is solved."""
+    basis = _basis(options, system)
+    return system if basis is None else restricted(system, basis)
+
+
 def _floquet(system: GearSystem, mesh_frequency: Array, options: Any) -> Outcome:
-    found = solve(system, mesh_frequency, exponents=options.exponents)
+    found = solve(_chosen_part(options, system), mesh_frequency, exponents=options.exponents)
     values = {"growth_rate": found.growth_rate, "stable": found.stable, "status": found.status}
     if found.exponents is not None:
         values |= {"exponent_real": found.exponents.real, "exponent_imag": found.exponents.imag}
@@ -93,13 +121,42 @@ def _floquet(system: GearSystem, mesh_frequency: Array, options: Any) -> Outcome
 
 
 def _floquet_cost(options: Any, system: GearSystem) -> float:
-    segments = 2 * sum(system.common_period()[1])
-    work = max(1.0, segments * system.size**3 / 108)
+    parts = reduction(_chosen_part(options, system)).parts
+    work = max(1.0, sum(part.segments * part.size**3 for part in parts) / 108)
     return work * (5 if options.exponents or system.damping is not None else 1)
 
 
 def _exponent_numbers(options: Any, system: GearSystem) -> dict[str, Any]:
-    return {"exponent": np.arange(1, 2 * system.size + 1)} if options.exponents else {}
+    return {"exponent": np.arange(1, 2 * _chosen_part(options, system).size + 1)} if options.exponents else {}
+
+
+def _floquet_report(options: Any, system: GearSystem) -> dict[str, Any]:
+    """What of the base system was solved, and what that saved."""
+    found = reduction(_chosen_part(options, system))
+    said: dict[str, Any] = {"reduction": found.text()}
+    if np.isfinite(found.saving) and found.saving > 1:
+        said["reduction_saving"] = found.saving
+    basis = _basis(options, system)
+    if basis is None:
+        return said
+    what = f"modes {', '.join(map(str, options.modes))}" if options.modes is not None else f"type {options.block}"
+    coupling = neglected(system, basis)
+    left_out = (
+        f"neglects couplings of up to {coupling:.2g} of w_p w_q" if coupling else "which nothing couples to others"
+    )
+    return said | {"restriction": f"{what} of the base system: {basis.shape[-1]} of {system.size} modes, {left_out}"}
+
+
+def _floquet_check(options: Any, system: GearSystem) -> None:
+    if options.modes is not None and options.block is not None:
+        raise ValueError("methods.floquet has both block and modes; give one of them")
+    try:
+        _basis(options, system)
+    except ValueError as error:
+        raise ValueError(f"methods.floquet.{'block' if options.modes is None else 'modes'}: {error}") from None
+    if options.modes is not None and (group := torn(system, options.modes)):
+        listed = ", ".join(map(str, group))
+        raise ValueError(f"methods.floquet.modes: modes {listed} have equal frequencies; name all of them or none")
 
 
 def _compiled_kernel() -> bool:
@@ -173,7 +230,7 @@ METHODS: dict[str, Method] = {
     ),
     "floquet": Method(
         name="floquet", frequency=POINTS, variables=_floquet_variables, constants=_exponent_numbers, run=_floquet,
-        cost=_floquet_cost, parallel=_compiled_kernel,
+        cost=_floquet_cost, parallel=_compiled_kernel, report=_floquet_report, check=_floquet_check,
     ),
     "boundaries": Method(
         name="boundaries", frequency=RANGE, variables=_boundary_variables, constants=_sides, run=_boundaries,

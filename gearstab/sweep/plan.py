@@ -172,6 +172,10 @@ def chosen_kernel() -> str:
 def _layout(config: Config, base: GearSystem, fast: Axis | None, method: Method, options: Any) -> Layout:
     axes = [axis for axis in config.axes if axis is not fast or method.frequency == POINTS]
     shape = tuple(axis.size for axis in axes)
+    try:
+        method.check(options, base)
+    except ValueError as error:
+        raise RequestError(f"{config.source}: {error}") from None
     cost = method.cost(options, base)
     wanted = min(max(prod(shape) * cost / SHARES, LEAST), MOST) / cost
     if method.frequency == POINTS:

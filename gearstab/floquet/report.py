@@ -1,0 +1,96 @@
+"""What block reduction does to a single system, for people and result files."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gearstab.floquet.blocks import Block, split
+from gearstab.floquet.reduction import rigid_modes
+from gearstab.floquet.segments import prepare
+from gearstab.modal import mean_modes
+from gearstab.system import GearSystem
+
+SHARE = 1e-9
+"""A mode takes part in a block with at least this part of its energy."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """A block of a system: numbers (from 1) of its modes, its size, how often it occurs, segments a period.
+
+    Identical blocks share modes of equal frequency: each is made of ``size`` combinations of ``copies`` times as many.
+    """
+
+    modes: tuple[int, ...]
+    size: int
+    copies: int
+    segments: int
+
+
+@dataclass(frozen=True)
+class Reduction:
+    """What becomes of a system's modes.
+
+    rigid: rigid-body modes; dropped: modes that no mesh excites; parts: the blocks that are solved; saving: how many
+    times less work (segments times coordinates cubed) they take than the elastic modes together.
+    """
+
+    rigid: tuple[int, ...]
+    dropped: tuple[int, ...]
+    parts: tuple[Part, ...]
+    saving: float
+
+    def text(self) -> str:
+        """In a line, for instance "2 modes dropped; blocks of 7, 9 (twice) modes"."""
+        words = []
+        if self.rigid:
+            words.append(f"{_modes(len(self.rigid))} of rigid bodies dropped")
+        if self.dropped:
+            words.append(f"{_modes(len(self.dropped))} without mesh deflection dropped")
+        sizes = [str(part.size) + _times(part.copies) for part in self.parts]
+        if len(self.parts) == 1 and self.parts[0].copies == 1:
+            words.append(f"one block of {_modes(self.parts[0].size)}")
+        elif sizes:
+            words.append(f"blocks of {', '.join(sizes)} modes")
+        return "; ".join(words)
+
+
+def reduction(system: GearSystem) -> Reduction:
+    """The reduction of a single system (no batch)."""
+    modes = mean_modes(system)
+    rigid = rigid_modes(modes.squared_frequency[None], modes.mesh_deflection.T[None])[0]
+    elastic = np.flatnonzero(~rigid) + 1
+    (pattern,) = prepare(system)
+    blocks = [block for block in split(pattern) if block.pattern.size]
+    dropped = [block for block in blocks if block.constant]
+    kept = [block for block in blocks if not block.constant]
+    work = sum(_work(block) for block in kept)
+    whole = len(pattern.states) * pattern.size**3
+    return Reduction(
+        tuple((np.flatnonzero(rigid) + 1).tolist()),
+        tuple(sorted(k for block in dropped for k in _numbers(block, elastic))),
+        tuple(
+            Part(_numbers(block, elastic), block.pattern.size, block.copies, len(block.pattern.states))
+            for block in kept
+        ),
+        whole / work if work else float("inf"),
+    )
+
+
+def _work(block: Block) -> int:
+    return len(block.pattern.states) * block.pattern.size**3
+
+
+def _numbers(block: Block, elastic: np.ndarray) -> tuple[int, ...]:
+    shares = np.sum(block.basis[0] ** 2, axis=1)
+    return tuple(elastic[shares > SHARE].tolist())
+
+
+def _modes(count: int) -> str:
+    return "1 mode" if count == 1 else f"{count} modes"
+
+
+def _times(copies: int) -> str:
+    return {1: "", 2: " (twice)"}.get(copies, f" ({copies} times)")

@@ -1,0 +1,148 @@
+"""Modes of a system with cyclic symmetry: their types, and which of them a mesh stiffness variation can couple.
+
+A mode of type T is taken into cos(2 pi T/N) of itself and a part of its partner by a turn of 2 pi/N, so that its mesh
+deflections go round the N planets as c1 cos T psi_n + c2 sin T psi_n, psi_n = 2 pi (n - 1)/N (Parker 2009, (29)): T = 0
+and T = N/2 come alone, every T between in pairs of equal frequency.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from gearstab.modal import Modes, mesh_deflection, mode_types, significant_deflection
+from gearstab.system import Array, Cyclic, GearSystem, Mesh
+
+EQUAL_FREQUENCY = 1e-8
+"""Modes whose natural frequencies differ by less than this part may come out mixed."""
+PURE = 1e-6
+"""How far from cos(2 pi T/N) a mode of type T may be; of 30 planets the nearest are 0.02 apart."""
+ALIKE = 1e-9
+"""Mesh phases, in periods, that differ by less are equal; they are written with a few digits less than a double has."""
+
+
+def oriented(system: GearSystem, modes: Modes) -> Modes:
+    """The modes of a single system of cyclic symmetry with every group of equal frequencies in a basis of pure types.
+
+    Of a pair of type T the first mode deflects most at the first mesh that it deflects at all, in the positive sense,
+    the second not at all there; a turn by 2 pi/N takes the first towards the second. So the mesh deflections at that
+    gear are a cos T psi_n and a sin T psi_n. Systems without symmetry keep their modes.
+    """
+    if system.symmetry is None:
+        return modes
+    shapes, turned = modes.shapes.copy(), system.mass @ system.symmetry.turn
+    visible = np.sqrt(np.sum(modes.mesh_deflection**2, axis=0))
+    for group in _groups(modes.squared_frequency):
+        part = shapes[:, group]
+        values, basis = np.linalg.eigh(_symmetric(part.T @ turned @ part))
+        part = (part @ basis)[:, ::-1]
+        for same in _runs(values[::-1]):
+            if len(same) == 2:
+                part[:, same] = _pair(system, part[:, same], turned, visible)
+        shapes[:, group] = part
+    deflection = np.stack([mesh_deflection(shapes, mesh.direction) for mesh in system.meshes], axis=-1)
+    return replace(modes, shapes=shapes, mesh_deflection=deflection)
+
+
+def _symmetric(matrix: Array) -> Array:
+    return 0.5 * (matrix + matrix.T)
+
+
+def _groups(squared_frequency: Array) -> Iterator[Array]:
+    """Positions of modes of equal frequency, for groups of at least two."""
+    frequency = np.sqrt(np.abs(squared_frequency))
+    apart = np.diff(frequency) > EQUAL_FREQUENCY * frequency[1:]
+    for group in np.split(np.arange(len(frequency)), np.flatnonzero(apart) + 1):
+        if len(group) > 1:
+            yield group
+
+
+def _runs(values: Array) -> list[Array]:
+    """Positions of equal values in a sorted list."""
+    return np.split(np.arange(len(values)), np.flatnonzero(np.abs(np.diff(values)) > PURE) + 1)
+
+
+def _pair(system: GearSystem, pair: Array, turned: Array, visible: Array) -> Array:
+    """The pair in the basis that :func:`oriented` describes."""
+    deflection = np.stack([mesh.direction @ pair for mesh in system.meshes])
+    seen = np.flatnonzero(np.abs(deflection).max(axis=1) > PURE * visible)
+    if len(seen):
+        a, b = deflection[seen[0]] / np.hypot(*deflection[seen[0]])
+        pair = pair @ np.array([[a, -b], [b, a]])
+    return pair * [1.0, -1.0] if pair[:, 1] @ turned @ pair[:, 0] < 0 else pair
+
+
+def turning_types(system: GearSystem, modes: Modes) -> Array:
+    """``(n,)``, the T of every mode of a single system, -1 for one that is of no type: any, without symmetry."""
+    if system.symmetry is None:
+        return np.full(system.size, -1)
+    cosine = np.einsum("ip,ij,jp->p", modes.shapes, system.mass @ system.symmetry.turn, modes.shapes)
+    order = system.symmetry.order
+    nearest = np.rint(np.arccos(np.clip(cosine, -1.0, 1.0)) * order / (2 * np.pi)).astype(int)
+    return np.where(np.abs(np.cos(2 * np.pi * nearest / order) - cosine) < PURE, nearest, -1)
+
+
+def deflection_types(system: GearSystem, modes: Modes) -> Array:
+    """``(n,)``, T of the mesh deflections of every mode; -1 without any mesh deflection, or without symmetry."""
+    deflects = np.any(significant_deflection(modes), axis=-1) & ~modes.rigid
+    return np.where(deflects, turning_types(system, modes), -1)
+
+
+def type_names(system: GearSystem, modes: Modes) -> list[str]:
+    """What every mode is called: by its T where the system has symmetry, else as :func:`gearstab.modal.mode_types`."""
+    plain = [str(kind) for kind in mode_types(modes)]
+    if system.symmetry is None:
+        return plain
+    types = deflection_types(system, modes)
+    named = [kind if t < 0 else _name(system.symmetry, t) for kind, t in zip(plain, types, strict=True)]
+    return [system.symmetry.still if kind == "no mesh deflection" else kind for kind in named]
+
+
+def _name(symmetry: Cyclic, t: int) -> str:
+    return symmetry.types[min(t, len(symmetry.types) - 1)]
+
+
+def phase_step(system: GearSystem) -> int | None:
+    """z, where every mesh wave lags that of the same gear one planet before by z/N of a period; None if there is none.
+
+    With phases from tooth numbers z = z_s (mod N); meshes in phase have z = 0. The meshes of a gear that go into one
+    another by turns must be alike in all but their phase.
+    """
+    if system.symmetry is None:
+        return None
+    order, steps = system.symmetry.order, set[int]()
+    for mesh, following in _neighbours(system.meshes, system.symmetry.turn):
+        step = float(np.asarray(following.lag) - np.asarray(mesh.lag)) * order
+        if not _alike(mesh, following) or abs(step - round(step)) > ALIKE * order:
+            return None
+        steps.add(round(step) % order)
+    return steps.pop() if len(steps) == 1 else None
+
+
+def _neighbours(meshes: tuple[Mesh, ...], turn: Array) -> Iterator[tuple[Mesh, Mesh]]:
+    """Every mesh with the one that it becomes by a turn."""
+    directions = np.stack([mesh.direction for mesh in meshes])
+    for mesh, place in zip(meshes, directions @ turn.T, strict=True):
+        yield mesh, meshes[int(np.argmin(np.abs(directions - place).max(axis=1)))]
+
+
+def _alike(mesh: Mesh, other: Mesh) -> bool:
+    """Whether two meshes vary alike, at whatever time."""
+    if mesh.frequency_ratio != other.frequency_ratio or type(mesh.waveform) is not type(other.waveform):
+        return False
+    numbers = [[*m.waveform.fourier(1), m.amplitude / m.mean_stiffness] for m in (mesh, other)]
+    own, others = np.array(numbers, dtype=float)
+    return bool(np.allclose(own, others, rtol=ALIKE, atol=ALIKE))
+
+
+def can_couple(order: int, step: int, harmonic: int, t_p: int, t_q: int) -> bool:
+    """The existence rule: whether a mesh harmonic L can couple modes of types T_p and T_q to first order.
+
+        L z +- (T_p +- T_q) = j N for some integer j and some signs
+
+    order: N; step: z, the tooth number of the sun or :func:`phase_step`; harmonic: L. What the rule forbids vanishes
+    exactly; what it allows vanishes only by chance or for an integer L c. Source: Parker 2009, conclusion 2.
+    """
+    return any((harmonic * step + a * (t_p + b * t_q)) % order == 0 for a in (1, -1) for b in (1, -1))

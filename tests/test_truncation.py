@@ -1,0 +1,178 @@
+"""Maps of chosen modes or of one type of mesh deflection, from the function to the result file and ``info``."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+import xarray as xr
+from click.testing import CliRunner
+from cyclic_gears import cyclic
+from hard_cases import star, train
+
+from gearstab.cli import group
+from gearstab.floquet import solve
+from gearstab.floquet.report import reduction
+from gearstab.floquet.truncation import modes_basis, neglected, restricted, torn, type_basis
+from gearstab.system import Cyclic, GearSystem
+
+OMEGA = np.linspace(0.7, 5.2, 31)
+
+STAR = """
+title: A hub and three satellites
+system:
+  kind: matrices
+  mass: [[1.7, 0, 0, 0], [0, 0.6, 0, 0], [0, 0, 0.6, 0], [0, 0, 0, 0.6]]
+  stiffness: [[0.4, 0, 0, 0], [0, 0.2, 0, 0], [0, 0, 0.2, 0], [0, 0, 0, 0.2]]
+  meshes:
+    - {name: a, direction: [1, -1, 0, 0], mean_stiffness: 1.0, epsilon: 0.2, contact_ratio: 1.5}
+    - {name: b, direction: [1, 0, -1, 0], mean_stiffness: 1.0, epsilon: 0.2, contact_ratio: 1.5}
+    - {name: c, direction: [1, 0, 0, -1], mean_stiffness: 1.0, epsilon: 0.2, contact_ratio: 1.5}
+sweep:
+  mesh_frequency: {start: 0.7, stop: 5.2, num: 31}
+methods:
+  floquet: {}
+"""
+
+
+@pytest.fixture
+def config(tmp_path):
+    path = tmp_path / "star.yaml"
+    path.write_text(STAR)
+    return path
+
+
+def run(*words):
+    return CliRunner().invoke(group, [str(word) for word in words])
+
+
+def turned_star():
+    """The star with its symmetry: a turn takes satellite n to n + 1."""
+    turn = np.zeros((4, 4))
+    turn[0, 0] = turn[2, 1] = turn[3, 2] = turn[1, 3] = 1.0
+    base = star()
+    return GearSystem(
+        base.mass, base.stiffness, base.meshes, symmetry=Cyclic(3, turn, ("rotational", "translational", "planet"))
+    )
+
+
+def test_all_modes_are_the_system_itself():
+    system = train()
+    same = solve(restricted(system, modes_basis(system, [1, 2, 3])), OMEGA)
+    assert np.abs(same.growth_rate - solve(system, OMEGA).growth_rate).max() < 1e-11
+
+
+def test_blocks_by_modes_make_up_the_whole():
+    """In phase: the growth of the whole is the largest of the parts, of which each neglects nothing."""
+    system = cyclic(4)
+    whole = solve(system, OMEGA, reduction=False)
+    growth = []
+    for part in reduction(system).parts:
+        basis = modes_basis(system, list(part.modes))
+        assert neglected(system, basis) == 0
+        assert torn(system, part.modes) == ()
+        growth.append(solve(restricted(system, basis), OMEGA).growth_rate)
+    assert len(growth) == 3
+    # The whole has double multipliers.
+    assert np.abs(whole.growth_rate - np.max(growth, axis=0)).max() < 1e-9
+
+
+def test_types_of_a_star():
+    """T = 0: hub and the sum of the satellites; T = 1: one satellite against another, w^2 = (0.2 + k)/0.6."""
+    system = turned_star()
+    assert type_basis(system, 0).shape == (4, 2)
+    assert np.array_equal(type_basis(system, "translational"), type_basis(system, 1))
+    pair = restricted(system, type_basis(system, 1))
+    frequencies = np.linalg.eigvalsh(np.linalg.solve(pair.mass, pair.mean_stiffness_matrix()))
+    assert frequencies == pytest.approx([2.0, 2.0], rel=1e-13)
+    parts = [solve(restricted(system, type_basis(system, t)), OMEGA).growth_rate for t in (0, 1)]
+    assert all(neglected(system, type_basis(system, t)) == 0 for t in (0, 1))
+    whole = solve(system, OMEGA, reduction=False).growth_rate
+    assert np.abs(np.maximum(*parts) - whole).max() < 1e-9
+
+
+def test_what_is_neglected_is_the_coupling_left_out():
+    """Two modes of a train: the largest change of stiffness between a mode inside and the one outside, over w_p w_q."""
+    system = train(epsilon=0.3)
+    values, shapes = np.linalg.eigh(system.mean_stiffness_matrix() / np.sqrt(np.outer(*[np.diag(system.mass)] * 2)))
+    shapes = shapes / np.sqrt(np.diag(system.mass))[:, None]
+    delta = np.array([mesh.direction for mesh in system.meshes]) @ shapes
+    # Contact ratio 1.5: both meshes step by +-epsilon together.
+    coupling = 0.3 * np.abs(delta.T @ delta) / np.sqrt(np.outer(values, values))
+    assert neglected(system, modes_basis(system, [1, 3])) == pytest.approx(
+        max(coupling[0, 1], coupling[2, 1]), rel=1e-9
+    )
+
+
+@pytest.mark.parametrize(("kind", "message"), [(2, "from 0 to 1"), ("planets", "rotational, translational")])
+def test_unknown_types(kind, message):
+    with pytest.raises(ValueError, match=message):
+        type_basis(turned_star(), kind)
+
+
+def test_types_need_a_symmetry():
+    with pytest.raises(ValueError, match="no cyclic symmetry"):
+        type_basis(star(), 0)
+
+
+def test_torn_pairs():
+    assert torn(star(), [2]) == (2, 3)
+    assert torn(star(), [2, 3, 4]) == ()
+    assert torn(star(), [1]) == ()
+
+
+def test_result_says_what_was_reduced(config, tmp_path):
+    out = tmp_path / "star.h5"
+    assert run("sweep", config, "-o", out, "-q").exit_code == 0
+    with xr.open_datatree(out) as tree:
+        found = tree["floquet"].attrs
+        assert found["reduction"] == "blocks of 2, 1 (twice) modes"
+        # 4^3 operations a segment, or 2^3 + 1.
+        assert found["reduction_saving"] == pytest.approx(64 / 9)
+        assert "restriction" not in found
+
+
+def test_map_of_chosen_modes(config, tmp_path):
+    out = tmp_path / "star.h5"
+    done = run("sweep", config, "-o", out, "-q", "--set", "methods.floquet={modes: [3, 2], exponents: true}")
+    assert done.exit_code == 0, done.output
+    with xr.open_datatree(out) as tree:
+        group = tree["floquet"]
+        assert group.attrs["restriction"].startswith("modes 2, 3 of the base system: 2 of 4 modes, which nothing")
+        assert group.sizes["exponent"] == 4
+        growth = group["growth_rate"].values
+    # The pair alone: x'' + (0.2 + k(t))/0.6 x = 0.
+    system = star()
+    alone = GearSystem(np.array([[0.6]]), np.array([[0.2]]), (system.meshes[0].__class__(
+        "m", np.array([1.0]), 1.0, 0.2, system.meshes[0].waveform),))  # fmt: skip
+    assert np.abs(growth - solve(alone, OMEGA).growth_rate[0]).max() < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ("{modes: [1, 9]}", "no mode 9"),
+        ("{modes: [1, 1]}", "names a mode twice"),
+        ("{modes: [2]}", "modes 2, 3 have equal frequencies"),
+        ("{modes: []}", "give at least 1"),
+        ("{modes: [0]}", "must be >= 1"),
+        ("{block: 1}", "no cyclic symmetry"),
+        ("{block: true}", "must be a type of mesh deflection"),
+        ("{block: -1}", "must be a type of mesh deflection"),
+        ("{block: 1, modes: [1]}", "both block and modes"),
+    ],
+)
+def test_wrong_choices_are_named(config, tmp_path, options, message):
+    done = run("sweep", config, "-o", tmp_path / "x.h5", "--set", f"methods.floquet={options}")
+    assert done.exit_code == 2
+    assert message in done.output
+
+
+def test_info_shows_the_reduction(config):
+    text = run("info", config).output
+    assert "Reductions applied: blocks of 2, 1 (twice) modes." in text
+    facts = json.loads(run("info", config, "--json").output)["reductions"]
+    assert facts["dropped_modes"] == []
+    assert {tuple(block["modes"]) for block in facts["blocks"]} == {(1, 4), (2, 3)}
+    assert sorted((block["size"], block["copies"]) for block in facts["blocks"]) == [(1, 2), (2, 1)]
