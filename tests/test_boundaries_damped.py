@@ -13,6 +13,7 @@ from tongue_edges import train
 from gearstab.floquet import solve
 from gearstab.floquet.boundaries import boundaries
 from gearstab.perturbation import first_order
+from gearstab.system import GearSystem
 from gearstab.systems import build
 
 
@@ -120,3 +121,21 @@ def test_rigid_mode_and_five_coordinates() -> None:
     mass, stiffness = np.diag(rng.uniform(0.5, 2, 5)), np.diag(rng.uniform(0.5, 3, 5))
     system = build({"kind": "matrices", "mass": mass, "stiffness": stiffness, "meshes": meshes, "damping_ratio": 0.004})
     assert disagreements(boundaries(system, 1.0, 5.0), system, 1.0, 5.0, 2000) == {}
+
+
+@pytest.mark.parametrize("ratios", [[0.0, 0.02, 0.05], [0.05, 0.0], [0.001, 0.01]])
+def test_rows_that_differ_by_their_damping_alone(ratios: list[float]) -> None:
+    """Every row is that of the system by itself."""
+
+    def pair(damping: object) -> GearSystem:
+        mesh = {"name": "mesh", "mean_stiffness": 1.0, "epsilon": 0.3, "contact_ratio": 1.4, "damping": damping}
+        return build({"kind": "gear_pair", "equivalent_mass": 1.0, "meshes": [mesh]})
+
+    together = boundaries(pair(np.array(ratios)), 0.5, 3.0)
+    for row, ratio in enumerate(ratios):
+        alone = boundaries(pair(ratio), 0.5, 3.0)
+        assert len(alone.lower) > 0
+        mine = together.row == row
+        np.testing.assert_allclose(together.lower[mine], alone.lower, rtol=2e-10)
+        np.testing.assert_allclose(together.upper[mine], alone.upper, rtol=2e-10)
+        assert [together.labels()[k] for k in np.flatnonzero(mine)] == list(alone.labels())
