@@ -223,3 +223,47 @@ def test_what_cannot_be_exported(folder: Path, capsys: pytest.CaptureFixture[str
     assert "Traceback" not in said
     assert (folder / "results" / "train.h5").read_bytes() == before
     assert sorted(p.name for p in folder.rglob("*")) == ["results", "train.h5", "train.yaml"]
+
+
+@pytest.mark.parametrize("command", ["sweep", "respond", "bench"])
+@pytest.mark.parametrize("name", ["train.yaml", "link.h5"])
+def test_a_configuration_is_never_overwritten(
+    folder: Path, capsys: pytest.CaptureFixture[str], command: str, name: str
+) -> None:
+    (folder / "link.h5").symlink_to("train.yaml")
+    options = ["--overwrite"] if command == "sweep" else []
+    assert called(command, "train.yaml", "-o", name, *options) == 2
+    assert capsys.readouterr().err == f"{name}: is the input itself; choose another output\n"
+    assert (folder / "train.yaml").read_text() == CONFIG
+
+
+@pytest.mark.parametrize("command", ["sweep", "respond", "bench"])
+def test_a_foreign_file_is_never_overwritten(folder: Path, capsys: pytest.CaptureFixture[str], command: str) -> None:
+    (folder / "notes.txt").write_text("mine")
+    (folder / "train.yaml").write_text(
+        f"{CONFIG}respond: {{mesh_frequency: 5, cycles: 2, initial: {{velocity: [1, 0, 0]}}}}\n"
+    )
+    options = ["--overwrite"] if command == "sweep" else []
+    assert called(command, "train.yaml", "-o", "notes.txt", *options) == 2
+    said = capsys.readouterr().err
+    assert said.startswith("notes.txt: is no result file")
+    assert said.count("\n") == 1
+    assert (folder / "notes.txt").read_text() == "mine"
+
+
+def test_a_result_may_be_overwritten(folder: Path) -> None:
+    assert called("sweep", "train.yaml", "-q") == 0
+    assert called("sweep", "train.yaml", "-q", "--overwrite") == 0
+
+
+def test_a_picture_replaces_neither_configuration_nor_result(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (folder / "train.png").write_text(CONFIG)
+    assert called("bench", "train.png", "-o", "train.h5") == 2
+    assert capsys.readouterr().err.startswith("train.png: is the input itself")
+    assert called("bench", "train.yaml", "-o", "other.png") == 2
+    assert capsys.readouterr().err.startswith("other.png: is the name of the picture too")
+    assert called("sweep", "train.yaml", "-o", "map.png", "-q") == 0
+    before = (folder / "map.png").read_bytes()
+    assert called("plot", "map.png") == 2
+    assert capsys.readouterr().err.startswith("map.png: is the input itself")
+    assert (folder / "map.png").read_bytes() == before

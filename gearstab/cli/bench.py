@@ -39,9 +39,10 @@ def command(
     with user_errors():
         from gearstab.config import load
 
+        target = output or Path("results") / f"{config.stem}.bench.h5"
+        _guard(config, target, not no_plot)
         loaded = load(config, overrides)
         scene = _scene(loaded)
-        target = output or Path("results") / f"{config.stem}.bench.h5"
         target.parent.mkdir(parents=True, exist_ok=True)
     from gearstab.bench import measure
     from gearstab.bench.output import bench_group, table
@@ -59,6 +60,20 @@ def command(
             click.echo(f"written: {target}", err=True)
         if not no_plot:
             _draw(target, quiet)
+
+
+def _guard(config: Path, target: Path, plot: bool) -> None:
+    """Raise ResultError if the result or its picture would replace the configuration, each other or a foreign file."""
+    from gearstab.results import ResultError
+    from gearstab.results.guard import refuse_foreign, refuse_inputs
+
+    picture = target.with_suffix(".png")
+    refuse_inputs(target, config)
+    if plot:
+        refuse_inputs(picture, config, target)
+        if picture == target:
+            raise ResultError(f"{target}: is the name of the picture too; choose another output or use --no-plot")
+    refuse_foreign(target)
 
 
 def _scene(loaded: Config) -> Scene:

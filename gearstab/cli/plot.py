@@ -40,10 +40,12 @@ def command(
     from gearstab.plots.heading import title_of
     from gearstab.plots.style import checked_extension, save
     from gearstab.results import open_result
+    from gearstab.results.guard import refuse_inputs
 
     target = output or result.with_suffix(".png")
     with user_errors():
         checked_extension(target)
+        refuse_inputs(target, result)
         request = Request(x, y, selections(select), variable, size, title, dpi)
         with open_result(result) as tree:
             figure, _ = draw(tree, kind, request)

@@ -33,9 +33,12 @@ def command(config: Path, output: Path | None, overrides: tuple[str, ...], quiet
 
     with user_errors():
         from gearstab.config import load
+        from gearstab.results.guard import refuse_foreign, refuse_inputs
 
-        loaded = load(config, overrides)
         out = output or Path("results") / f"{config.stem}.response.h5"
+        refuse_inputs(out, config)
+        loaded = load(config, overrides)
+        refuse_foreign(out)
         found = respond(loaded, out)
     if not quiet:
         click.echo(summary(found, out), err=True)

@@ -48,8 +48,10 @@ def command(
     target = output or Path("results") / f"{config.stem}.h5"
     with user_errors():
         from gearstab.config import load
+        from gearstab.results.guard import refuse_inputs
         from gearstab.sweep import plan, run
 
+        refuse_inputs(target, config)
         planned = plan(load(config, overrides, needs=("sweep", "methods")))
         if dry_run:
             from gearstab.sweep.estimate import estimate

@@ -15,6 +15,7 @@ from typing import Any
 
 from gearstab import __version__
 from gearstab.results.errors import ResultError
+from gearstab.results.guard import refuse_foreign
 from gearstab.results.read import attributes
 from gearstab.sweep import merge
 from gearstab.sweep.errors import Interrupted, RequestError, SweepError
@@ -61,14 +62,16 @@ def run(
     jobs: threads or processes, default one a processor.
 
     Raises RequestError, before anything is computed, if ``out`` holds something else and ``overwrite`` is not given, or
-    if it cannot be written; SweepError if the disk is full or a block failed; Interrupted after SIGINT or SIGTERM. What
-    is finished is kept.
+    if it cannot be written; ResultError if ``overwrite`` is given and ``out`` is there and no result at all; SweepError
+    if the disk is full or a block failed; Interrupted after SIGINT or SIGTERM. What is finished is kept.
     """
     out, reporter = Path(out), progress or Reporter()
     workers = jobs or default_jobs()
     if not overwrite and is_complete(plan, out):
         return Summary(plan.points, plan.blocks, complete=True)
     prepare(out)
+    if overwrite:
+        refuse_foreign(out)
     folder = PartFolder(out, plan.digest)
     if overwrite:
         folder.remove_all()
@@ -96,7 +99,7 @@ def is_complete(plan: Plan, out: Path) -> bool:
     try:
         found = attributes(out)
     except ResultError as error:
-        raise RequestError(f"{error}; choose another output or use --overwrite") from None
+        raise RequestError(f"{error}; choose another output or remove it") from None
     if found.get("config_digest") != plan.config.digest:
         raise RequestError(f"{out}: is the result of another configuration; choose another output or use --overwrite")
     if found["gearstab_version"] != __version__:
