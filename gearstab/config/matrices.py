@@ -44,7 +44,7 @@ class Matrices(System):
     @classmethod
     def size(cls, raw: dict[str, Any]) -> int | None:
         mass: Any = raw.get("mass")
-        return len(mass) if isinstance(mass, list | np.ndarray) else None
+        return len(mass) or None if isinstance(mass, list | np.ndarray) else None
 
     @classmethod
     def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
@@ -56,6 +56,8 @@ class Matrices(System):
             if rows is None and raw.get("file") is None:
                 remedy = f"add {name}, or file: the name of a .npz, .h5 or .mat file with it"
                 yield (), f"{name} is missing", remedy
+            elif isinstance(rows, list) and not rows and size is None:
+                yield (name,), "has no rows", "give one row a coordinate"
             elif isinstance(rows, list) and size is not None:
                 yield from not_square(rows, size, (name,))
         if size is not None:
