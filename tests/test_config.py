@@ -43,7 +43,7 @@ methods: {perturbation: }
 MASS, STIFFNESS, DAMPING = (
     np.diag([2.0, 1.0]),
     np.array([[3.0, -1.0], [-1.0, 1.0]]),
-    np.array([[0.1, 0.2], [-0.2, 0.3]]),
+    np.array([[0.1, 0.2], [0.2, 0.3]]),
 )
 
 
@@ -202,6 +202,11 @@ BAD_FILES = {
     "complex": ({"mass": MASS * 1j, "stiffness": STIFFNESS}, "no real numbers but complex128", "real"),
     "NaN": ({"mass": MASS * np.nan, "stiffness": STIFFNESS}, "not finite", "finite"),
     "asymmetric": ({"mass": MASS, "stiffness": np.triu(STIFFNESS)}, "stiffness is not symmetric", "equal"),
+    "asymmetric damping": (
+        {"mass": MASS, "stiffness": STIFFNESS, "damping": np.triu(DAMPING)},
+        "damping is not symmetric: entry 0.1 is 0.2, entry 1.0 is 0",
+        "make damping.matrix.0.1 and damping.matrix.1.0 equal",
+    ),
     "indefinite": ({"mass": -MASS, "stiffness": STIFFNESS}, "mass is not positive definite", "positive"),
 }
 

@@ -29,7 +29,7 @@ class Damping(Section):
         description="[alpha (1/s), beta (s)]: C = alpha M + beta K of the mean system.",
     )
     matrix: list[list[MatrixEntry]] | None = Field(
-        default=None, title="damping matrix", description="C, one row a coordinate (N s/m)."
+        default=None, title="damping matrix", description="C, one row a coordinate (N s/m); symmetric."
     )
 
     @classmethod

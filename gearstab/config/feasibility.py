@@ -16,6 +16,7 @@ from gearstab.config.axes import Array, Axis, Config, parameters_at
 from gearstab.config.document import Document
 from gearstab.config.names import mesh_items
 from gearstab.config.problems import Path
+from gearstab.config.targets import value_at
 from gearstab.modal import RIGID_TOLERANCE, eigenmodes
 from gearstab.systems import build
 from gearstab.systems.assembly import matrix, mesh
@@ -37,7 +38,7 @@ def check(document: Document, config: Config) -> None:
     config = replace(config, axes=tuple(axes))
     for key, _ in mesh_items(config.parameters["meshes"]):
         _check_levels(document, config, key)
-    if config.kind == "matrices" and _symmetric(document, config.parameters):
+    if _symmetric(document, config.parameters) and config.kind == "matrices":
         _check_definite(document, config)
 
 
@@ -124,16 +125,21 @@ def _place(document: Document, config: Config, index: str | int, key: str, chose
 
 
 def _symmetric(document: Document, parameters: dict[str, Any]) -> bool:
+    """Whether mass and stiffness are; reports these and a damping matrix that are not."""
     good = True
-    for name in ("mass", "stiffness"):
-        values = matrix(parameters[name])
+    for where in (("mass",), ("stiffness",), ("damping", "matrix")):
+        found = value_at(parameters, where)
+        if found is None:
+            continue
+        name, values = where[0], matrix(found)
         difference = np.abs(values - values.T)
         if np.max(difference) > SYMMETRY_TOLERANCE * np.max(np.abs(values)):
-            good = False
+            good = good and name == "damping"
             i, j = np.unravel_index(np.argmax(difference), difference.shape)
-            path: Path = ("system", name, int(i), int(j))
+            path: Path = ("system", *where, int(i), int(j))
             message = f"is not symmetric: entry {i}.{j} is {values[i, j]:.6g}, entry {j}.{i} is {values[j, i]:.6g}"
-            _report_matrix(document, path, name, message, f"make {name}.{i}.{j} and {name}.{j}.{i} equal")
+            full = ".".join(where)
+            _report_matrix(document, path, name, message, f"make {full}.{i}.{j} and {full}.{j}.{i} equal")
     return good
 
 

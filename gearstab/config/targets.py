@@ -121,7 +121,7 @@ def _walk(name: str, parts: list[str], model: type[System], raw: dict[str, Any])
         raise TargetError("is a list, and an axis sets a number", f"name an entry, such as {name}.0")
     if number_kind(annotation) is None:
         raise TargetError("is not a number that an axis can set", nearest(name, candidates(model, raw)))
-    return Target(_mirrored(path, raw), annotation, title + owner, default)
+    return Target(_mirrored(path), annotation, title + owner, default)
 
 
 def _index(name: str, part: str, path: Path, value: Any, entry: Any) -> int:
@@ -141,14 +141,12 @@ def _index(name: str, part: str, path: Path, value: Any, entry: Any) -> int:
     return int(part)
 
 
-def _mirrored(path: Path, raw: dict[str, Any]) -> tuple[Path, ...]:
+def _mirrored(path: Path) -> tuple[Path, ...]:
     """An entry of a symmetric matrix together with its counterpart."""
     row, column = path[-2:] if len(path) > 2 else (0, 0)
     counterpart = (*path[:-2], column, row)
-    if row == column or path[0] not in ("mass", "stiffness", "damping"):
-        return (path,)
-    if path[0] == "damping" and value_at(raw, path) != value_at(raw, counterpart):  # a gyroscopic term stays one-sided
-        return (path,)
+    if path[0] not in ("mass", "stiffness", "damping") or row == column or not isinstance(row, int):
+        return (path,)  # a number of other forms of damping stands below a name
     return (path, counterpart)
 
 
