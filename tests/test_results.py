@@ -92,9 +92,10 @@ def test_every_variable_has_type_units_and_name(path: Path) -> None:
     kinds = {}
 
     def look(name: str, item: object) -> None:
-        if isinstance(item, h5py.Dataset) and "long_name" in item.attrs:
+        if isinstance(item, h5py.Dataset):
             kinds[name] = item.dtype
-            assert item.attrs["units"]
+            assert item.attrs["units"], name
+            assert item.attrs["long_name"], name
             assert all(len(dim) == 1 for dim in item.dims) or item.is_scale, name
             assert item.dtype.kind not in "cb"
 
@@ -105,6 +106,11 @@ def test_every_variable_has_type_units_and_name(path: Path) -> None:
     assert kinds["floquet/growth_rate"] == np.float64
     assert kinds["floquet/stable"] == np.int8
     assert kinds["perturbation/mode_p"] == np.int32
+    assert "perturbation/tongue" in kinds
+    # A dimension without coordinate stays one.
+    with open_result(path) as found:
+        assert found["perturbation"].sizes["tongue"] == 3
+        assert "tongue" not in found["perturbation"].variables
 
 
 def test_nothing_was_found_is_a_list_of_no_tongues(tmp_path: Path) -> None:

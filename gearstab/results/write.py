@@ -99,6 +99,7 @@ def _fill_group(target: h5py.Group, group: Group, inherited: Mapping[str, Any]) 
         if dim not in inherited and dim not in own:
             scales[dim] = target.create_dataset(dim, shape=(size,), dtype=">f4")
             scales[dim].make_scale(DIMENSION_ONLY % size)
+            _write_attributes(scales[dim], {"long_name": f"number along the dimension {dim}", "units": "1"})
     # Coordinates first: they are the scales of all others.
     for item in sorted(group.fields, key=lambda item: item.variable.name not in own):
         name = item.variable.name
