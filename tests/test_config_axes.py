@@ -220,6 +220,32 @@ def test_case_axes(tmp_path: Path) -> None:
     assert axis(tmp_path, "case: [{phasing: 0.5, epsilon: 0.1}]").values == ["phasing = 0.5, epsilon = 0.1"]
 
 
+def test_cases_name_a_parameter_in_different_spellings(tmp_path: Path) -> None:
+    text = (
+        "case: [{label: worst, meshes.first.contact_ratio: 1.4, phasing: 0}, {label: better, contact_ratio: 1.3, "
+        "meshes.second.phasing: 0.5}, {label: base, meshes.1.contact_ratio: 1.2}]"
+    )
+    found = axis(tmp_path, text)
+    assert {a.path: a.values.tolist() for a in found.assignments} == {
+        ("meshes", 0, "contact_ratio"): [1.4, 1.3, 1.5],
+        ("meshes", 1, "contact_ratio"): [1.6, 1.3, 1.2],
+        ("meshes", 1, "phasing"): [0.0, 0.5, 0.1],
+    }
+    assert len(found.assignments) == 3
+    config = read(tmp_path, f"{TRAIN}sweep:\n  {text}\n")
+    assert config.tree["sweep"]["case"] == [
+        {"label": "worst", "meshes.first.contact_ratio": 1.4, "phasing": 0.0},
+        {"label": "better", "contact_ratio": 1.3, "meshes.second.phasing": 0.5},
+        {"label": "base", "meshes.1.contact_ratio": 1.2},
+    ]
+    assert read(tmp_path, config.resolved).digest == config.digest
+    entries = axis(tmp_path, "case: [{label: a, mass.0.1: 0.2}, {label: b, mass.1.0: 0.3}]", MATRICES)
+    assert {a.path: a.values.tolist() for a in entries.assignments} == {
+        ("mass", 0, 1): [0.2, 0.3],
+        ("mass", 1, 0): [0.2, 0.3],
+    }
+
+
 def test_units_along_axes(tmp_path: Path) -> None:
     found = axis(tmp_path, 'mesh_frequency: {start: "60 rpm", stop: "2 Hz", num: 2}')
     np.testing.assert_allclose(found.values, [2 * np.pi, 4 * np.pi], rtol=1e-15)

@@ -207,24 +207,53 @@ def _cases(context: Context, name: str, path: Path, entries: list[dict[str, Any]
     document = context.document
     _named_freely(context, name, path)
     labels = _labels(document, path, entries)
-    keys = list(dict.fromkeys(key for entry in entries for key in entry if key != "label"))
-    if not keys:
+    columns, sound = _case_columns(context, path, entries)
+    if not any(key != "label" for entry in entries for key in entry):
         document.report(path, "the cases set nothing", "let each set parameters, such as contact_ratio: 1.5")
-    columns, sound = [], bool(keys)
-    for key in keys:
-        where = next((*path, i, key) for i, entry in enumerate(entries) if key in entry)
-        targets = context.resolve(key, where)
-        sound = sound and bool(targets)
-        for target in targets:
-            items = [entry.get(key, _base(context, target)) for entry in entries]
-            places = [(*path, i, key) if key in entry else where for i, entry in enumerate(entries)]
-            for i, entry in enumerate(entries):
-                if key not in entry and items[i] is None:
-                    message = f"does not set {key}, which has no base value"
-                    document.report((*path, i), message, f"add {key} to this case, or to the system")
-                    items[i] = next(e[key] for e in entries if key in e)
-            columns.append(Column(where, [target], items, places))
+        sound = False
     return Layout(name, columns, sound, labels, cases=entries)
+
+
+def _case_columns(context: Context, path: Path, entries: list[dict[str, Any]]) -> tuple[list[Column], bool]:
+    """A column for each parameter that a case sets, under whichever name; and whether every name stands for some."""
+    targets: dict[str, list[Target]] = {}
+    found: dict[frozenset[Path], tuple[Target, dict[int, str]]] = {}
+    for i, entry in enumerate(entries):
+        for key in entry:
+            if key == "label":
+                continue
+            if key not in targets:
+                targets[key] = context.resolve(key, (*path, i, key))
+            for target in targets[key]:
+                names = found.setdefault(frozenset(target.paths), (target, {}))[1]
+                if i in names:
+                    message = f"sets {dotted(target.paths[0])}, as {dotted((*path, i, names[i]))} does"
+                    context.document.report((*path, i, key), message, "let one of the two set it", at_key=True)
+                else:
+                    names[i] = key
+    columns = [_case_column(context, path, entries, target, names) for target, names in found.values()]
+    return columns, bool(targets) and all(targets.values())
+
+
+def _case_column(
+    context: Context, path: Path, entries: list[dict[str, Any]], target: Target, names: dict[int, str]
+) -> Column:
+    """The values of a parameter along cases, with its base value in those that do not set it.
+
+    names: index of a case -> the key by which it sets the parameter.
+    """
+    first = next(iter(names))
+    where = (*path, first, names[first])
+    base = _base(context, target)
+    for i in range(len(entries)):
+        if i not in names and base is None:
+            message = f"does not set {names[first]}, which has no base value"
+            remedy = f"add {names[first]} to this case, or to the system"
+            context.document.report((*path, i), message, remedy)
+    fill = entries[first][names[first]] if base is None else base
+    items = [entry[names[i]] if i in names else fill for i, entry in enumerate(entries)]
+    places = [(*path, i, names[i]) if i in names else where for i in range(len(entries))]
+    return Column(where, [target], items, places)
 
 
 def _base(context: Context, target: Target) -> Any:
@@ -293,9 +322,14 @@ def _coordinate(layout: Layout, targets: list[Target], first: Expansion) -> tupl
 
 def _spec(layout: Layout, expansions: list[list[Expansion]]) -> Any:
     if layout.cases is not None:
-        given = {c.path[-1]: found[0].spec for c, found in zip(layout.columns, expansions, strict=True)}
+        given = {
+            place[-2:]: value
+            for column, found in zip(layout.columns, expansions, strict=True)
+            for i, (place, value) in enumerate(zip(column.places, found[0].spec, strict=True))
+            if place[-2] == i
+        }
         return [
-            {"label": label} | {key: given[key][i] for key in entry if key != "label"}
+            {"label": label} | {key: given[i, key] for key in entry if key != "label"}
             for i, (label, entry) in enumerate(zip(layout.labels or [], layout.cases, strict=True))
         ]
     if layout.tie is not None:
