@@ -267,3 +267,15 @@ def test_a_picture_replaces_neither_configuration_nor_result(folder: Path, capsy
     assert called("plot", "map.png") == 2
     assert capsys.readouterr().err.startswith("map.png: is the input itself")
     assert (folder / "map.png").read_bytes() == before
+
+
+def test_what_cases_set_carries_its_unit_and_title(folder: Path) -> None:
+    case = ", ".join(f"{{label: {k}, inertias.1: 0.{k}, input_shaft_stiffness: 0.{k}}}" for k in (3, 4))
+    assert called("sweep", "train.yaml", "-q", "--set", f"sweep.case=[{case}]", "-o", "t.h5") == 0
+    with open_result(Path("t.h5")) as tree:
+        for group in ("/", "floquet", "perturbation"):
+            stiffness, inertia = tree[group]["input_shaft_stiffness"], tree[group]["inertias.1"]
+            assert stiffness.attrs["long_name"] not in ("", "input_shaft_stiffness")
+            assert stiffness.attrs["units"] == "N/m"
+            assert inertia.attrs["long_name"].endswith("[1]")
+            assert inertia.attrs["units"] == "kg"

@@ -12,7 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
-from gearstab.config import Axis
+from gearstab.config import Axis, Config
+from gearstab.config.kinds import KINDS
+from gearstab.config.targets import TargetError, resolve
 from gearstab.results.chunks import decode, encode
 from gearstab.results.provenance import modes_group, root_attributes
 from gearstab.results.tree import Chunked, Field, Group, Offset, ResultTree
@@ -29,16 +31,13 @@ IN_MEMORY = 1 << 28
 
 def result_tree(plan: Plan, finished: Mapping[str, Finished]) -> ResultTree:
     """The whole result; ``finished`` has all blocks by key."""
-    axes = [field for axis in plan.config.axes for field in axis_fields(axis, plan.config.parameters)]
+    axes = [field for axis in plan.config.axes for field in axis_fields(axis, plan.config)]
     root = Group(tuple(axes), root_attributes(plan.config, plan.kernel if _ran_kernel(plan) else "none"))
     groups = {"modes": modes_group(plan.base)}
     for layout in plan.layouts:
         names = set(layout.dims)
         beside = [
-            field
-            for axis in plan.config.axes
-            if axis.name in names
-            for field in axis_fields(axis, plan.config.parameters)[1:]
+            field for axis in plan.config.axes if axis.name in names for field in axis_fields(axis, plan.config)[1:]
         ]
         groups[layout.method.name] = _method_group(plan, layout, finished, beside)
     return ResultTree(root, groups)
@@ -48,20 +47,29 @@ def _ran_kernel(plan: Plan) -> bool:
     return any(layout.method.name in ("floquet", "boundaries") for layout in plan.layouts)
 
 
-def axis_fields(axis: Axis, parameters: Mapping[str, object]) -> list[Field]:
+def axis_fields(axis: Axis, config: Config) -> list[Field]:
     """The coordinate of an axis and, for an axis of cases, one more for each parameter that its cases set."""
     text = isinstance(axis.values, list)
     own = coordinate(axis.name, axis.name, TEXT if text else "f8", axis.units, axis.long_name)
     fields = [Field(own, axis.values)]
     if text:
         for item in axis.assignments:
-            name = dotted(item.path, parameters)
+            name = dotted(item.path, config.parameters)
             if name == axis.name:
                 continue
             values = [str(value) for value in item.values] if item.structural else item.values
             kind = TEXT if item.structural else "f8"
-            fields.append(Field(coordinate(name, axis.name, kind, "1", name), values))
+            fields.append(Field(coordinate(name, axis.name, kind, *units_and_name(name, config)), values))
     return fields
+
+
+def units_and_name(name: str, config: Config) -> tuple[str, str]:
+    """The unit of a parameter and what it is; a name that says nothing to the kind of system stands for itself."""
+    try:
+        (target,) = resolve(name, KINDS[config.kind], config.parameters)
+    except TargetError:
+        return "1", name
+    return target.unit, target.title
 
 
 def dotted(path: tuple[str | int, ...], parameters: object) -> str:
