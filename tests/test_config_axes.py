@@ -246,6 +246,29 @@ def test_cases_name_a_parameter_in_different_spellings(tmp_path: Path) -> None:
     }
 
 
+@pytest.mark.parametrize(
+    ("base", "name", "value", "default"),
+    [
+        (TRAIN, "damping_ratio", 0.01, 0),
+        (TRAIN.replace(", phasing: 0.1", ""), "phasing", 0.5, 0),
+        (TRAIN, "meshes.first.damping", 0.2, 0),
+        (TRAIN.replace("  tooth_ratio: 1\n", ""), "tooth_ratio", "3/5", 1),
+        (MATRICES.replace("lag: 0.25, ", ""), "lag", 0.5, 0),
+        (MATRICES.replace(', frequency_ratio: "1/2"', ""), "meshes.mesh2.frequency_ratio", "1/2", 1),
+    ],
+)
+def test_cases_that_do_not_set_a_number_keep_its_default(
+    tmp_path: Path, base: str, name: str, value: Any, default: float
+) -> None:
+    config = read(tmp_path, f"{base}sweep:\n  case: [{{label: a, {name}: {value}}}, {{label: b, epsilon: 0.1}}]\n")
+    item = config.axes[0].assignments[0]
+    assert item.path[-1] == name.rsplit(".", maxsplit=1)[-1]
+    assert list(item.values) == [Fraction(value) if item.structural else value, default]
+    again = read(tmp_path, config.resolved)
+    assert list(again.axes[0].assignments[0].values) == list(item.values)
+    assert again.digest == config.digest
+
+
 def test_units_along_axes(tmp_path: Path) -> None:
     found = axis(tmp_path, 'mesh_frequency: {start: "60 rpm", stop: "2 Hz", num: 2}')
     np.testing.assert_allclose(found.values, [2 * np.pi, 4 * np.pi], rtol=1e-15)

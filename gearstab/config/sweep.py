@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from fractions import Fraction
 from typing import Annotated, Any
 
 from pydantic import Field
@@ -53,15 +54,19 @@ class Column:
     """Parameters that take the same values along an axis.
 
     items: values written one by one (cases), with the place of each; without them the values stand at ``path``.
+    base: the value of cases that do not set it, None where all do.
     """
 
     path: Path
     targets: list[Target]
     items: list[Any] = field(default_factory=list)
     places: list[Path] = field(default_factory=list)
+    base: Any = None
 
     def first(self, document: Document) -> Any:
         """The value at the first point, as written, to be the base value of a parameter that has none."""
+        if self.base is not None:
+            return self.base
         spec = self.items or document.get(self.path)
         if isinstance(spec, list):
             return spec[0] if spec else 0.0
@@ -247,17 +252,20 @@ def _case_column(
     base = _base(context, target)
     for i in range(len(entries)):
         if i not in names and base is None:
-            message = f"does not set {names[first]}, which has no base value"
-            remedy = f"add {names[first]} to this case, or to the system"
+            name = dotted(target.paths[0])
+            message = f"does not set {name}, which has no base value"
+            remedy = f"add {name} to this case, or to the system"
             context.document.report((*path, i), message, remedy)
     fill = entries[first][names[first]] if base is None else base
     items = [entry[names[i]] if i in names else fill for i, entry in enumerate(entries)]
     places = [(*path, i, names[i]) if i in names else where for i in range(len(entries))]
-    return Column(where, [target], items, places)
+    return Column(where, [target], items, places, None if len(names) == len(entries) else base)
 
 
 def _base(context: Context, target: Target) -> Any:
     value = value_at(context.raw, target.paths[0])
+    if value is None and isinstance(target.default, Fraction):
+        return str(target.default)
     return target.default if value is None else value
 
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from pydantic import TypeAdapter
+from pydantic.fields import FieldInfo
 
 from gearstab.config.fields import AngularFrequency, Ratio
 from gearstab.config.introspection import entry_type, field_types, inner_type, is_model, number_kind
@@ -18,6 +19,10 @@ from gearstab.config.system import System
 
 MESH_FREQUENCY: Path = ("mesh_frequency",)
 """Where the mesh frequency stands, which no system has."""
+
+
+NOT_GIVEN = {"damping_ratio": 0.0, "damping": 0.0}
+"""What numbers amount to that may be left out, where the model has None for that."""
 
 
 class TargetError(ValueError):
@@ -81,7 +86,7 @@ def _of_meshes(name: str, model: type[System], raw: dict[str, Any]) -> list[Targ
         if not has_it or mesh.get(RIVALS.get(name, "")) is not None or (i == 0 and name in BUT_THE_FIRST):
             continue
         field = kind.model_fields[name]
-        found.append(Target((("meshes", i, name),), field_types(kind)[name], field.title, field.get_default()))
+        found.append(Target((("meshes", i, name),), field_types(kind)[name], field.title, _default(field, name)))
     if found:
         return found
     if name in RIVALS:
@@ -104,7 +109,7 @@ def _walk(name: str, parts: list[str], model: type[System], raw: dict[str, Any])
     for part in parts:
         if is_model(annotation) and part in field_types(annotation):
             field = annotation.model_fields[part]
-            title, default = field.title or part, field.get_default()
+            title, default = field.title or part, _default(field, part)
             annotation, step = field_types(annotation)[part], part
             if isinstance(annotation, type) and issubclass(annotation, ToothMesh):
                 owner = f" of {part}"
@@ -122,6 +127,12 @@ def _walk(name: str, parts: list[str], model: type[System], raw: dict[str, Any])
     if number_kind(annotation) is None:
         raise TargetError("is not a number that an axis can set", nearest(name, candidates(model, raw)))
     return Target(_mirrored(path), annotation, title + owner, default)
+
+
+def _default(field: FieldInfo, name: str) -> Any:
+    """The value of a field that is not given; None where it must be."""
+    default = None if field.is_required() else field.get_default()
+    return NOT_GIVEN.get(name) if default is None else default
 
 
 def _index(name: str, part: str, path: Path, value: Any, entry: Any) -> int:
