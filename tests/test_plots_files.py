@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import matplotlib as mpl
 import numpy as np
 import plot_results as made
@@ -70,6 +72,17 @@ def test_a_large_map_stays_pixels_inside_a_vector_file(tmp_path):
         save(figure, path)
         # 180,000 quadrilaterals would take more than 5 MB.
         assert path.stat().st_size < 500_000
+
+
+@pytest.mark.parametrize("extension", SIGNATURES)
+def test_letters_that_the_font_lacks_are_drawn_without_a_warning(extension, tmp_path):
+    tree = result_of("map")
+    tree.attrs["title"] = "歯車 ⚙ Շ"
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        figure, _ = draw(tree, "map", dpi=80, **options_of("map"))
+        save(figure, tmp_path / f"figure{extension}", tree.attrs["title"])
+    assert [str(warning.message) for warning in said if "Glyph" in str(warning.message)] == []
 
 
 def test_drawing_leaves_the_parameters_of_matplotlib_alone(tmp_path):

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import tempfile
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -43,7 +44,8 @@ GROWTH = LinearSegmentedColormap.from_list(
 )
 
 RC: dict[str, Any] = {
-    "font.family": "STIXGeneral",
+    # The second one for letters of titles and names that the first one lacks.
+    "font.family": ["STIXGeneral", "DejaVu Sans"],
     "mathtext.fontset": "stix",
     "font.size": 8,
     "axes.labelsize": 8.5,
@@ -87,8 +89,12 @@ RC: dict[str, Any] = {
 
 @contextmanager
 def style() -> Iterator[None]:
-    """Matplotlib's defaults plus ``RC``; the parameters found on entry come back on exit."""
-    with mpl.rc_context():
+    """Matplotlib's defaults plus ``RC``; the parameters found on entry come back on exit.
+
+    A letter that no font has is drawn as a box, without a warning.
+    """
+    with mpl.rc_context(), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message=r"Glyph .* missing from", category=UserWarning)
         mpl.rcdefaults()
         mpl.rcParams.update(RC)  # type: ignore[arg-type]  # the stubs want the keys as literals
         yield
