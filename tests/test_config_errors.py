@@ -103,6 +103,26 @@ BROKEN_FILES = {
 }
 
 
+BOMB = "a0: &a0 [1, 2]\n" + "".join(f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 9)}]\n" for i in range(1, 30))
+MERGES = "a0: &a0 {x: 1}\n" + "".join(f"a{i}: &a{i} {{<<: [{', '.join([f'*a{i - 1}'] * 9)}]}}\n" for i in range(1, 30))
+LADDER = "a0: &a0 [1]\n" + "".join(f"a{i}: &a{i} [*a{i - 1}]\n" for i in range(1, 1200))
+CIRCLES = "a: &a\n  b: &b [*a, *b]\n  c: [*b, *a]\n"
+ALIASES = {
+    "lists": (BOMB, None, "has aliases that stand for more than 1,000,000 values", "write the values out"),
+    "merges": (MERGES, None, "has aliases that stand for more than 1,000,000 values", "write the values out"),
+    "ladder": (LADDER, None, "is nested too deeply", "write a flatter document"),
+    "circles": (CIRCLES, 1, "an alias stands inside what it refers to", "write the values out"),
+}
+
+
+@pytest.mark.parametrize(("text", "line", "message", "hint"), ALIASES.values(), ids=ALIASES)
+def test_aliases_that_grow_without_bounds(tmp_path: Path, text: str, line: int | None, message: str, hint: str) -> None:
+    (found,) = problems(tmp_path, text)
+    assert (found.line, found.message) == (line, message)
+    assert hint in found.hint
+    assert "\n" not in str(found)
+
+
 @pytest.mark.parametrize(("content", "line", "message", "hint"), BROKEN_FILES.values(), ids=BROKEN_FILES)
 def test_broken_file(tmp_path: Path, content: bytes, line: int, message: str, hint: str) -> None:
     found = [p for p in problems(tmp_path, content) if message in p.message]

@@ -15,6 +15,10 @@ Node = Any
 """A node of ruamel.yaml's, whose types leave out what its kinds have."""
 
 TAG = "tag:yaml.org,2002:"
+MOST_COPIES = 1_000_000
+"""Values that the aliases of a document may add to those it writes out."""
+DEEPEST = 200
+"""Lists and mappings inside each other, aliases followed."""
 
 
 @dataclass(frozen=True)
@@ -115,6 +119,7 @@ def parse(text: str, name: str) -> Document:
     node = _compose(text, name)
     document = Document(name)
     if node is not None:
+        _check_aliases(node, name)
         _Reader(document).read(node)
     return document
 
@@ -161,6 +166,36 @@ def _compose(text: str, name: str) -> Node:
         raise _failed(name, None, "is nested too deeply", "write a flatter document") from None
 
 
+def _check_aliases(root: Node, name: str) -> None:
+    """Refuse, before anything is copied, aliases that lead in a circle, too deep or to too many values."""
+    extents: dict[int, tuple[int, int]] = {}
+    unfinished = (0, 0)
+
+    def extent(node: Node) -> tuple[int, int]:
+        """Number of values in a node and how deep they stand, aliases followed."""
+        known = extents.get(id(node))
+        if known is unfinished:
+            line = node.start_mark.line + 1
+            raise _failed(name, line, "an alias stands inside what it refers to", "write the values out")
+        if known is not None:
+            return known
+        extents[id(node)] = unfinished
+        items = () if node.id == "scalar" else node.value if node.id == "sequence" else [v for _, v in node.value]
+        inner = [extent(item) for item in items]
+        extents[id(node)] = 1 + sum(size for size, _ in inner), 1 + max((depth for _, depth in inner), default=0)
+        return extents[id(node)]
+
+    try:
+        size, depth = extent(root)
+    except RecursionError:
+        depth, size = DEEPEST + 1, 0
+    if depth > DEEPEST:
+        raise _failed(name, None, "is nested too deeply", "write a flatter document")
+    if size - len(extents) > MOST_COPIES:
+        message = f"has aliases that stand for more than {MOST_COPIES:,} values"
+        raise _failed(name, None, message, "write the values out, or refer to less")
+
+
 def _syntax_remedy(text: str, line: int | None, problem: str) -> str:
     lines = text.splitlines()
     shown_line = lines[line - 1] if line and line <= len(lines) else ""
@@ -180,7 +215,6 @@ class _Reader:
 
     def __init__(self, document: Document) -> None:
         self.document = document
-        self.open: list[int] = []
 
     def read(self, node: Node) -> None:
         self.document.data = self.value(node, (), None)
@@ -189,18 +223,11 @@ class _Reader:
         # The mark of an empty value is that of whatever comes next.
         away = node.value == "" and not node.style if node.id == "scalar" else not node.flow_style
         self.document.values[path] = self.place(key if away and key is not None else node)
-        if id(node) in self.open:
-            self.document.report(path, "an alias stands inside what it refers to", "write the values out")
-            return None
-        self.open.append(id(node))
-        try:
-            if node.id == "mapping":
-                return self.mapping(node, path)
-            if node.id == "sequence":
-                return [self.value(item, (*path, i), None) for i, item in enumerate(node.value)]
-            return self.scalar(node, path)
-        finally:
-            self.open.pop()
+        if node.id == "mapping":
+            return self.mapping(node, path)
+        if node.id == "sequence":
+            return [self.value(item, (*path, i), None) for i, item in enumerate(node.value)]
+        return self.scalar(node, path)
 
     def place(self, node: Node) -> Where:
         return Where(self.document.file, node.start_mark.line + 1)
