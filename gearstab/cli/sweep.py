@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,6 +15,9 @@ if TYPE_CHECKING:
     from gearstab.config import Axis
     from gearstab.sweep import Plan, Summary
     from gearstab.sweep.estimate import Estimate
+
+
+SLOW_KERNEL = "note: the compiled kernel was not built; sweeps run on the slower NumPy kernel"
 
 
 @click.command(name="sweep", short_help="Compute a grid.")
@@ -63,6 +67,16 @@ def command(
         summary = run(planned, target, jobs, resume is True, resume is False, reporter(quiet))
     if not quiet:
         click.echo(final_line(target, summary, time.perf_counter() - start), err=True)
+        if not summary.complete and slow_kernel(planned):
+            click.echo(SLOW_KERNEL, err=True)
+
+
+def slow_kernel(plan: Plan) -> bool:
+    """Whether a sweep ran on the NumPy kernel because there is no other, and not because the user chose it."""
+    from gearstab.floquet import kernel
+
+    uses_it = any(layout.method.name in ("floquet", "boundaries") for layout in plan.layouts)
+    return uses_it and not os.environ.get("GEARSTAB_KERNEL") and "c" not in kernel.available()
 
 
 def final_line(target: Path, summary: Summary, seconds: float) -> str:
