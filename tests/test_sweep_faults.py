@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from sweep_faults import CONFIG, FOLDER, faulty, value
 
-from gearstab.results import open_result
+from gearstab.results import ResultError, open_result
 from gearstab.sweep import Interrupted, Reporter, RequestError, SweepError, merge, pool, run, store
 from gearstab.sweep.parts import PartFolder, read_part
 
@@ -350,8 +350,10 @@ def test_overwrite_starts_anew(scene: Scene) -> None:
 
 def test_what_is_something_else_is_not_overwritten(scene: Scene) -> None:
     scene.out.write_text("my notes")
-    with pytest.raises(RequestError, match="--overwrite"):
+    with pytest.raises(RequestError, match="choose another output or remove it"):
         scene.run()
+    with pytest.raises(ResultError, match="choose another output or remove it"):
+        scene.run(overwrite=True)
     assert scene.out.read_text() == "my notes"
     scene.out.unlink()
     scene.run()
