@@ -9,7 +9,7 @@ whole slab of a sweep is built and solved with a handful of array operations.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from math import gcd, lcm
 
@@ -116,6 +116,10 @@ class GearSystem:
             shapes += [np.shape(mesh.direction)[:-1], np.shape(mesh.mean_stiffness)]
             shapes += [np.shape(mesh.epsilon), np.shape(mesh.lag), mesh.waveform.batch]
         return np.broadcast_shapes(*shapes)
+
+    def over(self, batch: tuple[int, ...]) -> GearSystem:
+        """The same system with the given batch shape, carried by its mass: what varies or not no longer decides it."""
+        return replace(self, mass=np.broadcast_to(self.mass, (*batch, self.size, self.size)))
 
     def mean_stiffness_matrix(self) -> Array:
         """K0 + sum_i k_gi g_i g_i^T, ``(..., n, n)``."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 
@@ -69,7 +68,7 @@ def run_rows(plan: Plan, layout: Layout, rows: dict[str, Array], count: int, col
         frequency = plan.mesh_frequency(rows, columns)
         if frequency.ndim == 2 and system.batch != (count,):
             # Nothing but the mesh frequency differs from row to row.
-            system = replace(system, mass=np.broadcast_to(system.mass, (count, system.size, system.size)))
+            system = system.over((count,))
     elif layout.method.frequency == RANGE:
         every = plan.mesh_frequency({}, slice(None))
         frequency = np.array([every.min(), every.max()])

@@ -52,7 +52,7 @@ def boundaries(
         raise ValueError(f"tolerance and width floor must be positive, not {tolerance}, {width_floor}")
     rows = int(np.prod(system.batch, dtype=int))
     # The same rows without damping are looked at too: the batch must not rest on the damping alone.
-    system = replace(system, mass=np.broadcast_to(system.mass, (*system.batch, system.size, system.size)))
+    system = system.over(system.batch)
     found = _Collected(system, start, stop, width_floor)
     if system.damping is None:
         for pattern in prepare(system):
