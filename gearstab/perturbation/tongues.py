@@ -23,7 +23,7 @@ class Excitation:
     parts: pairs (mesh number from 0, harmonic s_i) with s_i r_i = ratio, in the order of the meshes.
     """
 
-    ratio: Fraction
+    ratio: Fraction | float
     parts: tuple[tuple[int, int], ...]
 
 
@@ -148,8 +148,13 @@ def excitations(system: GearSystem, harmonics: int) -> tuple[Excitation, ...]:
     """
     ratios = [mesh.frequency_ratio for mesh in system.meshes]
     found = dict.fromkeys(s * r for r in ratios for s in range(1, harmonics + 1))
-    shared = {nu: [(i, int(nu / r)) for i, r in enumerate(ratios) if (nu / r).denominator == 1] for nu in found}
-    return tuple(Excitation(nu, tuple(parts)) for nu, parts in shared.items())
+    return tuple(Excitation(nu, sharing(system, nu)) for nu in found)
+
+
+def sharing(system: GearSystem, ratio: Fraction | float) -> tuple[tuple[int, int], ...]:
+    """Pairs (mesh from 0, harmonic s) of all meshes that have a harmonic at the frequency ratio * Omega."""
+    order = [(i, mesh.frequency_ratio, round(ratio / mesh.frequency_ratio)) for i, mesh in enumerate(system.meshes)]
+    return tuple((i, s) for i, r, s in order if s > 0 and s * r == ratio)
 
 
 def kind_of(p: int, q: int, harmonic: int) -> str:

@@ -24,6 +24,10 @@ class Rectangular:
     contact_ratio: Array | float
 
     @property
+    def piecewise_constant(self) -> bool:
+        return True
+
+    @property
     def batch(self) -> tuple[int, ...]:
         return np.shape(self.contact_ratio)
 
