@@ -55,7 +55,7 @@ def propagate(pattern: Pattern, row: int, omega: Array) -> tuple[Array, Array]:
             x[1] += times * x[0]
             x[0] = position
         if len(pattern.states) > 1:
-            x = np.matmul(pattern.change[row, s], x.reshape(2, n, -1)).reshape(x.shape)
+            x = np.matmul(pattern.change(s)[row], x.reshape(2, n, -1)).reshape(x.shape)
         if s % 8 == 7 or np.any(growth > 0):
             _rescale(x, scale)
     _unscale(x, scale)
@@ -206,6 +206,6 @@ def factors(pattern: Pattern, row: int, omega: Array) -> list[Array]:
         factor = np.zeros((len(omega), 2 * n, 2 * n))
         factor[:, index, index], factor[:, index, n + index] = terms[0], terms[1]
         factor[:, n + index, index], factor[:, n + index, n + index] = terms[2], terms[0]
-        turn = np.kron(np.eye(2), pattern.change[row, s])
+        turn = np.kron(np.eye(2), pattern.change(s)[row])
         result += [factor] * (pieces - 1) + [turn @ factor]
     return result

@@ -69,11 +69,29 @@ class Pattern:
         """``(r, D, n)``, which modes of which states are unstable by themselves (before any uniform damping)."""
         return self.squared_frequency + self.elastic.shift[:, None, None] ** 2 < 0
 
+    def pairs(self, inverse: Array, basis: Array) -> tuple[Array, Array]:
+        """(distinct products B_{s+1}^-1 B_s ``(r, Q, m, m)``, which of them follows each segment ``(S,)``).
+
+        A common period may have thousands of segments, but of D states there are at most D^2 changes.
+        inverse, basis: ``(r, D, m, m)``, of each state.
+        """
+        count = basis.shape[1]
+        pairs, index = np.unique(np.roll(self.states, -1) * count + self.states, return_inverse=True)
+        return inverse.take(pairs // count, axis=1) @ basis.take(pairs % count, axis=1), index
+
     @cached_property
-    def change(self) -> Array:
-        """``(r, S, n, n)``, V_{s+1}^T V_s: from the modes of segment s to those of the next (the last to the first)."""
-        transposed = np.ascontiguousarray(np.swapaxes(self.modes, -1, -2))
-        return transposed.take(np.roll(self.states, -1), axis=1) @ self.modes.take(self.states, axis=1)
+    def _turns(self) -> tuple[Array, Array]:
+        return self.pairs(np.ascontiguousarray(np.swapaxes(self.modes, -1, -2)), self.modes)
+
+    def change(self, segment: int) -> Array:
+        """``(r, n, n)``, V_{s+1}^T V_s: from the modes of a segment to those of the next (of the last to the first)."""
+        distinct, index = self._turns
+        return distinct[:, index[segment]]
+
+    def changes(self, rows: slice = slice(None)) -> Array:
+        """``(r, S, n, n)``, :meth:`change` of all segments, for some of the rows."""
+        distinct, index = self._turns
+        return distinct[rows].take(index, axis=1)
 
     def row(self, index: int) -> Pattern:
         """One of the rows, as a pattern of its own."""
@@ -134,10 +152,9 @@ def _stiff(mesh: Mesh, batch: tuple[int, ...], phase: Array) -> Array:
     def flat(values: Array | float) -> Array:
         return np.broadcast_to(values, batch).reshape(-1, 1)
 
-    x = phase - flat(mesh.lag)
-    shaped = np.reshape(x, (*batch, x.shape[-1]))
-    value = np.stack([mesh.waveform.value(shaped[..., k]) for k in range(x.shape[-1])], axis=-1)
-    return (value.reshape(x.shape) > 0) & (flat(mesh.epsilon) != 0)
+    x = (phase - flat(mesh.lag)).T
+    value = mesh.waveform.value(x.reshape(-1, *batch)).reshape(x.shape).T
+    return (value > 0) & (flat(mesh.epsilon) != 0)
 
 
 def _levels(meshes: tuple[Mesh, ...], rows: int) -> Array:
@@ -157,7 +174,6 @@ def merged(key: Array, lengths: Array, edges: Array) -> tuple[Array, Array, Arra
     if len(first) == 0:
         return states[:1], np.ones((len(lengths), 1)), edges[:, kept[0]]
     owner = (np.cumsum(states != np.roll(states, 1)) - 1) % len(first)
-    fractions = np.zeros((len(lengths), len(first)))
-    for position, segment in zip(kept, owner, strict=True):
-        fractions[:, segment] += lengths[:, position]
-    return states[first], fractions, edges[:, kept[first[0]]]
+    fractions = np.zeros((len(first), len(lengths)))
+    np.add.at(fractions, owner, lengths[:, kept].T)
+    return states[first], np.ascontiguousarray(fractions.T), edges[:, kept[first[0]]]

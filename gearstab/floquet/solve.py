@@ -205,10 +205,18 @@ def _settle(pattern: Pattern, rows: Array, omega: Array) -> tuple[Array, Array, 
 def _conservative_logs(pattern: Pattern, omega: Array) -> Array:
     """ln lambda ``(r, P, 2n)``; the product is formed only where that costs no digits."""
     logs = kernel.current().log_multipliers(pattern, omega, GRADED_NORM)
-    for row in np.flatnonzero(np.isnan(logs).any(axis=(1, 2))):
-        wide = np.isnan(logs[row]).any(axis=1)
-        logs[row, wide] = graded.log_multipliers(numpy_kernel.factors(pattern, int(row), omega[row, wide]))
+    for row, wide in _chains(np.isnan(logs).any(axis=2), pattern):
+        logs[row, wide] = graded.log_multipliers(numpy_kernel.factors(pattern, row, omega[row, wide]))
     return logs
+
+
+def _chains(chosen: Array, pattern: Pattern) -> Iterator[tuple[int, Array]]:
+    """(row, points) of all chosen points ``(r, P)``, in pieces of which all factors of the product fit in memory."""
+    step = max(1, ENTRIES_AT_ONCE // (len(pattern.states) * (2 * pattern.size) ** 2))
+    for row in np.flatnonzero(chosen.any(axis=1)):
+        points = np.flatnonzero(chosen[row])
+        for i in range(0, len(points), step):
+            yield int(row), points[i : i + step]
 
 
 def _damped(part: _Part, damping: Array, exponents: bool) -> _Solution:
@@ -226,14 +234,14 @@ def _damped(part: _Part, damping: Array, exponents: bool) -> _Solution:
 
 
 def _damped_logs(pattern: Pattern, generator: damped.Generators, row: int, omega: Array) -> Array:
-    """ln lambda ``(P, m)``; the product is formed only where that costs no digits."""
+    """ln lambda ``(P, m)`` of one row; the product is formed only where that costs no digits."""
     matrix, scale = damped.monodromy(generator, pattern, row, omega)
     finite = np.isfinite(matrix).all(axis=(1, 2))
     values = np.linalg.eigvals(np.where(finite[:, None, None], matrix, 0.0)).astype(complex)
     with np.errstate(divide="ignore"):
         logs = np.log(values) + scale[:, None]
     wide = logs.real.max(axis=-1) - logs.real.min(axis=-1) > GRADED_SPREAD
-    if wide.any():
-        chain, growing = damped.factors(generator, pattern, row, omega[wide], spread=1.0)
-        logs[wide] = graded.log_multipliers(chain) + growing[:, None]
+    for _, points in _chains(wide[None], pattern):
+        chain, growing = damped.factors(generator, pattern, row, omega[points], spread=1.0)
+        logs[points] = graded.log_multipliers(chain) + growing[:, None]
     return logs

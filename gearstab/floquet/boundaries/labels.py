@@ -223,7 +223,7 @@ def _actions(pattern: Pattern, row: Array, cycle: Array, vector: Array, logs: Ar
         cosine, sine = np.cos(own * duration[:, None]), np.sin(own * duration[:, None])
         position, velocity = cosine * position + sine / own * velocity, cosine * velocity - own * sine * position
         if len(pattern.states) > 1:
-            change = pattern.change[row, s]
+            change = pattern.change(s)[row]
             position = np.einsum("pij,pj->pi", change, position)
             velocity = np.einsum("pij,pj->pi", change, velocity)
     return w.real[:, None, :] * np.abs(total) ** 2

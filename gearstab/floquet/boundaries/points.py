@@ -55,7 +55,7 @@ def propagate(pattern: Pattern, row: Array, cycle: Array) -> Points:
     cycle: ``(P,)``, 1/Omega in the pattern's units.
     """
     n = pattern.size
-    frequency, change = pattern.squared_frequency[row], pattern.change[row]
+    frequency = pattern.squared_frequency[row]
     duration = 2 * np.pi * pattern.cycles * pattern.fractions[row].T * cycle
     x = np.zeros((len(row), 2 * n, 2 * n))
     index = np.zeros(len(row), dtype=np.int64)
@@ -80,7 +80,7 @@ def propagate(pattern: Pattern, row: Array, cycle: Array) -> Points:
             x[:, n:] = times[:, :, None] * x[:, :n] + cosine[:, :, None] * x[:, n:]
             x[:, :n] = position
         if len(pattern.states) > 1:
-            turn = change[:, s]
+            turn = pattern.change(s)[row]
             x = np.concatenate([turn @ x[:, :n], turn @ x[:, n:]], axis=1)
     finite = np.abs(x).max(axis=(1, 2)) < LARGEST
     a, b, d = x[:, :n, :n], x[:, :n, n:], x[:, n:, n:]
