@@ -4,9 +4,15 @@ A waveform is one small file with one frozen class that follows :class:`Waveform
 """
 
 from gearstab.waveforms.base import Profile, Waveform
+from gearstab.waveforms.fourier import Fourier
 from gearstab.waveforms.profile import Constant, Scaled
 from gearstab.waveforms.rectangular import Rectangular
+from gearstab.waveforms.trapezoidal import Trapezoidal
 
-WAVEFORMS: dict[str, type[Waveform]] = {"rectangular": Rectangular}
+WAVEFORMS: dict[str, type[Waveform]] = {
+    "rectangular": Rectangular,
+    "trapezoidal": Trapezoidal,
+    "fourier": Fourier,
+}
 
-__all__ = ["WAVEFORMS", "Constant", "Profile", "Rectangular", "Scaled", "Waveform"]
+__all__ = ["WAVEFORMS", "Constant", "Fourier", "Profile", "Rectangular", "Scaled", "Trapezoidal", "Waveform"]
