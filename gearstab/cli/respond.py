@@ -9,7 +9,7 @@ import click
 
 if TYPE_CHECKING:
     from gearstab.config import Config
-    from gearstab.config.methods import Respond
+    from gearstab.config.respond import Respond
     from gearstab.response import Response
     from gearstab.results import ResultTree
     from gearstab.system import GearSystem

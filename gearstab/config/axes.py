@@ -15,7 +15,8 @@ import numpy as np
 from gearstab.config.problems import Path
 
 if TYPE_CHECKING:
-    from gearstab.config.methods import Methods, Respond
+    from gearstab.config.methods import Methods
+    from gearstab.config.respond import Respond
 
 Array = np.ndarray
 

@@ -16,7 +16,8 @@ from gearstab.config.names import TOP_LEVEL
 from gearstab.config.problems import ConfigError, nearest
 
 if TYPE_CHECKING:
-    from gearstab.config.methods import Methods, Respond
+    from gearstab.config.methods import Methods
+    from gearstab.config.respond import Respond
     from gearstab.config.system import System
 
 PLANNED_SECTIONS = ("design",)
@@ -209,7 +210,7 @@ def _check_range(document: Document, axes: Sequence[Axis]) -> None:
 def _read_respond(document: Document, model: type[System] | None, system: _System | None) -> Respond | None:
     if "respond" not in document.data:
         return None
-    from gearstab.config.methods import Initial, Respond
+    from gearstab.config.respond import Initial, Respond
     from gearstab.config.validation import validate
 
     raw = document.data.get("system")

@@ -10,8 +10,9 @@ from pydantic.json_schema import models_json_schema
 from gearstab.config.expansion import Range
 from gearstab.config.introspection import field_types, is_model, number_kind
 from gearstab.config.kinds import KINDS
-from gearstab.config.methods import Methods, Respond
+from gearstab.config.methods import Methods
 from gearstab.config.names import BUT_THE_FIRST, EVERY_MESH
+from gearstab.config.respond import Respond
 from gearstab.config.sweep import Tie
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
