@@ -1,0 +1,1 @@
+"""From teeth to mesh stiffness and friction."""
