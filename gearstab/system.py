@@ -20,7 +20,7 @@ from math import gcd, lcm
 
 import numpy as np
 
-from gearstab.waveforms import Profile, Waveform
+from gearstab.waveforms import Fourier, Profile, Waveform
 
 Array = np.ndarray
 
@@ -40,6 +40,9 @@ class Mesh:
     waveform: the shape w of period 1, zero mean and peak-to-peak 1.
     frequency_ratio: r = Omega_i/Omega: exact, or a float, which stands for an irrational number.
     lag: ``(...)``, the start of the wave as a fraction of this mesh's own period.
+    transmission_error: e_i(x), the unloaded static transmission error at the same phase x: the mesh is without force at
+        g_i^T q = e_i, so that it acts as the forces k_i(t) e_i g_i and c_i e_i' g_i. Stability does not depend on it.
+    damping: ``(...)``, c_i, what this mesh adds to the damping of the system, c_i g_i g_i^T.
     """
 
     name: str
@@ -49,6 +52,8 @@ class Mesh:
     waveform: Waveform
     frequency_ratio: Fraction | float = Fraction(1)
     lag: Array | float = 0.0
+    transmission_error: Fourier | None = None
+    damping: Array | float = 0.0
 
     @property
     def amplitude(self) -> Array:
@@ -184,6 +189,8 @@ class GearSystem:
         for mesh in self.meshes:
             shapes += [np.shape(mesh.direction)[:-1], np.shape(mesh.mean_stiffness)]
             shapes += [np.shape(mesh.epsilon), np.shape(mesh.lag), mesh.waveform.batch]
+            if mesh.transmission_error is not None:
+                shapes.append(mesh.transmission_error.batch)
         if self.load is not None:
             shapes.append(np.shape(self.load)[:-1])
         shapes += [term.batch for term in self.terms] + [force.batch for force in self.forces]
@@ -194,6 +201,12 @@ class GearSystem:
         """Whether K(t) and C(t) are constant between their jumps."""
         profiles = [profile for term in self.terms for profile in term.profiles]
         return all(part.piecewise_constant for part in (*(mesh.waveform for mesh in self.meshes), *profiles))
+
+    @property
+    def forced(self) -> bool:
+        """Whether anything drives it: a load, forces or transmission errors."""
+        errors = any(mesh.transmission_error is not None for mesh in self.meshes)
+        return self.load is not None or bool(self.forces) or errors
 
     @property
     def commensurate(self) -> bool:
@@ -226,12 +239,19 @@ class GearSystem:
         Returns (N, (N_1, N_2, ...)): the common period is N 2 pi/Omega and holds N_i whole cycles of mesh i, those of
         the terms after those of the meshes. Raises ValueError where there is none.
         """
-        ratios = self.frequency_ratios
-        exact = [ratio for ratio in ratios if isinstance(ratio, Fraction)]
-        if len(exact) < len(ratios):
-            raise ValueError("mesh frequencies of irrational ratio have no common period")
-        common = Fraction(
-            gcd(*(r.numerator * lcm(*(s.denominator for s in exact)) // r.denominator for r in exact)),
-            lcm(*(r.denominator for r in exact)),
-        )
-        return 1 / common, tuple(int(r / common) for r in exact)
+        return shared_period(self.frequency_ratios)
+
+
+def shared_period(ratios: list[Fraction | float]) -> tuple[Fraction, tuple[int, ...]]:
+    """(N, cycles of each in N 2 pi/Omega), the shortest period common to frequencies r Omega.
+
+    Raises ValueError where there is none.
+    """
+    exact = [ratio for ratio in ratios if isinstance(ratio, Fraction)]
+    if len(exact) < len(ratios):
+        raise ValueError("mesh frequencies of irrational ratio have no common period")
+    common = Fraction(
+        gcd(*(r.numerator * lcm(*(s.denominator for s in exact)) // r.denominator for r in exact)),
+        lcm(*(r.denominator for r in exact)),
+    )
+    return 1 / common, tuple(int(r / common) for r in exact)
