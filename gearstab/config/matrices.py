@@ -10,6 +10,7 @@ from pydantic import Field, StrictStr
 
 from gearstab.config.damping import not_square
 from gearstab.config.fields import NameText, Quantity
+from gearstab.config.forcing import Force, Load, wrong_load
 from gearstab.config.mesh import Conflict, MatrixMesh
 from gearstab.config.system import System
 
@@ -40,6 +41,10 @@ class Matrices(System):
         default=None, title="coordinates", description="Names of the coordinates; q1, q2, ... without."
     )
     meshes: list[MatrixMesh] = Field(title="meshes", min_length=1, description="At least one tooth mesh.")
+    load: Load | None = Field(
+        default=None, title="load", description="Constant forces, one a coordinate (N, or N m of a rotation)."
+    )
+    forces: list[Force] = Field(default=[], title="forces", description="Periodic external forces.")
 
     @classmethod
     def size(cls, raw: dict[str, Any]) -> int | None:
@@ -51,6 +56,11 @@ class Matrices(System):
         """Shapes that agree, names that differ; the matrices themselves are checked as numbers."""
         yield from super().conflicts(raw)
         size = cls.size(raw)
+        yield from wrong_load(raw.get("load"), size)
+        forces = raw.get("forces")
+        for i, force in enumerate(forces if isinstance(forces, list) else []):
+            for path, message, hint in Force.conflicts_of_size(force, size):
+                yield ("forces", i, *path), message, hint
         for name in ("mass", "stiffness"):
             rows = raw.get(name)
             if rows is None and raw.get("file") is None:

@@ -8,6 +8,7 @@ from typing import Annotated, Any, ClassVar
 from pydantic import Field
 
 from gearstab.config.fields import Choice, ContactRatio, ExactRatio, NameText, NonNegative, Number, Quantity, Section
+from gearstab.config.forcing import TransmissionError
 from gearstab.config.problems import Path
 
 Conflict = tuple[Path, str, str]
@@ -66,12 +67,19 @@ class ToothMesh(Section):
     damping: Annotated[float, Field(ge=0), Quantity("N s/m")] | None = Field(
         default=None, title="mesh damping", description="Viscous damping along the line of action (N s/m)."
     )
+    transmission_error: TransmissionError | None = Field(
+        default=None,
+        title="transmission error",
+        description="Unloaded static transmission error e: the mesh is without force where its deflection is e (m).",
+    )
 
     @classmethod
     def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
         """Exactly one of the two ways to give the stiffness, and of the two to give its variation."""
         for pair in (("mean_stiffness", "max_stiffness"), ("epsilon", "amplitude")):
             yield from exactly_one(raw, pair)
+        for path, message, hint in TransmissionError.conflicts(raw.get("transmission_error")):
+            yield ("transmission_error", *path), message, hint
 
 
 class Mesh(ToothMesh, Named):

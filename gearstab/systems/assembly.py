@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from gearstab.modal import modal_damping_matrix
-from gearstab.system import Array, GearSystem, Mesh
-from gearstab.waveforms import Rectangular
+from gearstab.system import Array, GearSystem, Mesh, PeriodicForce
+from gearstab.waveforms import Fourier, Rectangular
 
 
 def vector(values: Sequence[Any] | Array) -> Array:
@@ -83,6 +83,39 @@ def damped(system: GearSystem, p: dict[str, Any]) -> GearSystem:
     for part in parts:
         total = total + part
     return replace(system, damping=total) if np.any(total) else system
+
+
+def driven(system: GearSystem, p: dict[str, Any]) -> GearSystem:
+    """The system with what drives it.
+
+    ``load``: constant generalised forces, one a coordinate; ``forces``: periodic ones, each a ``direction`` and a
+    Fourier series ``sin``, ``cos`` with ``frequency_ratio`` and ``lag``; ``transmission_error`` of a mesh: ``sin``,
+    ``cos``. A transmission error acts through the mesh's own damping too.
+    """
+    meshes = tuple(
+        replace(
+            item,
+            transmission_error=series(part["transmission_error"]) if part.get("transmission_error") else None,
+            damping=np.asarray(part["damping"], dtype=float) if _given(part, "damping") else 0.0,
+        )
+        for part, item in zip(p["meshes"], system.meshes, strict=True)
+    )
+    forces = tuple(
+        PeriodicForce(
+            part.get("name") or f"force{i + 1}", vector(part["direction"]), series(part), part["frequency_ratio"],
+            np.asarray(part.get("lag", 0.0), dtype=float),
+        )
+        for i, part in enumerate(p.get("forces") or [])
+    )  # fmt: skip
+    load = vector(p["load"]) if p.get("load") is not None else None
+    return replace(system, meshes=meshes, forces=forces, load=load)
+
+
+def series(p: dict[str, Any]) -> Fourier:
+    """A Fourier series from its amplitudes ``sin`` and ``cos``, either of which may be shorter or missing."""
+    sin, cos = list(p.get("sin") or []), list(p.get("cos") or [])
+    order = max(len(sin), len(cos))
+    return Fourier(*(vector([*part, *[0.0] * (order - len(part))]) for part in (sin, cos)))
 
 
 def _given(p: dict[str, Any], key: str) -> bool:

@@ -11,11 +11,11 @@ from gearstab.systems import assembly
 
 
 def build(p: dict[str, Any]) -> GearSystem:
-    """m x'' + c x' + k(t) x = 0.
+    """m x'' + c x' + k(t) x = f(t).
 
     Parameters: ``equivalent_mass`` m (kg), one mesh, damping. x is the deflection along the line of action.
     """
     mass = np.asarray(p["equivalent_mass"], dtype=float)[..., None, None]
     mesh = assembly.mesh(p["meshes"][0], np.ones(1))
     system = GearSystem(mass, np.zeros((1, 1)), (mesh,), coordinates=("x",))
-    return assembly.damped(system, p)
+    return assembly.driven(assembly.damped(system, p), p)

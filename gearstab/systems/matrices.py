@@ -11,10 +11,11 @@ from gearstab.systems import assembly
 
 
 def build(p: dict[str, Any]) -> GearSystem:
-    """M q'' + C q' + [K0 + sum_i k_i(t) g_i g_i^T] q = 0.
+    """M q'' + C q' + [K0 + sum_i k_i(t) g_i g_i^T] q = f(t).
 
     Parameters: ``mass``, ``stiffness`` (K0, without meshes) as nested numbers or arrays, damping, ``meshes`` with
-    ``direction`` g_i, ``frequency_ratio`` Omega_i/Omega (a Fraction) and ``lag`` (fraction of the mesh's own period).
+    ``direction`` g_i, ``frequency_ratio`` Omega_i/Omega (a Fraction) and ``lag`` (fraction of the mesh's own period),
+    ``load`` and ``forces`` (:func:`~gearstab.systems.assembly.driven`).
     """
     mass = assembly.matrix(p["mass"])
     meshes = tuple(
@@ -22,4 +23,5 @@ def build(p: dict[str, Any]) -> GearSystem:
         for m in p["meshes"]
     )
     names = tuple(p.get("coordinates") or (f"q{i + 1}" for i in range(mass.shape[-1])))
-    return assembly.damped(GearSystem(mass, assembly.matrix(p["stiffness"]), meshes, coordinates=names), p)
+    system = GearSystem(mass, assembly.matrix(p["stiffness"]), meshes, coordinates=names)
+    return assembly.driven(assembly.damped(system, p), p)
