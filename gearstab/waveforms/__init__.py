@@ -5,14 +5,29 @@ A waveform is one small file with one frozen class that follows :class:`Waveform
 
 from gearstab.waveforms.base import Profile, Waveform
 from gearstab.waveforms.fourier import Fourier
+from gearstab.waveforms.pair import Pair
 from gearstab.waveforms.profile import Constant, Scaled
 from gearstab.waveforms.rectangular import Rectangular
+from gearstab.waveforms.sampled import Sampled
 from gearstab.waveforms.trapezoidal import Trapezoidal
 
 WAVEFORMS: dict[str, type[Waveform]] = {
     "rectangular": Rectangular,
     "trapezoidal": Trapezoidal,
     "fourier": Fourier,
+    "sampled": Sampled,
+    "pair": Pair,
 }
 
-__all__ = ["WAVEFORMS", "Constant", "Fourier", "Profile", "Rectangular", "Scaled", "Trapezoidal", "Waveform"]
+__all__ = [
+    "WAVEFORMS",
+    "Constant",
+    "Fourier",
+    "Pair",
+    "Profile",
+    "Rectangular",
+    "Sampled",
+    "Scaled",
+    "Trapezoidal",
+    "Waveform",
+]
