@@ -142,6 +142,24 @@ static void flush(struct queue *queue, int64_t m, double *growth, vec *work) {
     queue->length = 0;
 }
 
+/* All multipliers of a row over exp(scale), real and imaginary parts in turn, and the growth from the largest. */
+static void multipliers_row(const struct damped *pattern, int64_t m, int64_t r, int64_t points, const double *omega,
+                            double *growth, double *scale, double *multipliers, vec *x, vec *work) {
+    vec *real = work + 2 * m, *imaginary = work + 3 * m;
+    for (int64_t k = 0; k < points; k += LANES) {
+        vec period = pattern->cycles / load_part(omega, k, points);
+        vec taken = propagate_damped(pattern, m, r, period, x, work);
+        vec value = largest_by_qr(x, m, work); /* leaves the eigenvalues in work */
+        store_part(scale, k, points, taken);
+        store_part(growth, k, points, taken + value);
+        for (int64_t lane = 0; lane < LANES && k + lane < points; lane++)
+            for (int64_t i = 0; i < m; i++) {
+                double *to = multipliers + ((k + lane) * m + i) * 2;
+                to[0] = real[i][lane], to[1] = imaginary[i][lane];
+            }
+    }
+}
+
 /* A row, m a constant where this is inlined for small ones; room (m, m) and (m + 4, m). */
 INLINE void scan_damped_row(const struct damped *pattern, int64_t m, int64_t r, int64_t points, const double *omega,
                             double *growth, double *scale, struct queue *queue, vec *x, vec *work) {
@@ -169,7 +187,7 @@ INLINE void scan_damped_row(const struct damped *pattern, int64_t m, int64_t r, 
 }
 
 static int scan_damped(const struct damped *pattern, int64_t first, int64_t last, int64_t points, const double *omega,
-                       double *growth, double *scale) {
+                       double *growth, double *scale, double *multipliers) {
     int64_t m = pattern->m;
     void *memory;
     vec *x = vectors(2 * m * m + m * (m + 4), &memory);
@@ -180,6 +198,11 @@ static int scan_damped(const struct damped *pattern, int64_t first, int64_t last
     for (int64_t r = first; r < last; r++) {
         const double *asked = omega + r * points;
         double *value = growth + r * points, *taken = scale + r * points;
+        if (multipliers) {
+            double *own = multipliers + r * points * m * 2;
+            multipliers_row(pattern, m, r, points, asked, value, taken, own, x, work);
+            continue;
+        }
         switch (m) {
         case 4: scan_damped_row(pattern, 4, r, points, asked, value, taken, &queue, x, work); break;
         case 6: scan_damped_row(pattern, 6, r, points, asked, value, taken, &queue, x, work); break;

@@ -42,11 +42,21 @@ def scan(pattern: Pattern, omega: Array, limit: int | None = None) -> tuple[Arra
 
     limit: the number of threads, by default what :func:`threads` says; the results do not depend on it.
     """
+    return _scan(pattern, omega, np.empty((len(omega), 0)), limit)
+
+
+def scan_traces(pattern: Pattern, omega: Array, limit: int | None = None) -> tuple[Array, Array, Array]:
+    """:func:`scan` and rho = lambda + 1/lambda ``(r, P, n)`` complex, as of :func:`traces`, from one propagation."""
+    rho = np.empty((*omega.shape, pattern.size), dtype=complex)
+    return *_scan(pattern, omega, rho, limit), rho
+
+
+def _scan(pattern: Pattern, omega: Array, rho: Array, limit: int | None) -> tuple[Array, Array]:
     asked = _contiguous(omega)
     verdict, growth = np.empty(asked.shape, dtype=np.int8), np.empty(asked.shape)
     for rows in _portions(len(asked), len(pattern.states), pattern.size):
         arguments = _arguments(pattern, rows)
-        own = (asked.shape[1], asked[rows], verdict[rows], growth[rows])
+        own = (asked.shape[1], asked[rows], verdict[rows], growth[rows], rho[rows])
 
         def part(first: int, last: int, given: tuple[Any, ...] = (arguments, own)) -> None:
             _library().scan(ckernel.simd(), *given[0], first, last, *given[1])
@@ -106,14 +116,33 @@ def scan_damped(pattern: Pattern, generator: Generators, omega: Array, limit: in
 
     Rows with a state that cannot be diagonalised safely go the way of the NumPy kernel.
     """
-    growth, scale = _scan_modes(pattern, generator, _contiguous(omega), limit)
-    for row in np.flatnonzero(~generator.well_conditioned | np.isnan(growth).any(axis=1)):
-        found = numpy_kernel.scan_damped(pattern.row(int(row)), generator.row(int(row)), omega[row : row + 1])
+    growth, scale = _scan_modes(pattern, generator, _contiguous(omega), np.empty((len(omega), 0)), limit)
+    for row in _left_over(generator, growth):
+        found = numpy_kernel.scan_damped(pattern.row(row), generator.row(row), omega[row : row + 1])
         growth[row], scale[row] = found[0][0], found[1][0]
     return growth, scale
 
 
-def _scan_modes(pattern: Pattern, generator: Generators, omega: Array, limit: int | None) -> tuple[Array, Array]:
+def multipliers_damped(
+    pattern: Pattern, generator: Generators, omega: Array, limit: int | None = None
+) -> tuple[Array, Array, Array]:
+    """:func:`scan_damped` and all multipliers over exp(scale), ``(r, P, m)`` complex."""
+    values = np.empty((*omega.shape, generator.matrix.shape[-1]), dtype=complex)
+    growth, scale = _scan_modes(pattern, generator, _contiguous(omega), values, limit)
+    for row in _left_over(generator, growth):
+        found = numpy_kernel.multipliers_damped(pattern.row(row), generator.row(row), omega[row : row + 1])
+        growth[row], scale[row], values[row] = (part[0] for part in found)
+    return growth, scale, values
+
+
+def _left_over(generator: Generators, growth: Array) -> list[int]:
+    """Rows for the NumPy kernel: not safe to diagonalise, or without a result somewhere."""
+    return [int(row) for row in np.flatnonzero(~generator.well_conditioned | np.isnan(growth).any(axis=1))]
+
+
+def _scan_modes(
+    pattern: Pattern, generator: Generators, omega: Array, multipliers: Array, limit: int | None
+) -> tuple[Array, Array]:
     """:func:`scan_damped` in the real modal coordinates of the states, meaningless where they are ill-conditioned."""
     values, basis, inverse = generator.real_modes
     distinct, index = pattern.pairs(inverse, basis)
@@ -124,7 +153,7 @@ def _scan_modes(pattern: Pattern, generator: Generators, omega: Array, limit: in
         numbers = (count, len(state), *values.shape[1:], float(pattern.cycles))
         arrays = (values[rows].real, values[rows].imag, pattern.fractions[rows])
         given = (numbers, *map(_contiguous, arrays), state, _contiguous(distinct[rows].take(index, axis=1)))
-        own = (omega.shape[1], omega[rows], growth[rows], scale[rows])
+        own = (omega.shape[1], omega[rows], growth[rows], scale[rows], multipliers[rows])
 
         def part(first: int, last: int, all_of: tuple[Any, ...] = (given, own)) -> None:
             _library().scan_damped(ckernel.simd(), *all_of[0], first, last, *all_of[1])
