@@ -22,7 +22,7 @@ from gearstab.floquet.boundaries.krein import spectrum
 from gearstab.floquet.boundaries.points import propagate
 from gearstab.floquet.boundaries.search import Interval, Search
 from gearstab.floquet.segments import Pattern
-from gearstab.floquet.solve import DAMPED_ON_CIRCLE
+from gearstab.floquet.solution import DAMPED_ON_CIRCLE
 from gearstab.system import Array
 
 REFINEMENTS = 16
