@@ -13,7 +13,7 @@ from pydantic_core import core_schema
 from gearstab.config.axes import Array
 from gearstab.config.document import Document
 from gearstab.config.fields import Choice, Section, Whole
-from gearstab.config.introspection import number_kind
+from gearstab.config.introspection import axis_choice, number_kind
 from gearstab.config.problems import Path
 from gearstab.config.targets import Target
 from gearstab.config.validation import explain, validate
@@ -81,7 +81,13 @@ def expand(document: Document, path: Path, target: Target) -> Expansion:
     if not isinstance(spec, dict):
         return expand_list(document, [spec], [path], target, path)
     if target.exact:
-        document.report(path, f"{target.title} is exact and has no range", 'give a list such as [1, "3/5"]')
+        words = axis_choice(target.annotation)
+        remedy = (
+            'give a list such as [1, "3/5"]'
+            if words is None
+            else f"give a list of {', '.join(map(str, words.available))}"
+        )
+        document.report(path, f"{target.title} {'is exact and ' if words is None else ''}has no range", remedy)
         return FAILED
     given = validate(document, Range, path)
     ends = {name: _number(document, path, name, target, ranged=name != "step") for name in ("start", "stop", "step")}

@@ -36,7 +36,7 @@ def check(document: Document, config: Config) -> None:
     # Exact ratios play no part here, and would have to be the same at all points.
     axes = [replace(a, assignments=tuple(item for item in a.assignments if not item.structural)) for a in config.axes]
     config = replace(config, axes=tuple(axes))
-    for key, _ in mesh_items(config.parameters["meshes"]):
+    for key, _ in mesh_items(config.parameters.get("meshes")):
         _check_levels(document, config, key)
     if _symmetric(document, config.parameters) and config.kind == "matrices":
         _check_definite(document, config)

@@ -138,11 +138,15 @@ class Ratio:
 
 @dataclass(frozen=True)
 class Choice:
-    """One of the words that this version knows; ``planned`` are known ones of which it has nothing yet."""
+    """One of the words that this version knows; ``planned`` are known ones of which it has nothing yet.
+
+    axis: whether a sweep may set it: where all other keys mean the same under each of the words.
+    """
 
     what: str
     available: tuple[str | int, ...]
     planned: tuple[str | int, ...] = ()
+    axis: bool = False
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
         return core_schema.no_info_plain_validator_function(self.choose)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Any, ClassVar
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from pydantic import Field
 
@@ -12,12 +12,17 @@ from gearstab.config.fields import Flag, NonNegative, Section
 from gearstab.config.mesh import Conflict, ToothMesh
 from gearstab.config.names import mesh_items
 
+if TYPE_CHECKING:
+    from gearstab.config.axes import Axis
+
 
 class System(Section):
     """Keys of the section ``system`` that every kind has."""
 
     mesh_names: ClassVar[tuple[str, ...]] = ()
     """Names of meshes that are given none; further ones are called mesh1, mesh2, ..."""
+    respond_model: ClassVar[type[Section] | None] = None
+    """The section ``respond`` of this kind, None where it is that of linear systems."""
 
     damping_ratio: NonNegative | None = Field(
         default=None,
@@ -37,6 +42,16 @@ class System(Section):
     def size(cls, raw: dict[str, Any]) -> int | None:
         """Number of coordinates, None where it cannot be told."""
         raise NotImplementedError
+
+    @classmethod
+    def variant(cls, raw: dict[str, Any]) -> type[System]:
+        """The model that the keys of a section call for, where a kind has several."""
+        return cls
+
+    @classmethod
+    def unfit(cls, parameters: dict[str, Any], axes: Sequence[Axis], methods: Sequence[str]) -> Iterator[Conflict]:
+        """Methods that do not apply; the paths are below ``methods``."""
+        yield from ()
 
     @classmethod
     def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
