@@ -9,8 +9,8 @@ angle of the force to the normal of the tooth's axis. With D = y_c cos beta - x_
     foundation   cos^2 beta/(E b) [L (u_f/s_f)^2 + M u_f/s_f + P (1 + Q tan^2 beta)],   u_f = y_c - x_c tan beta - r_f
     contact      4 (1 - nu^2) / (pi E b), of a pair (for equal materials)
 
-Sources: Yang & Lin 1987 (J. Mech. Transm. Autom. Des. 109, 189-196) and Tian 2004 for the beam, with the true fillet here;
-Sainsot, Velex & Duverger 2004 (J. Mech. Des. 126, 748-752), (3) and table 1, for the foundation.
+Sources: Yang & Lin 1987 (J. Mech. Transm. Autom. Des. 109, 189-196) and Tian 2004 for the beam, with the true fillet
+here; Sainsot, Velex & Duverger 2004 (J. Mech. Des. 126, 748-752), (3) and table 1, for the foundation.
 """
 
 from __future__ import annotations
@@ -88,10 +88,10 @@ def _flank_moments(profile: ToothProfile, roll: Array) -> Array:
 
 
 def tooth_compliance(gear: Gear, roll: Array | float, face_width: float | None = None) -> ToothCompliance:
-    """Compliance of an external tooth loaded at the involute points of the given roll angles (tan of the profile angle).
+    """Compliance of an external tooth loaded at involute points, given by roll angle (tan of the profile angle).
 
-    A point below the end of an undercut fillet counts as on the involute continued. ``face_width``: None for the gear's.
-    Raises ValueError for an internal gear.
+    A point below the end of an undercut fillet counts as on the involute continued. ``face_width``: None for the
+    gear's. Raises ValueError for an internal gear.
     """
     profile = tooth_profile(gear)
     roll = np.asarray(roll, dtype=float)
@@ -112,7 +112,11 @@ def tooth_compliance(gear: Gear, roll: Array | float, face_width: float | None =
 
 
 def _foundation(gear: Gear, theta: float, x: Array, y: Array, beta: Array) -> Array:
-    h = min(max(gear.root_radius / gear.bore, FOUNDATION_RANGE[0]), FOUNDATION_RANGE[1]) if gear.bore else FOUNDATION_RANGE[1]
+    h = (
+        min(max(gear.root_radius / gear.bore, FOUNDATION_RANGE[0]), FOUNDATION_RANGE[1])
+        if gear.bore
+        else FOUNDATION_RANGE[1]
+    )
     terms = np.array([1 / theta**2, h**2, h / theta, 1 / theta, h, 1.0])
     big_l, big_m, big_p, big_q = FOUNDATION @ terms
     u = (y - x * np.tan(beta) - gear.root_radius) / (2 * gear.root_radius * theta)

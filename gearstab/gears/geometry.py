@@ -80,7 +80,9 @@ class Gear:
         if not self.height > 0:
             raise ValueError(f"the tip (radius {self.tip_radius:.6g} m) does not rise above the root")
         if not self.root_radius > 0:
-            raise ValueError(f"the root radius {self.root_radius:.6g} m is not positive: too few teeth or too deep a cut")
+            raise ValueError(
+                f"the root radius {self.root_radius:.6g} m is not positive: too few teeth or too deep a cut"
+            )
         if not self.rounding >= 0 or self.rounding > self.full_rounding * (1 + 1e-12):
             raise ValueError(f"rack_tip_radius must lie between 0 and {self.full_rounding:.6g} modules (full rounding)")
         inside, outside = (self.root_radius, self.bore) if self.internal else (self.bore, self.root_radius)
@@ -143,7 +145,7 @@ class Gear:
 
     @property
     def base_half_angle(self) -> float:
-        """Of the tooth where its involutes meet the base circle, theta_b = s/2r + inv alpha (internal s/2r - inv alpha)."""
+        """Of the tooth where its involutes meet the base circle, s/2r + inv alpha (internal: -)."""
         return pi / (2 * self.teeth) + self.sign * (
             2 * self.profile_shift * tan(self.pressure_angle) / self.teeth + involute(self.pressure_angle)
         )
@@ -155,7 +157,7 @@ class Gear:
         return acos(min(self.base_radius / radius, 1.0))
 
     def thickness(self, radius: float) -> float:
-        """Of the tooth along the arc of that radius, between its involutes (ISO 21771, 4.6): negative beyond a pointed tip."""
+        """Of the tooth along the arc of that radius, between its involutes; negative beyond a pointed tip."""
         return 2 * radius * (self.base_half_angle - self.sign * involute(self.profile_angle(radius)))
 
     @property
@@ -165,7 +167,7 @@ class Gear:
 
     @property
     def least_shift(self) -> float:
-        """The profile shift below which the rack undercuts, x = h - z sin^2(alpha)/2 with h the depth of its straight flank.
+        """The profile shift below which the rack undercuts, x = h - z sin^2(alpha)/2; h: depth of its straight flank.
 
         With the usual rounding h = h_aP and x = (17.097 - z)/17.097 at 20 degrees. Not for internal gears.
         """

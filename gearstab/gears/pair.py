@@ -23,7 +23,7 @@ ROUNDING = 1e-9  # relative to the module: below it a limit counts as met
 
 @dataclass(frozen=True)
 class Notice:
-    """What a designer should know: the ``number`` of a named condition of a part (pinion, wheel, pair) and its ``limit``.
+    """What a designer should know: ``number`` and ``limit`` of a named condition of a part (pinion, wheel, pair).
 
     undercut: profile shift, and the least that keeps the involute whole (modules).
     interference: s where the tip of this gear would first touch its mate, and the tangent point it passes (metres).
@@ -43,7 +43,7 @@ class Notice:
 
 @dataclass(frozen=True)
 class Pair:
-    """Two gears in mesh; s is the distance along the line of action from the tangent point T1 on the pinion's base circle.
+    """Two gears in mesh; s is the distance along the line of action from T1, where it touches the pinion's base circle.
 
     Parameters
     ----------
@@ -68,7 +68,9 @@ class Pair:
         if two.internal and two.teeth <= one.teeth:
             raise ValueError(f"an internal gear needs more teeth than its pinion, not {two.teeth} with {one.teeth}")
         if self.centre_distance is not None and not self.centre_distance > self._bases:
-            raise ValueError(f"centre_distance {self.centre_distance:.6g} m must exceed {self._bases:.6g} m, base to base")
+            raise ValueError(
+                f"centre_distance {self.centre_distance:.6g} m must exceed {self._bases:.6g} m, base to base"
+            )
         if not self.path[1] > self.path[0]:
             raise ValueError(f"the teeth do not reach each other at the centre distance {self.centre:.6g} m")
 
@@ -158,16 +160,21 @@ class Pair:
         form = tooth_profile(gear).form_radius
         return sqrt(max(form**2 - gear.base_radius**2, 0.0))
 
+    def phase(self, s: float) -> float:
+        """The phase of the mesh cycle, in [0, 1), at which a contact passes s; 0 is the entry of a pair."""
+        travelled = self.path[1] - s if self.wheel_drives else s - self.path[0]
+        return (travelled / self.base_pitch) % 1.0
+
     @property
     def pitch_phase(self) -> float:
-        """The phase of the mesh cycle, in [0, 1), at which a contact passes the pitch point; 0 is the entry of a pair."""
-        start = self.path[1] - self.pitch_point if self.wheel_drives else self.pitch_point - self.path[0]
-        return (start / self.base_pitch) % 1.0
+        """The phase at which a contact passes the pitch point."""
+        return self.phase(self.pitch_point)
 
     def contacts(self, x: Array | float) -> tuple[Array, Array]:
         """s of every pair that may be in contact at the phases x (in mesh periods), and which of them are.
 
-        Shapes ``(..., N)`` with N = floor(c) + 1; the last index counts pairs from the youngest. Phase 0: a pair enters.
+        Shapes ``(..., N)`` with N = floor(c) + 1; the last index counts pairs from the youngest. Phase 0: a pair
+        enters.
         """
         phase = np.asarray(x, dtype=float)
         phase = (phase - np.floor(phase))[..., None] + np.arange(int(self.contact_ratio) + 1)
@@ -186,7 +193,7 @@ class Pair:
 
     @property
     def clearance_shortening(self) -> float:
-        """Tip shortening, metres, that would give back the clearance the rack leaves: (x1 + x2) m - (a - a0), at least 0."""
+        """Tip shortening (metres) that gives back the clearance the rack leaves: (x1 + x2) m - (a - a0), or 0."""
         one, two = self.pinion, self.wheel
         standard = (
             one.module * (one.dedendum - two.addendum),
@@ -203,7 +210,7 @@ class Pair:
         return (pi - thick) * self.base_pitch / pi
 
     def curvature(self, s: Array | float) -> Array:
-        """1/rho_1 + 1/rho_2 of the flanks in contact, 1/m (1/rho_2 < 0 on an internal wheel); infinite at T1 and T2."""
+        """1/rho_1 + 1/rho_2 of the flanks, 1/m (1/rho_2 < 0 on an internal wheel); infinite at T1 and T2."""
         with np.errstate(divide="ignore"):
             return 1 / np.asarray(s, dtype=float) + self.wheel.sign / self.wheel_arm(s)
 
@@ -260,7 +267,7 @@ def _fit_notices(pair: Pair) -> list[Notice]:
 
 
 def _internal_notices(pair: Pair) -> list[Notice]:
-    """Tips of an internal pair that meet outside the line of action, and those that bar radial assembly (Colbourne, ch. 12)."""
+    """Tips of an internal pair that meet off the line of action, and those that bar radial assembly."""
     if not pair.wheel.internal or pair.wheel.tip_radius <= pair.wheel.base_radius:
         return []
     one, two, a = pair.pinion, pair.wheel, pair.centre
@@ -278,8 +285,7 @@ def _internal_notices(pair: Pair) -> list[Notice]:
     side1 = (1 - cosines**2) / (1 - 1 / pair.ratio**2)
     side2 = (1 / cosines**2 - 1) / (pair.ratio**2 - 1)
     if 0 <= side1 <= 1 and 0 <= side2 <= 1:
-        room = (asin(sqrt(side1)) + inv1) / pair.ratio - (asin(sqrt(side2)) + inv2)
-        # z1/z2 times the condition theta_1 + inv alpha_a1 - inv alpha_w >= z2/z1 (theta_2 + ...), as angles of the wheel
+        room = (asin(sqrt(side1)) + inv1) / pair.ratio - (asin(sqrt(side2)) + inv2)  # angles of the wheel
         if room < 0:
             found.append(Notice("trimming", "pair", room, 0.0))
     return found
