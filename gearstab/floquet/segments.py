@@ -34,6 +34,7 @@ class Pattern:
     levels: ``(r, D, meshes)``, the mesh stiffnesses of each state, in the system's own units.
     elastic: the reduced coordinates, in which M = I and time is in units of 1/``elastic.rate``.
     stiffness: ``(r, D, n, n)``, K of each state in these coordinates and units.
+    closed: whether the segments make up a period; else the first does not follow the last.
     """
 
     rows: Array
@@ -44,6 +45,7 @@ class Pattern:
     levels: Array
     elastic: Elastic
     stiffness: Array
+    closed: bool = True
 
     @property
     def size(self) -> int:
@@ -105,25 +107,47 @@ class Pattern:
 
 
 def prepare(system: GearSystem) -> list[Pattern]:
-    """All rows of a (batched) system as patterns; every row occurs exactly once."""
-    count = int(np.prod(system.batch, dtype=int))
+    """All rows of a (batched) system over a common period as patterns; every row occurs exactly once."""
     cycles, counts = system.common_period()
-    edges, bits = _segments_of_rows(system, counts, count)
-    lengths = np.diff(edges, axis=1, append=edges[:, :1] + 1)
+    edges, bits = _segments_of_rows(system, counts, int(np.prod(system.batch, dtype=int)))
+    return _patterns(system, float(cycles), edges, bits)
+
+
+def window(system: GearSystem, cycles: float) -> list[Pattern]:
+    """All rows over the first ``cycles`` periods 2 pi/Omega from t = 0, whatever the ratios of the mesh frequencies."""
+    count = int(np.prod(system.batch, dtype=int))
+    edges = [np.zeros((count, 1))]
+    for mesh in system.meshes:
+        ratio = float(mesh.frequency_ratio)
+        jumps = _jumps(mesh, system.batch, count)
+        turns = np.arange(np.floor(-jumps.max()), np.ceil(ratio * cycles - jumps.min()) + 1)
+        edges.append(((jumps[:, :, None] + turns) / ratio).reshape(count, -1))
+    found = np.sort(np.clip(np.concatenate(edges, axis=1), 0.0, cycles), axis=1)
+    middle = found + 0.5 * np.diff(found, axis=1, append=cycles)
+    bits = np.zeros(found.shape, dtype=np.int64)
+    for i, mesh in enumerate(system.meshes):
+        bits |= _stiff(mesh, system.batch, float(mesh.frequency_ratio) * middle).astype(np.int64) << i
+    return _patterns(system, cycles, found / cycles, bits, closed=False)
+
+
+def _patterns(system: GearSystem, cycles: float, edges: Array, bits: Array, closed: bool = True) -> list[Pattern]:
+    """Rows grouped by their sequence of states: ``edges`` (rows, S) in parts of ``cycles`` and what follows each."""
+    count = len(edges)
+    lengths = np.diff(edges, axis=1, append=edges[:, :1] + 1 if closed else np.ones((count, 1)))
     signature = np.where(lengths > SHORTEST, bits, -1)
     levels = _levels(system.meshes, count)
     patterns = []
     for elastic in reduce(system, count):
         for index, key in equal_rows(signature[elastic.rows]):
             members = elastic.rows[index]
-            states, fractions, start = merged(key, lengths[members], edges[members])
+            states, fractions, start = merged(key, lengths[members], edges[members], closed)
             unique, state = np.unique(states, return_inverse=True)
             on = (unique[:, None] >> np.arange(len(system.meshes))) & 1
             own = levels[members, None]
             chosen = np.where(on.astype(bool), own[..., 1], own[..., 0])
             part = elastic.subset(index)
             stiffness = part.stiffness_of(chosen)
-            patterns.append(Pattern(members, float(cycles), fractions, start, state, chosen, part, stiffness))
+            patterns.append(Pattern(members, cycles, fractions, start, state, chosen, part, stiffness, closed))
     return patterns
 
 
@@ -131,9 +155,7 @@ def _segments_of_rows(system: GearSystem, counts: tuple[int, ...], rows: int) ->
     """Jumps ``(rows, S)`` in [0, 1), ascending, and which meshes are stiff after each, as bits ``(rows, S)``."""
     edges = [np.zeros((rows, 1))] if not system.meshes else []
     for mesh, n in zip(system.meshes, counts, strict=True):
-        lag = np.broadcast_to(np.asarray(mesh.lag, dtype=float), system.batch).reshape(rows, 1)
-        points = mesh.waveform.breakpoints()
-        points = np.broadcast_to(points, (*system.batch, points.shape[-1])).reshape(rows, -1) + lag
+        points = _jumps(mesh, system.batch, rows)
         edges.append(((points[:, :, None] + np.arange(n)) / n).reshape(rows, -1))
     found = np.concatenate(edges, axis=1)
     found = np.sort(found - np.floor(found), axis=1)
@@ -144,6 +166,13 @@ def _segments_of_rows(system: GearSystem, counts: tuple[int, ...], rows: int) ->
     for i, (mesh, n) in enumerate(zip(system.meshes, counts, strict=True)):
         bits |= _stiff(mesh, system.batch, n * middle).astype(np.int64) << i
     return found, bits
+
+
+def _jumps(mesh: Mesh, batch: tuple[int, ...], rows: int) -> Array:
+    """``(rows, B)``, where the wave jumps, in periods of the mesh."""
+    points = mesh.waveform.breakpoints()
+    lag = np.broadcast_to(np.asarray(mesh.lag, dtype=float), batch).reshape(rows, 1)
+    return np.broadcast_to(points, (*batch, points.shape[-1])).reshape(rows, -1) + lag
 
 
 def _stiff(mesh: Mesh, batch: tuple[int, ...], phase: Array) -> Array:
@@ -166,14 +195,19 @@ def _levels(meshes: tuple[Mesh, ...], rows: int) -> Array:
     return np.stack(table, axis=1)
 
 
-def merged(key: Array, lengths: Array, edges: Array) -> tuple[Array, Array, Array]:
-    """Leave out segments of state -1 in ``key`` (S,), join neighbours in the same state; (states, fractions, start)."""
+def merged(key: Array, lengths: Array, edges: Array, closed: bool = True) -> tuple[Array, Array, Array]:
+    """Leave out segments of state -1 in ``key`` (S,), join neighbours in the same state; (states, fractions, start).
+
+    closed: whether the first segment follows the last.
+    """
     kept = np.flatnonzero(key >= 0)
     states = key[kept]
-    first = np.flatnonzero(states != np.roll(states, 1))
+    changed = states != np.roll(states, 1)
+    changed[0] |= not closed
+    first = np.flatnonzero(changed)
     if len(first) == 0:
         return states[:1], np.ones((len(lengths), 1)), edges[:, kept[0]]
-    owner = (np.cumsum(states != np.roll(states, 1)) - 1) % len(first)
+    owner = (np.cumsum(changed) - 1) % len(first)
     fractions = np.zeros((len(first), len(lengths)))
     np.add.at(fractions, owner, lengths[:, kept].T)
     return states[first], np.ascontiguousarray(fractions.T), edges[:, kept[first[0]]]
