@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from gearstab.config import Config
     from gearstab.config.respond import Respond
     from gearstab.response import Response
+    from gearstab.response.pair import PairResponse
     from gearstab.results import ResultTree
     from gearstab.system import GearSystem
 
@@ -44,14 +45,18 @@ def command(config: Path, output: Path | None, overrides: tuple[str, ...], quiet
         click.echo(summary(found, out), err=True)
 
 
-def respond(config: Config, out: Path) -> Response:
+def respond(config: Config, out: Path) -> Response | PairResponse:
     """Compute the response and write the result file ``out``; raises ConfigError and OSError."""
     import numpy as np
 
+    from gearstab.cli.respond_pair import respond_pair
+    from gearstab.config.respond_pair import PairRespond
     from gearstab.response import free_response
     from gearstab.results import write_result
     from gearstab.systems import build
 
+    if isinstance(config.respond, PairRespond):
+        return respond_pair(config, config.respond, out)
     wanted, system = _wanted(config), build(config.parameters)
     _affordable(config, wanted, system)
     rest = np.zeros(system.size)
@@ -69,7 +74,9 @@ def respond(config: Config, out: Path) -> Response:
 
 
 def _wanted(config: Config) -> Respond:
-    if config.respond is None:
+    from gearstab.config.respond import Respond
+
+    if not isinstance(config.respond, Respond):
         hint = "add respond: {mesh_frequency: .., cycles: .., initial: {displacement: [..]}}"
         _refuse(config, "", "no section 'respond'", hint)
     return config.respond
@@ -137,8 +144,13 @@ def result(config: Config, system: GearSystem, found: Response) -> ResultTree:
     return ResultTree(Group((), root_attributes(config, kernel.name())), groups)
 
 
-def summary(found: Response, out: Path) -> str:
+def summary(found: Response | PairResponse, out: Path) -> str:
     """What came out, in one line; a second one if the history was cut."""
+    from gearstab.cli.respond_pair import summary as pair_summary
+    from gearstab.response.pair import PairResponse
+
+    if isinstance(found, PairResponse):
+        return pair_summary(found, out)
     lines = [f"response: {out}: {len(found.time):,} samples to t = {found.time[-1]:.6g}, {_long_run(found)}"]
     if found.status == "overflow":
         lines.append("warning: the response outgrew double precision there; the history ends")

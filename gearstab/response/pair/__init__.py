@@ -5,6 +5,6 @@ Source: Oh, Grosh & Barber, "Energy conserving equations of motion for gear syst
 
 from gearstab.response.pair.history import PairResponse, Start, respond
 from gearstab.response.pair.integrate import STATUS
-from gearstab.response.pair.spectrum import Spectrum, spectrum
+from gearstab.response.pair.spectrum import SHORTEST, Spectrum, spectrum
 
-__all__ = ["STATUS", "PairResponse", "Spectrum", "Start", "respond", "spectrum"]
+__all__ = ["SHORTEST", "STATUS", "PairResponse", "Spectrum", "Start", "respond", "spectrum"]

@@ -104,13 +104,14 @@ def respond(
     step: float,
     duration: float = inf,
     cycles: float | None = None,
+    most_samples: float = 2e7,
     drive: float = 0.0,
 ) -> PairResponse:
     """The response of a single pair, exact between the changes of its mesh stiffness.
 
     start: the initial state. step: between samples (s). duration: how long (s); cycles: or until theta has advanced by
-    so many mesh cycles, or neither: until the gears stall. drive: an unbalanced torque (N m) on theta, as if
-    N1 (T0 + drive) drove the first gear and N2 (T0 - drive) loaded the second one.
+    so many mesh cycles, or neither: until the gears stall. most_samples: after which a run is given up. drive: an
+    unbalanced torque (N m) on theta, as if N1 (T0 + drive) drove the first gear and N2 (T0 - drive) loaded the second.
 
     The gears have stalled when their energy no longer suffices to leave the softer region; then a run that waits for
     anything but a time ends.
@@ -123,8 +124,10 @@ def respond(
     local = min(max(start.theta - tau * turns, 0.0), tau)
     static = law.load / law.kappa[0 if local < law.edges[1] else 1]
     state = (static if start.phi is None else start.phi, start.phi_dot / rate, local, start.speed / rate)
-    whole = None if cycles is None else floor(cycles)
-    goal = Goal(duration * rate, whole, 0.0 if cycles is None else tau * (cycles - floor(cycles)))
+    patience = most_samples * step * rate
+    goal = Goal(duration * rate, patience)
+    if cycles is not None:
+        goal = Goal(duration * rate, patience, floor(cycles), tau * (cycles - floor(cycles)))
     run = Run()
     found = list(integrate(law, state, goal, run))
     pieces = [item for item in found if isinstance(item, Piece)]

@@ -14,10 +14,18 @@ from gearstab.response.pair.exits import first_exit
 from gearstab.response.pair.jumps import Law
 from gearstab.response.pair.motion import Arc, State
 
-STATUS = {"stalled": 1, "reflected": 2, "reversed": 4, "chatter": 8, "event_limit": 16, "overflow": 32}
+STATUS = {
+    "stalled": 1,
+    "reflected": 2,
+    "reversed": 4,
+    "chatter": 8,
+    "event_limit": 16,
+    "overflow": 32,
+    "time_limit": 64,
+}
 """Bits of the status of a run: the gears are trapped with one pair in contact; were reflected; turned back across a
 boundary; changed region without end, which stopped the run; reached the largest number of events; the motion outgrew
-double precision. 0: nothing of all that."""
+double precision; the run was stopped before it reached its goal, since that takes too long. 0: nothing of all that."""
 
 MOST_EVENTS = 1_000_000
 CHATTER = 1000
@@ -28,11 +36,13 @@ CHATTER = 1000
 class Goal:
     """When a run ends: at a time, after an angle of theta, or (neither) when the gears have stalled.
 
-    time: in units of 1/w0. angle: theta - theta_0, as whole cycles and the rest in radians.
+    time: in units of 1/w0. cycles, rest: theta - theta_0, as whole cycles and the rest in radians. patience: the time
+    after which a run towards anything but a time is given up.
     A run that cannot reach its angle, since the gears have stalled, ends then.
     """
 
     time: float = inf
+    patience: float = inf
     cycles: int | None = None
     rest: float = 0.0
 
@@ -93,13 +103,14 @@ def integrate(law: Law, start: State, goal: Goal, run: Run) -> Iterator[Piece | 
     region, cycle, state = region_at(law, start), 0, start
     last_cycle, last_angle = _target(start[2], goal)
     recent: deque[float] = deque(maxlen=CHATTER)
+    limit = min(goal.time, goal.patience)
     for _ in range(MOST_EVENTS):
         arc = law.arc(region, state)
         lower, upper = law.edges[region] - state[2], law.edges[region + 1] - state[2]
         ends = cycle == last_cycle and state[2] < last_angle <= law.edges[region + 1]
         upper = last_angle - state[2] if ends else upper
-        found = first_exit(arc, lower, upper, goal.time - run.time)
-        duration = goal.time - run.time if found is None else found.time
+        found = first_exit(arc, lower, upper, limit - run.time)
+        duration = limit - run.time if found is None else found.time
         stall = _stall(law, region, arc, duration) if run.status & STATUS["stalled"] == 0 else None
         if stall is not None:
             run.status |= STATUS["stalled"]
@@ -110,10 +121,15 @@ def integrate(law: Law, start: State, goal: Goal, run: Run) -> Iterator[Piece | 
                 return
         if duration == inf:
             run.status |= STATUS["stalled"]
+            run.stalled = run.time
+            yield Piece(run.time, 0.0, arc, region, cycle)
             return
         yield Piece(run.time, duration, arc, region, cycle)
         run.time += duration
-        if found is None or (ends and found.direction > 0):
+        if found is None:
+            run.status |= STATUS["time_limit"] if goal.time > limit else 0
+            return
+        if ends and found.direction > 0:
             return
         phi, rate, _, speed = arc.at(duration)
         edge = law.edges[region + (found.direction > 0)]

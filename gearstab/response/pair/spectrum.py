@@ -9,6 +9,9 @@ import numpy as np
 
 from gearstab.system import Array
 
+SHORTEST = 8
+"""Samples that a spectrum needs."""
+
 
 @dataclass(frozen=True)
 class Spectrum:
@@ -32,12 +35,12 @@ def spectrum(history: Array, step: float, window: str = "hann", most_peaks: int 
     """The periodogram of a history in equal steps, without its mean (scipy.signal.periodogram).
 
     window: hann, for histories that do not repeat themselves exactly; boxcar for whole periods.
-    Raises ValueError for fewer than 8 samples.
+    Raises ValueError for fewer than ``SHORTEST`` samples.
     """
     from scipy.signal import find_peaks, periodogram
 
-    if len(history) < 8:
-        raise ValueError("a spectrum needs 8 samples or more")
+    if len(history) < SHORTEST:
+        raise ValueError(f"a spectrum needs {SHORTEST} samples or more")
     hertz, density = periodogram(history, fs=1 / step, window=window, detrend="constant")
     found, _ = find_peaks(density)
     order = np.argsort(-density[found], kind="stable")[:most_peaks]
