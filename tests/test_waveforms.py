@@ -10,9 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gearstab.waveforms import WAVEFORMS, Constant, Fourier, Pair, Rectangular, Sampled, Scaled, Trapezoidal
+from gearstab.waveforms import WAVEFORMS, Constant, Fourier, Pair, Rectangular, Sampled, Scaled, Tooth, Trapezoidal
 from gearstab.waveforms.pair import constant, parabolic
 from gearstab.waveforms.splines import interpolate
+from gearstab.waveforms.tooth import Piecewise, interpolated, stacked
 
 RATIOS = (1.0, 1.3, 1.5, 1.97, 2.0, 2.6, 3.02)
 IRREGULAR = np.array([0.05, 0.11, 0.3, 0.31, 0.5, 0.72, 0.9])
@@ -21,6 +22,16 @@ UNIFORM = np.arange(40) / 40
 SMOOTH = 20 + 3 * np.sin(2 * np.pi * UNIFORM) + np.cos(4 * np.pi * UNIFORM)
 TOOTH = interpolate(np.array([0.0, 0.2, 0.7, 1.0]), np.array([1.0, 2.0, 2.2, 0.8]), "linear", periodic=False)
 CURVED = interpolate(np.linspace(0, 1, 6), np.array([1.0, 1.5, 2.2, 2.4, 1.9, 0.0]), "cubic", periodic=False)
+
+
+def arch(x):
+    """Stiffness of two pieces that jumps where the pieces meet, at 0.6, and has extremes between."""
+    return 1e8 * np.where(x < 0.6, 3 + np.sin(5 * x), 2 + np.exp(x) * np.cos(3 * x))
+
+
+def flat(x):
+    return np.full_like(x, 7.0)
+
 
 CASES = {
     "rectangular": [Rectangular(c) for c in RATIOS],
@@ -40,6 +51,14 @@ CASES = {
         Sampled(UNIFORM, np.full(40, 3e8), "cubic"),
     ],
     "pair": [Pair(c, shape) for c in RATIOS for shape in (constant(2.0), parabolic(), TOOTH, CURVED)],
+    "tooth": [
+        *(
+            Tooth(interpolated(flank, np.array(cuts), 20))
+            for flank in (arch, flat)
+            for cuts in ((0.0, 0.6), (0.0, 0.0))
+        ),
+        Tooth(Piecewise(np.array([0.0, 0.3]), np.array([[2e8], [1e8]]))),
+    ],
 }
 ALL = [(name, wave) for name, waves in CASES.items() for wave in waves]
 IDS = [f"{name}{i}" for name, waves in CASES.items() for i, _ in enumerate(waves)]
@@ -51,6 +70,9 @@ BATCHES = {
     "fourier": Fourier(np.array([[[0.3, 0.0]], [[0.0, 0.0]]]), np.array([[0.5, 0.1], [0.0, 0.0], [0.0, 0.2]])),
     "sampled": Sampled(IRREGULAR, LEVELS * np.array([1.0, 1.5])[:, None, None] + np.arange(3.0)[:, None] ** 2, "cubic"),
     "pair": Pair(np.array([1.0, 1.3, 2.6]), parabolic(np.array([[1.0], [0.55]]))),
+    "tooth": Tooth(
+        stacked([interpolated(f, np.array([0.0, d]), 20) for f in (arch, flat) for d in (0.1, 0.6)], (2, 2))
+    ),
 }
 
 
@@ -154,6 +176,8 @@ def test_peak_to_peak_is_one(name, wave) -> None:
     elif name == "pair":
         still = wave.shape.constant and wave.contact_ratio in (1.0, 2.0)
         assert abs(size - (not still)) < 1e-14
+    elif name == "tooth":
+        assert abs(size - (np.size(np.unique(wave.stiffness.coefficients)) > 1)) < 1e-14
     elif wave.contact_ratio in (1.0, 2.0):
         assert size == 0
         assert not np.any(wave.value(np.linspace(0, 1, 101)))
@@ -207,6 +231,8 @@ def entry(wave, index):
         pieces = np.broadcast_to(wave.shape.coefficients, (*wave.batch, *wave.shape.coefficients.shape[-2:]))
         own = replace(wave.shape, coefficients=pieces[index])
         return Pair(float(np.broadcast_to(wave.contact_ratio, wave.batch)[index]), own)
+    if isinstance(wave, Tooth):
+        return Tooth(Piecewise(wave.stiffness.edges[index], wave.stiffness.coefficients[index]))
     sizes = (*wave.batch, np.shape(wave.sin)[-1])
     return Fourier(*(np.broadcast_to(p, sizes)[index] for p in (wave.sin, wave.cos)))
 

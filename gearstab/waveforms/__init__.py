@@ -9,6 +9,7 @@ from gearstab.waveforms.pair import Pair
 from gearstab.waveforms.profile import Constant, Scaled
 from gearstab.waveforms.rectangular import Rectangular
 from gearstab.waveforms.sampled import Sampled
+from gearstab.waveforms.tooth import Tooth
 from gearstab.waveforms.trapezoidal import Trapezoidal
 
 WAVEFORMS: dict[str, type[Waveform]] = {
@@ -17,6 +18,7 @@ WAVEFORMS: dict[str, type[Waveform]] = {
     "fourier": Fourier,
     "sampled": Sampled,
     "pair": Pair,
+    "tooth": Tooth,
 }
 
 __all__ = [
@@ -28,6 +30,7 @@ __all__ = [
     "Rectangular",
     "Sampled",
     "Scaled",
+    "Tooth",
     "Trapezoidal",
     "Waveform",
 ]

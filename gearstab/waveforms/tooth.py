@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -11,7 +11,9 @@ from numpy.polynomial import chebyshev
 
 from gearstab.waveforms.base import Array
 from gearstab.waveforms.phase import wrapped
+from gearstab.waveforms.sampled import normalised, significant
 
+ROUNDING = 1e-14  # relative: coefficients below it are left out
 FOURIER_NODES = 24  # of Gauss's rule a piece and a dozen oscillations: rounding is reached
 
 
@@ -115,12 +117,24 @@ def interpolated(function: Callable[[Array], Array], edges: Array, degree: int) 
     ``function`` takes phases of the shape ``(B, degree + 1)``; it is never asked at an edge.
     """
     edges = np.asarray(edges, dtype=float)
-    t = np.cos(np.pi * (np.arange(degree + 1) + 0.5) / (degree + 1))[::-1]
+    angle = np.pi * (np.arange(degree, -1, -1) + 0.5) / (degree + 1)
+    t = np.cos(angle)
     ends = np.append(edges[1:], 1.0)
     x = edges[:, None] + (ends - edges)[:, None] * (t + 1) / 2
-    basis = chebyshev.chebvander(t, degree)
+    basis = np.cos(np.outer(angle, np.arange(degree + 1)))
     scale = np.where(np.arange(degree + 1) == 0, 1.0, 2.0) / (degree + 1)
-    return Piecewise(edges, function(x) @ basis * scale)
+    coefficients = function(x) @ basis * scale
+    size = np.max(np.abs(coefficients), axis=0)
+    needed = np.flatnonzero(size > ROUNDING * np.max(size))
+    return Piecewise(edges, coefficients[:, : needed[-1] + 1 if len(needed) else 1])
+
+
+def stacked(curves: Sequence[Piecewise], shape: tuple[int, ...]) -> Piecewise:
+    """One batch of the given shape from single curves with equally many pieces, in the order of the batch."""
+    degrees = max(np.shape(curve.coefficients)[-1] for curve in curves)
+    padded = [np.pad(curve.coefficients, ((0, 0), (0, degrees - curve.coefficients.shape[-1]))) for curve in curves]
+    edges = np.stack([curve.edges for curve in curves])
+    return Piecewise(edges.reshape(*shape, -1), np.stack(padded).reshape(*shape, edges.shape[-1], degrees))
 
 
 @dataclass(frozen=True)
@@ -141,22 +155,20 @@ class Tooth:
         return self.stiffness.batch
 
     @cached_property
-    def _scale(self) -> Array:
-        """1/(max - min), 0 where that is nothing but rounding."""
-        low, high = self.stiffness.extremes
-        flat = high - low <= 1e-13 * np.maximum(np.abs(low), np.abs(high))
-        return np.where(flat, 0.0, 1 / np.where(flat, 1.0, high - low))
+    def _size(self) -> Array:
+        return significant(*self.stiffness.extremes)
 
     def value(self, x: Array) -> Array:
-        return (self.stiffness.value(x) - self.stiffness.mean) * self._scale
+        return normalised(self.stiffness.value(x) - self.stiffness.mean, self._size)
 
     def breakpoints(self) -> Array:
         return self.stiffness.breakpoints()
 
     def extremes(self) -> tuple[Array, Array]:
         low, high = self.stiffness.extremes
-        return (low - self.stiffness.mean) * self._scale, (high - self.stiffness.mean) * self._scale
+        mean = self.stiffness.mean
+        return normalised(low - mean, self._size), normalised(high - mean, self._size)
 
     def fourier(self, order: int) -> tuple[Array, Array]:
         a, b = self.stiffness.fourier(order)
-        return a * self._scale, b * self._scale
+        return normalised(a, self._size), normalised(b, self._size)
