@@ -16,7 +16,7 @@ from gearstab.config.mesh import Mesh, ToothMesh
 from gearstab.config.names import BUT_THE_FIRST, EVERY_MESH, RIVALS, mesh_items
 from gearstab.config.problems import Path, dotted, nearest
 from gearstab.config.system import System
-from gearstab.config.waveforms import FORMS, Waveform, form_of, kind_of
+from gearstab.config.waveforms import FORMS, Waveform, has_no_ratio, kind_of
 
 MESH_FREQUENCY: Path = ("mesh_frequency",)
 """Where the mesh frequency stands, which no system has."""
@@ -86,8 +86,7 @@ def _of_meshes(name: str, model: type[System], raw: dict[str, Any]) -> list[Targ
         has_it = isinstance(mesh, dict) and kind is not None and name in field_types(kind)
         if not has_it or mesh.get(RIVALS.get(name, "")) is not None or (i == 0 and name in BUT_THE_FIRST):
             continue
-        form = form_of(mesh)
-        if name == "contact_ratio" and form is not None and not form.contact_ratio:
+        if name == "contact_ratio" and has_no_ratio(mesh):
             continue
         field = kind.model_fields[name]
         found.append(Target((("meshes", i, name),), field_types(kind)[name], field.title, _default(field, name)))
@@ -142,7 +141,8 @@ def _check_waveform(key: str, waveform: Any) -> None:
     if kind and key in FORMS[kind].keys:
         return
     owners = ", ".join(other for other, form in FORMS.items() if key in form.keys)
-    raise TargetError(f"a {kind} wave takes no {key}" if kind else "unknown waveform", f"choose waveform kind: {owners}")
+    message = f"a {kind} wave takes no {key}" if kind else "unknown waveform"
+    raise TargetError(message, f"choose waveform kind: {owners}")
 
 
 def _default(field: FieldInfo, name: str) -> Any:

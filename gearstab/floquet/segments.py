@@ -107,14 +107,28 @@ class Pattern:
 
 
 def prepare(system: GearSystem) -> list[Pattern]:
-    """All rows of a (batched) system over a common period as patterns; every row occurs exactly once."""
+    """All rows of a (batched) system over a common period as patterns; every row occurs exactly once.
+
+    Raises ValueError for a system that has no segments of constant, symmetric stiffness.
+    """
+    _check(system)
     cycles, counts = system.common_period()
     edges, bits = _segments_of_rows(system, counts, int(np.prod(system.batch, dtype=int)))
     return _patterns(system, float(cycles), edges, bits)
 
 
+def _check(system: GearSystem) -> None:
+    if system.terms:
+        raise ValueError("periodic terms beside the mesh stiffness are not supported here")
+    smooth = [mesh.name for mesh in system.meshes if not mesh.waveform.piecewise_constant]
+    if smooth:
+        names = ", ".join(f"'{name}'" for name in smooth)
+        raise ValueError(f"waves that are not piecewise constant are not supported here: mesh {names}")
+
+
 def window(system: GearSystem, cycles: float) -> list[Pattern]:
     """All rows over the first ``cycles`` periods 2 pi/Omega from t = 0, whatever the ratios of the mesh frequencies."""
+    _check(system)
     count = int(np.prod(system.batch, dtype=int))
     edges = [np.zeros((count, 1))]
     for mesh in system.meshes:
