@@ -48,8 +48,8 @@ def load(path: str | FilePath, overrides: Sequence[str] = (), needs: Sequence[st
     if methods is not None and methods.boundaries is not None and system is not None:
         _check_range(document, system.axes)
     if methods is not None and model is not None and system is not None:
-        for path, message, hint in model.unfit(system.parameters, system.axes, methods.chosen):
-            document.report(("methods", *path), message, hint, at_key=True)
+        for name, message, hint in model.unfit(system.parameters, system.axes, methods.chosen):
+            document.report(("methods", *name), message, hint, at_key=True)
     if document.problems or system is None or methods is None:
         raise ConfigError(document.problems)
     config = _config(document, source, system, methods, respond)
@@ -251,7 +251,7 @@ def _read_respond(
         return None
     if model is not None and model.respond_model is not None:
         return _read_pair_respond(document)
-    from gearstab.config.respond import Initial, Respond
+    from gearstab.config.respond import Initial, Respond, drives
     from gearstab.config.validation import validate
 
     raw = document.data.get("system")
@@ -259,11 +259,13 @@ def _read_respond(
     size = model.size(known) if model else None
     section = document.data["respond"]
     if isinstance(section, dict):
-        for path, message, hint in Respond.conflicts(section, size):
+        for path, message, hint in Respond.conflicts(section, size, drives(known)):
             document.report(("respond", *path), message, hint)
     respond = validate(document, Respond, ("respond",))
     if respond is None or size is None:
         return None
+    if respond.initial is None:
+        return respond
     state = {name: getattr(respond.initial, name) or [0.0] * size for name in Initial.model_fields}
     return respond.model_copy(update={"initial": Initial(**state)})
 

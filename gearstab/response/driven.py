@@ -47,7 +47,7 @@ class Driven:
 
     def history(self, start: Array, samples: int, grid: int) -> Array:
         """x at all samples, ``(samples, m)``, ``grid`` of them in a common period; start: x at t = 0."""
-        edges, periods = self.points.edges[0] * grid, -(-samples // grid)
+        edges, periods = self.points.edges[0] * grid, max(1, -(-samples // grid))
         columns = np.empty((len(start), periods))
         columns[:, 0] = start
         if periods > 1:

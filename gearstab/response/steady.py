@@ -31,10 +31,8 @@ more than 1e6 (near an edge, or of a strongly growing system); a loaded mesh's f
 separate; the samples are too few for its fastest vibration; the load accelerates the train as a whole, and that part of
 it was left out; no finite result."""
 
-ILL_CONDITIONED = 1e6
-"""Of the condition number of I - M and of |M|."""
-SINGULAR = 1e14
-"""Condition number of I - M beyond which nothing is left of sixteen digits."""
+ILL_CONDITIONED, SINGULAR = 1e6, 1e14
+"""Amplification of rounding errors that is worth a word, and that leaves nothing of sixteen digits."""
 UNSTABLE = 1e-9
 """Excess of the largest |lambda| over 1 that is no rounding error."""
 MOST_ENTRIES = 2**21
@@ -82,19 +80,31 @@ def start(points: Points) -> Start:
     finite = np.isfinite(matrix).all(axis=(1, 2)) & np.isfinite(shift).all(axis=1)
     matrix = np.where(finite[:, None, None], matrix, 0.0)
     difference = np.eye(size) - matrix
-    condition = np.linalg.cond(difference) if size else np.ones(len(matrix))
-    solvable = finite & (condition < SINGULAR)
+    amplified = amplification(matrix, difference)
+    solvable = finite & (amplified < SINGULAR)
     regular = np.where(solvable[:, None, None], difference, np.eye(size))
     x = np.linalg.solve(regular, np.where(solvable[:, None], shift, np.nan)[..., None])[..., 0]
     largest = np.abs(np.linalg.eigvals(matrix)).max(axis=-1, initial=0.0)
-    sensitive = np.maximum(condition, np.abs(matrix).max(axis=(1, 2), initial=0.0)) > ILL_CONDITIONED
     status = np.zeros(len(x), dtype=int)
     status[largest > 1 + UNSTABLE] |= STATUS_FLAGS["unstable"]
     status[np.abs(largest - 1) <= UNSTABLE] |= STATUS_FLAGS["undamped"]
-    status[sensitive] |= STATUS_FLAGS["ill_conditioned"]
+    status[amplified > ILL_CONDITIONED] |= STATUS_FLAGS["ill_conditioned"]
     status[unbalanced(points.excitation, points.basis)[points.at]] |= STATUS_FLAGS["unbalanced"]
     status[~solvable] |= STATUS_FLAGS["failed"]
     return Start(points, x, status)
+
+
+def amplification(matrix: Array, difference: Array) -> Array:
+    """``(K,)``: max(1, |M|) max(1, |M|, 1/s), s the least singular value of I - M.
+
+    An error of M, eps |M|, is multiplied by 1/s in x(0), and one of x(0) by |M| on its way through a period.
+    """
+    if not matrix.shape[-1]:
+        return np.ones(len(matrix))
+    least = np.linalg.svd(difference, compute_uv=False)[:, -1]
+    size = np.maximum(1.0, np.linalg.norm(matrix, axis=(1, 2)))
+    with np.errstate(divide="ignore", over="ignore"):
+        return np.asarray(size * np.maximum(size, 1 / least))
 
 
 def period_map(points: Points) -> tuple[Array, Array]:

@@ -50,6 +50,12 @@ class Variable:
         return replace(self, dims=tuple(name for dim in self.dims for name in known.get(dim, (dim,))))
 
 
+def flagged(variables: Sequence[Variable], flags: Mapping[str, int]) -> tuple[Variable, ...]:
+    """The variables of a table, the one called ``status`` with the names and bits of its flags."""
+    said = {"flag_masks": list(flags.values()), "flag_meanings": " ".join(flags)}
+    return tuple(replace(v, attributes=said) if v.name == "status" else v for v in variables)
+
+
 def coordinate(name: str, dim: str, dtype: str, units: str, long_name: str) -> Variable:
     """A variable that describes the points of a dimension; the dimension's own coordinate if it has its name."""
     return Variable(name, (dim,), dtype, units, long_name, coordinate=True)
@@ -87,6 +93,30 @@ EXPONENTS = (
     Variable("exponent_real", (GRID, "exponent"), "f8", "1/s", "real part of the characteristic exponent"),
     Variable("exponent_imag", (GRID, "exponent"), "f8", "rad/s", "imaginary part of the characteristic exponent"),
 )
+
+BY_MESH = (
+    coordinate("mesh", "mesh", TEXT, "1", "tooth mesh; meshes of one frequency vary together"),
+    Variable("growth_rate_mesh", (GRID, "mesh"), "f8", "1/s", "growth rate while all meshes of other frequencies keep "
+             "their mean stiffness"),
+)  # fmt: skip
+"""Of one mesh frequency at a time."""
+
+INTERVAL = (
+    Variable("growth_rate_interval", (GRID,), "f8", "1/s", "half-width of the confidence interval of the growth rate"),
+)
+"""Of estimated growth rates."""
+
+ORBITS = (
+    Variable(
+        "speed_exponent",
+        (GRID,),
+        "f8",
+        "1/s",
+        "characteristic exponent of the mean speed of the orbit, left out of the growth rate",
+    ),
+    Variable("holding_torque", (GRID,), "f8", "N m", "unbalanced torque that holds the mean speed of the orbit"),
+)
+"""Of periodic orbits of gear pairs."""
 
 TONGUE = (
     coordinate("mode_p", "tongue", "i4", "1", "first mode of the instability"),
@@ -138,7 +168,27 @@ RESPONSE = (
     Variable("mesh_deflection", ("time", "mesh"), "f8", "m", "mesh deflection along the line of action"),
     Variable("mesh_force", ("time", "mesh"), "f8", "N", "elastic mesh force"),
     Variable("energy", ("time",), "f8", "J", "kinetic energy and potential energy at the stiffness of the moment"),
-)
+    Variable("static_mesh_force", ("mesh",), "f8", "N", "mesh force under the constant load, at the mean stiffness"),
+    Variable("mean_velocity", ("dof",), "f8", "m/s", "uniform motion that displacements are relative to"),
+    coordinate("frequency", "frequency", "f8", "rad/s", "frequency"),
+    Variable("mesh_force_amplitude", ("frequency", "mesh"), "f8", "N", "amplitude of the harmonic of the mesh force"),
+    Variable(
+        "mesh_deflection_amplitude", ("frequency", "mesh"), "f8", "m", "amplitude of the harmonic of the deflection"
+    ),
+    Variable(
+        "mesh_force_density", ("frequency", "mesh"), "f8", "N2 s", "one-sided power spectral density of the mesh force"
+    ),
+    Variable(
+        "mesh_deflection_density", ("frequency", "mesh"), "f8", "m2 s",
+        "one-sided power spectral density of the mesh deflection",
+    ),
+    coordinate("peak", "peak", "i4", "1", "number of the peak of the mesh forces' spectra, the largest first"),
+    Variable("peak_mesh", ("peak",), TEXT, "1", "tooth mesh of the peak"),
+    Variable("peak_frequency", ("peak",), "f8", "rad/s", "frequency of the peak"),
+    Variable("peak_amplitude", ("peak",), "f8", "N", "amplitude of the harmonic"),
+    Variable("peak_density", ("peak",), "f8", "N2 s", "height of the peak"),
+    Variable("status", (), "i2", "1", "what is to be said of the response; 0: nothing"),
+)  # fmt: skip
 
 PAIR_RESPONSE = (
     coordinate("time", "time", "f8", "s", "time"),
