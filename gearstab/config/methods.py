@@ -58,8 +58,11 @@ class FloquetOptions(Section):
 class PerturbationOptions(Section):
     """Instability boundaries by perturbation theory."""
 
-    order: Annotated[int, Choice("order", (1,), (2,))] = Field(
-        default=1, title="order", description="Order of the expansion in epsilon."
+    order: Annotated[int, Choice("order", (1, 2))] = Field(
+        default=1,
+        title="order",
+        description="Order of the expansion in epsilon: 1 gives straight boundaries, 2 also shifts and curves them, opens "
+        "tongues by products of harmonics, and estimates the error.",
     )
     harmonics: Harmonics = Field(default=3, title="harmonics", description="Up to which harmonic of each mesh.")
 
@@ -92,7 +95,7 @@ class Methods(Section):
         default=None, title="floquet", description="Exact stability at every point of the grid."
     )
     perturbation: PerturbationOptions | None = Field(
-        default=None, title="perturbation", description="First-order boundaries."
+        default=None, title="perturbation", description="Boundaries by perturbation theory."
     )
     uncoupled: UncoupledOptions | None = Field(
         default=None, title="uncoupled", description="Uncoupled Mathieu equations, to compare with."

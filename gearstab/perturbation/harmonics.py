@@ -137,12 +137,12 @@ class Excited:
                 found[:, m, where] = np.conj(value) if sign < 0 else value
         return found
 
-    def matrices(self, family: Family, k: Array) -> Array:
-        """B(k) ``(rows, n, k, n)``, symmetric in the two modes."""
+    def matrices(self, family: Family, k: Array, modes: Array | slice = slice(None)) -> Array:
+        """B(k)_pr of all modes r and some modes p ``(rows, p, k, n)``; symmetric in the two."""
         members = list(family.members)
         z = self.coefficients(family, k) * self.strength[:, members, None]
         delta = self.deflection[:, :, members]
-        sides = np.einsum("rim,rmk->rikm", delta, z)
+        sides = delta[:, modes, None, :] * np.swapaxes(z, -1, -2)[:, None]
         return sides @ np.swapaxes(delta, -1, -2)[:, None]
 
     def moments(self, family: Family, first: int, shift: int, powers: int) -> Array:

@@ -104,9 +104,7 @@ class Modal:
 
     def rows(self, rows: Array) -> Modal:
         damping = None if self.damping is None else self.damping[rows]
-        return Modal(
-            self.frequency[rows], self.squared_frequency[rows], self.deflection[rows], damping, self.batch
-        )
+        return Modal(self.frequency[rows], self.squared_frequency[rows], self.deflection[rows], damping, self.batch)
 
 
 def modal_rows(system: GearSystem) -> Modal:

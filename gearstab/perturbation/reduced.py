@@ -38,6 +38,8 @@ HALVINGS = 60
 """Of a bracket: enough for the last bit of a double."""
 DEFECTIVE = 1e-6
 """Where two equal real x meet, rounding parts them by the square root of the rounding error, 1e-8 of the matrix."""
+INSIDE = 10.0 ** -np.arange(3.0, 10.0)
+"""How far inside an edge, as parts of the region, the instability is looked for."""
 UNDAMPED = 1e-12
 """A rate of damping below this part of the largest one is rounding."""
 SAMPLES = 256
@@ -112,7 +114,9 @@ def second_threshold(problem: Reduced) -> Array:
     unit = np.divide(np.sqrt(product), size, out=np.full(size.shape, np.inf), where=size > 0)
     some = np.isfinite(unit) & (product > 0) & np.isfinite(first)
     one, two = first[some] * unit[some], second[some] * unit[some] ** 2
-    found = np.where(product > 0, np.inf, np.where((np.abs(first) + np.abs(second) > 0) | (mu_p + mu_q == 0), 0.0, np.inf))
+    found = np.where(
+        product > 0, np.inf, np.where((np.abs(first) + np.abs(second) > 0) | (mu_p + mu_q == 0), 0.0, np.inf)
+    )
     found[some] = _least_root(one, two, product[some]) * unit[some]
     return np.where((mu_p < 0) | (mu_q < 0), 0.0, found)
 
@@ -173,14 +177,24 @@ def _hermitian(problem: Reduced) -> tuple[Array, Array]:
     middle = 0.5 * (lower + upper)
     closed = half[..., 0, 0] == 0
     lower, upper = np.where(closed, middle, lower), np.where(closed, middle, upper)
-    for which, edge in ((-1.0, lower), (1.0, upper)):
-        inside = edge - which * 1e-3 * (upper - lower)
-        doubtful = ~closed & (_growth(problem, inside) <= DEFECTIVE * half[..., 0, 0])
-        if doubtful.any():
-            floor = DEFECTIVE * half[doubtful, 0, 0]
-            found = _outermost(problem.row(doubtful), lower[doubtful], upper[doubtful], floor)
-            edge[doubtful] = found[0] if which < 0 else found[1]
+    doubtful = ~closed & ~(_unstable_inside(problem, lower, upper) & _unstable_inside(problem, upper, lower))
+    if doubtful.any():
+        floor = DEFECTIVE * half[doubtful, 0, 0]
+        found = _outermost(problem.row(doubtful), lower[doubtful], upper[doubtful], floor)
+        lower[doubtful], upper[doubtful] = np.where(np.isnan(found), (lower[doubtful], upper[doubtful]), found)
     return lower, upper
+
+
+def _unstable_inside(problem: Reduced, edge: Array, other: Array) -> Array:
+    """Whether an unstable detuning is near ``edge`` on the side of ``other``, however narrow the part that begins there."""
+    floor = DEFECTIVE * 2 * np.linalg.norm(problem.coupling, axis=(-2, -1))
+    found = np.zeros(edge.shape, dtype=bool)
+    for part in INSIDE:
+        left = ~found
+        if left.any():
+            some = problem.row(left)
+            found[left] = _growth(some, (edge + part * (other - edge))[left]) > floor[left]
+    return found
 
 
 def _first_meeting(own: Array, other: Array, coupling: Array) -> Array:

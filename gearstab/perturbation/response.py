@@ -70,8 +70,10 @@ def limit(pairs: int, modes: int) -> int:
     return int(np.clip(WORK / (pairs * modes), SHORTEST, LONGEST))
 
 
-def second_order_coupling(excited: Excited, family: Family, squared: Array, pairs: Pairs, longest: int) -> Array:
-    """S_pq ``(rows, pairs)``, exactly zero where only rounding is left.
+def second_order_coupling(
+    excited: Excited, family: Family, squared: Array, pairs: Pairs, longest: int
+) -> tuple[Array, Array]:
+    """S_pq, exactly zero where only rounding is left, and the sum of the magnitudes of its terms, ``(rows, pairs)``.
 
     squared: w_r^2 ``(rows, n)``; 0 for rigid-body modes, which take no part.
     """
@@ -88,7 +90,7 @@ def second_order_coupling(excited: Excited, family: Family, squared: Array, pair
             total[here], size[here] = _direct(own, family, squared[rows], part, last)
             total[here] += _rest(own, family, squared[rows], part, last, moments[rows])
     total[np.abs(total) <= ROUNDING * size] = 0.0
-    return total
+    return total, size
 
 
 def _reach(family: Family, squared: Array, pairs: Pairs) -> Array:
@@ -117,9 +119,10 @@ def _direct(excited: Excited, family: Family, squared: Array, pairs: Pairs, last
     """The terms with |k| <= ``last`` one by one: their sum, and the sum of their magnitudes."""
     k = family.lattice(0, [last // n for n in family.cycles])
     receptance = _receptance(squared, pairs, k, family.base)
-    left = excited.matrices(family, k)
-    right = left if pairs.number == 0 else excited.matrices(family, k + pairs.number)
-    terms = receptance * np.conj(left[:, pairs.p]) * right[:, pairs.q]
+    p, own = np.unique(pairs.p, return_inverse=True)
+    q, other = np.unique(pairs.q, return_inverse=True)
+    left, right = excited.matrices(family, k, p), excited.matrices(family, k + pairs.number, q)
+    terms = receptance * np.conj(left[:, own]) * right[:, other]
     return terms.sum(axis=(-2, -1)), np.abs(terms).sum(axis=(-2, -1))
 
 

@@ -20,10 +20,16 @@ BLOCK = 200_000
 """Rows are taken together up to this many entries of a mode matrix times meshes."""
 MOST_ROWS = 1000
 """And no more than this many, for the sake of the Fourier coefficients."""
-NOT_CONVERGED, CLOSED, ENDLESS = 1, 2, 4
-STATUS_FLAGS = {"not_converged": NOT_CONVERGED, "closed_by_damping": CLOSED, "no_boundary": ENDLESS}
+NOT_CONVERGED, CLOSED, ENDLESS, COINCIDENT = 1, 2, 4, 8
+STATUS_FLAGS = {
+    "not_converged": NOT_CONVERGED, "closed_by_damping": CLOSED, "no_boundary": ENDLESS, "coincident_tongues": COINCIDENT,
+}  # fmt: skip
 """``not_converged``: the estimate of the third-order terms is as large as the second-order ones. ``closed_by_damping``: stable
-at every mesh frequency near the root. ``no_boundary``: one mode of two is damped, and theory has no end of the region."""
+at every mesh frequency near the root. ``no_boundary``: one mode of two is damped, and theory has no end of the region.
+``coincident_tongues``: another resonance of the same modes is nearer than its coupling is strong; no boundary is given."""
+SAFETY = 2.0
+"""On the estimate of the error. Of 700 tongues of random two-stage trains at epsilon = 0.02 ... 0.2, nine in ten are then
+nearer to Floquet's than estimated."""
 
 
 def second_order(system: GearSystem, harmonics: int, modes: Sequence[int] | None = None) -> Tongues:
@@ -48,9 +54,10 @@ def second_order(system: GearSystem, harmonics: int, modes: Sequence[int] | None
 
     Tongues are taken one by one. A further resonance of the same solution (a mode r and a harmonic k with w_p + k Omega
     near +-w_r: another tongue of a mode of this one nearly at the same Omega, or a difference of natural frequencies)
-    has a small divisor: ``boundary_error`` grows and ``status`` says ``not_converged`` where it decides.
+    has a small divisor: ``boundary_error`` grows, and ``status`` says ``not_converged`` where it decides. Where the coupling
+    is stronger than the distance, ``status`` says ``coincident_tongues`` and the boundaries are NaN.
 
-    ``boundary_error`` is theta times the sum R of the magnitudes of all second-order terms of the boundary, theta
+    ``boundary_error`` is twice theta times the sum R of the magnitudes of all second-order terms of the boundary, theta
     being the largest ratio of amplitudes that the expansion takes as small: that of the mode and harmonic that mix
     most with the two in resonance, or half-width over natural frequency; to which is added the change of the nearest
     resonance's contribution across the tongue. It has the size of the third-order terms, but is no bound.
@@ -62,7 +69,9 @@ def second_order(system: GearSystem, harmonics: int, modes: Sequence[int] | None
     modal = modal_rows(system)
     place = {(t.frequency_ratio, t.mode_p - 1, t.mode_q - 1): k for k, t in enumerate(first.index)}
     shape = (len(first.index), len(modal.frequency))
-    found = _Found(np.full((shape[0], 2, shape[1]), np.nan), np.full((shape[0], 2, shape[1]), np.nan), *_start(first, shape))
+    found = _Found(
+        np.full((shape[0], 2, shape[1]), np.nan), np.full((shape[0], 2, shape[1]), np.nan), *_start(first, shape)
+    )
     chosen = {p - 1 for p in modes} if modes is not None else {p for _, p, _ in place} | {q for _, _, q in place}
     for rows, groups in partitions(modal.frequency):
         kept = [g for g in groups if g[0] in chosen]
@@ -144,38 +153,47 @@ class _Block:
         if problem.single and problem.damping_p is not None:
             threshold = second_threshold(problem)
         terms, third = _sizes(problem, near)
-        endless = np.isinf(half)
-        sigma[:, endless] = np.nan
+        endless, coincident = np.isinf(half), near[1] >= near[2]
         missing = np.isnan(sigma[0]) & ~endless
         status = NOT_CONVERGED * (third >= terms) * (terms > 0) + CLOSED * missing + ENDLESS * endless
-        error = np.where(np.isnan(sigma), np.nan, third)
+        status = status + COINCIDENT * coincident
+        sigma[:, endless | coincident] = np.nan
+        error = np.where(np.isnan(sigma), np.nan, SAFETY * third)
         return (root + sigma) / ratio, error / ratio, threshold, status.astype(np.int16)
 
     def _reduced(
         self, force: Excitation, pairs: list[tuple[Group, Group]], half: Array
-    ) -> tuple[Reduced, tuple[Array, Array, Array]]:
-        """The amplitude equations of all rows and pairs, and the resonance that disturbs each most."""
+    ) -> tuple[Reduced, tuple[Array, Array, Array, Array]]:
+        """The amplitude equations of all rows and pairs; the size of their second-order terms, and the resonance that
+        disturbs each most."""
         couplings = _Couplings(self.system, self.excited, self.representative, force, pairs)
         scale = self.scale[:, None]
         w_p, w_q = (a[self.source] for a in (couplings.w_p, couplings.w_q))
-        norm = (2 * np.sqrt(w_p * w_q))[..., None, None]
-        one, two = scale[..., None, None], scale[..., None, None] ** 2
-        first = couplings.direct()[self.source] * one / norm
-        second = couplings.through()[self.source] * two / norm
-        shift_p = couplings.shift("p")[self.source] * two / (2 * w_p)[..., None, None]
-        shift_q = couplings.shift("q")[self.source] * two / (2 * w_q)[..., None, None]
+        norm, one, two = 2 * np.sqrt(w_p * w_q), scale, scale**2
+        through, shift_p, shift_q = couplings.through(), couplings.shift("p"), couplings.shift("q")
+        problem = Reduced(
+            w_p, w_q, _times(couplings.direct()[self.source], one / norm),
+            *(_times(part[0][self.source], factor) for part, factor in
+              ((through, two / norm), (shift_p, 0.5 * two / w_p), (shift_q, 0.5 * two / w_q))),
+            half,
+        )  # fmt: skip
+        size = 2 * through[1][self.source] / norm + 0.5 * (
+            shift_p[1][self.source] / w_p + shift_q[1][self.source] / w_q
+        )
         strength, distance, motion = (a[self.source] for a in couplings.nearest())
-        problem = Reduced(w_p, w_q, first, second, shift_p, shift_q, half)
         if self.modal.damping is not None:
             problem = self._damped(problem, force, pairs)
-        return problem, (strength * scale, distance, motion)
+        return problem, (size * two, strength * scale, distance, motion)
 
     def _damped(self, problem: Reduced, force: Excitation, pairs: list[tuple[Group, Group]]) -> Reduced:
         """Damping of the groups and, where damping couples modes, its effects of second order."""
         damping, squared = self.modal.damping, self.modal.squared_frequency
         assert damping is not None
         p, q = (np.array([pair[k] for pair in pairs]) for k in (0, 1))
-        parts = {"damping_p": damping[:, p[:, :, None], p[:, None, :]], "damping_q": damping[:, q[:, :, None], q[:, None, :]]}
+        parts = {
+            "damping_p": damping[:, p[:, :, None], p[:, None, :]],
+            "damping_q": damping[:, q[:, :, None], q[:, None, :]],
+        }
         b = self._direct_matrix(force)
         skew = np.zeros(problem.first.shape, dtype=complex)
         shifts = []
@@ -210,6 +228,12 @@ def _family_of(system: GearSystem, force: Excitation) -> tuple[Family, int]:
     return family, family.number_of(mesh, harmonic)
 
 
+def _times(matrix: Array, factor: Array) -> Array:
+    """A factor on every matrix."""
+    found: Array = matrix * factor[..., None, None]
+    return found
+
+
 class _Couplings:
     """Couplings of pairs of groups under one excitation, of the representatives."""
 
@@ -226,20 +250,23 @@ class _Couplings:
     def direct(self) -> Array:
         """B ``(rows, pairs, P, Q)``."""
         b = self.excited.matrices(self.family, np.array([self.number]))[:, :, 0]
-        size = np.abs(self.excited.deflection) @ np.swapaxes(np.abs(self.excited.deflection) * self.excited.strength[:, None], -1, -2)
+        size = np.abs(self.excited.deflection) @ np.swapaxes(
+            np.abs(self.excited.deflection) * self.excited.strength[:, None], -1, -2
+        )
         b = np.where(np.abs(b) > 1e-13 * size, b, 0.0)
         return b[:, self.p[:, :, None], self.q[:, None, :]]
 
-    def through(self) -> Array:
-        """T ``(rows, pairs, P, Q)``, through all other modes and products of harmonics."""
+    def through(self) -> tuple[Array, Array]:
+        """T ``(rows, pairs, P, Q)``, through all other modes and products of harmonics, and the size of its terms."""
         return self._matrix(self.family, self.p, self.q, self.w_p, self.number, self.q)
 
-    def shift(self, side: str) -> Array:
-        """S of one of the groups, Hermitian; that of Q stands conjugated, as it vibrates at -w_Q."""
+    def shift(self, side: str) -> tuple[Array, Array]:
+        """S of one of the groups, Hermitian, and the size of its terms; that of Q is conjugated, as it vibrates at -w_Q."""
         group, w, other = (self.p, self.w_p, self.q) if side == "p" else (self.q, self.w_q, self.p)
-        total = sum(self._matrix(family, group, group, w, 0, other) for family in self.families)
-        total = 0.5 * (total + adjoint(np.asarray(total)))
-        return total if side == "p" else np.conj(total)
+        parts = [self._matrix(family, group, group, w, 0, other) for family in self.families]
+        total = np.sum([part[0] for part in parts], axis=0)
+        total, size = 0.5 * (total + adjoint(total)), np.sum([part[1] for part in parts], axis=0)
+        return (total if side == "p" else np.conj(total)), size
 
     def nearest(self) -> tuple[Array, Array, Array]:
         """See :func:`nearest_resonance`; of all modes of both groups and all families, the one that mixes most."""
@@ -259,29 +286,29 @@ class _Couplings:
         meeting = self.number if family == self.family else None
         return Pairs(p, q, w, self.unit, number, meeting, resonant)
 
-    def _matrix(self, family: Family, left: Array, right: Array, w: Array, number: int, other: Array) -> Array:
-        """The second-order couplings of all modes of one group with all of another."""
-        found = np.zeros((len(w), *left.shape, right.shape[1]), dtype=complex)
+    def _matrix(
+        self, family: Family, left: Array, right: Array, w: Array, number: int, other: Array
+    ) -> tuple[Array, Array]:
+        """The second-order couplings of all modes of one group with all of another, and the size of the largest one's
+        terms."""
+        found, size = np.zeros((len(w), *left.shape, right.shape[1]), dtype=complex), np.zeros(w.shape)
         for a in range(left.shape[1]):
             for b in range(right.shape[1]):
                 pairs = self._pairs(family, left[:, a], right[:, b], w, number, other)
-                found[:, :, a, b] = second_order_coupling(self.excited, family, self.squared, pairs, self.longest)
-        return found
+                value, terms = second_order_coupling(self.excited, family, self.squared, pairs, self.longest)
+                found[:, :, a, b], size = value, np.maximum(size, terms)
+        return found, size
 
 
-def _sizes(problem: Reduced, near: tuple[Array, Array, Array]) -> tuple[Array, Array]:
+def _sizes(problem: Reduced, around: tuple[Array, Array, Array, Array]) -> tuple[Array, Array]:
     """(sum of the magnitudes of the second-order terms, estimate of the third-order ones), ``(rows, pairs)``."""
-
-    def norm(matrix: Array) -> Array:
-        return np.asarray(np.linalg.norm(matrix, axis=(-2, -1)))
-
-    strength, distance, motion = near
+    size, strength, distance, motion = around
     w_p, w_q = problem.frequency_p, problem.frequency_q
-    g = norm(problem.coupling)
-    bend = 0.5 * g**2 * (1 / w_p + 1 / w_q)
-    terms = bend + 2 * norm(problem.second) + norm(problem.shift_p) + norm(problem.shift_q)
+    g = np.linalg.norm(problem.coupling, axis=(-2, -1))
+    terms = size + 0.5 * g**2 * (1 / w_p + 1 / w_q)
     if problem.damping_p is not None and problem.damping_q is not None:
-        terms = terms + norm(problem.damping_p) ** 2 / (2 * w_p) + norm(problem.damping_q) ** 2 / (2 * w_q)
+        rates = [np.linalg.norm(d, axis=(-2, -1)) for d in (problem.damping_p, problem.damping_q)]
+        terms = terms + rates[0] ** 2 / (2 * w_p) + rates[1] ** 2 / (2 * w_q)
     half = 2 * g + terms
     distance = np.maximum(distance, np.finfo(float).tiny)
     mixing = np.maximum(strength / distance, half / (2 * np.minimum(w_p, w_q)))

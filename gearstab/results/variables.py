@@ -159,6 +159,19 @@ FIRST_ORDER = (
     Variable("threshold", ("tongue", ROWS), "f8", "1", "factor on every epsilon at which the region opens"),
 )
 
+SECOND_ORDER = (
+    *FIRST_ORDER,
+    Variable(
+        "first_order_boundary_frequency", ("tongue", "side", ROWS), "f8", "rad/s",
+        "mesh frequency at the boundary to first order",
+    ),
+    Variable(
+        "boundary_error", ("tongue", "side", ROWS), "f8", "rad/s", "estimated error of the boundary",
+        {"comment": "of the size of the third-order terms; no bound"},
+    ),
+    Variable("status", ("tongue", ROWS), "i2", "1", "whether the boundaries can be trusted"),
+)  # fmt: skip
+
 RESPONSE = (
     coordinate("time", "time", "f8", "s", "time"),
     coordinate("dof", "dof", TEXT, "1", "coordinate of the model"),
