@@ -28,7 +28,7 @@ def schema() -> dict[str, Any]:
     What only the whole document can tell is left to ``gearstab check``: which parameter names exist, and whether a
     parameter without a value gets one from an axis. So no parameter that an axis can set is required here.
     """
-    systems = [*KINDS.values(), RotatingPair]
+    systems: list[type[BaseModel]] = [*KINDS.values(), RotatingPair]
     models: list[type[BaseModel]] = [*systems, Methods, Respond, PairRespond, Range, Tie]
     references, definitions = models_json_schema([(m, "validation") for m in models], ref_template="#/$defs/{model}")
     found = definitions["$defs"]
