@@ -13,6 +13,7 @@ from gearstab.floquet.report import reduction
 from gearstab.floquet.truncation import modes_basis, neglected, restricted, torn, type_basis
 from gearstab.perturbation import PERTURBATION_FLAGS, Tongue, Tongues, first_order, second_order, uncoupled
 from gearstab.results.variables import EXACT, EXPONENTS, FIRST_ORDER, FLOQUET, OCCURRENCE, SECOND_ORDER, SIDE, TONGUE, Variable
+from gearstab.sweep.pairs import knowing_pairs
 from gearstab.system import Array, GearSystem
 
 POINTS, RANGE = "points", "range"
@@ -255,10 +256,10 @@ METHODS: dict[str, Method] = {
         name="uncoupled", frequency=None, variables=_tongue_variables, constants=_sides, cost=_modes_and_harmonics,
         run=_uncoupled,
     ),
-    "floquet": Method(
+    "floquet": knowing_pairs(Method(
         name="floquet", frequency=POINTS, variables=_floquet_variables, constants=_exponent_numbers, run=_floquet,
         cost=_floquet_cost, parallel=_compiled_kernel, report=_floquet_report, check=_floquet_check,
-    ),
+    )),
     "boundaries": Method(
         name="boundaries", frequency=RANGE, variables=_boundary_variables, constants=_sides, run=_boundaries,
         cost=_boundaries_cost, unite=_united_regions,
