@@ -30,6 +30,20 @@ def _deflection_type(value: Any) -> Any:
 DeflectionType = Annotated[int | str, BeforeValidator(_deflection_type)]
 
 
+class LyapunovOptions(Section):
+    """The largest Lyapunov exponent, for mesh frequencies without a common period."""
+
+    cycles: Annotated[float, Field(ge=20, le=1e7), Quantity()] = Field(
+        default=500, title="cycles", description="Length of the window in periods of the slowest mesh (1)."
+    )
+    confidence: Annotated[float, Field(gt=0.5, lt=1), Quantity()] = Field(
+        default=0.95, title="confidence", description="Of the interval of the growth rate (1)."
+    )
+    seed: Annotated[int, Field(ge=0, le=2**32), Whole()] = Field(
+        default=0, title="seed", description="Of the random part of the start vectors."
+    )
+
+
 class FloquetOptions(Section):
     """Exact stability at every point of the grid."""
 
@@ -52,6 +66,20 @@ class FloquetOptions(Section):
         min_length=1,
         title="modes",
         description="Restrict the system to these modes, numbered from 1 by ascending natural frequency; default all.",
+    )
+    frequencies: Annotated[str, Choice("way", ("auto", "common_period", "per_mesh", "lyapunov"))] = Field(
+        default="auto",
+        title="many mesh frequencies",
+        description="common_period: exact; per_mesh: one frequency at a time, the others at their mean; lyapunov: "
+        "largest Lyapunov exponent with a confidence interval; auto: exact while affordable.",
+    )
+    affordable_segments: Annotated[int, Field(ge=1, le=10_000_000), Whole()] = Field(
+        default=20_000,
+        title="affordable segments",
+        description="A common period of more segments is not the automatic choice.",
+    )
+    lyapunov: LyapunovOptions = Field(
+        default=LyapunovOptions(), title="lyapunov", description="How Lyapunov exponents are estimated."
     )
 
 

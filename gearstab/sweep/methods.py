@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from gearstab.floquet import STATUS_FLAGS, kernel, solve
+from gearstab.floquet import STATUS_FLAGS, Floquet, kernel, solve
 from gearstab.floquet.report import reduction
 from gearstab.floquet.truncation import modes_basis, neglected, restricted, torn, type_basis
 from gearstab.perturbation import PERTURBATION_FLAGS, Tongue, Tongues, first_order, second_order, uncoupled
 from gearstab.results.variables import EXACT, EXPONENTS, FIRST_ORDER, FLOQUET, OCCURRENCE, SECOND_ORDER, SIDE, TONGUE, Variable
+from gearstab.sweep import frequencies
 from gearstab.sweep.pairs import knowing_pairs
 from gearstab.system import Array, GearSystem
 
@@ -37,7 +38,7 @@ class Outcome:
     tongues: tuple[Key, ...] = ()
 
 
-def _never() -> bool:
+def _never(options: Any, system: GearSystem) -> bool:
     return False
 
 
@@ -46,6 +47,10 @@ def _nothing(options: Any, system: GearSystem) -> Mapping[str, Any]:
 
 
 def _any(options: Any, system: GearSystem) -> None:
+    return None
+
+
+def _silent(options: Any, system: GearSystem) -> str | None:
     return None
 
 
@@ -69,6 +74,8 @@ class Method:
     parallel: whether threads of one process can run it side by side: where it spends its time outside of Python.
     report: attributes that say what it makes of the base system.
     check: raises ValueError where the options do not fit the base system.
+    note: what the user should know before it runs, None for nothing.
+    outlook: what there is to say of its cost besides the estimated time, None for nothing.
     """
 
     name: str
@@ -78,9 +85,11 @@ class Method:
     cost: Callable[[Any, GearSystem], float]
     constants: Callable[[Any, GearSystem], Mapping[str, Any]]
     unite: Callable[[Iterable[Sequence[Key]]], tuple[Key, ...]] = _in_order
-    parallel: Callable[[], bool] = _never
+    parallel: Callable[[Any, GearSystem], bool] = _never
     report: Callable[[Any, GearSystem], Mapping[str, Any]] = _nothing
     check: Callable[[Any, GearSystem], None] = _any
+    note: Callable[[Any, GearSystem], str | None] = _silent
+    outlook: Callable[[Any, GearSystem], str | None] = _silent
 
     @property
     def over_tongues(self) -> bool:
@@ -90,14 +99,25 @@ class Method:
     def attributes(self, options: Any, system: GearSystem) -> dict[str, Any]:
         """What the group in the result says of the options and of the base system."""
         plain = options.model_dump(exclude_none=True)
-        own = {name: int(value) if isinstance(value, bool) else value for name, value in plain.items()}
-        return own | dict(self.report(options, system))
+        return flat(plain) | dict(self.report(options, system))
+
+
+def flat(options: Mapping[str, Any]) -> dict[str, Any]:
+    """Options as attributes: without truth values, those of a section after its name."""
+    found: dict[str, Any] = {}
+    for name, value in options.items():
+        if isinstance(value, Mapping):
+            found |= {f"{name}_{inner}": one for inner, one in flat(value).items()}
+        else:
+            found[name] = int(value) if isinstance(value, bool) else value
+    return found
 
 
 def _floquet_variables(options: Any, system: GearSystem) -> tuple[Variable, ...]:
     flags = {"flag_masks": list(STATUS_FLAGS.values()), "flag_meanings": " ".join(STATUS_FLAGS)}
     table = [replace(v, attributes=flags) if v.name == "status" else v for v in FLOQUET]
-    return (*table, *(EXPONENTS if options.exponents else ()))
+    more = frequencies.variables(options, _chosen_part(options, system))
+    return (*table, *(EXPONENTS if options.exponents else ()), *more)
 
 
 def _basis(options: Any, system: GearSystem) -> Array | None:
@@ -114,27 +134,36 @@ def _chosen_part(options: Any, system: GearSystem) -> GearSystem:
 
 
 def _floquet(system: GearSystem, mesh_frequency: Array, options: Any) -> Outcome:
-    found = solve(_chosen_part(options, system), mesh_frequency, exponents=options.exponents)
+    part = _chosen_part(options, system)
+
+    def exact(one: GearSystem, omega: Array) -> Floquet:
+        return solve(one, omega, exponents=options.exponents)
+
+    found = frequencies.solved(options, part, mesh_frequency, exact)
     values = {"growth_rate": found.growth_rate, "stable": found.stable, "status": found.status}
-    if found.exponents is not None:
+    if isinstance(found, Floquet) and found.exponents is not None:
         values |= {"exponent_real": found.exponents.real, "exponent_imag": found.exponents.imag}
-    return Outcome(values)
+    return Outcome(values | frequencies.values(options, part, found))
 
 
 def _floquet_cost(options: Any, system: GearSystem) -> float:
-    parts = reduction(_chosen_part(options, system)).parts
-    work = max(1.0, sum(part.segments * part.size**3 for part in parts) / 108)
-    return work * (5 if options.exponents or system.damping is not None else 1)
+    def exact(part: GearSystem) -> float:
+        work = max(1.0, sum(p.segments * p.size**3 for p in reduction(part).parts) / 108)
+        return work * (5 if options.exponents or part.damping is not None else 1)
+
+    return frequencies.cost(options, _chosen_part(options, system), exact)
 
 
-def _exponent_numbers(options: Any, system: GearSystem) -> dict[str, Any]:
-    return {"exponent": np.arange(1, 2 * _chosen_part(options, system).size + 1)} if options.exponents else {}
+def _floquet_constants(options: Any, system: GearSystem) -> dict[str, Any]:
+    part = _chosen_part(options, system)
+    numbers = {"exponent": np.arange(1, 2 * part.size + 1)} if options.exponents else {}
+    return numbers | frequencies.constants(options, part)
 
 
 def _floquet_report(options: Any, system: GearSystem) -> dict[str, Any]:
     """What of the base system was solved, and what that saved."""
     found = reduction(_chosen_part(options, system))
-    said: dict[str, Any] = {"reduction": found.text()}
+    said: dict[str, Any] = {"reduction": found.text(), **frequencies.report(options, _chosen_part(options, system))}
     if np.isfinite(found.saving) and found.saving > 1:
         said["reduction_saving"] = found.saving
     basis = _basis(options, system)
@@ -158,10 +187,24 @@ def _floquet_check(options: Any, system: GearSystem) -> None:
     if options.modes is not None and (group := torn(system, options.modes)):
         listed = ", ".join(map(str, group))
         raise ValueError(f"methods.floquet.modes: modes {listed} have equal frequencies; name all of them or none")
+    try:
+        taken = frequencies.way(options, _chosen_part(options, system))
+    except ValueError as error:
+        raise ValueError(f"methods.floquet.frequencies: {error}") from None
+    if options.exponents and taken != "common_period":
+        raise ValueError(f"methods.floquet.exponents: there are none without a common period ({taken} was chosen)")
 
 
-def _compiled_kernel() -> bool:
-    return kernel.name() == "c"
+def _floquet_note(options: Any, system: GearSystem) -> str | None:
+    return frequencies.note(options, _chosen_part(options, system))
+
+
+def _floquet_outlook(options: Any, system: GearSystem) -> str | None:
+    return frequencies.outlook(options, _chosen_part(options, system))
+
+
+def _compiled_kernel(options: Any, system: GearSystem) -> bool:
+    return kernel.name() == "c" and frequencies.way(options, _chosen_part(options, system)) != "lyapunov"
 
 
 def _tongue_variables(options: Any, system: GearSystem) -> tuple[Variable, ...]:
@@ -243,6 +286,11 @@ def _united_regions(indices: Iterable[Sequence[Key]]) -> tuple[Key, ...]:
     return union(indices)
 
 
+def _boundaries_check(options: Any, system: GearSystem) -> None:
+    if not system.commensurate:
+        raise ValueError("methods.boundaries: mesh frequencies of irrational ratio have no common period")
+
+
 def _boundaries_cost(options: Any, system: GearSystem) -> float:
     return 4000 * max(1.0, 2 * sum(system.common_period()[1]) * system.size**3 / 108)
 
@@ -257,12 +305,13 @@ METHODS: dict[str, Method] = {
         run=_uncoupled,
     ),
     "floquet": knowing_pairs(Method(
-        name="floquet", frequency=POINTS, variables=_floquet_variables, constants=_exponent_numbers, run=_floquet,
+        name="floquet", frequency=POINTS, variables=_floquet_variables, constants=_floquet_constants, run=_floquet,
         cost=_floquet_cost, parallel=_compiled_kernel, report=_floquet_report, check=_floquet_check,
+        note=_floquet_note, outlook=_floquet_outlook,
     )),
     "boundaries": Method(
         name="boundaries", frequency=RANGE, variables=_boundary_variables, constants=_sides, run=_boundaries,
-        cost=_boundaries_cost, unite=_united_regions,
+        cost=_boundaries_cost, unite=_united_regions, check=_boundaries_check,
     ),
 }  # fmt: skip
 """By name, in the order in which they run: the cheap ones first."""

@@ -179,7 +179,7 @@ def _layout(config: Config, base: GearSystem, fast: Axis | None, method: Method,
     cost = method.cost(options, base)
     wanted = min(max(prod(shape) * cost / SHARES, LEAST), MOST) / cost
     if method.frequency == POINTS:
-        widest = 8 * (2 * base.size if getattr(options, "exponents", False) else 1)
+        widest = 8 * max(len(values) for values in ([0], *method.constants(options, base).values()))
         wanted = min(wanted, MOST_BYTES / widest)
     inner = next((k for k, axis in enumerate(axes) if axis is fast), None)
     return Layout(

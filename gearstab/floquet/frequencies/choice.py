@@ -6,12 +6,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gearstab.floquet.segments import Pattern, prepare, window
 from gearstab.system import GearSystem
 
 COMMON_PERIOD, PER_MESH, LYAPUNOV = "common_period", "per_mesh", "lyapunov"
 WAYS = (COMMON_PERIOD, PER_MESH, LYAPUNOV)
 AFFORDABLE = 20_000
-"""Segments of a common period up to which it is the automatic choice: some 2 ms a point of 12 coordinates."""
+"""Segments of a common period up to which it is the automatic choice: some 7 ms a point of 12 coordinates."""
+SAMPLE = 50
+"""Periods of the slowest mesh that stand for a system without an affordable common period."""
 
 
 @dataclass(frozen=True)
@@ -31,10 +34,22 @@ def common_period(system: GearSystem) -> Period | None:
     if not system.commensurate:
         return None
     cycles, counts = system.common_period()
+    return Period(float(cycles), counts, round(float(cycles) * segments_a_cycle(system)))
+
+
+def segments_a_cycle(system: GearSystem) -> float:
+    """How many segments there are in 2 pi/Omega on average, at most."""
     breaks = [mesh.waveform.breakpoints().shape[-1] for mesh in system.meshes]
     breaks += [sum(profile.breakpoints().shape[-1] for profile in term.profiles) for term in system.terms]
-    segments = sum(count * max(1, b) for count, b in zip(counts, breaks, strict=True))
-    return Period(float(cycles), counts, segments)
+    return sum(float(ratio) * max(1, b) for ratio, b in zip(system.frequency_ratios, breaks, strict=True))
+
+
+def sample(system: GearSystem) -> Pattern:
+    """A single system over its common period or, where there is no affordable one, over a window."""
+    period = common_period(system)
+    if period is not None and period.segments <= AFFORDABLE:
+        return prepare(system)[0]
+    return window(system, SAMPLE / min(float(ratio) for ratio in system.frequency_ratios))[0]
 
 
 def chosen(system: GearSystem, asked: str, affordable: int = AFFORDABLE) -> str:
