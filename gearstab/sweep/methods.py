@@ -54,6 +54,14 @@ def _silent(options: Any, system: GearSystem) -> str | None:
     return None
 
 
+FEWEST = 4
+"""Points of a block, however costly."""
+
+
+def _few(options: Any) -> int:
+    return FEWEST
+
+
 def _in_order(indices: Iterable[Sequence[Key]]) -> tuple[Key, ...]:
     """Each once, in order of first appearance."""
     return tuple(dict.fromkeys(key for index in indices for key in index))
@@ -74,6 +82,7 @@ class Method:
     parallel: whether threads of one process can run it side by side: where it spends its time outside of Python.
     report: attributes that say what it makes of the base system.
     check: raises ValueError where the options do not fit the base system.
+    together: the least number of points of its own in a block, however costly, because they share work.
     note: what the user should know before it runs, None for nothing.
     outlook: what there is to say of its cost besides the estimated time, None for nothing.
     """
@@ -88,6 +97,7 @@ class Method:
     parallel: Callable[[Any, GearSystem], bool] = _never
     report: Callable[[Any, GearSystem], Mapping[str, Any]] = _nothing
     check: Callable[[Any, GearSystem], None] = _any
+    together: Callable[[Any], int] = _few
     note: Callable[[Any, GearSystem], str | None] = _silent
     outlook: Callable[[Any, GearSystem], str | None] = _silent
 
@@ -245,8 +255,13 @@ def _perturbation(system: GearSystem, mesh_frequency: Array, options: Any) -> Ou
 
 def _perturbation_cost(options: Any, system: GearSystem) -> float:
     work = _modes_and_harmonics(options, system)
-    # Three modes take 2 ms a row, fifty-nine 6 s: sums over all modes and some hundred harmonics for every pair of modes.
-    return work if options.order == 1 else work * 2000 * system.size
+    # Sums over all modes and some hundred harmonics for every pair of modes: 2 ms for three modes, 6 s for fifty-nine. Rows
+    # that differ by their epsilons alone share them, so that an eighth of it is taken for a row.
+    return work if options.order == 1 else work * 10 * system.size
+
+
+def _perturbation_together(options: Any) -> int:
+    return FEWEST if options.order == 1 else 8 * FEWEST
 
 
 def _perturbation_check(options: Any, system: GearSystem) -> None:
@@ -298,7 +313,7 @@ def _boundaries_cost(options: Any, system: GearSystem) -> float:
 METHODS: dict[str, Method] = {
     "perturbation": Method(
         name="perturbation", frequency=None, variables=_perturbation_variables, constants=_sides,
-        cost=_perturbation_cost, run=_perturbation, check=_perturbation_check,
+        cost=_perturbation_cost, run=_perturbation, check=_perturbation_check, together=_perturbation_together,
     ),
     "uncoupled": Method(
         name="uncoupled", frequency=None, variables=_tongue_variables, constants=_sides, cost=_modes_and_harmonics,
