@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,35 +24,47 @@ def knowing_pairs(method: Method) -> Method:
 
     A pair in any formulation has the same variables, so that a sweep can put the formulations side by side.
     """
+    # Methods go to other processes with their plan: functions of a module can, inner ones cannot.
+    return replace(
+        method,
+        variables=partial(_variables, method),
+        run=partial(_run, method),
+        cost=partial(_cost, method),
+        report=partial(_report, method),
+        check=partial(_check, method),
+    )
 
-    def variables(options: Any, system: GearSystem) -> tuple[Variable, ...]:
-        found = method.variables(options, system)
-        return found if not isinstance(system, RotatingPair) else (*map(_flagged, found), *ORBITS)
 
-    def run(system: GearSystem, mesh_frequency: Array, options: Any) -> Outcome:
-        if not isinstance(system, RotatingPair):
-            return method.run(system, mesh_frequency, options)
-        if system.is_classical:
-            found = method.run(system, mesh_frequency, options)
-            nothing = np.full(found.values["growth_rate"].shape, np.nan)
-            return replace(found, values={**found.values, **{v.name: nothing for v in ORBITS}})
-        return _orbits(system, mesh_frequency, options)
+def _variables(method: Method, options: Any, system: GearSystem) -> tuple[Variable, ...]:
+    found = method.variables(options, system)
+    return found if not isinstance(system, RotatingPair) else (*map(_flagged, found), *ORBITS)
 
-    def cost(options: Any, system: GearSystem) -> float:
-        return COST if _nonlinear(system) else method.cost(options, system)
 
-    def report(options: Any, system: GearSystem) -> dict[str, Any]:
-        if not _nonlinear(system):
-            return dict(method.report(options, system))
-        return {"orbits": "periodic orbits of the mean mesh frequency, held by an unbalanced torque where damping asks"}
+def _run(method: Method, system: GearSystem, mesh_frequency: Array, options: Any) -> Outcome:
+    if not isinstance(system, RotatingPair):
+        return method.run(system, mesh_frequency, options)
+    if system.is_classical:
+        found = method.run(system, mesh_frequency, options)
+        nothing = np.full(found.values["growth_rate"].shape, np.nan)
+        return replace(found, values={**found.values, **{v.name: nothing for v in ORBITS}})
+    return _orbits(system, mesh_frequency, options)
 
-    def check(options: Any, system: GearSystem) -> None:
-        for name in ("modes", "block"):
-            if _nonlinear(system) and getattr(options, name) is not None:
-                raise ValueError(f"methods.floquet.{name}: a periodic orbit has no modes to choose from")
-        method.check(options, system)
 
-    return replace(method, variables=variables, run=run, cost=cost, report=report, check=check)
+def _cost(method: Method, options: Any, system: GearSystem) -> float:
+    return COST if _nonlinear(system) else method.cost(options, system)
+
+
+def _report(method: Method, options: Any, system: GearSystem) -> dict[str, Any]:
+    if not _nonlinear(system):
+        return dict(method.report(options, system))
+    return {"orbits": "periodic orbits of the mean mesh frequency, held by an unbalanced torque where damping asks"}
+
+
+def _check(method: Method, options: Any, system: GearSystem) -> None:
+    for name in ("modes", "block"):
+        if _nonlinear(system) and getattr(options, name) is not None:
+            raise ValueError(f"methods.floquet.{name}: a periodic orbit has no modes to choose from")
+    method.check(options, system)
 
 
 def _nonlinear(system: GearSystem) -> bool:
