@@ -79,6 +79,8 @@ class Gear:
             raise ValueError(f"poisson must lie between -1 and 0.5, not {self.poisson}")
         if not self.height > 0:
             raise ValueError(f"the tip (radius {self.tip_radius:.6g} m) does not rise above the root")
+        if not self.internal and not self.tip_radius > self.base_radius:
+            raise ValueError(f"no involute: the tip (radius {self.tip_radius:.6g} m) lies inside the base circle")
         if not self.root_radius > 0:
             raise ValueError(
                 f"the root radius {self.root_radius:.6g} m is not positive: too few teeth or too deep a cut"

@@ -89,28 +89,39 @@ def root_stress_factors(gear: Gear, roll: Array | float) -> tuple[Array, Array]:
     return np.where(bends, form, 0.0), np.where(bends, correction, 0.0)
 
 
-def root_stress(gear: Gear, roll: Array | float, force: Array | float, face_width: float | None = None) -> Array:
-    """sigma_F0 = F cos alpha/(b m) Y_F Y_S of a tooth that carries the normal force F, Pa; NaN for an internal gear."""
+def root_stress(
+    gear: Gear, roll: Array | float, force: Array | float, face_width: float | None = None, notch: bool = True
+) -> Array:
+    """Stress at the root of a tooth that carries the normal force F, Pa; NaN for an internal gear.
+
+    With ``notch``, that of ISO 6336-3, sigma_F0 = F cos alpha/(b m) Y_F Y_S. Without, the nominal stress on the loaded
+    side of the same section, bending less compression: F [6 h_F cos beta/s_Fn^2 - sin beta/s_Fn]/b.
+    """
     roll = np.asarray(roll, dtype=float)
     if gear.internal:
         return np.full(np.broadcast_shapes(roll.shape, np.shape(force)), np.nan)
     form, correction = root_stress_factors(gear, roll)
     b = gear.face_width if face_width is None else face_width
-    return np.asarray(force) * cos(gear.pressure_angle) / (b * gear.module) * form * correction
+    bending = cos(gear.pressure_angle) / gear.module * form
+    if not notch:
+        compression = np.sin(roll - gear.base_half_angle) / critical_section(gear).thickness
+        return np.asarray(force) / b * (bending - compression)
+    return np.asarray(force) / b * bending * correction
 
 
 def mesh_root_stress(
-    pair: Pair, x: Array | float, force: Array | float, model: StiffnessModel = PLAIN
+    pair: Pair, x: Array | float, force: Array | float, model: StiffnessModel = PLAIN, notch: bool = True
 ) -> tuple[Array, Array]:
     """Root stress (Pa) of pinion and wheel, of every pair of teeth at the phases x, ``(..., N)`` each.
 
-    ``force``: of the shape of x, or one that broadcasts against it; a dynamic mesh force may be given.
+    ``force``: of the mesh, N, of the shape of x, or one that broadcasts against it; a dynamic mesh force may be given.
+    ``notch``: as in :func:`root_stress`.
     """
     s, share = load_shares(pair, x, model)
     carried = np.asarray(force)[..., None] * share
     s = np.clip(s, *pair.path)
     arms = ((pair.pinion, s), (pair.wheel, pair.wheel_arm(s)))
-    pinion, wheel = (root_stress(gear, arm / gear.base_radius, carried, pair.face_width) for gear, arm in arms)
+    pinion, wheel = (root_stress(gear, arm / gear.base_radius, carried, pair.face_width, notch) for gear, arm in arms)
     return pinion, wheel
 
 
