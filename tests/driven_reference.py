@@ -1,8 +1,9 @@
-"""Driven gear systems by numerical integration in physical coordinates, straight from the definition of a GearSystem."""
+"""Driven gear systems by numerical integration in physical coordinates, straight from the definition."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import pairwise
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -68,7 +69,7 @@ def integrated(
     integrals = 0 if extra is None else len(extra(0.1, start[:n], start[n:]))
     state = np.concatenate([start, np.zeros(integrals)])
     edges = breaks(system, omega, end)
-    for a, b in zip(edges[:-1], edges[1:], strict=True):
+    for a, b in pairwise(edges):
 
         def rate(t: float, y: Array, a: float = a, b: float = b) -> Array:
             # Just inside the interval, where the functions are those of the interval.

@@ -66,12 +66,14 @@ FORCE = PeriodicForce(
 PULSES = PeriodicForce("pulses", np.array([0.0, 0.0, 1.0]), Scaled(Rectangular(1.3), 0.1, 0.5), Fraction(2), 0.1)
 RAMPS = PeriodicForce("ramps", np.array([1.0, 0.0, 0.0]), Trapezoidal(1.4, 0.3))
 
+FULL = [[0.3, 0.02, 0], [0.02, 0.3, -0.03], [0, -0.03, 0.4]]
+
 CASES: dict[str, tuple[GearSystem, float]] = {
     "piecewise constant": (train(), 2.6),
     "unequal frequencies": (train(Fraction(2, 3)), 1.31),
     "forces": (replace(train(), forces=(FORCE, PULSES)), 1.7),
     "force of ramps": (replace(train(), forces=(RAMPS,)), 1.7),
-    "full damping": (train(damping_ratio=0.0, damping={"matrix": [[0.3, 0.02, 0], [0.02, 0.3, -0.03], [0, -0.03, 0.4]]}), 0.83),
+    "full damping": (train(damping_ratio=0.0, damping={"matrix": FULL}), 0.83),
     "smooth waves": (with_waves(train(), *SMOOTH), 1.9),
     "friction": (with_friction(train(), Rectangular(1.6)), 1.4),
     "smooth friction": (with_friction(with_waves(train(), *SMOOTH), Fourier(np.array([0.2]), np.array([0.1]))), 1.4),
@@ -285,9 +287,9 @@ def test_densities_hold_the_variance() -> None:
     assert spectra is not None
     width = spectra.frequency[1] - spectra.frequency[0]
     np.testing.assert_allclose(spectra.force.sum(axis=0) * width, found.mesh_force.var(axis=0), rtol=1e-3)
-    assert spectra.frequency[spectra.peak_index[0]] == pytest.approx(1.3, abs=2 * width)
     table = amplitudes(harmonics(system, 1.3, 20))
-    assert table.frequency[table.peak_index[0]] == pytest.approx(1.3)
+    largest = table.frequency[table.peak_index[:3]]
+    np.testing.assert_allclose(spectra.frequency[spectra.peak_index[:3]], largest, atol=width)
     assert np.all(np.diff(table.force[table.peak_index, table.peak_mesh]) <= 0)
 
 
