@@ -16,8 +16,8 @@ import numpy as np
 from gearstab.system import Array, GearSystem, Mesh, shared_period
 
 HIGHEST = 2048
-"""Up to which of its harmonics, at least, a mesh is summed. For a wave with jumps the terms fall as s^-4, so that what is
-left out is below 1/(3 HIGHEST^3) = 4e-11 of the first term."""
+"""Up to which of its harmonics a mesh is summed. For a wave with jumps the terms fall as s^-4, so that what is left
+out is below 1/(3 HIGHEST^3) = 4e-11 of the first term."""
 
 ROUNDING = 1e-13
 """Couplings below this part of the terms they are the sum of are rounding and count as zero."""
@@ -101,7 +101,7 @@ def table(mesh: Mesh, highest: int) -> Array:
 
 @dataclass(frozen=True)
 class Excited:
-    """The variable stiffness of some rows, in modal coordinates: V(t) = sum_k B(k) exp(i k b Omega t) over all families.
+    """The variable stiffness of some rows, in modal coordinates: V = sum_k B(k) exp(i k b Omega t) over all families.
 
         B(k) = sum_i z_i(k) alpha_i delta_i delta_i^T,    alpha_i = epsilon_i k_gi
 

@@ -92,8 +92,8 @@ def _boundaries(center: Array, width: Array, threshold: Array) -> Array:
 class Modal:
     """Modal quantities of all rows, with the batch flattened.
 
-    frequency ``(rows, n)``, 0 for rigid-body modes and NaN for negative stiffness, and its square, which is then negative;
-    deflection ``(rows, n, meshes)``; damping ``(rows, n, n)`` = Phi^T C Phi/2, or None.
+    frequency ``(rows, n)``, 0 for rigid-body modes and NaN for negative stiffness, and its square, which is then
+    negative; deflection ``(rows, n, meshes)``; damping ``(rows, n, n)`` = Phi^T C Phi/2, or None.
     """
 
     frequency: Array

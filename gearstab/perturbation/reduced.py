@@ -19,10 +19,10 @@ part. For one mode each the boundaries are
 
     sigma = -[g^2 + mu_P^2]/(2 w_P) - [g^2 + mu_Q^2]/(2 w_Q) - E_P - E_Q +- h,     g = |G|
 
-h being the half-width of first order (:mod:`gearstab.perturbation.damped`) with G for B: 2 g without damping. The frequency
-of the root thus shifts, always downwards by the tongue's own width (the boundaries curve), and either way by E; and the
-tongue opens by T where B vanishes. The derivation is new; for Mathieu's equation it gives the known series of a_n and b_n
-(McLachlan 1947, section 2.151) to the order q^2.
+h being the half-width of first order (:mod:`gearstab.perturbation.damped`) with G for B: 2 g without damping. The
+root thus shifts, always downwards by the tongue's own width (the boundaries curve) and either way by E; and the tongue
+opens by T where B vanishes. For Mathieu's equation these are the series of a_n and b_n to the order q^2 (McLachlan
+1947, section 2.151). The elimination is a Lyapunov-Schmidt reduction; its general form here was derived anew.
 """
 
 from __future__ import annotations
@@ -90,9 +90,10 @@ def adjoint(matrix: Array) -> Array:
 
 
 def edges(problem: Reduced) -> tuple[Array, Array]:
-    """The boundaries sigma ``(rows, pairs)``, lower and upper; NaN where damping closes the tongue and where there is none.
+    """The boundaries sigma ``(rows, pairs)``, lower and upper.
 
-    A tongue of width zero has both at its (shifted) root.
+    NaN where damping closes the tongue, infinite where it has no end (one mode of two is damped). A tongue of width
+    zero has both at its shifted root.
     """
     if problem.single:
         return _single(problem)
@@ -123,7 +124,7 @@ def second_threshold(problem: Reduced) -> Array:
 
 def _least_root(one: Array, two: Array, product: Array) -> Array:
     """The least f > 0 with |f one - f^2 two|^2 = product; infinite where there is none."""
-    # With f = 1/u: u^4 - (|one|^2/product) u^2 + (2 Re(one conj two)/product) u - |two|^2/product = 0, so the largest u.
+    # With f = 1/u: u^4 - (|one|^2/product) u^2 + (2 Re(one conj two)/product) u - |two|^2/product = 0: the largest u.
     square, mixed, last = np.abs(one) ** 2, 2 * (one * np.conj(two)).real, np.abs(two) ** 2
     companion = np.zeros((len(one), 4, 4))
     companion[:, [1, 2, 3], [0, 1, 2]] = 1.0
@@ -147,7 +148,7 @@ def _single(problem: Reduced) -> tuple[Array, Array]:
     g = np.abs(problem.coupling[..., 0, 0])
     mu_p, mu_q = _rates(problem)
     half, threshold = single_pair(2 * g, mu_p, mu_q)
-    half = np.where(np.isfinite(half) & ~((half == 0) & (threshold > 0)), half, np.nan)
+    half = np.where((half == 0) & (threshold > 0), np.nan, half)
     center = -(g**2 + mu_p**2) / (2 * problem.frequency_p) - (g**2 + mu_q**2) / (2 * problem.frequency_q)
     center = center - problem.shift_p[..., 0, 0].real - problem.shift_q[..., 0, 0].real
     if problem.skew is not None:
@@ -186,7 +187,7 @@ def _hermitian(problem: Reduced) -> tuple[Array, Array]:
 
 
 def _unstable_inside(problem: Reduced, edge: Array, other: Array) -> Array:
-    """Whether an unstable detuning is near ``edge`` on the side of ``other``, however narrow the part that begins there."""
+    """Whether there are unstable detunings by ``edge`` on the side of ``other``, however narrow their part."""
     floor = DEFECTIVE * 2 * np.linalg.norm(problem.coupling, axis=(-2, -1))
     found = np.zeros(edge.shape, dtype=bool)
     for part in INSIDE:
@@ -248,7 +249,7 @@ def _general(problem: Reduced) -> tuple[Array, Array]:
     # order knows whether there is an end.
     wide = np.divide(most, least, out=np.zeros(norm.shape), where=least > 0)
     reach = np.where(least > 0, norm * np.maximum(wide, 1.0), 2 * problem.half_width)
-    lower, upper = np.full((2, *norm.shape), np.nan)
+    lower, upper = np.where(np.isinf(reach), -np.inf, np.nan), np.where(np.isinf(reach), np.inf, np.nan)
     some = np.isfinite(reach) & (norm > 0)
     if some.any():
         part = problem.row(some)

@@ -1,7 +1,8 @@
 """Second-order couplings: what all harmonics and all modes that are not in resonance do to those that are.
 
 A mode p that vibrates at w forces, through the harmonic k of the stiffness, every mode r at w + k beta, beta = b Omega,
-and these act back. Eliminating them (a Schur complement of Hill's equations in the frequency domain) leaves, to second order,
+and these act back. Eliminating them (a Schur complement of Hill's equations in the frequency domain) leaves, to second
+order,
 
     S_pq(w; n) = sum_k sum_r conj B(k)_pr B(k + n)_rq / (w_r^2 - (w + k beta)^2)
 
@@ -31,11 +32,12 @@ LEAST = 64
 FACTOR = 3.0
 """The series starts where k beta is this many times w + w_r: 3^-9 of the rest of 1e-6 remains."""
 HALF = 0.5
-"""Modes so stiff that they would need more harmonics than there are (see LONGEST) have no series at all beyond this part."""
+"""Modes so stiff that they would need more harmonics than there are (see LONGEST) have no series beyond this part."""
 LONGEST, SHORTEST = HIGHEST, 256
 WORK = 3e7
 """Modes of a large system are often a thousand times faster than its meshes, and hardly deflect them. The harmonics that
-are added one by one are limited to WORK/(pairs x modes), between these two; what that leaves out is below 1e-7 of the terms."""
+are added one by one are limited to WORK/(pairs x modes), between these two; what is left out is below 1e-7 of the
+terms."""
 AT_ONCE = 2_000_000
 """Terms kept in memory at a time."""
 COINCIDENT = 1e-9
@@ -48,8 +50,8 @@ class Pairs:
     """Pairs of modes whose second-order coupling is wanted.
 
     p, q: modes from 0, ``(pairs,)``. frequency: w ``(rows, pairs)``. unit: Omega ``(rows, pairs)``.
-    number: n. own: whether the family is the one that the excitation belongs to; only then is there a resonance to leave out.
-    resonant: ``(pairs, n)``, the modes in resonance at k = -``meeting``.
+    number: n. meeting, resonant: the modes ``(pairs, n)`` in resonance at k = -``meeting``, None if the family is not
+    the one that the excitation belongs to.
     """
 
     p: Array
@@ -145,9 +147,10 @@ def _rest(excited: Excited, family: Family, squared: Array, pairs: Pairs, last: 
     beta = family.base * pairs.unit
     x = (pairs.frequency / beta)[..., None]
     y2 = squared[:, None, :] / (beta**2)[..., None]
-    coefficient, before = np.ones(np.broadcast_shapes(x.shape, y2.shape)), np.zeros(1)
+    shape = np.broadcast_shapes(x.shape, y2.shape)
+    coefficient, before = np.ones(shape), np.zeros(shape)
     sides = excited.deflection[:, :, members] * excited.strength[:, None, members]
-    weight = np.zeros((*coefficient.shape, len(members), len(members)), dtype=complex)
+    weight = np.zeros((*shape, len(members), len(members)), dtype=complex)
     for q in range(POWERS):
         weight += coefficient[..., None, None] * moments[:, None, None, :, :, q]
         coefficient, before = -2 * x * coefficient - (x**2 - y2) * before, coefficient
@@ -160,13 +163,13 @@ def _rest(excited: Excited, family: Family, squared: Array, pairs: Pairs, last: 
 
 
 def nearest_resonance(
-    excited: Excited, family: Family, squared: Array, pairs: Pairs, minimum: Array
+    excited: Excited, family: Family, squared: Array, pairs: Pairs, nu: Array
 ) -> tuple[Array, Array, Array]:
     """The mode r and harmonic k outside the reduced problem that mix most with the mode p of each pair.
 
-    Returns (strength, distance, motion), ``(rows, pairs)`` each: g = |B(k)_pr|/(2 sqrt(w w_r)), the distance of w + k beta
-    from +-w_r, and how fast it changes with nu in the tongue, 1/2 + |k beta|/nu; (0, 1, 1) where there is none. The ratio g/distance is the amplitude of r
-    beside that of p. minimum: nu ``(rows, pairs)``.
+    Returns (strength, distance, motion), ``(rows, pairs)`` each: g = |B(k)_pr|/(2 sqrt(w w_r)), the distance of
+    w + k beta from +-w_r, and how fast it changes with nu in the tongue, 1/2 + |k beta|/nu; (0, 1, 1) where there is
+    none. The ratio g/distance is the amplitude of r beside that of p. nu: ``(rows, pairs)``, at the root.
     """
     beta = (family.base * pairs.unit)[..., None]
     w, own = pairs.frequency[..., None], np.sqrt(np.maximum(squared, 0.0))[:, None, :]
@@ -181,7 +184,7 @@ def nearest_resonance(
                 if pairs.meeting is not None:
                     absent |= (k == -pairs.meeting) & pairs.resonant
                 strength = np.divide(strength, 2 * np.sqrt(w * own), out=np.zeros(k.shape), where=~absent)
-                motion = 0.5 + np.abs(k) * beta / minimum[..., None]
+                motion = 0.5 + np.abs(k) * beta / nu[..., None]
                 ratio = np.where(strength > 0, strength / np.maximum(distance, np.finfo(float).tiny), 0.0)
                 r = np.argmax(ratio, axis=-1)[..., None]
                 found = np.stack([np.take_along_axis(a, r, -1)[..., 0] for a in (ratio, strength, distance, motion)])
