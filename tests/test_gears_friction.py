@@ -166,6 +166,16 @@ def test_periodic_functions_are_the_sums_over_the_pairs(pair, friction) -> None:
     assert np.min(np.abs(edges - (c - np.floor(c)))) < 1e-12
 
 
+@pytest.mark.parametrize("back", [False, True])
+@pytest.mark.parametrize("friction", MODELS, ids=["constant", "xu-kahraman", "benedict-kelley"])
+def test_contact_clipped_at_the_tangent_points_has_finite_friction(back, friction) -> None:
+    """There the pressure is infinite, and so it is for pairs that have just left."""
+    pair = Pair(*(Gear(12, 0.003, addendum=1.1) for _ in range(2)), wheel_drives=back)
+    assert pair.path == (0.0, pair.length)
+    found = mesh_friction(pair, friction, 100.0, 1000.0)
+    assert np.all(np.isfinite(found.stiffness_arm.coefficients))
+
+
 @pytest.mark.parametrize("pair", [PAIR, RING, replace(PAIR, wheel_drives=True)], ids=["external", "internal", "wheel"])
 def test_friction_takes_power_from_rolling_teeth(pair) -> None:
     """u + s v times the rotation is the sliding velocity: the power of friction is negative at every phase."""

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from gearstab.waveforms import WAVEFORMS, Constant, Fourier, Pair, Rectangular, Sampled, Scaled, Tooth, Trapezoidal
 from gearstab.waveforms.pair import constant, parabolic
 from gearstab.waveforms.splines import interpolate
-from gearstab.waveforms.tooth import Piecewise, interpolated, stacked
+from gearstab.waveforms.tooth import Piecewise, nodes, stacked, through
 
 RATIOS = (1.0, 1.3, 1.5, 1.97, 2.0, 2.6, 3.02)
 IRREGULAR = np.array([0.05, 0.11, 0.3, 0.31, 0.5, 0.72, 0.9])
@@ -31,6 +31,10 @@ def arch(x):
 
 def flat(x):
     return np.full_like(x, 7.0)
+
+
+def pieces(function, *edges):
+    return through(np.array(edges), function(nodes(np.array(edges), 20)))
 
 
 CASES = {
@@ -52,11 +56,7 @@ CASES = {
     ],
     "pair": [Pair(c, shape) for c in RATIOS for shape in (constant(2.0), parabolic(), TOOTH, CURVED)],
     "tooth": [
-        *(
-            Tooth(interpolated(flank, np.array(cuts), 20))
-            for flank in (arch, flat)
-            for cuts in ((0.0, 0.6), (0.0, 0.0))
-        ),
+        *(Tooth(pieces(flank, *cuts)) for flank in (arch, flat) for cuts in ((0.0, 0.6), (0.0, 0.0))),
         Tooth(Piecewise(np.array([0.0, 0.3]), np.array([[2e8], [1e8]]))),
     ],
 }
@@ -70,9 +70,7 @@ BATCHES = {
     "fourier": Fourier(np.array([[[0.3, 0.0]], [[0.0, 0.0]]]), np.array([[0.5, 0.1], [0.0, 0.0], [0.0, 0.2]])),
     "sampled": Sampled(IRREGULAR, LEVELS * np.array([1.0, 1.5])[:, None, None] + np.arange(3.0)[:, None] ** 2, "cubic"),
     "pair": Pair(np.array([1.0, 1.3, 2.6]), parabolic(np.array([[1.0], [0.55]]))),
-    "tooth": Tooth(
-        stacked([interpolated(f, np.array([0.0, d]), 20) for f in (arch, flat) for d in (0.1, 0.6)], (2, 2))
-    ),
+    "tooth": Tooth(stacked([pieces(f, 0.0, d) for f in (arch, flat) for d in (0.1, 0.6)], (2, 2))),
 }
 
 

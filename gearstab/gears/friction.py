@@ -15,7 +15,6 @@ Sources: Vaishya & Singh 2001 (J. Sound Vib. 243, 525-545); He, Cho & Singh 2008
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -23,8 +22,8 @@ import numpy as np
 
 from gearstab.gears.mesh_stiffness import DEGREE, PLAIN, StiffnessModel, contact_stiffness
 from gearstab.gears.pair import Pair
-from gearstab.gears.stress import contact_pressure, load_shares
-from gearstab.waveforms.tooth import Piecewise, interpolated
+from gearstab.gears.stress import contact_pressure
+from gearstab.waveforms.tooth import Piecewise, nodes, through
 
 Array = np.ndarray
 
@@ -232,24 +231,22 @@ def mesh_friction(
     kinks = [pair.phase(sliding_contact(pair, ratio)) for ratio in friction.kinks]
     edges = np.sort([0.0, c - np.floor(c), pair.pitch_phase, *kinks])
 
-    def along(weight: Callable[[Array, Array, Array], Array]) -> Piecewise:
-        def total(x: Array) -> Array:
-            s, share = load_shares(pair, x, model)
-            inside = np.clip(s, *pair.path)
-            state = contact_state(pair, inside, pinion_speed, force * np.where(share > 0, share, 1.0))
-            resisting = sliding_sign(pair, inside) * friction.coefficient(state) * share
-            return np.sum(weight(resisting, s, x), axis=-1)
-
-        return interpolated(total, edges, DEGREE)
-
-    def stiffness(x: Array) -> Array:
-        return np.sum(contact_stiffness(pair, x, model)[1], axis=-1, keepdims=True)
-
+    x = nodes(edges, DEGREE)
+    s, k = contact_stiffness(pair, x, model)
+    total = np.sum(k, axis=-1)
+    share = k / total[..., None]
+    carrying = share > 0
+    # A pair out of contact counts as one at the pitch point, where every model is finite.
+    state = contact_state(
+        pair, np.where(carrying, s, pair.pitch_point), pinion_speed, force * np.where(carrying, share, 1.0)
+    )
+    resisting = sliding_sign(pair, s) * friction.coefficient(state) * share
+    plain, arm = np.sum(resisting, axis=-1), np.sum(resisting * s, axis=-1)
     return MeshFriction(
         length=pair.length,
         wheel_sign=pair.wheel.sign,
-        stiffness=along(lambda f, s, x: f * stiffness(x)),
-        stiffness_arm=along(lambda f, s, x: f * s * stiffness(x)),
-        share=along(lambda f, s, x: f),
-        share_arm=along(lambda f, s, x: f * s),
+        stiffness=through(edges, plain * total),
+        stiffness_arm=through(edges, arm * total),
+        share=through(edges, plain),
+        share_arm=through(edges, arm),
     )

@@ -14,7 +14,7 @@ import numpy as np
 from gearstab.gears.compliance import pair_stiffness
 from gearstab.gears.pair import Pair
 from gearstab.waveforms import Fourier
-from gearstab.waveforms.tooth import Piecewise, Tooth, interpolated
+from gearstab.waveforms.tooth import Piecewise, Tooth, nodes, through
 
 Array = np.ndarray
 
@@ -185,7 +185,7 @@ def mesh_stiffness(pair: Pair, model: StiffnessModel = PLAIN) -> MeshStiffness:
     if c < 1:
         raise ValueError(f"contact breaks off: contact ratio {c:.4f}")
     edges = np.array([0.0, c - np.floor(c)])
-    curve = interpolated(lambda x: np.sum(contact_stiffness(pair, x, model)[1], axis=-1), edges, DEGREE)
+    curve = through(edges, np.sum(contact_stiffness(pair, nodes(edges, DEGREE), model)[1], axis=-1))
     mesh = MeshStiffness(pair, model, curve)
     if not mesh.extremes[0] > 0:
         raise ValueError(f"variation {model.variation} makes the mesh stiffness negative")

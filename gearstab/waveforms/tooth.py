@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -111,19 +111,22 @@ def _range(coefficients: Array) -> tuple[float, float]:
     return float(values.min()), float(values.max())
 
 
-def interpolated(function: Callable[[Array], Array], edges: Array, degree: int) -> Piecewise:
-    """The piecewise polynomial through ``function`` at the Chebyshev points inside each piece; edges ``(B,)``.
-
-    ``function`` takes phases of the shape ``(B, degree + 1)``; it is never asked at an edge.
-    """
-    edges = np.asarray(edges, dtype=float)
-    angle = np.pi * (np.arange(degree, -1, -1) + 0.5) / (degree + 1)
-    t = np.cos(angle)
+def nodes(edges: Array, degree: int) -> Array:
+    """``(B, degree + 1)``: the Chebyshev points inside each of the pieces that begin at ``edges``, ``(B,)``."""
     ends = np.append(edges[1:], 1.0)
-    x = edges[:, None] + (ends - edges)[:, None] * (t + 1) / 2
-    basis = np.cos(np.outer(angle, np.arange(degree + 1)))
+    return edges[:, None] + (ends - edges)[:, None] * (np.cos(_angles(degree)) + 1) / 2
+
+
+def _angles(degree: int) -> Array:
+    return np.pi * (np.arange(degree, -1, -1) + 0.5) / (degree + 1)
+
+
+def through(edges: Array, values: Array) -> Piecewise:
+    """The polynomials through ``values`` at the :func:`nodes` of the pieces, ``(B, degree + 1)``."""
+    degree = values.shape[-1] - 1
+    basis = np.cos(np.outer(_angles(degree), np.arange(degree + 1)))
     scale = np.where(np.arange(degree + 1) == 0, 1.0, 2.0) / (degree + 1)
-    coefficients = function(x) @ basis * scale
+    coefficients = values @ basis * scale
     size = np.max(np.abs(coefficients), axis=0)
     needed = np.flatnonzero(size > ROUNDING * np.max(size))
     return Piecewise(edges, coefficients[:, : needed[-1] + 1 if len(needed) else 1])
