@@ -20,7 +20,7 @@ def test_samples_are_met() -> None:
     stiffness = np.array([2.0, 3.0, 1.0, 4.0])
     for kind in ("linear", "cubic"):
         wave = Sampled(phase, stiffness, kind)
-        found = wave.mean_stiffness * (1 + 2 * wave.epsilon * wave.value(phase))
+        found = wave.mean_stiffness + 2 * wave.amplitude * wave.value(phase)
         np.testing.assert_allclose(found, stiffness, rtol=1e-14)
 
 
@@ -29,13 +29,13 @@ def test_linear_interpolation_keeps_the_range_of_the_samples() -> None:
     wave = Sampled(phase, stiffness)
     # Mean of the trapezoidal rule with equal steps; the extremes are the samples'.
     assert wave.mean_stiffness == pytest.approx(1.5, abs=1e-15)
-    assert wave.epsilon == pytest.approx(1 / 3, abs=1e-15)
+    assert wave.amplitude == pytest.approx(0.5, abs=1e-15)
     np.testing.assert_allclose(wave.extremes(), [-0.5, 0.5], atol=1e-15)
 
 
 def test_a_cubic_spline_overshoots_at_jumps() -> None:
     wave = Sampled(np.arange(10) / 10, np.array([1.0] * 5 + [2.0] * 5), "cubic")
-    peak = wave.mean_stiffness * (1 + 2 * wave.epsilon * wave.extremes()[1])
+    peak = wave.mean_stiffness + 2 * wave.amplitude * wave.extremes()[1]
     assert 2.05 < peak < 2.2
 
 
@@ -46,7 +46,7 @@ def test_interpolation_converges_with_its_order(kind, order) -> None:
     for count in (40, 80):
         phase = np.arange(count) / count + 0.003
         wave = Sampled(phase, smooth(phase), kind)
-        error.append(np.max(np.abs(wave.mean_stiffness * (1 + 2 * wave.epsilon * wave.value(x)) - smooth(x))))
+        error.append(np.max(np.abs(wave.mean_stiffness + 2 * wave.amplitude * wave.value(x) - smooth(x))))
     # Halving the step, the next term of the error is a hundredth of it.
     assert np.log2(error[0] / error[1]) == pytest.approx(order, abs=0.1)
 
@@ -55,7 +55,7 @@ def test_coefficients_of_a_fine_spline_are_those_of_the_function() -> None:
     """The closed form must not lose digits where the pieces are much shorter than the waves."""
     phase = np.arange(2000) / 2000
     wave = Sampled(phase, smooth(phase), "cubic")
-    scale = 2 * wave.mean_stiffness * wave.epsilon
+    scale = 2 * wave.amplitude
     # The error of the spline, (2 pi 3)^4 h^4/384 = 2e-11 relative.
     np.testing.assert_allclose(np.array(wave.fourier(1)) * scale, [3.0, 0.0], atol=1e-10)
     np.testing.assert_allclose(np.array(wave.fourier(3)) * scale, [0.0, 1.0], atol=1e-10)
@@ -79,7 +79,7 @@ def test_the_transform_of_pieces_is_that_of_quadrature() -> None:
 
 def test_constant_samples_have_no_wave() -> None:
     wave = Sampled(np.arange(7) / 7, np.full(7, 1.7e8), "cubic")
-    assert wave.epsilon == 0
+    assert wave.amplitude == 0
     assert not np.any(wave.value(np.linspace(0, 1, 50)))
     assert wave.extremes() == (0.0, 0.0)
 
@@ -94,7 +94,7 @@ def test_equally_stiff_pairs_make_the_rectangular_wave(c) -> None:
     np.testing.assert_allclose(wave.extremes(), other.extremes(), atol=1e-14)
     # floor(c) + d of 3.0 on average; 3.0 from peak to peak.
     assert wave.mean_stiffness == pytest.approx(3 * c, rel=1e-15)
-    assert wave.epsilon == pytest.approx(0.0 if c in (1.0, 2.0) else 1 / (2 * c), rel=1e-13)
+    assert wave.amplitude == pytest.approx(0.0 if c in (1.0, 2.0) else 1.5, rel=1e-13)
 
 
 def test_pairs_that_come_and_go_along_ramps_make_the_trapezoidal_wave() -> None:
@@ -118,14 +118,14 @@ def test_the_parabola_is_that_of_cai_and_hayashi() -> None:
     assert shape.integral() == pytest.approx(0.85, abs=1e-15)
     wave = Pair(2.0, shape)
     assert wave.mean_stiffness == pytest.approx(1.7, rel=1e-15)
-    total = wave.mean_stiffness * (1 + 2 * wave.epsilon * wave.value(u))
+    total = wave.mean_stiffness + 2 * wave.amplitude * wave.value(u)
     np.testing.assert_allclose(total, sum(-1.8 * v**2 + 1.8 * v + 0.55 for v in (u / 2, (u + 1) / 2)), atol=1e-14)
 
 
 def test_a_triangular_pair_of_contact_ratio_two_is_constant() -> None:
     shape = interpolate(np.array([0.0, 0.5, 1.0]), np.array([0.0, 1.0, 0.0]), "linear", False)
     wave = Pair(2.0, shape)
-    assert wave.epsilon == 0
+    assert wave.amplitude == 0
     assert not np.any(wave.value(np.linspace(0, 1, 50)))
 
 
@@ -136,7 +136,7 @@ def test_a_batch_of_contact_ratios_and_shapes() -> None:
     for i, j in np.ndindex(3, 2):
         one = Pair(float(c[i, 0]), parabolic([0.3, 0.55][j], 2.0))
         assert wave.mean_stiffness[i, j] == pytest.approx(one.mean_stiffness, rel=1e-14)
-        assert wave.epsilon[i, j] == pytest.approx(one.epsilon, rel=1e-13)
+        assert wave.amplitude[i, j] == pytest.approx(one.amplitude, rel=1e-13)
 
 
 def test_pieces_go_on_outside() -> None:

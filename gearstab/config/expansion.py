@@ -80,7 +80,7 @@ def expand(document: Document, path: Path, target: Target) -> Expansion:
         return expand_list(document, spec, [(*path, i) for i in range(len(spec))], target, path)
     if not isinstance(spec, dict):
         return expand_list(document, [spec], [path], target, path)
-    if target.exact:
+    if target.exact and not target.decimal:
         words = axis_choice(target.annotation)
         remedy = (
             'give a list such as [1, "3/5"]'
@@ -93,7 +93,8 @@ def expand(document: Document, path: Path, target: Target) -> Expansion:
     ends = {name: _number(document, path, name, target, ranged=name != "step") for name in ("start", "stop", "step")}
     if given is None or any(ends[name] is None for name in ends if spec.get(name) is not None):
         return FAILED
-    return _expand_range(document, path, given, ends)
+    found = _expand_range(document, path, given, ends)
+    return Expansion(list(map(float, found.values)), found.spec) if target.exact and found.values is not None else found
 
 
 def expand_list(document: Document, items: list[Any], places: list[Path], target: Target, path: Path) -> Expansion:

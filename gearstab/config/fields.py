@@ -88,14 +88,43 @@ class Quantity:
 
 @dataclass(frozen=True)
 class Ratio:
-    """A positive ratio of tooth numbers or frequencies, kept exact: 1, 0.6 or "3/5"."""
+    """A positive ratio of tooth numbers or frequencies, kept exact: 1, 0.6 or "3/5".
+
+    exact: false for one that stands for an irrational number, a float.
+    sibling: the flag before it in the section that says which of the two it is.
+    """
 
     unit: ClassVar[str] = "1"
 
+    exact: bool = True
+    sibling: str = ""
+
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
-        return core_schema.no_info_plain_validator_function(
-            self.fraction, serialization=core_schema.to_string_ser_schema()
+        return core_schema.with_info_plain_validator_function(
+            self.number, serialization=core_schema.to_string_ser_schema()
         )
+
+    def number(self, value: Any, info: core_schema.ValidationInfo) -> Fraction | float:
+        """The ratio, of the kind that the section asks for; raises a pydantic error."""
+        exact = (info.data or {}).get(self.sibling, True) if self.sibling else self.exact
+        return self.fraction(value) if exact else self.decimal(value)
+
+    @staticmethod
+    def decimal(value: Any) -> float:
+        """The ratio as a float; raises a pydantic error."""
+        remedy = "write a decimal such as 1.4142135623730951"
+        try:
+            # The resolved configuration holds it as a text, as it does exact ratios.
+            number = float(value) if isinstance(value, int | float | str) and not isinstance(value, bool) else math.nan
+        except (ValueError, OverflowError):
+            number = math.nan
+        if not math.isfinite(number):
+            raise wrong("ratio", "must be a number", remedy)
+        if number <= 0:
+            raise wrong("ratio", "must be > 0", remedy)
+        if not 1 / LARGEST_TERM <= number <= LARGEST_TERM:
+            raise wrong("ratio", f"must lie between {1 / LARGEST_TERM:g} and {LARGEST_TERM:g}", remedy)
+        return number
 
     def __get_pydantic_json_schema__(
         self, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler
@@ -107,8 +136,7 @@ class Ratio:
             ]
         }
 
-    @staticmethod
-    def fraction(value: Any) -> Fraction:
+    def fraction(self, value: Any) -> Fraction:
         """The exact ratio; raises a pydantic error."""
         remedy = 'write an integer, a short decimal such as 0.6 or a fraction in quotes such as "3/5"'
         if isinstance(value, Fraction):
@@ -126,13 +154,13 @@ class Ratio:
             raise wrong("ratio", "must be a finite ratio", remedy)
         if ratio <= 0:
             raise wrong("ratio", "must be > 0", remedy)
+        otherwise = f", or {self.sibling}: false if it stands for an irrational number" if self.sibling else ""
         if max(ratio.numerator, ratio.denominator) > LARGEST_TERM:
-            raise wrong("ratio", "has too many digits", "write a ratio of tooth numbers")
+            raise wrong("ratio", "has too many digits", f"write a ratio of tooth numbers{otherwise}")
         if ratio.denominator > LARGEST_DENOMINATOR and not (isinstance(value, str) and "/" in value):
             near = ratio.limit_denominator(100)
-            raise wrong(
-                "ratio", "is no short decimal, and the ratio must be exact", f'write a fraction such as "{near}"'
-            )
+            remedy = f'write a fraction such as "{near}"{otherwise}'
+            raise wrong("ratio", "is no short decimal, and the ratio must be exact", remedy)
         return ratio
 
 
@@ -208,3 +236,5 @@ Time = Annotated[float, Field(gt=0), Quantity("s")]
 Mass = Annotated[float, Field(gt=0), Quantity("kg")]
 ContactRatio = Annotated[float, Field(ge=1), Quantity()]
 ExactRatio = Annotated[Fraction, Ratio()]
+AnyRatio = Annotated[Fraction | float, Ratio(sibling="exact")]
+"""Exact unless the flag ``exact`` before it says that it is not."""

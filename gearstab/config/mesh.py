@@ -8,9 +8,9 @@ from typing import Annotated, Any, ClassVar
 from pydantic import Field
 
 from gearstab.config.conflicts import Conflict, at_most_one, exactly_one
-from gearstab.config.fields import ContactRatio, ExactRatio, Flag, NameText, NonNegative, Number, Quantity, Section
+from gearstab.config.fields import AnyRatio, ContactRatio, Flag, NameText, NonNegative, Number, Quantity, Section
 from gearstab.config.forcing import TransmissionError
-from gearstab.config.waveforms import Form, Waveform, form_of, has_own_mean
+from gearstab.config.waveforms import Form, Waveform, form_of, has_own_mean, shape_conflicts
 
 MeshStiffness = Annotated[float, Field(gt=0), Quantity("N/m", ("N m",))]
 """Of a model in coordinates of its own, where a mesh may deflect as an angle."""
@@ -74,15 +74,8 @@ class ToothMesh(Section):
         stiffness, variation = ("mean_stiffness", "max_stiffness"), ("epsilon", "amplitude")
         yield from (at_most_one if has_own_mean(raw) else exactly_one)(raw, stiffness)
         yield from (at_most_one if form.own_variation else exactly_one)(raw, variation)
-        if isinstance(raw.get("waveform"), dict):
-            for path, message, hint in Waveform.conflicts(raw["waveform"]):
-                yield ("waveform", *path), message, hint
-        ratio = raw.get("contact_ratio")
-        if ratio is None and form.contact_ratio and form_of(raw):
-            description = cls.model_fields["contact_ratio"].description or ""
-            yield ("contact_ratio",), "is missing", f"add contact_ratio: {description.rstrip('.')}"
-        elif ratio is not None and not form.contact_ratio:
-            yield ("contact_ratio",), "the waveform has no contact ratio", "remove it, or choose another waveform"
+        description = cls.model_fields["contact_ratio"].description or ""
+        yield from shape_conflicts(raw, description.rstrip("."))
         if raw.get("damping_follows_stiffness") is True:
             if raw.get("damping") is None:
                 yield ("damping",), "is missing", "add damping, the mean of the damping that follows the stiffness"
@@ -142,11 +135,16 @@ class MatrixMesh(Mesh):
         min_length=1,
         description="g, the mesh deflection is g . q: 1 for a translation, a base radius (m) for a rotation.",
     )
-    frequency_ratio: ExactRatio = Field(
+    exact: Flag = Field(
+        default=True,
+        title="exact frequency ratio",
+        description="false: frequency_ratio is a decimal that stands for an irrational number.",
+    )
+    frequency_ratio: AnyRatio = Field(
         default=1,
         title="mesh frequency ratio",
         validate_default=True,
-        description='Frequency of this mesh over that of the sweep, exact: 1, 0.5 or "1/2".',
+        description='Frequency of this mesh over that of the sweep, exact: 1, 0.5 or "1/2"; see exact.',
     )
     lag: Number = Field(
         default=0.0, title="mesh lag", description="The wave begins this fraction of its own period late (1)."

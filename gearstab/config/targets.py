@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import TypeAdapter
@@ -63,6 +63,12 @@ class Target:
         """Whether it is an exact ratio or a word, which changes the structure of the problem."""
         return isinstance(number_kind(self.annotation), Ratio) or axis_choice(self.annotation) is not None
 
+    @property
+    def decimal(self) -> bool:
+        """Whether it is a ratio that stands for an irrational number, which changes the structure as well."""
+        kind = number_kind(self.annotation)
+        return isinstance(kind, Ratio) and not kind.exact
+
 
 def resolve(name: str, model: type[System], raw: dict[str, Any]) -> list[Target]:
     """All numbers that a parameter name stands for, in a system section as written.
@@ -116,7 +122,7 @@ def _walk(name: str, parts: list[str], model: type[System], raw: dict[str, Any])
         if is_model(annotation) and part in field_types(annotation):
             field = annotation.model_fields[part]
             title, default = field.title or part, _default(field, part)
-            annotation, step = field_types(annotation)[part], part
+            annotation, step = _of_its_kind(field_types(annotation)[part], value), part
             if isinstance(annotation, type) and issubclass(annotation, ToothMesh):
                 owner = f" of {part}"
         elif entry_type(annotation, 0) is not None:
@@ -145,6 +151,14 @@ def _check_waveform(key: str, waveform: Any) -> None:
     raise TargetError(message, f"choose waveform kind: {owners}")
 
 
+def _of_its_kind(annotation: Any, section: Any) -> Any:
+    """The annotation of a ratio that its section declares not to be exact; others as they are."""
+    kind = number_kind(annotation)
+    if isinstance(kind, Ratio) and kind.sibling and value_at(section, (kind.sibling,)) is False:
+        return Annotated[float, Ratio(exact=False)]
+    return annotation
+
+
 def _default(field: FieldInfo, name: str) -> Any:
     """The value of a field that is not given; None where it must be."""
     default = None if field.is_required() else field.get_default()
@@ -153,11 +167,12 @@ def _default(field: FieldInfo, name: str) -> Any:
 
 def _index(name: str, part: str, path: Path, value: Any, entry: Any) -> int:
     entries = list(value) if isinstance(value, list | np.ndarray) else []
-    if not part.isdigit() and isinstance(entry, type) and issubclass(entry, Mesh):
+    if not part.isdigit() and is_model(entry) and "name" in entry.model_fields:
         names = [mesh.get("name") if isinstance(mesh, dict) else None for mesh in entries]
         if part not in names:
             choices = [name.replace(part, str(known)) for known in names if known is not None]
-            raise TargetError(f"there is no mesh '{part}'", nearest(name, choices))
+            what = "mesh" if issubclass(entry, Mesh) else "entry"
+            raise TargetError(f"there is no {what} '{part}'", nearest(name, choices))
         return names.index(part)
     if not part.isdigit():
         raise TargetError("unknown parameter", f"{dotted(path)} is a list: use an index from 0 on")

@@ -214,6 +214,23 @@ def form_of(mesh: Any) -> Form | None:
     return FORMS.get(kind_of(mesh.get("waveform") if isinstance(mesh, dict) else None))
 
 
+def shape_conflicts(raw: dict[str, Any], contact_ratio: str) -> Iterator[Conflict]:
+    """What contradicts itself in ``waveform`` and ``contact_ratio`` of a section as written.
+
+    contact_ratio: what to give where it is missing.
+    """
+    waveform, ratio, form = raw.get("waveform"), raw.get("contact_ratio"), form_of(raw)
+    if isinstance(waveform, dict):
+        for path, message, hint in Waveform.conflicts(waveform):
+            yield ("waveform", *path), message, hint
+    if form is None:
+        return
+    if ratio is None and form.contact_ratio:
+        yield ("contact_ratio",), "is missing", f"add contact_ratio: {contact_ratio}"
+    elif ratio is not None and not form.contact_ratio:
+        yield ("contact_ratio",), "the waveform has no contact ratio", "remove it, or choose another waveform"
+
+
 def has_no_ratio(mesh: Any) -> bool:
     """Whether the waveform of a mesh as written takes no contact ratio."""
     form = form_of(mesh)

@@ -11,7 +11,7 @@ import numpy as np
 from gearstab.modal import modal_damping_matrix
 from gearstab.system import Array, GearSystem, Mesh, PeriodicForce, PeriodicTerm
 from gearstab.systems.arrays import diagonal, given, matrix, series, vector
-from gearstab.systems.waveforms import above_mean, own_stiffness, waveform
+from gearstab.systems.waveforms import above_mean, own_variation, waveform
 from gearstab.waveforms import Scaled
 
 __all__ = ["damped", "diagonal", "driven", "matrix", "mesh", "series", "vector"]
@@ -27,7 +27,7 @@ def mesh(p: dict[str, Any], direction: Array, frequency_ratio: Fraction | float 
     wave = waveform(p)
     epsilon, amplitude, maximum = p.get("epsilon"), p.get("amplitude"), p.get("max_stiffness")
     if epsilon is None and amplitude is None:
-        epsilon = own_stiffness(wave)[1]
+        epsilon = _ratio(*own_variation(wave))
     if maximum is not None:
         # A wave that keeps its stiffer level does so for an integer contact ratio too, where it is never reached.
         maximum, above = np.asarray(maximum, dtype=float), above_mean(wave)
@@ -38,10 +38,15 @@ def mesh(p: dict[str, Any], direction: Array, frequency_ratio: Fraction | float 
     elif p.get("mean_stiffness") is not None:
         mean = np.asarray(p["mean_stiffness"], dtype=float)
     else:
-        mean = own_stiffness(wave)[0]
+        mean = own_variation(wave)[0]
     if amplitude is not None:
         epsilon = np.asarray(amplitude) / mean
     return Mesh(p["name"], direction, mean, np.asarray(epsilon, dtype=float), wave, frequency_ratio, lag)
+
+
+def _ratio(mean: Array, amplitude: Array) -> Array:
+    """amplitude/mean; 0 where the mean is, which is an error that the configuration reports."""
+    return np.where(mean != 0, amplitude / np.where(mean != 0, mean, 1.0), 0.0)
 
 
 def damped(system: GearSystem, p: dict[str, Any]) -> GearSystem:

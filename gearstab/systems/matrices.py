@@ -8,6 +8,7 @@ import numpy as np
 
 from gearstab.system import GearSystem
 from gearstab.systems import assembly
+from gearstab.systems.terms import periodic_terms
 
 
 def build(p: dict[str, Any]) -> GearSystem:
@@ -15,7 +16,8 @@ def build(p: dict[str, Any]) -> GearSystem:
 
     Parameters: ``mass``, ``stiffness`` (K0, without meshes) as nested numbers or arrays, damping, ``meshes`` with
     ``direction`` g_i, ``frequency_ratio`` Omega_i/Omega (a Fraction) and ``lag`` (fraction of the mesh's own period),
-    ``load`` and ``forces`` (:func:`~gearstab.systems.assembly.driven`).
+    ``load`` and ``forces`` (:func:`~gearstab.systems.assembly.driven`) and ``terms``
+    (:func:`~gearstab.systems.terms.periodic_terms`).
     """
     mass = assembly.matrix(p["mass"])
     meshes = tuple(
@@ -23,5 +25,6 @@ def build(p: dict[str, Any]) -> GearSystem:
         for m in p["meshes"]
     )
     names = tuple(p.get("coordinates") or (f"q{i + 1}" for i in range(mass.shape[-1])))
-    system = GearSystem(mass, assembly.matrix(p["stiffness"]), meshes, coordinates=names)
+    stiffness, terms = assembly.matrix(p["stiffness"]), periodic_terms(p)
+    system = GearSystem(mass, stiffness, meshes, coordinates=names, terms=terms)
     return assembly.driven(assembly.damped(system, p), p)

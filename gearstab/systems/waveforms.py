@@ -31,11 +31,14 @@ def above_mean(wave: Waveform) -> Array:
     return wave.extremes()[1]
 
 
-def own_stiffness(wave: Waveform) -> tuple[Array, Array]:
-    """(mean stiffness, epsilon) of a wave that was made from stiffnesses, for a mesh that does not give them."""
+def own_variation(wave: Waveform) -> tuple[Array, Array]:
+    """(mean, amplitude) of what a wave was made from, where it was, for a mesh that does not give them.
+
+    Zeros for other waves.
+    """
     if isinstance(wave, Sampled | Pair):
-        return wave.mean_stiffness, wave.epsilon
-    raise ValueError("a wave of this kind needs a mean stiffness and an epsilon")
+        return wave.mean_stiffness, wave.amplitude
+    return np.zeros(wave.batch), np.zeros(wave.batch)
 
 
 def _pair(spec: dict[str, Any], contact_ratio: Any) -> Waveform:

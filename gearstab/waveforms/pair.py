@@ -47,10 +47,9 @@ class Pair:
         return np.asarray(self.contact_ratio) * self.shape.integral()
 
     @property
-    def epsilon(self) -> Array:
-        """(max k - min k)/(2 mean k), ``(...)``: the relative variation that p and c give."""
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return np.asarray(np.nan_to_num(0.5 * self._size / self.mean_stiffness))
+    def amplitude(self) -> Array:
+        """(max k - min k)/2, ``(...)``."""
+        return 0.5 * self._size
 
     @cached_property
     def _range(self) -> tuple[Array, Array]:

@@ -46,10 +46,9 @@ class Sampled:
         return self._pieces.integral()
 
     @property
-    def epsilon(self) -> Array:
-        """(max k - min k)/(2 mean k), ``(...)``: the relative variation of the samples themselves."""
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return np.asarray(np.nan_to_num(0.5 * self._size / self.mean_stiffness))
+    def amplitude(self) -> Array:
+        """(max k - min k)/2, ``(...)``."""
+        return 0.5 * self._size
 
     @cached_property
     def _pieces(self) -> Pieces:
