@@ -50,7 +50,7 @@ def _text(path: FilePath) -> tuple[list[str], list[float], list[float]]:
         raise ModelFileError(f"cannot be read: {(error.strerror or str(error)).lower()}", "") from None
     except UnicodeDecodeError:
         raise ModelFileError("is not UTF-8 text", "save the file in UTF-8") from None
-    columns: tuple[int, int] = (0, 1)
+    columns, first = (0, 1), True
     places: list[str] = []
     samples: dict[str, list[float]] = {name: [] for name in NAMES}
     for number, line in enumerate(content.splitlines(), start=1):
@@ -58,9 +58,10 @@ def _text(path: FilePath) -> tuple[list[str], list[float], list[float]]:
         if not fields:
             continue
         place = f"line {number}"
-        if not places and all(_number(field) is None for field in fields):
-            columns = _columns(fields, place)
+        if first and all(_number(field) is None for field in fields):
+            columns, first = _columns(fields, place), False
             continue
+        first = False
         if len(fields) <= max(columns) or (len(fields) != 2 and columns == (0, 1)):
             hint = "write two numbers a line, phase and stiffness, or name the columns in the first line"
             raise ModelFileError(f"{place}: has {len(fields)} column{'s' * (len(fields) != 1)}", hint)

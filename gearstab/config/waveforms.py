@@ -148,21 +148,22 @@ class Waveform(Section):
 
 
 def _samples(raw: dict[str, Any], kind: str, form: Form) -> Iterator[Conflict]:
+    phase, stiffness = raw.get("phase"), raw.get("stiffness")
+    if phase is not None and all(raw.get(key) is None for key in form.shapes):
+        yield ("stiffness",), "is missing", "add stiffness: one number for each phase"
+        return
     yield from exactly_one(raw, form.shapes)
     if raw.get("ends") is not None and raw.get("shape") != "parabolic":
         yield ("ends",), "belongs to a parabolic shape", "remove it, or choose shape: parabolic"
-    if raw.get("shape") is not None:
+    if raw.get("shape") is not None and stiffness is None:
         for key in ("phase", "interpolation"):
             if raw.get(key) is not None:
                 yield (key,), "belongs to sampled stiffness", "remove it, or give stiffness instead of shape"
     yield from () if raw.get("shape") is not None else at_most_one(raw, ("pair_stiffness", "file", "stiffness"))
-    phase, stiffness = raw.get("phase"), raw.get("stiffness")
     if raw.get("file") is not None and phase is not None:
         yield ("phase",), "file is given already", "keep one of file, phase"
     elif stiffness is not None and phase is None:
         yield ("phase",), "is missing", "add phase: one number for each stiffness"
-    elif phase is not None and stiffness is None and raw.get("shape") is None:
-        yield ("stiffness",), "is missing", "add stiffness: one number for each phase"
     if isinstance(phase, list) and _numbers(phase) and isinstance(stiffness, list):
         if len(phase) != len(stiffness):
             yield ("stiffness",), f"has {len(stiffness)} entries", f"give {len(phase)}, one a phase"
@@ -241,4 +242,5 @@ def has_own_mean(mesh: dict[str, Any]) -> bool:
     """Whether the wave of a mesh as written says how stiff it is."""
     waveform = mesh.get("waveform")
     keys = ("file", "stiffness", "pair_stiffness")
-    return isinstance(waveform, dict) and any(waveform.get(k) is not None for k in keys)
+    given = isinstance(waveform, dict) and any(waveform.get(k) is not None for k in keys)
+    return given or kind_of(waveform) == "sampled"
