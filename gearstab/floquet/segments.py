@@ -97,9 +97,15 @@ class Pattern:
 
     def row(self, index: int) -> Pattern:
         """One of the rows, as a pattern of its own."""
-        one = slice(index, index + 1)
-        own = {name: getattr(self, name)[one] for name in ("rows", "fractions", "start", "levels", "stiffness")}
-        return replace(self, elastic=self.elastic.subset(np.array([index])), **own)
+        return self.subset(np.array([index]))
+
+    def subset(self, index: Array) -> Pattern:
+        """Some of the rows, by position; eigenproblems that were solved stay so."""
+        own = {name: getattr(self, name)[index] for name in ("rows", "fractions", "start", "levels", "stiffness")}
+        part = replace(self, elastic=self.elastic.subset(index), **own)
+        if "_eigen" in vars(self):
+            vars(part)["_eigen"] = tuple(values[index] for values in self._eigen)
+        return part
 
     def durations(self, row: int, omega: Array) -> Array:
         """``(S, P)``, durations of a row's segments, units 1/rate, for mesh frequencies ``(P,)`` in units of rate."""

@@ -102,12 +102,16 @@ def conservative(part: Part, exponents: bool) -> Solution:
     value = growth / part.period
     # Without damping the verdict decides; with uniform damping a growth below the decay is stable.
     stable = np.where(shift == 0, verdict == STABLE, value <= shift).astype(np.int8)
-    table = None
-    if exponents:
-        logs = conservative_logs(pattern, omega)
-        logs = np.where((verdict == STABLE)[..., None], 1j * logs.imag, logs)
-        table = (logs / part.period[..., None] - shift[..., None]) * rate[..., None]
+    table = conservative_exponents(pattern, omega, verdict == STABLE) * rate[..., None] if exponents else None
     return Solution((value - shift) * rate, stable, status, table)
+
+
+def conservative_exponents(pattern: Pattern, omega: Array, stable: Array) -> Array:
+    """All elastic exponents ``(r, P, 2n)``, in units of the pattern's rate."""
+    logs = conservative_logs(pattern, omega)
+    logs = np.where(stable[..., None], 1j * logs.imag, logs)
+    period = 2 * np.pi * pattern.cycles / omega
+    return logs / period[..., None] - pattern.elastic.shift[:, None, None]
 
 
 def pieces(chosen: Array, size: int) -> Iterator[tuple[Array, Array]]:
@@ -159,11 +163,19 @@ def with_damping(part: Part, damping: Array, exponents: bool) -> Solution:
     status = part.status()
     status[np.abs(scale) > np.log(numpy_kernel.LARGE)] |= STATUS_FLAGS["rescaled"]
     stable = (growth <= DAMPED_ON_CIRCLE).astype(np.int8)
-    rate, table = pattern.elastic.rate[:, None], None
-    if exponents:
-        logs = np.stack([damped_logs(pattern, generator, r, omega[r]) for r in range(len(omega))])
-        table = logs / part.period[..., None] * rate[..., None]
+    rate = pattern.elastic.rate[:, None]
+    table = _damped_table(pattern, generator, omega) * rate[..., None] if exponents else None
     return Solution(growth / part.period * rate, stable, status, table)
+
+
+def damped_exponents(pattern: Pattern, damping: Array, omega: Array) -> Array:
+    """All elastic exponents ``(r, P, m)`` of a damped pattern, in units of its rate."""
+    return _damped_table(pattern, damped.generators(pattern, damping), omega)
+
+
+def _damped_table(pattern: Pattern, generator: damped.Generators, omega: Array) -> Array:
+    logs = np.stack([damped_logs(pattern, generator, r, omega[r]) for r in range(len(omega))])
+    return logs / (2 * np.pi * pattern.cycles / omega)[..., None]
 
 
 def damped_logs(pattern: Pattern, generator: damped.Generators, row: int, omega: Array) -> Array:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gearstab.floquet import kernel
+from gearstab.floquet import general, kernel, magnus
 from gearstab.floquet.blocks import Block, split, whole
 from gearstab.floquet.segments import prepare
 from gearstab.floquet.solution import Part, Solution, solved
@@ -48,10 +48,14 @@ def solve(
 ) -> Floquet:
     """Stability of every row of a system at every mesh frequency of the first mesh.
 
-    Piecewise constant mesh stiffness: the monodromy matrix over the common period of all meshes is the exact product of
-    the segments' propagators. Points are decided as :mod:`~gearstab.floquet.invariants` and
-    :mod:`~gearstab.floquet.decision` say. Parts of the system that the meshes do not couple are solved one by one
-    (:mod:`~gearstab.floquet.blocks`).
+    * Piecewise constant mesh stiffness: the monodromy matrix over the common period of all meshes is the exact product
+      of the segments' propagators.
+    * Mesh stiffness that is smooth somewhere: the same with Magnus steps (:mod:`~gearstab.floquet.magnus`), as many as
+      the tolerance needs.
+    * Further terms of K(t) and C(t), which need not be symmetric: :mod:`~gearstab.floquet.general`.
+
+    Points are decided as :mod:`~gearstab.floquet.invariants` and :mod:`~gearstab.floquet.decision` say. Parts of the
+    system that the meshes do not couple are solved one by one (:mod:`~gearstab.floquet.blocks`).
 
     Parameters
     ----------
@@ -67,6 +71,8 @@ def solve(
     rows = int(np.prod(system.batch, dtype=int))
     omega = np.atleast_1d(np.asarray(mesh_frequency, dtype=float))
     omega = np.broadcast_to(omega, (rows, omega.shape[-1]))
+    if system.terms:
+        return _general(system, omega, exponents, tolerance)
     growth = np.full(omega.shape, -np.inf)
     stable = np.ones(omega.shape, dtype=np.int8)
     status = np.zeros(omega.shape, dtype=np.int16)
@@ -92,10 +98,21 @@ def _solutions(
     system: GearSystem, omega: Array, exponents: bool, reduction: bool, tolerance: float
 ) -> Iterator[tuple[Block, Solution]]:
     """Block by block."""
+    if not system.piecewise_constant:
+        yield from magnus.solutions(system, omega, exponents, reduction, tolerance)
+        return
     for pattern in prepare(system):
         for block in split(pattern) if reduction else [whole(pattern)]:
             part = Part(block.pattern, omega[block.pattern.rows] / block.pattern.elastic.rate[:, None])
             yield block, solved(part, block, exponents)
+
+
+def _general(system: GearSystem, omega: Array, exponents: bool, tolerance: float) -> Floquet:
+    """Systems whose K(t) and C(t) need not be symmetric."""
+    found = general.analyse(system, omega, exponents, tolerance)
+    status = np.where(found.converged, 0, STATUS_FLAGS["not_converged"]).astype(np.int16)
+    status[found.stable < 0] |= STATUS_FLAGS["failed"]
+    return Floquet(found.growth_rate, found.stable, status, found.exponents, "numpy", found.error)
 
 
 class _Exponents:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gearstab.floquet.magnus import sampled
 from gearstab.floquet.segments import Pattern, prepare, window
 from gearstab.system import GearSystem
 
@@ -48,7 +49,7 @@ def sample(system: GearSystem) -> Pattern:
     """A single system over its common period or, where there is no affordable one, over a window."""
     period = common_period(system)
     if period is not None and period.segments <= AFFORDABLE:
-        return prepare(system)[0]
+        return prepare(system)[0] if system.piecewise_constant else sampled(system)
     return window(system, SAMPLE / min(float(ratio) for ratio in system.frequency_ratios))[0]
 
 
