@@ -228,8 +228,9 @@ def _read_methods(document: Document) -> Methods | None:
     sweep = data.get("sweep")
     if isinstance(section, dict) and isinstance(sweep, dict):
         remedy = "add mesh_frequency: {start: .., stop: .., num: ..} to sweep"
-        if "floquet" in section and not sets_mesh_frequency(sweep):
-            document.report(("methods", "floquet"), "needs a mesh_frequency axis", remedy, at_key=True)
+        for name in ("floquet", "response"):
+            if name in section and not sets_mesh_frequency(sweep):
+                document.report(("methods", name), "needs a mesh_frequency axis", remedy, at_key=True)
         # Boundaries are sought between the ends of an axis; frequencies that come with cases have none.
         if "boundaries" in section and "mesh_frequency" not in sweep:
             document.report(("methods", "boundaries"), "needs a mesh_frequency axis", remedy, at_key=True)

@@ -116,6 +116,21 @@ class BoundariesOptions(Section):
     )
 
 
+class ResponseOptions(Section):
+    """The periodic steady state of a driven system at every point of the grid."""
+
+    samples_per_cycle: Annotated[int, Field(ge=8, le=100_000), Whole()] = Field(
+        default=100,
+        title="samples per cycle",
+        description="Samples in a period of the first mesh, between which a polynomial gives the extremes.",
+    )
+    tolerance: Tolerance = Field(
+        default=1e-9,
+        title="tolerance",
+        description="Of the motion over a period, for waves that are not piecewise constant (1).",
+    )
+
+
 class Methods(Section):
     """What is computed at every point of the grid; a method that is not named is not run."""
 
@@ -130,6 +145,9 @@ class Methods(Section):
     )
     boundaries: BoundariesOptions | None = Field(
         default=None, title="boundaries", description="Edges of all instability regions."
+    )
+    response: ResponseOptions | None = Field(
+        default=None, title="response", description="Peaks and load factors of the steady state of a driven system."
     )
 
     @property

@@ -19,10 +19,10 @@ WEIGHTS = np.array([1 / 20, 49 / 180, 16 / 45, 49 / 180, 1 / 20])
 """Gauss-Lobatto rule of five nodes on [0, 1] (Abramowitz & Stegun 1964, 25.4.32)."""
 COARSE = np.array([1 / 6, 0.0, 2 / 3, 0.0, 1 / 6])
 """Simpson's rule on the same nodes, to judge by."""
-FINE = np.polynomial.polynomial.polyvander(np.linspace(0.0, 1.0, 17), 4) @ np.linalg.inv(
+FINE = np.polynomial.polynomial.polyvander(np.linspace(0.0, 1.0, 33), 4) @ np.linalg.inv(
     np.polynomial.polynomial.polyvander(NODES, 4)
 )
-"""``(17, 5)``: from the nodes to equally spaced points of the polynomial through them."""
+"""``(33, 5)``: from the nodes to equally spaced points of the polynomial through them."""
 
 
 @dataclass(frozen=True)

@@ -53,9 +53,12 @@ class Start:
     status: Array
 
 
-def starts(system: GearSystem, omega: Array, tolerance: float = 1e-9) -> Iterator[tuple[Array, Array, Start]]:
+def starts(
+    system: GearSystem, omega: Array, tolerance: float = 1e-9, samples: int = 1
+) -> Iterator[tuple[Array, Array, Start]]:
     """Steady states at mesh frequencies ``(rows, P)``, in chunks: (rows (K,), columns (K,), start).
 
+    samples: how many of a cycle of the first mesh are looked at, for the size of chunks.
     tolerance: of the monodromy matrix where functions vary smoothly, relative to its largest entry.
 
     Raises ValueError for systems without a common period.
@@ -65,7 +68,8 @@ def starts(system: GearSystem, omega: Array, tolerance: float = 1e-9) -> Iterato
         row, column = np.divmod(np.arange(len(basis.rows) * omega.shape[1]), omega.shape[1])
         frequency = omega[basis.rows[row], column]
         steps = 1 if drive.exact else resolution(drive, basis, row, frequency, tolerance)
-        step = max(1, MOST_ENTRIES // max((basis.size + drive.width) ** 2, 1))
+        widest = max((basis.size + drive.width) ** 2, samples * drive.counts[0] * (basis.size + 10 * len(drive.counts)))
+        step = max(1, MOST_ENTRIES // widest)
         for i in range(0, len(row), step):
             part = slice(i, i + step)
             points = Points(drive, basis, row[part], frequency[part], steps)

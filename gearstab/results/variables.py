@@ -203,6 +203,23 @@ RESPONSE = (
     Variable("status", (), "i2", "1", "what is to be said of the response; 0: nothing"),
 )  # fmt: skip
 
+SPEED_RESPONSE = (
+    coordinate("mesh", "mesh", TEXT, "1", "tooth mesh"),
+    Variable("mesh_force_peak", (GRID, "mesh"), "f8", "N", "largest magnitude of the elastic mesh force"),
+    Variable("mesh_force_mean", (GRID, "mesh"), "f8", "N", "mean elastic mesh force"),
+    Variable("mesh_force_rms", (GRID, "mesh"), "f8", "N", "root mean square of the mesh force about its mean"),
+    Variable(
+        "transmission_error_peak_to_peak", (GRID, "mesh"), "f8", "m", "peak-to-peak dynamic transmission error"
+    ),
+    Variable(
+        "transmission_error_rms", (GRID, "mesh"), "f8", "m",
+        "root mean square of the dynamic transmission error about its mean",
+    ),
+    Variable("dynamic_load_factor", (GRID, "mesh"), "f8", "1", "largest mesh force over the static one"),
+    Variable("status", (GRID,), "i2", "1", "what is to be said of the steady state; 0: nothing"),
+)  # fmt: skip
+"""Of the steady state at every point."""
+
 PAIR_RESPONSE = (
     coordinate("time", "time", "f8", "s", "time"),
     coordinate("mesh", "mesh", TEXT, "1", "tooth mesh"),
