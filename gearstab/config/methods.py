@@ -89,8 +89,8 @@ class PerturbationOptions(Section):
     order: Annotated[int, Choice("order", (1, 2))] = Field(
         default=1,
         title="order",
-        description="Order of the expansion in epsilon: 1 gives straight boundaries, 2 also shifts and curves them, opens "
-        "tongues by products of harmonics, and estimates the error.",
+        description="Order of the expansion in epsilon: 1 gives straight boundaries; 2 also shifts and curves them, "
+        "opens tongues by products of harmonics, and estimates the error.",
     )
     harmonics: Harmonics = Field(default=3, title="harmonics", description="Up to which harmonic of each mesh.")
 
@@ -131,6 +131,29 @@ class ResponseOptions(Section):
     )
 
 
+class RequiredDampingOptions(Section):
+    """The smallest damping that makes every point of the grid stable."""
+
+    of: Annotated[str, Choice("kind of damping", ("damping_ratio", "factor"))] = Field(
+        default="damping_ratio",
+        title="of",
+        description="damping_ratio: one modal damping ratio for all modes, in place of the damping given; factor: on "
+        "the damping given.",
+    )
+    largest: Annotated[float, Field(gt=0, le=1e6), Quantity()] | None = Field(
+        default=None,
+        title="largest damping",
+        description="Where the search ends (1); default a damping ratio of 0.5, or a factor of 100.",
+    )
+    tolerance: Tolerance = Field(default=1e-6, title="tolerance", description="Of the required damping, relative (1).")
+    frequencies: Annotated[str, Choice("way", ("auto", "common_period", "per_mesh"))] = Field(
+        default="auto",
+        title="many mesh frequencies",
+        description="common_period: exact; per_mesh: one frequency at a time, the others at their mean; auto: exact "
+        "while affordable.",
+    )
+
+
 class Methods(Section):
     """What is computed at every point of the grid; a method that is not named is not run."""
 
@@ -142,6 +165,9 @@ class Methods(Section):
     )
     uncoupled: UncoupledOptions | None = Field(
         default=None, title="uncoupled", description="Uncoupled Mathieu equations, to compare with."
+    )
+    required_damping: RequiredDampingOptions | None = Field(
+        default=None, title="required damping", description="The smallest damping that makes every point stable."
     )
     boundaries: BoundariesOptions | None = Field(
         default=None, title="boundaries", description="Edges of all instability regions."

@@ -35,9 +35,8 @@ HALF = 0.5
 """Modes so stiff that they would need more harmonics than there are (see LONGEST) have no series beyond this part."""
 LONGEST, SHORTEST = HIGHEST, 256
 WORK = 3e7
-"""Modes of a large system are often a thousand times faster than its meshes, and hardly deflect them. The harmonics that
-are added one by one are limited to WORK/(pairs x modes), between these two; what is left out is below 1e-7 of the
-terms."""
+"""Modes of a large system are often a thousand times faster than its meshes and hardly deflect them. The harmonics
+added one by one are limited to WORK/(pairs x modes), between these two; what is left out is below 1e-7 of the terms."""
 AT_ONCE = 2_000_000
 """Terms kept in memory at a time."""
 COINCIDENT = 1e-9

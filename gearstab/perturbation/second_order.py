@@ -29,8 +29,8 @@ STATUS_FLAGS = {
 }
 """``not_converged``: the estimate of the third-order terms is as large as the second-order ones. ``closed_by_damping``:
 stable at every mesh frequency near the root. ``no_boundary``: one mode of two is damped, and the region has no end in
-theory. ``coincident_tongues``: another resonance of the same modes is nearer than its coupling is strong; no boundary is
-given."""
+theory. ``coincident_tongues``: another resonance of the same modes is nearer than its coupling is strong; no boundary
+is given."""
 SAFETY = 2.0
 """On the estimate of the error. Of 900 tongues of random two-stage trains at epsilon = 0.02 ... 0.2, nine in ten are
 then nearer to Floquet's than estimated."""
@@ -74,9 +74,9 @@ def second_order(system: GearSystem, harmonics: int, modes: Sequence[int] | None
     modal = modal_rows(system)
     place = {(t.frequency_ratio, t.mode_p - 1, t.mode_q - 1): k for k, t in enumerate(first.index)}
     shape = (len(first.index), len(modal.frequency))
-    found = _Found(
-        np.full((shape[0], 2, shape[1]), np.nan), np.full((shape[0], 2, shape[1]), np.nan), *_start(first, shape)
-    )
+    nothing = np.full((4, *shape), np.nan)
+    threshold, status = first.threshold.reshape(shape).copy(), np.zeros(shape, dtype=np.int16)
+    found = _Found(np.stack([nothing[0], nothing[1]], axis=1), nothing[2], nothing[3], threshold, status)
     chosen = {p - 1 for p in modes} if modes is not None else {p for _, p, _ in place} | {q for _, _, q in place}
     for rows, groups in partitions(modal.frequency):
         kept = [g for g in groups if g[0] in chosen]
@@ -87,10 +87,6 @@ def second_order(system: GearSystem, harmonics: int, modes: Sequence[int] | None
                     where = np.array([place[float(force.ratio), P[0], Q[0]] for P, Q in alike])
                     found.put(where, block.members, *block.solve(force, alike, first, where))
     return found.tongues(first)
-
-
-def _start(first: Tongues, shape: tuple[int, int]) -> tuple[Array, Array]:
-    return first.threshold.reshape(shape).copy(), np.zeros(shape, dtype=np.int16)
 
 
 def _by_shape(pairs: list[tuple[Group, Group]]) -> list[list[tuple[Group, Group]]]:
@@ -104,29 +100,32 @@ class _Found:
     """Results of all tongues and rows."""
 
     boundary: Array
+    half_width: Array
     error: Array
     threshold: Array
     status: Array
 
-    def put(self, where: Array, rows: Array, boundary: Array, error: Array, threshold: Array, status: Array) -> None:
-        """All ``(rows, pairs)``, boundary and error with the side in front."""
+    def put(self, where: Array, rows: Array, boundary: Array, *others: Array) -> None:
+        """All ``(rows, pairs)``, boundary with the side in front; in the order of the fields."""
         for side in (0, 1):
             self.boundary[where[:, None], side, rows] = boundary[side].T
-            self.error[where[:, None], side, rows] = error[side].T
-        self.threshold[np.ix_(where, rows)] = threshold.T
-        self.status[np.ix_(where, rows)] = status.T
+        for whole, part in zip((self.half_width, self.error, self.threshold, self.status), others, strict=True):
+            whole[np.ix_(where, rows)] = part.T
 
     def tongues(self, first: Tongues) -> Tongues:
         batch = first.center_frequency.shape[1:]
-        boundary, error = (a.reshape(len(first.index), 2, *batch) for a in (self.boundary, self.error))
-        threshold, status = (a.reshape(len(first.index), *batch) for a in (self.threshold, self.status))
-        half = 0.5 * (boundary[:, 1] - boundary[:, 0])
-        endless, closed = (status & ENDLESS) > 0, (status & CLOSED) > 0
-        half = np.where(endless, np.inf, np.where(closed, 0.0, half))
+        boundary = self.boundary.reshape(len(first.index), 2, *batch)
+        others = (self.half_width, self.error, self.threshold, self.status)
+        half, error, threshold, status = (a.reshape(len(first.index), *batch) for a in others)
         return replace(
-            first, half_width=half, boundary_frequency=boundary, threshold=threshold,
-            first_order_boundary=first.boundary_frequency, boundary_error=error, status=status,
-        )  # fmt: skip
+            first,
+            half_width=half,
+            boundary_frequency=boundary,
+            threshold=threshold,
+            first_order_boundary=first.boundary_frequency,
+            boundary_error=np.where(np.isnan(boundary), np.nan, error[:, None]),
+            status=status,
+        )
 
 
 @dataclass(frozen=True)
@@ -147,8 +146,8 @@ class _Block:
 
     def solve(
         self, force: Excitation, pairs: list[tuple[Group, Group]], first: Tongues, where: Array
-    ) -> tuple[Array, Array, Array, Array]:
-        """Boundaries and errors ``(2, rows, pairs)``, thresholds and status ``(rows, pairs)``."""
+    ) -> tuple[Array, Array, Array, Array, Array]:
+        """Boundaries ``(2, rows, pairs)``, half-widths, errors, thresholds and status ``(rows, pairs)``."""
         ratio = float(force.ratio)
         half = first.half_width.reshape(len(first.index), -1)[np.ix_(where, self.members)].T * ratio
         problem, near = self._reduced(force, pairs, half)
@@ -159,12 +158,14 @@ class _Block:
             threshold = second_threshold(problem)
         terms, third = _sizes(problem, near)
         endless, coincident = np.isinf(sigma[1]), near[1] > near[2]
-        missing = np.isnan(sigma[0]) & ~endless
-        status = NOT_CONVERGED * (third >= terms) * (terms > 0) + CLOSED * missing + ENDLESS * endless
-        status = status + COINCIDENT * coincident
+        closed = np.isnan(sigma[0])
+        status = NOT_CONVERGED * (third >= terms) * (terms > 0) + CLOSED * closed + ENDLESS * endless
+        status = (status + COINCIDENT * coincident).astype(np.int16)
+        # Not from the boundaries, whose last digits a narrow region would be made of.
+        width = np.where(closed, 0.0, 0.5 * (sigma[1] - sigma[0]) / ratio)
         sigma[:, endless | coincident] = np.nan
-        error = np.where(np.isnan(sigma), np.nan, SAFETY * third)
-        return (root + sigma) / ratio, error / ratio, threshold, status.astype(np.int16)
+        width[coincident & ~endless] = np.nan
+        return (root + sigma) / ratio, width, SAFETY * third / ratio, threshold, status
 
     def _reduced(
         self, force: Excitation, pairs: list[tuple[Group, Group]], half: Array

@@ -13,6 +13,7 @@ from gearstab.floquet.report import reduction
 from gearstab.floquet.truncation import modes_basis, neglected, restricted, torn, type_basis
 from gearstab.perturbation import PERTURBATION_FLAGS, Tongue, Tongues, first_order, second_order, uncoupled
 from gearstab.results.variables import (
+    ERROR_ESTIMATE,
     EXACT,
     EXPONENTS,
     FIRST_ORDER,
@@ -25,7 +26,7 @@ from gearstab.results.variables import (
     Variable,
     flagged,
 )
-from gearstab.sweep import frequencies
+from gearstab.sweep import frequencies, required_damping
 from gearstab.sweep.pairs import knowing_pairs
 from gearstab.system import Array, GearSystem
 
@@ -139,7 +140,13 @@ def _floquet_variables(options: Any, system: GearSystem) -> tuple[Variable, ...]
     flags = {"flag_masks": list(STATUS_FLAGS.values()), "flag_meanings": " ".join(STATUS_FLAGS)}
     table = [replace(v, attributes=flags) if v.name == "status" else v for v in FLOQUET]
     more = frequencies.variables(options, _chosen_part(options, system))
-    return (*table, *(EXPONENTS if options.exponents else ()), *more)
+    estimate = () if _exact(_chosen_part(options, system)) else (ERROR_ESTIMATE,)
+    return (*table, *estimate, *(EXPONENTS if options.exponents else ()), *more)
+
+
+def _exact(system: GearSystem) -> bool:
+    """Whether propagation over a period is exact, so that all error is rounding."""
+    return system.piecewise_constant and not system.terms
 
 
 def _basis(options: Any, system: GearSystem) -> Array | None:
@@ -159,10 +166,12 @@ def _floquet(system: GearSystem, mesh_frequency: Array, options: Any) -> Outcome
     part = _chosen_part(options, system)
 
     def exact(one: GearSystem, omega: Array) -> Floquet:
-        return solve(one, omega, exponents=options.exponents)
+        return solve(one, omega, exponents=options.exponents, tolerance=options.tolerance)
 
     found = frequencies.solved(options, part, mesh_frequency, exact)
     values = {"growth_rate": found.growth_rate, "stable": found.stable, "status": found.status}
+    if found.error_estimate is not None:
+        values["error_estimate"] = found.error_estimate
     if isinstance(found, Floquet) and found.exponents is not None:
         values |= {"exponent_real": found.exponents.real, "exponent_imag": found.exponents.imag}
     return Outcome(values | frequencies.values(options, part, found))
@@ -267,8 +276,8 @@ def _perturbation(system: GearSystem, mesh_frequency: Array, options: Any) -> Ou
 
 def _perturbation_cost(options: Any, system: GearSystem) -> float:
     work = _modes_and_harmonics(options, system)
-    # Sums over all modes and some hundred harmonics for every pair of modes: 2 ms for three modes, 6 s for fifty-nine. Rows
-    # that differ by their epsilons alone share them, so that an eighth of it is taken for a row.
+    # Sums over all modes and some hundred harmonics for every pair of modes: 2 ms for three modes, 6 s for fifty-nine.
+    # Rows that differ by their epsilons alone share them, so that an eighth of it is taken for a row.
     return work if options.order == 1 else work * 10 * system.size
 
 
@@ -284,6 +293,10 @@ def _perturbation_check(options: Any, system: GearSystem) -> None:
 
 def _uncoupled(system: GearSystem, mesh_frequency: Array, options: Any) -> Outcome:
     return _from_tongues(uncoupled(system, options.harmonics))
+
+
+def _required_damping(system: GearSystem, mesh_frequency: Array, options: Any) -> Outcome:
+    return Outcome(required_damping.values(system, mesh_frequency, options))
 
 
 def _boundary_variables(options: Any, system: GearSystem) -> tuple[Variable, ...]:
@@ -367,6 +380,11 @@ METHODS: dict[str, Method] = {
         cost=_floquet_cost, parallel=_compiled_kernel, report=_floquet_report, check=_floquet_check,
         note=_floquet_note, outlook=_floquet_outlook,
     )),
+    "required_damping": Method(
+        name="required_damping", frequency=POINTS, variables=required_damping.variables, constants=_nothing,
+        run=_required_damping, cost=required_damping.cost, report=required_damping.report,
+        check=required_damping.check,
+    ),
     "boundaries": Method(
         name="boundaries", frequency=RANGE, variables=_boundary_variables, constants=_sides, run=_boundaries,
         cost=_boundaries_cost, unite=_united_regions, check=_boundaries_check,
