@@ -51,7 +51,9 @@ def solve(system: GearSystem, mesh_frequency: Array, solver: Callable[[GearSyste
     growth = np.where(moves[:, None], by_mesh, -np.inf).max(axis=-1)
     stable = np.min([np.where(moves[:, [k]], one.stable, 1) for k, one in enumerate(found)], axis=0)
     status = np.bitwise_or.reduce([one.status for one in found]) | np.int16(STATUS_FLAGS["per_mesh"])
-    return ManyFrequencies(growth, stable.astype(np.int8), status, by_mesh=by_mesh)
+    errors = [one.error_estimate for one in found if one.error_estimate is not None]
+    error = np.max(errors, axis=0) if errors else None
+    return ManyFrequencies(growth, stable.astype(np.int8), status, by_mesh=by_mesh, error_estimate=error)
 
 
 def groups(system: GearSystem) -> tuple[Group, ...]:

@@ -16,6 +16,7 @@ class ManyFrequencies:
     interval: ``(rows, P)`` or None, half-width of the confidence interval of the growth rate, 1/time.
     by_mesh: ``(rows, P, groups)`` or None, the growth rate with one mesh frequency alone, in the order of
         :func:`~gearstab.floquet.frequencies.groups`.
+    error_estimate: ``(rows, P)`` or None, as in :class:`~gearstab.floquet.Floquet`; the largest of all groups.
     """
 
     growth_rate: Array
@@ -23,3 +24,4 @@ class ManyFrequencies:
     status: Array
     interval: Array | None = None
     by_mesh: Array | None = None
+    error_estimate: Array | None = None

@@ -44,17 +44,22 @@ class Scan:
     rounding: Array
 
 
+def rounding(pattern: Pattern, omega: Array) -> Array:
+    """``(r, P)``, the relative rounding error of a monodromy matrix."""
+    highest = np.sqrt(np.abs(pattern.squared_frequency)).max(axis=2, initial=0.0)[:, pattern.states]
+    phase = 2 * np.pi * pattern.cycles * (highest * np.abs(pattern.fractions)).sum(axis=1)[:, None] / omega
+    return np.asarray(DRIFT * EPSILON * (np.sqrt(len(pattern.states)) + phase))
+
+
 def scan(pattern: Pattern, omega: Array) -> Scan:
     """All points of a pattern."""
-    turns = np.sqrt(np.abs(pattern.squared_frequency)).max(axis=2) * np.abs(pattern.fractions)
-    phase = 2 * np.pi * pattern.cycles * turns.sum(axis=1)[:, None] / omega
-    rounding = DRIFT * EPSILON * (np.sqrt(len(pattern.states)) + phase)
+    noise = rounding(pattern, omega)
     if pattern.elastic.damping is None:
         verdict, growth, rho = kernel.current().scan_traces(pattern, omega)
-        return Scan(growth, verdict, rho, np.zeros(omega.shape), rounding)
+        return Scan(growth, verdict, rho, np.zeros(omega.shape), noise)
     generator: Generators = damped.generators(pattern, pattern.elastic.damping)
     growth, scale, values = kernel.current().multipliers_damped(pattern, generator, omega)
-    return Scan(growth, None, values, scale, rounding)
+    return Scan(growth, None, values, scale, noise)
 
 
 def difference(fine: Scan, coarse: Scan, decay: Array) -> tuple[Array, Array]:
@@ -87,10 +92,9 @@ def _difference_conservative(fine: Scan, coarse: Scan) -> tuple[Array, Array]:
             gap = np.sqrt(_nearest(own, other))
             moved = gap / np.maximum(np.maximum(near, np.sqrt(gap)), np.finfo(float).tiny)
             change = np.maximum(change, moved * np.minimum(1.0, WEIGHT * size / largest))
-        close = np.nonzero(change < VISIBLE * fine.rounding)
+        close = change < VISIBLE * fine.rounding
         noise = fine.rounding.copy()
-        every = (slice(None), *close)
-        noise[close] = _noise(rho[every], root[every], fine.rounding[close], largest[close], change[close])
+        noise[close] = _noise(rho[:, close], root[:, close], fine.rounding[close], largest[close], change[close])
     return change, noise
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from gearstab.floquet.blocks import Block, split, whole
 from gearstab.floquet.invariants import DOUBTFUL, STABLE
+from gearstab.floquet.magnus.compare import rounding
 from gearstab.floquet.magnus.control import Estimates, Ladder, estimates, first, rectangles
 from gearstab.floquet.magnus.schemes import CF4_2, CF6_5, Scheme
 from gearstab.floquet.magnus.steps import Division, divisions
@@ -48,7 +49,8 @@ def solutions(
             for block in split(coarse) if reduction else [whole(coarse)]:
                 own = omega[block.pattern.rows] / block.pattern.elastic.rate[:, None]
                 if block.constant or part.constant.all():
-                    yield block, solved(Part(block.pattern, own), block, exponents)
+                    exact = solved(Part(block.pattern, own), block, exponents)
+                    yield block, replace(exact, error=rounding(block.pattern, own))
                     continue
                 found = _varying(within(part, block), own, exponents, tolerance)
                 rows = negative[np.searchsorted(part.rows, block.pattern.rows)]

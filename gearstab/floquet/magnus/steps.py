@@ -151,6 +151,8 @@ class Division:
         """Whether the coarsest steps are short enough to resolve the stiffness."""
         start, length, piece = self._steps(0)
         moving = ~self.constant[piece]
+        if not moving.any():
+            return True
         place = start[:, moving, None] + length[:, moving, None] * np.append(NODES, CHECKS)
         known = self.sampler(self.rows, place.reshape(len(place), -1)).reshape(*place.shape, -1)
         span = np.ptp(known, axis=(1, 2))[:, None, None]
