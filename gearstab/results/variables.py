@@ -94,6 +94,12 @@ EXPONENTS = (
     Variable("exponent_imag", (GRID, "exponent"), "f8", "rad/s", "imaginary part of the characteristic exponent"),
 )
 
+ERROR_ESTIMATE = Variable(
+    "error_estimate", (GRID,), "f8", "1",
+    "estimated error of the Floquet multipliers, relative to the largest of them or 1",
+)  # fmt: skip
+"""Where propagation over a period is not exact: of waves that are not piecewise constant, and of further terms."""
+
 BY_MESH = (
     coordinate("mesh", "mesh", TEXT, "1", "tooth mesh; meshes of one frequency vary together"),
     Variable("growth_rate_mesh", (GRID, "mesh"), "f8", "1/s", "growth rate while all meshes of other frequencies keep "
@@ -117,6 +123,12 @@ ORBITS = (
     Variable("holding_torque", (GRID,), "f8", "N m", "unbalanced torque that holds the mean speed of the orbit"),
 )
 """Of periodic orbits of gear pairs."""
+
+REQUIRED_DAMPING = (
+    Variable("required_damping", (GRID,), "f8", "1", "damping from which on the system is stable"),
+    Variable("status", (GRID,), "i2", "1", "how the required damping was found"),
+)
+"""Damping ratio of all modes, or factor on the damping."""
 
 TONGUE = (
     coordinate("mode_p", "tongue", "i4", "1", "first mode of the instability"),
