@@ -29,6 +29,7 @@ from gearstab.results.variables import (
 from gearstab.sweep import frequencies, required_damping
 from gearstab.sweep.pairs import knowing_pairs
 from gearstab.system import Array, GearSystem
+from gearstab.waveforms import Rectangular
 
 POINTS, RANGE = "points", "range"
 """What of the mesh frequency a method needs: every point of the grid or the ends of its axis; None for neither."""
@@ -291,6 +292,13 @@ def _perturbation_check(options: Any, system: GearSystem) -> None:
         raise ValueError(f"methods.perturbation knows periodic mesh stiffness only; this system has {names} as well")
 
 
+def _uncoupled_check(options: Any, system: GearSystem) -> None:
+    other = [mesh.name for mesh in system.meshes if not isinstance(mesh.waveform, Rectangular)]
+    if other or system.terms:
+        names = ", ".join(other or [term.name for term in system.terms])
+        raise ValueError(f"methods.uncoupled averages contact ratios of rectangular waves and has no others: see {names}")
+
+
 def _uncoupled(system: GearSystem, mesh_frequency: Array, options: Any) -> Outcome:
     return _from_tongues(uncoupled(system, options.harmonics))
 
@@ -329,6 +337,10 @@ def _united_regions(indices: Iterable[Sequence[Key]]) -> tuple[Key, ...]:
 def _boundaries_check(options: Any, system: GearSystem) -> None:
     if not system.commensurate:
         raise ValueError("methods.boundaries: mesh frequencies of irrational ratio have no common period")
+    smooth = [mesh.name for mesh in system.meshes if not mesh.waveform.piecewise_constant]
+    if smooth or system.terms:
+        names = ", ".join(smooth or [term.name for term in system.terms])
+        raise ValueError(f"methods.boundaries needs piecewise constant mesh stiffness and nothing else: see {names}")
 
 
 def _boundaries_cost(options: Any, system: GearSystem) -> float:
@@ -373,7 +385,7 @@ METHODS: dict[str, Method] = {
     ),
     "uncoupled": Method(
         name="uncoupled", frequency=None, variables=_tongue_variables, constants=_sides, cost=_modes_and_harmonics,
-        run=_uncoupled,
+        run=_uncoupled, check=_uncoupled_check,
     ),
     "floquet": knowing_pairs(Method(
         name="floquet", frequency=POINTS, variables=_floquet_variables, constants=_floquet_constants, run=_floquet,
