@@ -296,7 +296,7 @@ def _uncoupled_check(options: Any, system: GearSystem) -> None:
     other = [mesh.name for mesh in system.meshes if not isinstance(mesh.waveform, Rectangular)]
     if other or system.terms:
         names = ", ".join(other or [term.name for term in system.terms])
-        raise ValueError(f"methods.uncoupled averages contact ratios of rectangular waves and has no others: see {names}")
+        raise ValueError(f"methods.uncoupled averages the contact ratios of rectangular waves: see {names}")
 
 
 def _uncoupled(system: GearSystem, mesh_frequency: Array, options: Any) -> Outcome:
