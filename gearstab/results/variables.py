@@ -201,17 +201,17 @@ RESPONSE = (
         "mesh_deflection_amplitude", ("frequency", "mesh"), "f8", "m", "amplitude of the harmonic of the deflection"
     ),
     Variable(
-        "mesh_force_density", ("frequency", "mesh"), "f8", "N2 s", "one-sided power spectral density of the mesh force"
+        "mesh_force_density", ("frequency", "mesh"), "f8", "N^2 s", "one-sided power spectral density of the mesh force"
     ),
     Variable(
-        "mesh_deflection_density", ("frequency", "mesh"), "f8", "m2 s",
+        "mesh_deflection_density", ("frequency", "mesh"), "f8", "m^2 s",
         "one-sided power spectral density of the mesh deflection",
     ),
     coordinate("peak", "peak", "i4", "1", "number of the peak of the mesh forces' spectra, the largest first"),
     Variable("peak_mesh", ("peak",), TEXT, "1", "tooth mesh of the peak"),
     Variable("peak_frequency", ("peak",), "f8", "rad/s", "frequency of the peak"),
     Variable("peak_amplitude", ("peak",), "f8", "N", "amplitude of the harmonic"),
-    Variable("peak_density", ("peak",), "f8", "N2 s", "height of the peak"),
+    Variable("peak_density", ("peak",), "f8", "N^2 s", "height of the peak"),
     Variable("status", (), "i2", "1", "what is to be said of the response; 0: nothing"),
 )  # fmt: skip
 
