@@ -3,7 +3,7 @@
     python scripts/compare_ross.py
 
 prints, for the benchmark pairs of docs/gears.md, the contact ratio, the parts of the teeth's compliance at the pitch
-point and the mean mesh stiffness as ROSS finds them over ours. ROSS is no dependency of gearstab, and this its only use.
+point and the mean mesh stiffness as ROSS finds them over ours. ROSS is no dependency of gearstab; only this uses it.
 """
 
 from __future__ import annotations

@@ -211,7 +211,7 @@ def test_body_coupling() -> None:
         number = np.sum(plain > 0, axis=-1)
         expected = np.array([np.nan, 1.0, f, 1 / (1 + 2 * (1 / f - 1))])[number]
         np.testing.assert_allclose(coupled.sum(-1) / plain.sum(-1), expected, rtol=1e-13)
-    # Finite elements with and without the neighbour's body: 0.77 to 0.78 of the sum.
+    # Finite elements with and without the body in common: 0.77 to 0.78.
     fem = REFERENCE["double_contact"]
     ratio = np.array(fem["k_double_with_body_coupling"]) / fem["k_double_without"]
     assert np.all((ratio > 0.75) & (ratio < 0.8))

@@ -29,7 +29,7 @@ class StiffnessModel:
     Parameters
     ----------
     double_contact_factor: f, the stiffness of two pairs in contact over the sum of theirs. Teeth on one body deflect
-        each other, which the sum ignores: plane finite elements give f = 0.76 (19/48 teeth). n pairs that influence
+        each other, which the sum ignores: plane finite elements give f = 0.77 (19/48 teeth). n pairs that influence
         each other equally then have the fraction f_n = 1/[1 + (n - 1) (1/f - 1)] of their sum.
     single_pair_stiffness: N/m, of one pair in contact at the pitch point; the computed curve is scaled to it. It is
         needed for an internal wheel, whose pairs then have this stiffness all along their path.
