@@ -196,16 +196,16 @@ RESPONSE = (
     Variable("static_mesh_force", ("mesh",), "f8", "N", "mesh force under the constant load, at the mean stiffness"),
     Variable("mean_velocity", ("dof",), "f8", "m/s", "uniform motion that displacements are relative to"),
     coordinate("frequency", "frequency", "f8", "rad/s", "frequency"),
-    Variable("mesh_force_amplitude", ("frequency", "mesh"), "f8", "N", "amplitude of the harmonic of the mesh force"),
+    Variable("mesh_force_amplitude", ("frequency", "mesh"), "f8", "N", "amplitude of the mesh force"),
     Variable(
-        "mesh_deflection_amplitude", ("frequency", "mesh"), "f8", "m", "amplitude of the harmonic of the deflection"
+        "mesh_deflection_amplitude", ("frequency", "mesh"), "f8", "m", "amplitude of the mesh deflection"
     ),
     Variable(
-        "mesh_force_density", ("frequency", "mesh"), "f8", "N^2 s", "one-sided power spectral density of the mesh force"
+        "mesh_force_density", ("frequency", "mesh"), "f8", "N^2 s", "spectral density of the mesh force"
     ),
     Variable(
         "mesh_deflection_density", ("frequency", "mesh"), "f8", "m^2 s",
-        "one-sided power spectral density of the mesh deflection",
+        "spectral density of the mesh deflection",
     ),
     coordinate("peak", "peak", "i4", "1", "number of the peak of the mesh forces' spectra, the largest first"),
     Variable("peak_mesh", ("peak",), TEXT, "1", "tooth mesh of the peak"),
@@ -227,7 +227,7 @@ SPEED_RESPONSE = (
         "transmission_error_rms", (GRID, "mesh"), "f8", "m",
         "root mean square of the dynamic transmission error about its mean",
     ),
-    Variable("dynamic_load_factor", (GRID, "mesh"), "f8", "1", "largest mesh force over the static one"),
+    Variable("dynamic_load_factor", (GRID, "mesh"), "f8", "1", "dynamic load factor"),
     Variable("status", (GRID,), "i2", "1", "what is to be said of the steady state; 0: nothing"),
 )  # fmt: skip
 """Of the steady state at every point."""
