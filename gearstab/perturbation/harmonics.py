@@ -16,8 +16,8 @@ import numpy as np
 from gearstab.system import Array, GearSystem, Mesh, shared_period
 
 HIGHEST = 2048
-"""Up to which of its harmonics a mesh is summed. For a wave with jumps the terms fall as s^-4, so that what is left
-out is below 1/(3 HIGHEST^3) = 4e-11 of the first term."""
+"""Up to which of its harmonics a mesh is summed. For a wave with jumps the terms fall as s^-4, so that what remains is
+1/(3 HIGHEST^3) = 4e-11 of the first term, of which all but a hundredth is estimated."""
 
 ROUNDING = 1e-13
 """Couplings below this part of the terms they are the sum of are rounding and count as zero."""
@@ -158,16 +158,36 @@ class Excited:
 
     def _sums(self, family: Family, first: int, shift: int, powers: int) -> Array:
         k = family.lattice(first, [max(s, first // n) for s, n in zip(self.last(family), family.cycles, strict=True)])
-        weights = k[:, None].astype(float) ** -np.arange(2.0, 2.0 + powers)
+        last = [n * s for n, s in zip(family.cycles, self.last(family), strict=True)]
+        ends = np.minimum.outer(last, last)
+        weights = {int(end): self._weights(k, first, int(end), powers) for end in np.unique(ends)}
         found = []
         for start in range(0, len(self.strength), ROWS):
             some = self.rows(slice(start, start + ROWS))
             one, other = np.conj(some.coefficients(family, k)), some.coefficients(family, k + shift)
-            found.append(np.stack([(one[:, m, None] * other) @ weights for m in range(one.shape[1])], axis=1))
+            total = np.zeros((len(one), *ends.shape, powers), dtype=complex)
+            for end, weight in weights.items():
+                for m, j in np.argwhere(ends == end):
+                    total[:, m, j] = (one[:, m] * other[:, j]) @ weight
+            found.append(total)
         return np.concatenate(found)
 
+    @staticmethod
+    def _weights(k: Array, first: int, end: int, powers: int) -> Array:
+        """k^-(2 + q) ``(k, powers)``; for what is beyond ``end``, a part of the last half again.
+
+        Where the products of Fourier coefficients fall as k^-2, all that follows is the 1/(2^(3 + q) - 1)-th part of
+        the terms between end/2 and end; where they alternate or fall faster, both are negligible.
+        """
+        q = np.arange(powers)
+        weights: Array = k[:, None].astype(float) ** -(2.0 + q)
+        if 2 * first <= end:
+            half = (2 * np.abs(k) > end) & (np.abs(k) <= end)
+            weights[half] *= 1 + 1 / (2.0 ** (3 + q) - 1)
+        return weights
+
     def element(self, family: Family, k: Array, p: Array) -> Array:
-        """|B(k)_pr| for a k of each row, pair and mode: k ``(rows, pairs, n)``, p ``(pairs,)``."""
+        """|B(k)_pr|, for a k of each row, pair and mode r: k ``(rows, pairs, n)``, p ``(pairs,)``."""
         total, size = np.zeros(k.shape, dtype=complex), np.zeros(k.shape)
         row = np.arange(len(k))[:, None, None]
         for i, cycles in zip(family.members, family.cycles, strict=True):

@@ -4,11 +4,12 @@ Near nu = w_P + w_Q + sigma the parts of the solution in resonance are P at w_P 
 everything else eliminated to second order (:mod:`gearstab.perturbation.response`), and with terms in x^2 replaced by
 what first order says of them, they obey, scaled to equal energies,
 
-    x a = [i D_P - D_P^2/(2 w_P) + G G^H/(2 w_P) - E_P] a + F b
-    (sigma - x) b = [-i D_Q - D_Q^2/(2 w_Q) + G^H G/(2 w_Q) - E_Q] b + F' a
+    x a = [i D_P - D_P^2/(2 w_P) + A A^H/(2 w_P) - E_P] a + F b
+    (sigma - x) b = [-i D_Q - D_Q^2/(2 w_Q) + A^H A/(2 w_Q) - E_Q] b + F' a
     F  = G (1 - sigma/(2 w_P)) + i (D_P G - G D_Q)/(2 w_P) - J
     F' = G^H (1 - sigma/(2 w_Q)) + i (G^H D_P - D_Q G^H)/(2 w_Q) + J^H
 
+    A = B/(2 sqrt(w_P w_Q))         direct coupling
     G = (B - T)/(2 sqrt(w_P w_Q))   direct coupling less that through all other modes and products of harmonics
     E = S/(2 w)                     shift of the natural frequency by the same
     J                               the same as T through damping between modes of different frequency
@@ -17,9 +18,9 @@ what first order says of them, they obey, scaled to equal energies,
 B is of first order in epsilon, T and E of second; D counts as first order. Unstable where an x has a negative imaginary
 part. For one mode each the boundaries are
 
-    sigma = -[g^2 + mu_P^2]/(2 w_P) - [g^2 + mu_Q^2]/(2 w_Q) - E_P - E_Q +- h,     g = |G|
+    sigma = -[|A|^2 + mu_P^2]/(2 w_P) - [|A|^2 + mu_Q^2]/(2 w_Q) - E_P - E_Q +- h
 
-h being the half-width of first order (:mod:`gearstab.perturbation.damped`) with G for B: 2 g without damping. The
+h being the half-width of first order (:mod:`gearstab.perturbation.damped`) with G for A: 2 |G| without damping. The
 root thus shifts, always downwards by the tongue's own width (the boundaries curve) and either way by E; and the tongue
 opens by T where B vanishes. For Mathieu's equation these are the series of a_n and b_n to the order q^2 (McLachlan
 1947, section 2.151). The elimination is a Lyapunov-Schmidt reduction; its general form here was derived anew.
@@ -149,7 +150,8 @@ def _single(problem: Reduced) -> tuple[Array, Array]:
     mu_p, mu_q = _rates(problem)
     half, threshold = single_pair(2 * g, mu_p, mu_q)
     half = np.where((half == 0) & (threshold > 0), np.nan, half)
-    center = -(g**2 + mu_p**2) / (2 * problem.frequency_p) - (g**2 + mu_q**2) / (2 * problem.frequency_q)
+    bend = np.abs(problem.first[..., 0, 0]) ** 2
+    center = -(bend + mu_p**2) / (2 * problem.frequency_p) - (bend + mu_q**2) / (2 * problem.frequency_q)
     center = center - problem.shift_p[..., 0, 0].real - problem.shift_q[..., 0, 0].real
     if problem.skew is not None:
         turned = 2 * (problem.coupling * np.conj(problem.skew))[..., 0, 0].imag
@@ -170,8 +172,7 @@ def _hermitian(problem: Reduced) -> tuple[Array, Array]:
     """
     coupling = problem.coupling
     turn = 0.25 * (1 / problem.frequency_p + 1 / problem.frequency_q)[..., None, None]
-    own = coupling @ adjoint(coupling) / (2 * problem.frequency_p)[..., None, None] - problem.shift_p
-    other = adjoint(coupling) @ coupling / (2 * problem.frequency_q)[..., None, None] - problem.shift_q
+    own, other = _own(problem)
     half = 2 * undamped(coupling.reshape(-1, *coupling.shape[-2:])).reshape(problem.frequency_p.shape)[..., None, None]
     upper = _first_meeting(own, other, coupling * (1 - turn * half))
     lower = -_first_meeting(-own, -other, coupling * (1 + turn * half))
@@ -184,6 +185,12 @@ def _hermitian(problem: Reduced) -> tuple[Array, Array]:
         found = _outermost(problem.row(doubtful), lower[doubtful], upper[doubtful], floor)
         lower[doubtful], upper[doubtful] = np.where(np.isnan(found), (lower[doubtful], upper[doubtful]), found)
     return lower, upper
+
+
+def _own(problem: Reduced) -> tuple[Array, Array]:
+    """A A^H/(2 w) - E of both groups."""
+    first, w_p, w_q = problem.first, problem.frequency_p[..., None, None], problem.frequency_q[..., None, None]
+    return first @ adjoint(first) / (2 * w_p) - problem.shift_p, adjoint(first) @ first / (2 * w_q) - problem.shift_q
 
 
 def _unstable_inside(problem: Reduced, edge: Array, other: Array) -> Array:
@@ -222,8 +229,7 @@ def _matrix(problem: Reduced, sigma: Array) -> Array:
     """The matrix whose eigenvalues are x ``(..., P + Q, P + Q)``."""
     g, w_p, w_q = problem.coupling, problem.frequency_p[..., None, None], problem.frequency_q[..., None, None]
     detuning = sigma[..., None, None]
-    own = g @ adjoint(g) / (2 * w_p) - problem.shift_p
-    other = adjoint(g) @ g / (2 * w_q) - problem.shift_q
+    own, other = _own(problem)
     right, left = g * (1 - detuning / (2 * w_p)), adjoint(g) * (1 - detuning / (2 * w_q))
     if problem.damping_p is not None and problem.damping_q is not None and problem.skew is not None:
         d_p, d_q = problem.damping_p, problem.damping_q

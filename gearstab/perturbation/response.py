@@ -162,23 +162,25 @@ def _rest(excited: Excited, family: Family, squared: Array, pairs: Pairs, last: 
 
 
 def nearest_resonance(
-    excited: Excited, family: Family, squared: Array, pairs: Pairs, nu: Array
+    excited: Excited, family: Family, own: Array, alike: Array, group: Array, pairs: Pairs, nu: Array
 ) -> tuple[Array, Array, Array]:
-    """The mode r and harmonic k outside the reduced problem that mix most with the mode p of each pair.
+    """The modes r and harmonic k outside the reduced problem that mix most with the group of modes of each pair.
 
+    own: w_r ``(rows, n)``, 0 for what takes no part. alike: ``(n, n)``, which modes have equal frequencies: their
+    couplings with the group ``(pairs, P)`` are taken together, whatever their basis.
     Returns (strength, distance, motion), ``(rows, pairs)`` each: g = |B(k)_pr|/(2 sqrt(w w_r)), the distance of
     w + k beta from +-w_r, and how fast it changes with nu in the tongue, 1/2 + |k beta|/nu; (0, 1, 1) where there is
     none. The ratio g/distance is the amplitude of r beside that of p. nu: ``(rows, pairs)``, at the root.
     """
     beta = (family.base * pairs.unit)[..., None]
-    w, own = pairs.frequency[..., None], np.sqrt(np.maximum(squared, 0.0))[:, None, :]
+    w, own = pairs.frequency[..., None], own[:, None, :]
     best = np.zeros((4, *pairs.frequency.shape))
     best[2:] = 1.0
     for cycles in dict.fromkeys(family.cycles):
         for sign in (-1.0, 1.0):
             for k in family.near((sign * own - w) / beta, cycles):
                 distance = np.abs(sign * own - (w + k * beta))
-                strength = excited.element(family, k, pairs.p)
+                strength = np.sqrt(sum(excited.element(family, k, p) ** 2 for p in group.T) @ alike)
                 absent = (k == 0) | (own == 0)
                 if pairs.meeting is not None:
                     absent |= (k == -pairs.meeting) & pairs.resonant

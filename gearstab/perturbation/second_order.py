@@ -81,7 +81,7 @@ def second_order(system: GearSystem, harmonics: int, modes: Sequence[int] | None
     for rows, groups in partitions(modal.frequency):
         kept = [g for g in groups if g[0] in chosen]
         pairs = [(P, Q) for k, P in enumerate(kept) for Q in kept[k:]]
-        for block in _blocks(system, modal, rows):
+        for block in _blocks(system, modal, rows, groups):
             for force in excitations(system, harmonics):
                 for alike in _by_shape(pairs):
                     where = np.array([place[float(force.ratio), P[0], Q[0]] for P, Q in alike])
@@ -132,11 +132,13 @@ class _Found:
 class _Block:
     """Rows of one structure and, for each, the one whose second-order couplings are its own but for a factor.
 
-    members: numbers of the rows. modal: of the rows. excited: of the representatives, with strengths of at most 1.
+    groups: of equal frequencies, of all these rows. members: numbers of the rows. modal: of the rows. excited: of the
+    representatives, with strengths of at most 1.
     source: ``(rows,)``, the representative; scale: ``(rows,)``, the factor on its strengths.
     """
 
     system: GearSystem
+    groups: list[Group]
     members: Array
     modal: Modal
     representative: Modal
@@ -171,7 +173,7 @@ class _Block:
         self, force: Excitation, pairs: list[tuple[Group, Group]], half: Array
     ) -> tuple[Reduced, tuple[Array, Array, Array, Array]]:
         """The amplitude equations of all pairs; the size of their second-order terms, and the nearest resonance."""
-        couplings = _Couplings(self.system, self.excited, self.representative, force, pairs)
+        couplings = _Couplings(self.system, self.excited, self.representative, self.groups, force, pairs)
         scale = self.scale[:, None]
         w_p, w_q = (a[self.source] for a in (couplings.w_p, couplings.w_q))
         norm, one, two = 2 * np.sqrt(w_p * w_q), scale, scale**2
@@ -246,8 +248,15 @@ class _Couplings:
     """Couplings of pairs of groups under one excitation, of the representatives."""
 
     def __init__(
-        self, system: GearSystem, excited: Excited, modal: Modal, force: Excitation, pairs: list[tuple[Group, Group]]
+        self,
+        system: GearSystem,
+        excited: Excited,
+        modal: Modal,
+        groups: list[Group],
+        force: Excitation,
+        pairs: list[tuple[Group, Group]],
     ) -> None:
+        self.groups = groups
         self.excited, self.squared, self.families = excited, modal.squared_frequency, families(system)
         self.family, self.number = _family_of(system, force)
         self.p, self.q = (np.array([pair[k] for pair in pairs]) for k in (0, 1))
@@ -279,13 +288,17 @@ class _Couplings:
     def nearest(self) -> tuple[Array, Array, Array]:
         """See :func:`nearest_resonance`; of all modes of both groups and all families, the one that mixes most."""
         nu = self.w_p + self.w_q
+        alike = np.zeros(2 * (self.squared.shape[-1],))
+        for members in self.groups:
+            alike[np.ix_(members, members)] = 1.0
+        own = np.sqrt(np.maximum(self.squared, 0.0)) @ (alike / np.maximum(alike.sum(axis=0), 1.0))
         best = np.stack([np.zeros(nu.shape), np.ones(nu.shape), np.ones(nu.shape)])
         for group, w, other in ((self.p, self.w_p, self.q), (self.q, self.w_q, self.p)):
             for family in self.families:
-                for member in group.T:
-                    pairs = self._pairs(family, member, member, w, 0, other)
-                    found = np.stack(nearest_resonance(self.excited, family, self.squared, pairs, nu))
-                    best = np.where(found[0] * best[1] > best[0] * found[1], found, best)
+                pairs = self._pairs(family, group[:, 0], group[:, 0], w, 0, other)
+                near = nearest_resonance(self.excited, family, own, alike, group, pairs, nu)
+                found = np.stack(near)
+                best = np.where(found[0] * best[1] > best[0] * found[1], found, best)
         return best[0], best[1], best[2]
 
     def _pairs(self, family: Family, p: Array, q: Array, w: Array, number: int, other: Array) -> Pairs:
@@ -298,13 +311,17 @@ class _Couplings:
         self, family: Family, left: Array, right: Array, w: Array, number: int, other: Array
     ) -> tuple[Array, Array]:
         """The second-order couplings of all modes of one group with all of another, and the size of their terms."""
-        found, size = np.zeros((len(w), *left.shape, right.shape[1]), dtype=complex), np.zeros(w.shape)
+        found, sizes = np.zeros((2, len(w), *left.shape, right.shape[1]), dtype=complex)
         for a in range(left.shape[1]):
             for b in range(right.shape[1]):
                 pairs = self._pairs(family, left[:, a], right[:, b], w, number, other)
-                value, terms = second_order_coupling(self.excited, family, self.squared, pairs, self.longest)
-                found[:, :, a, b], size = value, np.maximum(size, terms)
-        return found, size
+                coupling = second_order_coupling(self.excited, family, self.squared, pairs, self.longest)
+                found[:, :, a, b], sizes[:, :, a, b] = coupling
+        if left is right:
+            # Whatever the basis: terms of one sign add up to the trace.
+            return found, np.trace(sizes.real, axis1=-2, axis2=-1)
+        single = sizes.shape[-2:] == (1, 1)
+        return found, sizes[..., 0, 0].real if single else np.linalg.norm(found, axis=(-2, -1))
 
 
 def _sizes(problem: Reduced, around: tuple[Array, Array, Array, Array]) -> tuple[Array, Array]:
@@ -322,7 +339,7 @@ def _sizes(problem: Reduced, around: tuple[Array, Array, Array, Array]) -> tuple
     return terms, terms * mixing + strength**2 / distance * (half * motion / distance)
 
 
-def _blocks(system: GearSystem, modal: Modal, rows: Array) -> Iterator[_Block]:
+def _blocks(system: GearSystem, modal: Modal, rows: Array, groups: list[Group]) -> Iterator[_Block]:
     """Rows of one structure in blocks of bounded size, those of proportional epsilons under one representative."""
     n, meshes = modal.deflection.shape[1:]
     step = int(np.clip(BLOCK // (n * n * meshes), 1, MOST_ROWS))
@@ -344,7 +361,7 @@ def _blocks(system: GearSystem, modal: Modal, rows: Array) -> Iterator[_Block]:
         own = iter(varying)
         waves = (next(own)[chosen] if z.ndim > 1 else np.broadcast_to(z, (len(chosen), *z.shape)) for z in tables)
         excited = Excited(unit[chosen], part.deflection[chosen], tuple(waves))
-        yield _Block(system, members, part, part.rows(chosen), excited, source, scale)
+        yield _Block(system, groups, members, part, part.rows(chosen), excited, source, scale)
 
 
 def _of_rows(arrays: list[Array], batch: tuple[int, ...], rows: Array) -> list[Array]:
