@@ -153,8 +153,6 @@ class Division:
         moving = ~self.constant[piece]
         if not moving.any():
             return True
-        if not moving.any():
-            return True
         place = start[:, moving, None] + length[:, moving, None] * np.append(NODES, CHECKS)
         known = self.sampler(self.rows, place.reshape(len(place), -1)).reshape(*place.shape, -1)
         span = np.ptp(known, axis=(1, 2))[:, None, None]
