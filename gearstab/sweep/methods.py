@@ -337,10 +337,9 @@ def _united_regions(indices: Iterable[Sequence[Key]]) -> tuple[Key, ...]:
 def _boundaries_check(options: Any, system: GearSystem) -> None:
     if not system.commensurate:
         raise ValueError("methods.boundaries: mesh frequencies of irrational ratio have no common period")
-    smooth = [mesh.name for mesh in system.meshes if not mesh.waveform.piecewise_constant]
-    if smooth or system.terms:
-        names = ", ".join(smooth or [term.name for term in system.terms])
-        raise ValueError(f"methods.boundaries needs piecewise constant mesh stiffness and nothing else: see {names}")
+    if system.terms:
+        names = ", ".join(term.name for term in system.terms)
+        raise ValueError(f"methods.boundaries needs symmetric mesh stiffness and nothing else that varies: see {names}")
 
 
 def _boundaries_cost(options: Any, system: GearSystem) -> float:

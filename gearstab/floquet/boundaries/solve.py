@@ -47,12 +47,15 @@ def boundaries(
 
     Raises
     ------
-    ValueError: an empty range, or a tolerance or floor that is not positive.
+    ValueError: an empty range, a tolerance or floor that is not positive, a system with further terms, or one without a
+    common period.
     """
     if not 0 < start < stop < np.inf:
         raise ValueError(f"mesh frequencies must satisfy 0 < start < stop, not {start}, {stop}")
     if not (tolerance > 0 and width_floor > 0):
         raise ValueError(f"tolerance and width floor must be positive, not {tolerance}, {width_floor}")
+    if system.terms:
+        raise ValueError("boundaries need symmetric mesh stiffness and nothing else that varies")
     rows = int(np.prod(system.batch, dtype=int))
     # The same rows without damping are looked at too: the batch must not rest on the damping alone.
     system = system.over(system.batch)
