@@ -258,6 +258,8 @@ def test_the_pitch_point_is_passed_at_its_phase() -> None:
         ({"addendum": -1.0}, "inside the base circle"),
         ({"teeth": 3, "dedendum": 1.6}, "root radius"),
         ({"rack_tip_radius": 0.6}, "full rounding"),
+        ({"dedendum": 2.2}, "no tooth as deep"),
+        ({"teeth": 10, "profile_shift": 0.9}, "pointed teeth"),
         ({"rack_tip_radius": -0.1}, "rack_tip_radius"),
         ({"bore_radius": 0.1}, "bore_radius"),
         ({"bore_radius": -0.01}, "bore_radius"),
@@ -280,6 +282,8 @@ def test_what_cannot_mesh() -> None:
         Pair(gear, gear, 0.03)
     with pytest.raises(ValueError, match="do not reach"):
         Pair(gear, gear, 0.05)
+    with pytest.raises(ValueError, match=r"profile shifts -0.9 and -1: give centre_distance"):
+        Pair(replace(gear, profile_shift=-0.9), replace(gear, profile_shift=-1.0))
     with pytest.raises(ValueError, match="inside the base circle"):
         gear.thickness(0.01)
 

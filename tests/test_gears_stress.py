@@ -27,7 +27,7 @@ PAIR = Pair(Gear(19, 0.003175, face_width=0.016), Gear(48, 0.003175, face_width=
 
 
 def iso_section(gear):
-    """s_Fn and rho_F in modules and the height of the force over the section, by ISO 6336-3:2006, 6.2."""
+    """s_Fn and rho_F in modules and the height of the force over the section, by ISO 6336-3:2006."""
     alpha, z, x = gear.pressure_angle, gear.teeth, gear.profile_shift
     rho = gear.rounding
     e = pi / 4 - gear.dedendum * tan(alpha) - (1 - sin(alpha)) * rho / cos(alpha)

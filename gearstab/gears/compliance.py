@@ -10,7 +10,7 @@ angle of the force to the normal of the tooth's axis. With D = y_c cos beta - x_
     contact      4 (1 - nu^2) / (pi E b), of a pair (for equal materials)
 
 Sources: Yang & Lin 1987 (J. Mech. Transm. Autom. Des. 109, 189-196) and Tian 2004 for the beam, with the true fillet
-here; Sainsot, Velex & Duverger 2004 (J. Mech. Des. 126, 748-752), (3) and table 1, for the foundation.
+here; Sainsot, Velex & Duverger 2004 (J. Mech. Des. 126, 748-752) for the foundation.
 """
 
 from __future__ import annotations

@@ -20,14 +20,14 @@ from typing import Protocol
 
 import numpy as np
 
-from gearstab.gears.mesh_stiffness import DEGREE, PLAIN, StiffnessModel, contact_stiffness
+from gearstab.gears.mesh_stiffness import DEGREE, PLAIN, StiffnessModel, contact_stiffness, mesh_stiffness
 from gearstab.gears.pair import Pair
 from gearstab.gears.stress import contact_pressure
 from gearstab.waveforms.tooth import Piecewise, nodes, through
 
 Array = np.ndarray
 
-# Xu & Kahraman 2007, table 1: b1..b9.
+# b1..b9 of Xu & Kahraman 2007.
 XU_KAHRAMAN = (-8.916465, 1.03303, 1.036077, -0.354068, 2.812084, -0.100601, 0.752755, -0.390958, 0.620305)
 LEAST_SLIDING = 0.01  # of the rolling velocity, below which Benedict & Kelley's logarithm is not followed
 
@@ -100,7 +100,7 @@ class XuKahraman:
     viscosity: nu, dynamic viscosity of the oil at the inlet, cP.
     roughness: S, root mean square of the surfaces, um.
 
-    Source: Xu & Kahraman 2007 (J. Mech. Des. 129, 58-68), (9) and table 1.
+    Source: Xu & Kahraman 2007 (J. Mech. Des. 129, 58-68).
     """
 
     viscosity: float
@@ -134,7 +134,7 @@ class BenedictKelley:
     viscosity: nu, dynamic viscosity of the oil at the inlet, cP.
     roughness: S < 1.13, arithmetic mean, um.
 
-    Source: Benedict & Kelley 1961 (ASLE Trans. 4, 59-70), in SI units as He, Cho & Singh 2008, (7).
+    Source: Benedict & Kelley 1961 (ASLE Trans. 4, 59-70), in SI units as He, Cho & Singh 2008.
     """
 
     viscosity: float
@@ -231,7 +231,8 @@ def mesh_friction(
     kinks = [pair.phase(sliding_contact(pair, ratio)) for ratio in friction.kinks]
     edges = np.sort([0.0, c - np.floor(c), pair.pitch_phase, *kinks])
 
-    x = nodes(edges, DEGREE)
+    degrees = np.shape(mesh_stiffness(pair, model).curve.coefficients)[-1] - 1
+    x = nodes(edges, max(DEGREE, degrees))
     s, k = contact_stiffness(pair, x, model)
     total = np.sum(k, axis=-1)
     share = k / total[..., None]

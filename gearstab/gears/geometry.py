@@ -85,8 +85,12 @@ class Gear:
             raise ValueError(
                 f"the root radius {self.root_radius:.6g} m is not positive: too few teeth or too deep a cut"
             )
+        if not self.full_rounding >= 0:
+            raise ValueError(f"a rack of this pressure angle has no tooth as deep as dedendum {self.dedendum} modules")
         if not self.rounding >= 0 or self.rounding > self.full_rounding * (1 + 1e-12):
             raise ValueError(f"rack_tip_radius must lie between 0 and {self.full_rounding:.6g} modules (full rounding)")
+        if not self.top_land > 0:
+            raise ValueError(f"pointed teeth: at the tip they would be {self.top_land / self.module:.4g} modules thick")
         inside, outside = (self.root_radius, self.bore) if self.internal else (self.bore, self.root_radius)
         if not 0 <= inside < outside:
             raise ValueError(f"bore_radius {self.bore:.6g} m must lie beyond the root circle, {self.root_radius:.6g} m")
@@ -159,7 +163,7 @@ class Gear:
         return acos(min(self.base_radius / radius, 1.0))
 
     def thickness(self, radius: float) -> float:
-        """Of the tooth along the arc of that radius, between its involutes; negative beyond a pointed tip."""
+        """Of the tooth along the arc of that radius, between its involutes; negative beyond their point."""
         return 2 * radius * (self.base_half_angle - self.sign * involute(self.profile_angle(radius)))
 
     @property

@@ -28,7 +28,7 @@ class IsoStiffness:
 
 
 def iso_stiffness(pair: Pair, rack_factor: bool = True) -> IsoStiffness:
-    """c', c_gamma of a spur pair of solid discs by method B of ISO 6336-1:2006, 9.3.1.
+    """c', c_gamma of a spur pair of solid discs by method B of ISO 6336-1:2006.
 
     ``rack_factor``: C_B = [1 + 0.5 (1.2 - h_fP/m)] [1 - 0.02 (20 - alpha)], without which c' holds for the basic rack
     of h_fP = 1.2 m and 20 degrees; the mean of both gears' is taken. Materials other than steel enter by the mean of

@@ -18,7 +18,9 @@ from gearstab.waveforms.tooth import Piecewise, Tooth, nodes, through
 
 Array = np.ndarray
 
-DEGREE = 20  # of the polynomial on each piece: 1e-12 of the stiffness for common teeth
+DEGREE = 20  # of the polynomial on each piece: 1e-14 of the stiffness for common teeth
+DEGREES = (DEGREE, 40, 80, 160)  # tried in turn for slender tips, until the last coefficients are below
+RESOLVED = 1e-12
 Keep = Literal["peak-to-peak", "first harmonic", "levels"]
 
 
@@ -185,8 +187,12 @@ def mesh_stiffness(pair: Pair, model: StiffnessModel = PLAIN) -> MeshStiffness:
     if c < 1:
         raise ValueError(f"contact breaks off: contact ratio {c:.4f}")
     edges = np.array([0.0, c - np.floor(c)])
-    curve = through(edges, np.sum(contact_stiffness(pair, nodes(edges, DEGREE), model)[1], axis=-1))
+    for degree in DEGREES:
+        curve = through(edges, np.sum(contact_stiffness(pair, nodes(edges, degree), model)[1], axis=-1))
+        size = np.max(np.abs(curve.coefficients), axis=0)
+        if len(size) <= degree or np.max(size[-2:]) < RESOLVED * np.max(size):
+            break
     mesh = MeshStiffness(pair, model, curve)
     if not mesh.extremes[0] > 0:
-        raise ValueError(f"variation {model.variation} makes the mesh stiffness negative")
+        raise ValueError(f"variation {model.variation} takes the mesh stiffness down to {mesh.extremes[0]:.4g} N/m")
     return mesh

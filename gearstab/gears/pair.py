@@ -1,6 +1,6 @@
 """Two gears in mesh: operating pressure angle, path of contact, contact ratio, and what a designer should know of them.
 
-Sources: ISO 21771 (2007); Colbourne 1987, *The Geometry of Involute Gears*, chapters 4 and 12.
+Sources: ISO 21771 (2007); Colbourne 1987, *The Geometry of Involute Gears*.
 """
 
 from __future__ import annotations
@@ -80,13 +80,19 @@ class Pair:
 
     @cached_property
     def pressure_angle(self) -> float:
-        """alpha_w in operation: of the centre distance, or such that the teeth just fill the pitch (ISO 21771, 5.3)."""
+        """alpha_w in operation: of the centre distance, or such that the teeth just fill the pitch."""
         if self.centre_distance is not None:
             return acos(self._bases / self.centre_distance)
         one, two = self.pinion, self.wheel
         # s_w1 + s_w2 = p_w, with s_w = 2 r_w (theta_b -+ inv alpha_w) and r_w proportional to z.
         excess = one.teeth * one.base_half_angle + two.teeth * two.base_half_angle - pi
-        return inverse_involute(excess / (one.teeth + two.sign * two.teeth))
+        inv = excess / (one.teeth + two.sign * two.teeth)
+        if not inv >= 0:
+            raise ValueError(
+                f"no centre distance closes the backlash of profile shifts {one.profile_shift:g} and "
+                f"{two.profile_shift:g}: give centre_distance"
+            )
+        return inverse_involute(inv)
 
     @property
     def centre(self) -> float:

@@ -6,7 +6,7 @@ rho about a point at the depth h below the pitch line, touches the fillet where 
 pitch line, passes through the pitch point; the fillet is followed in gamma, from pi/2 at the root circle to alpha,
 where the rack's straight flank takes over.
 
-Sources: Colbourne 1987, *The Geometry of Involute Gears*, chapter 9; Litvin & Fuentes 2004, *Gear Geometry*, 6.7.
+Sources: Colbourne 1987, *The Geometry of Involute Gears*; Litvin & Fuentes 2004, *Gear Geometry and Applied Theory*.
 """
 
 from __future__ import annotations

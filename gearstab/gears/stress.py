@@ -75,7 +75,7 @@ def root_stress_factors(gear: Gear, roll: Array | float) -> tuple[Array, Array]:
     h_F is the height over the critical section at which the force crosses the tooth's axis. A load that crosses it
     below the section does not bend it: both factors are 0. Y_S was fitted for 1 <= q_s < 8.
 
-    Source: ISO 6336-3:2006, (7), (9) and 7.2; there for the load at the outer point of single pair contact.
+    Source: ISO 6336-3:2006, method B; there for the load at the outer point of single pair contact.
     """
     section, roll = critical_section(gear), np.asarray(roll, dtype=float)
     beta = roll - gear.base_half_angle
