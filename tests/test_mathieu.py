@@ -1,4 +1,4 @@
-"""Transition curves of Mathieu's and Hill's equations: characteristic values of scipy, Hill's method in Fourier space."""
+"""Transition curves of Mathieu and Hill: characteristic values of scipy, and Hill's method in Fourier space."""
 
 from __future__ import annotations
 
