@@ -13,6 +13,7 @@ from gearstab.config.levels import LEVEL_KEYS, Selection, check_levels, extreme_
 from gearstab.config.names import mesh_items
 from gearstab.config.problems import Path
 from gearstab.config.targets import value_at
+from gearstab.config.train import check_train
 from gearstab.modal import RIGID_TOLERANCE, eigenmodes
 from gearstab.systems import build
 from gearstab.systems.assembly import matrix
@@ -28,6 +29,9 @@ def check(document: Document, config: Config) -> None:
     # Exact ratios play no part here, and would have to be the same at all points.
     axes = [replace(a, assignments=tuple(item for item in a.assignments if not item.structural)) for a in config.axes]
     config = replace(config, axes=tuple(axes))
+    if config.kind == "gearbox":
+        check_train(document, config)
+        return
     for key, _ in mesh_items(config.parameters.get("meshes")):
         check_levels(document, config, key)
     if _symmetric(document, config.parameters) and config.kind == "matrices":

@@ -23,6 +23,9 @@ LARGEST_TERM = 10**9
 """Of an exact ratio; the common period of the meshes holds as many cycles."""
 
 
+FEWEST_TEETH = 3
+
+
 def wrong(kind: str, message: str, hint: str) -> PydanticCustomError:
     """An error whose remedy travels in its context."""
     return PydanticCustomError(kind, "{message}", {"message": message, "hint": hint})
@@ -165,6 +168,29 @@ class Ratio:
 
 
 @dataclass(frozen=True)
+class Count(Ratio):
+    """A number of teeth: a whole number that an axis may set, and exact, because ratios follow from it."""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
+        return core_schema.no_info_plain_validator_function(
+            self.fraction, serialization=core_schema.plain_serializer_function_ser_schema(int)
+        )
+
+    def __get_pydantic_json_schema__(
+        self, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        return {"type": "integer", "minimum": FEWEST_TEETH}
+
+    @staticmethod
+    def fraction(value: Any) -> Fraction:
+        """The whole number; raises a pydantic error."""
+        whole = isinstance(value, int | float | Fraction) and not isinstance(value, bool) and value == int(value)
+        if not whole or not FEWEST_TEETH <= value <= LARGEST_TERM:
+            raise wrong("count", f"must be a whole number >= {FEWEST_TEETH}", "write a number of teeth")
+        return Fraction(int(value))
+
+
+@dataclass(frozen=True)
 class Choice:
     """One of the words that this version knows; ``planned`` are known ones of which it has nothing yet.
 
@@ -233,8 +259,10 @@ NonNegative = Annotated[float, Field(ge=0), Quantity()]
 Number = Annotated[float, Quantity()]
 AngularFrequency = Annotated[float, Field(gt=0), Quantity("rad/s")]
 Time = Annotated[float, Field(gt=0), Quantity("s")]
+Length = Annotated[float, Field(gt=0), Quantity("m")]
 Mass = Annotated[float, Field(gt=0), Quantity("kg")]
 ContactRatio = Annotated[float, Field(ge=1), Quantity()]
 ExactRatio = Annotated[Fraction, Ratio()]
 AnyRatio = Annotated[Fraction | float, Ratio(sibling="exact")]
 """Exact unless the flag ``exact`` before it says that it is not."""
+ToothCount = Annotated[Fraction, Count()]

@@ -91,7 +91,7 @@ def _check_top_level(document: Document, needs: Sequence[str]) -> None:
 
 def _find_model(document: Document) -> type[System] | None:
     """The model of ``system.kind``; None after reporting that there is none."""
-    from gearstab.config.kinds import KINDS, PLANNED_KINDS
+    from gearstab.config.kinds import KINDS
 
     if "system" not in document.data:
         return None
@@ -105,8 +105,6 @@ def _find_model(document: Document) -> type[System] | None:
         return KINDS[kind].variant(system)
     if kind is None:
         document.report(path, "is missing", f"add kind; {available}")
-    elif kind in PLANNED_KINDS:
-        document.report(path, f"kind '{kind}' is not available in this version", available)
     else:
         document.report(path, "is no kind of system", f"{nearest(str(kind), KINDS)} ({available})", value=kind)
     return None

@@ -10,7 +10,7 @@ from pydantic import Field
 from gearstab.config.conflicts import Conflict, at_most_one, exactly_one
 from gearstab.config.fields import AnyRatio, ContactRatio, Flag, NameText, NonNegative, Number, Quantity, Section
 from gearstab.config.forcing import TransmissionError
-from gearstab.config.waveforms import Form, Waveform, form_of, has_own_mean, shape_conflicts
+from gearstab.config.waveforms import Form, Waveform, form_of, has_own_mean, kind_of, shape_conflicts
 
 MeshStiffness = Annotated[float, Field(gt=0), Quantity("N/m", ("N m",))]
 """Of a model in coordinates of its own, where a mesh may deflect as an angle."""
@@ -71,6 +71,10 @@ class ToothMesh(Section):
     def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
         """One of the two ways to give the stiffness, and of the two to give its variation, unless the wave does."""
         form = form_of(raw) or Form()
+        if kind_of(raw.get("waveform")) == "tooth":
+            message = "the teeth are unknown: only kind: gearbox has numbers of teeth"
+            yield ("waveform", "kind"), message, "choose another waveform, or describe the gears in a gearbox"
+            return
         stiffness, variation = ("mean_stiffness", "max_stiffness"), ("epsilon", "amplitude")
         yield from (at_most_one if has_own_mean(raw) else exactly_one)(raw, stiffness)
         yield from (at_most_one if form.own_variation else exactly_one)(raw, variation)

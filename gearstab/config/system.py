@@ -21,6 +21,9 @@ class System(Section):
 
     mesh_names: ClassVar[tuple[str, ...]] = ()
     """Names of meshes that are given none; further ones are called mesh1, mesh2, ..."""
+
+    mesh_model: ClassVar[type[ToothMesh]] = ToothMesh
+    """Whose rules the meshes follow."""
     respond_model: ClassVar[type[Section] | None] = None
     """The section ``respond`` of this kind, None where it is that of linear systems."""
 
@@ -69,7 +72,7 @@ def _meshes(model: type[System], meshes: Any) -> Iterator[Conflict]:
     for i, mesh in mesh_items(meshes):
         if not isinstance(mesh, dict):
             continue
-        for path, message, hint in ToothMesh.conflicts(mesh):
+        for path, message, hint in model.mesh_model.conflicts(mesh):
             yield ("meshes", i, *path), message, hint
         name = mesh.get("name")
         if isinstance(name, str) and name in seen:

@@ -10,7 +10,7 @@ from pydantic import Field, GetCoreSchemaHandler, GetJsonSchemaHandler, StrictSt
 from pydantic_core import core_schema
 
 from gearstab.config.conflicts import Conflict, at_most_one, exactly_one
-from gearstab.config.fields import Choice, NonNegative, Number, Quantity, Section
+from gearstab.config.fields import Choice, NonNegative, Number, Quantity, Section, Whole
 from gearstab.waveforms.splines import FEWEST
 
 MOST_HARMONICS = 200
@@ -64,20 +64,19 @@ FORMS: dict[str, Form] = {
         own_variation=True,
         shapes=("shape", "file", "stiffness"),
     ),
+    "tooth": Form(optional=("harmonics",), contact_ratio=False, own_variation=True),
 }
 """The kinds of waveforms and their keys, one line each."""
-
-PLANNED = ("tooth",)
-
 
 class Waveform(Section):
     """The shape of the mesh stiffness over its period; which keys it has depends on its kind."""
 
-    kind: Annotated[str, Choice("waveform", tuple(FORMS), PLANNED)] = Field(
+    kind: Annotated[str, Choice("waveform", tuple(FORMS))] = Field(
         default="rectangular",
         title="kind of waveform",
         description="rectangular: stiff for the fraction c - floor(c) of the period; trapezoidal: with ramps; "
-        "fourier: a series; sampled: stiffness over a period; pair: the sum over the pairs of teeth in contact.",
+        "fourier: a series; sampled: stiffness over a period; pair: the sum over the pairs of teeth in contact; "
+        "tooth: computed from the teeth of a gearbox.",
     )
     ramp: Annotated[float, Field(ge=0, le=1), Quantity()] | None = Field(
         default=None,
@@ -124,6 +123,10 @@ class Waveform(Section):
         default=None,
         title="interpolation",
         description="sampled, pair: linear (order 2, the default) or cubic, a spline (order 4, overshoots at jumps).",
+    )
+
+    harmonics: Annotated[int, Field(ge=1, le=MOST_HARMONICS), Whole()] | None = Field(
+        default=None, title="harmonics", description="tooth: keep the wave's first harmonics only; all without."
     )
 
     @classmethod

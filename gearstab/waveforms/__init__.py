@@ -6,7 +6,7 @@ A waveform is one small file with one frozen class that follows :class:`Waveform
 from gearstab.waveforms.base import Profile, Waveform
 from gearstab.waveforms.fourier import Fourier
 from gearstab.waveforms.pair import Pair
-from gearstab.waveforms.profile import Constant, Scaled
+from gearstab.waveforms.profile import Constant, Product, Scaled
 from gearstab.waveforms.rectangular import Rectangular
 from gearstab.waveforms.sampled import Sampled
 from gearstab.waveforms.tooth import Tooth
@@ -26,6 +26,7 @@ __all__ = [
     "Constant",
     "Fourier",
     "Pair",
+    "Product",
     "Profile",
     "Rectangular",
     "Sampled",

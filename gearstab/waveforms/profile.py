@@ -51,3 +51,26 @@ class Constant:
 
     def breakpoints(self) -> Array:
         return np.zeros((*self.batch, 0))
+
+
+@dataclass(frozen=True)
+class Product:
+    """f(x) h(x), for example a share of the mesh stiffness."""
+
+    first: Profile
+    second: Profile
+
+    @property
+    def piecewise_constant(self) -> bool:
+        return self.first.piecewise_constant and self.second.piecewise_constant
+
+    @property
+    def batch(self) -> tuple[int, ...]:
+        return np.broadcast_shapes(self.first.batch, self.second.batch)
+
+    def value(self, x: Array) -> Array:
+        return self.first.value(x) * self.second.value(x)
+
+    def breakpoints(self) -> Array:
+        found = [self.first.breakpoints(), self.second.breakpoints()]
+        return np.concatenate([np.broadcast_to(part, (*self.batch, part.shape[-1])) for part in found], axis=-1)

@@ -14,10 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from gearstab.system import Array, GearSystem, Mesh
+from gearstab.system import Array, GearSystem, Mesh, PeriodicTerm
 from gearstab.systems import assembly
-from gearstab.systems.gearbox import matrices, rotors
-from gearstab.systems.gearbox.train import Link, mesh_frequency_ratios, mesh_link, speeds
+from gearstab.systems.gearbox import friction, matrices, rotors
+from gearstab.systems.gearbox.teeth import MeshTeeth
+from gearstab.systems.gearbox.train import Link, TrainError, mesh_frequency_ratios, mesh_link, speeds
 
 STEEL = {"young": 206.8e9, "poisson": 0.3, "density": 7850.0, "shear": 80e9}
 
@@ -28,9 +29,12 @@ class Train:
 
     p: dict[str, Any]
 
-    @property
+    @cached_property
     def rotors(self) -> list[dict[str, Any]]:
-        return list(self.p["rotors"])
+        """Gears with what they share."""
+        shared = {key: value for key, value in (self.p.get("gears") or {}).items() if value is not None}
+        own = [{key: value for key, value in rotor.items() if value is not None} for rotor in self.p["rotors"]]
+        return [shared | rotor if rotors.is_gear(rotor) else rotor for rotor in own]
 
     @cached_property
     def place(self) -> dict[str, int]:
@@ -76,6 +80,36 @@ class Train:
         drivers = [driver for driver, _ in self.meshes]
         return mesh_frequency_ratios([self.teeth(driver) for driver in drivers], drivers, self.speeds)
 
+    def sense(self, mesh: int) -> int:
+        """1 where the driver of a mesh turns counter-clockwise, -1 where clockwise."""
+        driving = -1 if self.p["input"].get("sense") == "clockwise" else 1
+        return driving if self.speeds[self.meshes[mesh][0]] > 0 else -driving
+
+    def teeth_of(self, mesh: int) -> MeshTeeth:
+        """The teeth of a mesh, computed when asked for."""
+        if mesh not in self._teeth:
+            driver, driven = self.meshes[mesh]
+            gears = self.rotors[driver], self.rotors[driven]
+            self._teeth[mesh] = MeshTeeth(gears, self.p["meshes"][mesh], self.material)
+        return self._teeth[mesh]
+
+    @cached_property
+    def _teeth(self) -> dict[int, MeshTeeth]:
+        return {}
+
+    def push(self, mesh: int) -> tuple[Array, Array]:
+        """The direction in which the driver of a mesh pushes."""
+        p = self.p["meshes"][mesh]
+        gears = [self.rotors[gear] for gear in self.meshes[mesh]]
+        angle = rotors.number(gears[0], "pressure_angle")
+        if p.get("centre_distance") is not None or any("profile_shift" in gear for gear in gears):
+            teeth = self.teeth_of(mesh)
+            try:
+                angle = teeth.each(lambda pair: pair.pressure_angle)
+            except ValueError as error:
+                raise TrainError(("meshes", mesh), str(error), "change the teeth") from None
+        return matrices.line_of_action(rotors.number(p, "position"), angle, self.sense(mesh))
+
     @property
     def layout(self) -> matrices.Layout:
         supported = tuple(k for k, rotor in enumerate(self.rotors) if rotor.get("support") is not None)
@@ -92,41 +126,78 @@ class Train:
 
 
 def build(p: dict[str, Any]) -> GearSystem:
-    """The gear system of a train; raises TrainError where its parts do not hang together."""
+    """The gear system of a train; raises TrainError where its parts do not fit together."""
     train = Train(p)
     layout = train.layout
-    meshes = tuple(mesh(train, k) for k in range(len(train.meshes)))
+    filled = [_filled(train, k) for k in range(len(train.meshes))]
+    meshes = tuple(mesh(train, k, filled[k]) for k in range(len(train.meshes)))
     mass = assembly.diagonal([*train.inertias, *(m for m in train.masses.values() for _ in "xy")])
     stiffness, damping = _shafts_and_supports(train)
-    system = GearSystem(mass, stiffness, meshes, coordinates=layout.coordinates, load=load(train))
-    system = assembly.damped(system, p | {"meshes": [{} for _ in meshes]})
-    for k, item in enumerate(meshes):
-        damping = damping + matrices.spring(item.direction, _mesh_damping(train, k, item))
-    total = damping if system.damping is None else system.damping + damping
-    return replace(system, damping=total if np.any(total) else None)
+    system = GearSystem(mass, stiffness, meshes, damping, layout.coordinates, load=load(train))
+    drag = [_mesh_damping(train, k, item) for k, item in enumerate(meshes)]
+    given = [part | {"damping": c if np.any(c) else None} for part, c in zip(filled, drag, strict=True)]
+    own = assembly.damped(system, p | {"meshes": given})
+    total = damping if own.damping is None else damping + own.damping
+    system = replace(own, damping=total if np.any(total) else None)
+    system = assembly.driven(system, {"meshes": given})
+    return _rubbed(train, replace(system, load=load(train)), drag)
 
 
-def mesh(train: Train, k: int) -> Mesh:
-    """One mesh of the train; its lag is a fraction of its own period."""
-    p, (driver, driven) = train.p["meshes"][k], train.meshes[k]
-    gears = train.rotors[driver], train.rotors[driven]
-    sense = 1 if train.speeds[driver] > 0 else -1
-    sense *= int(train.p["input"].get("sense") or 1)
-    push = matrices.line_of_action(rotors.number(p, "position"), _operating_angle(p, gears), sense)
-    radii = rotors.base_radius(gears[0]), rotors.base_radius(gears[1])
-    direction = matrices.mesh_direction(train.layout, (driver, driven), radii, push)
-    return assembly.mesh(p, direction, train.frequency_ratios[k], rotors.number(p, "lag"))
+def _filled(train: Train, k: int) -> dict[str, Any]:
+    """The parameters of a mesh with what its teeth give."""
+    p = train.p["meshes"][k]
+    kind = (p.get("waveform") or {}).get("kind", "rectangular")
+    stiff = p.get("mean_stiffness") is not None or p.get("max_stiffness") is not None
+    varies = p.get("epsilon") is not None or p.get("amplitude") is not None
+    shaped = p.get("contact_ratio") is not None or kind in ("fourier", "sampled")
+    if kind != "tooth" and stiff and varies and shaped:
+        return dict(p)
+    teeth = train.teeth_of(k)
+    try:
+        return teeth.filled() | ({"wave": teeth.wave()} if kind == "tooth" else {})
+    except ValueError as error:
+        raise TrainError(("meshes", k), str(error), "change the teeth, or give the stiffness of the mesh") from None
 
 
-def _operating_angle(p: dict[str, Any], gears: tuple[dict[str, Any], dict[str, Any]]) -> Array:
-    """phi_w of the centre distance, or the pressure angle of the gears where none is given."""
-    return rotors.number(gears[0], "pressure_angle")
+def mesh(train: Train, k: int, p: dict[str, Any]) -> Mesh:
+    """One mesh of the train from its complete parameters; its lag is a fraction of its own period."""
+    gears = train.meshes[k]
+    radii = tuple(rotors.base_radius(train.rotors[gear]) for gear in gears)
+    direction = matrices.mesh_direction(train.layout, gears, (radii[0], radii[1]), train.push(k))
+    ratio, lag = train.frequency_ratios[k], rotors.number(p, "lag")
+    if "wave" in p:
+        return Mesh(p["name"], direction, p["mean_stiffness"], p["epsilon"], p["wave"], ratio, lag)
+    return assembly.mesh(p, direction, ratio, lag)
+
+
+def _rubbed(train: Train, system: GearSystem, drag: list[Array]) -> GearSystem:
+    """The system with the friction of its meshes."""
+    laws = [p.get("friction") for p in train.p["meshes"]]
+    if not any(laws):
+        return system
+    forces = np.abs(friction.static_forces(system))
+    found: list[PeriodicTerm] = []
+    for k, law in enumerate(laws):
+        if law is None:
+            continue
+        teeth, gears = train.teeth_of(k), train.meshes[k]
+        plain = law.get("kind", "constant") == "constant"
+        speed = 1.0 if plain else rotors.number(train.p["input"], "speed") * float(abs(train.speeds[gears[0]]))
+        try:
+            rubbing = teeth.friction(law, np.asarray(speed), np.ones(()) if plain else forces[..., k])
+        except ValueError as error:
+            raise TrainError(("meshes", k, "friction"), str(error), "change the teeth or the operating point") from None
+        found += friction.terms(
+            train.layout, gears, system.meshes[k], rubbing, train.push(k), train.sense(k), drag[k],
+            swapped=teeth.pairs[0].wheel_drives,
+        )  # fmt: skip
+    return replace(system, terms=(*system.terms, *found))
 
 
 def _mesh_damping(train: Train, k: int, item: Mesh) -> Array:
     """``damping`` (N s/m) or ``damping_ratio`` of a mesh."""
     p, (driver, driven) = train.p["meshes"][k], train.meshes[k]
-    if p.get("damping") is not None:
+    if p.get("damping_ratio") is None:
         return rotors.number(p, "damping")
     radii = rotors.base_radius(train.rotors[driver]), rotors.base_radius(train.rotors[driven])
     inertias = train.inertias[driver], train.inertias[driven]
