@@ -13,6 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
+from gearstab.perturbation.tongues import Excitation
 from gearstab.system import Array, GearSystem, Mesh, shared_period
 
 HIGHEST = 2048
@@ -33,16 +34,23 @@ SMALL_QUOTIENT = 64
 class Family:
     """Meshes of commensurate frequencies.
 
-    base: b. members: numbers (from 0) of the meshes. cycles: their N_i = r_i/b.
+    base: b. exact: whether b is a rational number. members: numbers (from 0) of the meshes. cycles: their N_i = r_i/b.
     """
 
     base: float
+    exact: bool
     members: tuple[int, ...]
     cycles: tuple[int, ...]
 
-    def number_of(self, mesh: int, harmonic: int) -> int:
-        """k of a harmonic of a mesh."""
-        return harmonic * self.cycles[self.members.index(mesh)]
+    def holds(self, excitation: Excitation) -> bool:
+        """Whether the frequency of an excitation is a multiple of the base frequency."""
+        if excitation.parts:
+            return excitation.parts[0][0] in self.members
+        return self.exact and isinstance(excitation.ratio, Fraction)
+
+    def number(self, excitation: Excitation) -> int:
+        """k of an excitation."""
+        return round(float(excitation.ratio) / self.base)
 
     def lattice(self, first: int, last: Sequence[int]) -> Array:
         """All k = +- s N_i with |k| > ``first`` and s <= ``last`` of each mesh, ascending."""
@@ -71,8 +79,9 @@ def families(system: GearSystem) -> tuple[Family, ...]:
     result = []
     for family in gathered:
         period, cycles = shared_period([quotient for _, quotient in family])
-        base = float(ratios[family[0][0]] / period)
-        result.append(Family(base, tuple(i for i, _ in family), cycles))
+        reference = ratios[family[0][0]]
+        base, exact = float(reference / period), isinstance(reference, Fraction)
+        result.append(Family(base, exact, tuple(i for i, _ in family), cycles))
     return tuple(result)
 
 

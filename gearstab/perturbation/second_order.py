@@ -11,7 +11,7 @@ from gearstab.perturbation.harmonics import HIGHEST, ROUNDING, Excited, Family, 
 from gearstab.perturbation.multiple_scales import Group, Modal, first_order, modal_rows, partitions
 from gearstab.perturbation.reduced import Reduced, adjoint, edges, second_threshold
 from gearstab.perturbation.response import Pairs, limit, nearest_resonance, second_order_coupling
-from gearstab.perturbation.tongues import Excitation, Tongues, excitations
+from gearstab.perturbation.tongues import Excitation, Tongues, excitations, products
 from gearstab.system import Array, GearSystem
 
 ALIKE = 12
@@ -47,7 +47,8 @@ def second_order(system: GearSystem, harmonics: int, modes: Sequence[int] | None
     Parameters
     ----------
     system: with any batch of rows; only ``waveform.fourier`` is used of the waves, of any number of harmonics.
-    harmonics: excitation frequencies up to this harmonic of each mesh.
+    harmonics: excitation frequencies up to this harmonic of each mesh, and sums and differences s_i r_i +- s_j r_j of
+        meshes of different, commensurate frequencies with s_i + s_j up to this.
     modes: numbers (from 1) of the modes to pair; default all that are not rigid-body modes in at least one row. All
         modes take part in the elimination.
 
@@ -70,7 +71,8 @@ def second_order(system: GearSystem, harmonics: int, modes: Sequence[int] | None
     Source: the method is the elimination known as Lyapunov-Schmidt reduction; the terms of first order are those of
     :func:`first_order`.
     """
-    first = first_order(system, harmonics, modes)
+    more = products(system, harmonics)
+    first = first_order(system, harmonics, modes, more)
     modal = modal_rows(system)
     place = {(t.frequency_ratio, t.mode_p - 1, t.mode_q - 1): k for k, t in enumerate(first.index)}
     shape = (len(first.index), len(modal.frequency))
@@ -82,7 +84,7 @@ def second_order(system: GearSystem, harmonics: int, modes: Sequence[int] | None
         kept = [g for g in groups if g[0] in chosen]
         pairs = [(P, Q) for k, P in enumerate(kept) for Q in kept[k:]]
         for block in _blocks(system, modal, rows, groups):
-            for force in excitations(system, harmonics):
+            for force in (*excitations(system, harmonics), *more):
                 for alike in _by_shape(pairs):
                     where = np.array([place[float(force.ratio), P[0], Q[0]] for P, Q in alike])
                     found.put(where, block.members, *block.solve(force, alike, first, where))
@@ -233,9 +235,8 @@ class _Block:
 
 def _family_of(system: GearSystem, force: Excitation) -> tuple[Family, int]:
     """The family that an excitation belongs to, and its number there."""
-    mesh, harmonic = force.parts[0]
-    family = next(f for f in families(system) if mesh in f.members)
-    return family, family.number_of(mesh, harmonic)
+    family = next(family for family in families(system) if family.holds(force))
+    return family, family.number(force)
 
 
 def _times(matrix: Array, factor: Array) -> Array:
