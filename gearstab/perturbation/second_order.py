@@ -14,6 +14,8 @@ from gearstab.perturbation.response import Pairs, limit, nearest_resonance, seco
 from gearstab.perturbation.tongues import Excitation, Tongues, excitations, products
 from gearstab.system import Array, GearSystem
 
+CLOSEST = 1e-12
+"""A distance from another resonance below this part of the frequency is as good as none."""
 ALIKE = 12
 """Rows whose epsilons are proportional to this many digits share their second-order couplings."""
 BLOCK = 200_000
@@ -335,7 +337,7 @@ def _sizes(problem: Reduced, around: tuple[Array, Array, Array, Array]) -> tuple
         rates = [np.linalg.norm(d, axis=(-2, -1)) for d in (problem.damping_p, problem.damping_q)]
         terms = terms + rates[0] ** 2 / (2 * w_p) + rates[1] ** 2 / (2 * w_q)
     half = 2 * g + terms
-    distance = np.maximum(distance, np.finfo(float).tiny)
+    distance = np.maximum(distance, CLOSEST * (w_p + w_q))
     mixing = np.maximum(strength / distance, half / (2 * np.minimum(w_p, w_q)))
     return terms, terms * mixing + strength**2 / distance * (half * motion / distance)
 
