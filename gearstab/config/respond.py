@@ -82,4 +82,4 @@ def drives(system: dict[str, Any]) -> bool:
     meshes = system.get("meshes")
     parts = list(meshes.values()) if isinstance(meshes, dict) else meshes if isinstance(meshes, list) else []
     errors = any(isinstance(mesh, dict) and mesh.get("transmission_error") is not None for mesh in parts)
-    return errors or system.get("load") is not None or bool(system.get("forces"))
+    return errors or bool(system.get("load")) or bool(system.get("forces"))
