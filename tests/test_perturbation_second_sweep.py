@@ -11,6 +11,7 @@ from matplotlib import pyplot
 from numpy.testing import assert_array_equal
 from tongue_edges import train
 
+from gearstab.cli.info import describe, report
 from gearstab.config import load
 from gearstab.perturbation import PERTURBATION_FLAGS, second_order
 from gearstab.plots import boundaries as boundary_figure
@@ -86,3 +87,19 @@ def test_other_periodic_terms_are_refused() -> None:
     check(options, train())
     with pytest.raises(ValueError, match="friction"):
         check(options, replace(train(), terms=(term,)))
+
+
+def test_info_lists_tongues_of_the_order_asked_for(tmp_path: Path) -> None:
+    (tmp_path / "train.yaml").write_text(CONFIG)
+    facts = describe(load(tmp_path / "train.yaml", ()), 3)
+    assert facts["order"] == 2
+    by_label = {tongue["label"]: tongue for tongue in facts["tongues"]}
+    expected = second_order(train(epsilon=(0.3, 0.3)), 3)
+    k = expected.label.index("2w3")
+    assert by_label["2w3"]["boundary_frequency"] == list(expected.boundary_frequency[k])
+    assert by_label["2w3"]["boundary_error"] == list(expected.boundary_error[k])
+    assert "coincident_tongues" in by_label["(w2+w3)/3"]["status"]
+    text = report(facts)
+    assert "to second order" in text
+    assert "another resonance too near" in text
+    assert "error" in text

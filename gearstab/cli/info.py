@@ -67,8 +67,9 @@ def describe(config: Config, harmonics: int | None = None) -> dict[str, Any]:
         "frequencies": periods.frequencies(config, system),
         **_modes(system),
         "reductions": _reductions(system),
+        "order": asked.order if asked else 1,
         "harmonics": order,
-        **_existence(system, _tongues(system, order)),
+        **_existence(system, _tongues(system, asked.order if asked else 1, order)),
     }
 
 
@@ -171,13 +172,14 @@ def _existence(system: GearSystem, tongues: list[dict[str, Any]]) -> dict[str, A
     return {"existence_rule": {"planets": order, "step": step}, "tongues": tongues}
 
 
-def _tongues(system: GearSystem, harmonics: int) -> list[dict[str, Any]]:
+def _tongues(system: GearSystem, order_of_theory: int, harmonics: int) -> list[dict[str, Any]]:
     import numpy as np
 
-    from gearstab.perturbation import first_order
+    from gearstab.perturbation import PERTURBATION_FLAGS, first_order, second_order
     from gearstab.perturbation.tongues import overlapping
 
-    tongues = first_order(system, harmonics)
+    tongues = (first_order if order_of_theory == 1 else second_order)(system, harmonics)
+    second = tongues.boundary_error is not None and tongues.status is not None
     overlap = overlapping(tongues)
     order = np.argsort(tongues.center_frequency, kind="stable")
     return [
@@ -195,6 +197,8 @@ def _tongues(system: GearSystem, harmonics: int) -> list[dict[str, Any]]:
             "threshold": _number(tongues.threshold[k]),
             "overlaps": bool(overlap[k]),
         }
+        | ({"boundary_error": [_number(e) for e in np.asarray(tongues.boundary_error)[k]]} if second else {})
+        | ({"status": [n for n, bit in PERTURBATION_FLAGS.items() if np.asarray(tongues.status)[k] & bit]} if second else {})
         for k in order
         if np.isfinite(tongues.center_frequency[k])
     ]
@@ -327,20 +331,22 @@ def _percent(share: float | None) -> str:
 
 
 def _tongue_table(facts: dict[str, Any]) -> str:
-    title = f"Instability tongues to first order at the base system, harmonics 1 to {facts['harmonics']}"
+    order, second = ("first", False) if facts["order"] == 1 else ("second", True)
+    title = f"Instability tongues to {order} order at the base system, harmonics 1 to {facts['harmonics']}"
     if not facts["tongues"]:
         return f"{title}: none, there is no elastic mode."
     rule, every = facts["existence_rule"], "+".join(mesh["name"] for mesh in facts["meshes"])
     listed, left_out = _worth_listing(facts)
     header = ["tongue", "kind", "mesh", *(["T_p", "T_q"] if rule else [])]
-    header += ["centre", "half-width", "lower", "upper", "remark"]
+    header += ["root" if second else "centre", "half-width", "lower", "upper", *(["error"] if second else []), "remark"]
     rows = []
     for tongue in listed:
         mesh = "all" if tongue["mesh"] == every and len(facts["meshes"]) > FEW_MESHES else tongue["mesh"]
         row = [tongue["label"], tongue["kind"], mesh]
         row += [" ".join(map(str, types)) or "-" for types in tongue["types"]] if rule else []
         row += [_text(tongue["center_frequency"]), _text(tongue["half_width"])]
-        rows.append([*row, *(_text(edge) for edge in tongue["boundary_frequency"]), _remark(tongue)])
+        row += [_text(edge) for edge in tongue["boundary_frequency"]]
+        rows.append([*row, *([_text(tongue["boundary_error"][0])] if second else []), _remark(tongue)])
     text = "\n".join([title, "", table(header, rows) if rows else "None in the range of the sweep.", *left_out])
     if rule:
         text += (
@@ -348,7 +354,7 @@ def _tongue_table(facts: dict[str, Any]) -> str:
             f"z = {rule['step']} (mod N)."
         )
     if any(tongue["overlaps"] for tongue in facts["tongues"]):
-        text += "\nFirst order treats each tongue by itself: where tongues overlap, their boundaries are rough."
+        text += "\nThe theory treats each tongue by itself: where tongues overlap, their boundaries are rough."
     return text
 
 
@@ -369,6 +375,10 @@ def _worth_listing(facts: dict[str, Any]) -> tuple[list[dict[str, Any]], list[st
 
 def _remark(tongue: dict[str, Any]) -> str:
     """In a word or two, what is special about a tongue."""
+    if "coincident_tongues" in tongue.get("status", []):
+        return "another resonance too near"
+    if "not_converged" in tongue.get("status", []):
+        return "rough: another resonance near"
     if tongue["half_width"] == "infinite":
         return "no boundary: only one of the modes is damped"
     if tongue["half_width"] == 0:
@@ -378,6 +388,8 @@ def _remark(tongue: dict[str, Any]) -> str:
         return (
             f"closed by damping, opens at epsilon x {tongue['threshold']:.3g}"
             if closed
+            else "not excited to this order"
+            if "status" in tongue
             else "not excited to first order"
         )
     return "overlaps" if tongue["overlaps"] else ""
