@@ -148,6 +148,22 @@ def monodromy(pattern: Pattern, row: int | Array, omega: Array) -> tuple[Array, 
     return matrix, scale
 
 
+def trace_change(rho: Array, other: Array, weight: float) -> tuple[Array, Array]:
+    """How far the multipliers of two computations differ ``(...)``, and the size of the largest, at least 1.
+
+    rho, other: lambda + 1/lambda ``(..., n)``, in any order. From |d ln lambda| = |d rho|/|lambda - 1/lambda| = |d
+    rho|/|rho^2 - 4|^(1/2), but |d rho|^(1/2) where that is larger than the root; weighted by min(1, weight times the
+    size of the multiplier over the largest).
+    """
+    root = np.sqrt(np.abs(rho * rho - 4))
+    modulus = 0.5 * (np.abs(rho) + root)
+    largest = modulus.max(axis=-1, initial=1.0)
+    gap = np.abs(rho[..., :, None] - other[..., None, :]).min(axis=-1)
+    moved = gap / np.maximum(np.maximum(root, np.sqrt(gap)), np.finfo(float).tiny)
+    share = np.minimum(1.0, weight * modulus / largest[..., None])
+    return (moved * share).max(axis=-1, initial=0.0), largest
+
+
 def log_multipliers(pattern: Pattern, omega: Array, bound: float) -> Array:
     """ln lambda ``(r, P, 2n)`` from the eigenvalues of M; NaN where an entry of M exceeds the bound."""
     logs = np.full((*omega.shape, 2 * pattern.size), np.nan, dtype=complex)

@@ -126,21 +126,27 @@ def _improve(
         patterns = [pattern.subset(rows) for pattern in patterns]
     fine, coarse = (scan(pattern, omega[place]) for pattern in patterns)
     error, rounding = estimated(fine, coarse, decay[place], ladder.scheme.order, valid)
-    target = place[0].repeat(points.shape[1], axis=1)[valid], points[valid]
-    found.growth[target], found.error[target], found.rounding[target] = (
-        part[valid] for part in (fine.growth, error, rounding)
-    )
+    # Points that stand for missing ones repeat others of their row, with the same result.
+    found.growth[place], found.error[place], found.rounding[place] = fine.growth, error, rounding
     if fine.verdict is not None and coarse.verdict is not None:
-        found.verdict[target] = fine.verdict[valid]
-        found.changed[target] = (fine.verdict != coarse.verdict)[valid]
+        found.verdict[place], found.changed[place] = fine.verdict, fine.verdict != coarse.verdict
 
 
 def estimated(fine: Scan, coarse: Scan, decay: Array, order: int, valid: Array) -> tuple[Array, Array]:
     """(error estimate, the part of it that is rounding) of the points of ``fine``, ``(r, P)`` each."""
     change, rounding = difference(fine, coarse, decay)
-    usual = np.nanmedian(np.where(valid, change, np.nan), axis=1, keepdims=True)
+    usual = _medians(change, valid)[:, None]
     change = np.maximum(change, USUAL * usual)
     return SAFETY / (2**order - 1) * change + rounding, rounding
+
+
+def _medians(values: Array, valid: Array) -> Array:
+    """``(r,)``, of the valid ones of ``values (r, P)``, of which every row has one."""
+    if not valid.all():
+        # Sorted to the end, so that the middle of the others is where it would be without them.
+        values = np.where(valid, values, np.inf)
+    middle = (valid.sum(axis=1) - 1) // 2
+    return np.asarray(np.sort(values, axis=1)[np.arange(len(values)), middle])
 
 
 def first(ladder: Ladder, omega: Array, decay: Array, tolerance: float) -> Array:
@@ -163,10 +169,11 @@ def first(ladder: Ladder, omega: Array, decay: Array, tolerance: float) -> Array
         found = k + 2 / order * np.log2(change / (AIM * tolerance))
         wanted[:, column] = np.where(resolution[:, column] == k, found, wanted[:, column])
     wanted = _without_outliers(np.nan_to_num(wanted, nan=2.0))
-    result = np.empty(omega.shape)
-    for r, own in enumerate(np.log(omega)):
-        result[r] = np.interp(own, own[place[1][r]], wanted[r])
-    return np.clip(np.ceil(result), 2, ladder.finest).astype(int)
+    result = np.empty(omega.shape, dtype=int)
+    logs = np.log(omega)
+    for r, own in enumerate(logs):
+        result[r] = np.ceil(np.interp(own, own[place[1][r]], wanted[r]))
+    return np.clip(result, 2, ladder.finest)
 
 
 def _without_outliers(values: Array) -> Array:
@@ -199,6 +206,11 @@ def rectangles(chosen: Array) -> Iterator[tuple[Array, Array, Array]]:
 
     Rows with fewer points than others repeat one of theirs; rows of very different numbers come apart.
     """
+    columns = chosen.any(axis=0)
+    if chosen[:, columns].all():
+        points = np.broadcast_to(np.flatnonzero(columns), (len(chosen), int(columns.sum())))
+        yield np.arange(len(chosen)), points, np.ones(points.shape, dtype=bool)
+        return
     count = chosen.sum(axis=1)
     size = np.ceil(np.log2(np.maximum(count, 1))).astype(int)
     for key in np.unique(size[count > 0]):
