@@ -179,7 +179,7 @@ def _tongues(system: GearSystem, order_of_theory: int, harmonics: int) -> list[d
     from gearstab.perturbation.tongues import overlapping
 
     tongues = (first_order if order_of_theory == 1 else second_order)(system, harmonics)
-    second = tongues.boundary_error is not None and tongues.status is not None
+    second, status = tongues.boundary_error is not None, np.asarray(tongues.status)
     overlap = overlapping(tongues)
     order = np.argsort(tongues.center_frequency, kind="stable")
     return [
@@ -198,7 +198,7 @@ def _tongues(system: GearSystem, order_of_theory: int, harmonics: int) -> list[d
             "overlaps": bool(overlap[k]),
         }
         | ({"boundary_error": [_number(e) for e in np.asarray(tongues.boundary_error)[k]]} if second else {})
-        | ({"status": [n for n, bit in PERTURBATION_FLAGS.items() if np.asarray(tongues.status)[k] & bit]} if second else {})
+        | ({"status": [n for n, bit in PERTURBATION_FLAGS.items() if int(status[k]) & bit]} if second else {})
         for k in order
         if np.isfinite(tongues.center_frequency[k])
     ]
