@@ -69,7 +69,8 @@ def speed_response(
         status[row, column] = flags
     with np.errstate(divide="ignore", invalid="ignore"):
         factor = np.where(static[:, None] != 0, table[0] / np.abs(static[:, None]), np.nan)
-    return SpeedResponse(*table, factor, status)
+    peak, mean, spread, span, error = table
+    return SpeedResponse(peak, mean, spread, span, error, factor, status)
 
 
 def _measured(begin: Start, static: Array, samples_per_cycle: int) -> tuple[Array, Array]:
