@@ -53,8 +53,13 @@ def values(system: GearSystem, mesh_frequency: Array, options: Any) -> dict[str,
 
 def cost(options: Any, system: GearSystem) -> float:
     """Of a point, in the units of a sweep's costs."""
-    parts = reduction(system).parts
-    return LADDER * max(1.0, sum(p.segments * p.size**3 for p in parts) / 108) + ROOTS
+    if way(options, system) == choice.PER_MESH:
+        return sum(_cost(per_mesh.alone(system, group)) for group in groups(system))
+    return _cost(system)
+
+
+def _cost(system: GearSystem) -> float:
+    return LADDER * max(1.0, sum(p.segments * p.size**3 for p in reduction(system).parts) / 108) + ROOTS
 
 
 def report(options: Any, system: GearSystem) -> Mapping[str, Any]:

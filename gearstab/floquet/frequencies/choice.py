@@ -87,6 +87,10 @@ def reason(system: GearSystem, asked: str, affordable: int = AFFORDABLE) -> str:
     if period is None:
         return f"{way} (the mesh frequencies have no common period)"
     cycles = " + ".join(f"{count:,}" for count in dict.fromkeys(period.mesh_cycles))
-    what = f"a common period of {cycles} mesh cycles with {period.segments:,} segments"
+    segments = period.segments
+    if segments <= AFFORDABLE and system.piecewise_constant and not system.terms:
+        # Jumps of several meshes may coincide.
+        segments = len(prepare(system)[0].states)
+    what = f"a common period of {cycles} mesh cycles with {segments:,} segments"
     limit = f", more than {affordable:,}" if asked == "auto" and way != COMMON_PERIOD else ""
     return f"{way} ({what}{limit})"

@@ -3,8 +3,9 @@
     lambda = lim_(t -> inf) ln |x(t)| / t        for almost every start x(0)
 
 is the largest real part of the characteristic exponents where there is a common period, and exists as well where there
-is none (Oseledets 1968). A few start vectors are carried through the exact propagators between the switching times of
-all meshes and rescaled as they grow (Benettin et al. 1980). The increments of ln |x| are averaged with the weight
+is none (Oseledets 1968). A frame of start vectors is carried through the exact propagators between the switching times
+of all meshes and rescaled as it grows (Benettin et al. 1980); |x| is the largest growth in its span. The increments of
+ln |x| are averaged with the weight
 
     exp(-1/(s (1 - s))),   s = t/T in (0, 1),
 
