@@ -8,11 +8,12 @@ import numpy as np
 
 from gearstab import floquet
 from gearstab.floquet.segments import prepare
+from gearstab.response.basis import bases
 from gearstab.response.driven import driven
 from gearstab.response.equilibrium import static_mesh_force
 from gearstab.response.propagation import Advance, propagator
 from gearstab.response.sampling import first_sample
-from gearstab.response.steady import STATUS_FLAGS
+from gearstab.response.steady import STATUS_FLAGS, unbalanced
 from gearstab.system import Array, GearSystem
 from gearstab.waveforms import Rectangular
 
@@ -149,7 +150,9 @@ def _followed(
         q, v = motion.physical(motion.history(motion.state(*start), samples, grid))
     q[0], v[0] = start
     stiffness, errors = (np.resize(part, (samples, len(system.meshes))) for part in motion.momentary(grid))
-    return assembled(system, mesh_frequency, (q, v), stiffness, errors, motion.period / grid, motion.period)
+    found = assembled(system, mesh_frequency, (q, v), stiffness, errors, motion.period / grid, motion.period)
+    pushed = bool(unbalanced(motion.drive, next(bases(system)))[0])
+    return replace(found, flags=found.flags | RESPONSE_FLAGS["unbalanced"] * pushed)
 
 
 def _samples(duration: float, step: float) -> int:

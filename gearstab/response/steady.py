@@ -28,8 +28,8 @@ STATUS_FLAGS = {
 }  # fmt: skip
 """Bits of ``status``: the steady state repels; nothing makes motions decay towards it; rounding errors are amplified by
 more than 1e6 (near an edge, or of a strongly growing system); a loaded mesh's force changes sign, where teeth would
-separate; the samples are too few for its fastest vibration; the load accelerates the train as a whole, and that part of
-it was left out; no finite result."""
+separate; the samples are too few for its fastest vibration; the load accelerates the train as a whole, and a steady
+state leaves that part of it out; no finite result."""
 
 ILL_CONDITIONED, SINGULAR = 1e6, 1e14
 """Amplification of rounding errors that is worth a word, and that leaves nothing of sixteen digits."""
