@@ -206,13 +206,19 @@ def scan_traces(pattern: Pattern, omega: Array) -> tuple[Array, Array, Array]:
 
 
 def _traces(matrix: Array) -> Array:
-    """rho ``(P, n)`` of symplectic ``(P, 2n, 2n)``: every second one of the eigenvalues of M + M^-1, which has all
-    twice; those of multipliers near the circle are sorted along the real axis, where they lie.
-    """
+    """rho ``(P, n)`` of symplectic ``(P, 2n, 2n)``: the eigenvalues of M + M^-1, which has each twice."""
     n = matrix.shape[-1] // 2
     j = np.block([[np.zeros((n, n)), np.eye(n)], [-np.eye(n), np.zeros((n, n))]])
-    values = np.linalg.eigvals(matrix - j @ np.swapaxes(matrix, -1, -2) @ j).astype(complex)
-    return np.sort_complex(values)[:, ::2]
+    left = np.linalg.eigvals(matrix - j @ np.swapaxes(matrix, -1, -2) @ j).astype(complex)
+    each, result = np.arange(len(matrix)), np.empty((len(matrix), n), dtype=complex)
+    for k in range(n):
+        # One of the first and whatever is nearest to it.
+        twin = 1 + np.abs(left[:, 1:] - left[:, :1]).argmin(axis=1)
+        result[:, k] = left[:, 0]
+        kept = np.ones(left.shape, dtype=bool)
+        kept[:, 0] = kept[each, twin] = False
+        left = left[kept].reshape(len(matrix), -1)
+    return result
 
 
 def scan(pattern: Pattern, omega: Array) -> tuple[Array, Array]:
