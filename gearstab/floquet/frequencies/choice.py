@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from fractions import Fraction
 
 import numpy as np
 
@@ -50,27 +51,31 @@ def sample(system: GearSystem) -> Pattern:
     period = common_period(system)
     if period is not None and period.segments <= AFFORDABLE:
         return prepare(system)[0] if system.piecewise_constant else sampled(system)
-    return window(system, SAMPLE / min(float(ratio) for ratio in system.frequency_ratios))[0]
+    if system.piecewise_constant:
+        return window(system, SAMPLE / min(float(ratio) for ratio in system.frequency_ratios))[0]
+    # What couples to what depends on which meshes vary alike, not on how fast.
+    simple = {ratio: Fraction(1, k + 1) for k, ratio in enumerate(dict.fromkeys(system.frequency_ratios))}
+    meshes = tuple(replace(mesh, frequency_ratio=simple[mesh.frequency_ratio]) for mesh in system.meshes)
+    return sampled(replace(system, meshes=meshes))
 
 
 def chosen(system: GearSystem, asked: str, affordable: int = AFFORDABLE) -> str:
     """The way that is taken where ``asked`` is one of WAYS or ``auto``.
 
     ``auto`` is the common period while it has at most ``affordable`` segments; else one frequency at a time where only
-    one varies, which is exact, or where the stiffness is not piecewise constant; else the Lyapunov exponent. Raises
-    ValueError where there is no such way.
+    one varies, which is exact, or where there are other periodic terms; else the Lyapunov exponent. Raises ValueError
+    where there is no such way.
     """
     period = common_period(system)
     if asked == COMMON_PERIOD and period is None:
         raise ValueError("mesh frequencies of irrational ratio have no common period; choose per_mesh or lyapunov")
-    smooth = not system.piecewise_constant or bool(system.terms)
-    if asked == LYAPUNOV and smooth:
-        raise ValueError("lyapunov needs mesh stiffnesses that are piecewise constant; choose per_mesh")
+    if asked == LYAPUNOV and system.terms:
+        raise ValueError("lyapunov needs a system without periodic terms beside the mesh stiffness; choose per_mesh")
     if asked != "auto":
         return asked
     if period is not None and period.segments <= affordable:
         return COMMON_PERIOD
-    return PER_MESH if smooth or varying(system) < 2 else LYAPUNOV
+    return PER_MESH if system.terms or varying(system) < 2 else LYAPUNOV
 
 
 def varying(system: GearSystem) -> int:

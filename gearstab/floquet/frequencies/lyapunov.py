@@ -15,15 +15,17 @@ which for quasi-periodic motion converges faster than any power of 1/T instead o
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from itertools import pairwise
 
 import numpy as np
 
 from gearstab.floquet import damped
-from gearstab.floquet.blocks import Block, split
+from gearstab.floquet.blocks import split
 from gearstab.floquet.frequencies.propagation import sizes
 from gearstab.floquet.frequencies.result import ManyFrequencies
+from gearstab.floquet.frequencies.smooth import windows
+from gearstab.floquet.reduction import Elastic
 from gearstab.floquet.segments import Pattern, window
 from gearstab.floquet.status import STATUS_FLAGS
 from gearstab.system import Array, GearSystem
@@ -37,6 +39,8 @@ RECORDS = 16
 RECORDED = round(BATCHES * RECORDS / (1 - BURN_IN))
 DRIFTS = 2.0
 """Where ln |x| approaches lambda t + ln t, as with a defective multiplier, the halves differ by 3/4 of the error."""
+FEWEST_STEPS, MOST_STEPS = 8, 128
+"""Magnus steps a period of the fastest mesh."""
 POINTS_AT_ONCE = 2048
 """Mesh frequencies carried side by side."""
 
@@ -51,33 +55,66 @@ def solve(
 
     Parameters
     ----------
-    system: any batch shape, piecewise constant; ratios of the mesh frequencies as they are, rational or not.
+    system: any batch shape; ratios of the mesh frequencies as they are, rational or not.
     mesh_frequency: Omega, ``(P,)`` for all rows or ``(rows, P)``.
     cycles: length of the window in periods of the slowest mesh.
     confidence: of the interval.
     seed: of the start vectors.
 
-    Raises ValueError for a system that is not piecewise constant or has periodic terms besides its meshes.
+    Stiffness that is not piecewise constant is cut into Magnus steps, twice as many again and again until the results
+    agree within the interval, of which their difference is a part (:mod:`~gearstab.floquet.frequencies.smooth`).
+
+    Raises ValueError for a system that has periodic terms besides its meshes.
     """
-    if not system.piecewise_constant or system.terms:
-        raise ValueError("Lyapunov exponents need mesh stiffnesses that are piecewise constant, and no other terms")
+    if system.terms:
+        raise ValueError("Lyapunov exponents need systems without periodic terms beside the mesh stiffness")
     rows = int(np.prod(system.batch, dtype=int))
     omega = np.atleast_1d(np.asarray(mesh_frequency, dtype=float))
     omega = np.broadcast_to(omega, (rows, omega.shape[-1]))
     growth, upper, lower = (np.full(omega.shape, -np.inf) for _ in range(3))
     status = np.zeros(omega.shape, dtype=np.int16)
     conservative = np.ones((rows, 1), dtype=bool)
-    for pattern in window(system, length(system, cycles)):
-        conservative[pattern.rows] = (pattern.elastic.damping is None) & (pattern.elastic.shift == 0)[:, None]
+    settings = (confidence, seed)
+    found = (_piecewise if system.piecewise_constant else _smooth)(system, length(system, cycles), omega, settings)
+    for row, elastic, negative, value, half in found:
+        conservative[row] = elastic.damping is None and elastic.shift[0] == 0
+        growth[row] = np.maximum(growth[row], value)
+        upper[row] = np.maximum(upper[row], value + half)
+        lower[row] = np.maximum(lower[row], value - half)
+        status[row] |= STATUS_FLAGS["negative_stiffness"] * negative
+    return _decided(growth, upper, lower, status, conservative)
+
+
+_Row = tuple[int, Elastic, bool, Array, Array]
+"""row, its coordinates, whether a stiffness is negative, growth rates and half-widths of their intervals."""
+
+
+def _piecewise(system: GearSystem, cycles: float, omega: Array, settings: tuple[float, int]) -> Iterator[_Row]:
+    """All rows of all blocks of a piecewise constant system."""
+    for pattern in window(system, cycles):
         for block in split(pattern):
             for r, row in enumerate(block.pattern.rows):
-                value, half = _block(block, r, omega[row], confidence, seed)
-                growth[row] = np.maximum(growth[row], value)
-                upper[row] = np.maximum(upper[row], value + half)
-                lower[row] = np.maximum(lower[row], value - half)
-                if np.any(block.pattern.stiffness_below_zero[r]):
-                    status[row] |= STATUS_FLAGS["negative_stiffness"]
-    return _decided(growth, upper, lower, status, conservative)
+                part = block.pattern.row(r)
+                negative = bool(np.any(part.stiffness_below_zero))
+                yield row, part.elastic, negative, *_exponents(part, block.constant, omega[row], settings)
+
+
+def _smooth(system: GearSystem, cycles: float, omega: Array, settings: tuple[float, int]) -> Iterator[_Row]:
+    """All rows of any system without periodic terms."""
+    for part in windows(system, cycles):
+        steps, own = FEWEST_STEPS, omega[part.row]
+        pattern = part.pattern(steps)
+        constant = bool(np.all(pattern.levels == pattern.levels[:, :1]))
+        value, half = _exponents(pattern, constant, own, settings)
+        negative = bool(np.any(pattern.stiffness_below_zero))
+        while True:
+            steps *= 2
+            before = value
+            value, half = _exponents(part.pattern(steps), constant, own, settings)
+            error = np.abs(value - before)
+            if steps >= MOST_STEPS or np.all(error <= half):
+                break
+        yield part.row, part.elastic, negative, value, np.maximum(half, error)
 
 
 def length(system: GearSystem, cycles: float) -> float:
@@ -99,12 +136,11 @@ def _decided(growth: Array, upper: Array, lower: Array, status: Array, conservat
     return ManyFrequencies(growth, stable, status, interval)
 
 
-def _block(block: Block, r: int, omega: Array, confidence: float, seed: int) -> tuple[Array, Array]:
-    """(growth rate, half-width) ``(P,)`` of one row of a block, in the system's own units of time."""
-    pattern = block.pattern.row(r)
-    elastic = pattern.elastic
+def _exponents(pattern: Pattern, constant: bool, omega: Array, settings: tuple[float, int]) -> tuple[Array, Array]:
+    """(growth rate, half-width) ``(P,)`` of a pattern of one row, in the system's own units of time."""
+    elastic, (confidence, seed) = pattern.elastic, settings
     rate, shift = float(elastic.rate[0]), float(elastic.shift[0])
-    if pattern.size == 0 or block.constant:
+    if pattern.size == 0 or constant:
         value = _constant(pattern)
         return np.full(omega.shape, rate * value), np.zeros(omega.shape)
     found = np.empty((2, len(omega)))
