@@ -71,7 +71,7 @@ def test_errors_of_lin_and_parkers_train(name: str) -> None:
 
 
 def test_estimates_of_the_error_have_its_size() -> None:
-    """Over all tongues that can be measured: nine in ten are nearer than said, the typical one not tenfold."""
+    """Over all tongues that can be measured: nine in ten are nearer than said, the typical one not twentyfold."""
     ratios = []
     for arguments in (((1.5, 1.5), 0.0, 1), ((1.3, 1.6), 0.2, 1), ((1.2, 1.7), 0.6, "1/2")):
         system = train(*arguments)
@@ -82,7 +82,7 @@ def test_estimates_of_the_error_have_its_size() -> None:
     ratios = np.concatenate(ratios)
     assert ratios.size > 60
     assert np.mean(ratios < 1) > 0.9
-    assert 0.1 < np.median(ratios) < 1
+    assert 0.05 < np.median(ratios) < 0.5
 
 
 # ---- planetary gears

@@ -33,9 +33,9 @@ STATUS_FLAGS = {
 stable at every mesh frequency near the root. ``no_boundary``: one mode of two is damped, and the region has no end in
 theory. ``coincident_tongues``: another resonance of the same modes is nearer than its coupling is strong; no boundary
 is given."""
-SAFETY = 2.0
-"""On the estimate of the error. Of 900 tongues of random two-stage trains at epsilon = 0.02 ... 0.2, nine in ten are
-then nearer to Floquet's than estimated."""
+SAFETY = 3.0
+"""On the estimate of the error. Of 2500 tongues of random two-stage trains at epsilon = 0.02 ... 0.2, nine in ten are
+then nearer to Floquet's than estimated, and half of them six times."""
 
 
 def second_order(system: GearSystem, harmonics: int, modes: Sequence[int] | None = None) -> Tongues:
@@ -65,10 +65,10 @@ def second_order(system: GearSystem, harmonics: int, modes: Sequence[int] | None
     has a small divisor: ``boundary_error`` grows, and ``status`` says ``not_converged`` where it decides. Where the
     coupling is stronger than the distance, ``status`` says ``coincident_tongues`` and the boundaries are NaN.
 
-    ``boundary_error`` is twice theta times the sum R of the magnitudes of all second-order terms of the boundary, theta
-    being the largest ratio of amplitudes that the expansion takes as small: that of the mode and harmonic that mix
-    most with the two in resonance, or half-width over natural frequency; to which is added the change of the nearest
-    resonance's contribution across the tongue. It has the size of the third-order terms, but is no bound.
+    ``boundary_error`` is three times theta times the sum R of the magnitudes of all second-order terms of the boundary,
+    theta being the largest ratio of amplitudes that the expansion takes as small: that of the mode and harmonic that
+    mix most with the two in resonance, or half-width over natural frequency; to which is added the change of the
+    nearest resonance's contribution across the tongue. It has the size of the third-order terms, but is no bound.
 
     Source: the method is the elimination known as Lyapunov-Schmidt reduction; the terms of first order are those of
     :func:`first_order`.
