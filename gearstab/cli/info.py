@@ -88,12 +88,15 @@ def _number(value: Any) -> float | str | None:
 
 
 def _mesh(system: GearSystem, i: int) -> dict[str, Any]:
+    from gearstab.waveforms import WAVEFORMS
+
     mesh = system.meshes[i]
     low, high = (float(mesh.mean_stiffness + 2 * mesh.amplitude * level) for level in mesh.waveform.extremes())
     contact_ratio = getattr(mesh.waveform, "contact_ratio", None)
     return {
         "name": mesh.name,
         "frequency_ratio": str(mesh.frequency_ratio),
+        "waveform": next((name for name, kind in WAVEFORMS.items() if type(mesh.waveform) is kind), None),
         "mean_stiffness": float(mesh.mean_stiffness),
         "epsilon": float(mesh.epsilon),
         "contact_ratio": None if contact_ratio is None else float(contact_ratio),
@@ -244,12 +247,12 @@ def _heading(facts: dict[str, Any]) -> str:
 
 
 def _mesh_table(facts: dict[str, Any]) -> str:
-    header = ["mesh", "Omega_i/Omega", "mean stiffness", "epsilon", "contact ratio", "lag", "lowest", "highest"]
-    keys = ["name", "frequency_ratio", "mean_stiffness", "epsilon", "contact_ratio", "lag"]
+    header = ["mesh", "Omega_i/Omega", "waveform", "mean stiffness", "epsilon", "contact ratio", "lag", "lowest"]
+    keys = ["name", "frequency_ratio", "waveform", "mean_stiffness", "epsilon", "contact_ratio", "lag"]
     rows = [
         [_text(mesh[key]) for key in keys] + [_text(level) for level in mesh["stiffness"]] for mesh in facts["meshes"]
     ]
-    return table(header, rows)
+    return table([*header, "highest"], rows)
 
 
 def _gears(names: Sequence[str]) -> dict[str, list[str]]:
