@@ -43,9 +43,10 @@ KINDS: dict[str, Kind] = {
 def default_kind(tree: xr.DataTree, request: Request) -> str:
     """The kind that suits what the result holds and what is selected.
 
-    Time histories: response, of a gear pair: pair; benchmarks: work-precision; neither, and no axes: modes. Required damping without growth
-    rates: that. Uncoupled modes or a third axis of labels: boundaries, which compare. Growth rates over one axis:
-    curve, over two: map, over more: slices. Boundaries alone: surface over two long axes, else boundaries.
+    Time histories: response, of a gear pair: pair; benchmarks: work-precision; neither, and no axes: modes. Required
+    damping without growth rates: that. Uncoupled modes or a third axis of labels: boundaries, which compare. Growth
+    rates over one axis: curve, over two: map, over more: slices. Boundaries alone: surface over two long axes, else
+    boundaries.
     """
     from gearstab.plots.axes import FREQUENCY, find_axis, sweep_axes
 

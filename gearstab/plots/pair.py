@@ -91,7 +91,7 @@ def draw_density(ax: Axes, data: xr.Dataset) -> Any:
 
 
 def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
-    """The whole figure; its artists are ``deflection``, ``bands``, ``energy`` and ``density``, None without spectrum."""
+    """The whole figure: ``deflection``, ``bands``, ``energy`` and ``density``, None without spectrum."""
     data = read_pair(tree)
     if request.variable is not None or request.select:
         raise PlotError(
