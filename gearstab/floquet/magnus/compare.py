@@ -19,7 +19,7 @@ from gearstab.floquet.segments import Pattern
 from gearstab.system import Array
 
 EPSILON = float(np.finfo(float).eps)
-DRIFT = 4.0
+DRIFT = 2.0
 """Rounding error of a product of S propagators: this times eps sqrt(S) + eps phase."""
 WEIGHT = 1.5
 """The size of a multiplier on the unit circle, taken as (|rho| + |rho^2 - 4|^(1/2))/2, is between 1 and 1.42."""

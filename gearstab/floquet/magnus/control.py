@@ -21,7 +21,7 @@ from gearstab.system import Array
 
 SAFETY = 10.0
 """Estimate over the error that a converged scheme would have."""
-USUAL = 0.2
+USUAL = 0.3
 """The least estimate, as a part of the median one."""
 FINEST = 6
 """Resolutions tried beyond the first choice: a factor 8 in the number of steps."""
@@ -29,10 +29,12 @@ MOST_SEGMENTS = 2**16
 """Of a common period."""
 PILOTS = 9
 """Points a row that are looked at first."""
+NEGLIGIBLE = 1e-3
+"""Part of the tolerance below which differences need not fall any more."""
 LEAST = 1e-15
 """Smaller differences are rounding."""
-RADIANS = 2.0
-"""Of the fastest mode that a step takes at the resolution tried first."""
+CONVERGING = 0.25
+"""Part of the factor 2^p by which the differences of pilot points must fall."""
 AIM = 0.5
 """The estimate aimed at, as a part of the tolerance."""
 
@@ -157,23 +159,38 @@ def first(ladder: Ladder, omega: Array, decay: Array, tolerance: float) -> Array
     """
     if ladder.division.constant.all():
         return np.full(omega.shape, 2)
-    order = ladder.scheme.order
     place = _pilots(omega)
-    resolution = _countable(ladder, omega[place])
-    wanted = np.empty(resolution.shape)
-    for k in np.unique(resolution):
-        column = (resolution == k).any(axis=0)
-        part = place[0], place[1][:, column]
-        fine, coarse = (scan(ladder.pattern(int(each)), omega[part]) for each in (k, k - 2))
-        change = SAFETY / (2**order - 1) * np.maximum(difference(fine, coarse, decay[part])[0], LEAST)
-        found = k + 2 / order * np.log2(change / (AIM * tolerance))
-        wanted[:, column] = np.where(resolution[:, column] == k, found, wanted[:, column])
-    wanted = _without_outliers(np.nan_to_num(wanted, nan=2.0))
+    least, wanted = _tried(ladder, omega[place], decay[place], tolerance)
+    least = np.minimum(least, _without_outliers(least) + 2)
+    wanted = np.maximum(_without_outliers(wanted), least)
     result = np.empty(omega.shape, dtype=int)
-    logs = np.log(omega)
-    for r, own in enumerate(logs):
+    for r, own in enumerate(np.log(omega)):
         result[r] = np.ceil(np.interp(own, own[place[1][r]], wanted[r]))
     return np.clip(result, 2, ladder.finest)
+
+
+def _tried(ladder: Ladder, omega: Array, decay: Array, tolerance: float) -> tuple[Array, Array]:
+    """Of pilot points ``(r, k)``: the least resolution at which errors fall as they should, and the wanted one.
+
+    Steps are doubled until the differences of two resolutions fall by CONVERGING 2^p at least: then an estimate from
+    the coarser of them is above its error, which is about the next difference.
+    """
+    order = ladder.scheme.order
+    least, wanted = np.full(omega.shape, float(ladder.finest)), np.full(omega.shape, float(ladder.finest))
+    pending = np.ones(omega.shape, dtype=bool)
+    before, change = scan(ladder.pattern(0), omega), np.full(omega.shape, np.nan)
+    for resolution in range(2, ladder.finest + 1, 2):
+        now, last = scan(ladder.pattern(resolution), omega), change
+        change, noise = difference(now, before, decay)
+        change, before = np.maximum(change, LEAST), now
+        settled = (change <= noise) | (change <= NEGLIGIBLE * tolerance)
+        sure = pending & ((last >= CONVERGING * 2**order * change) | settled)
+        need = resolution + 2 / order * np.log2(SAFETY / (2**order - 1) * change / (AIM * tolerance))
+        least[sure], wanted[sure] = max(resolution - 2, 2), need[sure]
+        pending &= ~sure
+        if not pending.any():
+            break
+    return least, wanted
 
 
 def _without_outliers(values: Array) -> Array:
@@ -190,15 +207,6 @@ def _pilots(omega: Array) -> tuple[Array, Array]:
     order = np.argsort(omega, axis=1, kind="stable")
     pick = np.unique(np.linspace(0, omega.shape[1] - 1, PILOTS).round().astype(int))
     return np.arange(len(omega))[:, None], order[:, pick]
-
-
-def _countable(ladder: Ladder, omega: Array) -> Array:
-    """Resolutions at which a step takes about RADIANS of the fastest mode."""
-    base = ladder.pattern(2)
-    fastest = np.sqrt(np.abs(base.squared_frequency)).max(axis=(1, 2), initial=0.0)[:, None]
-    steps = 2 * np.pi * base.cycles * fastest / omega / RADIANS
-    wanted = 2 * np.log2(np.maximum(steps / max(1, int(ladder.division.counts(0).sum())), 1.0))
-    return np.clip(np.ceil(wanted), 2, ladder.finest).astype(int)
 
 
 def rectangles(chosen: Array) -> Iterator[tuple[Array, Array, Array]]:
