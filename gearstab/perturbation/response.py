@@ -123,7 +123,11 @@ def _direct(excited: Excited, family: Family, squared: Array, pairs: Pairs, last
     receptance = _receptance(squared, pairs, k, family.base)
     p, own = np.unique(pairs.p, return_inverse=True)
     q, other = np.unique(pairs.q, return_inverse=True)
-    left, right = excited.matrices(family, k, p), excited.matrices(family, k + pairs.number, q)
+    left = excited.matrices(family, k, p)
+    if pairs.number == 0 and np.array_equal(pairs.p, pairs.q):
+        terms = receptance * (left.real**2 + left.imag**2)[:, own]
+        return terms.sum(axis=(-2, -1)), np.abs(terms).sum(axis=(-2, -1))
+    right = excited.matrices(family, k + pairs.number, q)
     terms = receptance * np.conj(left[:, own]) * right[:, other]
     return terms.sum(axis=(-2, -1)), np.abs(terms).sum(axis=(-2, -1))
 
