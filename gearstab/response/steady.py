@@ -68,7 +68,9 @@ def starts(
         row, column = np.divmod(np.arange(len(basis.rows) * omega.shape[1]), omega.shape[1])
         frequency = omega[basis.rows[row], column]
         steps = 1 if drive.exact else resolution(drive, basis, row, frequency, tolerance)
-        widest = max((basis.size + drive.width) ** 2, samples * drive.counts[0] * (basis.size + 10 * len(drive.counts)))
+        longest = float(np.diff(drive.schedule.edges, axis=1).max())
+        nodes = samples * drive.counts[0] * longest * (basis.size + 10 * len(drive.counts))
+        widest = max((basis.size + drive.width) ** 2, int(nodes))
         step = max(1, MOST_ENTRIES // widest)
         for i in range(0, len(row), step):
             part = slice(i, i + step)
@@ -144,9 +146,11 @@ def resolution(drive: Excitation, basis: Basis, at: Array, omega: Array, toleran
     before: Array | None = None
     steps = FEWEST
     while steps <= MOST:
-        matrix, shift = period_map(Points(drive, basis, at[chosen], omega[chosen], steps))
+        # Too few steps may overflow; more follow.
+        with np.errstate(over="ignore", invalid="ignore"):
+            matrix, shift = period_map(Points(drive, basis, at[chosen], omega[chosen], steps))
         found = np.concatenate([matrix, shift[:, :, None]], axis=2)
-        if before is not None:
+        if before is not None and np.isfinite(before).all() and np.isfinite(found).all():
             size = np.abs(found).max(axis=1, keepdims=True)
             # Of sixth order: twice as many steps leave 1/64 of the error.
             error = np.abs(found - before).max(axis=1, keepdims=True) / 63
