@@ -19,7 +19,7 @@ from gearstab.floquet.segments import Pattern
 from gearstab.system import Array
 
 EPSILON = float(np.finfo(float).eps)
-DRIFT = 2.0
+DRIFT = 4.0
 """Rounding error of a product of S propagators: this times eps sqrt(S) + eps phase."""
 WEIGHT = 1.5
 """The size of a multiplier on the unit circle, taken as (|rho| + |rho^2 - 4|^(1/2))/2, is between 1 and 1.42."""
@@ -63,7 +63,7 @@ def scan(pattern: Pattern, omega: Array) -> Scan:
 
 
 def difference(fine: Scan, coarse: Scan, decay: Array) -> tuple[Array, Array]:
-    """By how much the multipliers differ, and the rounding error of those of ``fine``, ``(r, P)`` each.
+    """By how much the multipliers differ, and what rounding may have made of those of ``fine``, ``(r, P)`` each.
 
     decay ``(r, P)``: uniform decay a period that the multipliers do not contain.
     """
@@ -84,15 +84,14 @@ def _difference_conservative(fine: Scan, coarse: Scan) -> tuple[Array, Array]:
     close = change < VISIBLE * fine.rounding
     noise = fine.rounding.copy()
     if close.any():
-        noise[close] = _noise(fine.values[close], fine.rounding[close], largest[close], change[close])
+        noise[close] = _noise(fine.values[close], fine.rounding[close], largest[close])
     return change, noise
 
 
-def _noise(rho: Array, rounding: Array, largest: Array, change: Array) -> Array:
+def _noise(rho: Array, rounding: Array, largest: Array) -> Array:
     """What rounding errors of the matrix make of the multipliers ``(P,)``: more where two of them nearly coincide.
 
-    rho ``(P, n)``. Multipliers that coincide without acting on each other do not show it, so that it is taken as no
-    more than the difference of two resolutions has shown.
+    rho ``(P, n)``. Multipliers that coincide without acting on each other do not show it.
     """
     least = (rounding * largest)[:, None]
     apart = np.abs(rho[:, :, None] - rho[:, None, :])
@@ -101,7 +100,7 @@ def _noise(rho: Array, rounding: Array, largest: Array, change: Array) -> Array:
     moved = least / np.clip(apart.min(axis=-1, initial=np.inf), np.sqrt(least), 1.0)
     root = np.sqrt(np.abs(rho * rho - 4))
     worst = (moved / np.maximum(root, np.sqrt(moved))).max(axis=-1, initial=0.0)
-    return np.minimum(np.maximum(worst, least[:, 0]) / largest, rounding + 4 * change)
+    return np.asarray(np.maximum(worst, least[:, 0]) / largest)
 
 
 def _difference_damped(fine: Scan, coarse: Scan) -> tuple[Array, Array]:

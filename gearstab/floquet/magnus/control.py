@@ -23,6 +23,8 @@ SAFETY = 10.0
 """Estimate over the error that a converged scheme would have."""
 USUAL = 0.3
 """The least estimate, as a part of the median one."""
+FEW = 5
+"""Points of a row that make a median of use."""
 FINEST = 6
 """Resolutions tried beyond the first choice: a factor 8 in the number of steps."""
 MOST_SEGMENTS = 2**16
@@ -138,6 +140,9 @@ def estimated(fine: Scan, coarse: Scan, decay: Array, order: int, valid: Array) 
     """(error estimate, the part of it that is rounding) of the points of ``fine``, ``(r, P)`` each."""
     change, rounding = difference(fine, coarse, decay)
     usual = _medians(change, valid)[:, None]
+    # Where rounding errors are amplified both resolutions have their own, and differ by more than others do.
+    unusual = change - np.where(valid.sum(axis=1) < FEW, 0.0, 2.0)[:, None] * usual
+    rounding = np.minimum(rounding, fine.rounding + 4 * np.maximum(unusual, 0.0))
     change = np.maximum(change, USUAL * usual)
     return SAFETY / (2**order - 1) * change + rounding, rounding
 
