@@ -11,7 +11,8 @@ from matplotlib import pyplot
 from numpy.testing import assert_array_equal
 from tongue_edges import train
 
-from gearstab.cli.info import describe, report
+from gearstab.cli.info import describe
+from gearstab.cli.info_text import report
 from gearstab.config import load
 from gearstab.perturbation import PERTURBATION_FLAGS, second_order
 from gearstab.plots import boundaries as boundary_figure
