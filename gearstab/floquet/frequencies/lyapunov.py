@@ -4,8 +4,8 @@
 
 is the largest real part of the characteristic exponents where there is a common period, and exists as well where there
 is none (Oseledets 1968). A frame of start vectors is carried through the exact propagators between the switching times
-of all meshes and rescaled as it grows (Benettin et al. 1980); |x| is the largest growth in its span. The increments of
-ln |x| are averaged with the weight
+of all meshes and made orthonormal again and again (Benettin et al. 1980). The increments of ln |x| are averaged with
+the weight
 
     exp(-1/(s (1 - s))),   s = t/T in (0, 1),
 
@@ -22,7 +22,7 @@ import numpy as np
 
 from gearstab.floquet import damped
 from gearstab.floquet.blocks import split
-from gearstab.floquet.frequencies.propagation import sizes
+from gearstab.floquet.frequencies.propagation import growths
 from gearstab.floquet.frequencies.result import ManyFrequencies
 from gearstab.floquet.frequencies.smooth import windows
 from gearstab.floquet.reduction import Elastic
@@ -39,6 +39,10 @@ RECORDS = 16
 RECORDED = round(BATCHES * RECORDS / (1 - BURN_IN))
 DRIFTS = 2.0
 """Where ln |x| approaches lambda t + ln t, as with a defective multiplier, the halves differ by 3/4 of the error."""
+SEPARATE = 10.0
+"""Growths a window that differ by this are told apart."""
+RESOLUTION = 0.5
+"""What the size of a solution may hide, over the length of the window: a change by a factor of 1.6."""
 FEWEST_STEPS, MOST_STEPS = 8, 128
 """Magnus steps a period of the fastest mesh."""
 POINTS_AT_ONCE = 2048
@@ -147,8 +151,10 @@ def _exponents(pattern: Pattern, constant: bool, omega: Array, settings: tuple[f
     for i in range(0, len(omega), POINTS_AT_ONCE):
         part = slice(i, i + POINTS_AT_ONCE)
         own = omega[part] / rate
-        times, logs = sizes(pattern, own, RECORDED, seed)
-        found[:, part] = estimate(times[:, None] * 2 * np.pi * pattern.cycles / own, logs, confidence)
+        times, logs = growths(pattern, own, RECORDED, seed)
+        found[:, part] = estimate(
+            times[:, None] * 2 * np.pi * pattern.cycles / own, logs, confidence, elastic.damping is None
+        )
     # The growth of a conservative system, before any uniform damping, is never negative.
     if elastic.damping is None:
         found[0] = np.where(found[0] <= found[1], 0.0, found[0])
@@ -165,25 +171,38 @@ def _constant(pattern: Pattern) -> float:
     return float(unstable - pattern.elastic.shift[0])
 
 
-def estimate(times: Array, logs: Array, confidence: float) -> Array:
+def estimate(times: Array, logs: Array, confidence: float, conservative: bool) -> Array:
     """``(2, P)``: the exponent and the half-width of its interval.
 
-    times, logs: ``(R + 1, P)``, ln |x| at times over the whole window, the burn-in included.
+    times: ``(R + 1, P)``, over the whole window, the burn-in included. logs: ``(R + 1, k + 1, P)``, ln of the growths.
+        The one of the largest average counts: while they have not converged they are too small. Without damping it is
+        the last one, as nothing that has grown decays.
 
     The half-width is the largest of three: Student's for the means of the batches; DRIFTS times the distance between
-    the two halves of the window, for vectors that are still turning; and the distance to a cruder average.
+    the two halves of the window, for vectors that are still turning; and the distance to a cruder average. Where a third
+    direction grows nearly as fast (two may be the real and imaginary part of one solution) it is at least what a window
+    of this length can tell apart.
     """
     from scipy.stats import t as student  # takes longer to load than a small sweep to run
 
+    times = times[:, None]
     begin, end = times[0] + BURN_IN * (times[-1] - times[0]), times[-1]
-    edges = begin + (end - begin) * np.linspace(0.0, 1.0, BATCHES + 1)[:, None]
+    edges = begin + (end - begin) * np.linspace(0.0, 1.0, BATCHES + 1)[:, None, None]
     means = np.stack([average(times, logs, a, b) for a, b in pairwise(edges)])
     value = average(times, logs, begin, end)
     middle = 0.5 * (begin + end)
     drift = np.abs(average(times, logs, begin, middle) - average(times, logs, middle, end))
     spread = means.std(axis=0, ddof=1) / np.sqrt(BATCHES) * student.ppf(0.5 + confidence / 2, BATCHES - 1)
     other = np.abs(value - average(times, logs, begin, end, hann))
-    return np.stack([value, np.max([spread, DRIFTS * drift, other], axis=0)])
+    half = np.max([spread, DRIFTS * drift, other], axis=0)
+    largest = np.argmax(value[-1:] if conservative else value, axis=0)[None]
+    found, width = (
+        np.take_along_axis(part[-1:] if conservative else part, largest, axis=0)[0] for part in (value, half)
+    )
+    span = (end - begin)[0]
+    directions = np.sort(value[:-1], axis=0)[::-1]
+    close = (found - directions[2]) * span < SEPARATE if len(directions) > 2 else np.zeros(found.shape, dtype=bool)
+    return np.stack([found, np.where(close, np.maximum(width, RESOLUTION / span), width)])
 
 
 def bump(s: Array) -> Array:
@@ -197,7 +216,7 @@ def hann(s: Array) -> Array:
 
 
 def average(times: Array, logs: Array, begin: Array, end: Array, shape: Callable[[Array], Array] = bump) -> Array:
-    """``(P,)``, the weighted mean of d ln|x|/dt between two times ``(P,)``."""
+    """``(k, P)``, the weighted means of d ln|x|/dt between two times ``(1, P)``."""
     s = (0.5 * (times[1:] + times[:-1]) - begin) / (end - begin)
     inside = (s > 0) & (s < 1)
     weight = np.where(inside, shape(np.where(inside, s, 0.5)), 0.0)
