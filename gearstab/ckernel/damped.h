@@ -6,8 +6,6 @@
 #ifndef GEARSTAB_DAMPED_H
 #define GEARSTAB_DAMPED_H
 
-#define BATCH 8 /* vectors of points */
-
 /* e^x for x <= 0, most often near 0. */
 INLINE vec decay_by(vec x) { return any(x < -0.34) ? exponential(x) : 1.0 + small_expm1(x); }
 

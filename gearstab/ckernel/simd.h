@@ -16,6 +16,7 @@
 typedef double vec __attribute__((vector_size(8 * LANES)));
 typedef int64_t mask __attribute__((vector_size(8 * LANES)));   /* lanes of 0 or -1: what a comparison gives */
 typedef uint64_t bits __attribute__((vector_size(8 * LANES)));
+typedef int8_t bytes __attribute__((vector_size(LANES)));
 
 #define INLINE static inline __attribute__((always_inline, unused))
 
