@@ -1,6 +1,11 @@
 """The one abstraction of the package: a linear gear system with periodic mesh stiffness.
 
-    M q'' + C q' + [K0 + sum_i k_i(t) g_i g_i^T] q = f(t),        k_i(t) = k_gi + k_vi(t)
+    M q'' + C(t) q' + K(t) q = f(t),
+    K(t) = K0 + sum_i k_i(t) g_i g_i^T + sum_j a_j(t) u_j v_j^T,    k_i(t) = k_gi + k_vi(t)
+    C(t) = C + sum_j c_j(t) u_j v_j^T
+
+with one direction g_i a tooth mesh and, where something else varies or is not symmetric (friction, a mesh damping that
+follows the mesh stiffness), periodic terms.
 
 Systems (``gearstab.systems``) build it, methods (Floquet, perturbation, response) read it, and neither knows
 about the other. Every array may carry leading *batch* dimensions, one entry a grid row, so that a
@@ -15,7 +20,7 @@ from math import gcd, lcm
 
 import numpy as np
 
-from gearstab.waveforms import Waveform
+from gearstab.waveforms import Fourier, Profile, Waveform
 
 Array = np.ndarray
 
@@ -33,8 +38,11 @@ class Mesh:
     mean_stiffness: ``(...)``, k_g.
     epsilon: ``(...)``, k_a/k_g, where 2 k_a is the peak-to-peak of the variation.
     waveform: the shape w of period 1, zero mean and peak-to-peak 1.
-    frequency_ratio: r = Omega_i/Omega, exact.
+    frequency_ratio: r = Omega_i/Omega: exact, or a float, which stands for an irrational number.
     lag: ``(...)``, the start of the wave as a fraction of this mesh's own period.
+    transmission_error: e_i(x), the unloaded static transmission error at the same phase x: the mesh is without force at
+        g_i^T q = e_i, so that it acts as the forces k_i(t) e_i g_i and c_i e_i' g_i. Stability does not depend on it.
+    damping: ``(...)``, c_i, what this mesh adds to the damping of the system, c_i g_i g_i^T.
     """
 
     name: str
@@ -42,8 +50,10 @@ class Mesh:
     mean_stiffness: Array
     epsilon: Array
     waveform: Waveform
-    frequency_ratio: Fraction = Fraction(1)
+    frequency_ratio: Fraction | float = Fraction(1)
     lag: Array | float = 0.0
+    transmission_error: Fourier | None = None
+    damping: Array | float = 0.0
 
     @property
     def amplitude(self) -> Array:
@@ -60,6 +70,64 @@ class Mesh:
         """g g^T, ``(..., n, n)``."""
         g = np.asarray(self.direction)
         return g[..., :, None] * g[..., None, :]
+
+
+@dataclass(frozen=True)
+class PeriodicTerm:
+    """What varies with a mesh and is not its symmetric stiffness: a(x) u v^T in K(t) and c(x) u v^T in C(t).
+
+    x = r Omega t/2 pi - lag; friction and mesh damping that follows the mesh stiffness are such terms.
+
+    Parameters
+    ----------
+    name: what messages and results call it.
+    left, right: ``(..., n)``, u and v.
+    stiffness, damping: the functions a and c of period 1, None where there is none; their means count.
+    frequency_ratio, lag: as in :class:`Mesh`.
+    """
+
+    name: str
+    left: Array
+    right: Array
+    stiffness: Profile | None = None
+    damping: Profile | None = None
+    frequency_ratio: Fraction | float = Fraction(1)
+    lag: Array | float = 0.0
+
+    @property
+    def profiles(self) -> tuple[Profile, ...]:
+        """The functions that there are."""
+        return tuple(profile for profile in (self.stiffness, self.damping) if profile is not None)
+
+    @property
+    def batch(self) -> tuple[int, ...]:
+        """The common leading shape of all arrays."""
+        ends = (np.shape(self.left)[:-1], np.shape(self.right)[:-1], np.shape(self.lag))
+        return np.broadcast_shapes(*ends, *(profile.batch for profile in self.profiles))
+
+
+@dataclass(frozen=True)
+class PeriodicForce:
+    """An external force p(x) u, x = r Omega t/2 pi - lag.
+
+    Parameters
+    ----------
+    name: what messages and results call it.
+    direction: ``(..., n)``, u.
+    profile: the function p of period 1; its mean counts.
+    frequency_ratio, lag: as in :class:`Mesh`.
+    """
+
+    name: str
+    direction: Array
+    profile: Profile
+    frequency_ratio: Fraction | float = Fraction(1)
+    lag: Array | float = 0.0
+
+    @property
+    def batch(self) -> tuple[int, ...]:
+        """The common leading shape of all arrays."""
+        return np.broadcast_shapes(np.shape(self.direction)[:-1], np.shape(self.lag), self.profile.batch)
 
 
 @dataclass(frozen=True)
@@ -91,6 +159,9 @@ class GearSystem:
     damping: ``(..., n, n)`` or None for an undamped system.
     meshes: at least one.
     coordinates: names of the n coordinates.
+    terms: further periodic parts of K(t) and C(t), which need not be symmetric.
+    load: ``(..., n)``, the constant part of f(t), or None. Stability does not depend on f(t).
+    forces: the periodic parts of f(t).
     symmetry: of the mean system, where it has one; it serves to name modes, nothing relies on it.
     """
 
@@ -100,6 +171,9 @@ class GearSystem:
     damping: Array | None = None
     coordinates: tuple[str, ...] = ()
     symmetry: Cyclic | None = None
+    terms: tuple[PeriodicTerm, ...] = ()
+    load: Array | None = None
+    forces: tuple[PeriodicForce, ...] = ()
 
     @property
     def size(self) -> int:
@@ -115,7 +189,34 @@ class GearSystem:
         for mesh in self.meshes:
             shapes += [np.shape(mesh.direction)[:-1], np.shape(mesh.mean_stiffness)]
             shapes += [np.shape(mesh.epsilon), np.shape(mesh.lag), mesh.waveform.batch]
+            if mesh.transmission_error is not None:
+                shapes.append(mesh.transmission_error.batch)
+        if self.load is not None:
+            shapes.append(np.shape(self.load)[:-1])
+        shapes += [term.batch for term in self.terms] + [force.batch for force in self.forces]
         return np.broadcast_shapes(*shapes)
+
+    @property
+    def piecewise_constant(self) -> bool:
+        """Whether K(t) and C(t) are constant between their jumps."""
+        profiles = [profile for term in self.terms for profile in term.profiles]
+        return all(part.piecewise_constant for part in (*(mesh.waveform for mesh in self.meshes), *profiles))
+
+    @property
+    def forced(self) -> bool:
+        """Whether anything drives it: a load, forces or transmission errors."""
+        errors = any(mesh.transmission_error is not None for mesh in self.meshes)
+        return self.load is not None or bool(self.forces) or errors
+
+    @property
+    def commensurate(self) -> bool:
+        """Whether all that varies in K(t) and C(t) has a common period."""
+        return all(isinstance(ratio, Fraction) for ratio in self.frequency_ratios)
+
+    @property
+    def frequency_ratios(self) -> list[Fraction | float]:
+        """Of the meshes, then of the terms."""
+        return [mesh.frequency_ratio for mesh in self.meshes] + [term.frequency_ratio for term in self.terms]
 
     def over(self, batch: tuple[int, ...]) -> GearSystem:
         """The same system with the given batch shape, carried by its mass: what varies or not no longer decides it."""
@@ -133,13 +234,24 @@ class GearSystem:
         return total
 
     def common_period(self) -> tuple[Fraction, tuple[int, ...]]:
-        """The period that all mesh stiffnesses share.
+        """The period that all mesh stiffnesses and terms share.
 
-        Returns (N, (N_1, N_2, ...)): the common period is N 2 pi/Omega and holds N_i whole cycles of mesh i.
+        Returns (N, (N_1, N_2, ...)): the common period is N 2 pi/Omega and holds N_i whole cycles of mesh i, those of
+        the terms after those of the meshes. Raises ValueError where there is none.
         """
-        ratios = [mesh.frequency_ratio for mesh in self.meshes]
-        common = Fraction(
-            gcd(*(r.numerator * lcm(*(s.denominator for s in ratios)) // r.denominator for r in ratios)),
-            lcm(*(r.denominator for r in ratios)),
-        )
-        return 1 / common, tuple(int(r / common) for r in ratios)
+        return shared_period(self.frequency_ratios)
+
+
+def shared_period(ratios: list[Fraction | float]) -> tuple[Fraction, tuple[int, ...]]:
+    """(N, cycles of each in N 2 pi/Omega), the shortest period common to frequencies r Omega.
+
+    Raises ValueError where there is none.
+    """
+    exact = [ratio for ratio in ratios if isinstance(ratio, Fraction)]
+    if len(exact) < len(ratios):
+        raise ValueError("mesh frequencies of irrational ratio have no common period")
+    common = Fraction(
+        gcd(*(r.numerator * lcm(*(s.denominator for s in exact)) // r.denominator for r in exact)),
+        lcm(*(r.denominator for r in exact)),
+    )
+    return 1 / common, tuple(int(r / common) for r in exact)

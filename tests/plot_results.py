@@ -117,6 +117,42 @@ def bench():
     return tree(bench=xr.Dataset(data, coords={"method": ("setting", ["exact", "DOP853", "DOP853"])}))
 
 
+def speeds(**more):
+    """A response over speed: a resonance at 2 on two meshes, unstable by boundaries between 3 and 3.4."""
+    frequency = np.linspace(0.5, 5, 91)
+    names = ["mesh_frequency", *more]
+    dims = (*names, "mesh")
+    peak = 1 / np.abs(4 - frequency**2 + 0.2j * frequency)
+    shape = (*(len(values) for values in more.values()), 2)
+    factor = peak.reshape(-1, *(1,) * len(shape)) * np.ones(shape) * [1.0, 1.5]
+    data = {
+        "mesh_force_peak": (dims, 10 * factor, {"units": "N", "long_name": "largest force"}),
+        "dynamic_load_factor": (dims, factor, {"units": "1", "long_name": "dynamic load factor"}),
+        "transmission_error_peak_to_peak": (dims, factor, {"units": "m", "long_name": "transmission error"}),
+        "status": (tuple(names), np.where(np.abs(factor[..., 0]) < 0.1, 1, 0).astype("i2"), {"units": "1"}),
+    }
+    coords = coordinate("mesh_frequency", frequency, "rad/s") | {"mesh": ["first", "second"]}
+    for name, values in more.items():
+        coords |= coordinate(name, np.asarray(values))
+    edges = np.broadcast_to(np.array([3.0, 3.4]).reshape(1, 2, *(1,) * len(more)), (1, 2, *shape[:-1]))
+    boundaries = xr.Dataset(
+        {"boundary_frequency": (("tongue", "side", *more), edges, {"units": "rad/s"})},
+        coords={"label": ("tongue", ["2w1"]), "side": ["lower", "upper"]} | {k: coords[k] for k in more},
+    )
+    return tree(response=xr.Dataset(data, coords=coords), boundaries=boundaries)
+
+
+def spectra(amplitudes=True):
+    """Harmonics of a steady state, or a density, of two meshes; natural frequencies 1 and 2.7."""
+    frequency = np.linspace(0, 40, 41 if amplitudes else 4001)
+    value = np.stack([1 / (1 + np.abs(frequency - c)) ** 2 for c in (1.0, 2.0)], axis=-1)
+    name = "mesh_force_amplitude" if amplitudes else "mesh_force_density"
+    data = {name: (("frequency", "mesh"), value, {"units": "N", "long_name": "amplitude of the mesh force"})}
+    coords = coordinate("frequency", frequency, "rad/s") | {"mesh": ["first", "second"]}
+    modes = xr.Dataset({"natural_frequency": ("mode", [0.0, 1.0, 2.7])})
+    return tree(response=xr.Dataset(data, coords=coords), modes=modes)
+
+
 def response():
     time = np.linspace(0, 20, 401)
     displacement = np.stack([np.cos(time), 0.2 * np.sin(3 * time), np.exp(0.1 * time)], axis=-1)

@@ -78,7 +78,7 @@ def faulty(path: Path) -> Plan:
     return replace(planned, layouts=(replace(layout, chunk=(1, 3), method=fake),))
 
 
-def never() -> bool:
+def never(options: object, system: object) -> bool:
     """It is no use to run it in threads."""
     return False
 

@@ -207,13 +207,16 @@ def test_all_mistakes_at_once_by_line(tmp_path: Path) -> None:
     ]
 
 
-def test_an_option_of_a_later_version_hides_what_follows_from_it(tmp_path: Path) -> None:
+def test_a_pair_of_gears_has_no_meshes_and_says_what_it_has(tmp_path: Path) -> None:
     text = (
         "system:\n  kind: gear_pair\n  formulation: energy_conserving\n"
         "  teeth: [24, 96]\n  inertias: [2.89e-3, 0.7402]\n"
         "  meshes: [{mean_stiffness: 1, epsilon: 0.1, contact_ratio: 1.5}]\n"
     )
-    assert [(p.line, p.path) for p in problems(tmp_path, text)] == [(3, "system.formulation")]
+    found = problems(tmp_path, text)
+    assert {p.path for p in found} == {"system", "system.torsional_stiffness", "system.torque", "system.meshes"}
+    (meshes,) = [p for p in found if p.path == "system.meshes"]
+    assert "torsional_stiffness" in meshes.hint
 
 
 def test_long_values_are_shortened(tmp_path: Path) -> None:

@@ -320,7 +320,7 @@ def test_threads_compute_the_same(scene: Scene, monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setattr(pool, "WORTH_THREADS", 0.0)
     planned = faulty(scene.config)
     (layout,) = planned.layouts
-    object.__setattr__(layout.method, "parallel", lambda: True)
+    object.__setattr__(layout.method, "parallel", lambda options, system: True)
     scene.tell(slow=0.01)
     run(planned, scene.out, jobs=3)
     scene.check()

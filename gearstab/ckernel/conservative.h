@@ -57,9 +57,21 @@ INLINE int room_new(struct room *room, int64_t n) {
     return 0;
 }
 
+/* The rho of LANES points from position k on, real and imaginary parts in turn; NaN in lanes that were scaled. */
+INLINE void store_traces(double *rho, int64_t n, int64_t k, int64_t points, const vec *real, const vec *imaginary,
+                         mask right) {
+    for (int64_t lane = 0; lane < LANES && k + lane < points; lane++) {
+        double *to = rho + (k + lane) * n * 2;
+        for (int64_t i = 0; i < n; i++) {
+            to[2 * i] = right[lane] ? real[i][lane] : NAN;
+            to[2 * i + 1] = right[lane] ? imaginary[i][lane] : NAN;
+        }
+    }
+}
+
 /* A row of n <= 3 coordinates, n a constant where this is inlined. */
 INLINE void scan_row(const struct row *row, int64_t n, const struct room *room, int64_t points, const double *omega,
-                     int8_t *verdict, double *growth) {
+                     int8_t *verdict, double *growth, double *rho) {
     vec *x = room->x, *work = room->work, s[BATCH][3];
     mask unstable[BATCH];
     for (int64_t start = 0; start < points; start += BATCH * LANES) {
@@ -72,6 +84,10 @@ INLINE void scan_row(const struct row *row, int64_t n, const struct room *room, 
             found.doubtful |= (scale > 0.0) | ~(row->highest * (row->cycles / asked) < MOST_TURNS);
             unstable[c] = ~(found.stable | found.doubtful);
             store_verdict(verdict, k, points, found);
+            if (rho) {
+                general_traces(x, n, room->real, room->imaginary, work);
+                store_traces(rho, n, k, points, room->real, room->imaginary, scale == 0.0);
+            }
         }
         for (int64_t k = start, c = 0; k < stop; k += LANES, c++) {
             vec value = all(0.0);
@@ -83,18 +99,18 @@ INLINE void scan_row(const struct row *row, int64_t n, const struct room *room, 
 }
 
 static void scan_row_1(const struct row *row, const struct room *room, int64_t points, const double *omega,
-                       int8_t *verdict, double *growth) {
-    scan_row(row, 1, room, points, omega, verdict, growth);
+                       int8_t *verdict, double *growth, double *rho) {
+    scan_row(row, 1, room, points, omega, verdict, growth, rho);
 }
 
 static void scan_row_2(const struct row *row, const struct room *room, int64_t points, const double *omega,
-                       int8_t *verdict, double *growth) {
-    scan_row(row, 2, room, points, omega, verdict, growth);
+                       int8_t *verdict, double *growth, double *rho) {
+    scan_row(row, 2, room, points, omega, verdict, growth, rho);
 }
 
 static void scan_row_3(const struct row *row, const struct room *room, int64_t points, const double *omega,
-                       int8_t *verdict, double *growth) {
-    scan_row(row, 3, room, points, omega, verdict, growth);
+                       int8_t *verdict, double *growth, double *rho) {
+    scan_row(row, 3, room, points, omega, verdict, growth, rho);
 }
 
 /* Stable: all rho real, inside (-2, 2) and too far apart for rounding errors to have parted a pair from the complex
@@ -123,7 +139,7 @@ static struct decision decide(int64_t n, const vec *real, const vec *imaginary, 
 }
 
 static void scan_row_n(const struct row *row, struct room *room, int64_t points, const double *omega, int8_t *verdict,
-                       double *growth) {
+                       double *growth, double *rho) {
     for (int64_t k = 0; k < points; k += LANES) {
         vec asked = load_part(omega, k, points), value;
         vec scale = propagate(row, row->n, period_of(row, asked), room->x, room->work);
@@ -132,11 +148,13 @@ static void scan_row_n(const struct row *row, struct room *room, int64_t points,
         found.doubtful |= (scale > 0.0) | ~(row->highest * (row->cycles / asked) < MOST_TURNS);
         store_part(growth, k, points, choose(found.doubtful, all(0.0), value));
         store_verdict(verdict, k, points, found);
+        if (rho)
+            store_traces(rho, row->n, k, points, room->real, room->imaginary, scale == 0.0);
     }
 }
 
 static int scan(const struct conservative *pattern, int64_t first, int64_t last, int64_t points, const double *omega,
-                int8_t *verdict, double *growth) {
+                int8_t *verdict, double *growth, double *rho) {
     struct row row;
     struct room room = {0};
     int failed = row_new(&row, pattern) || room_new(&room, pattern->n);
@@ -144,12 +162,12 @@ static int scan(const struct conservative *pattern, int64_t first, int64_t last,
         row_set(&row, pattern, r);
         const double *asked = omega + r * points;
         int8_t *code = verdict + r * points;
-        double *value = growth + r * points;
+        double *value = growth + r * points, *own = rho ? rho + r * points * pattern->n * 2 : NULL;
         switch (pattern->n) {
-        case 1: scan_row_1(&row, &room, points, asked, code, value); break;
-        case 2: scan_row_2(&row, &room, points, asked, code, value); break;
-        case 3: scan_row_3(&row, &room, points, asked, code, value); break;
-        default: scan_row_n(&row, &room, points, asked, code, value);
+        case 1: scan_row_1(&row, &room, points, asked, code, value, own); break;
+        case 2: scan_row_2(&row, &room, points, asked, code, value, own); break;
+        case 3: scan_row_3(&row, &room, points, asked, code, value, own); break;
+        default: scan_row_n(&row, &room, points, asked, code, value, own);
         }
     }
     row_free(&row);
@@ -196,13 +214,7 @@ static int traces(const struct conservative *pattern, int64_t first, int64_t las
             vec scale = propagate(&row, n, period, room.x, room.work);
             mask right = (scale == 0.0) & (largest_entry(room.x, 4 * n * n) < bound);
             general_traces(room.x, n, room.real, room.imaginary, room.work);
-            for (int64_t lane = 0; lane < LANES && k + lane < points; lane++) {
-                double *to = rho + (r * points + k + lane) * n * 2;
-                for (int64_t i = 0; i < n; i++) {
-                    to[2 * i] = right[lane] ? room.real[i][lane] : NAN;
-                    to[2 * i + 1] = right[lane] ? room.imaginary[i][lane] : NAN;
-                }
-            }
+            store_traces(rho + r * points * n * 2, n, k, points, room.real, room.imaginary, right);
         }
     }
     row_free(&row);

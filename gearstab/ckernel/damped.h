@@ -17,8 +17,8 @@ INLINE vec decaying_rotation(const struct damped *pattern, int64_t m, int paired
     double fraction = pattern->fractions[r * pattern->segments + s];
     const double *decay = pattern->decay + at, *frequency = pattern->frequency + at;
     double slowest = decay[0];
-    UNROLLED for (int64_t i = 1; i < m; i++)
-        slowest = decay[i] > slowest ? decay[i] : slowest;
+    UNROLLED for (int64_t i = 1; i < m; i++) /* in a segment that runs backwards: the fastest */
+        slowest = (decay[i] > slowest) == (fraction > 0) ? decay[i] : slowest;
     vec time = TURN * fraction * period;
     UNROLLED for (int64_t i = 0; i < m; i++) {
         vec size = decay[i] == slowest ? all(1.0) : decay_by((decay[i] - slowest) * time);
@@ -154,7 +154,7 @@ INLINE vec propagate_damped(const struct damped *pattern, int64_t m, int paired,
             rotate(frequency, m, cosine, sine, x, q);
             real_change(change, m, m, q, x);
         }
-        if (s % RESCALE_EVERY == RESCALE_EVERY - 1)
+        if (s % RESCALE_EVERY == RESCALE_EVERY - 1 || (!paired && s + 1 == pattern->segments))
             normalise(x, m, &scale);
     }
     return scale;
@@ -204,20 +204,37 @@ static void flush(struct queue *queue, int64_t m, double *growth, vec *work) {
     queue->length = 0;
 }
 
-/* A row; small: whether m is 4 or 6, a constant where this is inlined, and the rotations go two by two. x of BATCH (m, m)
-   and work (m + 4, m). */
+/* All multipliers of a row over exp(scale), real and imaginary parts in turn, and the growth from the largest. */
+static void multipliers_row(const struct damped *pattern, int64_t m, int64_t r, int64_t points, const double *omega,
+                            double *growth, double *scale, double *multipliers, vec *x, vec *work) {
+    vec *real = work + 2 * m, *imaginary = work + 3 * m;
+    for (int64_t k = 0; k < points; k += LANES) {
+        vec period = pattern->cycles / load_part(omega, k, points);
+        vec taken = propagate_damped(pattern, m, 0, r, period, x, work);
+        vec value = largest_by_qr(x, m, work); /* leaves the eigenvalues in work */
+        store_part(scale, k, points, taken);
+        store_part(growth, k, points, taken + value);
+        for (int64_t lane = 0; lane < LANES && k + lane < points; lane++)
+            for (int64_t i = 0; i < m; i++) {
+                double *to = multipliers + ((k + lane) * m + i) * 2;
+                to[0] = real[i][lane], to[1] = imaginary[i][lane];
+            }
+    }
+}
+
+/* A row; small: whether m is 4 or 6, a constant where this is inlined, and the rotations go two by two. x (m, m), of
+   BATCH such matrices if small, and work (m + 4, m). */
 INLINE void scan_damped_row(const struct damped *pattern, int64_t m, int small, int64_t r, int64_t points,
                             const double *omega, double *growth, double *scale, struct queue *queue, vec *x, vec *work) {
     struct spectrum spectrum[BATCH];
-    for (int64_t k = 0; k < points; k += BATCH * LANES) {
-        int64_t count = (points - k + LANES - 1) / LANES < BATCH ? (points - k + LANES - 1) / LANES : BATCH;
+    const int64_t most = small ? BATCH : 1;
+    for (int64_t k = 0; k < points; k += most * LANES) {
+        int64_t left = (points - k + LANES - 1) / LANES, count = left < most ? left : most;
         for (int64_t c = 0; c < count; c++) {
             vec period = pattern->cycles / load_part(omega, k + c * LANES, points);
             vec taken = propagate_damped(pattern, m, small, r, period, x + c * m * m, work);
             if (small)
                 describe(x + c * m * m, m, &spectrum[c], &taken);
-            else
-                normalise(x + c * m * m, m, &taken);
             store_part(scale, k + c * LANES, points, taken);
         }
         if (small && count % TOGETHER)
@@ -256,17 +273,22 @@ static int goes_in_pairs(const struct damped *pattern, int64_t r) {
 }
 
 static int scan_damped(const struct damped *pattern, int64_t first, int64_t last, int64_t points, const double *omega,
-                       double *growth, double *scale) {
-    int64_t m = pattern->m;
+                       double *growth, double *scale, double *multipliers) {
+    int64_t m = pattern->m, matrices = m > LARGEST_POWER ? 1 : BATCH;
     void *memory;
-    vec *x = vectors((BATCH + 1) * m * m + m * (m + 4), &memory);
+    vec *x = vectors((matrices + 1) * m * m + m * (m + 4), &memory);
     if (!x)
         return -1;
-    vec *work = x + (BATCH + 1) * m * m;
-    struct queue queue = {.x = x + BATCH * m * m};
+    vec *work = x + (matrices + 1) * m * m;
+    struct queue queue = {.x = x + matrices * m * m};
     for (int64_t r = first; r < last; r++) {
         const double *asked = omega + r * points;
         double *value = growth + r * points, *taken = scale + r * points;
+        if (multipliers) {
+            double *own = multipliers + r * points * m * 2;
+            multipliers_row(pattern, m, r, points, asked, value, taken, own, x, work);
+            continue;
+        }
         switch (goes_in_pairs(pattern, r) ? m : 0) {
         case 4: scan_damped_row(pattern, 4, 1, r, points, asked, value, taken, &queue, x, work); break;
         case 6: scan_damped_row(pattern, 6, 1, r, points, asked, value, taken, &queue, x, work); break;

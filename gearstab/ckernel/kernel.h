@@ -34,9 +34,10 @@ struct damped {
 /* The functions of one level; those that return int return 0, or -1 when there is no memory. */
 struct level {
     const char *name;
-    /* Rows first..last-1: omega (r, points) -> verdict (r, points), growth = ln max |lambda| (r, points). */
+    /* Rows first..last-1: omega (r, points) -> verdict (r, points), growth = ln max |lambda| (r, points); where wanted
+       (not NULL) also rho = lambda + 1/lambda, (r, points, n, 2), NaN where the monodromy matrix had to be scaled. */
     int (*scan)(const struct conservative *pattern, int64_t first, int64_t last, int64_t points, const double *omega,
-                int8_t *verdict, double *growth);
+                int8_t *verdict, double *growth, double *rho);
     /* Points first..last-1, each of a row of its own: monodromy matrix times exp(-scale), (points, 2n, 2n). */
     int (*monodromy)(const struct conservative *pattern, int64_t first, int64_t last, const int64_t *row,
                      const double *omega, double *matrix, double *scale);
@@ -44,9 +45,10 @@ struct level {
        monodromy matrix exceeds the bound. */
     int (*traces)(const struct conservative *pattern, int64_t first, int64_t last, int64_t points, double bound,
                   const double *omega, double *rho);
-    /* Rows first..last-1: growth = ln max |lambda| and the scale taken out of the product, (r, points) each. */
+    /* Rows first..last-1: growth = ln max |lambda| and the scale taken out of the product, (r, points) each; where wanted
+       (not NULL) also all multipliers over exp(scale), (r, points, m, 2). */
     int (*scan_damped)(const struct damped *pattern, int64_t first, int64_t last, int64_t points, const double *omega,
-                       double *growth, double *scale);
+                       double *growth, double *scale, double *multipliers);
     /* Symmetric matrices first..last-1 of (count, n, n): eigenvalues (count, n) ascending, columns of eigenvectors. */
     int (*symmetric)(int64_t first, int64_t last, int64_t n, const double *matrix, double *values, double *vectors);
 };

@@ -15,7 +15,8 @@ enum kind { OSCILLATING, GROWING, FREE };
 
 /* One mode of one segment. */
 struct mode {
-    double phase;   /* frequency times the segment's part of the period; for a free mode that part alone */
+    double phase;   /* frequency times the segment's part of the period; for a free mode that part alone. Segments that run
+                       backwards, as those of a Magnus step may, have a negative one. */
     double frequency, inverse;
     enum kind kind;
 };
@@ -61,7 +62,7 @@ static void row_set(struct row *row, const struct conservative *pattern, int64_t
             mode->kind = squared[i] > 0 ? OSCILLATING : squared[i] < 0 ? GROWING : FREE;
             mode->phase = mode->kind == FREE ? fraction : mode->frequency * fraction;
             row->steady[s] &= mode->kind == OSCILLATING;
-            row->highest = mode->phase > row->highest ? mode->phase : row->highest;
+            row->highest = fabs(mode->phase) > row->highest ? fabs(mode->phase) : row->highest;
         }
     }
 }
@@ -87,7 +88,7 @@ INLINE vec rotation(const struct mode *mode, int64_t n, int steady, vec period, 
     }
     for (int64_t i = 0; i < n; i++)
         if (mode[i].kind == GROWING)
-            growth = larger(growth, TURN * (mode[i].phase * period));
+            growth = larger(growth, TURN * (fabs(mode[i].phase) * period));
     vec shrink = exponential(-growth);
     for (int64_t i = 0; i < n; i++) {
         if (mode[i].kind == FREE) {
@@ -103,10 +104,11 @@ INLINE vec rotation(const struct mode *mode, int64_t n, int steady, vec period, 
             sine = sine * shrink;
             times[i] = sine * -mode[i].frequency;
         } else {
-            vec x = TURN * (mode[i].phase * period);
+            vec x = TURN * (fabs(mode[i].phase) * period);
             vec up = 0.5 * exponential(x - growth), down = 0.5 * exponential(-x - growth);
             cosine[i] = up + down;
             sine = choose(x < 1.0, shrink * small_sinh(smaller(x, all(1.0))), up - down);
+            sine = mode[i].phase < 0 ? -sine : sine;
             times[i] = sine * mode[i].frequency;
         }
         over[i] = sine * mode[i].inverse;

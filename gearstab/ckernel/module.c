@@ -40,7 +40,7 @@ static const struct level *level_named(const char *name) {
     return NULL;
 }
 
-enum { MOST_BUFFERS = 8 };
+enum { MOST_BUFFERS = 9 };
 
 struct buffers {
     Py_buffer view[MOST_BUFFERS];
@@ -64,6 +64,9 @@ static int fits(const Py_buffer *view, Py_ssize_t item, int dimensions, const Py
 
 #define FITS(view, item, ...)                                                                                              \
     fits(view, item, (int)(sizeof((Py_ssize_t[]){__VA_ARGS__}) / sizeof(Py_ssize_t)), (Py_ssize_t[]){__VA_ARGS__})
+
+/* A buffer for a result that may be left out by giving an empty one. */
+static void *wanted(const Py_buffer *view) { return view->len ? view->buf : NULL; }
 
 static int indices_within(const Py_buffer *view, Py_ssize_t count, int64_t end) {
     const int64_t *index = view->buf;
@@ -129,16 +132,18 @@ static PyObject *py_scan(PyObject *self, PyObject *arguments) {
     struct conservative pattern;
     const char *name;
     Py_ssize_t rows, segments, states, n, first, last, points;
-    if (!PyArg_ParseTuple(arguments, "s" PATTERN "nnny*w*w*", &name, PATTERN_ARGUMENTS(pattern, b.view), &first, &last,
-                          &points, &b.view[4], &b.view[5], &b.view[6]))
+    if (!PyArg_ParseTuple(arguments, "s" PATTERN "nnny*w*w*|w*", &name, PATTERN_ARGUMENTS(pattern, b.view), &first, &last,
+                          &points, &b.view[4], &b.view[5], &b.view[6], &b.view[7]))
         return finish(&b, 1, 0);
     const struct level *level = level_named(name);
     int failed = 0, fit = level && set_conservative(&pattern, rows, segments, states, n, b.view) && first >= 0 &&
                           last <= rows && FITS(&b.view[4], 8, rows, points) && FITS(&b.view[5], 1, rows, points) &&
-                          FITS(&b.view[6], 8, rows, points);
+                          FITS(&b.view[6], 8, rows, points) &&
+                          (b.view[7].len == 0 || FITS(&b.view[7], 8, rows, points, n, 2));
     if (fit) {
         Py_BEGIN_ALLOW_THREADS
-        failed = level->scan(&pattern, first, last, points, b.view[4].buf, b.view[5].buf, b.view[6].buf);
+        failed = level->scan(&pattern, first, last, points, b.view[4].buf, b.view[5].buf, b.view[6].buf,
+                             wanted(&b.view[7]));
         Py_END_ALLOW_THREADS
     }
     return finish(&b, fit, failed);
@@ -194,9 +199,9 @@ static PyObject *py_scan_damped(PyObject *self, PyObject *arguments) {
     const char *name;
     Py_ssize_t rows, segments, states, m, first, last, points;
     Py_buffer *view = b.view;
-    if (!PyArg_ParseTuple(arguments, "s(nnnnd)y*y*y*y*y*nnny*w*w*", &name, &rows, &segments, &states, &m, &p.cycles,
+    if (!PyArg_ParseTuple(arguments, "s(nnnnd)y*y*y*y*y*nnny*w*w*|w*", &name, &rows, &segments, &states, &m, &p.cycles,
                           &view[0], &view[1], &view[2], &view[3], &view[4], &first, &last, &points, &view[5], &view[6],
-                          &view[7]))
+                          &view[7], &view[8]))
         return finish(&b, 1, 0);
     const struct level *level = level_named(name);
     p.rows = rows, p.segments = segments, p.states = states, p.m = m;
@@ -207,12 +212,13 @@ static PyObject *py_scan_damped(PyObject *self, PyObject *arguments) {
                           FITS(&view[2], 8, rows, segments) && FITS(&view[3], 8, segments) &&
                           FITS(&view[4], 8, rows, segments, m, m) && FITS(&view[5], 8, rows, points) &&
                           FITS(&view[6], 8, rows, points) && FITS(&view[7], 8, rows, points) &&
+                          (view[8].len == 0 || FITS(&view[8], 8, rows, points, m, 2)) &&
                           indices_within(&view[3], segments, states);
     for (int64_t i = 0; fit && i < rows * states; i++)
         fit = in_pairs(p.frequency + i * m, m);
     if (fit) {
         Py_BEGIN_ALLOW_THREADS
-        failed = level->scan_damped(&p, first, last, points, view[5].buf, view[6].buf, view[7].buf);
+        failed = level->scan_damped(&p, first, last, points, view[5].buf, view[6].buf, view[7].buf, wanted(&view[8]));
         Py_END_ALLOW_THREADS
     }
     return finish(&b, fit, failed);
@@ -240,7 +246,7 @@ static PyMethodDef METHODS[] = {
     {"levels", py_levels, METH_NOARGS, "levels(): names of the levels of vector instructions available, the best last."},
     {"scan", py_scan, METH_VARARGS,
      "scan(level, (rows, segments, states, n, cycles), squared, fractions, state, change, first, last, points, omega, "
-     "verdict, growth)"},
+     "verdict, growth, rho=)"},
     {"monodromy", py_monodromy, METH_VARARGS,
      "monodromy(level, (rows, segments, states, n, cycles), squared, fractions, state, change, first, last, points, row, "
      "omega, matrix, scale)"},
@@ -249,7 +255,7 @@ static PyMethodDef METHODS[] = {
      "omega, rho)"},
     {"scan_damped", py_scan_damped, METH_VARARGS,
      "scan_damped(level, (rows, segments, states, m, cycles), decay, frequency, fractions, state, change, first, last, "
-     "points, omega, growth, scale)"},
+     "points, omega, growth, scale, multipliers=)"},
     {"symmetric", py_symmetric, METH_VARARGS, "symmetric(level, count, n, matrix, values, vectors)"},
     {NULL, NULL, 0, NULL},
 };

@@ -44,6 +44,28 @@ static void jacobi(vec *a, vec *v, int64_t n) {
     }
 }
 
+/* v (n, n) <- v (3 - v^T v)/2, work (2, n, n). Rotations are rounded so that columns grow by some 1e-16, always in the same
+   direction, which a product of a thousand changes of modes would sum up. */
+static void orthonormalise(vec *v, int64_t n, vec *work) {
+    vec *half = work, *old = work + n * n;
+    for (int64_t i = 0; i < n * n; i++)
+        old[i] = v[i];
+    for (int64_t i = 0; i < n; i++)
+        for (int64_t j = 0; j < n; j++) {
+            vec excess = all(i == j ? -1.0 : 0.0);
+            for (int64_t k = 0; k < n; k++)
+                excess += old[k * n + i] * old[k * n + j];
+            half[i * n + j] = 0.5 * excess;
+        }
+    for (int64_t i = 0; i < n; i++)
+        for (int64_t j = 0; j < n; j++) {
+            vec change = old[i * n] * half[j];
+            for (int64_t k = 1; k < n; k++)
+                change += old[i * n + k] * half[k * n + j];
+            v[i * n + j] = old[i * n + j] - change;
+        }
+}
+
 /* Sort by ascending eigenvalue: odd-even transposition, alike in all lanes. */
 static void sort_by_value(vec *a, vec *v, int64_t n) {
     for (int64_t pass = 0; pass < n; pass++)
@@ -63,16 +85,17 @@ static void sort_by_value(vec *a, vec *v, int64_t n) {
 
 static int symmetric(int64_t first, int64_t last, int64_t n, const double *matrix, double *values, double *vectors_) {
     void *memory;
-    vec *a = vectors(2 * n * n, &memory);
+    vec *a = vectors(4 * n * n, &memory);
     if (!a)
         return -1;
-    vec *v = a + n * n;
+    vec *v = a + n * n, *work = v + n * n;
     for (int64_t k = first; k < last; k += LANES) {
         int64_t count = last - k < LANES ? last - k : LANES;
         for (int64_t lane = 0; lane < LANES; lane++)
             for (int64_t i = 0; i < n * n; i++)
                 a[i][lane] = matrix[(k + (lane < count ? lane : 0)) * n * n + i];
         jacobi(a, v, n);
+        orthonormalise(v, n, work);
         sort_by_value(a, v, n);
         for (int64_t lane = 0; lane < count; lane++) {
             for (int64_t i = 0; i < n; i++)

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from gearstab.cli import periods
+
 if TYPE_CHECKING:
     from gearstab.config import Config
     from gearstab.system import GearSystem
@@ -48,14 +50,11 @@ def command(config: Path, overrides: tuple[str, ...], harmonics: int | None, as_
 
 def describe(config: Config, harmonics: int | None = None) -> dict[str, Any]:
     """All that ``info`` shows, as plain numbers, texts and lists; None where a number does not exist."""
-    from gearstab.floquet.segments import prepare
     from gearstab.systems import build
 
     system = build(config.parameters)
     asked = config.methods.perturbation
     order = harmonics or (asked.harmonics if asked else HARMONICS)
-    (pattern,) = prepare(system)
-    common, cycles = system.common_period()
     sweep = {axis.name: axis.size for axis in config.axes}
     return {
         "title": config.title,
@@ -64,12 +63,8 @@ def describe(config: Config, harmonics: int | None = None) -> dict[str, Any]:
         "sweep": sweep,
         "frequency_range": _frequency_range(config),
         "meshes": [_mesh(system, i) for i in range(len(system.meshes))],
-        "common_period": {
-            "in_periods_of_omega": float(common),
-            "mesh_cycles": {mesh.name: count for mesh, count in zip(system.meshes, cycles, strict=True)},
-            "segments": len(pattern.states),
-            "distinct_stiffness_states": len(set(pattern.states.tolist())),
-        },
+        "common_period": periods.common_period(system),
+        "frequencies": periods.frequencies(config, system),
         **_modes(system),
         "reductions": _reductions(system),
         "harmonics": order,
@@ -231,15 +226,14 @@ def _text(value: Any) -> str:
 
 
 def _heading(facts: dict[str, Any]) -> str:
-    period = facts["common_period"]
-    cycles = ", ".join(f"{count} of {name}" for name, count in period["mesh_cycles"].items())
-    states = f"{period['segments']} segments, {period['distinct_stiffness_states']} distinct stiffness states"
     lines = [
         facts["title"],
         "",
         f"system         {facts['kind']}, {len(facts['coordinates'])} coordinates: {', '.join(facts['coordinates'])}",
-        f"common period  {_text(period['in_periods_of_omega'])} x 2 pi/Omega ({cycles}); {states}",
+        f"common period  {periods.text(facts['common_period'])}",
     ]
+    if facts["frequencies"] is not None:
+        lines.append(f"floquet        {periods.way(facts['frequencies'])}")
     if facts["sweep"]:
         lines.append("sweep          " + " x ".join(f"{name} ({size})" for name, size in facts["sweep"].items()))
     return "\n".join(lines)

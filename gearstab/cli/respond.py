@@ -1,4 +1,4 @@
-"""``gearstab respond``: the free response of a configuration's base system."""
+"""``gearstab respond``: the response of a configuration's base system."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import click
 
 if TYPE_CHECKING:
     from gearstab.config import Config
-    from gearstab.config.methods import Respond
+    from gearstab.config.respond import Respond
     from gearstab.response import Response
-    from gearstab.results import ResultTree
+    from gearstab.response.pair import PairResponse
     from gearstab.system import GearSystem
 
 MOST_NUMBERS = 250_000_000
@@ -28,7 +28,7 @@ MOST_NUMBERS = 250_000_000
 )
 @click.option("-q", "--quiet", is_flag=True, help="No messages but errors.")
 def command(config: Path, output: Path | None, overrides: tuple[str, ...], quiet: bool) -> None:
-    """Compute the free response that the section `respond` of CONFIG describes, exactly, and write it to a file."""
+    """Compute the response that the section `respond` of CONFIG describes and write it to a file."""
     from gearstab.cli.errors import user_errors
 
     with user_errors():
@@ -44,32 +44,51 @@ def command(config: Path, output: Path | None, overrides: tuple[str, ...], quiet
         click.echo(summary(found, out), err=True)
 
 
-def respond(config: Config, out: Path) -> Response:
+def respond(config: Config, out: Path) -> Response | PairResponse:
     """Compute the response and write the result file ``out``; raises ConfigError and OSError."""
-    import numpy as np
-
-    from gearstab.response import free_response
+    from gearstab.cli.respond_linear import result
+    from gearstab.cli.respond_pair import respond_pair
+    from gearstab.config.respond_pair import PairRespond
     from gearstab.results import write_result
     from gearstab.systems import build
 
+    if isinstance(config.respond, PairRespond):
+        return respond_pair(config, config.respond, out)
     wanted, system = _wanted(config), build(config.parameters)
     _affordable(config, wanted, system)
-    rest = np.zeros(system.size)
-    found = free_response(
-        system,
-        wanted.mesh_frequency,
-        np.array(wanted.initial.displacement or rest),
-        np.array(wanted.initial.velocity or rest),
-        _duration(wanted, system),
-        wanted.samples_per_cycle,
-    )
+    try:
+        found = _steady(wanted, system) if wanted.steady_state else _history(wanted, system)
+    except ValueError as error:
+        _refuse(config, "respond", str(error), "")
     out.parent.mkdir(parents=True, exist_ok=True)
-    write_result(out, result(config, system, found))
+    write_result(out, result(config, wanted, system, found))
     return found
 
 
+def _steady(wanted: Respond, system: GearSystem) -> Response:
+    from gearstab.response import steady_state
+
+    return steady_state(system, wanted.mesh_frequency, wanted.samples_per_cycle)
+
+
+def _history(wanted: Respond, system: GearSystem) -> Response:
+    import numpy as np
+
+    from gearstab.response import driven_response, free_response
+    from gearstab.response.equilibrium import static_equilibrium
+
+    follow = driven_response if system.forced else free_response
+    if wanted.initial is None:
+        start = static_equilibrium(system), np.zeros(system.size)
+    else:
+        start = np.array(wanted.initial.displacement), np.array(wanted.initial.velocity)
+    return follow(system, wanted.mesh_frequency, *start, _duration(wanted, system), wanted.samples_per_cycle)
+
+
 def _wanted(config: Config) -> Respond:
-    if config.respond is None:
+    from gearstab.config.respond import Respond
+
+    if not isinstance(config.respond, Respond):
         hint = "add respond: {mesh_frequency: .., cycles: .., initial: {displacement: [..]}}"
         _refuse(config, "", "no section 'respond'", hint)
     return config.respond
@@ -90,6 +109,8 @@ def _duration(wanted: Respond, system: GearSystem) -> float:
 
 def _affordable(config: Config, wanted: Respond, system: GearSystem) -> None:
     """Refuse what would exhaust the memory."""
+    if wanted.steady_state:
+        return
     samples = _duration(wanted, system) / _period(wanted, system) * wanted.samples_per_cycle + 1
     numbers = samples * (2 * system.size + 2 * len(system.meshes) + 2)
     if numbers > MOST_NUMBERS:
@@ -111,38 +132,26 @@ def _refuse(config: Config, path: str, message: str, hint: str) -> NoReturn:
     raise ConfigError([Problem(str(config.source), None, path, "", message, hint)])
 
 
-def result(config: Config, system: GearSystem, found: Response) -> ResultTree:
-    """The response as a result: its root, ``/modes`` and ``/response``."""
-    from gearstab.floquet import kernel
-    from gearstab.results import Group, ResultTree, fields_of
-    from gearstab.results.provenance import modes_group, root_attributes
-    from gearstab.results.variables import RESPONSE
-
-    histories = ("time", "displacement", "velocity", "mesh_deflection", "mesh_force", "energy")
-    values = {
-        "dof": list(system.coordinates),
-        "mesh": [mesh.name for mesh in system.meshes],
-        **{name: getattr(found, name) for name in histories},
-    }
-    attributes = {
-        "status": found.status,
-        "mesh_frequency": found.mesh_frequency,
-        "common_period": found.common_period,
-        "growth_rate": found.growth_rate,
-        "largest_multiplier": found.largest_multiplier,
-        "comment": "free response; growth_rate: largest real part of the characteristic exponents (1/s); "
-        "largest_multiplier: growth over a common_period (s) of all meshes",
-    }
-    groups = {"modes": modes_group(system), "response": Group(fields_of(RESPONSE, values), attributes)}
-    return ResultTree(Group((), root_attributes(config, kernel.name())), groups)
-
-
-def summary(found: Response, out: Path) -> str:
+def summary(found: Response | PairResponse, out: Path) -> str:
     """What came out, in one line; a second one if the history was cut."""
+    from gearstab.cli.respond_pair import summary as pair_summary
+    from gearstab.response.pair import PairResponse
+
+    if isinstance(found, PairResponse):
+        return pair_summary(found, out)
+    if found.status == "failed":
+        return f"response: {out}: no steady state: a Floquet multiplier is 1; see status"
     lines = [f"response: {out}: {len(found.time):,} samples to t = {found.time[-1]:.6g}, {_long_run(found)}"]
     if found.status == "overflow":
         lines.append("warning: the response outgrew double precision there; the history ends")
-    return "\n".join(lines)
+    return "\n".join(lines + [f"note: {NOTES[name]}" for name in found.findings if name in NOTES])
+
+
+NOTES = {
+    "separation": "the force of a loaded mesh changes its sign, where teeth would separate, as they cannot here",
+    "unbalanced": "the load would accelerate the train as a whole; that part of it was left out",
+    "ill_conditioned": "the steady state is sensitive: a Floquet multiplier is near 1, or the system grows strongly",
+}
 
 
 def _long_run(found: Response) -> str:

@@ -57,6 +57,9 @@ def command(
 
         refuse_inputs(target, config)
         planned = plan(load(config, overrides, needs=("sweep", "methods")))
+        if not quiet:
+            for note in notes(planned):
+                click.echo(f"note: {note}", err=True)
         if dry_run:
             from gearstab.sweep.estimate import estimate
 
@@ -69,6 +72,12 @@ def command(
         click.echo(final_line(target, summary, time.perf_counter() - start), err=True)
         if not summary.complete and slow_kernel(planned):
             click.echo(SLOW_KERNEL, err=True)
+
+
+def notes(plan: Plan) -> list[str]:
+    """What the user should know of choices that were made automatically."""
+    found = [layout.method.note(layout.options, plan.base) for layout in plan.layouts]
+    return [note for note in found if note is not None]
 
 
 def slow_kernel(plan: Plan) -> bool:
@@ -106,6 +115,10 @@ def forecast(plan: Plan, found: Estimate, target: Path) -> str:
     lines = [plan.config.title, ""]
     lines += [*table(["axis", "values", "from .. to"], axes), ""]
     lines += [*table(["method", "points", "blocks", "time", "in the file"], methods), ""]
+    for layout in plan.layouts:
+        text = layout.method.outlook(layout.options, plan.base)
+        if text is not None:
+            lines.append(f"{layout.method.name:<12}  {text}")
     lines.append(f"points        {plan.points:,} of {plan.systems:,} system{'s' * (plan.systems != 1)}")
     lines.append(
         f"time          {duration(found.seconds)} on {found.jobs} processor{'s' * (found.jobs != 1)} "

@@ -15,7 +15,9 @@ import numpy as np
 from gearstab.config.problems import Path
 
 if TYPE_CHECKING:
-    from gearstab.config.methods import Methods, Respond
+    from gearstab.config.methods import Methods
+    from gearstab.config.respond import Respond
+    from gearstab.config.respond_pair import PairRespond
 
 Array = np.ndarray
 
@@ -69,7 +71,7 @@ class Config:
     parameters: dict[str, Any]
     axes: tuple[Axis, ...]
     methods: Methods
-    respond: Respond | None
+    respond: Respond | PairRespond | None
     source: FilePath
     tree: dict[str, Any]
     contents: Mapping[str, Array]
@@ -85,7 +87,7 @@ class Config:
     def digest(self) -> str:
         """SHA-256, in hexadecimal digits, over everything that numbers depend on; not over the title."""
         relevant = {key: value for key, value in self.tree.items() if key != "title"}
-        relevant["system"] = {key: value for key, value in self.tree["system"].items() if key != "file"}
+        relevant["system"] = _without_files(self.tree["system"])
         # The order of the axes is that of the result's dimensions; the order of other keys is nothing.
         relevant["sweep"] = [[name, spec] for name, spec in self.tree.get("sweep", {}).items()]
         total = hashlib.sha256(json.dumps(relevant, sort_keys=True, allow_nan=False).encode())
@@ -93,6 +95,13 @@ class Config:
             data = np.ascontiguousarray(values, dtype="<f8")
             total.update(f"{name}{data.shape}".encode() + data.tobytes())
         return total.hexdigest()
+
+
+def _without_files(tree: Any) -> Any:
+    """Plain data without the names of files, whose contents count."""
+    if isinstance(tree, dict):
+        return {key: _without_files(value) for key, value in tree.items() if key != "file"}
+    return [_without_files(item) for item in tree] if isinstance(tree, list) else tree
 
 
 def parameters_at(config: Config, selection: Mapping[str, Array]) -> dict[str, Any]:

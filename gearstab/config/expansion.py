@@ -13,7 +13,7 @@ from pydantic_core import core_schema
 from gearstab.config.axes import Array
 from gearstab.config.document import Document
 from gearstab.config.fields import Choice, Section, Whole
-from gearstab.config.introspection import number_kind
+from gearstab.config.introspection import axis_choice, number_kind
 from gearstab.config.problems import Path
 from gearstab.config.targets import Target
 from gearstab.config.validation import explain, validate
@@ -80,14 +80,21 @@ def expand(document: Document, path: Path, target: Target) -> Expansion:
         return expand_list(document, spec, [(*path, i) for i in range(len(spec))], target, path)
     if not isinstance(spec, dict):
         return expand_list(document, [spec], [path], target, path)
-    if target.exact:
-        document.report(path, f"{target.title} is exact and has no range", 'give a list such as [1, "3/5"]')
+    if target.exact and not target.decimal:
+        words = axis_choice(target.annotation)
+        remedy = (
+            'give a list such as [1, "3/5"]'
+            if words is None
+            else f"give a list of {', '.join(map(str, words.available))}"
+        )
+        document.report(path, f"{target.title} {'is exact and ' if words is None else ''}has no range", remedy)
         return FAILED
     given = validate(document, Range, path)
     ends = {name: _number(document, path, name, target, ranged=name != "step") for name in ("start", "stop", "step")}
     if given is None or any(ends[name] is None for name in ends if spec.get(name) is not None):
         return FAILED
-    return _expand_range(document, path, given, ends)
+    found = _expand_range(document, path, given, ends)
+    return Expansion(list(map(float, found.values)), found.spec) if target.exact and found.values is not None else found
 
 
 def expand_list(document: Document, items: list[Any], places: list[Path], target: Target, path: Path) -> Expansion:

@@ -23,6 +23,9 @@ LARGEST_TERM = 10**9
 """Of an exact ratio; the common period of the meshes holds as many cycles."""
 
 
+FEWEST_TEETH = 3
+
+
 def wrong(kind: str, message: str, hint: str) -> PydanticCustomError:
     """An error whose remedy travels in its context."""
     return PydanticCustomError(kind, "{message}", {"message": message, "hint": hint})
@@ -88,14 +91,43 @@ class Quantity:
 
 @dataclass(frozen=True)
 class Ratio:
-    """A positive ratio of tooth numbers or frequencies, kept exact: 1, 0.6 or "3/5"."""
+    """A positive ratio of tooth numbers or frequencies, kept exact: 1, 0.6 or "3/5".
+
+    exact: false for one that stands for an irrational number, a float.
+    sibling: the flag before it in the section that says which of the two it is.
+    """
 
     unit: ClassVar[str] = "1"
 
+    exact: bool = True
+    sibling: str = ""
+
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
-        return core_schema.no_info_plain_validator_function(
-            self.fraction, serialization=core_schema.to_string_ser_schema()
+        return core_schema.with_info_plain_validator_function(
+            self.number, serialization=core_schema.to_string_ser_schema()
         )
+
+    def number(self, value: Any, info: core_schema.ValidationInfo) -> Fraction | float:
+        """The ratio, of the kind that the section asks for; raises a pydantic error."""
+        exact = (info.data or {}).get(self.sibling, True) if self.sibling else self.exact
+        return self.fraction(value) if exact else self.decimal(value)
+
+    @staticmethod
+    def decimal(value: Any) -> float:
+        """The ratio as a float; raises a pydantic error."""
+        remedy = "write a decimal such as 1.4142135623730951"
+        try:
+            # The resolved configuration holds it as a text, as it does exact ratios.
+            number = float(value) if isinstance(value, int | float | str) and not isinstance(value, bool) else math.nan
+        except (ValueError, OverflowError):
+            number = math.nan
+        if not math.isfinite(number):
+            raise wrong("ratio", "must be a number", remedy)
+        if number <= 0:
+            raise wrong("ratio", "must be > 0", remedy)
+        if not 1 / LARGEST_TERM <= number <= LARGEST_TERM:
+            raise wrong("ratio", f"must lie between {1 / LARGEST_TERM:g} and {LARGEST_TERM:g}", remedy)
+        return number
 
     def __get_pydantic_json_schema__(
         self, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler
@@ -107,8 +139,7 @@ class Ratio:
             ]
         }
 
-    @staticmethod
-    def fraction(value: Any) -> Fraction:
+    def fraction(self, value: Any) -> Fraction:
         """The exact ratio; raises a pydantic error."""
         remedy = 'write an integer, a short decimal such as 0.6 or a fraction in quotes such as "3/5"'
         if isinstance(value, Fraction):
@@ -126,23 +157,50 @@ class Ratio:
             raise wrong("ratio", "must be a finite ratio", remedy)
         if ratio <= 0:
             raise wrong("ratio", "must be > 0", remedy)
+        otherwise = f", or {self.sibling}: false if it stands for an irrational number" if self.sibling else ""
         if max(ratio.numerator, ratio.denominator) > LARGEST_TERM:
-            raise wrong("ratio", "has too many digits", "write a ratio of tooth numbers")
+            raise wrong("ratio", "has too many digits", f"write a ratio of tooth numbers{otherwise}")
         if ratio.denominator > LARGEST_DENOMINATOR and not (isinstance(value, str) and "/" in value):
             near = ratio.limit_denominator(100)
-            raise wrong(
-                "ratio", "is no short decimal, and the ratio must be exact", f'write a fraction such as "{near}"'
-            )
+            remedy = f'write a fraction such as "{near}"{otherwise}'
+            raise wrong("ratio", "is no short decimal, and the ratio must be exact", remedy)
         return ratio
 
 
 @dataclass(frozen=True)
+class Count(Ratio):
+    """A number of teeth: a whole number that an axis may set, and exact, because ratios follow from it."""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
+        return core_schema.no_info_plain_validator_function(
+            self.fraction, serialization=core_schema.plain_serializer_function_ser_schema(int)
+        )
+
+    def __get_pydantic_json_schema__(
+        self, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        return {"type": "integer", "minimum": FEWEST_TEETH}
+
+    @staticmethod
+    def fraction(value: Any) -> Fraction:
+        """The whole number; raises a pydantic error."""
+        whole = isinstance(value, int | float | Fraction) and not isinstance(value, bool) and value == int(value)
+        if not whole or not FEWEST_TEETH <= value <= LARGEST_TERM:
+            raise wrong("count", f"must be a whole number >= {FEWEST_TEETH}", "write a number of teeth")
+        return Fraction(int(value))
+
+
+@dataclass(frozen=True)
 class Choice:
-    """One of the words that this version knows; ``planned`` are known ones of which it has nothing yet."""
+    """One of the words that this version knows; ``planned`` are known ones of which it has nothing yet.
+
+    axis: whether a sweep may set it: where all other keys mean the same under each of the words.
+    """
 
     what: str
     available: tuple[str | int, ...]
     planned: tuple[str | int, ...] = ()
+    axis: bool = False
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
         return core_schema.no_info_plain_validator_function(self.choose)
@@ -201,6 +259,10 @@ NonNegative = Annotated[float, Field(ge=0), Quantity()]
 Number = Annotated[float, Quantity()]
 AngularFrequency = Annotated[float, Field(gt=0), Quantity("rad/s")]
 Time = Annotated[float, Field(gt=0), Quantity("s")]
+Length = Annotated[float, Field(gt=0), Quantity("m")]
 Mass = Annotated[float, Field(gt=0), Quantity("kg")]
 ContactRatio = Annotated[float, Field(ge=1), Quantity()]
 ExactRatio = Annotated[Fraction, Ratio()]
+AnyRatio = Annotated[Fraction | float, Ratio(sibling="exact")]
+"""Exact unless the flag ``exact`` before it says that it is not."""
+ToothCount = Annotated[Fraction, Count()]

@@ -1,14 +1,33 @@
-"""The section ``system`` of a gear pair."""
+"""The section ``system`` of a gear pair: one degree of freedom, or two gears with teeth and inertias."""
 
 from __future__ import annotations
 
-from typing import Annotated, Any, ClassVar, Literal
+from collections.abc import Iterator, Sequence
+from math import isclose, tau
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
-from gearstab.config.fields import Choice, Mass
-from gearstab.config.mesh import Mesh
+from gearstab.config.fields import Choice, Mass, NonNegative, Quantity, Section, Whole
+from gearstab.config.forcing import Load, wrong_load
+from gearstab.config.mesh import Conflict, Mesh, exactly_one
+from gearstab.config.respond_pair import PairRespond
 from gearstab.config.system import System
+from gearstab.rotating_pair import CLASSICAL, FORMULATIONS
+
+if TYPE_CHECKING:
+    from gearstab.config.axes import Axis
+
+OF_GEARS = ("teeth", "inertias", "torsional_stiffness", "single_contact_angle", "torque", "module", "radii")
+"""Keys of a pair that is given by its gears, and not by an equivalent mass and a mesh."""
+
+TOGETHER = f"two gears are given by {', '.join(OF_GEARS[:3])}, single_contact_angle or contact_ratio, torque"
+
+Formulation = Annotated[str, Choice("formulation", FORMULATIONS, axis=True)]
+Length = Annotated[float, Field(gt=0), Quantity("m")]
+Inertia = Annotated[float, Field(gt=0), Quantity("kg m^2")]
+TorsionalStiffness = Annotated[float, Field(gt=0), Quantity("N m")]
+Teeth = Annotated[int, Field(ge=1, le=100_000), Whole()]
 
 
 class GearPair(System):
@@ -17,14 +36,123 @@ class GearPair(System):
     mesh_names: ClassVar[tuple[str, ...]] = ("mesh",)
 
     kind: Literal["gear_pair"] = Field(title="kind of system", description="A gear pair on rigid shafts.")
-    formulation: Annotated[str, Choice("formulation", ("classical",), ("energy_conserving", "rigid_kinematic"))] = (
-        Field(default="classical", title="formulation", description="classical: mesh stiffness as a function of time.")
+    formulation: Annotated[str, Choice("formulation", (CLASSICAL,))] = Field(
+        default=CLASSICAL, title="formulation", description="classical: mesh stiffness as a function of time."
     )
     equivalent_mass: Mass = Field(
         title="equivalent mass", description="m = 1/(r1^2/J1 + r2^2/J2), along the line of action (kg)."
     )
     meshes: tuple[Mesh] = Field(title="meshes", description="Exactly one tooth mesh.")
+    load: Load | None = Field(
+        default=None, title="load", description="The static force along the line of action, a list of one number (N)."
+    )
 
     @classmethod
     def size(cls, raw: dict[str, Any]) -> int:
         return 1
+
+    @classmethod
+    def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
+        """A load of one number."""
+        yield from super().conflicts(raw)
+        yield from wrong_load(raw.get("load"), 1)
+
+    @classmethod
+    def variant(cls, raw: dict[str, Any]) -> type[System]:
+        """Two gears, where they are given by their numbers or where the formulation needs them."""
+        formulation = raw.get("formulation", CLASSICAL)
+        by_gears = any(key in raw for key in OF_GEARS) or (formulation in FORMULATIONS and formulation != CLASSICAL)
+        return RotatingPair if by_gears else cls
+
+
+class RotatingPair(System):
+    """Two gears whose mesh stiffness depends on their rotation (Oh, Grosh & Barber 2005)."""
+
+    misplaced: ClassVar[dict[str, str]] = {
+        "equivalent_mass": TOGETHER,
+        "meshes": TOGETHER,
+        "speed": "it belongs to the section respond; in a sweep vary mesh_frequency",
+    }
+    respond_model: ClassVar[type[Section] | None] = PairRespond
+
+    kind: Literal["gear_pair"] = Field(title="kind of system", description="A gear pair on rigid shafts.")
+    formulation: Formulation = Field(
+        default=CLASSICAL,
+        title="formulation",
+        description="classical: k(Omega t); rigid_kinematic: k(theta); energy_conserving: with the terms in dk/dtheta.",
+    )
+    teeth: tuple[Teeth, Teeth] = Field(title="numbers of teeth", description="[N1, N2]; the first gear drives.")
+    inertias: tuple[Inertia, Inertia] = Field(title="moment of inertia", description="[I1, I2] (kg m^2).")
+    torsional_stiffness: tuple[TorsionalStiffness, TorsionalStiffness] = Field(
+        title="torsional mesh stiffness",
+        description="[k1, k2] with one and with two pairs of teeth in contact; the strain energy is k phi^2 (N m).",
+    )
+    single_contact_angle: Annotated[float, Field(gt=0, lt=tau), Quantity("rad")] | None = Field(
+        default=None,
+        title="angle of single contact",
+        description="Of the 2 pi of a mesh cycle in theta, from its beginning on (rad); or give contact_ratio.",
+    )
+    contact_ratio: Annotated[float, Field(gt=1, lt=2), Quantity()] | None = Field(
+        default=None,
+        title="contact ratio",
+        description="1 < c < 2: one pair for 2 - c of a mesh cycle, two for c - 1; or give single_contact_angle.",
+    )
+    torque: Annotated[float, Quantity("N m")] = Field(
+        title="torque", description="T0: N1 T0 drives the first gear, N2 T0 loads the second one (N m)."
+    )
+    damping_ratio: NonNegative | None = Field(
+        default=None,
+        title="damping ratio",
+        description="zeta, of w0 = sqrt(M2 (k1 + k2)/2); it acts on phi' in both equations (1).",
+    )
+    module: Length | None = Field(
+        default=None, title="module", description="For mesh forces on the pitch circles in newtons (m); or give radii."
+    )
+    radii: tuple[Length, Length] | None = Field(
+        default=None,
+        title="radius",
+        description="[r1, r2] of the circles on which mesh forces act, in the ratio of the teeth (m); or give module.",
+    )
+
+    @classmethod
+    def size(cls, raw: dict[str, Any]) -> int:
+        return 1
+
+    @classmethod
+    def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
+        """One way to say when one pair is in contact; two pairs stiffer than one; radii that fit the teeth."""
+        if raw.get("damping") is not None:
+            yield ("damping",), "is not defined for a pair given by its gears", "give damping_ratio"
+        if raw.get("allow_negative_stiffness"):
+            yield ("allow_negative_stiffness",), "both stiffnesses are given and positive", "remove it"
+        yield from exactly_one(raw, ("single_contact_angle", "contact_ratio"))
+        one, two = _two_numbers(raw.get("torsional_stiffness"))
+        if one is not None and two is not None and two < one:
+            hint = "give [one pair, two pairs]"
+            yield ("torsional_stiffness",), "two pairs of teeth are softer than one", hint
+        if raw.get("module") is not None and raw.get("radii") is not None:
+            yield ("radii",), "module is given already", "keep one of module, radii"
+        (r1, r2), (n1, n2) = _two_numbers(raw.get("radii")), _two_numbers(raw.get("teeth"))
+        if r1 and r2 and n1 and n2 and not isclose(r1 * n2, r2 * n1, rel_tol=1e-6):
+            hint = f"make r1/r2 = N1/N2 = {n1:g}/{n2:g}"
+            yield ("radii",), "are not in the ratio of the numbers of teeth", hint
+
+    @classmethod
+    def unfit(cls, parameters: dict[str, Any], axes: Sequence[Axis], methods: Sequence[str]) -> Iterator[Conflict]:
+        """Only Floquet theory knows formulations in which the mesh stiffness depends on the rotation."""
+        values = {parameters["formulation"]}
+        for axis in axes:
+            values |= {v for item in axis.assignments if item.path == ("formulation",) for v in item.values}
+        other = sorted(values - {CLASSICAL})
+        for name in methods:
+            if other and name != "floquet":
+                message = f"does not apply to the formulation {' and '.join(other)}"
+                yield (name,), message, "remove it: floquet alone tells the stability of its orbits"
+
+
+def _two_numbers(values: Any) -> tuple[float | None, float | None]:
+    """Two plain numbers as written; None for what is none, or carries a unit."""
+    if not isinstance(values, list) or len(values) != 2:
+        return None, None
+    first, second = (float(v) if isinstance(v, int | float) and not isinstance(v, bool) else None for v in values)
+    return first, second

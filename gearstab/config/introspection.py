@@ -9,7 +9,7 @@ from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
 
 from pydantic import BaseModel
 
-from gearstab.config.fields import Quantity, Ratio
+from gearstab.config.fields import Choice, Quantity, Ratio
 from gearstab.config.problems import Path
 
 
@@ -52,6 +52,13 @@ def number_kind(annotation: Any) -> Quantity | Ratio | None:
     if get_origin(annotation) is not Annotated:
         return None
     return next((m for m in get_args(annotation)[1:] if isinstance(m, Quantity | Ratio)), None)
+
+
+def axis_choice(annotation: Any) -> Choice | None:
+    """The words that an axis can give a field, None for other fields."""
+    if get_origin(annotation) is not Annotated:
+        return None
+    return next((m for m in get_args(annotation)[1:] if isinstance(m, Choice) and m.axis), None)
 
 
 def inner_type(annotation: Any, part: str | int) -> Any:

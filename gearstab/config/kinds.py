@@ -1,6 +1,7 @@
 """The kinds of systems that a configuration can describe: one file each, one line in the table."""
 
 from gearstab.config.gear_pair import GearPair
+from gearstab.config.gearbox import Gearbox
 from gearstab.config.matrices import Matrices
 from gearstab.config.planetary import Planetary
 from gearstab.config.system import System
@@ -10,8 +11,6 @@ KINDS: dict[str, type[System]] = {
     "gear_pair": GearPair,
     "two_stage": TwoStage,
     "planetary": Planetary,
+    "gearbox": Gearbox,
     "matrices": Matrices,
 }
-
-PLANNED_KINDS = ("gearbox",)
-"""Kinds that the format of a configuration knows and this version does not."""

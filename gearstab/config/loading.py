@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
@@ -13,10 +13,12 @@ from gearstab.config import overrides as override
 from gearstab.config.axes import Array, Axis, Config
 from gearstab.config.document import Document, read
 from gearstab.config.names import TOP_LEVEL
-from gearstab.config.problems import ConfigError, nearest
+from gearstab.config.problems import ConfigError, Path, dotted, nearest
 
 if TYPE_CHECKING:
-    from gearstab.config.methods import Methods, Respond
+    from gearstab.config.methods import Methods
+    from gearstab.config.respond import Respond
+    from gearstab.config.respond_pair import PairRespond
     from gearstab.config.system import System
 
 PLANNED_SECTIONS = ("design",)
@@ -45,6 +47,9 @@ def load(path: str | FilePath, overrides: Sequence[str] = (), needs: Sequence[st
     respond = _read_respond(document, model, system)
     if methods is not None and methods.boundaries is not None and system is not None:
         _check_range(document, system.axes)
+    if methods is not None and model is not None and system is not None:
+        for name, message, hint in model.unfit(system.parameters, system.axes, methods.chosen):
+            document.report(("methods", *name), message, hint, at_key=True)
     if document.problems or system is None or methods is None:
         raise ConfigError(document.problems)
     config = _config(document, source, system, methods, respond)
@@ -86,7 +91,7 @@ def _check_top_level(document: Document, needs: Sequence[str]) -> None:
 
 def _find_model(document: Document) -> type[System] | None:
     """The model of ``system.kind``; None after reporting that there is none."""
-    from gearstab.config.kinds import KINDS, PLANNED_KINDS
+    from gearstab.config.kinds import KINDS
 
     if "system" not in document.data:
         return None
@@ -97,11 +102,9 @@ def _find_model(document: Document) -> type[System] | None:
         return None
     kind, path = system.get("kind"), ("system", "kind")
     if isinstance(kind, str) and kind in KINDS:
-        return KINDS[kind]
+        return KINDS[kind].variant(system)
     if kind is None:
         document.report(path, "is missing", f"add kind; {available}")
-    elif kind in PLANNED_KINDS:
-        document.report(path, f"kind '{kind}' is not available in this version", available)
     else:
         document.report(path, "is no kind of system", f"{nearest(str(kind), KINDS)} ({available})", value=kind)
     return None
@@ -111,12 +114,14 @@ def _read_system(document: Document, model: type[System], source: FilePath) -> _
     """The sections ``system`` and ``sweep``; None after reporting problems."""
     from gearstab.config import sweep
     from gearstab.config.introspection import as_parameters
+    from gearstab.config.targets import value_at
     from gearstab.config.validation import validate
 
     raw = document.data["system"]
     _name_meshes(document, model)
     _nest_damping_matrix(document)
     contents = _read_matrices(document, source)
+    samples = _read_samples(document, source)
     from_file: dict[str, Any] = {k: v for k, v in contents.items() if k != "damping"}
     if "damping" in contents:
         from_file["damping"] = {"matrix": contents["damping"]}
@@ -131,6 +136,9 @@ def _read_system(document: Document, model: type[System], source: FilePath) -> _
     undamped = {"damping_ratio": 0.0} if (raw | from_file).get("damping") is None else {}
     plain = {"kind": raw["kind"]} | undamped | system.model_dump(mode="json", exclude_none=True)
     parameters = undamped | as_parameters(system) | from_file
+    for where, values in samples.items():
+        value_at(parameters, where).update(phase=values[0], stiffness=values[1])
+    contents |= {dotted(where): values for where, values in samples.items()}
     axes = tuple(item[0] for _, item in built if item)
     return _System(plain, parameters, contents, axes, {name: item[1] for name, item in built if item})
 
@@ -172,6 +180,34 @@ def _read_matrices(document: Document, source: FilePath) -> dict[str, Array]:
     return contents
 
 
+def _read_samples(document: Document, source: FilePath) -> dict[Path, Array]:
+    """What the files of waveforms hold, by the place of the waveform below ``system``; problems are reported."""
+    found: dict[Path, Array] = {}
+    for path, waveform in _waveforms(document.data["system"], ()):
+        name = waveform.get("file")
+        if not isinstance(name, str):
+            continue
+        from gearstab.config.model_file import ModelFileError
+        from gearstab.config.sample_file import read_samples
+
+        interpolation = waveform.get("interpolation") or "linear"
+        try:
+            found[path] = read_samples(source.parent / name, str(waveform.get("kind")), str(interpolation))
+        except ModelFileError as error:
+            document.report(("system", *path, "file"), str(error), error.hint, value=name)
+    return found
+
+
+def _waveforms(value: Any, path: Path) -> Iterator[tuple[Path, dict[str, Any]]]:
+    """The sections ``waveform`` below a value, with their paths."""
+    items: Any = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    for key, inner in items:
+        if key == "waveform" and isinstance(inner, dict):
+            yield (*path, key), inner
+        else:
+            yield from _waveforms(inner, (*path, key))
+
+
 def _read_methods(document: Document) -> Methods | None:
     from gearstab.config.methods import Methods
     from gearstab.config.sweep import sets_mesh_frequency
@@ -190,8 +226,9 @@ def _read_methods(document: Document) -> Methods | None:
     sweep = data.get("sweep")
     if isinstance(section, dict) and isinstance(sweep, dict):
         remedy = "add mesh_frequency: {start: .., stop: .., num: ..} to sweep"
-        if "floquet" in section and not sets_mesh_frequency(sweep):
-            document.report(("methods", "floquet"), "needs a mesh_frequency axis", remedy, at_key=True)
+        for name in ("floquet", "response"):
+            if name in section and not sets_mesh_frequency(sweep):
+                document.report(("methods", name), "needs a mesh_frequency axis", remedy, at_key=True)
         # Boundaries are sought between the ends of an axis; frequencies that come with cases have none.
         if "boundaries" in section and "mesh_frequency" not in sweep:
             document.report(("methods", "boundaries"), "needs a mesh_frequency axis", remedy, at_key=True)
@@ -206,10 +243,14 @@ def _check_range(document: Document, axes: Sequence[Axis]) -> None:
             document.report(path, "is no range, over which boundaries are sought", "give two frequencies or more")
 
 
-def _read_respond(document: Document, model: type[System] | None, system: _System | None) -> Respond | None:
+def _read_respond(
+    document: Document, model: type[System] | None, system: _System | None
+) -> Respond | PairRespond | None:
     if "respond" not in document.data:
         return None
-    from gearstab.config.methods import Initial, Respond
+    if model is not None and model.respond_model is not None:
+        return _read_pair_respond(document)
+    from gearstab.config.respond import Initial, Respond, drives
     from gearstab.config.validation import validate
 
     raw = document.data.get("system")
@@ -217,16 +258,31 @@ def _read_respond(document: Document, model: type[System] | None, system: _Syste
     size = model.size(known) if model else None
     section = document.data["respond"]
     if isinstance(section, dict):
-        for path, message, hint in Respond.conflicts(section, size):
+        for path, message, hint in Respond.conflicts(section, size, drives(known)):
             document.report(("respond", *path), message, hint)
     respond = validate(document, Respond, ("respond",))
     if respond is None or size is None:
         return None
+    if respond.initial is None:
+        return respond
     state = {name: getattr(respond.initial, name) or [0.0] * size for name in Initial.model_fields}
     return respond.model_copy(update={"initial": Initial(**state)})
 
 
-def _config(document: Document, source: FilePath, system: _System, methods: Methods, respond: Respond | None) -> Config:
+def _read_pair_respond(document: Document) -> PairRespond | None:
+    from gearstab.config.respond_pair import PairRespond
+    from gearstab.config.validation import validate
+
+    section = document.data["respond"]
+    if isinstance(section, dict):
+        for path, message, hint in PairRespond.conflicts(section, document.data["system"]):
+            document.report(("respond", *path), message, hint)
+    return validate(document, PairRespond, ("respond",))
+
+
+def _config(
+    document: Document, source: FilePath, system: _System, methods: Methods, respond: Respond | PairRespond | None
+) -> Config:
     title = document.data.get("title") or source.stem
     tree: dict[str, Any] = {"title": title, "system": system.plain}
     if system.specs:

@@ -10,8 +10,10 @@ from pydantic import Field, StrictStr
 
 from gearstab.config.damping import not_square
 from gearstab.config.fields import NameText, Quantity
+from gearstab.config.forcing import Force, Load, wrong_load
 from gearstab.config.mesh import Conflict, MatrixMesh
 from gearstab.config.system import System
+from gearstab.config.terms import Term
 
 MassEntry = Annotated[float, Quantity("kg", ("kg m", "kg m^2"))]
 StiffnessEntry = Annotated[float, Quantity("N/m", ("N", "N m"))]
@@ -40,6 +42,15 @@ class Matrices(System):
         default=None, title="coordinates", description="Names of the coordinates; q1, q2, ... without."
     )
     meshes: list[MatrixMesh] = Field(title="meshes", min_length=1, description="At least one tooth mesh.")
+    terms: list[Term] = Field(
+        default=[],
+        title="terms",
+        description="Further periodic or constant parts a u v^T of the stiffness and damping matrix, of any symmetry.",
+    )
+    load: Load | None = Field(
+        default=None, title="load", description="Constant forces, one a coordinate (N, or N m of a rotation)."
+    )
+    forces: list[Force] = Field(default=[], title="forces", description="Periodic external forces.")
 
     @classmethod
     def size(cls, raw: dict[str, Any]) -> int | None:
@@ -51,6 +62,12 @@ class Matrices(System):
         """Shapes that agree, names that differ; the matrices themselves are checked as numbers."""
         yield from super().conflicts(raw)
         size = cls.size(raw)
+        yield from wrong_load(raw.get("load"), size)
+        yield from _terms(raw.get("terms"), size)
+        forces = raw.get("forces")
+        for i, force in enumerate(forces if isinstance(forces, list) else []):
+            for path, message, hint in Force.conflicts_of_size(force, size):
+                yield ("forces", i, *path), message, hint
         for name in ("mass", "stiffness"):
             rows = raw.get(name)
             if rows is None and raw.get("file") is None:
@@ -65,6 +82,18 @@ class Matrices(System):
         names = raw.get("coordinates")
         if isinstance(names, list) and len({str(n) for n in names}) < len(names):
             yield ("coordinates",), "two coordinates have the same name", "give each a name of its own"
+
+
+def _terms(terms: Any, size: int | None) -> Iterator[Conflict]:
+    seen: set[str] = set()
+    for i, term in enumerate(terms if isinstance(terms, list) else []):
+        for path, message, hint in Term.conflicts(term, size):
+            yield ("terms", i, *path), message, hint
+        name = term.get("name") if isinstance(term, dict) else None
+        if isinstance(name, str) and name in seen:
+            yield ("terms", i, "name"), f"two terms are called '{name}'", "give each term a name of its own"
+        elif isinstance(name, str):
+            seen.add(name)
 
 
 def _of_size(raw: dict[str, Any], size: int) -> Iterator[Conflict]:

@@ -7,24 +7,13 @@ from typing import Annotated, Any, ClassVar
 
 from pydantic import Field
 
-from gearstab.config.fields import Choice, ContactRatio, ExactRatio, NameText, NonNegative, Number, Quantity, Section
-from gearstab.config.problems import Path
-
-Conflict = tuple[Path, str, str]
-"""What contradicts itself: path below the section, message, remedy."""
+from gearstab.config.conflicts import Conflict, at_most_one, exactly_one
+from gearstab.config.fields import AnyRatio, ContactRatio, Flag, NameText, NonNegative, Number, Quantity, Section
+from gearstab.config.forcing import TransmissionError
+from gearstab.config.waveforms import Form, Waveform, form_of, has_own_mean, kind_of, shape_conflicts
 
 MeshStiffness = Annotated[float, Field(gt=0), Quantity("N/m", ("N m",))]
 """Of a model in coordinates of its own, where a mesh may deflect as an angle."""
-
-
-class Waveform(Section):
-    """The shape of the mesh stiffness over its period."""
-
-    kind: Annotated[str, Choice("waveform", ("rectangular",), ("trapezoidal", "fourier", "sampled", "tooth"))] = Field(
-        default="rectangular",
-        title="kind of waveform",
-        description="rectangular: stiff for the fraction c - floor(c) of the period",
-    )
 
 
 class Named(Section):
@@ -54,7 +43,8 @@ class ToothMesh(Section):
         title="mesh stiffness amplitude",
         description="k_a, half the peak-to-peak of the variation (N/m); or give epsilon.",
     )
-    contact_ratio: ContactRatio = Field(
+    contact_ratio: ContactRatio | None = Field(
+        default=None,
         title="contact ratio",
         description="c >= 1: floor(c) + 1 pairs of teeth carry for the fraction c - floor(c) of the period (1).",
     )
@@ -66,12 +56,38 @@ class ToothMesh(Section):
     damping: Annotated[float, Field(ge=0), Quantity("N s/m")] | None = Field(
         default=None, title="mesh damping", description="Viscous damping along the line of action (N s/m)."
     )
+    damping_follows_stiffness: Flag = Field(
+        default=False,
+        title="damping follows stiffness",
+        description="The mesh damping d varies as the mesh stiffness does, d k(t)/k_g, instead of being constant.",
+    )
+    transmission_error: TransmissionError | None = Field(
+        default=None,
+        title="transmission error",
+        description="Unloaded static transmission error e: the mesh is without force where its deflection is e (m).",
+    )
 
     @classmethod
     def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
-        """Exactly one of the two ways to give the stiffness, and of the two to give its variation."""
-        for pair in (("mean_stiffness", "max_stiffness"), ("epsilon", "amplitude")):
-            yield from exactly_one(raw, pair)
+        """One of the two ways to give the stiffness, and of the two to give its variation, unless the wave does."""
+        form = form_of(raw) or Form()
+        if kind_of(raw.get("waveform")) == "tooth":
+            message = "the teeth are unknown: only kind: gearbox has numbers of teeth"
+            yield ("waveform", "kind"), message, "choose another waveform, or describe the gears in a gearbox"
+            return
+        stiffness, variation = ("mean_stiffness", "max_stiffness"), ("epsilon", "amplitude")
+        yield from (at_most_one if has_own_mean(raw) else exactly_one)(raw, stiffness)
+        yield from (at_most_one if form.own_variation else exactly_one)(raw, variation)
+        description = cls.model_fields["contact_ratio"].description or ""
+        yield from shape_conflicts(raw, description.rstrip("."))
+        if raw.get("damping_follows_stiffness") is True:
+            if raw.get("damping") is None:
+                yield ("damping",), "is missing", "add damping, the mean of the damping that follows the stiffness"
+            if raw.get("transmission_error") is not None:
+                message = "is given, and a damping that follows the stiffness"
+                yield ("transmission_error",), message, "keep one of the two, or make the damping constant"
+        for path, message, hint in TransmissionError.conflicts(raw.get("transmission_error")):
+            yield ("transmission_error", *path), message, hint
 
 
 class Mesh(ToothMesh, Named):
@@ -123,22 +139,17 @@ class MatrixMesh(Mesh):
         min_length=1,
         description="g, the mesh deflection is g . q: 1 for a translation, a base radius (m) for a rotation.",
     )
-    frequency_ratio: ExactRatio = Field(
+    exact: Flag = Field(
+        default=True,
+        title="exact frequency ratio",
+        description="false: frequency_ratio is a decimal that stands for an irrational number.",
+    )
+    frequency_ratio: AnyRatio = Field(
         default=1,
         title="mesh frequency ratio",
         validate_default=True,
-        description='Frequency of this mesh over that of the sweep, exact: 1, 0.5 or "1/2".',
+        description='Frequency of this mesh over that of the sweep, exact: 1, 0.5 or "1/2"; see exact.',
     )
     lag: Number = Field(
         default=0.0, title="mesh lag", description="The wave begins this fraction of its own period late (1)."
     )
-
-
-def exactly_one(raw: dict[str, Any], names: tuple[str, ...], what: str = "") -> Iterator[Conflict]:
-    """A conflict unless exactly one of the keys is given."""
-    given = [name for name in names if raw.get(name) is not None]
-    either = " or ".join(names)
-    if not given:
-        yield (), f"{either} is missing", what or f"add {either}"
-    for extra in given[1:]:
-        yield (extra,), f"{given[0]} is given already", f"keep one of {', '.join(names)}"

@@ -1,14 +1,12 @@
-"""The sections ``methods`` and ``respond``."""
+"""The section ``methods``."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Annotated, Any
 
 from pydantic import AfterValidator, BeforeValidator, Field
 
-from gearstab.config.fields import AngularFrequency, Choice, Flag, Quantity, Section, Time, Whole, wrong
-from gearstab.config.mesh import Conflict, exactly_one
+from gearstab.config.fields import Choice, Flag, Quantity, Section, Whole, wrong
 
 Tolerance = Annotated[float, Field(gt=0, lt=1), Quantity()]
 Harmonics = Annotated[int, Field(ge=1, le=1000), Whole()]
@@ -30,6 +28,20 @@ def _deflection_type(value: Any) -> Any:
 
 
 DeflectionType = Annotated[int | str, BeforeValidator(_deflection_type)]
+
+
+class LyapunovOptions(Section):
+    """The largest Lyapunov exponent, for mesh frequencies without a common period."""
+
+    cycles: Annotated[float, Field(ge=20, le=1e7), Quantity()] = Field(
+        default=500, title="cycles", description="Length of the window in periods of the slowest mesh (1)."
+    )
+    confidence: Annotated[float, Field(gt=0.5, lt=1), Quantity()] = Field(
+        default=0.95, title="confidence", description="Of the interval of the growth rate (1)."
+    )
+    seed: Annotated[int, Field(ge=0, le=2**32), Whole()] = Field(
+        default=0, title="seed", description="Of the random part of the start vectors."
+    )
 
 
 class FloquetOptions(Section):
@@ -55,13 +67,30 @@ class FloquetOptions(Section):
         title="modes",
         description="Restrict the system to these modes, numbered from 1 by ascending natural frequency; default all.",
     )
+    frequencies: Annotated[str, Choice("way", ("auto", "common_period", "per_mesh", "lyapunov"))] = Field(
+        default="auto",
+        title="many mesh frequencies",
+        description="common_period: exact; per_mesh: one frequency at a time, the others at their mean; lyapunov: "
+        "largest Lyapunov exponent with a confidence interval; auto: exact while affordable.",
+    )
+    affordable_segments: Annotated[int, Field(ge=1, le=10_000_000), Whole()] = Field(
+        default=20_000,
+        title="affordable segments",
+        description="A common period of more segments is not the automatic choice.",
+    )
+    lyapunov: LyapunovOptions = Field(
+        default=LyapunovOptions(), title="lyapunov", description="How Lyapunov exponents are estimated."
+    )
 
 
 class PerturbationOptions(Section):
     """Instability boundaries by perturbation theory."""
 
-    order: Annotated[int, Choice("order", (1,), (2,))] = Field(
-        default=1, title="order", description="Order of the expansion in epsilon."
+    order: Annotated[int, Choice("order", (1, 2))] = Field(
+        default=1,
+        title="order",
+        description="Order of the expansion in epsilon: 1 gives straight boundaries; 2 also shifts and curves them, "
+        "opens tongues by products of harmonics, and estimates the error.",
     )
     harmonics: Harmonics = Field(default=3, title="harmonics", description="Up to which harmonic of each mesh.")
 
@@ -87,6 +116,44 @@ class BoundariesOptions(Section):
     )
 
 
+class ResponseOptions(Section):
+    """The periodic steady state of a driven system at every point of the grid."""
+
+    samples_per_cycle: Annotated[int, Field(ge=8, le=100_000), Whole()] = Field(
+        default=100,
+        title="samples per cycle",
+        description="Samples in a period of the first mesh, between which a polynomial gives the extremes.",
+    )
+    tolerance: Tolerance = Field(
+        default=1e-9,
+        title="tolerance",
+        description="Of the motion over a period, for waves that are not piecewise constant (1).",
+    )
+
+
+class RequiredDampingOptions(Section):
+    """The smallest damping that makes every point of the grid stable."""
+
+    of: Annotated[str, Choice("kind of damping", ("damping_ratio", "factor"))] = Field(
+        default="damping_ratio",
+        title="of",
+        description="damping_ratio: one modal damping ratio for all modes, in place of the damping given; factor: on "
+        "the damping given.",
+    )
+    largest: Annotated[float, Field(gt=0, le=1e6), Quantity()] | None = Field(
+        default=None,
+        title="largest damping",
+        description="Where the search ends (1); default a damping ratio of 0.5, or a factor of 100.",
+    )
+    tolerance: Tolerance = Field(default=1e-6, title="tolerance", description="Of the required damping, relative (1).")
+    frequencies: Annotated[str, Choice("way", ("auto", "common_period", "per_mesh"))] = Field(
+        default="auto",
+        title="many mesh frequencies",
+        description="common_period: exact; per_mesh: one frequency at a time, the others at their mean; auto: exact "
+        "while affordable.",
+    )
+
+
 class Methods(Section):
     """What is computed at every point of the grid; a method that is not named is not run."""
 
@@ -94,61 +161,22 @@ class Methods(Section):
         default=None, title="floquet", description="Exact stability at every point of the grid."
     )
     perturbation: PerturbationOptions | None = Field(
-        default=None, title="perturbation", description="First-order boundaries."
+        default=None, title="perturbation", description="Boundaries by perturbation theory."
     )
     uncoupled: UncoupledOptions | None = Field(
         default=None, title="uncoupled", description="Uncoupled Mathieu equations, to compare with."
     )
+    required_damping: RequiredDampingOptions | None = Field(
+        default=None, title="required damping", description="The smallest damping that makes every point stable."
+    )
     boundaries: BoundariesOptions | None = Field(
         default=None, title="boundaries", description="Edges of all instability regions."
+    )
+    response: ResponseOptions | None = Field(
+        default=None, title="response", description="Peaks and load factors of the steady state of a driven system."
     )
 
     @property
     def chosen(self) -> tuple[str, ...]:
         """Names of the methods to run."""
         return tuple(name for name in type(self).model_fields if getattr(self, name) is not None)
-
-
-class Initial(Section):
-    """The state at time zero."""
-
-    displacement: list[Annotated[float, Quantity("m", ("rad",))]] = Field(
-        default=[],
-        title="initial displacement",
-        description="One number a coordinate (m, or rad of a rotation); zeros without.",
-    )
-    velocity: list[Annotated[float, Quantity("m/s", ("rad/s",))]] = Field(
-        default=[],
-        title="initial velocity",
-        description="One number a coordinate (m/s, or rad/s of a rotation); zeros without.",
-    )
-
-
-class Respond(Section):
-    """The free response from an initial state, for ``gearstab respond``."""
-
-    mesh_frequency: AngularFrequency = Field(title="mesh frequency", description="Of the first mesh (rad/s).")
-    initial: Initial = Field(
-        title="initial state", description="Displacement and velocity; at least one number is not zero."
-    )
-    duration: Time | None = Field(default=None, title="duration", description="How long (s); or give cycles.")
-    cycles: Annotated[float, Field(gt=0), Quantity()] | None = Field(
-        default=None, title="cycles", description="How long, in periods of the first mesh (1); or give duration."
-    )
-    samples_per_cycle: Annotated[int, Field(ge=2, le=1_000_000), Whole()] = Field(
-        default=200, title="samples per cycle", description="Stored samples in a period of the first mesh."
-    )
-
-    @classmethod
-    def conflicts(cls, raw: dict[str, Any], size: int | None) -> Iterator[Conflict]:
-        """One length of time, and an initial state of the system's size that is not rest."""
-        yield from exactly_one(raw, ("duration", "cycles"))
-        initial = raw.get("initial")
-        if not isinstance(initial, dict):
-            return
-        states = {name: initial.get(name) for name in ("displacement", "velocity")}
-        for name, values in states.items():
-            if isinstance(values, list) and size is not None and len(values) != size:
-                yield ("initial", name), f"has {len(values)} entries", f"give {size}, one a coordinate"
-        if all(v is None or (isinstance(v, list) and all(x == 0 for x in v)) for v in states.values()):
-            yield ("initial",), "the system stays at rest", "give a displacement or a velocity that is not zero"

@@ -47,10 +47,13 @@ def _places(document: Document, name: str, option: str) -> list[Path]:
 
 
 def _of_meshes(meshes: list[Any] | dict[str, Any], name: str, option: str) -> list[Path]:
+    from gearstab.config.waveforms import has_no_ratio
+
     rival = RIVALS.get(name, "")
     found: list[Path] = []
     for i, mesh in mesh_items(meshes):
-        if isinstance(mesh, dict) and mesh.get(rival) is None and not (i == 0 and name in BUT_THE_FIRST):
+        without = (name == "contact_ratio" and has_no_ratio(mesh)) or (i == 0 and name in BUT_THE_FIRST)
+        if isinstance(mesh, dict) and mesh.get(rival) is None and not without:
             found.append(("system", "meshes", i, name))
     if not found:
         remedy = f"the meshes give {rival}: set that" if rival else "see `gearstab schema`"

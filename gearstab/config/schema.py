@@ -8,10 +8,13 @@ from pydantic import BaseModel
 from pydantic.json_schema import models_json_schema
 
 from gearstab.config.expansion import Range
+from gearstab.config.gear_pair import RotatingPair
 from gearstab.config.introspection import field_types, is_model, number_kind
 from gearstab.config.kinds import KINDS
-from gearstab.config.methods import Methods, Respond
+from gearstab.config.methods import Methods
 from gearstab.config.names import BUT_THE_FIRST, EVERY_MESH
+from gearstab.config.respond import Respond
+from gearstab.config.respond_pair import PairRespond
 from gearstab.config.sweep import Tie
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
@@ -25,7 +28,8 @@ def schema() -> dict[str, Any]:
     What only the whole document can tell is left to ``gearstab check``: which parameter names exist, and whether a
     parameter without a value gets one from an axis. So no parameter that an axis can set is required here.
     """
-    models: list[type[BaseModel]] = [*KINDS.values(), Methods, Respond, Range, Tie]
+    systems: list[type[BaseModel]] = [*KINDS.values(), RotatingPair]
+    models: list[type[BaseModel]] = [*systems, Methods, Respond, PairRespond, Range, Tie]
     references, definitions = models_json_schema([(m, "validation") for m in models], ref_template="#/$defs/{model}")
     found = definitions["$defs"]
     for model in _all_models(models):
@@ -40,23 +44,23 @@ def schema() -> dict[str, Any]:
         "required": ["system"],
         "properties": {
             "title": {"type": "string", "description": "Heads figures and results."},
-            "system": _system(references),
+            "system": _system([references[(model, "validation")] for model in systems]),
             "sweep": _sweep(),
             "methods": {"$ref": "#/$defs/Methods"},
-            "respond": {"$ref": "#/$defs/Respond"},
+            "respond": {"anyOf": [{"$ref": "#/$defs/Respond"}, {"$ref": "#/$defs/PairRespond"}]},
         },
         "dependentRequired": {"sweep": ["methods"], "methods": ["sweep"]},
         "$defs": found | {"Values": _values(), "Case": _case()},
     }
 
 
-def _system(references: Any) -> dict[str, Any]:
+def _system(forms: list[Any]) -> dict[str, Any]:
     return {
         "description": "What vibrates; kind chooses the model.",
         "type": "object",
         "required": ["kind"],
         "properties": {"kind": {"enum": list(KINDS), "description": "Kind of system."}},
-        "oneOf": [references[(model, "validation")] for model in KINDS.values()],
+        "oneOf": forms,
     }
 
 
@@ -132,7 +136,7 @@ def _models_in(annotation: Any) -> list[type[BaseModel]]:
 def _loosen(definition: dict[str, Any], model: type[BaseModel]) -> None:
     """Names have defaults, and axes can give a number that the system does not."""
     free = {name for name, annotation in field_types(model).items() if number_kind(annotation)} | {"name"}
-    if issubclass(model, Respond):
+    if issubclass(model, Respond | PairRespond):
         free = set()
     definition["required"] = [name for name in definition.get("required", []) if name not in free]
     if not definition["required"]:

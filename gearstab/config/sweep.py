@@ -21,6 +21,7 @@ RESERVED = frozenset(
     (
         *("tongue", "side", "mode", "mesh", "dof", "exponent", "mode_p", "mode_q", "harmonic", "kind", "label"),
         *("growth_rate", "stable", "status", "exponent_real", "exponent_imag"),
+        *("growth_rate_mesh", "growth_rate_interval", "required_damping"),
         *("center_frequency", "half_width", "boundary_frequency"),
     )
 )

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Any, ClassVar
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from pydantic import Field
 
@@ -12,12 +12,20 @@ from gearstab.config.fields import Flag, NonNegative, Section
 from gearstab.config.mesh import Conflict, ToothMesh
 from gearstab.config.names import mesh_items
 
+if TYPE_CHECKING:
+    from gearstab.config.axes import Axis
+
 
 class System(Section):
     """Keys of the section ``system`` that every kind has."""
 
     mesh_names: ClassVar[tuple[str, ...]] = ()
     """Names of meshes that are given none; further ones are called mesh1, mesh2, ..."""
+
+    mesh_model: ClassVar[type[ToothMesh]] = ToothMesh
+    """Whose rules the meshes follow."""
+    respond_model: ClassVar[type[Section] | None] = None
+    """The section ``respond`` of this kind, None where it is that of linear systems."""
 
     damping_ratio: NonNegative | None = Field(
         default=None,
@@ -39,6 +47,16 @@ class System(Section):
         raise NotImplementedError
 
     @classmethod
+    def variant(cls, raw: dict[str, Any]) -> type[System]:
+        """The model that the keys of a section call for, where a kind has several."""
+        return cls
+
+    @classmethod
+    def unfit(cls, parameters: dict[str, Any], axes: Sequence[Axis], methods: Sequence[str]) -> Iterator[Conflict]:
+        """Methods that do not apply; the paths are below ``methods``."""
+        yield from ()
+
+    @classmethod
     def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
         """What contradicts itself in the section as written, however wrong it is otherwise."""
         if raw.get("damping_ratio") is not None and raw.get("damping") is not None:
@@ -54,7 +72,7 @@ def _meshes(model: type[System], meshes: Any) -> Iterator[Conflict]:
     for i, mesh in mesh_items(meshes):
         if not isinstance(mesh, dict):
             continue
-        for path, message, hint in ToothMesh.conflicts(mesh):
+        for path, message, hint in model.mesh_model.conflicts(mesh):
             yield ("meshes", i, *path), message, hint
         name = mesh.get("name")
         if isinstance(name, str) and name in seen:

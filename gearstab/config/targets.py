@@ -4,18 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import TypeAdapter
 from pydantic.fields import FieldInfo
 
 from gearstab.config.fields import AngularFrequency, Ratio
-from gearstab.config.introspection import entry_type, field_types, inner_type, is_model, number_kind
+from gearstab.config.introspection import axis_choice, entry_type, field_types, inner_type, is_model, number_kind
 from gearstab.config.mesh import Mesh, ToothMesh
 from gearstab.config.names import BUT_THE_FIRST, EVERY_MESH, RIVALS, mesh_items
 from gearstab.config.problems import Path, dotted, nearest
 from gearstab.config.system import System
+from gearstab.config.waveforms import FORMS, Waveform, has_no_ratio, kind_of
 
 MESH_FREQUENCY: Path = ("mesh_frequency",)
 """Where the mesh frequency stands, which no system has."""
@@ -59,8 +60,14 @@ class Target:
 
     @property
     def exact(self) -> bool:
-        """Whether it is an exact ratio, which changes the structure of the problem."""
-        return isinstance(number_kind(self.annotation), Ratio)
+        """Whether it is an exact ratio or a word, which changes the structure of the problem."""
+        return isinstance(number_kind(self.annotation), Ratio) or axis_choice(self.annotation) is not None
+
+    @property
+    def decimal(self) -> bool:
+        """Whether it is a ratio that stands for an irrational number, which changes the structure as well."""
+        kind = number_kind(self.annotation)
+        return isinstance(kind, Ratio) and not kind.exact
 
 
 def resolve(name: str, model: type[System], raw: dict[str, Any]) -> list[Target]:
@@ -70,7 +77,7 @@ def resolve(name: str, model: type[System], raw: dict[str, Any]) -> list[Target]
     """
     if name == "mesh_frequency":
         return [Target((MESH_FREQUENCY,), AngularFrequency, "mesh frequency")]
-    if name in EVERY_MESH + BUT_THE_FIRST:
+    if name in EVERY_MESH + BUT_THE_FIRST and name not in model.model_fields:
         return _of_meshes(name, model, raw)
     parts = name.split(".")
     if model.__name__ == "Matrices" and parts[0] == "damping" and len(parts) == 3 and parts[1].isdigit():
@@ -85,6 +92,8 @@ def _of_meshes(name: str, model: type[System], raw: dict[str, Any]) -> list[Targ
         has_it = isinstance(mesh, dict) and kind is not None and name in field_types(kind)
         if not has_it or mesh.get(RIVALS.get(name, "")) is not None or (i == 0 and name in BUT_THE_FIRST):
             continue
+        if name == "contact_ratio" and has_no_ratio(mesh):
+            continue
         field = kind.model_fields[name]
         found.append(Target((("meshes", i, name),), field_types(kind)[name], field.title, _default(field, name)))
     if found:
@@ -96,6 +105,7 @@ def _of_meshes(name: str, model: type[System], raw: dict[str, Any]) -> list[Targ
         {
             "phasing": "two_stage has a phasing of its second mesh, matrices have lags, planetary has phases",
             "lag": "matrices have lags, two_stage has a phasing of its second mesh, planetary has phases",
+            "contact_ratio": "their waveforms have none",
         }.get(name, "list the meshes under system.meshes"),
     )
 
@@ -107,10 +117,12 @@ def _walk(name: str, parts: list[str], model: type[System], raw: dict[str, Any])
     title, owner, default = "", "", None
     step: str | int
     for part in parts:
+        if annotation is Waveform and part in field_types(annotation):
+            _check_waveform(part, value)
         if is_model(annotation) and part in field_types(annotation):
             field = annotation.model_fields[part]
             title, default = field.title or part, _default(field, part)
-            annotation, step = field_types(annotation)[part], part
+            annotation, step = _of_its_kind(field_types(annotation)[part], value), part
             if isinstance(annotation, type) and issubclass(annotation, ToothMesh):
                 owner = f" of {part}"
         elif entry_type(annotation, 0) is not None:
@@ -124,9 +136,27 @@ def _walk(name: str, parts: list[str], model: type[System], raw: dict[str, Any])
         value, path = value_at(value, (step,)), (*path, step)
     if number_kind(entry_type(annotation, 0)) is not None:
         raise TargetError("is a list, and an axis sets a number", f"name an entry, such as {name}.0")
-    if number_kind(annotation) is None:
+    if number_kind(annotation) is None and axis_choice(annotation) is None:
         raise TargetError("is not a number that an axis can set", nearest(name, candidates(model, raw)))
     return Target(_mirrored(path), annotation, title + owner, default)
+
+
+def _check_waveform(key: str, waveform: Any) -> None:
+    """A wave varies with the keys of its own kind only."""
+    kind = kind_of(waveform)
+    if kind and key in FORMS[kind].keys:
+        return
+    owners = ", ".join(other for other, form in FORMS.items() if key in form.keys)
+    message = f"a {kind} wave takes no {key}" if kind else "unknown waveform"
+    raise TargetError(message, f"choose waveform kind: {owners}")
+
+
+def _of_its_kind(annotation: Any, section: Any) -> Any:
+    """The annotation of a ratio that its section declares not to be exact; others as they are."""
+    kind = number_kind(annotation)
+    if isinstance(kind, Ratio) and kind.sibling and value_at(section, (kind.sibling,)) is False:
+        return Annotated[float, Ratio(exact=False)]
+    return annotation
 
 
 def _default(field: FieldInfo, name: str) -> Any:
@@ -137,11 +167,12 @@ def _default(field: FieldInfo, name: str) -> Any:
 
 def _index(name: str, part: str, path: Path, value: Any, entry: Any) -> int:
     entries = list(value) if isinstance(value, list | np.ndarray) else []
-    if not part.isdigit() and isinstance(entry, type) and issubclass(entry, Mesh):
+    if not part.isdigit() and is_model(entry) and "name" in entry.model_fields:
         names = [mesh.get("name") if isinstance(mesh, dict) else None for mesh in entries]
         if part not in names:
             choices = [name.replace(part, str(known)) for known in names if known is not None]
-            raise TargetError(f"there is no mesh '{part}'", nearest(name, choices))
+            what = "mesh" if issubclass(entry, Mesh) else "entry"
+            raise TargetError(f"there is no {what} '{part}'", nearest(name, choices))
         return names.index(part)
     if not part.isdigit():
         raise TargetError("unknown parameter", f"{dotted(path)} is a list: use an index from 0 on")

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from fractions import Fraction
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
 from gearstab.config.fields import ExactRatio, Mass, Quantity
-from gearstab.config.mesh import Mesh, SecondMesh
+from gearstab.config.forcing import Load, wrong_load
+from gearstab.config.mesh import Conflict, Mesh, SecondMesh
 from gearstab.config.system import System
 
 
@@ -31,7 +33,16 @@ class TwoStage(System):
         description='R = Z2/Z4 = Omega_1/Omega_2, exact: 1 (three gears; the default), 0.6 or "3/5".',
     )
     meshes: tuple[Mesh, SecondMesh] = Field(title="meshes", description="The first and the second tooth mesh.")
+    load: Load | None = Field(
+        default=None, title="load", description="Constant forces along the lines of action, one a coordinate (N)."
+    )
 
     @classmethod
     def size(cls, raw: dict[str, Any]) -> int:
         return 3
+
+    @classmethod
+    def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
+        """A load of one number a coordinate."""
+        yield from super().conflicts(raw)
+        yield from wrong_load(raw.get("load"), 3)

@@ -202,11 +202,12 @@ def _merged_states(pattern: Pattern, elastic: Elastic, index: Array, state: Arra
     whole = _rows(pattern, index)
     lengths = whole.fractions
     begin = whole.start[:, None] + np.cumsum(lengths, axis=1) - lengths
-    sequence, fractions, start = merged(state[whole.states], lengths, begin)
+    sequence, fractions, start = merged(state[whole.states], lengths, begin, whole.closed)
     kept, states = np.unique(sequence, return_inverse=True)
     own = elastic.subset(index)
     levels = whole.levels[:, kept]
-    return Pattern(whole.rows, whole.cycles, fractions, start, states, levels, own, own.stiffness_of(levels))
+    stiffness = own.stiffness_of(levels)
+    return Pattern(whole.rows, whole.cycles, fractions, start, states, levels, own, stiffness, whole.closed)
 
 
 def _projected(elastic: Elastic, basis: Array, with_rigid: bool) -> Elastic:

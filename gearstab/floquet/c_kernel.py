@@ -7,7 +7,7 @@ the C side leaves in doubt is the same that the NumPy kernel leaves, and for n >
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
@@ -23,6 +23,8 @@ WORTH_A_THREAD = 2e5
 """Operations of a chunk of rows (segments times coordinates cubed) below which a thread costs more than it gains."""
 CHUNKS_A_THREAD = 4
 """Rows are handed out in pieces, so that a thread whose rows are quick takes more of them."""
+ENTRIES_AT_ONCE = 1 << 23
+"""Of the changes of modes of all segments: 64 MB. Common periods may have thousands of segments."""
 
 
 def threads() -> int:
@@ -40,15 +42,26 @@ def scan(pattern: Pattern, omega: Array, limit: int | None = None) -> tuple[Arra
 
     limit: the number of threads, by default what :func:`threads` says; the results do not depend on it.
     """
+    return _scan(pattern, omega, np.empty((len(omega), 0)), limit)
+
+
+def scan_traces(pattern: Pattern, omega: Array, limit: int | None = None) -> tuple[Array, Array, Array]:
+    """:func:`scan` and rho = lambda + 1/lambda ``(r, P, n)`` complex, as of :func:`traces`, from one propagation."""
+    rho = np.empty((*omega.shape, pattern.size), dtype=complex)
+    return *_scan(pattern, omega, rho, limit), rho
+
+
+def _scan(pattern: Pattern, omega: Array, rho: Array, limit: int | None) -> tuple[Array, Array]:
     asked = _contiguous(omega)
     verdict, growth = np.empty(asked.shape, dtype=np.int8), np.empty(asked.shape)
-    rows, points = asked.shape
-    arguments = _arguments(pattern)
+    for rows in _portions(len(asked), len(pattern.states), pattern.size):
+        arguments = _arguments(pattern, rows)
+        own = (asked.shape[1], asked[rows], verdict[rows], growth[rows], rho[rows])
 
-    def part(first: int, last: int) -> None:
-        _library().scan(ckernel.simd(), *arguments, first, last, points, asked, verdict, growth)
+        def part(first: int, last: int, given: tuple[Any, ...] = (arguments, own)) -> None:
+            _library().scan(ckernel.simd(), *given[0], first, last, *given[1])
 
-    _in_threads(part, rows, points * _cost(pattern), limit)
+        _in_threads(part, rows.stop - rows.start, asked.shape[1] * _cost(pattern), limit)
     return verdict, growth
 
 
@@ -56,10 +69,17 @@ def monodromy(pattern: Pattern, row: int | Array, omega: Array) -> tuple[Array, 
     """(M exp(-scale) as ``(P, 2n, 2n)``, scale ``(P,)``) at ``(P,)`` frequencies of one row or of a row each."""
     asked = _contiguous(omega)
     index = np.ascontiguousarray(np.broadcast_to(row, asked.shape), dtype=np.int64)
-    points, size = len(asked), 2 * pattern.size
-    matrix, scale = np.empty((points, size, size)), np.empty(points)
-    arguments = _arguments(pattern)
-    _library().monodromy(ckernel.simd(), *arguments, 0, points, points, index, asked, matrix, scale)
+    size = 2 * pattern.size
+    matrix, scale = np.empty((len(asked), size, size)), np.empty(len(asked))
+    for rows in _portions(len(pattern.rows), len(pattern.states), pattern.size):
+        members = np.flatnonzero((index >= rows.start) & (index < rows.stop))
+        if len(members) == 0:
+            continue
+        points, arguments = len(members), _arguments(pattern, rows)
+        found, size_of = np.empty((points, size, size)), np.empty(points)
+        own = (index[members] - rows.start, asked[members], found, size_of)
+        _library().monodromy(ckernel.simd(), *arguments, 0, points, points, *own)
+        matrix[members], scale[members] = found, size_of
     return matrix, scale
 
 
@@ -71,13 +91,14 @@ def traces(pattern: Pattern, omega: Array, bound: float = np.inf, limit: int | N
     """
     asked = _contiguous(omega)
     rho = np.empty((*asked.shape, pattern.size), dtype=complex)
-    rows, points = asked.shape
-    arguments = _arguments(pattern)
+    for rows in _portions(len(asked), len(pattern.states), pattern.size):
+        arguments = _arguments(pattern, rows)
+        own = (asked.shape[1], float(bound), asked[rows], rho[rows])
 
-    def part(first: int, last: int) -> None:
-        _library().traces(ckernel.simd(), *arguments, first, last, points, float(bound), asked, rho)
+        def part(first: int, last: int, given: tuple[Any, ...] = (arguments, own)) -> None:
+            _library().traces(ckernel.simd(), *given[0], first, last, *given[1])
 
-    _in_threads(part, rows, points * _cost(pattern), limit)
+        _in_threads(part, rows.stop - rows.start, asked.shape[1] * _cost(pattern), limit)
     return rho
 
 
@@ -95,30 +116,49 @@ def scan_damped(pattern: Pattern, generator: Generators, omega: Array, limit: in
 
     Rows with a state that cannot be diagonalised safely go the way of the NumPy kernel.
     """
-    growth, scale = _scan_modes(pattern, generator, _contiguous(omega), limit)
-    for row in np.flatnonzero(~generator.well_conditioned | np.isnan(growth).any(axis=1)):
-        found = numpy_kernel.scan_damped(pattern.row(int(row)), generator.row(int(row)), omega[row : row + 1])
+    growth, scale = _scan_modes(pattern, generator, _contiguous(omega), np.empty((len(omega), 0)), limit)
+    for row in _left_over(generator, growth):
+        found = numpy_kernel.scan_damped(pattern.row(row), generator.row(row), omega[row : row + 1])
         growth[row], scale[row] = found[0][0], found[1][0]
     return growth, scale
 
 
-def _scan_modes(pattern: Pattern, generator: Generators, omega: Array, limit: int | None) -> tuple[Array, Array]:
+def multipliers_damped(
+    pattern: Pattern, generator: Generators, omega: Array, limit: int | None = None
+) -> tuple[Array, Array, Array]:
+    """:func:`scan_damped` and all multipliers over exp(scale), ``(r, P, m)`` complex."""
+    values = np.empty((*omega.shape, generator.matrix.shape[-1]), dtype=complex)
+    growth, scale = _scan_modes(pattern, generator, _contiguous(omega), values, limit)
+    for row in _left_over(generator, growth):
+        found = numpy_kernel.multipliers_damped(pattern.row(row), generator.row(row), omega[row : row + 1])
+        growth[row], scale[row], values[row] = (part[0] for part in found)
+    return growth, scale, values
+
+
+def _left_over(generator: Generators, growth: Array) -> list[int]:
+    """Rows for the NumPy kernel: not safe to diagonalise, or without a result somewhere."""
+    return [int(row) for row in np.flatnonzero(~generator.well_conditioned | np.isnan(growth).any(axis=1))]
+
+
+def _scan_modes(
+    pattern: Pattern, generator: Generators, omega: Array, multipliers: Array, limit: int | None
+) -> tuple[Array, Array]:
     """:func:`scan_damped` in the real modal coordinates of the states, meaningless where they are ill-conditioned."""
     values, basis, inverse = generator.real_modes
-    following = np.roll(pattern.states, -1)
-    change = _contiguous(inverse[:, following] @ basis[:, pattern.states])
+    distinct, index = pattern.pairs(inverse, basis)
     growth, scale = np.empty(omega.shape), np.empty(omega.shape)
-    count, points = omega.shape
-    numbers = (count, len(pattern.states), *values.shape[1:], float(pattern.cycles))
-    arrays = (_contiguous(values.real), _contiguous(values.imag), _contiguous(pattern.fractions))
     state = np.ascontiguousarray(pattern.states, dtype=np.int64)
+    for rows in _portions(len(omega), len(state), values.shape[-1]):
+        count = rows.stop - rows.start
+        numbers = (count, len(state), *values.shape[1:], float(pattern.cycles))
+        arrays = (values[rows].real, values[rows].imag, pattern.fractions[rows])
+        given = (numbers, *map(_contiguous, arrays), state, _contiguous(distinct[rows].take(index, axis=1)))
+        own = (omega.shape[1], omega[rows], growth[rows], scale[rows], multipliers[rows])
 
-    def part(first: int, last: int) -> None:
-        _library().scan_damped(
-            ckernel.simd(), numbers, *arrays, state, change, first, last, points, omega, growth, scale
-        )
+        def part(first: int, last: int, all_of: tuple[Any, ...] = (given, own)) -> None:
+            _library().scan_damped(ckernel.simd(), *all_of[0], first, last, *all_of[1])
 
-    _in_threads(part, count, points * _cost(pattern), limit)
+        _in_threads(part, count, omega.shape[1] * _cost(pattern), limit)
     return growth, scale
 
 
@@ -132,13 +172,20 @@ def _contiguous(values: Array) -> Array:
     return np.ascontiguousarray(values, dtype=float)
 
 
-def _arguments(pattern: Pattern) -> tuple[Any, ...]:
-    """A conservative pattern as the C functions take it."""
-    rows, states, n = pattern.squared_frequency.shape
-    numbers = (rows, len(pattern.states), states, n, float(pattern.cycles))
+def _portions(rows: int, segments: int, size: int) -> Iterator[slice]:
+    """Rows in pieces whose changes of modes fit in memory."""
+    step = max(1, ENTRIES_AT_ONCE // (segments * size**2)) if size else max(1, rows)
+    for first in range(0, rows, step):
+        yield slice(first, min(rows, first + step))
+
+
+def _arguments(pattern: Pattern, rows: slice = slice(None)) -> tuple[Any, ...]:
+    """Rows of a conservative pattern as the C functions take it."""
+    squared = pattern.squared_frequency[rows]
+    numbers = (len(squared), len(pattern.states), *squared.shape[1:], float(pattern.cycles))
     state = np.ascontiguousarray(pattern.states, dtype=np.int64)
-    change = _contiguous(pattern.change)
-    return numbers, _contiguous(pattern.squared_frequency), _contiguous(pattern.fractions), state, change
+    change = _contiguous(pattern.changes(rows))
+    return numbers, _contiguous(squared), _contiguous(pattern.fractions[rows]), state, change
 
 
 def _cost(pattern: Pattern) -> float:

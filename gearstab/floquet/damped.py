@@ -8,6 +8,7 @@ nearly singular (critical damping) the exponential is formed by scaling and squa
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -96,15 +97,23 @@ def factors(
     With a finite ``spread`` segments are subdivided until their growth and decay differ by at most exp(spread).
     Returns: the factors, ``(P, m, m)`` each and of size one, and the logarithm ``(P,)`` of what was taken out of all.
     """
+    result, scale = [], np.zeros(len(omega))
+    for factor, pieces, growth in _chain(generator, pattern, row, omega, spread):
+        result += [factor] * pieces
+        scale += growth
+    return result, scale
+
+
+def _chain(
+    generator: Generators, pattern: Pattern, row: int, omega: Array, spread: float
+) -> Iterator[tuple[Array, int, Array]]:
+    """Segment by segment: the factor of a piece, how many pieces the segment has, the growth taken out of them all."""
     values = generator.eigen[0][row]
     durations = pattern.durations(row, omega)
-    result, scale = [], np.zeros(len(omega))
     for s, state in enumerate(pattern.states):
         real = values[state].real
         pieces = max(1, int(np.ceil((real.max() - real.min()) * durations[s].max() / spread)))
-        result += [exponential(generator, row, int(state), durations[s] / pieces)] * pieces
-        scale += real.max() * durations[s]
-    return result, scale
+        yield exponential(generator, row, int(state), durations[s] / pieces), pieces, real.max() * durations[s]
 
 
 def exponential(generator: Generators, row: int, state: int, duration: Array) -> Array:
@@ -122,10 +131,10 @@ def exponential(generator: Generators, row: int, state: int, duration: Array) ->
 def monodromy(generator: Generators, pattern: Pattern, row: int, omega: Array) -> tuple[Array, Array]:
     """(M exp(-scale) ``(P, m, m)``, scale ``(P,)``); M is right to eps times its largest entry."""
     product: Array = np.eye(generator.matrix.shape[-1])[None]
-    chain, scale = factors(generator, pattern, row, omega)
-    for factor in chain:
+    scale = np.zeros(len(omega))
+    for factor, _, growth in _chain(generator, pattern, row, omega, np.inf):
         product = factor @ product
         size = np.abs(product).max(axis=(1, 2))
         product = product / size[:, None, None]
-        scale += np.log(size)
+        scale += growth + np.log(size)
     return product, scale

@@ -25,7 +25,7 @@ def equal_rows(table: Array) -> Iterator[tuple[Array, Array]]:
 def _codes(table: Array) -> Array:
     """``(rows,)``, one integer a row, ordered as the rows are."""
     code, limit = np.zeros(len(table), dtype=np.int64), 1
-    for column in table.T:
+    for column in table.T[np.ptp(table, axis=0) > 0]:
         lowest = int(column.min())
         span = int(column.max()) - lowest + 1
         if limit * span > LARGEST:

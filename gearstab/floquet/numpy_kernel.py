@@ -55,7 +55,7 @@ def propagate(pattern: Pattern, row: int, omega: Array) -> tuple[Array, Array]:
             x[1] += times * x[0]
             x[0] = position
         if len(pattern.states) > 1:
-            x = np.matmul(pattern.change[row, s], x.reshape(2, n, -1)).reshape(x.shape)
+            x = np.matmul(pattern.change(s)[row], x.reshape(2, n, -1)).reshape(x.shape)
         if s % 8 == 7 or np.any(growth > 0):
             _rescale(x, scale)
     _unscale(x, scale)
@@ -65,7 +65,8 @@ def propagate(pattern: Pattern, row: int, omega: Array) -> tuple[Array, Array]:
 def rotation(squared: Array, fraction: float, inverse: Array) -> tuple[Array, Array]:
     """cos(w t), sin(w t)/w, -w sin(w t) for w^2 of either sign, without overflow.
 
-    Parameters: ``squared`` (n,) w^2; ``fraction`` and ``inverse`` (P,): the duration is t = 2 pi fraction inverse.
+    Parameters: ``squared`` (n,) w^2; ``fraction`` and ``inverse`` (P,): the duration is t = 2 pi fraction inverse; of a
+    segment that runs backwards, as part of a Magnus step, it is negative.
     Returns: ``(3, n, P)``, all divided by exp(growth), and growth (P,). Phases are counted in turns, so
     that reducing them to [-1/2, 1/2] is exact.
     """
@@ -75,7 +76,7 @@ def rotation(squared: Array, fraction: float, inverse: Array) -> tuple[Array, Ar
     angle = 2 * np.pi * (turns - np.rint(turns))
     cosine, sine = np.cos(angle), np.sin(angle)
     for mode in np.flatnonzero(squared < 0):
-        growth = np.maximum(growth, 2 * np.pi * turns[mode])
+        growth = np.maximum(growth, 2 * np.pi * np.abs(turns[mode]))
     terms = np.empty((3, *turns.shape))
     terms[0], terms[2] = cosine, -w * sine
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -83,10 +84,11 @@ def rotation(squared: Array, fraction: float, inverse: Array) -> tuple[Array, Ar
     if np.any(squared < 0):
         terms *= np.exp(-growth)
     for mode in np.flatnonzero(squared < 0):
-        x = 2 * np.pi * turns[mode]
+        x = 2 * np.pi * np.abs(turns[mode])
         up, down = 0.5 * np.exp(x - growth), 0.5 * np.exp(-x - growth)
         # sinh as a difference of exponentials loses digits for small x.
         difference = np.where(x < 1, np.exp(-growth) * np.sinh(np.minimum(x, 1)), up - down)
+        difference = np.copysign(difference, fraction)
         terms[:, mode] = up + down, difference / w[mode], w[mode] * difference
     for mode in np.flatnonzero(squared == 0):
         terms[:2, mode] = np.exp(-growth), np.exp(-growth) * 2 * np.pi * fraction * inverse
@@ -159,15 +161,42 @@ def log_multipliers(pattern: Pattern, omega: Array, bound: float) -> Array:
 
 def scan_damped(pattern: Pattern, generator: Generators, omega: Array) -> tuple[Array, Array]:
     """ln max |lambda| and ln of the size of M, ``(r, P)`` each; NaN where M is not finite."""
+    return multipliers_damped(pattern, generator, omega)[:2]
+
+
+def multipliers_damped(pattern: Pattern, generator: Generators, omega: Array) -> tuple[Array, Array, Array]:
+    """:func:`scan_damped` and all multipliers over exp(scale), ``(r, P, m)`` complex."""
     growth, scale = np.empty(omega.shape), np.empty(omega.shape)
+    values = np.empty((*omega.shape, generator.matrix.shape[-1]), dtype=complex)
     for row, frequencies in enumerate(omega):
         matrix, scale[row] = damped.monodromy(generator, pattern, row, frequencies)
         finite = np.isfinite(matrix).all(axis=(1, 2))
-        values = np.linalg.eigvals(np.where(finite[:, None, None], matrix, 0.0))
+        values[row] = np.linalg.eigvals(np.where(finite[:, None, None], matrix, 0.0))
         with np.errstate(divide="ignore"):
-            largest = np.log(np.abs(values).max(axis=-1))
+            largest = np.log(np.abs(values[row]).max(axis=-1))
         growth[row] = np.where(finite, largest + scale[row], np.nan)
-    return growth, scale
+    return growth, scale, values
+
+
+def scan_traces(pattern: Pattern, omega: Array) -> tuple[Array, Array, Array]:
+    """:func:`scan` and rho = lambda + 1/lambda ``(r, P, n)`` complex, in no order; NaN where M had to be scaled."""
+    verdict, growth = scan(pattern, omega)
+    rho = np.full((*omega.shape, pattern.size), np.nan, dtype=complex)
+    for row, frequencies in enumerate(omega):
+        matrix, scale = monodromy(pattern, row, frequencies)
+        plain = (scale == 0) & np.isfinite(matrix).all(axis=(1, 2))
+        rho[row, plain] = _traces(matrix[plain])
+    return verdict, growth, rho
+
+
+def _traces(matrix: Array) -> Array:
+    """rho ``(P, n)`` of symplectic ``(P, 2n, 2n)``: every second one of the eigenvalues of M + M^-1, which has all
+    twice; those of multipliers near the circle are sorted along the real axis, where they lie.
+    """
+    n = matrix.shape[-1] // 2
+    j = np.block([[np.zeros((n, n)), np.eye(n)], [-np.eye(n), np.zeros((n, n))]])
+    values = np.linalg.eigvals(matrix - j @ np.swapaxes(matrix, -1, -2) @ j).astype(complex)
+    return np.sort_complex(values)[:, ::2]
 
 
 def scan(pattern: Pattern, omega: Array) -> tuple[Array, Array]:
@@ -206,6 +235,6 @@ def factors(pattern: Pattern, row: int, omega: Array) -> list[Array]:
         factor = np.zeros((len(omega), 2 * n, 2 * n))
         factor[:, index, index], factor[:, index, n + index] = terms[0], terms[1]
         factor[:, n + index, index], factor[:, n + index, n + index] = terms[2], terms[0]
-        turn = np.kron(np.eye(2), pattern.change[row, s])
+        turn = np.kron(np.eye(2), pattern.change(s)[row])
         result += [factor] * (pieces - 1) + [turn @ factor]
     return result

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from gearstab.floquet.blocks import Block, split
+from gearstab.floquet.frequencies.choice import sample
 from gearstab.floquet.reduction import rigid_modes
-from gearstab.floquet.segments import prepare
 from gearstab.modal import mean_modes
 from gearstab.system import GearSystem
 
@@ -18,7 +18,8 @@ SHARE = 1e-9
 
 @dataclass(frozen=True)
 class Part:
-    """A block of a system: numbers (from 1) of its modes, its size, how often it occurs, segments a period.
+    """A block of a system: numbers (from 1) of its modes, its size, how often it occurs, segments a period, distinct
+    stiffness states.
 
     Identical blocks share modes of equal frequency: each is made of ``size`` combinations of ``copies`` times as many.
     """
@@ -27,6 +28,7 @@ class Part:
     size: int
     copies: int
     segments: int
+    states: int
 
 
 @dataclass(frozen=True)
@@ -58,11 +60,14 @@ class Reduction:
 
 
 def reduction(system: GearSystem) -> Reduction:
-    """The reduction of a single system (no batch)."""
+    """The reduction of a single system (no batch).
+
+    Without an affordable common period it is that of a window, with the segments of that.
+    """
     modes = mean_modes(system)
     rigid = rigid_modes(modes.squared_frequency[None], modes.mesh_deflection.T[None])[0]
     elastic = np.flatnonzero(~rigid) + 1
-    (pattern,) = prepare(system)
+    pattern = sample(system)
     blocks = [block for block in split(pattern) if block.pattern.size]
     dropped = [block for block in blocks if block.constant]
     kept = [block for block in blocks if not block.constant]
@@ -72,7 +77,13 @@ def reduction(system: GearSystem) -> Reduction:
         tuple((np.flatnonzero(rigid) + 1).tolist()),
         tuple(sorted(k for block in dropped for k in _numbers(block, elastic))),
         tuple(
-            Part(_numbers(block, elastic), block.pattern.size, block.copies, len(block.pattern.states))
+            Part(
+                _numbers(block, elastic),
+                block.pattern.size,
+                block.copies,
+                len(block.pattern.states),
+                block.pattern.stiffness.shape[1],
+            )
             for block in kept
         ),
         whole / work if work else float("inf"),

@@ -34,6 +34,7 @@ class Pattern:
     levels: ``(r, D, meshes)``, the mesh stiffnesses of each state, in the system's own units.
     elastic: the reduced coordinates, in which M = I and time is in units of 1/``elastic.rate``.
     stiffness: ``(r, D, n, n)``, K of each state in these coordinates and units.
+    closed: whether the segments make up a period; else the first does not follow the last.
     """
 
     rows: Array
@@ -44,6 +45,7 @@ class Pattern:
     levels: Array
     elastic: Elastic
     stiffness: Array
+    closed: bool = True
 
     @property
     def size(self) -> int:
@@ -69,17 +71,41 @@ class Pattern:
         """``(r, D, n)``, which modes of which states are unstable by themselves (before any uniform damping)."""
         return self.squared_frequency + self.elastic.shift[:, None, None] ** 2 < 0
 
+    def pairs(self, inverse: Array, basis: Array) -> tuple[Array, Array]:
+        """(distinct products B_{s+1}^-1 B_s ``(r, Q, m, m)``, which of them follows each segment ``(S,)``).
+
+        A common period may have thousands of segments, but of D states there are at most D^2 changes.
+        inverse, basis: ``(r, D, m, m)``, of each state.
+        """
+        count = basis.shape[1]
+        pairs, index = np.unique(np.roll(self.states, -1) * count + self.states, return_inverse=True)
+        return inverse.take(pairs // count, axis=1) @ basis.take(pairs % count, axis=1), index
+
     @cached_property
-    def change(self) -> Array:
-        """``(r, S, n, n)``, V_{s+1}^T V_s: from the modes of segment s to those of the next (the last to the first)."""
-        transposed = np.ascontiguousarray(np.swapaxes(self.modes, -1, -2))
-        return transposed.take(np.roll(self.states, -1), axis=1) @ self.modes.take(self.states, axis=1)
+    def _turns(self) -> tuple[Array, Array]:
+        return self.pairs(np.ascontiguousarray(np.swapaxes(self.modes, -1, -2)), self.modes)
+
+    def change(self, segment: int) -> Array:
+        """``(r, n, n)``, V_{s+1}^T V_s: from the modes of a segment to those of the next (of the last to the first)."""
+        distinct, index = self._turns
+        return distinct[:, index[segment]]
+
+    def changes(self, rows: slice = slice(None)) -> Array:
+        """``(r, S, n, n)``, :meth:`change` of all segments, for some of the rows."""
+        distinct, index = self._turns
+        return distinct[rows].take(index, axis=1)
 
     def row(self, index: int) -> Pattern:
         """One of the rows, as a pattern of its own."""
-        one = slice(index, index + 1)
-        own = {name: getattr(self, name)[one] for name in ("rows", "fractions", "start", "levels", "stiffness")}
-        return replace(self, elastic=self.elastic.subset(np.array([index])), **own)
+        return self.subset(np.array([index]))
+
+    def subset(self, index: Array) -> Pattern:
+        """Some of the rows, by position; eigenproblems that were solved stay so."""
+        own = {name: getattr(self, name)[index] for name in ("rows", "fractions", "start", "levels", "stiffness")}
+        part = replace(self, elastic=self.elastic.subset(index), **own)
+        if "_eigen" in vars(self):
+            vars(part)["_eigen"] = tuple(values[index] for values in self._eigen)
+        return part
 
     def durations(self, row: int, omega: Array) -> Array:
         """``(S, P)``, durations of a row's segments, units 1/rate, for mesh frequencies ``(P,)`` in units of rate."""
@@ -87,25 +113,61 @@ class Pattern:
 
 
 def prepare(system: GearSystem) -> list[Pattern]:
-    """All rows of a (batched) system as patterns; every row occurs exactly once."""
-    count = int(np.prod(system.batch, dtype=int))
+    """All rows of a (batched) system over a common period as patterns; every row occurs exactly once.
+
+    Raises ValueError for a system that has no segments of constant, symmetric stiffness.
+    """
+    _check(system)
     cycles, counts = system.common_period()
-    edges, bits = _segments_of_rows(system, counts, count)
-    lengths = np.diff(edges, axis=1, append=edges[:, :1] + 1)
+    edges, bits = _segments_of_rows(system, counts, int(np.prod(system.batch, dtype=int)))
+    return _patterns(system, float(cycles), edges, bits)
+
+
+def _check(system: GearSystem) -> None:
+    if system.terms:
+        raise ValueError("periodic terms beside the mesh stiffness are not supported here")
+    smooth = [mesh.name for mesh in system.meshes if not mesh.waveform.piecewise_constant]
+    if smooth:
+        names = ", ".join(f"'{name}'" for name in smooth)
+        raise ValueError(f"waves that are not piecewise constant are not supported here: mesh {names}")
+
+
+def window(system: GearSystem, cycles: float) -> list[Pattern]:
+    """All rows over the first ``cycles`` periods 2 pi/Omega from t = 0, whatever the ratios of the mesh frequencies."""
+    _check(system)
+    count = int(np.prod(system.batch, dtype=int))
+    edges = [np.zeros((count, 1))]
+    for mesh in system.meshes:
+        ratio = float(mesh.frequency_ratio)
+        jumps = _jumps(mesh, system.batch, count)
+        turns = np.arange(np.floor(-jumps.max()), np.ceil(ratio * cycles - jumps.min()) + 1)
+        edges.append(((jumps[:, :, None] + turns) / ratio).reshape(count, -1))
+    found = np.sort(np.clip(np.concatenate(edges, axis=1), 0.0, cycles), axis=1)
+    middle = found + 0.5 * np.diff(found, axis=1, append=cycles)
+    bits = np.zeros(found.shape, dtype=np.int64)
+    for i, mesh in enumerate(system.meshes):
+        bits |= _stiff(mesh, system.batch, float(mesh.frequency_ratio) * middle).astype(np.int64) << i
+    return _patterns(system, cycles, found / cycles, bits, closed=False)
+
+
+def _patterns(system: GearSystem, cycles: float, edges: Array, bits: Array, closed: bool = True) -> list[Pattern]:
+    """Rows grouped by their sequence of states: ``edges`` (rows, S) in parts of ``cycles`` and what follows each."""
+    count = len(edges)
+    lengths = np.diff(edges, axis=1, append=edges[:, :1] + 1 if closed else np.ones((count, 1)))
     signature = np.where(lengths > SHORTEST, bits, -1)
     levels = _levels(system.meshes, count)
     patterns = []
     for elastic in reduce(system, count):
         for index, key in equal_rows(signature[elastic.rows]):
             members = elastic.rows[index]
-            states, fractions, start = merged(key, lengths[members], edges[members])
+            states, fractions, start = merged(key, lengths[members], edges[members], closed)
             unique, state = np.unique(states, return_inverse=True)
             on = (unique[:, None] >> np.arange(len(system.meshes))) & 1
             own = levels[members, None]
             chosen = np.where(on.astype(bool), own[..., 1], own[..., 0])
             part = elastic.subset(index)
             stiffness = part.stiffness_of(chosen)
-            patterns.append(Pattern(members, float(cycles), fractions, start, state, chosen, part, stiffness))
+            patterns.append(Pattern(members, cycles, fractions, start, state, chosen, part, stiffness, closed))
     return patterns
 
 
@@ -113,9 +175,7 @@ def _segments_of_rows(system: GearSystem, counts: tuple[int, ...], rows: int) ->
     """Jumps ``(rows, S)`` in [0, 1), ascending, and which meshes are stiff after each, as bits ``(rows, S)``."""
     edges = [np.zeros((rows, 1))] if not system.meshes else []
     for mesh, n in zip(system.meshes, counts, strict=True):
-        lag = np.broadcast_to(np.asarray(mesh.lag, dtype=float), system.batch).reshape(rows, 1)
-        points = mesh.waveform.breakpoints()
-        points = np.broadcast_to(points, (*system.batch, points.shape[-1])).reshape(rows, -1) + lag
+        points = _jumps(mesh, system.batch, rows)
         edges.append(((points[:, :, None] + np.arange(n)) / n).reshape(rows, -1))
     found = np.concatenate(edges, axis=1)
     found = np.sort(found - np.floor(found), axis=1)
@@ -128,16 +188,22 @@ def _segments_of_rows(system: GearSystem, counts: tuple[int, ...], rows: int) ->
     return found, bits
 
 
+def _jumps(mesh: Mesh, batch: tuple[int, ...], rows: int) -> Array:
+    """``(rows, B)``, where the wave jumps, in periods of the mesh."""
+    points = mesh.waveform.breakpoints()
+    lag = np.broadcast_to(np.asarray(mesh.lag, dtype=float), batch).reshape(rows, 1)
+    return np.broadcast_to(points, (*batch, points.shape[-1])).reshape(rows, -1) + lag
+
+
 def _stiff(mesh: Mesh, batch: tuple[int, ...], phase: Array) -> Array:
     """Whether the mesh is above its mean at the given phases (rows, S); never where its stiffness does not vary."""
 
     def flat(values: Array | float) -> Array:
         return np.broadcast_to(values, batch).reshape(-1, 1)
 
-    x = phase - flat(mesh.lag)
-    shaped = np.reshape(x, (*batch, x.shape[-1]))
-    value = np.stack([mesh.waveform.value(shaped[..., k]) for k in range(x.shape[-1])], axis=-1)
-    return (value.reshape(x.shape) > 0) & (flat(mesh.epsilon) != 0)
+    x = (phase - flat(mesh.lag)).T
+    value = mesh.waveform.value(x.reshape(-1, *batch)).reshape(x.shape).T
+    return (value > 0) & (flat(mesh.epsilon) != 0)
 
 
 def _levels(meshes: tuple[Mesh, ...], rows: int) -> Array:
@@ -149,15 +215,19 @@ def _levels(meshes: tuple[Mesh, ...], rows: int) -> Array:
     return np.stack(table, axis=1)
 
 
-def merged(key: Array, lengths: Array, edges: Array) -> tuple[Array, Array, Array]:
-    """Leave out segments of state -1 in ``key`` (S,), join neighbours in the same state; (states, fractions, start)."""
+def merged(key: Array, lengths: Array, edges: Array, closed: bool = True) -> tuple[Array, Array, Array]:
+    """Leave out segments of state -1 in ``key`` (S,), join neighbours in the same state; (states, fractions, start).
+
+    closed: whether the first segment follows the last.
+    """
     kept = np.flatnonzero(key >= 0)
     states = key[kept]
-    first = np.flatnonzero(states != np.roll(states, 1))
+    changed = states != np.roll(states, 1)
+    changed[0] |= not closed
+    first = np.flatnonzero(changed)
     if len(first) == 0:
         return states[:1], np.ones((len(lengths), 1)), edges[:, kept[0]]
-    owner = (np.cumsum(states != np.roll(states, 1)) - 1) % len(first)
-    fractions = np.zeros((len(lengths), len(first)))
-    for position, segment in zip(kept, owner, strict=True):
-        fractions[:, segment] += lengths[:, position]
-    return states[first], fractions, edges[:, kept[first[0]]]
+    owner = (np.cumsum(changed) - 1) % len(first)
+    fractions = np.zeros((len(first), len(lengths)))
+    np.add.at(fractions, owner, lengths[:, kept].T)
+    return states[first], np.ascontiguousarray(fractions.T), edges[:, kept[first[0]]]

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gearstab.floquet.segments import prepare
+from gearstab.floquet.frequencies.choice import sample
 from gearstab.modal import eigenmodes, mean_modes
 from gearstab.system import Array, GearSystem
 
@@ -92,7 +92,7 @@ def neglected(system: GearSystem, basis: Array) -> float:
     outside = np.linalg.svd(basis.T @ system.mass)[2][basis.shape[1] :].T
     if outside.shape[1] == 0:
         return 0.0
-    (pattern,) = prepare(system)
+    pattern = sample(system)
     mean = system.mean_stiffness_matrix()
     inner, outer = (_modes(system.mass, mean, part) for part in (basis, outside))
     coupling = [mean, *(system.stiffness_matrix(list(levels)) for levels in pattern.levels[0])]

@@ -1,7 +1,9 @@
-"""Perturbation theory: instability tongues to first order, and an older approximation to compare with."""
+"""Perturbation theory: instability tongues to first and second order, and an older approximation to compare with."""
 
 from gearstab.perturbation.mathieu import uncoupled
 from gearstab.perturbation.multiple_scales import first_order
+from gearstab.perturbation.second_order import STATUS_FLAGS as PERTURBATION_FLAGS
+from gearstab.perturbation.second_order import second_order
 from gearstab.perturbation.tongues import Tongue, Tongues, union
 
-__all__ = ["Tongue", "Tongues", "first_order", "uncoupled", "union"]
+__all__ = ["PERTURBATION_FLAGS", "Tongue", "Tongues", "first_order", "second_order", "uncoupled", "union"]

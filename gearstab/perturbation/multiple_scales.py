@@ -60,7 +60,7 @@ def first_order(system: GearSystem, harmonics: int, modes: Sequence[int] | None 
     Source: Lin & Parker 2002, (13)-(18), (26), (27), (30), (31); Parker 2009, (21)-(23), in the form that adds shared
     frequencies and does not depend on the basis of repeated modes.
     """
-    modal = _modal(system)
+    modal = modal_rows(system)
     if modes is None:
         modes = [int(p) + 1 for p in np.flatnonzero(np.any(modal.frequency != 0, axis=0))]
     pairs = [(p, q) for k, p in enumerate(modes) for q in modes[k:]]
@@ -89,24 +89,26 @@ def _boundaries(center: Array, width: Array, threshold: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class _Modal:
+class Modal:
     """Modal quantities of all rows, with the batch flattened.
 
-    frequency ``(rows, n)``, 0 for rigid-body modes and NaN for negative stiffness; deflection ``(rows, n, meshes)``;
-    damping ``(rows, n, n)`` = Phi^T C Phi/2, or None.
+    frequency ``(rows, n)``, 0 for rigid-body modes and NaN for negative stiffness, and its square, which is then
+    negative; deflection ``(rows, n, meshes)``; damping ``(rows, n, n)`` = Phi^T C Phi/2, or None.
     """
 
     frequency: Array
+    squared_frequency: Array
     deflection: Array
     damping: Array | None
     batch: tuple[int, ...]
 
-    def rows(self, rows: Array) -> _Modal:
+    def rows(self, rows: Array) -> Modal:
         damping = None if self.damping is None else self.damping[rows]
-        return _Modal(self.frequency[rows], self.deflection[rows], damping, self.batch)
+        return Modal(self.frequency[rows], self.squared_frequency[rows], self.deflection[rows], damping, self.batch)
 
 
-def _modal(system: GearSystem) -> _Modal:
+def modal_rows(system: GearSystem) -> Modal:
+    """See :class:`Modal`; mesh deflections and damping rates that are rounding are exactly zero."""
     modes = mean_modes(system)
     batch, n = system.batch, system.size
 
@@ -120,8 +122,8 @@ def _modal(system: GearSystem) -> _Modal:
         damping = 0.5 * np.swapaxes(modes.shapes, -1, -2) @ system.damping @ modes.shapes
         largest = np.abs(damping).max(axis=(-2, -1), keepdims=True)
         damping = flat(np.where(np.abs(damping) <= ROUNDING * largest, 0.0, damping), 2)
-    frequency = flat(modes.natural_frequency, 1).reshape(-1, n)
-    return _Modal(frequency, flat(deflection, 2), damping, batch)
+    frequency, squared = (flat(a, 1).reshape(-1, n) for a in (modes.natural_frequency, modes.squared_frequency))
+    return Modal(frequency, squared, flat(deflection, 2), damping, batch)
 
 
 def partitions(frequency: Array) -> Iterator[tuple[Array, list[Group]]]:
@@ -167,7 +169,7 @@ def _weights(system: GearSystem, force: Excitation, batch: tuple[int, ...], rows
     return weights
 
 
-def _coupling(modal: _Modal, weights: Weights, p: Group, q: Group) -> Array:
+def _coupling(modal: Modal, weights: Weights, p: Group, q: Group) -> Array:
     """B_pq for matching lists of modes, ``(len(p), rows)``, exactly zero where only rounding is left."""
     total = np.zeros((len(p), len(modal.frequency)), dtype=complex)
     size = np.zeros(total.shape)
@@ -181,7 +183,7 @@ def _coupling(modal: _Modal, weights: Weights, p: Group, q: Group) -> Array:
 
 
 def _solve(
-    modal: _Modal, weights: Weights, wanted: list[tuple[Group, Group, int]]
+    modal: Modal, weights: Weights, wanted: list[tuple[Group, Group, int]]
 ) -> Iterator[tuple[list[int], Array, Array, Array]]:
     """Yield (places, w_P + w_Q, half-width in nu, threshold) of the wanted pairs, ``(places, rows)`` each."""
     single = [(P[0], Q[0], k) for P, Q, k in wanted if len(P) == len(Q) == 1]
@@ -194,7 +196,7 @@ def _solve(
             yield [place], total[None], width[None], threshold[None]
 
 
-def _single_pairs(modal: _Modal, weights: Weights, p: Group, q: Group) -> tuple[Array, Array, Array]:
+def _single_pairs(modal: Modal, weights: Weights, p: Group, q: Group) -> tuple[Array, Array, Array]:
     """Tongues between modes of distinct frequency, all pairs at once."""
     w = modal.frequency.T
     coupling = np.abs(_coupling(modal, weights, p, q)) / np.sqrt(w[p] * w[q])
@@ -204,7 +206,7 @@ def _single_pairs(modal: _Modal, weights: Weights, p: Group, q: Group) -> tuple[
     return w[p] + w[q], *single_pair(coupling, mu[p], mu[q])
 
 
-def _group_pair(modal: _Modal, weights: Weights, P: Group, Q: Group) -> tuple[Array, Array, Array]:
+def _group_pair(modal: Modal, weights: Weights, P: Group, Q: Group) -> tuple[Array, Array, Array]:
     """The tongue of two groups of which at least one has several modes."""
     w_p, w_q = modal.frequency[:, P].mean(axis=1), modal.frequency[:, Q].mean(axis=1)
     flat = _coupling(modal, weights, [p for p in P for _ in Q], [q for _ in P for q in Q])

@@ -23,7 +23,7 @@ class Excitation:
     parts: pairs (mesh number from 0, harmonic s_i) with s_i r_i = ratio, in the order of the meshes.
     """
 
-    ratio: Fraction
+    ratio: Fraction | float
     parts: tuple[tuple[int, int], ...]
 
 
@@ -62,6 +62,12 @@ class Tongues:
         ``half_width`` is infinite. An undamped tongue of width zero has both ends at its centre.
     threshold: ``(tongue, ...)``, the factor on every epsilon (at constant mean stiffness) at which the tongue opens: 0
         for undamped modes, above 1 where the tongue is closed, infinite where damped modes are not excited at all.
+
+    Of second order only, else None:
+
+    first_order_boundary: the shape of ``boundary_frequency``, what first order gives.
+    boundary_error: the same shape, an estimate of the error of ``boundary_frequency``.
+    status: ``(tongue, ...)``, flags, see :mod:`gearstab.perturbation.second_order`.
     """
 
     index: tuple[Tongue, ...]
@@ -69,6 +75,9 @@ class Tongues:
     half_width: Array
     boundary_frequency: Array
     threshold: Array
+    first_order_boundary: Array | None = None
+    boundary_error: Array | None = None
+    status: Array | None = None
 
     @property
     def mode_p(self) -> tuple[int, ...]:
@@ -107,7 +116,7 @@ class Tongues:
         source = np.array([place.get(tongue, -1) for tongue in index], dtype=int)
 
         def pick(values: Array) -> Array:
-            out = np.full((len(index), *values.shape[1:]), np.nan)
+            out = np.full((len(index), *values.shape[1:]), 0 if values.dtype.kind == "i" else np.nan, values.dtype)
             out[source >= 0] = values[source[source >= 0]]
             return out
 
@@ -117,6 +126,7 @@ class Tongues:
             pick(self.half_width),
             pick(self.boundary_frequency),
             pick(self.threshold),
+            *(None if a is None else pick(a) for a in (self.first_order_boundary, self.boundary_error, self.status)),
         )
 
 
@@ -148,8 +158,13 @@ def excitations(system: GearSystem, harmonics: int) -> tuple[Excitation, ...]:
     """
     ratios = [mesh.frequency_ratio for mesh in system.meshes]
     found = dict.fromkeys(s * r for r in ratios for s in range(1, harmonics + 1))
-    shared = {nu: [(i, int(nu / r)) for i, r in enumerate(ratios) if (nu / r).denominator == 1] for nu in found}
-    return tuple(Excitation(nu, tuple(parts)) for nu, parts in shared.items())
+    return tuple(Excitation(nu, sharing(system, nu)) for nu in found)
+
+
+def sharing(system: GearSystem, ratio: Fraction | float) -> tuple[tuple[int, int], ...]:
+    """Pairs (mesh from 0, harmonic s) of all meshes that have a harmonic at the frequency ratio * Omega."""
+    order = [(i, mesh.frequency_ratio, round(ratio / mesh.frequency_ratio)) for i, mesh in enumerate(system.meshes)]
+    return tuple((i, s) for i, r, s in order if s > 0 and s * r == ratio)
 
 
 def kind_of(p: int, q: int, harmonic: int) -> str:

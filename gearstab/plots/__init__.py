@@ -27,10 +27,13 @@ class Kind:
 KINDS: dict[str, Kind] = {
     "map": Kind("gearstab.plots.stability_map", "growth rate over two axes with boundaries and names of the tongues"),
     "boundaries": Kind("gearstab.plots.boundaries", "boundaries of several theories or cases over one parameter"),
+    "required-damping": Kind("gearstab.plots.required_damping", "damping that suppresses instability, over two axes"),
     "slices": Kind("gearstab.plots.slices", "maps over a third axis, one panel a value"),
     "curve": Kind("gearstab.plots.curve", "growth rate over one axis"),
     "surface": Kind("gearstab.plots.surface", "boundaries of one tongue over two amplitudes"),
     "modes": Kind("gearstab.plots.modes", "modes: bodies of a planetary gear displaced, charts of other systems"),
+    "speeds": Kind("gearstab.plots.speeds", "load factor or mesh force of the steady state over the mesh frequency"),
+    "spectrum": Kind("gearstab.plots.spectrum", "spectra of a response"),
     "response": Kind("gearstab.plots.response", "displacements and mesh forces over time"),
     "work-precision": Kind("gearstab.plots.work_precision", "time against error of the methods of a benchmark"),
 }
@@ -39,9 +42,9 @@ KINDS: dict[str, Kind] = {
 def default_kind(tree: xr.DataTree, request: Request) -> str:
     """The kind that suits what the result holds and what is selected.
 
-    Time histories: response; benchmarks: work-precision; neither, and no axes: modes. Uncoupled modes or a third axis
-    of labels: boundaries, which compare. Growth rates over one axis: curve, over two: map, over more: slices.
-    Boundaries alone: surface over two long axes, else boundaries.
+    Time histories: response; benchmarks: work-precision; neither, and no axes: modes. Required damping without growth
+    rates: that. Uncoupled modes or a third axis of labels: boundaries, which compare. Growth rates over one axis:
+    curve, over two: map, over more: slices. Boundaries alone: surface over two long axes, else boundaries.
     """
     from gearstab.plots.axes import FREQUENCY, find_axis, sweep_axes
 
@@ -56,9 +59,13 @@ def default_kind(tree: xr.DataTree, request: Request) -> str:
     growth = "floquet" in held and "growth_rate" in tree["floquet"].data_vars
     lines = bool(held & {"perturbation", "boundaries", "uncoupled"})
     fixed = {find_axis(axes, name).name for name in request.select}
-    free = [a for a in axes.values() if a.size > 1 and a.name not in {*fixed, "tongue", "side", "exponent"}]
+    free = [a for a in axes.values() if a.size > 1 and a.name not in {*fixed, "tongue", "side", "exponent", "mesh"}]
     parameters = [axis for axis in free if axis.name != FREQUENCY]
+    if "response" in held and request.variable is None and not parameters and FREQUENCY not in fixed:
+        return "speeds"
     numeric = [axis for axis in parameters if axis.numeric]
+    if "required_damping" in held and not growth and request.variable is None:
+        return "required-damping"
     if request.variable is not None or (growth and not lines):
         return {0: "curve", 1: "curve", 2: "map"}.get(len(free), "slices")
     if not growth:

@@ -15,7 +15,7 @@ Array = np.ndarray
 
 FREQUENCY = "mesh_frequency"
 
-GROUPS = ("floquet", "perturbation", "boundaries", "uncoupled")
+GROUPS = ("floquet", "perturbation", "boundaries", "uncoupled", "required_damping", "response")
 """The groups that stand over the axes of a sweep."""
 
 
@@ -182,7 +182,13 @@ def joined(axis: Axis, other: Axis) -> Axis:
 
 def datasets(tree: xr.DataTree) -> list[xr.Dataset]:
     """The groups of a sweep that the result holds."""
-    return [tree[group].to_dataset() for group in GROUPS if group in tree.children]
+    return [tree[group].to_dataset() for group in swept_groups(tree)]
+
+
+def swept_groups(tree: xr.DataTree) -> list[str]:
+    """Their names; a response from ``gearstab respond`` stands over time."""
+    held = [group for group in GROUPS if group in tree.children]
+    return [group for group in held if group != "response" or "time" not in tree[group].dims]
 
 
 def spanned_frequency(tree: xr.DataTree, meshes: Mapping[str, int]) -> Axis:

@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from gearstab.plots import grid, names, tongues
-from gearstab.plots.axes import FREQUENCY, GROUPS, Request, View, view_of
+from gearstab.plots.axes import FREQUENCY, Request, View, swept_groups, view_of
 from gearstab.plots.curve import caption, combinations, write_legend
 from gearstab.plots.errors import PlotError
 from gearstab.plots.heading import write_title
@@ -32,11 +32,11 @@ ROWS_WITH_MARKS = 24
 
 def view_boundaries(tree: xr.DataTree, request: Request) -> View:
     """The view over the mesh frequency and one parameter. Raises PlotError if the result holds no boundaries."""
-    groups = [tree[group] for group in GROUPS if group in tree.children]
+    groups = [tree[group] for group in swept_groups(tree)]
     dims = [str(dim) for group in groups for variable in group.data_vars.values() for dim in variable.dims]
     if "side" not in dims:
         raise PlotError("this result holds no boundaries (methods.perturbation, uncoupled or boundaries was not run)")
-    kept = dict.fromkeys([FREQUENCY, *(name for name in dims if name not in ("tongue", "side", "exponent"))])
+    kept = dict.fromkeys([FREQUENCY, *(name for name in dims if name not in ("tongue", "side", "exponent", "mesh"))])
     view = view_of(tree, kept, request)
     if tongues.parameter_axis(view) is None:
         names = " and ".join(axis.name for axis in (view.x, view.y) if axis is not None)

@@ -32,9 +32,9 @@ def read_response(tree: xr.DataTree) -> xr.Dataset:
     if "response" not in tree.children:
         raise PlotError(f"this result holds no time response; it holds {listed(tree.children)}")
     dataset = tree["response"].to_dataset()
-    if "displacement" not in dataset.data_vars or "time" not in dataset["displacement"].dims:
+    if not any("time" in data.dims for data in dataset.data_vars.values()):
         held = listed(map(str, dataset.data_vars))
-        raise PlotError(f"this response holds no displacement over time; it holds {held}")
+        raise PlotError(f"this response holds no histories over time; it holds {held}")
     return dataset
 
 
@@ -43,7 +43,8 @@ def histories(dataset: xr.Dataset, request: Request) -> list[tuple[str, xr.DataA
 
     Raises PlotError for a variable that is not over time and for a selection of anything but ``dof`` or ``mesh``.
     """
-    names = [request.variable] if request.variable else ["displacement", "mesh_force"]
+    shown = ("displacement", "mesh_force") if "displacement" in dataset else ("phi", "energy")
+    names = [request.variable] if request.variable else list(shown)
     known = [str(name) for name, data in dataset.data_vars.items() if "time" in data.dims and data.dtype.kind in "fiu"]
     panels: list[tuple[str, xr.DataArray]] = []
     for name in names:
@@ -60,9 +61,9 @@ def histories(dataset: xr.Dataset, request: Request) -> list[tuple[str, xr.DataA
     return panels
 
 
-def columns(data: xr.DataArray, request: Request) -> list[tuple[str, xr.DataArray]]:
-    """A variable's histories, one for each coordinate or mesh (or the one selected), with their labels."""
-    across = [str(dim) for dim in data.dims if dim != "time"]
+def columns(data: xr.DataArray, request: Request, along: str = "time") -> list[tuple[str, xr.DataArray]]:
+    """A variable's histories or spectra, one for each coordinate or mesh (or the one selected), with their labels."""
+    across = [str(dim) for dim in data.dims if dim != along]
     if not across:
         return [(label_of(data, ""), data)]
     dim = across[0]

@@ -11,7 +11,7 @@ from matplotlib.colors import Colormap, Normalize
 from matplotlib.figure import Figure
 
 from gearstab.plots import grid, names, tongues
-from gearstab.plots.axes import GROUPS, Request, View, view_of
+from gearstab.plots.axes import Request, View, swept_groups, view_of
 from gearstab.plots.errors import PlotError, listed
 from gearstab.plots.heading import write_title
 from gearstab.plots.style import GROWTH, LINE, new_figure
@@ -26,9 +26,7 @@ GROWTH_RATE = "growth_rate"
 def find_variable(tree: xr.DataTree, name: str) -> tuple[xr.Dataset, xr.DataArray]:
     """A numeric variable over the axes of the sweep, Floquet's first. Raises PlotError naming those there are."""
     known: list[str] = []
-    for group in GROUPS:
-        if group not in tree.children:
-            continue
+    for group in swept_groups(tree):
         dataset = tree[group].to_dataset()
         if name in dataset.data_vars and dataset[name].dtype.kind in "fiu":
             return dataset, dataset[name]
@@ -88,7 +86,7 @@ def draw_map(
             0.5, 0.5, "stable at every point", transform=ax.transAxes, ha="center", color="#6e6e6e"
         )
     grid.frame(ax, view.x, view.y)
-    overlaid = variable in (GROWTH_RATE, "stable")
+    overlaid = variable in (GROWTH_RATE, "stable") or "mesh" in find_variable(tree, variable)[1].dims
     return {**artists, **draw_boundaries(tree, ax, view if overlaid else None, artists["neutral"] is not None)}
 
 

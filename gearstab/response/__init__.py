@@ -1,5 +1,14 @@
-"""Time response of linear systems, exact between the jumps of the mesh stiffness."""
+"""Time response: histories and steady states of linear systems, exact between the jumps of the mesh stiffness."""
 
-from gearstab.response.linear import Response, free_response
+from gearstab.response.linear import RESPONSE_FLAGS, Response, driven_response, free_response
+from gearstab.response.periodic import Harmonics, harmonics, steady_state
 
-__all__ = ["Response", "free_response"]
+__all__ = [
+    "RESPONSE_FLAGS",
+    "Harmonics",
+    "Response",
+    "driven_response",
+    "free_response",
+    "harmonics",
+    "steady_state",
+]

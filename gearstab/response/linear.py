@@ -1,35 +1,42 @@
-"""Free response of a linear gear system, exact between the jumps of its mesh stiffness."""
+"""Time response of a linear gear system: free from an initial state, or driven."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from gearstab import floquet
 from gearstab.floquet.segments import prepare
+from gearstab.response.driven import driven
+from gearstab.response.equilibrium import static_mesh_force
 from gearstab.response.propagation import Advance, propagator
+from gearstab.response.sampling import first_sample
+from gearstab.response.steady import STATUS_FLAGS
 from gearstab.system import Array, GearSystem
+from gearstab.waveforms import Rectangular
 
-ON_A_JUMP = 1e-9
-"""A sample closer to a jump than this part of the sampling step is taken as lying on it, with the stiffness just after;
-position and velocity do not jump, so that only the force and the energy depend on it."""
+RESPONSE_FLAGS = STATUS_FLAGS | {"overflow": 128}
+"""Bits of a response's ``flags``: those of a steady state (:mod:`~gearstab.response.steady`), of a history as far as
+they apply (``unstable``: the free vibration grows), and ``overflow`` where a history ends because it outgrew double
+precision."""
 
 
 @dataclass(frozen=True)
 class Response:
-    """The history of a free vibration.
+    """The history of a vibration.
 
     time: ``(samples,)``, from 0 in equal steps.
     displacement, velocity: ``(samples, n)``, q and dq/dt.
     mesh_deflection: ``(samples, meshes)``, g_i^T q.
-    mesh_force: ``(samples, meshes)``, the elastic force k_i(t) g_i^T q (without the damping of a mesh).
-    energy: ``(samples,)``, q'^T M q'/2 + q^T K(t) q/2; jumps with the stiffness.
+    mesh_force: ``(samples, meshes)``, the elastic force k_i(t) (g_i^T q - e_i) (without the damping of a mesh).
+    energy: ``(samples,)``, q'^T M q'/2 + q^T K0 q/2 + sum_i k_i(t) (g_i^T q - e_i)^2/2; jumps with the stiffness.
     mesh_frequency: Omega.
-    common_period: of all meshes.
+    common_period: of all that varies and drives.
     growth_rate: the largest real part of the characteristic exponents, 1/time: the rate at which a general
         history grows in the long run.
-    status: ``complete``, or ``overflow`` where the history ends because it outgrew double precision.
+    flags: bits of RESPONSE_FLAGS.
+    drift: ``(n,)``, the mean velocity of the rigid-body motion that a steady state is seen from, else None.
     """
 
     time: Array
@@ -41,7 +48,18 @@ class Response:
     mesh_frequency: float
     common_period: float
     growth_rate: float
-    status: str
+    flags: int
+    drift: Array | None = None
+
+    @property
+    def status(self) -> str:
+        """``complete``, ``overflow`` where the history ends early, or ``failed`` where there is none."""
+        return next((name for name in ("failed", "overflow") if self.flags & RESPONSE_FLAGS[name]), "complete")
+
+    @property
+    def findings(self) -> list[str]:
+        """Names of the flags."""
+        return [name for name, bit in RESPONSE_FLAGS.items() if self.flags & bit]
 
     @property
     def largest_multiplier(self) -> float:
@@ -58,10 +76,11 @@ def free_response(
     duration: float,
     samples_per_cycle: int = 200,
 ) -> Response:
-    """Free vibration M q'' + C q' + [K0 + sum k_i(t) g_i g_i^T] q = 0 from q(0), q'(0).
+    """Free vibration M q'' + C(t) q' + K(t) q = 0 from q(0), q'(0), whatever drives the system otherwise.
 
     Within a segment of constant stiffness the solution is written down (modes, or a matrix exponential with damping),
-    and every segment starts exactly at a jump, so that the spacing of the samples does not affect the accuracy.
+    and every segment starts exactly at a jump, so that the spacing of the samples does not affect the accuracy. Smooth
+    waves are followed in steps of the sixth-order Magnus expansion, to a relative error of 1e-9 a period.
 
     Parameters
     ----------
@@ -78,26 +97,82 @@ def free_response(
     Source: piecewise exact solution as in Lin & Parker 2002, section 4 and Fig. 9 (there by numerical integration).
     """
     start = _checked(system, mesh_frequency, displacement, velocity, duration, samples_per_cycle)
+    system = at_rest(system)
+    if system.terms or not all(isinstance(mesh.waveform, Rectangular) for mesh in system.meshes):
+        return _followed(system, mesh_frequency, start, duration, samples_per_cycle)
     cycles, counts = system.common_period()
     period = float(cycles) * 2 * np.pi / mesh_frequency
     grid = counts[0] * samples_per_cycle
-    step = period / grid
-    samples = int(np.floor(duration / step * (1 + 1e-12))) + 1
+    samples = _samples(duration, period / grid)
     edges, levels = _segments(system)
-    coordinates, advance = propagator(system, levels, step)
+    coordinates, advance = propagator(system, levels, period / grid)
     # Growth without bound is an answer, not an error: the history is cut where it stops being finite.
     with np.errstate(over="ignore", invalid="ignore"):
-        x = _history(edges * grid, advance, step, coordinates.state(*start), samples)
+        x = _history(edges * grid, advance, period / grid, coordinates.state(*start), samples)
         q, v = coordinates.physical(x)
-        q[0], v[0] = start
-        stiffness = levels[_segment_of(edges * grid, samples)]
+    q[0], v[0] = start
+    stiffness = levels[_segment_of(edges * grid, samples)]
+    return assembled(system, mesh_frequency, (q, v), stiffness, np.zeros(stiffness.shape), period / grid, period)
+
+
+def driven_response(
+    system: GearSystem,
+    mesh_frequency: float,
+    displacement: Array,
+    velocity: Array,
+    duration: float,
+    samples_per_cycle: int = 200,
+) -> Response:
+    """The vibration of a driven system, M q'' + C(t) q' + K(t) q = f(t), from q(0), q'(0).
+
+    f(t) is the load, the periodic forces and k_i e_i + c_i e_i' of the transmission errors along g_i. Exact where all
+    but the Fourier series of forces and errors is constant between its jumps; other functions as in
+    :func:`free_response`. Parameters and errors as there; ValueError also where there is no common period.
+    """
+    start = _checked(system, mesh_frequency, displacement, velocity, duration, samples_per_cycle)
+    return _followed(system, mesh_frequency, start, duration, samples_per_cycle)
+
+
+def at_rest(system: GearSystem) -> GearSystem:
+    """The same system with nothing that drives it."""
+    meshes = tuple(replace(mesh, transmission_error=None) for mesh in system.meshes)
+    return replace(system, load=None, forces=(), meshes=meshes)
+
+
+def _followed(
+    system: GearSystem, mesh_frequency: float, start: tuple[Array, Array], duration: float, samples_per_cycle: int
+) -> Response:
+    motion = driven(system, mesh_frequency)
+    grid = motion.drive.counts[0] * samples_per_cycle
+    samples = _samples(duration, motion.period / grid)
+    with np.errstate(over="ignore", invalid="ignore"):
+        q, v = motion.physical(motion.history(motion.state(*start), samples, grid))
+    q[0], v[0] = start
+    stiffness, errors = (np.resize(part, (samples, len(system.meshes))) for part in motion.momentary(grid))
+    return assembled(system, mesh_frequency, (q, v), stiffness, errors, motion.period / grid, motion.period)
+
+
+def _samples(duration: float, step: float) -> int:
+    """How many samples from 0 are not after the end."""
+    return int(np.floor(duration / step * (1 + 1e-12))) + 1
+
+
+def assembled(
+    system: GearSystem, mesh_frequency: float, state: tuple[Array, Array], stiffness: Array, errors: Array, step: float,
+    period: float,
+) -> Response:  # fmt: skip
+    """A response from its states (q, q') and the mesh stiffnesses and transmission errors at the samples."""
+    q, v = state
+    with np.errstate(over="ignore", invalid="ignore"):
         deflection = np.stack([q @ np.asarray(mesh.direction) for mesh in system.meshes], axis=-1)
-        force = stiffness * deflection
+        force = stiffness * (deflection - errors)
         energy = 0.5 * (np.sum((v @ system.mass) * v, axis=1) + np.sum((q @ system.stiffness) * q, axis=1))
-        energy += 0.5 * np.sum(force * deflection, axis=1)
+        energy += 0.5 * np.sum(force * (deflection - errors), axis=1)
     finite = np.isfinite(q).all(axis=1) & np.isfinite(v).all(axis=1) & np.isfinite(energy)
-    kept = samples if finite.all() else int(np.argmin(finite))
-    growth = floquet.solve(system, np.array([mesh_frequency])).growth_rate
+    kept = len(q) if finite.all() else int(np.argmin(finite))
+    growth = float(np.ravel(floquet.solve(at_rest(system), np.array([mesh_frequency])).growth_rate)[0])
+    flags = RESPONSE_FLAGS["overflow"] * (kept < len(q)) | RESPONSE_FLAGS["unstable"] * (growth > 0)
+    flags |= RESPONSE_FLAGS["separation"] * bool(np.any(separated(force[:kept], static_mesh_force(system))))
     return Response(
         time=np.arange(kept) * step,
         displacement=q[:kept],
@@ -107,9 +182,14 @@ def free_response(
         energy=energy[:kept],
         mesh_frequency=float(mesh_frequency),
         common_period=period,
-        growth_rate=float(np.ravel(growth)[0]),
-        status="complete" if kept == samples else "overflow",
+        growth_rate=growth,
+        flags=flags,
     )
+
+
+def separated(force: Array, static: Array) -> Array:
+    """``(..., meshes)``: where the teeth of a loaded mesh would part: its force and the static one differ in sign."""
+    return np.asarray(force * np.sign(static) < 0)
 
 
 def _checked(
@@ -142,14 +222,9 @@ def _segments(system: GearSystem) -> tuple[Array, Array]:
     return np.append(inner, 1.0), levels
 
 
-def _first_sample(edges: Array) -> Array:
-    """The first sample at or after each edge; both in sampling steps."""
-    return np.ceil(edges - ON_A_JUMP).astype(int)
-
-
 def _segment_of(edges: Array, samples: int) -> Array:
     """Which segment of the common period each of the samples is in."""
-    counts = np.diff(_first_sample(edges))
+    counts = np.diff(first_sample(edges))
     return np.resize(np.repeat(np.arange(len(counts)), counts), samples)
 
 
@@ -169,7 +244,7 @@ def _history(edges: Array, advance: Advance, step: float, start: Array, samples:
             monodromy = advance(s, duration, 1, monodromy)[0]
         for k in range(1, periods):
             columns[:, k] = monodromy @ columns[:, k - 1]
-    first = _first_sample(edges)
+    first = first_sample(edges)
     table = np.full((grid, len(start), periods), np.nan)
     for s, duration in enumerate(durations):
         if first[s] >= samples:

@@ -50,6 +50,12 @@ class Variable:
         return replace(self, dims=tuple(name for dim in self.dims for name in known.get(dim, (dim,))))
 
 
+def flagged(variables: Sequence[Variable], flags: Mapping[str, int]) -> tuple[Variable, ...]:
+    """The variables of a table, the one called ``status`` with the names and bits of its flags."""
+    said = {"flag_masks": list(flags.values()), "flag_meanings": " ".join(flags)}
+    return tuple(replace(v, attributes=said) if v.name == "status" else v for v in variables)
+
+
 def coordinate(name: str, dim: str, dtype: str, units: str, long_name: str) -> Variable:
     """A variable that describes the points of a dimension; the dimension's own coordinate if it has its name."""
     return Variable(name, (dim,), dtype, units, long_name, coordinate=True)
@@ -87,6 +93,42 @@ EXPONENTS = (
     Variable("exponent_real", (GRID, "exponent"), "f8", "1/s", "real part of the characteristic exponent"),
     Variable("exponent_imag", (GRID, "exponent"), "f8", "rad/s", "imaginary part of the characteristic exponent"),
 )
+
+ERROR_ESTIMATE = Variable(
+    "error_estimate", (GRID,), "f8", "1",
+    "estimated error of the Floquet multipliers, relative to the largest of them or 1",
+)  # fmt: skip
+"""Where propagation over a period is not exact: of waves that are not piecewise constant, and of further terms."""
+
+BY_MESH = (
+    coordinate("mesh", "mesh", TEXT, "1", "tooth mesh; meshes of one frequency vary together"),
+    Variable("growth_rate_mesh", (GRID, "mesh"), "f8", "1/s", "growth rate while all meshes of other frequencies keep "
+             "their mean stiffness"),
+)  # fmt: skip
+"""Of one mesh frequency at a time."""
+
+INTERVAL = (
+    Variable("growth_rate_interval", (GRID,), "f8", "1/s", "half-width of the confidence interval of the growth rate"),
+)
+"""Of estimated growth rates."""
+
+ORBITS = (
+    Variable(
+        "speed_exponent",
+        (GRID,),
+        "f8",
+        "1/s",
+        "characteristic exponent of the mean speed of the orbit, left out of the growth rate",
+    ),
+    Variable("holding_torque", (GRID,), "f8", "N m", "unbalanced torque that holds the mean speed of the orbit"),
+)
+"""Of periodic orbits of gear pairs."""
+
+REQUIRED_DAMPING = (
+    Variable("required_damping", (GRID,), "f8", "1", "damping from which on the system is stable"),
+    Variable("status", (GRID,), "i2", "1", "how the required damping was found"),
+)
+"""Damping ratio of all modes, or factor on the damping."""
 
 TONGUE = (
     coordinate("mode_p", "tongue", "i4", "1", "first mode of the instability"),
@@ -129,6 +171,19 @@ FIRST_ORDER = (
     Variable("threshold", ("tongue", ROWS), "f8", "1", "factor on every epsilon at which the region opens"),
 )
 
+SECOND_ORDER = (
+    *FIRST_ORDER,
+    Variable(
+        "first_order_boundary_frequency", ("tongue", "side", ROWS), "f8", "rad/s",
+        "mesh frequency at the boundary to first order",
+    ),
+    Variable(
+        "boundary_error", ("tongue", "side", ROWS), "f8", "rad/s", "estimated error of the boundary",
+        {"comment": "of the size of the third-order terms; no bound"},
+    ),
+    Variable("status", ("tongue", ROWS), "i2", "1", "whether the boundaries can be trusted"),
+)  # fmt: skip
+
 RESPONSE = (
     coordinate("time", "time", "f8", "s", "time"),
     coordinate("dof", "dof", TEXT, "1", "coordinate of the model"),
@@ -138,4 +193,88 @@ RESPONSE = (
     Variable("mesh_deflection", ("time", "mesh"), "f8", "m", "mesh deflection along the line of action"),
     Variable("mesh_force", ("time", "mesh"), "f8", "N", "elastic mesh force"),
     Variable("energy", ("time",), "f8", "J", "kinetic energy and potential energy at the stiffness of the moment"),
-)
+    Variable("static_mesh_force", ("mesh",), "f8", "N", "mesh force under the constant load, at the mean stiffness"),
+    Variable("mean_velocity", ("dof",), "f8", "m/s", "uniform motion that displacements are relative to"),
+    coordinate("frequency", "frequency", "f8", "rad/s", "frequency"),
+    Variable("mesh_force_amplitude", ("frequency", "mesh"), "f8", "N", "amplitude of the mesh force"),
+    Variable(
+        "mesh_deflection_amplitude", ("frequency", "mesh"), "f8", "m", "amplitude of the mesh deflection"
+    ),
+    Variable(
+        "mesh_force_density", ("frequency", "mesh"), "f8", "N^2 s", "spectral density of the mesh force"
+    ),
+    Variable(
+        "mesh_deflection_density", ("frequency", "mesh"), "f8", "m^2 s",
+        "spectral density of the mesh deflection",
+    ),
+    coordinate("peak", "peak", "i4", "1", "number of the peak of the mesh forces' spectra, the largest first"),
+    Variable("peak_mesh", ("peak",), TEXT, "1", "tooth mesh of the peak"),
+    Variable("peak_frequency", ("peak",), "f8", "rad/s", "frequency of the peak"),
+    Variable("peak_amplitude", ("peak",), "f8", "N", "amplitude of the harmonic"),
+    Variable("peak_density", ("peak",), "f8", "N^2 s", "height of the peak"),
+    Variable("status", (), "i2", "1", "what is to be said of the response; 0: nothing"),
+)  # fmt: skip
+
+SPEED_RESPONSE = (
+    coordinate("mesh", "mesh", TEXT, "1", "tooth mesh"),
+    Variable("mesh_force_peak", (GRID, "mesh"), "f8", "N", "largest magnitude of the elastic mesh force"),
+    Variable("mesh_force_mean", (GRID, "mesh"), "f8", "N", "mean elastic mesh force"),
+    Variable("mesh_force_rms", (GRID, "mesh"), "f8", "N", "root mean square of the mesh force about its mean"),
+    Variable(
+        "transmission_error_peak_to_peak", (GRID, "mesh"), "f8", "m", "peak-to-peak dynamic transmission error"
+    ),
+    Variable(
+        "transmission_error_rms", (GRID, "mesh"), "f8", "m",
+        "root mean square of the dynamic transmission error about its mean",
+    ),
+    Variable("dynamic_load_factor", (GRID, "mesh"), "f8", "1", "dynamic load factor"),
+    Variable("status", (GRID,), "i2", "1", "what is to be said of the steady state; 0: nothing"),
+)  # fmt: skip
+"""Of the steady state at every point."""
+
+PAIR_RESPONSE = (
+    coordinate("time", "time", "f8", "s", "time"),
+    coordinate("mesh", "mesh", TEXT, "1", "tooth mesh"),
+    Variable("phi", ("time",), "f8", "rad", "deflection of the teeth, (N1 theta1 - N2 theta2)/2"),
+    Variable("phi_dot", ("time",), "f8", "rad/s", "rate of the deflection"),
+    Variable("theta", ("time",), "f8", "rad", "rotation, (N1 theta1 + N2 theta2)/2"),
+    Variable("theta_dot", ("time",), "f8", "rad/s", "rotational speed"),
+    Variable("energy", ("time",), "f8", "J", "total energy: kinetic and strain energy less the work of the torques"),
+    Variable("mesh_stiffness", ("time", "mesh"), "f8", "N m", "torsional mesh stiffness"),
+    Variable("mesh_force", ("time", "mesh"), "f8", "N", "elastic mesh force"),
+    coordinate("cycle", "cycle", "i8", "1", "number c of the crossing of theta = 2 pi c"),
+    Variable("section_time", ("cycle",), "f8", "s", "time of the crossing"),
+    Variable("section_phi", ("cycle",), "f8", "rad", "deflection at the crossing"),
+    Variable("section_phi_dot", ("cycle",), "f8", "rad/s", "rate of the deflection just after the crossing"),
+    Variable("section_theta", ("cycle",), "f8", "rad", "rotation at the crossing"),
+    Variable("section_theta_dot", ("cycle",), "f8", "rad/s", "rotational speed just after the crossing"),
+    Variable("section_energy", ("cycle",), "f8", "J", "total energy just after the crossing"),
+    Variable("section_direction", ("cycle",), "i1", "1", "1 forwards, -1 backwards"),
+    coordinate("event", "event", "i8", "1", "number of the change of mesh stiffness that was met, from 1"),
+    Variable("event_time", ("event",), "f8", "s", "time of the event"),
+    Variable("event_direction", ("event",), "i1", "1", "1 forwards, -1 backwards"),
+    Variable(
+        "event_passed", ("event",), "i1", "1", "whether the gears passed",
+        {"flag_values": [0, 1], "flag_meanings": "reflected passed"},
+    ),
+    Variable("event_pairs_before", ("event",), "i1", "1", "pairs of teeth in contact before the event"),
+    Variable("event_pairs_after", ("event",), "i1", "1", "pairs of teeth in contact after the event"),
+    Variable("event_theta", ("event",), "f8", "rad", "rotation at the event"),
+    Variable("event_phi", ("event",), "f8", "rad", "deflection at the event"),
+    Variable("event_phi_dot_before", ("event",), "f8", "rad/s", "rate of the deflection just before the event"),
+    Variable("event_phi_dot_after", ("event",), "f8", "rad/s", "rate of the deflection just after the event"),
+    Variable("event_theta_dot_before", ("event",), "f8", "rad/s", "rotational speed just before the event"),
+    Variable("event_theta_dot_after", ("event",), "f8", "rad/s", "rotational speed just after the event"),
+    Variable("event_energy_change", ("event",), "f8", "J", "change of the total energy at the event"),
+    coordinate("frequency", "frequency", "f8", "rad/s", "frequency"),
+    coordinate("normalised_frequency", "frequency", "f8", "1", "frequency over the damped natural frequency w_d"),
+    Variable(
+        "power_spectral_density", ("frequency",), "f8", "rad2 s", "one-sided power spectral density of the deflection"
+    ),
+    coordinate("peak", "peak", "i4", "1", "number of the peak, the largest first"),
+    Variable("peak_frequency", ("peak",), "f8", "rad/s", "frequency of the peak"),
+    Variable("peak_normalised_frequency", ("peak",), "f8", "1", "frequency of the peak over w_d"),
+    Variable("peak_power_spectral_density", ("peak",), "f8", "rad2 s", "height of the peak"),
+    Variable("status", (), "i2", "1", "how the run went; 0: complete"),
+)  # fmt: skip
+"""Of a gear pair whose mesh stiffness depends on its rotation."""

@@ -81,10 +81,11 @@ def joined(
     """The results of all groups as arrays over all rows: ``(rows, P, ...)`` over points, else ``(..., rows)``."""
     if not layout.method.over_tongues:
         first = outcomes[0][1].values
-        values = {name: np.empty((count, *part.shape[1:]), part.dtype) for name, part in first.items()}
+        names = [variable.name for variable in results_of(plan, layout)]
+        values = {name: np.empty((count, *first[name].shape[1:]), first[name].dtype) for name in names}
         for members, outcome in outcomes:
-            for name, part in outcome.values.items():
-                values[name][members] = part
+            for name in names:
+                values[name][members] = outcome.values[name]
         return values, ()
     tongues = layout.method.unite(outcome.tongues for _, outcome in outcomes)
     place = {tongue: k for k, tongue in enumerate(tongues)}

@@ -85,7 +85,7 @@ def dotted(path: tuple[str | int, ...], parameters: object) -> str:
 def _method_group(plan: Plan, layout: Layout, finished: Mapping[str, Finished], beside: list[Field]) -> Group:
     parts = {block.key: finished[block.key] for block in layout.blocks()}
     tongues = layout.method.unite(part.tongues for part in parts.values())
-    values = {**layout.method.constants(layout.options, plan.base), **tongue_coordinates(tongues)}
+    values = {**tongue_coordinates(tongues), **layout.method.constants(layout.options, plan.base)}
     fields = []
     for variable in layout.method.variables(layout.options, plan.base):
         resolved = variable.over(plan.grid, plan.rows)
@@ -102,7 +102,7 @@ def _method_group(plan: Plan, layout: Layout, finished: Mapping[str, Finished], 
 def _over_points(plan: Plan, layout: Layout, variable: Variable, parts: Mapping[str, Finished]) -> Chunked:
     """A variable of one chunk a block."""
     constants = layout.method.constants(layout.options, plan.base)
-    rest = tuple(len(constants[dim]) for dim in variable.dims if dim == "exponent")
+    rest = tuple(len(constants[dim]) for dim in variable.dims if dim in constants)
 
     def pieces() -> Iterator[tuple[Offset, bytes]]:
         for block in layout.blocks():

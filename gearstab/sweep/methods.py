@@ -8,12 +8,28 @@ from typing import Any
 
 import numpy as np
 
-from gearstab.floquet import STATUS_FLAGS, kernel, solve
+from gearstab.floquet import STATUS_FLAGS, Floquet, kernel, solve
 from gearstab.floquet.report import reduction
 from gearstab.floquet.truncation import modes_basis, neglected, restricted, torn, type_basis
-from gearstab.perturbation import Tongue, Tongues, first_order, uncoupled
-from gearstab.results.variables import EXACT, EXPONENTS, FIRST_ORDER, FLOQUET, OCCURRENCE, SIDE, TONGUE, Variable
+from gearstab.perturbation import PERTURBATION_FLAGS, Tongue, Tongues, first_order, second_order, uncoupled
+from gearstab.results.variables import (
+    ERROR_ESTIMATE,
+    EXACT,
+    EXPONENTS,
+    FIRST_ORDER,
+    FLOQUET,
+    OCCURRENCE,
+    SECOND_ORDER,
+    SIDE,
+    SPEED_RESPONSE,
+    TONGUE,
+    Variable,
+    flagged,
+)
+from gearstab.sweep import frequencies, required_damping
+from gearstab.sweep.pairs import knowing_pairs
 from gearstab.system import Array, GearSystem
+from gearstab.waveforms import Rectangular
 
 POINTS, RANGE = "points", "range"
 """What of the mesh frequency a method needs: every point of the grid or the ends of its axis; None for neither."""
@@ -36,7 +52,7 @@ class Outcome:
     tongues: tuple[Key, ...] = ()
 
 
-def _never() -> bool:
+def _never(options: Any, system: GearSystem) -> bool:
     return False
 
 
@@ -46,6 +62,18 @@ def _nothing(options: Any, system: GearSystem) -> Mapping[str, Any]:
 
 def _any(options: Any, system: GearSystem) -> None:
     return None
+
+
+def _silent(options: Any, system: GearSystem) -> str | None:
+    return None
+
+
+FEWEST = 4
+"""Points of a block, however costly."""
+
+
+def _few(options: Any) -> int:
+    return FEWEST
 
 
 def _in_order(indices: Iterable[Sequence[Key]]) -> tuple[Key, ...]:
@@ -68,6 +96,9 @@ class Method:
     parallel: whether threads of one process can run it side by side: where it spends its time outside of Python.
     report: attributes that say what it makes of the base system.
     check: raises ValueError where the options do not fit the base system.
+    together: the least number of points of its own in a block, however costly, because they share work.
+    note: what the user should know before it runs, None for nothing.
+    outlook: what there is to say of its cost besides the estimated time, None for nothing.
     """
 
     name: str
@@ -77,9 +108,12 @@ class Method:
     cost: Callable[[Any, GearSystem], float]
     constants: Callable[[Any, GearSystem], Mapping[str, Any]]
     unite: Callable[[Iterable[Sequence[Key]]], tuple[Key, ...]] = _in_order
-    parallel: Callable[[], bool] = _never
+    parallel: Callable[[Any, GearSystem], bool] = _never
     report: Callable[[Any, GearSystem], Mapping[str, Any]] = _nothing
     check: Callable[[Any, GearSystem], None] = _any
+    together: Callable[[Any], int] = _few
+    note: Callable[[Any, GearSystem], str | None] = _silent
+    outlook: Callable[[Any, GearSystem], str | None] = _silent
 
     @property
     def over_tongues(self) -> bool:
@@ -89,14 +123,31 @@ class Method:
     def attributes(self, options: Any, system: GearSystem) -> dict[str, Any]:
         """What the group in the result says of the options and of the base system."""
         plain = options.model_dump(exclude_none=True)
-        own = {name: int(value) if isinstance(value, bool) else value for name, value in plain.items()}
-        return own | dict(self.report(options, system))
+        return flat(plain) | dict(self.report(options, system))
+
+
+def flat(options: Mapping[str, Any]) -> dict[str, Any]:
+    """Options as attributes: without truth values, those of a section after its name."""
+    found: dict[str, Any] = {}
+    for name, value in options.items():
+        if isinstance(value, Mapping):
+            found |= {f"{name}_{inner}": one for inner, one in flat(value).items()}
+        else:
+            found[name] = int(value) if isinstance(value, bool) else value
+    return found
 
 
 def _floquet_variables(options: Any, system: GearSystem) -> tuple[Variable, ...]:
     flags = {"flag_masks": list(STATUS_FLAGS.values()), "flag_meanings": " ".join(STATUS_FLAGS)}
     table = [replace(v, attributes=flags) if v.name == "status" else v for v in FLOQUET]
-    return (*table, *(EXPONENTS if options.exponents else ()))
+    more = frequencies.variables(options, _chosen_part(options, system))
+    estimate = () if _exact(_chosen_part(options, system)) else (ERROR_ESTIMATE,)
+    return (*table, *estimate, *(EXPONENTS if options.exponents else ()), *more)
+
+
+def _exact(system: GearSystem) -> bool:
+    """Whether propagation over a period is exact, so that all error is rounding."""
+    return system.piecewise_constant and not system.terms
 
 
 def _basis(options: Any, system: GearSystem) -> Array | None:
@@ -113,27 +164,38 @@ def _chosen_part(options: Any, system: GearSystem) -> GearSystem:
 
 
 def _floquet(system: GearSystem, mesh_frequency: Array, options: Any) -> Outcome:
-    found = solve(_chosen_part(options, system), mesh_frequency, exponents=options.exponents)
+    part = _chosen_part(options, system)
+
+    def exact(one: GearSystem, omega: Array) -> Floquet:
+        return solve(one, omega, exponents=options.exponents, tolerance=options.tolerance)
+
+    found = frequencies.solved(options, part, mesh_frequency, exact)
     values = {"growth_rate": found.growth_rate, "stable": found.stable, "status": found.status}
-    if found.exponents is not None:
+    if found.error_estimate is not None:
+        values["error_estimate"] = found.error_estimate
+    if isinstance(found, Floquet) and found.exponents is not None:
         values |= {"exponent_real": found.exponents.real, "exponent_imag": found.exponents.imag}
-    return Outcome(values)
+    return Outcome(values | frequencies.values(options, part, found))
 
 
 def _floquet_cost(options: Any, system: GearSystem) -> float:
-    parts = reduction(_chosen_part(options, system)).parts
-    work = max(1.0, sum(part.segments * part.size**3 for part in parts) / 108)
-    return work * (5 if options.exponents or system.damping is not None else 1)
+    def exact(part: GearSystem) -> float:
+        work = max(1.0, sum(p.segments * p.size**3 for p in reduction(part).parts) / 108)
+        return work * (5 if options.exponents or part.damping is not None else 1)
+
+    return frequencies.cost(options, _chosen_part(options, system), exact)
 
 
-def _exponent_numbers(options: Any, system: GearSystem) -> dict[str, Any]:
-    return {"exponent": np.arange(1, 2 * _chosen_part(options, system).size + 1)} if options.exponents else {}
+def _floquet_constants(options: Any, system: GearSystem) -> dict[str, Any]:
+    part = _chosen_part(options, system)
+    numbers = {"exponent": np.arange(1, 2 * part.size + 1)} if options.exponents else {}
+    return numbers | frequencies.constants(options, part)
 
 
 def _floquet_report(options: Any, system: GearSystem) -> dict[str, Any]:
     """What of the base system was solved, and what that saved."""
     found = reduction(_chosen_part(options, system))
-    said: dict[str, Any] = {"reduction": found.text()}
+    said: dict[str, Any] = {"reduction": found.text(), **frequencies.report(options, _chosen_part(options, system))}
     if np.isfinite(found.saving) and found.saving > 1:
         said["reduction_saving"] = found.saving
     basis = _basis(options, system)
@@ -157,10 +219,24 @@ def _floquet_check(options: Any, system: GearSystem) -> None:
     if options.modes is not None and (group := torn(system, options.modes)):
         listed = ", ".join(map(str, group))
         raise ValueError(f"methods.floquet.modes: modes {listed} have equal frequencies; name all of them or none")
+    try:
+        taken = frequencies.way(options, _chosen_part(options, system))
+    except ValueError as error:
+        raise ValueError(f"methods.floquet.frequencies: {error}") from None
+    if options.exponents and taken != "common_period":
+        raise ValueError(f"methods.floquet.exponents: there are none without a common period ({taken} was chosen)")
 
 
-def _compiled_kernel() -> bool:
-    return kernel.name() == "c"
+def _floquet_note(options: Any, system: GearSystem) -> str | None:
+    return frequencies.note(options, _chosen_part(options, system))
+
+
+def _floquet_outlook(options: Any, system: GearSystem) -> str | None:
+    return frequencies.outlook(options, _chosen_part(options, system))
+
+
+def _compiled_kernel(options: Any, system: GearSystem) -> bool:
+    return kernel.name() == "c" and frequencies.way(options, _chosen_part(options, system)) != "lyapunov"
 
 
 def _tongue_variables(options: Any, system: GearSystem) -> tuple[Variable, ...]:
@@ -180,12 +256,55 @@ def _modes_and_harmonics(options: Any, system: GearSystem) -> float:
     return 4.0 * system.size**2 * options.harmonics
 
 
+def _perturbation_variables(options: Any, system: GearSystem) -> tuple[Variable, ...]:
+    if options.order == 1:
+        return _tongue_variables(options, system)
+    flags = {"flag_masks": list(PERTURBATION_FLAGS.values()), "flag_meanings": " ".join(PERTURBATION_FLAGS)}
+    return (*TONGUE, *(replace(v, attributes=flags) if v.name == "status" else v for v in SECOND_ORDER))
+
+
 def _perturbation(system: GearSystem, mesh_frequency: Array, options: Any) -> Outcome:
-    return _from_tongues(first_order(system, options.harmonics))
+    if options.order == 1:
+        return _from_tongues(first_order(system, options.harmonics))
+    found = second_order(system, options.harmonics)
+    outcome = _from_tongues(found)
+    further = {
+        "first_order_boundary_frequency": found.first_order_boundary, "boundary_error": found.boundary_error,
+        "status": found.status,
+    }  # fmt: skip
+    return replace(outcome, values={**outcome.values, **{name: np.asarray(a) for name, a in further.items()}})
+
+
+def _perturbation_cost(options: Any, system: GearSystem) -> float:
+    work = _modes_and_harmonics(options, system)
+    # Sums over all modes and some hundred harmonics for every pair of modes: 2 ms for three modes, 6 s for fifty-nine.
+    # Rows that differ by their epsilons alone share them, so that an eighth of it is taken for a row.
+    return work if options.order == 1 else work * 10 * system.size
+
+
+def _perturbation_together(options: Any) -> int:
+    return FEWEST if options.order == 1 else 8 * FEWEST
+
+
+def _perturbation_check(options: Any, system: GearSystem) -> None:
+    if system.terms:
+        names = ", ".join(term.name for term in system.terms)
+        raise ValueError(f"methods.perturbation knows periodic mesh stiffness only; this system has {names} as well")
+
+
+def _uncoupled_check(options: Any, system: GearSystem) -> None:
+    other = [mesh.name for mesh in system.meshes if not isinstance(mesh.waveform, Rectangular)]
+    if other or system.terms:
+        names = ", ".join(other or [term.name for term in system.terms])
+        raise ValueError(f"methods.uncoupled averages the contact ratios of rectangular waves: see {names}")
 
 
 def _uncoupled(system: GearSystem, mesh_frequency: Array, options: Any) -> Outcome:
     return _from_tongues(uncoupled(system, options.harmonics))
+
+
+def _required_damping(system: GearSystem, mesh_frequency: Array, options: Any) -> Outcome:
+    return Outcome(required_damping.values(system, mesh_frequency, options))
 
 
 def _boundary_variables(options: Any, system: GearSystem) -> tuple[Variable, ...]:
@@ -215,26 +334,75 @@ def _united_regions(indices: Iterable[Sequence[Key]]) -> tuple[Key, ...]:
     return union(indices)
 
 
+def _boundaries_check(options: Any, system: GearSystem) -> None:
+    if not system.commensurate:
+        raise ValueError("methods.boundaries: mesh frequencies of irrational ratio have no common period")
+    if system.terms:
+        names = ", ".join(term.name for term in system.terms)
+        raise ValueError(f"methods.boundaries needs symmetric mesh stiffness and nothing else that varies: see {names}")
+
+
 def _boundaries_cost(options: Any, system: GearSystem) -> float:
     return 4000 * max(1.0, 2 * sum(system.common_period()[1]) * system.size**3 / 108)
 
 
+def _response_variables(options: Any, system: GearSystem) -> tuple[Variable, ...]:
+    from gearstab.response.steady import STATUS_FLAGS as flags
+
+    return flagged(SPEED_RESPONSE, flags)
+
+
+def _mesh_names(options: Any, system: GearSystem) -> dict[str, Any]:
+    return {"mesh": [mesh.name for mesh in system.meshes]}
+
+
+def _response(system: GearSystem, mesh_frequency: Array, options: Any) -> Outcome:
+    from gearstab.response.speeds import speed_response
+
+    found = speed_response(system, mesh_frequency, options.samples_per_cycle, options.tolerance)
+    return Outcome(vars(found))
+
+
+def _response_cost(options: Any, system: GearSystem) -> float:
+    """Measured: 0.2 ms for 100 samples of three coordinates and two meshes; smooth waves ten times as much."""
+    size = (2 * system.size + 5) / 11
+    samples = options.samples_per_cycle * max(1, system.common_period()[1][0]) / 100
+    return 1000 * size**2 * samples * (1 if system.piecewise_constant else 10)
+
+
+def _response_check(options: Any, system: GearSystem) -> None:
+    if not system.forced:
+        raise ValueError("methods.response: nothing drives the system: give a load, forces or transmission errors")
+    if not system.commensurate:
+        raise ValueError("methods.response: mesh frequencies of irrational ratio have no periodic steady state")
+
+
 METHODS: dict[str, Method] = {
     "perturbation": Method(
-        name="perturbation", frequency=None, variables=_tongue_variables, constants=_sides, cost=_modes_and_harmonics,
-        run=_perturbation,
+        name="perturbation", frequency=None, variables=_perturbation_variables, constants=_sides,
+        cost=_perturbation_cost, run=_perturbation, check=_perturbation_check, together=_perturbation_together,
     ),
     "uncoupled": Method(
         name="uncoupled", frequency=None, variables=_tongue_variables, constants=_sides, cost=_modes_and_harmonics,
-        run=_uncoupled,
+        run=_uncoupled, check=_uncoupled_check,
     ),
-    "floquet": Method(
-        name="floquet", frequency=POINTS, variables=_floquet_variables, constants=_exponent_numbers, run=_floquet,
+    "floquet": knowing_pairs(Method(
+        name="floquet", frequency=POINTS, variables=_floquet_variables, constants=_floquet_constants, run=_floquet,
         cost=_floquet_cost, parallel=_compiled_kernel, report=_floquet_report, check=_floquet_check,
+        note=_floquet_note, outlook=_floquet_outlook,
+    )),
+    "required_damping": Method(
+        name="required_damping", frequency=POINTS, variables=required_damping.variables, constants=_nothing,
+        run=_required_damping, cost=required_damping.cost, report=required_damping.report,
+        check=required_damping.check,
     ),
     "boundaries": Method(
         name="boundaries", frequency=RANGE, variables=_boundary_variables, constants=_sides, run=_boundaries,
-        cost=_boundaries_cost, unite=_united_regions,
+        cost=_boundaries_cost, unite=_united_regions, check=_boundaries_check,
+    ),
+    "response": Method(
+        name="response", frequency=POINTS, variables=_response_variables, constants=_mesh_names, run=_response,
+        cost=_response_cost, check=_response_check,
     ),
 }  # fmt: skip
 """By name, in the order in which they run: the cheap ones first."""

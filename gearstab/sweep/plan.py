@@ -30,8 +30,6 @@ FREQUENCY = ("mesh_frequency",)
 
 LEAST, MOST = 1 << 17, 1 << 20
 """Size of a block in points of a small system: enough to make calls cheap, few enough to be done in a second."""
-FEWEST = 4
-"""Points of a block, however costly."""
 MOST_BYTES = 1 << 26
 """Size of a block's largest variable."""
 SHARES = 64
@@ -179,12 +177,11 @@ def _layout(config: Config, base: GearSystem, fast: Axis | None, method: Method,
     cost = method.cost(options, base)
     wanted = min(max(prod(shape) * cost / SHARES, LEAST), MOST) / cost
     if method.frequency == POINTS:
-        widest = 8 * (2 * base.size if getattr(options, "exponents", False) else 1)
+        widest = 8 * max(len(values) for values in ([0], *method.constants(options, base).values()))
         wanted = min(wanted, MOST_BYTES / widest)
     inner = next((k for k, axis in enumerate(axes) if axis is fast), None)
-    return Layout(
-        method, options, tuple(axis.name for axis in axes), shape, chunk_shape(shape, inner, max(FEWEST, int(wanted)))
-    )
+    chunk = chunk_shape(shape, inner, max(method.together(options), int(wanted)))
+    return Layout(method, options, tuple(axis.name for axis in axes), shape, chunk)
 
 
 def chunk_shape(shape: tuple[int, ...], inner: int | None, wanted: int) -> tuple[int, ...]:

@@ -65,7 +65,8 @@ def run_blocks(
     rest = list(blocks)
     seconds = 0.0
     while rest:
-        threads = plan.layout(rest[0].method).method.parallel()
+        layout = plan.layout(rest[0].method)
+        threads = layout.method.parallel(layout.options, plan.base)
         if jobs > 1 and len(rest) > 1 and seconds * len(rest) > (WORTH_THREADS if threads else WORTH_PROCESSES):
             break
         start = time.perf_counter()

@@ -18,6 +18,7 @@ from gearstab.results.errors import ResultError
 from gearstab.results.guard import refuse_foreign
 from gearstab.results.read import attributes
 from gearstab.sweep import merge
+from gearstab.sweep.compute import results_of
 from gearstab.sweep.errors import Interrupted, RequestError, SweepError
 from gearstab.sweep.parts import PartFolder
 from gearstab.sweep.plan import Plan
@@ -228,7 +229,7 @@ def _summary(plan: Plan, store: Store, reused: int) -> Summary:
     tells = [
         store.finished[block.key]
         for layout in plan.layouts
-        if not layout.method.over_tongues
+        if any(variable.name == "stable" for variable in results_of(plan, layout))
         for block in layout.blocks()
     ]
     unstable = sum(part.unstable for part in tells) if tells else None

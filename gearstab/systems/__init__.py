@@ -8,12 +8,13 @@ from collections.abc import Callable
 from typing import Any
 
 from gearstab.system import GearSystem
-from gearstab.systems import gear_pair, matrices, planetary, two_stage
+from gearstab.systems import gear_pair, gearbox, matrices, planetary, two_stage
 
 BUILDERS: dict[str, Callable[[dict[str, Any]], GearSystem]] = {
     "gear_pair": gear_pair.build,
     "two_stage": two_stage.build,
     "planetary": planetary.build,
+    "gearbox": gearbox.build,
     "matrices": matrices.build,
 }
 

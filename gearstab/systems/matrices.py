@@ -8,13 +8,16 @@ import numpy as np
 
 from gearstab.system import GearSystem
 from gearstab.systems import assembly
+from gearstab.systems.terms import periodic_terms
 
 
 def build(p: dict[str, Any]) -> GearSystem:
-    """M q'' + C q' + [K0 + sum_i k_i(t) g_i g_i^T] q = 0.
+    """M q'' + C q' + [K0 + sum_i k_i(t) g_i g_i^T] q = f(t).
 
     Parameters: ``mass``, ``stiffness`` (K0, without meshes) as nested numbers or arrays, damping, ``meshes`` with
-    ``direction`` g_i, ``frequency_ratio`` Omega_i/Omega (a Fraction) and ``lag`` (fraction of the mesh's own period).
+    ``direction`` g_i, ``frequency_ratio`` Omega_i/Omega (a Fraction) and ``lag`` (fraction of the mesh's own period),
+    ``load`` and ``forces`` (:func:`~gearstab.systems.assembly.driven`) and ``terms``
+    (:func:`~gearstab.systems.terms.periodic_terms`).
     """
     mass = assembly.matrix(p["mass"])
     meshes = tuple(
@@ -22,4 +25,6 @@ def build(p: dict[str, Any]) -> GearSystem:
         for m in p["meshes"]
     )
     names = tuple(p.get("coordinates") or (f"q{i + 1}" for i in range(mass.shape[-1])))
-    return assembly.damped(GearSystem(mass, assembly.matrix(p["stiffness"]), meshes, coordinates=names), p)
+    stiffness, terms = assembly.matrix(p["stiffness"]), periodic_terms(p)
+    system = GearSystem(mass, stiffness, meshes, coordinates=names, terms=terms)
+    return assembly.driven(assembly.damped(system, p), p)

@@ -222,4 +222,8 @@ def _scaled(system: GearSystem, mass: Array, stiffness: Array) -> GearSystem:
     m, k = mass[..., None, None], stiffness[..., None, None]
     damping = None if system.damping is None else system.damping / np.sqrt(m * k)
     meshes: Sequence[Mesh] = [replace(i, mean_stiffness=i.mean_stiffness / stiffness) for i in system.meshes]
-    return replace(system, mass=system.mass / m, stiffness=system.stiffness / k, damping=damping, meshes=tuple(meshes))
+    # All periodic terms of this kind are mesh dampings.
+    terms = tuple(replace(term, left=term.left / np.sqrt(m * k)[..., 0]) for term in system.terms)
+    return replace(
+        system, mass=system.mass / m, stiffness=system.stiffness / k, damping=damping, meshes=tuple(meshes), terms=terms
+    )

@@ -16,7 +16,8 @@ def build(p: dict[str, Any]) -> GearSystem:
         M = diag(m1, m2, m3),  K0 = diag(k0, 0, 0),  g_1 = (1, 1, 0),  g_2 = (0, 1, 1)
 
     Parameters: ``inertias`` m1..m3, ``input_shaft_stiffness`` k0, ``tooth_ratio`` R = Z2/Z4 = Omega_1/Omega_2 (a
-    Fraction; 1 for three gears), ``meshes``; ``phasing`` h of the second mesh is a *lead* by h of its own period.
+    Fraction; 1 for three gears), ``meshes``; ``phasing`` h of the second mesh is a *lead* by h of its own period;
+    ``load``: constant forces, one a coordinate.
 
     Source: Lin & Parker 2002, (1), (2) and section 3.2.
     """
@@ -28,4 +29,4 @@ def build(p: dict[str, Any]) -> GearSystem:
         assembly.mesh(second, np.array([0.0, 1.0, 1.0]), frequency_ratio=1 / p["tooth_ratio"], lag=-phasing),
     )
     system = GearSystem(assembly.diagonal(p["inertias"]), stiffness, meshes, coordinates=("x1", "x2", "x3"))
-    return assembly.damped(system, p)
+    return assembly.driven(assembly.damped(system, p), p)

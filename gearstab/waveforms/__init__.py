@@ -1,11 +1,37 @@
-"""Shapes of the periodic mesh stiffness: period 1, zero mean, peak-to-peak 1.
+"""Shapes of the periodic mesh stiffness.
 
 A waveform is one small file with one frozen class that follows :class:`Waveform`, and one line in ``WAVEFORMS``.
 """
 
-from gearstab.waveforms.base import Waveform
+from gearstab.waveforms.base import Profile, Waveform
+from gearstab.waveforms.fourier import Fourier
+from gearstab.waveforms.pair import Pair
+from gearstab.waveforms.profile import Constant, Product, Scaled
 from gearstab.waveforms.rectangular import Rectangular
+from gearstab.waveforms.sampled import Sampled
+from gearstab.waveforms.tooth import Tooth
+from gearstab.waveforms.trapezoidal import Trapezoidal
 
-WAVEFORMS: dict[str, type[Waveform]] = {"rectangular": Rectangular}
+WAVEFORMS: dict[str, type[Waveform]] = {
+    "rectangular": Rectangular,
+    "trapezoidal": Trapezoidal,
+    "fourier": Fourier,
+    "sampled": Sampled,
+    "pair": Pair,
+    "tooth": Tooth,
+}
 
-__all__ = ["WAVEFORMS", "Rectangular", "Waveform"]
+__all__ = [
+    "WAVEFORMS",
+    "Constant",
+    "Fourier",
+    "Pair",
+    "Product",
+    "Profile",
+    "Rectangular",
+    "Sampled",
+    "Scaled",
+    "Tooth",
+    "Trapezoidal",
+    "Waveform",
+]

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-Array = np.ndarray
+from gearstab.waveforms.base import Array
+from gearstab.waveforms.phase import stiff_fraction
 
 
 @dataclass(frozen=True)
@@ -24,14 +25,17 @@ class Rectangular:
     contact_ratio: Array | float
 
     @property
+    def piecewise_constant(self) -> bool:
+        return True
+
+    @property
     def batch(self) -> tuple[int, ...]:
         return np.shape(self.contact_ratio)
 
     @property
     def stiff_fraction(self) -> Array:
         """d = c - floor(c)."""
-        c = np.asarray(self.contact_ratio, dtype=float)
-        return c - np.floor(c)
+        return stiff_fraction(self.contact_ratio)
 
     def value(self, x: Array) -> Array:
         d = self.stiff_fraction

@@ -19,10 +19,10 @@ from gearstab.floquet import damped as general
 from gearstab.floquet import kernel
 from gearstab.floquet.boundaries import search as undamped
 from gearstab.floquet.boundaries.krein import spectrum
-from gearstab.floquet.boundaries.points import propagate
+from gearstab.floquet.boundaries.points import exact, propagate
 from gearstab.floquet.boundaries.search import Interval, Search
 from gearstab.floquet.segments import Pattern
-from gearstab.floquet.solve import DAMPED_ON_CIRCLE
+from gearstab.floquet.solution import DAMPED_ON_CIRCLE
 from gearstab.system import Array
 
 REFINEMENTS = 16
@@ -55,7 +55,8 @@ class Growth:
     def __init__(self, pattern: Pattern) -> None:
         self.pattern = pattern
         damping = pattern.elastic.damping
-        self.generator = None if damping is None else general.generators(pattern, damping)
+        self.fine = exact(pattern)
+        self.generator = None if damping is None else general.generators(self.fine, damping)
         self.count = np.zeros(len(pattern.rows), dtype=np.int64)
         self.noise = np.zeros(len(pattern.rows))
 
@@ -83,7 +84,7 @@ class Growth:
         for k, mine in enumerate(undamped.by_row(row, len(self.count))):
             if len(mine) == 0:
                 continue
-            matrix, scale = general.monodromy(self.generator, self.pattern, k, 1 / cycle[mine])
+            matrix, scale = general.monodromy(self.generator, self.fine, k, 1 / cycle[mine])
             result[mine], vectors[mine] = _fastest(matrix)
             result[mine] += scale
         return (result - self.noise[row]) / period, vectors
@@ -97,7 +98,7 @@ class Growth:
         each = np.arange(len(row))
         growth, vectors = logs[each, best], found.vectors[each, :, best]
         for k in np.flatnonzero(~points.finite):
-            matrix, scale = kernel.current().monodromy(self.pattern, int(row[k]), 1 / cycle[k : k + 1])
+            matrix, scale = kernel.current().monodromy(self.fine, int(row[k]), 1 / cycle[k : k + 1])
             fastest = _fastest(matrix)
             growth[k], vectors[k] = fastest[0][0] + scale[0], fastest[1][0]
         return growth, vectors

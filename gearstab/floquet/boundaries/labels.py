@@ -24,7 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gearstab.floquet.boundaries.krein import spectrum
-from gearstab.floquet.boundaries.points import propagate
+from gearstab.floquet.boundaries.points import first_modes, propagate
 from gearstab.floquet.segments import Pattern
 from gearstab.system import Array
 
@@ -68,7 +68,9 @@ def shares(pattern: Pattern, row: Array, cycle: Array) -> list[Shares]:
     if len(point) == 0:
         return result
     logs = np.log(found.values[point, place])
-    action = _actions(pattern, row[point], cycle[point], found.vectors[point, :, place], logs)
+    vectors, turn = found.vectors[point, :, place], first_modes(pattern, row[point])
+    vectors = np.concatenate([np.einsum("pij,pj->pi", turn, part) for part in np.split(vectors, 2, axis=1)], axis=1)
+    action = _actions(pattern, row[point], cycle[point], vectors, logs)
     for k, p in enumerate(point):
         for root, share in _roots(action[k]).items():
             result[p][root] = max(share, result[p].get(root, 0.0))
@@ -223,7 +225,7 @@ def _actions(pattern: Pattern, row: Array, cycle: Array, vector: Array, logs: Ar
         cosine, sine = np.cos(own * duration[:, None]), np.sin(own * duration[:, None])
         position, velocity = cosine * position + sine / own * velocity, cosine * velocity - own * sine * position
         if len(pattern.states) > 1:
-            change = pattern.change[row, s]
+            change = pattern.change(s)[row]
             position = np.einsum("pij,pj->pi", change, position)
             velocity = np.einsum("pij,pj->pi", change, velocity)
     return w.real[:, None, :] * np.abs(total) ** 2

@@ -23,6 +23,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gearstab.floquet import kernel
 from gearstab.floquet.segments import Pattern
 from gearstab.system import Array
 
@@ -49,13 +50,46 @@ class Points:
     finite: Array
 
 
+@dataclass(frozen=True)
+class Resolved(Pattern):
+    """A pattern of few segments and, of the same rows, one of many that gives the monodromy matrices."""
+
+    fine: Pattern | None = None
+
+
+def exact(pattern: Pattern) -> Pattern:
+    """The pattern that gives the monodromy matrices."""
+    return pattern.fine if isinstance(pattern, Resolved) and pattern.fine is not None else pattern
+
+
 def propagate(pattern: Pattern, row: Array, cycle: Array) -> Points:
     """Propagate rows ``(P,)`` of a conservative pattern over periods T = 2 pi N cycle.
 
     cycle: ``(P,)``, 1/Omega in the pattern's units.
     """
+    found, fine = _along(pattern, row, cycle), exact(pattern)
+    if fine is pattern:
+        return found
+    matrix, scale = kernel.current().monodromy(fine, row, 1 / cycle)
+    finite = (scale == 0) & (np.abs(matrix).max(axis=(1, 2)) < LARGEST)
+    turn = first_modes(pattern, row)
+    both = np.zeros_like(matrix)
     n = pattern.size
-    frequency, change = pattern.squared_frequency[row], pattern.change[row]
+    both[:, :n, :n] = both[:, n:, n:] = turn
+    energy = np.swapaxes(both, -1, -2) @ found.energy @ both
+    return Points(matrix, energy, found.antiperiodic, found.periodic, finite)
+
+
+def first_modes(pattern: Pattern, row: Array) -> Array:
+    """``(P, n, n)``: from the modes in which the monodromy matrices stand to those of the pattern's first segment."""
+    own, other = (p.modes[row, p.states[0]] for p in (pattern, exact(pattern)))
+    return np.asarray(np.swapaxes(own, -1, -2) @ other)
+
+
+def _along(pattern: Pattern, row: Array, cycle: Array) -> Points:
+    """:func:`propagate` on the pattern's own segments, none of which runs backwards."""
+    n = pattern.size
+    frequency = pattern.squared_frequency[row]
     duration = 2 * np.pi * pattern.cycles * pattern.fractions[row].T * cycle
     x = np.zeros((len(row), 2 * n, 2 * n))
     index = np.zeros(len(row), dtype=np.int64)
@@ -80,7 +114,7 @@ def propagate(pattern: Pattern, row: Array, cycle: Array) -> Points:
             x[:, n:] = times[:, :, None] * x[:, :n] + cosine[:, :, None] * x[:, n:]
             x[:, :n] = position
         if len(pattern.states) > 1:
-            turn = change[:, s]
+            turn = pattern.change(s)[row]
             x = np.concatenate([turn @ x[:, :n], turn @ x[:, n:]], axis=1)
     finite = np.abs(x).max(axis=(1, 2)) < LARGEST
     a, b, d = x[:, :n, :n], x[:, :n, n:], x[:, n:, n:]

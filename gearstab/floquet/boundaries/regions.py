@@ -9,7 +9,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from gearstab.perturbation.tongues import Excitation, Tongue, kind_of, tongue
+from gearstab.perturbation.tongues import Excitation, Tongue, kind_of, sharing, tongue
 from gearstab.system import Array, GearSystem
 
 BOUNDARY_FLAGS = {"open": 1, "merged": 2, "absorbed": 4, "cut_below": 8, "cut_above": 16, "split": 32}
@@ -139,9 +139,7 @@ def tongue_of(system: GearSystem, p: int, q: int, ratio: Fraction) -> Tongue:
     Where no mesh has a harmonic of that frequency (several meshes that run at different speeds also act at sums and
     differences of their harmonics, in second and higher order of epsilon) the harmonic is 0 and all meshes are named.
     """
-    parts = [(i, ratio / mesh.frequency_ratio) for i, mesh in enumerate(system.meshes)]
-    shared = tuple((i, int(s)) for i, s in parts if s.denominator == 1)
-    if shared:
+    if shared := sharing(system, ratio):
         return tongue(system, Excitation(ratio, shared), p, q)
     mesh = "+".join(mesh.name for mesh in system.meshes)
     return Tongue(p, q, 0, mesh, kind_of(p, q, 0), _label(p, q, ratio), float(ratio))

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
 import numpy as np
 
-from gearstab.floquet.boundaries import damped, labels
+from gearstab.floquet.boundaries import damped, labels, smooth
 from gearstab.floquet.boundaries.labels import Unnamed
 from gearstab.floquet.boundaries.regions import Boundaries, tongue_of
 from gearstab.floquet.boundaries.search import Interval, Search, by_row, search
@@ -35,6 +36,8 @@ def boundaries(
     for in and around the regions of the same system without damping, and on a scan uniform in the period
     (:mod:`~gearstab.floquet.boundaries.damped`). That is no proof: a damped region far from all undamped ones, or a
     gap between merged regions, may be missed if it is narrower than about a fiftieth of the distance of collisions.
+    Where the mesh stiffness is smooth the tolerance of an edge contains the error of the Magnus steps
+    (:mod:`~gearstab.floquet.boundaries.smooth`).
 
     Parameters
     ----------
@@ -44,24 +47,49 @@ def boundaries(
 
     Raises
     ------
-    ValueError: an empty range, or a tolerance or floor that is not positive.
+    ValueError: an empty range, a tolerance or floor that is not positive, a system with further terms, or one without a
+    common period.
     """
     if not 0 < start < stop < np.inf:
         raise ValueError(f"mesh frequencies must satisfy 0 < start < stop, not {start}, {stop}")
     if not (tolerance > 0 and width_floor > 0):
         raise ValueError(f"tolerance and width floor must be positive, not {tolerance}, {width_floor}")
+    if system.terms:
+        raise ValueError("boundaries need symmetric mesh stiffness and nothing else that varies")
     rows = int(np.prod(system.batch, dtype=int))
     # The same rows without damping are looked at too: the batch must not rest on the damping alone.
     system = system.over(system.batch)
     found = _Collected(system, start, stop, width_floor)
     if system.damping is None:
-        for pattern in prepare(system):
-            found.undamped(pattern, search(pattern, *_range(pattern, start, stop), tolerance, width_floor))
-        return found.result(rows)
+        for pattern, intervals in _undamped(system, start, stop, tolerance, width_floor):
+            found.undamped(pattern, intervals)
+    else:
+        for pattern, guide, *both in _damped(system, start, stop, tolerance, width_floor):
+            found.damped(pattern, guide, *both)
+    return found.result(rows)
+
+
+def _undamped(
+    system: GearSystem, start: float, stop: float, tolerance: float, floor: float
+) -> Iterator[tuple[Pattern, Search]]:
+    """Patterns of all rows and their intervals."""
+    if not system.piecewise_constant:
+        yield from smooth.undamped(system, lambda pattern: _range(pattern, start, stop), tolerance, floor)
+        return
+    for pattern in prepare(system):
+        yield pattern, search(pattern, *_range(pattern, start, stop), tolerance, floor)
+
+
+def _damped(
+    system: GearSystem, start: float, stop: float, tolerance: float, floor: float
+) -> Iterator[tuple[Pattern, Pattern, Search, Search]]:
+    """Patterns of all rows, those without damping, and the intervals of both."""
+    if not system.piecewise_constant:
+        yield from smooth.with_damping(system, lambda pattern: _range(pattern, start, stop), tolerance, floor)
+        return
     for pattern, guide in _guided(system):
         limits = _range(pattern, start, stop)
-        found.damped(pattern, guide, *damped.search(pattern, guide, *limits, tolerance, width_floor))
-    return found.result(rows)
+        yield pattern, guide, *damped.search(pattern, guide, *limits, tolerance, floor)
 
 
 def _range(pattern: Pattern, start: float, stop: float) -> tuple[Array, Array]:

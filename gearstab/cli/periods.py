@@ -1,0 +1,67 @@
+"""What ``gearstab info`` says of several mesh frequencies: the common period and the way exact stability takes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from gearstab.config import Config
+    from gearstab.system import GearSystem
+
+
+def common_period(system: GearSystem) -> dict[str, Any] | None:
+    """What the common period of all meshes consists of; None where there is none."""
+    from gearstab.floquet.frequencies import choice
+    from gearstab.floquet.segments import prepare
+
+    period = choice.common_period(system)
+    if period is None:
+        return None
+    segments, states = period.segments, None
+    if segments <= choice.AFFORDABLE and system.piecewise_constant and not system.terms:
+        (pattern,) = prepare(system)
+        segments, states = len(pattern.states), pattern.stiffness.shape[1]
+    return {
+        "in_periods_of_omega": period.cycles,
+        "mesh_cycles": {mesh.name: n for mesh, n in zip(system.meshes, period.mesh_cycles, strict=False)},
+        "segments": segments,
+        "distinct_stiffness_states": states,
+    }
+
+
+def frequencies(config: Config, system: GearSystem) -> dict[str, Any] | None:
+    """How exact stability goes through several mesh frequencies, and how long a point takes; None for a single one."""
+    import time
+
+    import numpy as np
+
+    from gearstab.config.methods import FloquetOptions
+    from gearstab.floquet import solve
+    from gearstab.modal import mean_modes
+    from gearstab.sweep import frequencies as ways
+
+    if len(set(system.frequency_ratios)) < 2:
+        return None
+    options = config.methods.floquet or FloquetOptions()
+    # One point, where stability is most often asked for: twice the highest natural frequency with a mesh deflection.
+    omega = np.array([2 * float(np.nanmax(mean_modes(system).natural_frequency))])
+    start = time.perf_counter()
+    ways.solved(options, system, omega, solve)
+    return {"chosen": ways.outlook(options, system), "seconds_a_point": time.perf_counter() - start}
+
+
+def text(period: dict[str, Any] | None) -> str:
+    """A common period in a line."""
+    if period is None:
+        return "none: a mesh frequency has an irrational ratio"
+    cycles = ", ".join(f"{count} of {name}" for name, count in period["mesh_cycles"].items())
+    count = period["distinct_stiffness_states"]
+    states = "" if count is None else f", {count} distinct stiffness states"
+    return f"{period['in_periods_of_omega']:.6g} x 2 pi/Omega ({cycles}); {period['segments']} segments{states}"
+
+
+def way(found: dict[str, Any]) -> str:
+    """The way of exact stability in a line."""
+    from gearstab.cli.progress import duration
+
+    return f"{found['chosen']}; {duration(found['seconds_a_point'])} a point"

@@ -1,0 +1,86 @@
+"""The response of a linear system as a result."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from gearstab.config import Config
+    from gearstab.config.respond import Respond
+    from gearstab.response import Response
+    from gearstab.response.spectra import Spectra
+    from gearstab.results import ResultTree
+    from gearstab.system import GearSystem
+
+HARMONICS = 8
+"""A harmonic is stored for every so many samples of a common period."""
+MOST_HARMONICS = 4000
+
+
+def result(config: Config, wanted: Respond, system: GearSystem, found: Response) -> ResultTree:
+    """The response as a result: its root, ``/modes`` and ``/response``."""
+    from gearstab.floquet import kernel
+    from gearstab.response import RESPONSE_FLAGS
+    from gearstab.response.equilibrium import static_mesh_force
+    from gearstab.results import Group, ResultTree, fields_of
+    from gearstab.results.provenance import modes_group, root_attributes
+    from gearstab.results.variables import RESPONSE, flagged
+
+    histories = ("time", "displacement", "velocity", "mesh_deflection", "mesh_force", "energy")
+    values = {
+        "dof": list(system.coordinates),
+        "mesh": [mesh.name for mesh in system.meshes],
+        "status": found.flags,
+        **{name: getattr(found, name) for name in histories},
+    }
+    if system.load is not None:
+        values["static_mesh_force"] = static_mesh_force(system)
+    if found.drift is not None:
+        values["mean_velocity"] = found.drift
+    values |= _spectral(wanted, system, found)
+    attributes = {
+        "status": found.status,
+        "mesh_frequency": found.mesh_frequency,
+        "common_period": found.common_period,
+        "growth_rate": found.growth_rate,
+        "largest_multiplier": found.largest_multiplier,
+        "comment": _comment(wanted, system),
+    }
+    fields = fields_of(flagged(RESPONSE, RESPONSE_FLAGS), values)
+    groups = {"modes": modes_group(system), "response": Group(fields, attributes)}
+    return ResultTree(Group((), root_attributes(config, kernel.name())), groups)
+
+
+def _comment(wanted: Respond, system: GearSystem) -> str:
+    kind = "periodic steady state" if wanted.steady_state else "driven response" if system.forced else "free response"
+    return (
+        f"{kind}; growth_rate: largest real part of the characteristic exponents (1/s); "
+        "largest_multiplier: growth over a common_period (s) of all that varies and drives"
+    )
+
+
+def _spectral(wanted: Respond, system: GearSystem, found: Response) -> dict[str, Any]:
+    """Amplitudes of the harmonics of a steady state, else power spectral densities of the history."""
+    from gearstab.response import harmonics
+    from gearstab.response.spectra import amplitudes, densities
+
+    if not wanted.steady_state:
+        spectra = densities(found)
+        return {} if spectra is None else _named(spectra, "density", system)
+    if found.status == "failed":
+        return {}
+    order = max(1, min((len(found.time) - 1) // HARMONICS, MOST_HARMONICS))
+    return _named(amplitudes(harmonics(system, found.mesh_frequency, order)), "amplitude", system)
+
+
+def _named(spectra: Spectra, what: str, system: GearSystem) -> dict[str, Any]:
+    index, mesh = spectra.peak_index, spectra.peak_mesh
+    return {
+        "frequency": spectra.frequency,
+        f"mesh_force_{what}": spectra.force,
+        f"mesh_deflection_{what}": spectra.deflection,
+        "peak": range(1, len(index) + 1),
+        "peak_mesh": [system.meshes[i].name for i in mesh],
+        "peak_frequency": spectra.frequency[index],
+        f"peak_{what}": spectra.force[index, mesh],
+    }

@@ -1,0 +1,139 @@
+"""The part of ``gearstab respond`` for a gear pair that is given by its gears."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+from math import inf, tau
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from gearstab.config import Config
+    from gearstab.config.respond_pair import PairRespond
+    from gearstab.response.pair import PairResponse
+    from gearstab.results import Group, ResultTree
+    from gearstab.rotating_pair import RotatingPair
+
+MOST_SAMPLES = 20_000_000
+"""Samples that a result may hold (1.3 GB)."""
+
+
+def respond_pair(config: Config, wanted: PairRespond, out: Path) -> PairResponse:
+    """Compute the response and write the result file ``out``; raises ConfigError and OSError."""
+    from gearstab.response.pair import Start, respond
+    from gearstab.results import write_result
+    from gearstab.systems import gear_pair
+
+    pair = gear_pair.of_gears(config.parameters)
+    speed = wanted.speed * pair.numbers.teeth[0]
+    step = tau / speed / wanted.samples_per_cycle
+    _affordable(config, wanted, speed)
+    initial = wanted.initial
+    found = respond(
+        pair,
+        Start(speed, initial.phi, initial.phi_dot, initial.theta),
+        step,
+        inf if wanted.duration is None else wanted.duration,
+        wanted.cycles,
+        MOST_SAMPLES,
+    )
+    out.parent.mkdir(parents=True, exist_ok=True)
+    write_result(out, result(config, wanted, pair, found, step))
+    return found
+
+
+def _affordable(config: Config, wanted: PairRespond, speed: float) -> None:
+    """Refuse what would exhaust the memory, as far as that is known beforehand."""
+    from gearstab.config.problems import ConfigError, Problem
+
+    cycles = wanted.cycles if wanted.duration is None else wanted.duration * speed / tau
+    if cycles is not None and cycles * wanted.samples_per_cycle > MOST_SAMPLES:
+        path = "respond.duration" if wanted.cycles is None else "respond.cycles"
+        message = f"{cycles * wanted.samples_per_cycle:.3g} samples are more than {MOST_SAMPLES:.3g}"
+        raise ConfigError(
+            [Problem(str(config.source), None, path, "", message, "ask for less, or fewer samples_per_cycle")]
+        )
+
+
+def result(config: Config, wanted: PairRespond, pair: RotatingPair, found: PairResponse, step: float) -> ResultTree:
+    """The response as a result: its root, ``/modes`` and ``/response``."""
+    from gearstab.results import Group, ResultTree
+    from gearstab.results.provenance import modes_group, root_attributes
+
+    groups = {"modes": modes_group(pair), "response": response_group(wanted, pair, found, step)}
+    return ResultTree(Group((), root_attributes(config, "none")), groups)
+
+
+def response_group(wanted: PairRespond, pair: RotatingPair, found: PairResponse, step: float) -> Group:
+    """The group ``/response``."""
+    import numpy as np
+
+    from gearstab.response.pair import STATUS
+    from gearstab.results import Group, fields_of
+    from gearstab.results.variables import PAIR_RESPONSE
+
+    sections, events = found.sections, found.events
+    values: dict[str, Any] = {
+        name: getattr(found, name) for name in ("time", "phi", "phi_dot", "theta", "theta_dot", "energy", "status")
+    }
+    values |= {
+        "mesh": [mesh.name for mesh in pair.meshes],
+        "mesh_stiffness": found.stiffness[:, None],
+        "mesh_force": found.mesh_force[:, None],
+        "cycle": sections.cycle,
+        "section_theta": sections.theta,
+        "event": np.arange(1, len(events.time) + 1),
+    }
+    values |= {f"section_{f.name}": getattr(sections, f.name) for f in fields(sections) if f.name != "cycle"}
+    values |= {f"event_{f.name}": getattr(events, f.name) for f in fields(events)}
+    spectrum = _spectrum(wanted, pair, found, step)
+    flags = {"flag_masks": list(STATUS.values()), "flag_meanings": " ".join(STATUS)}
+    changed: dict[str, dict[str, Any]] = {"status": {"attributes": flags}}
+    if pair.numbers.lever is None:
+        changed["mesh_force"] = {"units": "N m", "long_name": "elastic mesh force times half the module"}
+    table = tuple(replace(v, **changed.get(v.name, {})) for v in PAIR_RESPONSE)
+    return Group(fields_of(table, values | spectrum), _attributes(wanted, pair, found))
+
+
+def _spectrum(wanted: PairRespond, pair: RotatingPair, found: PairResponse, step: float) -> dict[str, Any]:
+    """Spectrum and peaks of phi; nothing for a response that is too short."""
+    import numpy as np
+
+    from gearstab.response.pair import SHORTEST, spectrum
+
+    history = found.phi[round(wanted.spectrum.discard * wanted.samples_per_cycle) :]
+    if len(history) < SHORTEST:
+        return {}
+    part = spectrum(history, step, wanted.spectrum.window, wanted.spectrum.peaks)
+    unit = float(pair.numbers.damped_frequency)
+    return {
+        "frequency": part.frequency,
+        "normalised_frequency": part.frequency / unit,
+        "power_spectral_density": part.density,
+        "peak": np.arange(1, len(part.peaks) + 1),
+        "peak_frequency": part.frequency[part.peaks],
+        "peak_normalised_frequency": part.frequency[part.peaks] / unit,
+        "peak_power_spectral_density": part.density[part.peaks],
+    }
+
+
+def _attributes(wanted: PairRespond, pair: RotatingPair, found: PairResponse) -> dict[str, Any]:
+    numbers = pair.numbers
+    known = {
+        "formulation": pair.formulation,
+        "status": found.status_text,
+        "end_time": found.end,
+        "mesh_frequency": wanted.speed * numbers.teeth[0],
+        "natural_frequency": float(numbers.w0),
+        "damped_natural_frequency": float(numbers.damped_frequency),
+        "static_deflection": float(numbers.load),
+        "comment": "mesh_frequency: at the beginning (rad/s); natural_frequency: w0 = sqrt(M2 (k1 + k2)/2) (rad/s); "
+        "damped_natural_frequency: w_d (rad/s); static_deflection: T0/k0 (rad); end_time: when the run ended (s)",
+    }
+    return known | ({"stall_time": found.stalled} if found.stalled < inf else {})
+
+
+def summary(found: PairResponse, out: Path) -> str:
+    """What came out, in one line."""
+    crossings = f"{len(found.sections.time):,} mesh cycles" if len(found.sections.time) else "no whole mesh cycle"
+    return f"response: {out}: {len(found.time):,} samples to t = {found.time[-1]:.6g}, {crossings}, {found.status_text}"

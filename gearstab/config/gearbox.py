@@ -1,0 +1,280 @@
+"""The section ``system`` of a gearbox: rotors, shafts and meshes of any connected train."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from typing import Annotated, Any, ClassVar, Literal
+
+from pydantic import Field
+
+from gearstab.config.conflicts import Conflict
+from gearstab.config.fields import (
+    Choice,
+    Flag,
+    Length,
+    Mass,
+    NameText,
+    NonNegative,
+    Number,
+    Positive,
+    Quantity,
+    Section,
+    ToothCount,
+)
+from gearstab.config.gearbox_mesh import GearboxMesh
+from gearstab.config.mesh import Named, ToothMesh
+from gearstab.config.system import System
+
+Inertia = Annotated[float, Field(gt=0), Quantity("kg m^2")]
+TorsionalStiffness = Annotated[float, Field(gt=0), Quantity("N m", ("N m/rad",))]
+Torque = Annotated[float, Field(gt=0), Quantity("N m")]
+PressureAngle = Annotated[float, Field(gt=0, lt=0.7853), Quantity("rad")]
+Pressure = Annotated[float, Field(gt=0), Quantity("Pa")]
+Speed = Annotated[float, Field(gt=0), Quantity("rad/s")]
+
+OF_TEETH = ("module", "pressure_angle", "addendum", "dedendum", "face_width")
+"""What all gears of a train share unless a gear has its own."""
+
+
+class Support(Section):
+    """Springs that hold the centre of a rotor, the same in both directions."""
+
+    stiffness: Annotated[float, Field(gt=0), Quantity("N/m")] = Field(
+        title="lateral stiffness", description="Of shaft and bearings together (N/m)."
+    )
+    damping_ratio: NonNegative = Field(
+        default=0.0, title="damping ratio of the support", description="zeta, c = 2 zeta sqrt(k m) (1)."
+    )
+
+
+class Teeth(Section):
+    """Basic profile and width of gears."""
+
+    module: Length | None = Field(default=None, title="module", description="m (m).")
+    pressure_angle: PressureAngle | None = Field(
+        default=None, title="pressure angle", description='alpha of the rack; in rad, or with a unit: "20 deg".'
+    )
+    addendum: Positive | None = Field(default=None, title="addendum", description="h_a/m; 1 without (1).")
+    dedendum: Positive | None = Field(default=None, title="dedendum", description="h_f/m; 1.25 without (1).")
+    face_width: Length | None = Field(default=None, title="face width", description="b (m).")
+
+
+class Rotor(Teeth, Named):
+    """A rigid body that turns: a gear, which has teeth, or a plain inertia."""
+
+    teeth: ToothCount | None = Field(
+        default=None, title="number of teeth", description="z; a rotor without teeth is no gear."
+    )
+    internal: Flag = Field(default=False, title="internal gear", description="A ring with teeth inside.")
+    profile_shift: Number = Field(default=0.0, title="profile shift", description="x, in modules (1).")
+    inertia: Inertia | None = Field(
+        default=None,
+        title="moment of inertia",
+        description="J (kg m^2); that of a disc of the face width and body_radius without.",
+    )
+    mass: Mass | None = Field(
+        default=None, title="mass", description="Of a supported rotor (kg); that of the same disc without."
+    )
+    body_radius: Length | None = Field(
+        default=None, title="radius of the body", description="Of the disc (m); the pitch radius without."
+    )
+    bore_radius: Annotated[float, Field(ge=0), Quantity("m")] | None = Field(
+        default=None,
+        title="radius of the bore",
+        description="Of the body (m); without, the disc is solid and the teeth stand on a body of bore 0.4 root radii.",
+    )
+    support: Support | None = Field(
+        default=None, title="lateral support", description="With it the rotor moves in its plane too."
+    )
+
+    @classmethod
+    def conflicts(cls, raw: dict[str, Any], shared: set[str]) -> Iterator[Conflict]:
+        """Enough to know its teeth, its inertia and, where it is supported, its mass."""
+        geared = raw.get("teeth") is not None
+        known = shared | {key for key in raw if raw[key] is not None}
+        disc = {"face_width"} | (set() if "body_radius" in known else {"module"})
+        if geared:
+            for key in ("module", "pressure_angle"):
+                if key not in known:
+                    yield (key,), "is missing", f"add {key} to this gear, or to gears, which holds for all"
+        elif raw.get("body_radius") is None:
+            disc = {"no disc"}
+        if raw.get("inertia") is None and not disc <= known:
+            yield ("inertia",), "is missing", "add inertia (kg m^2), or face_width and body_radius of its disc"
+        if raw.get("support") is not None and raw.get("mass") is None and not disc <= known:
+            yield ("mass",), "is missing", "add mass (kg), or face_width and body_radius of its disc"
+        if not geared:
+            for key in (*OF_TEETH[:-1], "profile_shift", "internal"):
+                if raw.get(key) not in (None, False):
+                    yield (key,), "belongs to a gear", "give the rotor teeth, or remove it"
+
+
+class Shaft(Named):
+    """A torsional spring between two rotors that turn at the same speed."""
+
+    between: Annotated[list[NameText], Field(min_length=2, max_length=2)] = Field(
+        title="ends of the shaft", description="Names of its two rotors."
+    )
+    stiffness: TorsionalStiffness | None = Field(
+        default=None, title="torsional stiffness", description="k (N m/rad); or give diameter and length."
+    )
+    diameter: Length | None = Field(default=None, title="diameter", description="d of a round shaft (m).")
+    bore: Annotated[float, Field(ge=0), Quantity("m")] | None = Field(
+        default=None, title="bore", description="Diameter of the hole of a hollow shaft (m)."
+    )
+    length: Length | None = Field(default=None, title="length", description="l of a round shaft (m).")
+    damping_ratio: NonNegative = Field(
+        default=0.0,
+        title="damping ratio of the shaft",
+        description="zeta, c = 2 zeta sqrt(k J_e), J_e = J1 J2/(J1 + J2) (1).",
+    )
+
+    @classmethod
+    def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
+        """A stiffness, or the dimensions that give it."""
+        if raw.get("stiffness") is None and raw.get("diameter") is None and raw.get("length") is None:
+            yield ("stiffness",), "is missing", "add stiffness (N m/rad), or diameter and length"
+            return
+        for key in ("diameter", "length"):
+            if raw.get("stiffness") is not None and raw.get(key) is not None:
+                yield (key,), "stiffness is given already", "keep one of stiffness and the dimensions"
+            elif raw.get("stiffness") is None and raw.get(key) is None:
+                yield (key,), "is missing", f"add {key}, or give stiffness instead"
+
+
+class Material(Section):
+    """What gears and shafts are made of; steel without."""
+
+    young: Pressure | None = Field(default=None, title="Young's modulus", description="E (Pa); 206.8 GPa without.")
+    poisson: Annotated[float, Field(gt=-1, lt=0.5), Quantity()] | None = Field(
+        default=None, title="Poisson's ratio", description="nu (1); 0.3 without."
+    )
+    density: Annotated[float, Field(gt=0), Quantity("kg/m^3")] | None = Field(
+        default=None, title="density", description="rho (kg/m^3); 7850 without."
+    )
+    shear: Pressure | None = Field(default=None, title="shear modulus of shafts", description="G (Pa); 80 GPa without.")
+
+
+class Input(Section):
+    """What drives the train."""
+
+    rotor: NameText = Field(title="input rotor", description="Name of the rotor that is driven from outside.")
+    torque: Torque | None = Field(
+        default=None, title="input torque", description="On the input rotor (N m); follows from the outputs' without."
+    )
+    speed: Speed | None = Field(
+        default=None,
+        title="nominal speed",
+        description='Of the input rotor, for friction (rad/s, "1500 rpm"); stability maps sweep mesh_frequency.',
+    )
+    sense: Annotated[str, Choice("sense", ("counter-clockwise", "clockwise"))] = Field(
+        default="counter-clockwise", title="sense of rotation", description="Of the input rotor, seen along z."
+    )
+
+
+class Output(Section):
+    """Where power leaves the train."""
+
+    rotor: NameText = Field(title="output rotor", description="Name of the rotor that is loaded.")
+    torque: Torque | None = Field(
+        default=None,
+        title="output torque",
+        description="It takes (N m); without, the outputs share the input's power equally.",
+    )
+
+
+class Gearbox(System):
+    """A train of rotors, shafts and meshes: rotations, and displacements where rotors have a support."""
+
+    mesh_model: ClassVar[type[ToothMesh]] = GearboxMesh
+
+    kind: Literal["gearbox"] = Field(title="kind of system", description="A multistage gearbox, from its teeth.")
+    gears: Teeth = Field(
+        default=Teeth(), title="gears", description="What all gears share: basic profile and face width."
+    )
+    material: Material = Field(default=Material(), title="material", description="Of gears and shafts.")
+    rotors: Annotated[list[Rotor], Field(min_length=2)] = Field(title="rotors", description="Gears and inertias.")
+    shafts: list[Shaft] = Field(default=[], title="shafts", description="Torsional springs between rotors.")
+    meshes: Annotated[list[GearboxMesh], Field(min_length=1)] = Field(
+        title="meshes", description="Pairs of gears, the driver first."
+    )
+    input: Input = Field(title="input", description="The rotor that is driven.")
+    outputs: list[Output] = Field(default=[], title="outputs", description="The rotors that are loaded.")
+
+    @classmethod
+    def size(cls, raw: dict[str, Any]) -> int | None:
+        rotors = raw.get("rotors")
+        if not isinstance(rotors, list) or not all(isinstance(rotor, dict) for rotor in rotors):
+            return None
+        return len(rotors) + 2 * sum(rotor.get("support") is not None for rotor in rotors)
+
+    @classmethod
+    def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
+        """Names that exist, gears that can mesh, a train that hangs together and turns."""
+        yield from super().conflicts(raw)
+        gears = raw.get("gears")
+        shared = {key for key, value in gears.items() if value is not None} if isinstance(gears, dict) else set()
+        rotors = _mappings(raw.get("rotors"))
+        for i, rotor in rotors:
+            for path, message, hint in Rotor.conflicts(rotor, shared):
+                yield ("rotors", i, *path), message, hint
+        for i, shaft in _mappings(raw.get("shafts")):
+            for path, message, hint in Shaft.conflicts(shaft):
+                yield ("shafts", i, *path), message, hint
+        yield from _names(raw, {str(rotor.get("name")): rotor for _, rotor in rotors})
+        yield from _torques(raw)
+
+
+def _mappings(entries: Any) -> list[tuple[int, dict[str, Any]]]:
+    return [(i, item) for i, item in enumerate(entries if isinstance(entries, list) else []) if isinstance(item, dict)]
+
+
+def _names(raw: dict[str, Any], rotors: dict[str, dict[str, Any]]) -> Iterator[Conflict]:
+    """Each rotor and shaft has a name of its own; shafts, meshes, input and outputs name rotors that exist."""
+    for section in ("rotors", "shafts"):
+        names = Counter(item.get("name") for _, item in _mappings(raw.get(section)))
+        for i, item in _mappings(raw.get(section)):
+            if isinstance(item.get("name"), str) and names[item["name"]] > 1:
+                names[item["name"]] = 0
+                message = f"two {section} are called '{item['name']}'"
+                yield (section, i, "name"), message, "give each a name of its own"
+    used = [(("shafts", i, "between"), item.get("between"), False) for i, item in _mappings(raw.get("shafts"))]
+    used += [(("meshes", i, "gears"), item.get("gears"), True) for i, item in _mappings(raw.get("meshes"))]
+    for path, ends, geared in used:
+        if not isinstance(ends, list):
+            continue
+        for k, name in enumerate(ends):
+            yield from _rotor((*path, k), name, rotors, geared)
+        if len(ends) == 2 and ends[0] == ends[1]:
+            yield path, f"joins '{ends[0]}' to itself", "name two different rotors"
+    if isinstance(raw.get("input"), dict):
+        yield from _rotor(("input", "rotor"), raw["input"].get("rotor"), rotors, False)
+    for i, item in _mappings(raw.get("outputs")):
+        yield from _rotor(("outputs", i, "rotor"), item.get("rotor"), rotors, False)
+
+
+def _rotor(
+    path: tuple[str | int, ...], name: Any, rotors: dict[str, dict[str, Any]], geared: bool
+) -> Iterator[Conflict]:
+    if not isinstance(name, str):
+        return
+    if name not in rotors:
+        yield path, f"there is no rotor '{name}'", f"name one of {', '.join(rotors)}"
+    elif geared and rotors[name].get("teeth") is None:
+        yield path, f"rotor '{name}' has no teeth", "name a gear, or give the rotor teeth"
+
+
+def _torques(raw: dict[str, Any]) -> Iterator[Conflict]:
+    """Torques that balance: of all outputs, or of the input alone."""
+    outputs = [(i, item.get("torque")) for i, item in _mappings(raw.get("outputs"))]
+    given = [i for i, torque in outputs if torque is not None]
+    driving = raw["input"].get("torque") if isinstance(raw.get("input"), dict) else None
+    if given and len(given) < len(outputs):
+        missing = next(i for i, torque in outputs if torque is None)
+        yield ("outputs", missing, "torque"), "is missing", "give every output a torque, or none"
+    if given and driving is not None:
+        message = "follows from the torques of the outputs"
+        yield ("input", "torque"), message, "remove it, or the torques of the outputs"
+    if driving is not None and not outputs:
+        yield ("outputs",), "are missing", "name the rotors that take the torque"

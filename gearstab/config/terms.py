@@ -1,0 +1,116 @@
+"""Periodic parts of a stiffness and damping matrix beside the meshes, which need not be symmetric."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated, Any
+
+from pydantic import Field
+
+from gearstab.config.conflicts import Conflict
+from gearstab.config.fields import AnyRatio, ContactRatio, Flag, NameText, Number, Quantity, Section
+from gearstab.config.waveforms import Waveform, form_of, shape_conflicts
+
+OfStiffness = Annotated[float, Quantity("N/m", ("N", "N m"))]
+OfDamping = Annotated[float, Quantity("N s/m", ("N s", "N m s"))]
+
+
+class Part(Section):
+    """A number that may vary periodically, mean + 2 amplitude w(x)."""
+
+    contact_ratio: ContactRatio | None = Field(
+        default=None, title="contact ratio of a term", description="c >= 1, of a waveform that has one (1)."
+    )
+    waveform: Waveform | None = Field(
+        default=None, title="waveform of a term", description="w, rectangular without, where there is an amplitude."
+    )
+
+    @classmethod
+    def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
+        """A mean or an amplitude, and a waveform that is complete where anything varies."""
+        form = form_of(raw)
+        if all(raw.get(key) is None for key in ("amplitude", "contact_ratio", "waveform")):
+            if raw.get("mean") is None:
+                yield (), "has neither mean nor amplitude", "add mean, or amplitude and waveform"
+            return
+        if raw.get("amplitude") is None and form is not None and not form.own_variation:
+            yield ("amplitude",), "is missing", "add amplitude: half the peak-to-peak of the variation"
+        yield from shape_conflicts(raw, "c >= 1, the contact ratio of the wave")
+
+
+class StiffnessPart(Part):
+    """The stiffness of a term."""
+
+    mean: OfStiffness | None = Field(
+        default=None, title="mean stiffness of a term", description="Its mean (N/m); 0 or that of the samples without."
+    )
+    amplitude: OfStiffness | None = Field(
+        default=None,
+        title="stiffness amplitude of a term",
+        description="Half the peak-to-peak of its variation (N/m); constant, or that of the samples, without.",
+    )
+
+
+class DampingPart(Part):
+    """The damping of a term."""
+
+    mean: OfDamping | None = Field(
+        default=None, title="mean damping of a term", description="Its mean (N s/m); 0 or that of the samples without."
+    )
+    amplitude: OfDamping | None = Field(
+        default=None,
+        title="damping amplitude of a term",
+        description="Half the peak-to-peak of its variation (N s/m); constant, or that of the samples, without.",
+    )
+
+
+class Term(Section):
+    """a(x) u v^T in the stiffness matrix and c(x) u v^T in the damping matrix."""
+
+    name: NameText | None = Field(
+        default=None, title="name of the term", description="What paths and messages call it."
+    )
+    left: list[Number] = Field(title="left vector", min_length=1, description="u, along which the term acts (1).")
+    right: list[Number] = Field(
+        title="right vector", min_length=1, description="v: the term acts on v . q and v . q' (1)."
+    )
+    stiffness: StiffnessPart | None = Field(
+        default=None, title="stiffness of a term", description="a(x): mean, amplitude, waveform."
+    )
+    damping: DampingPart | None = Field(
+        default=None, title="damping of a term", description="c(x): mean, amplitude, waveform."
+    )
+    exact: Flag = Field(
+        default=True,
+        title="exact frequency ratio of a term",
+        description="false: frequency_ratio is a decimal that stands for an irrational number.",
+    )
+    frequency_ratio: AnyRatio = Field(
+        default=1,
+        title="frequency ratio of a term",
+        validate_default=True,
+        description='Its frequency over the mesh frequency of the sweep, exact: 1, 0.5 or "1/2"; see exact.',
+    )
+    lag: Number = Field(
+        default=0.0, title="lag of a term", description="It begins this fraction of its own period late (1)."
+    )
+
+    @classmethod
+    def conflicts(cls, raw: Any, size: int | None) -> Iterator[Conflict]:
+        """A stiffness or a damping, and vectors of the size of the system that are not zero."""
+        if not isinstance(raw, dict):
+            return
+        if raw.get("stiffness") is None and raw.get("damping") is None:
+            yield (), "has neither stiffness nor damping", "add stiffness: {mean: ..}, or damping: {mean: ..}"
+        for key in ("stiffness", "damping"):
+            if isinstance(raw.get(key), dict):
+                for path, message, hint in Part.conflicts(raw[key]):
+                    yield (key, *path), message, hint
+        for key in ("left", "right"):
+            vector = raw.get(key)
+            if not isinstance(vector, list):
+                continue
+            if size is not None and len(vector) != size:
+                yield (key,), f"has {len(vector)} entries", f"give {size}, one a coordinate"
+            elif vector and all(entry == 0 for entry in vector):
+                yield (key,), "has only zeros", "let the term act on at least one coordinate"

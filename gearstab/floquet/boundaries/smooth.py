@@ -1,0 +1,199 @@
+"""Boundaries of systems whose mesh stiffness is smooth somewhere: the same search on Magnus steps.
+
+The search asks for three things: monodromy matrices, which must be as right as the edges are to be; integers that
+count rotations, which any nearby path of matrices gives; and speeds, of which a few digits do. So a pattern of many
+segments gives the matrices and one of few the rest (:class:`~gearstab.floquet.boundaries.points.Resolved`).
+
+A collision of multipliers is passed at 2 pi k, k >= 1, in the sum of two phases that grow with the period: an error
+of the multipliers moves an edge by at most 1/pi of it, relatively. Whether the number of steps was enough is found out
+at the edges themselves: with half of the steps each must be where it was but for so many times the tolerance as the
+order of the scheme allows. If not, the steps are doubled and all is done again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import Any, TypeVar
+
+import numpy as np
+
+from gearstab.floquet.boundaries import damped
+from gearstab.floquet.boundaries.krein import evaluate
+from gearstab.floquet.boundaries.points import Resolved
+from gearstab.floquet.boundaries.search import Interval, Search, search
+from gearstab.floquet.magnus.compare import difference, scan
+from gearstab.floquet.magnus.control import SAFETY, Ladder, first
+from gearstab.floquet.magnus.schemes import CF4_2, CF6_5
+from gearstab.floquet.magnus.steps import Division, divisions
+from gearstab.floquet.segments import Pattern
+from gearstab.system import Array, GearSystem
+
+PILOTS = 9
+"""Mesh frequencies at which the number of steps is chosen."""
+ROUGH = 1e-3
+"""Of the multipliers, for integers and speeds."""
+ATTEMPTS = 3
+"""Doublings of the steps after the first choice."""
+WIDENINGS = 12
+"""Powers of four of the tolerance up to which an edge is looked for with half of the steps."""
+ENTRIES_AT_ONCE = 2**21
+"""Of the matrices of the segments of all rows that are treated together, at TYPICAL segments."""
+TYPICAL = 1024
+
+Found = TypeVar("Found")
+Limits = Callable[[Pattern], tuple[Array, Array]]
+"""The range of cycles of each row of a pattern."""
+Verdict = Callable[[Pattern], Callable[[Array, Array], Array]]
+"""For a pattern: which points (row, cycle) are stable."""
+
+
+def undamped(system: GearSystem, limits: Limits, tolerance: float, floor: float) -> Iterator[tuple[Pattern, Search]]:
+    """Patterns of all rows and their unstable intervals; the edges' brackets contain the error of the steps."""
+
+    def stable(pattern: Pattern) -> Callable[[Array, Array], Array]:
+        return lambda row, cycle: evaluate(pattern, row, cycle).stable
+
+    for division in _pieces(system):
+
+        def run(pattern: Pattern) -> Search:
+            return search(pattern, *limits(pattern), tolerance, floor)
+
+        pattern, found, error = _controlled(division, limits, tolerance, run, lambda s: s.intervals, stable)
+        yield pattern, replace(found, intervals=_widened(found.intervals, error))
+
+
+def with_damping(
+    system: GearSystem, limits: Limits, tolerance: float, floor: float
+) -> Iterator[tuple[Pattern, Pattern, Search, Search]]:
+    """(pattern, pattern without damping, its intervals of growth, intervals without damping) of all rows."""
+    free = list(_pieces(replace(system, damping=None)))
+
+    def stable(pattern: Pattern) -> Callable[[Array, Array], Array]:
+        growth = damped.Growth(pattern)
+        return lambda row, cycle: growth(row, cycle)[0] <= 0
+
+    for division in _pieces(system):
+        for other in free:
+            rows = np.intersect1d(division.rows, other.rows)
+            if len(rows) == 0:
+                continue
+            own, plain = (d.subset(np.searchsorted(d.rows, rows)) for d in (division, other))
+            guide = _resolved(plain, _resolution(plain, limits, tolerance), limits)
+
+            def run(pattern: Pattern, guide: Pattern = guide) -> tuple[Search, Search]:
+                return damped.search(pattern, guide, *limits(pattern), tolerance, floor)
+
+            pattern, found, error = _controlled(own, limits, tolerance, run, lambda s: s[0].intervals, stable)
+            yield pattern, guide, replace(found[0], intervals=_widened(found[0].intervals, error)), found[1]
+
+
+def _pieces(system: GearSystem) -> Iterator[Division]:
+    """All rows, as many at once as fit in memory."""
+    for division in divisions(system):
+        step = max(1, ENTRIES_AT_ONCE // (TYPICAL * max(1, division.elastic.static.shape[-1]) ** 2))
+        for begin in range(0, len(division.rows), step):
+            yield division.subset(np.arange(begin, min(begin + step, len(division.rows))))
+
+
+def _controlled(
+    division: Division,
+    limits: Limits,
+    tolerance: float,
+    run: Callable[[Pattern], Found],
+    intervals: Callable[[Found], list[Interval]],
+    stable: Verdict,
+) -> tuple[Pattern, Found, Array]:
+    """The pattern, what ``run`` finds on it, and the error of each interval's edges ``(I, 2)``, relative."""
+    if division.constant.all():
+        pattern = division.pattern(CF6_5, 0)
+        found = run(pattern)
+        return pattern, found, np.zeros((len(intervals(found)), 2))
+    resolution = _resolution(division, limits, tolerance)
+    for attempt in range(ATTEMPTS + 1):
+        pattern = _resolved(division, resolution, limits)
+        found = run(pattern)
+        half = stable(_resolved(division, resolution - 2, limits))
+        error = _edge_errors(intervals(found), half, tolerance)
+        if np.all(error <= tolerance) or attempt == ATTEMPTS:
+            break
+        resolution += 2
+    return pattern, found, error
+
+
+def _pilots(division: Division, limits: Limits) -> Array:
+    """``(r, PILOTS)``, mesh frequencies in the division's units."""
+    low, high = limits(division.pattern(CF4_2, 0))
+    return 1 / np.geomspace(low, high, PILOTS, axis=1)
+
+
+def _resolution(division: Division, limits: Limits, tolerance: float) -> int:
+    """That of CF6:5 at which the multipliers are likely to be right to pi times the tolerance."""
+    if division.constant.all():
+        return 2
+    omega = _pilots(division, limits)
+    return int(first(Ladder(division, CF6_5), omega, _decay(division, omega), np.pi * tolerance).max())
+
+
+def _decay(division: Division, omega: Array) -> Array:
+    """Uniform decay a period."""
+    return division.elastic.shift[:, None] * (2 * np.pi * division.cycles / omega)
+
+
+def _resolved(division: Division, resolution: int, limits: Limits) -> Pattern:
+    """Many segments for the matrices, few for the rest."""
+    if division.constant.all():
+        return division.pattern(CF6_5, 0)
+    fine = division.pattern(CF6_5, resolution)
+    omega = _pilots(division, limits)
+    right, rough = scan(fine, omega), 0
+    few = division.pattern(CF4_2, rough)
+    while len(few.states) < len(fine.states):
+        if np.all(difference(right, scan(few, omega), _decay(division, omega))[0] < ROUGH):
+            break
+        rough += 1
+        few = division.pattern(CF4_2, rough)
+    return Resolved(**_fields_of(few), fine=fine)
+
+
+def _fields_of(pattern: Pattern) -> dict[str, Any]:
+    """The fields of a pattern."""
+    return {name: getattr(pattern, name) for name in Pattern.__dataclass_fields__}
+
+
+def _edge_errors(intervals: list[Interval], stable: Callable[[Array, Array], Array], tolerance: float) -> Array:
+    """``(I, 2)``: SAFETY/(2^p - 1) times the distance within which half of the steps have each edge, relative; 0 for
+    the ends of the range.
+    """
+    edges = [
+        (k, side, edge, 1.0 if side else -1.0, 0.4 * (i.stop - i.start) / edge)
+        for k, i in enumerate(intervals)
+        for side, edge in enumerate((i.start, i.stop))
+        if not i.cut[side]
+    ]
+    error = np.zeros((len(intervals), 2))
+    if not edges:
+        return error
+    index, side, edge, outwards, room = (np.array(part) for part in zip(*edges, strict=True))
+    row = np.array([intervals[k].row for k in index.astype(int)], dtype=int)
+    distance = np.full(len(edge), np.inf)
+    for power in range(WIDENINGS):
+        left = np.flatnonzero(np.isinf(distance))
+        if len(left) == 0:
+            break
+        reach = tolerance * 4.0**power
+        beyond = edge[left] * (1 + outwards[left] * reach)
+        inside = edge[left] * (1 - outwards[left] * np.minimum(reach, room[left]))
+        both = stable(np.concatenate([row[left]] * 2), np.concatenate([beyond, inside])).reshape(2, -1)
+        distance[left[both[0] & ~both[1]]] = reach
+    error[index.astype(int), side.astype(int)] = SAFETY / (2**CF6_5.order - 1) * distance
+    return error
+
+
+def _widened(intervals: list[Interval], error: Array) -> list[Interval]:
+    """With the errors added to the brackets' halves."""
+    result = []
+    for i, (below, above) in zip(intervals, error, strict=True):
+        brackets = (i.error[0] + 2 * below * i.start, i.error[1] + 2 * above * i.stop)
+        result.append(replace(i, error=brackets))
+    return result

@@ -1,0 +1,92 @@
+"""Which way through many mesh frequencies: what the exact one costs, and what ``auto`` makes of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gearstab.floquet.magnus import sampled
+from gearstab.floquet.segments import Pattern, prepare, window
+from gearstab.system import GearSystem
+
+COMMON_PERIOD, PER_MESH, LYAPUNOV = "common_period", "per_mesh", "lyapunov"
+WAYS = (COMMON_PERIOD, PER_MESH, LYAPUNOV)
+AFFORDABLE = 20_000
+"""Segments of a common period up to which it is the automatic choice: some 7 ms a point of 12 coordinates."""
+SAMPLE = 50
+"""Periods of the slowest mesh that stand for a system without an affordable common period."""
+
+
+@dataclass(frozen=True)
+class Period:
+    """What a common period consists of.
+
+    cycles: N, it is N 2 pi/Omega. mesh_cycles: of each mesh. segments: of constant (or analytic) stiffness, at most.
+    """
+
+    cycles: float
+    mesh_cycles: tuple[int, ...]
+    segments: int
+
+
+def common_period(system: GearSystem) -> Period | None:
+    """The common period of all that varies, without building it; None where there is none."""
+    if not system.commensurate:
+        return None
+    cycles, counts = system.common_period()
+    return Period(float(cycles), counts, round(float(cycles) * segments_a_cycle(system)))
+
+
+def segments_a_cycle(system: GearSystem) -> float:
+    """How many segments there are in 2 pi/Omega on average, at most."""
+    breaks = [mesh.waveform.breakpoints().shape[-1] for mesh in system.meshes]
+    breaks += [sum(profile.breakpoints().shape[-1] for profile in term.profiles) for term in system.terms]
+    return sum(float(ratio) * max(1, b) for ratio, b in zip(system.frequency_ratios, breaks, strict=True))
+
+
+def sample(system: GearSystem) -> Pattern:
+    """A single system over its common period or, where there is no affordable one, over a window."""
+    period = common_period(system)
+    if period is not None and period.segments <= AFFORDABLE:
+        return prepare(system)[0] if system.piecewise_constant else sampled(system)
+    return window(system, SAMPLE / min(float(ratio) for ratio in system.frequency_ratios))[0]
+
+
+def chosen(system: GearSystem, asked: str, affordable: int = AFFORDABLE) -> str:
+    """The way that is taken where ``asked`` is one of WAYS or ``auto``.
+
+    ``auto`` is the common period while it has at most ``affordable`` segments; else one frequency at a time where only
+    one varies, which is exact, or where the stiffness is not piecewise constant; else the Lyapunov exponent. Raises
+    ValueError where there is no such way.
+    """
+    period = common_period(system)
+    if asked == COMMON_PERIOD and period is None:
+        raise ValueError("mesh frequencies of irrational ratio have no common period; choose per_mesh or lyapunov")
+    smooth = not system.piecewise_constant or bool(system.terms)
+    if asked == LYAPUNOV and smooth:
+        raise ValueError("lyapunov needs mesh stiffnesses that are piecewise constant; choose per_mesh")
+    if asked != "auto":
+        return asked
+    if period is not None and period.segments <= affordable:
+        return COMMON_PERIOD
+    return PER_MESH if smooth or varying(system) < 2 else LYAPUNOV
+
+
+def varying(system: GearSystem) -> int:
+    """How many frequencies vary anything."""
+    moving = [mesh.frequency_ratio for mesh in system.meshes if np.any(mesh.epsilon)]
+    return len(set(moving + [term.frequency_ratio for term in system.terms]))
+
+
+def reason(system: GearSystem, asked: str, affordable: int = AFFORDABLE) -> str:
+    """In a line: which way is taken and why, for instance "lyapunov (no common period)"."""
+    way, period = chosen(system, asked, affordable), common_period(system)
+    if asked == "auto" and way == PER_MESH and varying(system) < 2:
+        return f"{way} (a single mesh frequency varies)"
+    if period is None:
+        return f"{way} (the mesh frequencies have no common period)"
+    cycles = " + ".join(f"{count:,}" for count in dict.fromkeys(period.mesh_cycles))
+    what = f"a common period of {cycles} mesh cycles with {period.segments:,} segments"
+    limit = f", more than {affordable:,}" if asked == "auto" and way != COMMON_PERIOD else ""
+    return f"{way} ({what}{limit})"

@@ -1,0 +1,168 @@
+"""The largest Lyapunov exponent: what the growth rate becomes where mesh frequencies have no (short) common period.
+
+    lambda = lim_(t -> inf) ln |x(t)| / t        for almost every start x(0)
+
+is the largest real part of the characteristic exponents where there is a common period, and exists as well where there
+is none (Oseledets 1968). A few start vectors are carried through the exact propagators between the switching times of
+all meshes and rescaled as they grow (Benettin et al. 1980). The increments of ln |x| are averaged with the weight
+
+    exp(-1/(s (1 - s))),   s = t/T in (0, 1),
+
+which for quasi-periodic motion converges faster than any power of 1/T instead of as 1/T (Das, Saiki, Sander & Yorke
+2017). The same average over each of BATCHES equal parts of the window gives the confidence interval (batch means).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+
+import numpy as np
+
+from gearstab.floquet import damped
+from gearstab.floquet.blocks import Block, split
+from gearstab.floquet.frequencies.propagation import sizes
+from gearstab.floquet.frequencies.result import ManyFrequencies
+from gearstab.floquet.segments import Pattern, window
+from gearstab.floquet.status import STATUS_FLAGS
+from gearstab.system import Array, GearSystem
+
+BURN_IN = 0.21421356
+"""Part of the window in which the vectors turn towards the fastest solution; it does not count. Parts of what is left
+are no whole numbers of periods, which would make all batches alike."""
+BATCHES = 16
+RECORDS = 16
+"""Of the size, in a part of the window as long as a batch."""
+RECORDED = round(BATCHES * RECORDS / (1 - BURN_IN))
+DRIFTS = 2.0
+"""Where ln |x| approaches lambda t + ln t, as with a defective multiplier, the halves differ by 3/4 of the error."""
+POINTS_AT_ONCE = 2048
+"""Mesh frequencies carried side by side."""
+
+
+def solve(
+    system: GearSystem, mesh_frequency: Array, cycles: float = 500, confidence: float = 0.95, seed: int = 0
+) -> ManyFrequencies:
+    """The largest Lyapunov exponent of every row of a system at every mesh frequency of the first mesh.
+
+    A conservative row cannot decay: it counts as stable, with growth rate 0, where its growth is within the interval.
+    A damped one is decided by the sign of the estimate; where the interval contains 0 the status says ``undecided``.
+
+    Parameters
+    ----------
+    system: any batch shape, piecewise constant; ratios of the mesh frequencies as they are, rational or not.
+    mesh_frequency: Omega, ``(P,)`` for all rows or ``(rows, P)``.
+    cycles: length of the window in periods of the slowest mesh.
+    confidence: of the interval.
+    seed: of the start vectors.
+
+    Raises ValueError for a system that is not piecewise constant or has periodic terms besides its meshes.
+    """
+    if not system.piecewise_constant or system.terms:
+        raise ValueError("Lyapunov exponents need mesh stiffnesses that are piecewise constant, and no other terms")
+    rows = int(np.prod(system.batch, dtype=int))
+    omega = np.atleast_1d(np.asarray(mesh_frequency, dtype=float))
+    omega = np.broadcast_to(omega, (rows, omega.shape[-1]))
+    growth, upper, lower = (np.full(omega.shape, -np.inf) for _ in range(3))
+    status = np.zeros(omega.shape, dtype=np.int16)
+    conservative = np.ones((rows, 1), dtype=bool)
+    for pattern in window(system, length(system, cycles)):
+        conservative[pattern.rows] = (pattern.elastic.damping is None) & (pattern.elastic.shift == 0)[:, None]
+        for block in split(pattern):
+            for r, row in enumerate(block.pattern.rows):
+                value, half = _block(block, r, omega[row], confidence, seed)
+                growth[row] = np.maximum(growth[row], value)
+                upper[row] = np.maximum(upper[row], value + half)
+                lower[row] = np.maximum(lower[row], value - half)
+                if np.any(block.pattern.stiffness_below_zero[r]):
+                    status[row] |= STATUS_FLAGS["negative_stiffness"]
+    return _decided(growth, upper, lower, status, conservative)
+
+
+def length(system: GearSystem, cycles: float) -> float:
+    """The window in periods 2 pi/Omega: ``cycles`` periods of the slowest mesh."""
+    return cycles / min(float(ratio) for ratio in system.frequency_ratios)
+
+
+def _decided(growth: Array, upper: Array, lower: Array, status: Array, conservative: Array) -> ManyFrequencies:
+    failed = ~np.isfinite(growth)
+    interval = np.maximum(upper - growth, growth - lower)
+    still = conservative & (lower <= 0)
+    growth = np.where(still, 0.0, growth)
+    stable = (growth <= 0).astype(np.int8)
+    status |= STATUS_FLAGS["lyapunov"]
+    status[~conservative & (np.abs(growth) <= interval)] |= STATUS_FLAGS["undecided"]
+    stable[failed] = -1
+    status[failed] |= STATUS_FLAGS["failed"]
+    growth[failed], interval[failed] = np.nan, np.nan
+    return ManyFrequencies(growth, stable, status, interval)
+
+
+def _block(block: Block, r: int, omega: Array, confidence: float, seed: int) -> tuple[Array, Array]:
+    """(growth rate, half-width) ``(P,)`` of one row of a block, in the system's own units of time."""
+    pattern = block.pattern.row(r)
+    elastic = pattern.elastic
+    rate, shift = float(elastic.rate[0]), float(elastic.shift[0])
+    if pattern.size == 0 or block.constant:
+        value = _constant(pattern)
+        return np.full(omega.shape, rate * value), np.zeros(omega.shape)
+    found = np.empty((2, len(omega)))
+    for i in range(0, len(omega), POINTS_AT_ONCE):
+        part = slice(i, i + POINTS_AT_ONCE)
+        own = omega[part] / rate
+        times, logs = sizes(pattern, own, RECORDED, seed)
+        found[:, part] = estimate(times[:, None] * 2 * np.pi * pattern.cycles / own, logs, confidence)
+    # The growth of a conservative system, before any uniform damping, is never negative.
+    if elastic.damping is None:
+        found[0] = np.where(found[0] <= found[1], 0.0, found[0])
+    return rate * (found[0] - shift), rate * found[1]
+
+
+def _constant(pattern: Pattern) -> float:
+    """The growth rate of a block whose stiffness does not vary; that of no coordinates is -inf."""
+    if pattern.elastic.damping is not None:
+        return float(damped.generators(pattern, pattern.elastic.damping).eigen[0].real.max(initial=-np.inf))
+    if pattern.size == 0:
+        return -np.inf
+    unstable = np.sqrt(np.maximum(-pattern.squared_frequency, 0.0)).max()
+    return float(unstable - pattern.elastic.shift[0])
+
+
+def estimate(times: Array, logs: Array, confidence: float) -> Array:
+    """``(2, P)``: the exponent and the half-width of its interval.
+
+    times, logs: ``(R + 1, P)``, ln |x| at times over the whole window, the burn-in included.
+
+    The half-width is the largest of three: Student's for the means of the batches; DRIFTS times the distance between
+    the two halves of the window, for vectors that are still turning; and the distance to a cruder average.
+    """
+    from scipy.stats import t as student  # takes longer to load than a small sweep to run
+
+    begin, end = times[0] + BURN_IN * (times[-1] - times[0]), times[-1]
+    edges = begin + (end - begin) * np.linspace(0.0, 1.0, BATCHES + 1)[:, None]
+    means = np.stack([average(times, logs, a, b) for a, b in pairwise(edges)])
+    value = average(times, logs, begin, end)
+    middle = 0.5 * (begin + end)
+    drift = np.abs(average(times, logs, begin, middle) - average(times, logs, middle, end))
+    spread = means.std(axis=0, ddof=1) / np.sqrt(BATCHES) * student.ppf(0.5 + confidence / 2, BATCHES - 1)
+    other = np.abs(value - average(times, logs, begin, end, hann))
+    return np.stack([value, np.max([spread, DRIFTS * drift, other], axis=0)])
+
+
+def bump(s: Array) -> Array:
+    """exp(-1/(s (1 - s)))."""
+    return np.exp(-1 / (s * (1 - s)))
+
+
+def hann(s: Array) -> Array:
+    """sin^2(pi s), whose averages converge as 1/T^3 only."""
+    return np.sin(np.pi * s) ** 2
+
+
+def average(times: Array, logs: Array, begin: Array, end: Array, shape: Callable[[Array], Array] = bump) -> Array:
+    """``(P,)``, the weighted mean of d ln|x|/dt between two times ``(P,)``."""
+    s = (0.5 * (times[1:] + times[:-1]) - begin) / (end - begin)
+    inside = (s > 0) & (s < 1)
+    weight = np.where(inside, shape(np.where(inside, s, 0.5)), 0.0)
+    result: Array = (weight * np.diff(logs, axis=0)).sum(axis=0) / (weight * np.diff(times, axis=0)).sum(axis=0)
+    return result

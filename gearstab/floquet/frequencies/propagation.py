@@ -1,0 +1,176 @@
+"""Vectors carried along a window of time: the size of a solution of a block of coordinates, recorded again and again.
+
+The order of the segments does not depend on the mesh frequency, so that all mesh frequencies go through them side by
+side, each with its own durations.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Protocol
+
+import numpy as np
+
+from gearstab.floquet import damped
+from gearstab.floquet.numpy_kernel import rotation
+from gearstab.floquet.segments import Pattern
+from gearstab.system import Array
+
+SOFTEST = 1e-6
+"""Stiffness below this part of the largest counts as this in the size of a state, which must be a norm."""
+VECTORS = 8
+"""Solutions carried side by side."""
+ADMIXTURE = 0.01
+"""Of random vectors to the start."""
+
+
+class Carrier(Protocol):
+    """Vectors in the coordinates of one state after another."""
+
+    def step(self, segment: int) -> Array:
+        """Through a segment, into the coordinates of the next; the logarithm ``(P,)`` of what was taken out."""
+        ...
+
+    def state(self, segment: int) -> Array:
+        """``(m, k, P)``, (u, u', ...) in the elastic coordinates, given the segment whose coordinates are in use."""
+        ...
+
+    def divide(self, size: Array) -> None:
+        """Divide all vectors by ``(P,)``."""
+        ...
+
+
+class Conservative:
+    """Rotations in the modes of each state."""
+
+    def __init__(self, pattern: Pattern, omega: Array, start: Array) -> None:
+        self._pattern, self._inverse = pattern, pattern.cycles / omega
+        n = pattern.size
+        modes = pattern.modes[0, pattern.states[0]]
+        self._x = np.repeat((modes.T @ start.reshape(2, n, -1))[..., None], len(omega), axis=-1)
+
+    def step(self, segment: int) -> Array:
+        pattern, x = self._pattern, self._x
+        squared = pattern.squared_frequency[0, pattern.states[segment]]
+        terms, growth = rotation(squared, pattern.fractions[0, segment], self._inverse)
+        cosine, over, times = terms[:, :, None, :]
+        moved = np.empty_like(x)
+        moved[0] = cosine * x[0] + over * x[1]
+        moved[1] = times * x[0] + cosine * x[1]
+        if segment + 1 < len(pattern.states):
+            moved = np.matmul(pattern.change(segment)[0], moved.reshape(*x.shape[:2], -1)).reshape(x.shape)
+        self._x = moved
+        return growth
+
+    def state(self, segment: int) -> Array:
+        modes = self._pattern.modes[0, self._pattern.states[segment]]
+        x = self._x
+        return np.matmul(modes, x.reshape(*x.shape[:2], -1)).reshape(-1, *x.shape[2:])
+
+    def divide(self, size: Array) -> None:
+        self._x /= size
+
+
+class Damped:
+    """Damped rotations in the real modal coordinates of each state."""
+
+    def __init__(self, pattern: Pattern, omega: Array, start: Array) -> None:
+        assert pattern.elastic.damping is not None
+        self._pattern = pattern
+        self._omega = omega
+        self._generator = damped.generators(pattern, pattern.elastic.damping)
+        self._modal = bool(self._generator.well_conditioned[0])
+        self._z = np.repeat(start[..., None], len(omega), axis=-1)
+        if self._modal:
+            self._values, self._basis, inverse = (part[0] for part in self._generator.real_modes)
+            partner = np.arange(self._values.shape[-1]) + np.sign(self._values.imag).astype(int)
+            self._partner = partner
+            self._distinct, self._index = pattern.pairs(inverse[None], self._basis[None])
+            self._z = np.tensordot(inverse[pattern.states[0]], self._z, axes=1)
+
+    def step(self, segment: int) -> Array:
+        pattern = self._pattern
+        state = int(pattern.states[segment])
+        duration = pattern.fractions[0, segment] * 2 * np.pi * pattern.cycles / self._omega
+        if not self._modal:
+            factor = damped.exponential(self._generator, 0, state, duration)
+            self._z = np.einsum("pij,jkp->ikp", factor, self._z)
+            return self._generator.eigen[0][0, state].real.max() * duration
+        values, z = self._values[state], self._z
+        fastest = values.real.max()
+        decay = np.exp((values.real - fastest)[:, None] * duration)[:, None]
+        angle = (values.imag[:, None] * duration)[:, None]
+        z = decay * (np.cos(angle) * z + np.sin(angle) * z[self._partner[state]])
+        if segment + 1 < len(pattern.states):
+            z = np.matmul(self._distinct[0, self._index[segment]], z.reshape(len(z), -1)).reshape(z.shape)
+        self._z = z
+        return fastest * duration
+
+    def state(self, segment: int) -> Array:
+        return np.tensordot(self._basis[self._pattern.states[segment]], self._z, axes=1) if self._modal else self._z
+
+    def divide(self, size: Array) -> None:
+        self._z /= size
+
+
+def carrier(pattern: Pattern, omega: Array, start: Array) -> Carrier:
+    """Vectors ``(m, k)`` at the beginning of a pattern of one row, at mesh frequencies ``(P,)`` in its units."""
+    return (Conservative if pattern.elastic.damping is None else Damped)(pattern, omega, start)
+
+
+def state_size(pattern: Pattern) -> int:
+    """m, the length of (u, u') and of the velocities of rigid-body modes that damping couples to them."""
+    drag = pattern.elastic.rigid_damping
+    return 2 * pattern.size + (0 if drag is None else drag.shape[1])
+
+
+def weights(pattern: Pattern) -> Array:
+    """``(m,)``, W: |W x| is the square root of twice the energy of x in the springs of the mean state, about."""
+    stiffness = np.einsum("dii->di", pattern.stiffness[0]).mean(axis=0)
+    result = np.ones(state_size(pattern))
+    result[: pattern.size] = np.sqrt(np.maximum(stiffness, SOFTEST * max(float(np.abs(stiffness).max()), 1e-300)))
+    return result
+
+
+def frame(pattern: Pattern, seed: int) -> Array:
+    """``(m, k)``: where the vectors start, orthonormal in the norm |W x|.
+
+    Of a damped system they are the slowest to decay with constant mean stiffness: two vectors of which one decays a
+    little faster than the other would take long to tell apart. ADMIXTURE makes sure that no solution is left out.
+    """
+    w, size = weights(pattern)[:, None], state_size(pattern)
+    random = np.random.default_rng(seed).standard_normal((size, min(size, VECTORS)))
+    damping = pattern.elastic.damping
+    if damping is not None and size > VECTORS:
+        mean = np.einsum("s,sij->ij", pattern.fractions[0], pattern.stiffness[0, pattern.states])
+        still = replace(pattern, stiffness=mean[None, None])
+        values, vectors, _ = (part[0, 0] for part in damped.generators(still, damping).eigen)
+        order = np.argsort(-values.real)
+        chosen = [k for k in order if values[k].imag >= 0][:VECTORS]
+        parts = [part for k in chosen for part in (vectors[:, k].real, vectors[:, k].imag)[: 1 + (values[k].imag > 0)]]
+        slowest = w * np.stack(parts[:VECTORS], axis=-1)
+        random = slowest / np.linalg.norm(slowest, axis=0) + ADMIXTURE * random / np.sqrt(size)
+    return np.linalg.qr(random)[0] / w
+
+
+def sizes(pattern: Pattern, omega: Array, records: int, seed: int) -> tuple[Array, Array]:
+    """(parts of the window ``(R + 1,)``, ln of the growth up to there ``(R + 1, P)``) of a pattern of one row.
+
+    The growth is the largest of |W x(t)|/|W x(0)| over all solutions that start in the span of the :func:`frame`.
+    """
+    w = weights(pattern)[:, None, None]
+    moving = carrier(pattern, omega, frame(pattern, seed))
+    count = len(pattern.states)
+    ends = np.unique(np.linspace(0, count, min(records, count) + 1).astype(int))[1:]
+    times = np.concatenate([[0.0], np.cumsum(pattern.fractions[0])[ends - 1]])
+    logs = np.zeros((len(times), len(omega)))
+    total = np.zeros(len(omega))
+    for r, (first, last) in enumerate(zip([0, *ends[:-1]], ends, strict=True)):
+        for segment in range(first, last):
+            total += moving.step(segment)
+        found = np.moveaxis(w * moving.state(min(last, count - 1)), -1, 0)
+        size = np.sqrt(np.linalg.eigvalsh(np.swapaxes(found, -1, -2) @ found)[:, -1])
+        moving.divide(size)
+        total += np.log(size)
+        logs[r + 1] = total
+    return times, logs

@@ -1,0 +1,5 @@
+"""Floquet analysis of systems whose periodic K(t) and C(t) need not be symmetric: friction, varying damping."""
+
+from gearstab.floquet.general.solve import Analysis, analyse
+
+__all__ = ["Analysis", "analyse"]

@@ -1,0 +1,106 @@
+"""The first-order system of one row without its rigid-body motion.
+
+In the modes of the mean system the state is x = (u, u', b): elastic coordinates, their velocities, and the velocities
+of those rigid-body modes that damping couples back to the elastic ones. A rigid-body mode r deflects nothing,
+K(t) r = 0, so that its position never enters; where C(t) r = 0 too its velocity does not either, and the other
+multipliers are exactly those of (u, u'), although friction may drive r: the monodromy matrix is block triangular.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gearstab.floquet.reduction import rigid_modes
+from gearstab.modal import mean_modes
+from gearstab.system import Array, GearSystem
+
+STILL = 1e-11
+"""Couplings to a rigid-body mode below this part of the largest one are rounding."""
+
+
+@dataclass(frozen=True)
+class Generator:
+    """x' = [constant + sum_j f_j(t) parts_j] x of one row, time in units of 1/rate.
+
+    constant: ``(m, m)``.  parts: ``(J, m, m)``, one a profile, in the order of :func:`profiles_of`.
+    damped: whether anything dissipates or feeds through velocities.
+    rigid_exponents: number of exponents that are 0 because of rigid-body modes.
+    """
+
+    constant: Array
+    parts: Array
+    rate: float
+    damped: bool
+    rigid_exponents: int
+
+
+@dataclass(frozen=True)
+class _Modal:
+    """Modal matrices of one row; each of ``parts`` is (kind, matrix), kind 0 for stiffness and 1 for damping."""
+
+    stiffness: Array
+    damping: Array
+    parts: list[tuple[int, Array]]
+
+
+def generators(system: GearSystem) -> list[Generator]:
+    """Those of all rows of the flattened batch."""
+    rows = int(np.prod(system.batch, dtype=int))
+    n = system.size
+
+    def full(values: Array, core: int) -> Array:
+        values = np.asarray(values, dtype=float)
+        tail = values.shape[values.ndim - core :]
+        return np.broadcast_to(values, (*system.batch, *tail)).reshape(rows, *tail)
+
+    modes = mean_modes(system)
+    shapes = full(modes.shapes, 2)
+    back = np.swapaxes(shapes, -1, -2)
+    squared = full(modes.squared_frequency, 1)
+    deflection = np.swapaxes(full(modes.mesh_deflection, 2), -1, -2)
+    rigid = rigid_modes(squared, deflection)
+    rate = np.sqrt(np.maximum(np.abs(squared).mean(axis=-1), np.finfo(float).tiny))
+    damping = np.zeros((rows, n, n)) if system.damping is None else back @ full(system.damping, 2) @ shapes
+    static = back @ full(system.stiffness, 2) @ shapes
+    outer = [(0, deflection[:, i, :, None] * deflection[:, i, None, :]) for i in range(len(system.meshes))]
+    for term in system.terms:
+        u, v = (np.einsum("rnp,rn->rp", shapes, full(end, 1)) for end in (term.left, term.right))
+        kinds = [kind for kind, profile in enumerate((term.stiffness, term.damping)) if profile is not None]
+        outer += [(kind, u[:, :, None] * v[:, None, :]) for kind in kinds]
+    found = []
+    for r in range(rows):
+        modal = _Modal(static[r], damping[r], [(kind, matrix[r]) for kind, matrix in outer])
+        found.append(_generator(modal, rigid[r], float(rate[r])))
+    return found
+
+
+def _generator(modal: _Modal, rigid: Array, rate: float) -> Generator:
+    def moved(matrices: list[Array]) -> Array:
+        """Which modes these matrices act on."""
+        if not matrices:
+            return np.zeros(len(rigid), dtype=bool)
+        columns = np.max([np.abs(matrix).max(axis=0) for matrix in matrices], axis=0)
+        return np.asarray(columns > STILL * columns.max(initial=0.0))
+
+    drag = [modal.damping, *(matrix for kind, matrix in modal.parts if kind == 1)]
+    rigid = rigid & ~moved([matrix for kind, matrix in modal.parts if kind == 0])
+    elastic = np.flatnonzero(~rigid)
+    coupled = np.flatnonzero(rigid & moved(drag))
+    n, k = len(elastic), len(coupled)
+    velocities = np.concatenate([elastic, coupled])
+
+    def state(kind: int, matrix: Array) -> Array:
+        """-matrix where it acts: on positions (kind 0) or on velocities (kind 1)."""
+        whole = np.zeros((2 * n + k, 2 * n + k))
+        columns, at = (velocities, slice(n, None)) if kind else (elastic, slice(0, n))
+        whole[n:, at] = -matrix[np.ix_(velocities, columns)] / rate ** (2 - kind)
+        return whole
+
+    constant = state(0, modal.stiffness) + state(1, modal.damping)
+    constant[:n, n : 2 * n] = np.eye(n)
+    parts = [state(kind, matrix) for kind, matrix in modal.parts]
+    stacked = np.array(parts) if parts else np.zeros((0, *constant.shape))
+    damped = any(np.any(matrix) for matrix in drag)
+    return Generator(constant, stacked, rate, damped, 2 * int(rigid.sum()) - k)

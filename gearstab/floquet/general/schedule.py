@@ -1,0 +1,93 @@
+"""When what changes: the intervals of a common period in which everything is smooth, and their division into steps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gearstab.system import Array, GearSystem, Mesh, PeriodicTerm
+from gearstab.waveforms import Profile
+
+MERGED = 2e-15
+"""Edges closer than this part of the common period are one edge but for rounding; what lies between is left out."""
+
+
+@dataclass(frozen=True)
+class Source:
+    """A function of time: profile(cycles tau - lag), tau being the part of the common period that has passed.
+
+    profile and lag of any batch; ``scale`` and ``offset``: what is added to the generator is offset + scale profile.
+    """
+
+    profile: Profile
+    cycles: int
+    lag: Array
+    offset: Array
+    scale: Array
+
+
+def sources(system: GearSystem) -> list[Source]:
+    """Of the mesh stiffnesses, then of all profiles of the terms."""
+    counts = system.common_period()[1]
+    meshes = len(system.meshes)
+    found = [_of_mesh(mesh, count) for mesh, count in zip(system.meshes, counts[:meshes], strict=True)]
+    for term, count in zip(system.terms, counts[meshes:], strict=True):
+        found += _of_term(term, count)
+    return found
+
+
+def _of_mesh(mesh: Mesh, count: int) -> Source:
+    return Source(mesh.waveform, count, np.asarray(mesh.lag), np.asarray(mesh.mean_stiffness), 2 * mesh.amplitude)
+
+
+def _of_term(term: PeriodicTerm, count: int) -> list[Source]:
+    lag, zero, one = np.asarray(term.lag), np.zeros(()), np.ones(())
+    return [Source(profile, count, lag, zero, one) for profile in term.profiles]
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """The smooth intervals of all rows: ``edges (rows, S + 1)`` in parts of the common period, from 0 to 1."""
+
+    found: list[Source]
+    batch: tuple[int, ...]
+    edges: Array
+
+    @property
+    def lengths(self) -> Array:
+        """``(rows, S)``; 0 where edges coincide."""
+        return np.diff(self.edges, axis=1)
+
+    def values(self, tau: Array) -> Array:
+        """``(rows, X, J)``: all functions at the times ``tau (rows, X)``, which should not be on an edge."""
+        rows, count = tau.shape
+        result = np.empty((rows, count, len(self.found)))
+        shaped = np.moveaxis(tau.reshape(*self.batch, count), -1, 0)
+        for j, source in enumerate(self.found):
+            f = source.offset + source.scale * source.profile.value(source.cycles * shaped - source.lag)
+            f = np.broadcast_to(f, (count, *self.batch))
+            result[:, :, j] = np.moveaxis(f, 0, -1).reshape(rows, count)
+        return result
+
+
+def schedule(system: GearSystem) -> Schedule:
+    """Cut the common period of every row at all jumps and kinks."""
+    return divided(sources(system), system.batch)
+
+
+def divided(found: list[Source], batch: tuple[int, ...]) -> Schedule:
+    """The same for any functions of one common period, of the parameters of a batch."""
+    rows = int(np.prod(batch, dtype=int))
+    cuts = [np.zeros((rows, 1)), np.ones((rows, 1))]
+    for source in found:
+        points = source.profile.breakpoints()
+        width = points.shape[-1]
+        at = np.broadcast_to(points + source.lag[..., None], (*batch, width)).reshape(rows, width)
+        at = ((at[:, :, None] + np.arange(source.cycles)) / source.cycles).reshape(rows, -1)
+        cuts.append(at - np.floor(at))
+    edges = np.sort(np.concatenate(cuts, axis=1), axis=1)
+    close = np.diff(edges, axis=1) < MERGED
+    edges[:, 1:] = np.where(close, edges[:, :-1], edges[:, 1:])
+    edges[:, -1] = 1.0
+    return Schedule(found, batch, edges)

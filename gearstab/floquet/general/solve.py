@@ -1,0 +1,231 @@
+"""Multipliers of x' = A(t) x for a batch of rows and mesh frequencies, to a requested tolerance.
+
+Piecewise constant A: exact products of exponentials. Otherwise sixth-order Magnus steps that begin and end at all jumps
+and kinks; every point is computed with some number of steps and with twice as many, and the difference is its error
+estimate; points whose estimate exceeds the tolerance are computed again with more.
+
+Nothing here is symplectic: a multiplier on the unit circle is there within rounding only. What the small multipliers of
+a strongly damped period are is known to eps times the largest one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from gearstab.floquet.general.coordinates import Generator, generators
+from gearstab.floquet.general.exponential import expm
+from gearstab.floquet.general.magnus import NODES, ORDER, exponent, polynomial
+from gearstab.floquet.general.schedule import Schedule, schedule
+from gearstab.system import Array, GearSystem
+
+FINEST = 14
+"""Doublings of the first number of steps (about one a radian of the fastest mode) that are tried at most: 2^14."""
+SAFETY = 4.0
+"""The estimate is this times |difference| / (2^6 - 1), the remainder of a method of order six that has converged."""
+ROUNDING = 3e-16
+"""Relative error of a step, by which the estimate is never smaller than that of all steps."""
+ON_CIRCLE = 1e-7
+"""Growth a period below which a system without damping counts as stable: a double multiplier on the unit circle is
+known to the square root of the rounding error."""
+DAMPED_ON_CIRCLE = 1e-10
+"""The same for a damped system, whose multipliers lie inside."""
+ENTRIES_AT_ONCE = 2**21
+"""Of the matrices of the points that are treated together: 16 MB."""
+PROBES = (0.0917, 0.2713, 0.5, 0.6181, 0.9421)
+"""Where a smooth interval is looked at to see whether all is constant there."""
+
+
+@dataclass(frozen=True)
+class Analysis:
+    """growth_rate ``(rows, P)``, 1/time.  stable ``(rows, P)`` int8; -1 without a finite result.
+    error ``(rows, P)``: estimated error of the multipliers, relative to the largest one or 1.
+    converged ``(rows, P)`` bool: whether that is within the tolerance.
+    exponents ``(rows, P, 2n)`` complex or None, as of the exact solver.
+    """
+
+    growth_rate: Array
+    stable: Array
+    error: Array
+    converged: Array
+    exponents: Array | None
+
+
+def analyse(system: GearSystem, mesh_frequency: Array, exponents: bool = False, tolerance: float = 1e-9) -> Analysis:
+    """Stability of every row of any commensurate system at every mesh frequency.
+
+    Parameters
+    ----------
+    system: any batch shape; M symmetric and positive definite.
+    mesh_frequency: Omega ``(rows, P)``, rad per unit time, positive.
+    exponents: whether all characteristic exponents are wanted.
+    tolerance: of the multipliers over the common period, relative to the largest one or 1.
+
+    Raises ValueError where the mesh frequencies have no common period.
+    """
+    plan, rows = schedule(system), generators(system)
+    cycles = float(system.common_period()[0])
+    multipliers, scale, error = _multipliers(plan, rows, cycles, np.asarray(mesh_frequency, dtype=float), tolerance)
+    growth = np.full(error.shape, np.nan)
+    table = np.full((*error.shape, 2 * system.size), np.nan, dtype=complex) if exponents else None
+    stable = np.full(error.shape, -1, dtype=np.int8)
+    for r, row in enumerate(rows):
+        period = 2 * np.pi * cycles / np.asarray(mesh_frequency)[r]
+        with np.errstate(divide="ignore"):
+            logs = np.log(multipliers[r]) + scale[r][:, None]
+        largest = logs.real.max(axis=-1, initial=-np.inf)
+        known = np.isfinite(error[r])
+        growth[r, known] = (largest / period)[known]
+        threshold = np.maximum(DAMPED_ON_CIRCLE if row.damped else ON_CIRCLE, error[r])
+        stable[r, known] = (largest <= threshold)[known]
+        if table is not None:
+            table[r] = _ordered(logs / period[:, None], table.shape[-1])
+    return Analysis(growth, stable, error, error <= tolerance, table)
+
+
+def _ordered(values: Array, count: int) -> Array:
+    """Exponents ``(P, m)`` and the zeros of rigid-body modes, by descending real and imaginary part."""
+    rigid = np.zeros((len(values), count - values.shape[1]), dtype=complex)
+    every = np.concatenate([values, rigid], axis=1)
+    order = np.lexsort((-every.imag, -every.real), axis=-1)
+    return np.take_along_axis(every, order, axis=-1)
+
+
+@dataclass(frozen=True)
+class _Division:
+    """The common period cut into steps.
+
+    steps: ``(S,)``, of each smooth interval.  values: for each interval ``(rows, steps, 3, J)``, all functions at the
+    nodes of its steps.
+    """
+
+    plan: Schedule
+    steps: Array
+    values: list[Array]
+
+    @classmethod
+    def of(cls, plan: Schedule, steps: Array) -> _Division:
+        values = []
+        for s, count in enumerate(steps):
+            offsets = ((np.arange(count)[:, None] + NODES) / count).ravel()
+            f = plan.values(plan.edges[:, s, None] + plan.lengths[:, s, None] * offsets)
+            values.append(f.reshape(len(f), count, len(NODES), -1))
+        return cls(plan, steps, values)
+
+    def pieces(self, row: Generator, index: int) -> Iterator[tuple[Array, float]]:
+        """The steps of one row: their polynomials ``(5, m, m)`` and lengths in parts of the common period."""
+        for length, f in zip(self.plan.lengths[index], self.values, strict=True):
+            if length > 0:
+                matrices = row.constant + np.einsum("xkj,jab->xkab", f[index], row.parts)
+                for coefficients in polynomial(matrices):
+                    yield coefficients, float(length) / f.shape[1]
+
+
+def _multipliers(
+    plan: Schedule, rows: list[Generator], cycles: float, omega: Array, tolerance: float
+) -> tuple[list[Array], list[Array], Array]:
+    """Multipliers over exp(scale), of each row ``(P, m)`` and ``(P,)``, and the error estimates ``(rows, P)``."""
+    varies = _varying(plan)
+    points = omega.shape[1]
+    values = [np.full((points, len(row.constant)), np.nan, dtype=complex) for row in rows]
+    scale = [np.zeros(points) for _ in rows]
+    error = np.full(omega.shape, np.nan)
+    level = _first_levels(rows, plan, cycles, omega) if varies.any() else np.zeros(omega.shape, dtype=int)
+    pending = np.ones(omega.shape, dtype=bool)
+    for current in range(int(level.max(initial=0)) + FINEST + 1):
+        chosen = pending & (level <= current)
+        if not chosen.any():
+            continue
+        coarse = _steps(plan, varies, 2**current)
+        both = _Division.of(plan, coarse), _Division.of(plan, np.where(varies, 2 * coarse, 1))
+        for r in np.flatnonzero(chosen.any(axis=1)):
+            members = np.flatnonzero(chosen[r])
+            found = _compared(rows[r], int(r), both, 2 * np.pi * cycles / omega[r, members])
+            values[r][members], scale[r][members], error[r, members] = found
+            more = (current < level[r, members] + FINEST) & (found[2] > 4 * ROUNDING * both[1].steps.sum())
+            pending[r, members] = (found[2] > tolerance) & more
+    return values, scale, error
+
+
+def _first_levels(rows: list[Generator], plan: Schedule, cycles: float, omega: Array) -> Array:
+    """``(rows, P)``: log2 of the steps a common period that make about one a radian of the fastest mode."""
+    typical = plan.values(0.5 * (plan.edges[:, 1:] + plan.edges[:, :-1]))
+    fastest = np.empty(len(rows))
+    for r, row in enumerate(rows):
+        a = row.constant + np.einsum("xj,jab->xab", typical[r], row.parts)
+        fastest[r] = row.rate * np.sqrt(np.abs(np.linalg.eigvals(a @ a)).max(initial=0.0))
+    radians = 2 * np.pi * cycles * fastest[:, None] / omega
+    return np.asarray(np.ceil(np.log2(np.maximum(radians, 1.0))).astype(int))
+
+
+def _varying(plan: Schedule) -> Array:
+    """``(S,)``: in which intervals anything varies in any row."""
+    start, length = plan.edges[:, :-1], plan.lengths
+    tau = start[:, :, None] + length[:, :, None] * np.array(PROBES)
+    f = plan.values(tau.reshape(len(tau), -1)).reshape(*tau.shape, -1)
+    change = np.abs(f - f[:, :, :1]).max(axis=(2, 3), initial=0.0)
+    size = np.abs(f).max(axis=(1, 2, 3), initial=0.0)
+    return np.asarray(np.any(change > 1e-14 * size[:, None], axis=0))
+
+
+def _steps(plan: Schedule, varies: Array, count: int) -> Array:
+    """``(S,)``: how many steps each interval takes when a common period has about ``count``."""
+    wanted = np.maximum(1, np.ceil(count * plan.lengths.max(axis=0, initial=0.0))).astype(int)
+    return np.where(varies, wanted, 1)
+
+
+def _compared(
+    row: Generator, index: int, divisions: tuple[_Division, _Division], period: Array
+) -> tuple[Array, Array, Array]:
+    """Multipliers over exp(scale) with the finer division ``(P, m)``, scale ``(P,)``, error estimate ``(P,)``."""
+    coarse, fine = divisions
+    values, scale = _eigenvalues(fine, row, index, period)
+    error = np.full(len(period), ROUNDING * fine.steps.sum())
+    if fine.steps.sum() > coarse.steps.sum():
+        before, other = _eigenvalues(coarse, row, index, period)
+        with np.errstate(over="ignore", invalid="ignore"):
+            gap = _distance(before * np.exp(other - scale)[:, None], values)
+            size = np.maximum(np.abs(values).max(axis=1, initial=0.0), np.exp(-scale))
+            error = error + SAFETY * gap / (2**ORDER - 1) / size
+    return values, scale, np.where(np.isfinite(values).all(axis=1), error, np.nan)
+
+
+def _distance(first: Array, second: Array) -> Array:
+    """``(P,)``: the largest distance from a member of ``second`` (P, m) to the nearest member of ``first``."""
+    if second.shape[1] == 0:
+        return np.zeros(len(second))
+    return np.asarray(np.abs(second[:, :, None] - first[:, None, :]).min(axis=2).max(axis=1))
+
+
+def _eigenvalues(division: _Division, row: Generator, index: int, period: Array) -> tuple[Array, Array]:
+    """Multipliers over exp(scale), ``(P, m)`` and ``(P,)``."""
+    m = len(row.constant)
+    values, scale = np.empty((len(period), m), dtype=complex), np.zeros(len(period))
+    at_once = max(1, ENTRIES_AT_ONCE // max(1, m * m))
+    for begin in range(0, len(period), at_once):
+        part = slice(begin, begin + at_once)
+        product, scale[part] = _product(division, row, index, period[part] * row.rate)
+        finite = np.isfinite(product).all(axis=(1, 2))
+        found = np.linalg.eigvals(np.where(finite[:, None, None], product, 0.0)).astype(complex)
+        values[part] = np.where(finite[:, None], found, np.nan)
+    return values, scale
+
+
+def _product(division: _Division, row: Generator, index: int, period: Array) -> tuple[Array, Array]:
+    """Monodromy matrices over exp(scale) ``(P, m, m)``, scale ``(P,)``; ``period`` in units of 1/rate."""
+    m = len(row.constant)
+    product = np.broadcast_to(np.eye(m), (len(period), m, m))
+    scale = np.zeros(len(period))
+    for coefficients, length in division.pieces(row, index):
+        step = length * period
+        # Without its growth or decay a long segment neither overflows nor underflows.
+        growth = np.linalg.eigvals(coefficients[0]).real.max(initial=0.0 if m == 0 else -np.inf)
+        product = expm(exponent(coefficients, step) - (growth * step)[:, None, None] * np.eye(m)) @ product
+        scale = scale + growth * step
+        size = np.abs(product).max(axis=(1, 2), initial=0.0)
+        size = np.where((size > 0) & np.isfinite(size), size, 1.0)
+        product = product / size[:, None, None]
+        scale = scale + np.log(size)
+    return product, scale

@@ -1,0 +1,129 @@
+"""Two resolutions of one system: by how much their multipliers differ, and what rounding may have done to them.
+
+The error of a set of multipliers is the largest of all, relative to the largest multiplier or 1,
+
+    max_j |lambda_j - lambda_j*| / max(1, max_k |lambda_k|).
+
+The logarithm of the largest multiplier, and so the growth a period, is wrong by no more than that.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gearstab.floquet import damped, kernel
+from gearstab.floquet.damped import Generators
+from gearstab.floquet.segments import Pattern
+from gearstab.system import Array
+
+EPSILON = float(np.finfo(float).eps)
+DRIFT = 4.0
+"""Rounding error of a product of S propagators: this times eps sqrt(S) + eps phase."""
+WEIGHT = 1.5
+"""The size of a multiplier on the unit circle, taken as (|rho| + |rho^2 - 4|^(1/2))/2, is between 1 and 1.42."""
+
+VISIBLE = 1e6
+"""Differences larger than this times the rounding error are not of rounding."""
+
+
+@dataclass(frozen=True)
+class Scan:
+    """What a kernel says of points ``(r, P)``.
+
+    growth: ln max |lambda| a period before any uniform decay. verdict: int8 as of the kernels, or None with damping.
+    values: rho ``(r, P, n)`` of a conservative pattern, multipliers over exp(scale) ``(r, P, m)`` with damping. scale:
+    ``(r, P)``, 0 if conservative. rounding ``(r, P)``: relative rounding error of the monodromy matrix.
+    """
+
+    growth: Array
+    verdict: Array | None
+    values: Array
+    scale: Array
+    rounding: Array
+
+
+def rounding(pattern: Pattern, omega: Array) -> Array:
+    """``(r, P)``, the relative rounding error of a monodromy matrix."""
+    highest = np.sqrt(np.abs(pattern.squared_frequency)).max(axis=2, initial=0.0)[:, pattern.states]
+    phase = 2 * np.pi * pattern.cycles * (highest * np.abs(pattern.fractions)).sum(axis=1)[:, None] / omega
+    return np.asarray(DRIFT * EPSILON * (np.sqrt(len(pattern.states)) + phase))
+
+
+def scan(pattern: Pattern, omega: Array) -> Scan:
+    """All points of a pattern."""
+    noise = rounding(pattern, omega)
+    if pattern.elastic.damping is None:
+        verdict, growth, rho = kernel.current().scan_traces(pattern, omega)
+        return Scan(growth, verdict, rho, np.zeros(omega.shape), noise)
+    generator: Generators = damped.generators(pattern, pattern.elastic.damping)
+    growth, scale, values = kernel.current().multipliers_damped(pattern, generator, omega)
+    return Scan(growth, None, values, scale, noise)
+
+
+def difference(fine: Scan, coarse: Scan, decay: Array) -> tuple[Array, Array]:
+    """By how much the multipliers differ, and the rounding error of those of ``fine``, ``(r, P)`` each.
+
+    decay ``(r, P)``: uniform decay a period that the multipliers do not contain.
+    """
+    if fine.verdict is None:
+        return _difference_damped(fine, coarse)
+    found, noise = _difference_conservative(fine, coarse)
+    size = np.exp(np.minimum(fine.growth - decay, 0.0))
+    lost = ~np.isfinite(found)
+    # Growth beyond 2^200 a period: only the logarithm of the largest multiplier is at hand.
+    found[lost] = np.abs(fine.growth - coarse.growth)[lost]
+    noise[lost] = fine.rounding[lost]
+    return found * size, noise * size
+
+
+def _difference_conservative(fine: Scan, coarse: Scan) -> tuple[Array, Array]:
+    """|d ln lambda| = |d rho|/|lambda - 1/lambda| = |d rho|/|rho^2 - 4|^(1/2), but |d rho|^(1/2) where that is larger
+    than the root; weighted by the size of the multipliers.
+    """
+    rho, other = (np.ascontiguousarray(np.moveaxis(part.values, -1, 0)) for part in (fine, coarse))
+    with np.errstate(invalid="ignore", over="ignore"):
+        root = np.sqrt(np.abs(rho * rho - 4))
+        modulus = 0.5 * (np.abs(rho) + root)
+        largest = modulus.max(axis=0, initial=1.0)
+        change = np.zeros(largest.shape)
+        for own, near, size in zip(rho, root, modulus, strict=True):
+            gap = np.sqrt(_nearest(own, other))
+            moved = gap / np.maximum(np.maximum(near, np.sqrt(gap)), np.finfo(float).tiny)
+            change = np.maximum(change, moved * np.minimum(1.0, WEIGHT * size / largest))
+        close = change < VISIBLE * fine.rounding
+        noise = fine.rounding.copy()
+        noise[close] = _noise(rho[:, close], root[:, close], fine.rounding[close], largest[close], change[close])
+    return change, noise
+
+
+def _nearest(value: Array, others: Array) -> Array:
+    """The least squared distance of ``value`` (...) to ``others`` (n, ...)."""
+    real, imaginary = others.real - value.real, others.imag - value.imag
+    return np.asarray((real * real + imaginary * imaginary).min(axis=0, initial=np.inf))
+
+
+def _noise(rho: Array, root: Array, rounding: Array, largest: Array, change: Array) -> Array:
+    """What rounding errors of the matrix make of the multipliers ``(P,)``: more where two of them nearly coincide.
+
+    rho, root ``(n, P)``. Multipliers that coincide without acting on each other do not show it, so that it is taken as
+    no more than the difference of two resolutions has shown.
+    """
+    least = rounding * largest
+    worst = least.copy()
+    for i, own in enumerate(rho):
+        apart = np.sqrt(_nearest(own, np.delete(rho, i, axis=0)))
+        moved = least / np.clip(np.minimum(apart, 1.0), np.sqrt(least), None)
+        worst = np.maximum(worst, moved / np.maximum(root[i], np.sqrt(moved)))
+    return np.minimum(worst / largest, rounding + 4 * change)
+
+
+def _difference_damped(fine: Scan, coarse: Scan) -> tuple[Array, Array]:
+    with np.errstate(over="ignore", invalid="ignore"):
+        other = coarse.values * np.exp(coarse.scale - fine.scale)[..., None]
+        gap = np.abs(fine.values[..., :, None] - other[..., None, :]).min(axis=-1).max(axis=-1, initial=0.0)
+        largest = np.maximum(np.abs(fine.values).max(axis=-1, initial=0.0), np.exp(np.minimum(-fine.scale, 700.0)))
+        found = gap / largest
+    found = np.where(np.isfinite(found), found, np.abs(fine.growth - coarse.growth))
+    return found, np.minimum(fine.rounding, 1.0) + 0.0 * found

@@ -1,0 +1,200 @@
+"""How much damping makes a system stable: the damping at which the growth rate falls to zero, point by point.
+
+With C = z C1, C1 either the damping of equal modal damping ratios of one or the damping that was given,
+
+    growth(z) = max Re (characteristic exponents) = 0
+
+is solved for z, in each part of the system that the meshes do not couple by itself; the largest of all parts is
+required. The growth rate need not fall with z: where two modes of different decay are coupled, damping may widen a
+combination tongue (see :mod:`gearstab.perturbation.damped`). Therefore z is scanned on a ladder of levels z_max/2^k
+first; what is returned is the *largest* zero, beyond which all levels up to z_max are stable, and points where a lower
+level was stable too are marked. In a primary tongue of first order, Omega = 2 w_p + d of half-width s in Omega,
+
+    z = sqrt(s^2 - d^2)/(2 w_p).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gearstab.floquet import damped, kernel
+from gearstab.floquet.blocks import Block, split
+from gearstab.floquet.reduction import Elastic
+from gearstab.floquet.segments import Pattern, prepare
+from gearstab.floquet.solution import DAMPED_ON_CIRCLE, Part, solved
+from gearstab.modal import modal_damping_matrix
+from gearstab.system import Array, GearSystem
+
+FLAGS = {"not_monotone": 1, "beyond": 2, "failed": 4}
+"""Bits of ``status``: a smaller damping was stable too, the largest zero is given; more than the largest one is
+required; no finite growth rate."""
+
+DAMPING_RATIO, FACTOR = "damping_ratio", "factor"
+LARGEST = {DAMPING_RATIO: 0.5, FACTOR: 100.0}
+"""Where the search ends by default."""
+LEVELS = 11
+"""Of the ladder, besides zero: the lowest is a thousandth of the largest."""
+ROUNDS = 100
+"""Steps of the root finding at most; every third one halves the bracket."""
+POINTS_AT_ONCE = 4096
+"""Points of the root finding treated side by side."""
+
+
+@dataclass(frozen=True)
+class RequiredDamping:
+    """value: ``(rows, P)``, the modal damping ratio (or factor on the given damping) from which on the system is
+    stable; 0 where it is stable without, NaN where the search found none. status: ``(rows, P)`` int16, bits of FLAGS.
+    """
+
+    value: Array
+    status: Array
+
+
+def required_damping(
+    system: GearSystem,
+    mesh_frequency: Array,
+    of: str = DAMPING_RATIO,
+    largest: float | None = None,
+    tolerance: float = 1e-6,
+) -> RequiredDamping:
+    """The damping that stabilises every row of a system at every mesh frequency of the first mesh.
+
+    Parameters
+    ----------
+    system: any batch shape, piecewise constant, with a common period.
+    mesh_frequency: Omega, ``(P,)`` for all rows or ``(rows, P)``.
+    of: ``damping_ratio``: one ratio for all modes of the mean system, in place of the damping that it has; ``factor``:
+        on that damping.
+    largest: damping at which the search ends.
+    tolerance: of the value, relative. It is rounded up to the stable side.
+
+    Raises ValueError for a factor on no damping, and for a system that has no segments of constant stiffness.
+    """
+    rows = int(np.prod(system.batch, dtype=int))
+    omega = np.atleast_1d(np.asarray(mesh_frequency, dtype=float))
+    omega = np.broadcast_to(omega, (rows, omega.shape[-1]))
+    value, status = np.zeros(omega.shape), np.zeros(omega.shape, dtype=np.int16)
+    levels = np.append(0.0, (largest or LARGEST[of]) * 0.5 ** np.arange(LEVELS - 1, -1, -1))
+    for pattern in prepare(unit(system, of)):
+        for block in split(pattern):
+            if block.pattern.size == 0:
+                continue
+            index = block.pattern.rows
+            search = _Search(block, omega[index] / block.pattern.elastic.rate[:, None])
+            found, flags = search.zeros(levels, tolerance)
+            # NaN, nothing found, prevails.
+            value[index] = np.maximum(value[index], found)
+            status[index] |= flags
+    return RequiredDamping(value, status)
+
+
+def unit(system: GearSystem, of: str) -> GearSystem:
+    """The system with the damping C1 that is scaled. Raises ValueError."""
+    if of == DAMPING_RATIO:
+        one = np.ones((*system.batch, 1))
+        return replace(system, damping=modal_damping_matrix(system.mass, system.mean_stiffness_matrix(), one))
+    if system.damping is None:
+        raise ValueError("a factor on the damping needs a system with damping")
+    return system
+
+
+@dataclass(frozen=True)
+class _Search:
+    """A block with the damping C1, and its mesh frequencies ``(r, P)`` in its units."""
+
+    block: Block
+    omega: Array
+
+    def zeros(self, levels: Array, tolerance: float) -> tuple[Array, Array]:
+        """(largest zero, status) ``(r, P)`` from ascending levels of which the first is zero."""
+        growth = np.stack([self.ladder(level) for level in levels])
+        unstable = growth > 0
+        count = len(levels)
+        last = count - 1 - np.argmax(unstable[::-1], axis=0)
+        last = np.where(unstable.any(axis=0), last, -1)
+        status = np.where(unstable.sum(axis=0) < last + 1, FLAGS["not_monotone"], 0).astype(np.int16)
+        beyond, failed = last == count - 1, ~np.isfinite(growth).all(axis=0)
+        status[beyond] |= FLAGS["beyond"]
+        status[failed] |= FLAGS["failed"]
+        value = np.where(beyond | failed, np.nan, 0.0)
+        rows, points = np.nonzero((last >= 0) & ~beyond & ~failed)
+        for i in range(0, len(rows), POINTS_AT_ONCE):
+            row, point = rows[i : i + POINTS_AT_ONCE], points[i : i + POINTS_AT_ONCE]
+            low = last[row, point]
+            ends = np.stack([levels[low], levels[low + 1]])
+            values = np.stack([growth[low, row, point], growth[low + 1, row, point]])
+            value[row, point] = self.refined(row, self.omega[row, point], ends, values, tolerance)
+        return value, status
+
+    def ladder(self, level: float) -> Array:
+        """Growth a period ``(r, P)`` of all points with one level of damping, positive where unstable."""
+        pattern = self.block.pattern
+        if level == 0 or self.block.constant:
+            part = Part(undamped(pattern), self.omega)
+            growth = solved(part, replace(self.block, pattern=part.pattern), False)
+            period = part.period / pattern.elastic.rate[:, None]
+            return np.where(
+                growth.stable == 1, np.minimum(growth.growth_rate * period, 0.0), growth.growth_rate * period
+            )
+        return growth_of(scaled(pattern, np.full(len(pattern.rows), level)), self.omega)
+
+    def refined(self, row: Array, omega: Array, ends: Array, values: Array, tolerance: float) -> Array:
+        """``(N,)``, the zeros of points in brackets ``(2, N)`` of values > 0 and <= 0 (Illinois method, halving in
+        between); the stable ends of the last brackets.
+        """
+        (low, high), (f_low, f_high) = ends.copy(), values.copy()
+        side = np.zeros(len(row))
+        for step in range(ROUNDS):
+            active = np.flatnonzero(high - low > tolerance * high)
+            if len(active) == 0:
+                break
+            a, b, f_a, f_b = low[active], high[active], f_low[active], f_high[active]
+            x = 0.5 * (a + b) if step % 3 == 2 else b - f_b * (b - a) / (f_b - f_a)
+            # A zero at an end of the bracket is approached from inside, by half of what is left to gain.
+            margin = 0.5 * tolerance * b
+            x = np.clip(x, a + margin, b - margin)
+            f = growth_of(scaled(self.block.pattern.subset(row[active]), x), omega[active, None])[:, 0]
+            above = f > 0
+            # An end that stays twice running counts half, so that the secant crosses over to it.
+            stays = side[active] == np.where(above, 1, -1)
+            f_high[active] = np.where(above, np.where(stays, 0.5 * f_b, f_b), f)
+            f_low[active] = np.where(above, f, np.where(stays, 0.5 * f_a, f_a))
+            low[active], high[active] = np.where(above, x, a), np.where(above, b, x)
+            side[active] = np.where(above, 1, -1)
+        return high
+
+
+def undamped(pattern: Pattern) -> Pattern:
+    """The pattern without any damping."""
+    elastic = pattern.elastic
+    free = replace(elastic, damping=None, shift=np.zeros_like(elastic.shift), rigid_damping=None)
+    return replace(pattern, elastic=free, stiffness=free.stiffness_of(pattern.levels))
+
+
+def scaled(pattern: Pattern, factor: Array) -> Pattern:
+    """The pattern with its damping times ``(r,)``, uniform damping as a matrix like any other."""
+    elastic = pattern.elastic
+    times = factor[:, None, None]
+    drag = None if elastic.rigid_damping is None else times * elastic.rigid_damping
+    still = np.zeros_like(elastic.shift)
+    own: Elastic = replace(elastic, damping=times * matrix(elastic), rigid_damping=drag, shift=still)
+    if not np.any(elastic.shift):
+        return replace(pattern, elastic=own)
+    return replace(pattern, elastic=own, stiffness=own.stiffness_of(pattern.levels))
+
+
+def matrix(elastic: Elastic) -> Array:
+    """``(r, n, n)``, C of the elastic coordinates, in their units."""
+    if elastic.damping is not None:
+        return elastic.damping
+    return 2 * elastic.shift[:, None, None] * np.eye(elastic.static.shape[-1])
+
+
+def growth_of(pattern: Pattern, omega: Array) -> Array:
+    """Growth a period ``(r, P)``, positive where unstable."""
+    assert pattern.elastic.damping is not None
+    generator = damped.generators(pattern, pattern.elastic.damping)
+    growth: Array = kernel.current().scan_damped(pattern, generator, omega)[0]
+    return growth - DAMPED_ON_CIRCLE

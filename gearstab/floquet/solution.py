@@ -1,0 +1,192 @@
+"""What a pattern's points come to: growth, verdict and exponents, without the block it belongs to."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from gearstab.floquet import damped, decision, graded, kernel, numpy_kernel
+from gearstab.floquet.blocks import Block
+from gearstab.floquet.invariants import DOUBTFUL, STABLE
+from gearstab.floquet.segments import Pattern
+from gearstab.floquet.status import STATUS_FLAGS
+from gearstab.system import Array
+
+DAMPED_ON_CIRCLE = 1e-10
+"""A damped system whose growth a period is below this is stable: the rounding error of a long product, and far less
+than the decay of any damping ratio above 1e-10."""
+ENTRIES_AT_ONCE = 2**22
+"""Of the monodromy matrices of points in doubt: 32 MB."""
+GRADED_NORM = 30.0
+"""Monodromy matrices larger than this have small multipliers that an eigenvalue solver would blur."""
+GRADED_SPREAD = np.log(100.0)
+"""The same for damped ones, by the spread of ln |lambda|."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """A pattern and its mesh frequencies ``(r, P)`` in the pattern's units."""
+
+    pattern: Pattern
+    omega: Array
+
+    @property
+    def period(self) -> Array:
+        """Common period, ``(r, P)``, units of 1/rate."""
+        return 2 * np.pi * self.pattern.cycles / self.omega
+
+    def status(self) -> Array:
+        """Status bits that hold for whole rows."""
+        negative = np.any(self.pattern.stiffness_below_zero, axis=(1, 2))
+        bit = np.where(negative, STATUS_FLAGS["negative_stiffness"], 0).astype(np.int16)
+        return np.repeat(bit[:, None], self.omega.shape[1], axis=1)
+
+
+@dataclass(frozen=True)
+class Solution:
+    """What a block comes to at every point ``(r, P)``, in the system's own units of time.
+
+    growth_rate, stable, status: as of :class:`~gearstab.floquet.solve.Floquet`. exponents ``(r, P, k)`` complex, the
+    elastic ones, or None. error: estimated error of the multipliers, relative to the largest one or 1; None where the
+    propagation is exact.
+    """
+
+    growth_rate: Array
+    stable: Array
+    status: Array
+    exponents: Array | None = None
+    error: Array | None = None
+
+
+def solved(part: Part, block: Block, exponents: bool) -> Solution:
+    """A block, without its copies. A constant one without stiffness along a mode is left to the general rules."""
+    damping = part.pattern.elastic.damping
+    decided = damping is not None or bool(np.all(part.pattern.squared_frequency > 0))
+    if block.constant and part.pattern.size and decided:
+        return constant(part, exponents)
+    return conservative(part, exponents) if damping is None else with_damping(part, damping, exponents)
+
+
+def constant(part: Part, exponents: bool) -> Solution:
+    """A block whose stiffness does not vary: its exponents are those of a constant system, at every mesh frequency."""
+    pattern = part.pattern
+    rate = pattern.elastic.rate[:, None]
+    if pattern.elastic.damping is None:
+        frequency = np.sqrt(pattern.squared_frequency[:, 0])
+        values = 1j * np.concatenate([frequency, -frequency], axis=1) - pattern.elastic.shift[:, None]
+    else:
+        values = damped.generators(pattern, pattern.elastic.damping).eigen[0][:, 0]
+    growth = np.repeat(values.real.max(axis=1, initial=-np.inf)[:, None], part.omega.shape[1], axis=1)
+    stable = (growth * part.period <= DAMPED_ON_CIRCLE).astype(np.int8)
+    table = None
+    if exponents:
+        turns = values.imag[:, None, :] * part.period[..., None] / (2 * np.pi)
+        turns -= np.ceil(turns - 0.5)
+        imaginary = 2 * np.pi * turns / part.period[..., None]
+        table = (values.real[:, None, :] + 1j * imaginary) * rate[..., None]
+    return Solution(growth * rate, stable, part.status(), table)
+
+
+def conservative(part: Part, exponents: bool) -> Solution:
+    """A block without damping but a uniform one."""
+    pattern, omega = part.pattern, part.omega
+    verdict, growth = kernel.current().scan(pattern, omega)
+    status = part.status()
+    for rows, points in pieces(verdict == DOUBTFUL, pattern.size):
+        found = settle(pattern, rows, omega[rows, points])
+        verdict[rows, points], growth[rows, points] = found[0], found[1]
+        status[rows, points] |= found[2]
+    shift, rate = pattern.elastic.shift[:, None], pattern.elastic.rate[:, None]
+    value = growth / part.period
+    # Without damping the verdict decides; with uniform damping a growth below the decay is stable.
+    stable = np.where(shift == 0, verdict == STABLE, value <= shift).astype(np.int8)
+    table = conservative_exponents(pattern, omega, verdict == STABLE) * rate[..., None] if exponents else None
+    return Solution((value - shift) * rate, stable, status, table)
+
+
+def conservative_exponents(pattern: Pattern, omega: Array, stable: Array) -> Array:
+    """All elastic exponents ``(r, P, 2n)``, in units of the pattern's rate."""
+    logs = conservative_logs(pattern, omega)
+    logs = np.where(stable[..., None], 1j * logs.imag, logs)
+    period = 2 * np.pi * pattern.cycles / omega
+    return logs / period[..., None] - pattern.elastic.shift[:, None, None]
+
+
+def pieces(chosen: Array, size: int) -> Iterator[tuple[Array, Array]]:
+    """(row, point) of all chosen points, in pieces whose monodromy matrices fit in memory."""
+    rows, points = np.nonzero(chosen)
+    step = max(1, ENTRIES_AT_ONCE // (2 * size) ** 2)
+    for i in range(0, len(rows), step):
+        yield rows[i : i + step], points[i : i + step]
+
+
+def settle(pattern: Pattern, rows: Array, omega: Array) -> tuple[Array, Array, Array]:
+    """(verdict, growth, status bits) of points in doubt ``(P,)``, from their monodromy matrices."""
+    matrix, scale = kernel.current().monodromy(pattern, rows, omega)
+    status = np.full(len(omega), STATUS_FLAGS["eigenvalues"], dtype=np.int16)
+    finite = np.isfinite(matrix).all(axis=(1, 2))
+    matrix = np.where(finite[:, None, None], matrix, 0.0)
+    stable, growth, krein = decision.conservative(matrix)
+    large = scale > 0
+    with np.errstate(divide="ignore"):
+        growth[large] = np.log(np.abs(np.linalg.eigvals(matrix[large])).max(axis=-1)) + scale[large]
+    status[krein & ~large] |= STATUS_FLAGS["krein"]
+    status[large] |= STATUS_FLAGS["rescaled"]
+    growth[~finite] = np.nan
+    return (stable & ~large).astype(np.int8), growth, status
+
+
+def conservative_logs(pattern: Pattern, omega: Array) -> Array:
+    """ln lambda ``(r, P, 2n)``; the product is formed only where that costs no digits."""
+    logs = kernel.current().log_multipliers(pattern, omega, GRADED_NORM)
+    for row, wide in _chains(np.isnan(logs).any(axis=2), pattern):
+        logs[row, wide] = graded.log_multipliers(numpy_kernel.factors(pattern, row, omega[row, wide]))
+    return logs
+
+
+def _chains(chosen: Array, pattern: Pattern) -> Iterator[tuple[int, Array]]:
+    """(row, points) of all chosen points ``(r, P)``, in pieces of which all factors of the product fit in memory."""
+    step = max(1, ENTRIES_AT_ONCE // (len(pattern.states) * (2 * pattern.size) ** 2))
+    for row in np.flatnonzero(chosen.any(axis=1)):
+        points = np.flatnonzero(chosen[row])
+        for i in range(0, len(points), step):
+            yield int(row), points[i : i + step]
+
+
+def with_damping(part: Part, damping: Array, exponents: bool) -> Solution:
+    """A block with damping of its own."""
+    pattern, omega = part.pattern, part.omega
+    generator = damped.generators(pattern, damping)
+    growth, scale = kernel.current().scan_damped(pattern, generator, omega)
+    status = part.status()
+    status[np.abs(scale) > np.log(numpy_kernel.LARGE)] |= STATUS_FLAGS["rescaled"]
+    stable = (growth <= DAMPED_ON_CIRCLE).astype(np.int8)
+    rate = pattern.elastic.rate[:, None]
+    table = _damped_table(pattern, generator, omega) * rate[..., None] if exponents else None
+    return Solution(growth / part.period * rate, stable, status, table)
+
+
+def damped_exponents(pattern: Pattern, damping: Array, omega: Array) -> Array:
+    """All elastic exponents ``(r, P, m)`` of a damped pattern, in units of its rate."""
+    return _damped_table(pattern, damped.generators(pattern, damping), omega)
+
+
+def _damped_table(pattern: Pattern, generator: damped.Generators, omega: Array) -> Array:
+    logs = np.stack([damped_logs(pattern, generator, r, omega[r]) for r in range(len(omega))])
+    return logs / (2 * np.pi * pattern.cycles / omega)[..., None]
+
+
+def damped_logs(pattern: Pattern, generator: damped.Generators, row: int, omega: Array) -> Array:
+    """ln lambda ``(P, m)`` of one row; the product is formed only where that costs no digits."""
+    matrix, scale = damped.monodromy(generator, pattern, row, omega)
+    finite = np.isfinite(matrix).all(axis=(1, 2))
+    values = np.linalg.eigvals(np.where(finite[:, None, None], matrix, 0.0)).astype(complex)
+    with np.errstate(divide="ignore"):
+        logs = np.log(values) + scale[:, None]
+    wide = logs.real.max(axis=-1) - logs.real.min(axis=-1) > GRADED_SPREAD
+    for _, points in _chains(wide[None], pattern):
+        chain, growing = damped.factors(generator, pattern, row, omega[points], spread=1.0)
+        logs[points] = graded.log_multipliers(chain) + growing[:, None]
+    return logs

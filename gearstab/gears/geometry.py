@@ -1,0 +1,182 @@
+"""Involute geometry of one spur gear, external or internal: what the drawing says.
+
+Lengths are metres, angles radians; what the rack gives is in modules.
+
+Sources: ISO 21771 (2007); Colbourne 1987, *The Geometry of Involute Gears*.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import acos, cos, pi, sin, tan
+
+
+def involute(angle: float) -> float:
+    """Inv alpha = tan alpha - alpha."""
+    return tan(angle) - angle
+
+
+def inverse_involute(value: float) -> float:
+    """The angle whose involute is ``value`` >= 0, to rounding (Newton's method from a starting value below or near it).
+
+    Raises ValueError for a negative value: no pressure angle has it.
+    """
+    if not value >= 0:
+        raise ValueError(f"no pressure angle has the involute {value:.6g}: it must not be negative")
+    angle = min((3 * value) ** (1 / 3), 1.4)
+    for _ in range(60):
+        step = (tan(angle) - angle - value) / max(tan(angle) ** 2, 1e-300)
+        angle = min(max(angle - step, angle / 4), (angle + pi / 2) / 2)
+        if abs(step) < 1e-16:
+            break
+    return angle
+
+
+@dataclass(frozen=True)
+class Gear:
+    """One spur gear, cut by a rack of the given basic profile (an internal gear: conjugate to one so cut).
+
+    Parameters
+    ----------
+    teeth: z > 0, also of an internal gear.
+    module, face_width: m, b in metres.
+    pressure_angle: alpha of the rack, radians.
+    profile_shift: x in modules; positive pushes the flanks outwards, also on an internal gear.
+    addendum, dedendum: h_aP, h_fP of the rack in modules.
+    rack_tip_radius: rho_fP in modules; None: the largest that leaves the addendum line of the mate untouched,
+        c/(1 - sin alpha) with c = dedendum - addendum, or a full rounding where that is smaller.
+    tip_shortening: in modules, taken off the tip.
+    bore_radius: metres; of an internal gear, the outside of its rim. None: 0.4 root radii (internal: 1.2).
+    young, poisson, density: of the material; steel.
+
+    Raises ValueError for what can be no gear.
+    """
+
+    teeth: int
+    module: float
+    pressure_angle: float = pi / 9
+    profile_shift: float = 0.0
+    addendum: float = 1.0
+    dedendum: float = 1.25
+    rack_tip_radius: float | None = None
+    tip_shortening: float = 0.0
+    face_width: float = 0.02
+    bore_radius: float | None = None
+    young: float = 206.8e9
+    poisson: float = 0.3
+    density: float = 7850.0
+    internal: bool = False
+
+    def __post_init__(self) -> None:
+        if self.teeth < 3 or self.teeth != int(self.teeth):
+            raise ValueError(f"teeth must be a whole number of at least 3, not {self.teeth}")
+        for name in ("module", "face_width", "young", "density"):
+            if not getattr(self, name) > 0:
+                raise ValueError(f"{name} must be positive, not {getattr(self, name)}")
+        if not 0 < self.pressure_angle < pi / 4:
+            raise ValueError(f"pressure_angle must lie between 0 and 45 degrees, not {self.pressure_angle * 180 / pi}")
+        if not -1 < self.poisson < 0.5:
+            raise ValueError(f"poisson must lie between -1 and 0.5, not {self.poisson}")
+        if not self.height > 0:
+            raise ValueError(f"the tip (radius {self.tip_radius:.6g} m) does not rise above the root")
+        if not self.internal and not self.tip_radius > self.base_radius:
+            raise ValueError(f"no involute: the tip (radius {self.tip_radius:.6g} m) lies inside the base circle")
+        if not self.root_radius > 0:
+            raise ValueError(
+                f"the root radius {self.root_radius:.6g} m is not positive: too few teeth or too deep a cut"
+            )
+        if not self.full_rounding >= 0:
+            raise ValueError(f"a rack of this pressure angle has no tooth as deep as dedendum {self.dedendum} modules")
+        if not self.rounding >= 0 or self.rounding > self.full_rounding * (1 + 1e-12):
+            raise ValueError(f"rack_tip_radius must lie between 0 and {self.full_rounding:.6g} modules (full rounding)")
+        if not self.top_land > 0:
+            raise ValueError(f"pointed teeth: at the tip they would be {self.top_land / self.module:.4g} modules thick")
+        inside, outside = (self.root_radius, self.bore) if self.internal else (self.bore, self.root_radius)
+        if not 0 <= inside < outside:
+            raise ValueError(f"bore_radius {self.bore:.6g} m must lie beyond the root circle, {self.root_radius:.6g} m")
+
+    @property
+    def sign(self) -> int:
+        """1 where radii grow from root to tip, -1 for an internal gear."""
+        return -1 if self.internal else 1
+
+    @property
+    def radius(self) -> float:
+        """Of the reference circle, r = m z/2."""
+        return self.module * self.teeth / 2
+
+    @property
+    def base_radius(self) -> float:
+        """r_b = r cos alpha."""
+        return self.radius * cos(self.pressure_angle)
+
+    @property
+    def tip_radius(self) -> float:
+        """r_a = r + m (x + h_a - k), internal r + m (x - h_a + k)."""
+        return self.radius + self.module * (self.profile_shift + self.sign * (self.addendum - self.tip_shortening))
+
+    @property
+    def root_radius(self) -> float:
+        """r_f = r + m (x - h_f), internal r + m (x + h_f)."""
+        return self.radius + self.module * (self.profile_shift - self.sign * self.dedendum)
+
+    @property
+    def height(self) -> float:
+        """Of the tooth, from root to tip."""
+        return self.sign * (self.tip_radius - self.root_radius)
+
+    @property
+    def bore(self) -> float:
+        """The radius at which the body is held: of the bore, or of the outside of the rim."""
+        default = 1.2 if self.internal else 0.4
+        return default * self.root_radius if self.bore_radius is None else self.bore_radius
+
+    @property
+    def base_pitch(self) -> float:
+        """p_b = pi m cos alpha, the distance of two pairs along the line of action."""
+        return pi * self.module * cos(self.pressure_angle)
+
+    @property
+    def full_rounding(self) -> float:
+        """The largest rounding the tip of the rack has room for, in modules: that of a tip without flat."""
+        alpha = self.pressure_angle
+        return (pi / 4 - self.dedendum * tan(alpha)) * cos(alpha) / (1 - sin(alpha))
+
+    @property
+    def rounding(self) -> float:
+        """rho_fP in modules, as given or by default (see the class)."""
+        if self.rack_tip_radius is not None:
+            return self.rack_tip_radius
+        return min(max(self.dedendum - self.addendum, 0.0) / (1 - sin(self.pressure_angle)), self.full_rounding)
+
+    @property
+    def base_half_angle(self) -> float:
+        """Of the tooth where its involutes meet the base circle, s/2r + inv alpha (internal: -)."""
+        return pi / (2 * self.teeth) + self.sign * (
+            2 * self.profile_shift * tan(self.pressure_angle) / self.teeth + involute(self.pressure_angle)
+        )
+
+    def profile_angle(self, radius: float) -> float:
+        """alpha(r) of the involute, cos alpha(r) = r_b/r. Raises ValueError inside the base circle."""
+        if radius < self.base_radius * (1 - 1e-12):
+            raise ValueError(f"radius {radius:.6g} m lies inside the base circle, {self.base_radius:.6g} m")
+        return acos(min(self.base_radius / radius, 1.0))
+
+    def thickness(self, radius: float) -> float:
+        """Of the tooth along the arc of that radius, between its involutes; negative beyond their point."""
+        return 2 * radius * (self.base_half_angle - self.sign * involute(self.profile_angle(radius)))
+
+    @property
+    def top_land(self) -> float:
+        """Thickness at the tip, metres."""
+        return self.thickness(max(self.tip_radius, self.base_radius))
+
+    @property
+    def least_shift(self) -> float:
+        """The profile shift below which the rack undercuts, x = h - z sin^2(alpha)/2; h: depth of its straight flank.
+
+        With the usual rounding h = h_aP and x = (17.097 - z)/17.097 at 20 degrees. Not for internal gears.
+        """
+        alpha = self.pressure_angle
+        straight = self.dedendum - self.rounding * (1 - sin(alpha))
+        return straight - self.teeth * sin(alpha) ** 2 / 2

@@ -1,0 +1,198 @@
+"""Stiffness of a mesh over its cycle, for any contact ratio, and its reductions to simpler waves.
+
+Phase 0 is the entry of a pair of teeth: floor(c) + 1 pairs carry for the fraction c - floor(c), then floor(c).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import Literal
+
+import numpy as np
+
+from gearstab.gears.compliance import pair_stiffness
+from gearstab.gears.pair import Pair
+from gearstab.waveforms import Fourier
+from gearstab.waveforms.tooth import Piecewise, Tooth, nodes, through
+
+Array = np.ndarray
+
+DEGREE = 20  # of the polynomial on each piece: 1e-14 of the stiffness for common teeth
+DEGREES = (DEGREE, 40, 80, 160)  # tried in turn for slender tips, until the last coefficients are below
+RESOLVED = 1e-12
+Keep = Literal["peak-to-peak", "first harmonic", "levels"]
+
+
+@dataclass(frozen=True)
+class StiffnessModel:
+    """How single pairs make up the mesh, and what measurements say of them.
+
+    Parameters
+    ----------
+    double_contact_factor: f, the stiffness of two pairs in contact over the sum of theirs. Teeth on one body deflect
+        each other, which the sum ignores: plane finite elements give f = 0.77 (19/48 teeth). n pairs that influence
+        each other equally then have the fraction f_n = 1/[1 + (n - 1) (1/f - 1)] of their sum.
+    single_pair_stiffness: N/m, of one pair in contact at the pitch point; the computed curve is scaled to it. It is
+        needed for an internal wheel, whose pairs then have this stiffness all along their path.
+    variation: (max k - min k)/mean k of the mesh: the computed curve is stretched about its mean to it.
+    foundation: whether the teeth stand on an elastic body.
+
+    Raises ValueError for values out of range.
+    """
+
+    double_contact_factor: float = 1.0
+    single_pair_stiffness: float | None = None
+    variation: float | None = None
+    foundation: bool = True
+
+    def __post_init__(self) -> None:
+        if not 0.5 < self.double_contact_factor <= 1:
+            # At 1/2 a second pair adds nothing, below it would soften the mesh.
+            raise ValueError(f"double_contact_factor must lie above 0.5 and up to 1, not {self.double_contact_factor}")
+        if self.single_pair_stiffness is not None and not self.single_pair_stiffness > 0:
+            raise ValueError(f"single_pair_stiffness must be positive, not {self.single_pair_stiffness}")
+        if self.variation is not None and not self.variation >= 0:
+            raise ValueError(f"variation must not be negative, not {self.variation}")
+
+    def shared(self, pairs: Array) -> Array:
+        """f_n for n pairs in contact."""
+        return 1 / (1 + (np.maximum(pairs, 1) - 1) * (1 / self.double_contact_factor - 1))
+
+
+PLAIN = StiffnessModel()
+
+
+@dataclass(frozen=True)
+class RectangularReduction:
+    """Parameters of a rectangular wave in place of the computed one."""
+
+    mean_stiffness: float
+    epsilon: float
+    contact_ratio: float
+
+
+@dataclass(frozen=True)
+class MeshStiffness:
+    """k(x) of a mesh, N/m, over the phase x of its cycle.
+
+    Parameters
+    ----------
+    pair, model: what it was computed from.
+    curve: k(x), with breakpoints where a pair of teeth enters and leaves.
+    """
+
+    pair: Pair
+    model: StiffnessModel
+    curve: Piecewise
+
+    @cached_property
+    def waveform(self) -> Tooth:
+        """w with k = mean [1 + 2 epsilon w]."""
+        return Tooth(self.curve)
+
+    @property
+    def mean(self) -> float:
+        """k_g."""
+        return float(self.curve.mean)
+
+    @property
+    def extremes(self) -> tuple[float, float]:
+        """The least and the greatest k."""
+        low, high = self.curve.extremes
+        return float(low), float(high)
+
+    @property
+    def epsilon(self) -> float:
+        """(max k - min k)/(2 mean k)."""
+        low, high = self.extremes
+        return (high - low) / (2 * self.mean)
+
+    @property
+    def levels(self) -> tuple[float, float]:
+        """Mean of k while floor(c) pairs carry, and while floor(c) + 1 do (NaN for an integer contact ratio)."""
+        high, low = self.curve.means
+        return float(low), float(high) if self.curve.lengths[0] > 0 else float("nan")
+
+    def harmonic(self, order: int) -> float:
+        """Amplitude of the harmonic of that order over the mean stiffness."""
+        return float(np.hypot(*self.curve.fourier(order))) / self.mean
+
+    def rectangular(self, keep: Keep = "peak-to-peak") -> RectangularReduction:
+        """The rectangular wave of the same mean and contact ratio that keeps one more quantity.
+
+        ``peak-to-peak``: max k - min k. ``first harmonic``: its amplitude, 4 epsilon sin(pi d)/pi with d = c -
+        floor(c). ``levels``: the difference of the mean stiffness with more and with fewer pairs in contact.
+
+        Raises ValueError where no such wave of positive stiffness exists: the first harmonic close to an integer
+        contact ratio, where the computed wave has one from its rounded flanks and the rectangular one has hardly any.
+        """
+        c = self.pair.contact_ratio
+        d = c - np.floor(c)
+        epsilon = self.epsilon
+        if keep == "first harmonic":
+            factor = 4 * np.sin(np.pi * d) / np.pi
+            epsilon = self.harmonic(1) / factor if factor > 0 else np.inf
+        elif keep == "levels":
+            low, high = self.levels
+            epsilon = (high - low) / (2 * self.mean) if d > 0 else 0.0
+        if not 2 * epsilon * d < 1:
+            raise ValueError(f"no rectangular wave of contact ratio {c:.4f} and positive stiffness keeps the {keep}")
+        return RectangularReduction(self.mean, float(epsilon), c)
+
+    def series(self, order: int) -> Fourier:
+        """The waveform cut off after the harmonic ``order``; mean and epsilon stay those of this mesh."""
+        sin, cos = zip(*(self.waveform.fourier(s) for s in range(1, order + 1)), strict=True)
+        return Fourier(np.array(sin, dtype=float), np.array(cos, dtype=float))
+
+
+def contact_stiffness(pair: Pair, x: Array | float, model: StiffnessModel = PLAIN) -> tuple[Array, Array]:
+    """(s, k) of every pair of teeth at the phases x, ``(..., N)`` each with N = floor(c) + 1; k = 0 out of contact.
+
+    Their sum over the last axis is the mesh stiffness, so that k over it is the pair's share of the load.
+    """
+    s, touching = pair.contacts(x)
+    k = np.where(touching, _single(pair, np.clip(s, *pair.path), model), 0.0)
+    k = k * model.shared(np.sum(touching, axis=-1, keepdims=True))
+    if model.variation is None:
+        return s, k
+    plain = mesh_stiffness(pair, _unstretched(model))
+    total = np.sum(k, axis=-1, keepdims=True)
+    factor = model.variation / (2 * plain.epsilon) if plain.epsilon > 0 else 0.0
+    return s, k * (plain.mean + factor * (total - plain.mean)) / total
+
+
+def _unstretched(model: StiffnessModel) -> StiffnessModel:
+    return StiffnessModel(model.double_contact_factor, model.single_pair_stiffness, None, model.foundation)
+
+
+def _single(pair: Pair, s: Array, model: StiffnessModel) -> Array:
+    measured = model.single_pair_stiffness
+    if pair.wheel.internal:
+        if measured is None:
+            raise ValueError("the teeth of an internal gear are not computed: give single_pair_stiffness")
+        return np.full(s.shape, measured)
+    k = pair_stiffness(pair, s, model.foundation)
+    return k if measured is None else k * (measured / pair_stiffness(pair, pair.pitch_point, model.foundation))
+
+
+@lru_cache(maxsize=4096)
+def mesh_stiffness(pair: Pair, model: StiffnessModel = PLAIN) -> MeshStiffness:
+    """The mesh stiffness of a pair over its cycle.
+
+    Raises ValueError for a contact ratio below 1 (contact breaks off), for an internal wheel without measured
+    stiffness, and for a ``variation`` that makes the stiffness negative.
+    """
+    c = pair.contact_ratio
+    if c < 1:
+        raise ValueError(f"contact breaks off: contact ratio {c:.4f}")
+    edges = np.array([0.0, c - np.floor(c)])
+    for degree in DEGREES:
+        curve = through(edges, np.sum(contact_stiffness(pair, nodes(edges, degree), model)[1], axis=-1))
+        size = np.max(np.abs(curve.coefficients), axis=0)
+        if len(size) <= degree or np.max(size[-2:]) < RESOLVED * np.max(size):
+            break
+    mesh = MeshStiffness(pair, model, curve)
+    if not mesh.extremes[0] > 0:
+        raise ValueError(f"variation {model.variation} takes the mesh stiffness down to {mesh.extremes[0]:.4g} N/m")
+    return mesh

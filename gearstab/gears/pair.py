@@ -1,0 +1,297 @@
+"""Two gears in mesh: operating pressure angle, path of contact, contact ratio, and what a designer should know of them.
+
+Sources: ISO 21771 (2007); Colbourne 1987, *The Geometry of Involute Gears*.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from math import acos, asin, cos, pi, sin, sqrt, tan
+
+import numpy as np
+
+from gearstab.gears.geometry import Gear, inverse_involute, involute
+from gearstab.gears.profile import tooth_profile
+
+Array = np.ndarray
+
+LEAST_TOP_LAND = 0.3  # modules: Dudley 1962, Gear Handbook, for hardened teeth
+LEAST_CLEARANCE = 0.1  # modules, between a tip and the root of its mate
+ROUNDING = 1e-9  # relative to the module: below it a limit counts as met
+
+
+@dataclass(frozen=True)
+class Notice:
+    """What a designer should know: ``number`` and ``limit`` of a named condition of a part (pinion, wheel, pair).
+
+    undercut: profile shift, and the least that keeps the involute whole (modules).
+    interference: s where the tip of this gear would first touch its mate, and the tangent point it passes (metres).
+    fillet_contact: the radius where contact begins, and that where this gear's fillet ends (metres).
+    top_land, tip_clearance: modules.   contact_ratio: below 1.   backlash: negative (metres).
+    trochoid_interference, trimming: of the tips of an internal pair, an angle that must not be negative (radians).
+    """
+
+    name: str
+    part: str
+    number: float
+    limit: float
+
+    def __str__(self) -> str:
+        return f"{self.part}: {self.name.replace('_', ' ')} {self.number:.5g} (limit {self.limit:.5g})"
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Two gears in mesh; s is the distance along the line of action from T1, where it touches the pinion's base circle.
+
+    Parameters
+    ----------
+    pinion, wheel: the pinion external; the wheel external or internal. Either may be the larger.
+    centre_distance: metres; None: of the mesh without backlash.
+    wheel_drives: contact then runs from the pinion's tip towards its root.
+
+    Raises ValueError for gears that cannot mesh.
+    """
+
+    pinion: Gear
+    wheel: Gear
+    centre_distance: float | None = None
+    wheel_drives: bool = False
+
+    def __post_init__(self) -> None:
+        one, two = self.pinion, self.wheel
+        if one.internal:
+            raise ValueError("the pinion must be an external gear")
+        if abs(one.base_pitch / two.base_pitch - 1) > 1e-9:
+            raise ValueError(f"the base pitches differ: {one.base_pitch:.6g} m and {two.base_pitch:.6g} m")
+        if two.internal and two.teeth <= one.teeth:
+            raise ValueError(f"an internal gear needs more teeth than its pinion, not {two.teeth} with {one.teeth}")
+        if self.centre_distance is not None and not self.centre_distance > self._bases:
+            raise ValueError(
+                f"centre_distance {self.centre_distance:.6g} m must exceed {self._bases:.6g} m, base to base"
+            )
+        if not self.path[1] > self.path[0]:
+            raise ValueError(f"the teeth do not reach each other at the centre distance {self.centre:.6g} m")
+
+    @property
+    def _bases(self) -> float:
+        return self.wheel.base_radius + self.wheel.sign * self.pinion.base_radius
+
+    @cached_property
+    def pressure_angle(self) -> float:
+        """alpha_w in operation: of the centre distance, or such that the teeth just fill the pitch."""
+        if self.centre_distance is not None:
+            return acos(self._bases / self.centre_distance)
+        one, two = self.pinion, self.wheel
+        # s_w1 + s_w2 = p_w, with s_w = 2 r_w (theta_b -+ inv alpha_w) and r_w proportional to z.
+        excess = one.teeth * one.base_half_angle + two.teeth * two.base_half_angle - pi
+        inv = excess / (one.teeth + two.sign * two.teeth)
+        if not inv >= 0:
+            raise ValueError(
+                f"no centre distance closes the backlash of profile shifts {one.profile_shift:g} and "
+                f"{two.profile_shift:g}: give centre_distance"
+            )
+        return inverse_involute(inv)
+
+    @property
+    def centre(self) -> float:
+        """a = (r_b2 +- r_b1)/cos alpha_w."""
+        return self._bases / cos(self.pressure_angle) if self.centre_distance is None else self.centre_distance
+
+    @property
+    def pitch_radii(self) -> tuple[float, float]:
+        """In operation, r_w = r_b/cos alpha_w."""
+        c = cos(self.pressure_angle)
+        return self.pinion.base_radius / c, self.wheel.base_radius / c
+
+    @property
+    def ratio(self) -> float:
+        """z2/z1."""
+        return self.wheel.teeth / self.pinion.teeth
+
+    @property
+    def base_pitch(self) -> float:
+        """p_b, the distance of two contacts along the line of action."""
+        return self.pinion.base_pitch
+
+    @property
+    def face_width(self) -> float:
+        """Common to both."""
+        return min(self.pinion.face_width, self.wheel.face_width)
+
+    @cached_property
+    def length(self) -> float:
+        """L = a sin alpha_w = T1 T2."""
+        return self.centre * sin(self.pressure_angle)
+
+    @property
+    def pitch_point(self) -> float:
+        """s of the pitch point, r_b1 tan alpha_w."""
+        return self.pinion.base_radius * tan(self.pressure_angle)
+
+    def wheel_arm(self, s: Array | float) -> Array:
+        """Distance of the contact from T2, L - s, of an internal wheel L + s."""
+        return self.length - self.wheel.sign * np.asarray(s)
+
+    @cached_property
+    def tip_contacts(self) -> tuple[float, float]:
+        """s where the wheel's and the pinion's tip cross the line of action, if nothing stood in the way."""
+        pinion = sqrt(self.pinion.tip_radius**2 - self.pinion.base_radius**2)
+        wheel = sqrt(max(self.wheel.tip_radius**2 - self.wheel.base_radius**2, 0.0))
+        return self.wheel.sign * (self.length - wheel), pinion
+
+    @cached_property
+    def path(self) -> tuple[float, float]:
+        """(s_A, s_E), the path of contact, from the wheel's tip to the pinion's, clipped at the tangent points."""
+        first, last = self.tip_contacts
+        return max(first, 0.0), last if self.wheel.internal else min(last, self.length)
+
+    @property
+    def contact_ratio(self) -> float:
+        """(s_E - s_A)/p_b, of the clipped path with operating values."""
+        return (self.path[1] - self.path[0]) / self.base_pitch
+
+    @cached_property
+    def involute_contact_ratio(self) -> float:
+        """The contact ratio of the flanks that the fillets leave: less than ``contact_ratio`` after undercut."""
+        first, last = self.path
+        first = max(first, self._form_contact(self.pinion))
+        if not self.wheel.internal:
+            last = min(last, self.length - self._form_contact(self.wheel))
+        return max(last - first, 0.0) / self.base_pitch
+
+    @staticmethod
+    def _form_contact(gear: Gear) -> float:
+        form = tooth_profile(gear).form_radius
+        return sqrt(max(form**2 - gear.base_radius**2, 0.0))
+
+    def phase(self, s: float) -> float:
+        """The phase of the mesh cycle, in [0, 1), at which a contact passes s; 0 is the entry of a pair."""
+        travelled = self.path[1] - s if self.wheel_drives else s - self.path[0]
+        return (travelled / self.base_pitch) % 1.0
+
+    @property
+    def pitch_phase(self) -> float:
+        """The phase at which a contact passes the pitch point."""
+        return self.phase(self.pitch_point)
+
+    def contacts(self, x: Array | float) -> tuple[Array, Array]:
+        """s of every pair that may be in contact at the phases x (in mesh periods), and which of them are.
+
+        Shapes ``(..., N)`` with N = floor(c) + 1; the last index counts pairs from the youngest. Phase 0: a pair
+        enters.
+        """
+        phase = np.asarray(x, dtype=float)
+        phase = (phase - np.floor(phase))[..., None] + np.arange(int(self.contact_ratio) + 1)
+        travelled = phase * self.base_pitch
+        s = self.path[1] - travelled if self.wheel_drives else self.path[0] + travelled
+        return s, phase < self.contact_ratio
+
+    @property
+    def tip_clearances(self) -> tuple[float, float]:
+        """Between the pinion's tip and the wheel's root, and the wheel's tip and the pinion's root, metres."""
+        one, two, sign = self.pinion, self.wheel, self.wheel.sign
+        return (
+            sign * (self.centre - two.root_radius) - one.tip_radius,
+            sign * (self.centre - two.tip_radius) - one.root_radius,
+        )
+
+    @property
+    def clearance_shortening(self) -> float:
+        """Tip shortening (metres) that gives back the clearance the rack leaves: (x1 + x2) m - (a - a0), or 0."""
+        one, two = self.pinion, self.wheel
+        standard = (
+            one.module * (one.dedendum - two.addendum),
+            one.module * (two.dedendum - one.addendum),
+        )
+        return max(0.0, standard[1] - self.tip_clearances[0], standard[0] - self.tip_clearances[1])
+
+    @property
+    def backlash(self) -> float:
+        """Along the line of action, metres: what the centre distance leaves between the flanks."""
+        one, two = self.pinion, self.wheel
+        inv = involute(self.pressure_angle)
+        thick = one.teeth * (one.base_half_angle - inv) + two.teeth * (two.base_half_angle - two.sign * inv)
+        return (pi - thick) * self.base_pitch / pi
+
+    def curvature(self, s: Array | float) -> Array:
+        """1/rho_1 + 1/rho_2 of the flanks, 1/m (1/rho_2 < 0 on an internal wheel); infinite at T1 and T2."""
+        with np.errstate(divide="ignore"):
+            return 1 / np.asarray(s, dtype=float) + self.wheel.sign / self.wheel_arm(s)
+
+    @cached_property
+    def notices(self) -> tuple[Notice, ...]:
+        """The conditions that this pair violates; empty for a sound one."""
+        return (*_gear_notices(self), *_path_notices(self), *_fit_notices(self), *_internal_notices(self))
+
+
+def _parts(pair: Pair) -> tuple[tuple[str, Gear], ...]:
+    return (("pinion", pair.pinion), ("wheel", pair.wheel))
+
+
+def _gear_notices(pair: Pair) -> list[Notice]:
+    found = []
+    for part, gear in _parts(pair):
+        if not gear.internal and tooth_profile(gear).undercut:
+            found.append(Notice("undercut", part, gear.profile_shift, gear.least_shift))
+        if gear.top_land < LEAST_TOP_LAND * gear.module:
+            found.append(Notice("top_land", part, gear.top_land / gear.module, LEAST_TOP_LAND))
+    return found
+
+
+def _path_notices(pair: Pair) -> list[Notice]:
+    small = ROUNDING * pair.pinion.module
+    (wheel_tip, pinion_tip), (first, last) = pair.tip_contacts, pair.path
+    found = []
+    if wheel_tip < -small:
+        found.append(Notice("interference", "wheel", wheel_tip, 0.0))
+    if not pair.wheel.internal and pinion_tip > pair.length + small:
+        found.append(Notice("interference", "pinion", pinion_tip, pair.length))
+    begins = (("pinion", pair.pinion, first), ("wheel", pair.wheel, pair.length - last))
+    for part, gear, arm in begins:
+        if gear.internal:
+            continue
+        radius, form = sqrt(gear.base_radius**2 + arm**2), tooth_profile(gear).form_radius
+        if radius < form - small:
+            found.append(Notice("fillet_contact", part, radius, form))
+    if pair.contact_ratio < 1:
+        found.append(Notice("contact_ratio", "pair", pair.contact_ratio, 1.0))
+    return found
+
+
+def _fit_notices(pair: Pair) -> list[Notice]:
+    module, small = pair.pinion.module, ROUNDING * pair.pinion.module
+    found = [
+        Notice("tip_clearance", part, clearance / module, LEAST_CLEARANCE)
+        for (part, _), clearance in zip(_parts(pair), pair.tip_clearances, strict=True)
+        if clearance < LEAST_CLEARANCE * module - small
+    ]
+    if pair.backlash < -small:
+        found.append(Notice("backlash", "pair", pair.backlash, 0.0))
+    return found
+
+
+def _internal_notices(pair: Pair) -> list[Notice]:
+    """Tips of an internal pair that meet off the line of action, and those that bar radial assembly."""
+    if not pair.wheel.internal or pair.wheel.tip_radius <= pair.wheel.base_radius:
+        return []
+    one, two, a = pair.pinion, pair.wheel, pair.centre
+    tip1, tip2 = one.tip_radius, two.tip_radius
+    inv1 = involute(one.profile_angle(tip1)) - involute(pair.pressure_angle)
+    inv2 = involute(two.profile_angle(tip2)) - involute(pair.pressure_angle)
+    found = []
+    if abs(tip2 - tip1) < a:  # the tip circles cross
+        turn1 = acos((tip2**2 - tip1**2 - a**2) / (2 * a * tip1)) + inv1
+        turn2 = acos((tip2**2 - tip1**2 + a**2) / (2 * a * tip2)) + inv2
+        room = turn1 / pair.ratio - turn2
+        if room < 0:
+            found.append(Notice("trochoid_interference", "pair", room, 0.0))
+    cosines = one.base_radius / tip1 * tip2 / two.base_radius
+    side1 = (1 - cosines**2) / (1 - 1 / pair.ratio**2)
+    side2 = (1 / cosines**2 - 1) / (pair.ratio**2 - 1)
+    if 0 <= side1 <= 1 and 0 <= side2 <= 1:
+        room = (asin(sqrt(side1)) + inv1) / pair.ratio - (asin(sqrt(side2)) + inv2)  # angles of the wheel
+        if room < 0:
+            found.append(Notice("trimming", "pair", room, 0.0))
+    return found

@@ -1,0 +1,10 @@
+"""A gear pair whose mesh stiffness depends on its rotation, with and without the conservation of energy.
+
+Source: Oh, Grosh & Barber, "Energy conserving equations of motion for gear systems", J. Vib. Acoust. 127 (2005).
+"""
+
+from gearstab.response.pair.history import PairResponse, Start, respond
+from gearstab.response.pair.integrate import STATUS
+from gearstab.response.pair.spectrum import SHORTEST, Spectrum, spectrum
+
+__all__ = ["SHORTEST", "STATUS", "PairResponse", "Spectrum", "Start", "respond", "spectrum"]

@@ -1,0 +1,172 @@
+"""The motion of a gear pair between two changes of its mesh stiffness, written down.
+
+In units of 1/w0 for time and of k0 for stiffness, with F = phi_s - kappa phi - 2 zeta phi':
+
+    phi'' = F + m eta,        theta'' = m F + eta
+
+Damping acts in both equations, so that it takes energy and never gives any (Oh, Grosh & Barber 2005 print it in the
+first one only). eta is an unbalanced torque on the mean rotation, over k0; 0 for the balanced torques of the paper.
+phi is a damped sinusoid, and theta = theta_0 + m (phi - phi_0) + (theta_0' - m phi_0') t + (1 - m^2) eta t^2/2.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import atan2, atanh, cos, cosh, exp, expm1, floor, pi, sin, sinh, sqrt
+
+import numpy as np
+
+from gearstab.system import Array
+
+State = tuple[float, float, float, float]
+"""phi, phi', theta, theta'."""
+
+
+def free_basis(t: Array, kappa: Array, zeta: Array) -> tuple[Array, Array, Array]:
+    """S, C = S', U = int S dt with S'' + 2 zeta S' + kappa S = 0, S(0) = 0, S'(0) = 1, of arrays that broadcast."""
+    w = np.sqrt(np.abs(kappa - zeta**2))
+    oscillates = kappa > zeta**2
+    decay = np.exp(-zeta * t)
+    # Beyond the critical damping both exponentials together, neither of which grows.
+    slow, fast = np.exp(np.minimum(w - zeta, 0.0) * t), np.exp(-(w + zeta) * t)
+    s = np.where(oscillates, decay * t * np.sinc(w * t / np.pi), 0.0)
+    c = np.where(oscillates, decay * np.cos(w * t), 0.5 * (slow + fast))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        s = np.where(oscillates, s, np.where(w > 0, 0.5 * (slow - fast) / w, t * decay))
+    below = np.where(oscillates, -np.expm1(-zeta * t) + 2 * decay * np.sin(0.5 * w * t) ** 2, 1 - c)
+    return s, c - zeta * s, (below - zeta * s) / kappa
+
+
+@dataclass(frozen=True)
+class Arc:
+    """A piece of motion with constant stiffness.
+
+    start: the state at t = 0. kappa: k/k0. zeta: damping ratio. load: phi_s. m: M1/M2, by which theta follows phi; 0
+    lets theta advance uniformly, as the classical formulation has it. drive: eta.
+    """
+
+    start: State
+    kappa: float
+    zeta: float
+    load: float
+    m: float
+    drive: float = 0.0
+
+    @property
+    def discriminant(self) -> float:
+        """kappa - zeta^2: positive for an oscillation."""
+        return self.kappa - self.zeta**2
+
+    @property
+    def drift(self) -> float:
+        """theta' - m phi' at the beginning: the speed at which theta advances on average."""
+        return self.start[3] - self.m * self.start[1]
+
+    @property
+    def rest(self) -> float:
+        """phi_s + m eta - kappa phi_0, the acceleration at the beginning but for damping."""
+        return self.load + self.m * self.drive - self.kappa * self.start[0]
+
+    @property
+    def pull(self) -> float:
+        """(1 - m^2) eta, the constant part of theta''."""
+        return (1 - self.m**2) * self.drive
+
+    def basis(self, t: float) -> tuple[float, float, float]:
+        """S, C = S', U = int S dt with S'' + 2 zeta S' + kappa S = 0, S(0) = 0, S'(0) = 1."""
+        z, d = self.zeta, self.discriminant
+        if d > 0:
+            w, decay = sqrt(d), exp(-z * t)
+            s, c = decay * sin(w * t) / w, decay * cos(w * t)
+            below = -expm1(-z * t) + 2 * decay * sin(0.5 * w * t) ** 2
+        elif d < 0:
+            w = sqrt(-d)
+            if w * t < 1:
+                decay = exp(-z * t)
+                s, c = decay * sinh(w * t) / w, decay * cosh(w * t)
+                below = -expm1(-z * t) - 2 * decay * sinh(0.5 * w * t) ** 2
+            else:
+                slow, fast = exp((w - z) * t), exp(-(w + z) * t)
+                s, c = 0.5 * (slow - fast) / w, 0.5 * (slow + fast)
+                below = 1 - c
+        else:
+            c = exp(-z * t)
+            s, below = t * c, -expm1(-z * t)
+        return s, c - z * s, (below - z * s) / self.kappa
+
+    def at(self, t: float) -> State:
+        """The state at a time."""
+        phi, rate, theta, speed = self.start
+        s, c, u = self.basis(t)
+        step, new_rate = rate * s + self.rest * u, rate * c + self.rest * s
+        advance = self.m * (step - rate * t) + speed * t + 0.5 * self.pull * t * t
+        return phi + step, new_rate, theta + advance, speed + self.m * (new_rate - rate) + self.pull * t
+
+    def turned(self, t: float) -> float:
+        """theta - theta_0, which keeps its digits however long the gears have rotated."""
+        rate = self.start[1]
+        s, _, u = self.basis(t)
+        return self.m * (rate * (s - t) + self.rest * u) + self.start[3] * t + 0.5 * self.pull * t * t
+
+    def speed(self, t: float) -> float:
+        """theta'."""
+        s, c, _ = self.basis(t)
+        rate = self.start[1]
+        return self.start[3] + self.m * (rate * (c - 1) + self.rest * s) + self.pull * t
+
+    def acceleration(self, t: float) -> float:
+        """theta''."""
+        s, c, _ = self.basis(t)
+        return self.m * (self.bend * c - self.kappa * self.start[1] * s) + self.pull
+
+    @property
+    def bend(self) -> float:
+        """phi'' at the beginning."""
+        return self.rest - 2 * self.zeta * self.start[1]
+
+    def samples(self, times: Array) -> tuple[Array, Array, Array, Array]:
+        """The states at many times."""
+        phi, rate, theta, speed = self.start
+        s, c, u = free_basis(times, np.asarray(self.kappa), np.asarray(self.zeta))
+        step, change = rate * s + self.rest * u, rate * (c - 1) + self.rest * s
+        advance = self.m * (step - rate * times) + speed * times + 0.5 * self.pull * times**2
+        return phi + step, rate + change, theta + advance, speed + self.m * change + self.pull * times
+
+    def bounds(self, t: float) -> tuple[float, float]:
+        """What |phi - its equilibrium| and |phi'| do not exceed from t on; both infinite without an oscillation.
+
+        The energy phi'^2 + kappa (phi - equilibrium)^2 never grows.
+        """
+        phi, rate, _, _ = self.at(t)
+        distance = phi - (self.load + self.m * self.drive) / self.kappa
+        energy = rate**2 + self.kappa * distance**2
+        return sqrt(energy / self.kappa), sqrt(energy)
+
+    def bends(self, order: int, after: float = 0.0) -> Iterator[float]:
+        """Ascending times t > ``after`` at which the derivative of phi of this order, 2 or 3, vanishes.
+
+        The derivatives obey the equation of a free oscillation, so x(t) = x_0 C + (x_0' + 2 zeta x_0) S.
+        """
+        if order == 2:
+            value, slope = self.bend, -self.kappa * self.start[1]
+        else:
+            value, slope = -2 * self.zeta * self.bend - self.kappa * self.start[1], -self.kappa * self.bend
+        if value == 0 and slope == 0:
+            return
+        # x = exp(-zeta t) (value cos w t + sine sin(w t)/w), or the same with cosh and sinh.
+        sine, d = slope - self.zeta * value, self.discriminant
+        w = sqrt(abs(d))
+        if d > 0:
+            first = atan2(-value * w, sine) % pi
+            count = max(floor((after * w - first) / pi), 0)
+            for number in itertools.count(count):
+                if (time := (first + number * pi) / w) > after:
+                    yield time
+            return
+        ratio = -value / sine if sine else 0.0
+        if d == 0 or abs(ratio * w) < 1:
+            time = ratio if d == 0 else atanh(ratio * w) / w
+            if time > after:
+                yield time

@@ -1,0 +1,107 @@
+"""Steady states over the mesh frequency: peaks, root mean squares and load factors, many operating points at once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gearstab.response.basis import full
+from gearstab.response.equilibrium import static_mesh_force
+from gearstab.response.panels import COARSE, pieces
+from gearstab.response.steady import STATUS_FLAGS, Start, starts
+from gearstab.system import Array, GearSystem
+
+UNRESOLVED = 0.02
+"""Relative difference of two integration rules for a mean square beyond which the samples are too few."""
+STEADY = 1e-12
+"""Fluctuations below this part of a force are rounding."""
+
+
+@dataclass(frozen=True)
+class SpeedResponse:
+    """Of the steady state at every point, ``(rows, P, meshes)`` but for ``status``.
+
+    mesh_force_peak: the largest |k_i (g_i^T q - e_i)| over the common period.
+    mesh_force_mean, mesh_force_rms: its mean, and the root mean square of its deviation from the mean.
+    transmission_error_peak_to_peak, transmission_error_rms: of g_i^T q, the latter about its mean.
+    dynamic_load_factor: mesh_force_peak over the static mesh force; NaN where that is 0.
+    status: ``(rows, P)``, bits of :data:`gearstab.response.steady.STATUS_FLAGS`.
+    """
+
+    mesh_force_peak: Array
+    mesh_force_mean: Array
+    mesh_force_rms: Array
+    transmission_error_peak_to_peak: Array
+    transmission_error_rms: Array
+    dynamic_load_factor: Array
+    status: Array
+
+
+def speed_response(
+    system: GearSystem, mesh_frequency: Array, samples_per_cycle: int = 100, tolerance: float = 1e-9
+) -> SpeedResponse:
+    """Steady states of every row of a system at every mesh frequency.
+
+    Parameters
+    ----------
+    system: any batch shape; the result has one row for each entry of the flattened batch.
+    mesh_frequency: Omega, ``(P,)`` for all rows or ``(rows, P)``, positive.
+    samples_per_cycle: about so many samples in a period of the first mesh; extremes are those of a polynomial of
+        degree four through every five of them, so that their error falls with the fourth power.
+    tolerance: of the map over a period where functions vary smoothly, relative.
+
+    Raises
+    ------
+    ValueError: nothing drives the system, or there is no common period.
+    """
+    if not system.forced:
+        raise ValueError("nothing drives the system: give a load, forces or transmission errors")
+    rows = int(np.prod(system.batch, dtype=int))
+    omega = np.atleast_1d(np.asarray(mesh_frequency, dtype=float))
+    omega = np.broadcast_to(omega, (rows, omega.shape[-1]))
+    static = full(system, static_mesh_force(system), 1)
+    table = np.full((5, *omega.shape, len(system.meshes)), np.nan)
+    status = np.zeros(omega.shape, dtype=np.int16)
+    for row, column, begin in starts(system, omega, tolerance, samples_per_cycle):
+        found, flags = _measured(begin, static[row], samples_per_cycle)
+        table[:, row, column] = found
+        status[row, column] = flags
+    with np.errstate(divide="ignore", invalid="ignore"):
+        factor = np.where(static[:, None] != 0, table[0] / np.abs(static[:, None]), np.nan)
+    return SpeedResponse(*table, factor, status)
+
+
+def _measured(begin: Start, static: Array, samples_per_cycle: int) -> tuple[Array, Array]:
+    """The five measures ``(5, K, meshes)`` and the flags ``(K,)``."""
+    count, meshes = len(begin.x), static.shape[1]
+    panels = samples_per_cycle * begin.points.excitation.counts[0] / 4
+    low, high = np.full((2, count, meshes), np.inf), np.full((2, count, meshes), -np.inf)
+    # Deviations from a value of the motion itself: a small fluctuation of a large force keeps its digits.
+    origin: Array | None = None
+    first, second, rough = np.zeros((3, 2, count, meshes))
+    with np.errstate(over="ignore", invalid="ignore"):
+        for piece in pieces(begin.points, begin.x, panels):
+            values = np.stack([piece.force, piece.deflection], axis=3)
+            if origin is None:
+                origin = values[0, 0]
+            ends = piece.extremes(values)
+            low, high = np.minimum(low, np.moveaxis(ends[0], 1, 0)), np.maximum(high, np.moveaxis(ends[1], 1, 0))
+            values = values - origin
+            first += np.moveaxis(piece.mean(values), 1, 0)
+            second += np.moveaxis(piece.mean(values**2), 1, 0)
+            rough += np.moveaxis(piece.mean(values**2, COARSE), 1, 0)
+        assert origin is not None
+        variance = np.maximum(second - first**2, 0.0)
+        peak = np.maximum(np.abs(low[0]), np.abs(high[0]))
+    mean = np.moveaxis(origin, 1, 0)[0] + first[0]
+    status = begin.status.copy()
+    parting = np.any(np.where(static > 0, low[0] < 0, (static < 0) & (high[0] > 0)), axis=1)
+    blurred = np.abs(rough - second)[0] > UNRESOLVED * variance[0] + (STEADY * peak) ** 2
+    status[parting] |= STATUS_FLAGS["separation"]
+    status[np.any(blurred, axis=1)] |= STATUS_FLAGS["unresolved"]
+    found = np.stack([peak, mean, np.sqrt(variance[0]), high[1] - low[1], np.sqrt(variance[1])])
+    failed = ~np.isfinite(found).all(axis=(0, 2))
+    status[failed] |= STATUS_FLAGS["failed"]
+    found[:, failed] = np.nan
+    return found, status

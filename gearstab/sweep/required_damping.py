@@ -1,0 +1,74 @@
+"""The method ``required_damping`` of a sweep."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from gearstab.floquet.frequencies import choice, groups, per_mesh
+from gearstab.floquet.report import reduction
+from gearstab.results.variables import REQUIRED_DAMPING, Variable, flagged
+from gearstab.system import Array, GearSystem
+
+LADDER = 60.0
+"""Cost of scanning the levels of damping, in undamped points."""
+ROOTS = 400.0
+"""Cost of the root finding, shared by all points: eigenproblems of their own for those that need damping."""
+
+
+def way(options: Any, system: GearSystem) -> str:
+    """``common_period`` or ``per_mesh``. Raises ValueError."""
+    if system.terms or not system.piecewise_constant:
+        raise ValueError("needs mesh stiffnesses that are piecewise constant, and no other periodic terms")
+    taken = choice.chosen(system, options.frequencies)
+    # Zeros of an estimate with an interval would have none.
+    return choice.PER_MESH if taken == choice.LYAPUNOV else taken
+
+
+def variables(options: Any, system: GearSystem) -> tuple[Variable, ...]:
+    """The required damping and its status."""
+    from gearstab.floquet.required_damping import FLAGS
+
+    return flagged(REQUIRED_DAMPING, FLAGS)
+
+
+def values(system: GearSystem, mesh_frequency: Array, options: Any) -> dict[str, Array]:
+    """``required_damping`` and ``status`` of a batch of systems."""
+    from gearstab.floquet.required_damping import required_damping
+
+    settings = (options.of, options.largest, options.tolerance)
+    if way(options, system) == choice.COMMON_PERIOD:
+        found = [required_damping(system, mesh_frequency, *settings)]
+    else:
+        whole = system.over(system.batch)
+        found = [
+            required_damping(per_mesh.alone(whole, group), float(group.ratio) * mesh_frequency, *settings)
+            for group in groups(system)
+        ]
+    status = np.bitwise_or.reduce([one.status for one in found])
+    return {"required_damping": np.max([one.value for one in found], axis=0), "status": status}
+
+
+def cost(options: Any, system: GearSystem) -> float:
+    """Of a point, in the units of a sweep's costs."""
+    parts = reduction(system).parts
+    return LADDER * max(1.0, sum(p.segments * p.size**3 for p in parts) / 108) + ROOTS
+
+
+def report(options: Any, system: GearSystem) -> Mapping[str, Any]:
+    """Which way was taken through several mesh frequencies."""
+    if len(set(system.frequency_ratios)) < 2:
+        return {}
+    return {"frequencies_chosen": way(options, system)}
+
+
+def check(options: Any, system: GearSystem) -> None:
+    """Raises ValueError where the options do not fit the system."""
+    try:
+        way(options, system)
+    except ValueError as error:
+        raise ValueError(f"methods.required_damping: {error}") from None
+    if options.of == "factor" and system.damping is None:
+        raise ValueError("methods.required_damping.of: a factor on the damping needs a system with damping")

@@ -1,0 +1,43 @@
+"""Arrays from nested parameters, any number of which may be an array of batch shape."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from gearstab.system import Array
+from gearstab.waveforms import Fourier
+
+
+def vector(values: Sequence[Any] | Array) -> Array:
+    """``(..., n)`` from n numbers, any of which may be an array of batch shape."""
+    if isinstance(values, np.ndarray):
+        return values
+    return np.stack(np.broadcast_arrays(*[np.asarray(v, dtype=float) for v in values]), axis=-1)
+
+
+def matrix(rows: Sequence[Sequence[Any]] | Array) -> Array:
+    """``(..., n, m)`` from nested numbers, any of which may be an array of batch shape."""
+    if isinstance(rows, np.ndarray):
+        return rows
+    return np.stack(np.broadcast_arrays(*[vector(row) for row in rows]), axis=-2)
+
+
+def diagonal(values: Sequence[Any]) -> Array:
+    """``(..., n, n)`` diagonal matrix."""
+    entries = vector(values)
+    return entries[..., :, None] * np.eye(entries.shape[-1])
+
+
+def series(p: dict[str, Any]) -> Fourier:
+    """A Fourier series from its amplitudes ``sin`` and ``cos``, either of which may be shorter or missing."""
+    sin, cos = list(p.get("sin") or []), list(p.get("cos") or [])
+    order = max(len(sin), len(cos))
+    return Fourier(*(vector([*part, *[0.0] * (order - len(part))]) for part in (sin, cos)))
+
+
+def given(p: dict[str, Any], key: str) -> bool:
+    """Whether a number is there and not zero everywhere."""
+    return p.get(key) is not None and bool(np.any(np.asarray(p[key]) != 0))

@@ -1,0 +1,261 @@
+"""From the parameters of a train to its GearSystem.
+
+    M q'' + C q' + [K0 + sum_i k_i(t) g_i g_i^T] q = f,    one rigid-body mode for each train that is free to turn
+
+Source: Kuria & Kihiu 2008, sections II and III, for any connected train of rotors, shafts and meshes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from gearstab.system import Array, GearSystem, Mesh, PeriodicTerm
+from gearstab.systems import assembly
+from gearstab.systems.gearbox import friction, matrices, rotors
+from gearstab.systems.gearbox.teeth import MeshTeeth
+from gearstab.systems.gearbox.train import Link, TrainError, mesh_frequency_ratios, mesh_link, speeds
+
+STEEL = {"young": 206.8e9, "poisson": 0.3, "density": 7850.0, "shear": 80e9}
+
+
+@dataclass(frozen=True)
+class Train:
+    """The parameters of a train with what follows from them alone: who drives whom, how fast, which way."""
+
+    p: dict[str, Any]
+
+    @cached_property
+    def rotors(self) -> list[dict[str, Any]]:
+        """Gears with what they share."""
+        shared = {key: value for key, value in (self.p.get("gears") or {}).items() if value is not None}
+        own = [{key: value for key, value in rotor.items() if value is not None} for rotor in self.p["rotors"]]
+        return [shared | rotor if rotors.is_gear(rotor) else rotor for rotor in own]
+
+    @cached_property
+    def place(self) -> dict[str, int]:
+        """Number of each rotor by name."""
+        return {rotor["name"]: k for k, rotor in enumerate(self.rotors)}
+
+    def ends(self, names: list[str]) -> tuple[int, int]:
+        """Numbers of two rotors."""
+        first, second = (self.place[name] for name in names)
+        return first, second
+
+    @cached_property
+    def meshes(self) -> list[tuple[int, int]]:
+        """(driver, driven) of each mesh."""
+        return [self.ends(mesh["gears"]) for mesh in self.p["meshes"]]
+
+    @property
+    def material(self) -> dict[str, Any]:
+        return STEEL | {key: value for key, value in (self.p.get("material") or {}).items() if value is not None}
+
+    def internal(self, mesh: int) -> bool:
+        """Whether one gear of a mesh is internal."""
+        return any(bool(self.rotors[gear].get("internal")) for gear in self.meshes[mesh])
+
+    def teeth(self, rotor: int) -> int:
+        return int(self.rotors[rotor]["teeth"])
+
+    @cached_property
+    def speeds(self) -> list[Fraction]:
+        """Signed speed of every rotor over that of the input rotor. Raises TrainError."""
+        links = [
+            Link(*self.ends(shaft["between"]), Fraction(1), ("shafts", k))
+            for k, shaft in enumerate(self.p.get("shafts") or [])
+        ]
+        for k, (driver, driven) in enumerate(self.meshes):
+            teeth = self.teeth(driver), self.teeth(driven)
+            links.append(mesh_link(driver, driven, teeth, self.internal(k), ("meshes", k)))
+        return speeds(len(self.rotors), links, self.place[self.p["input"]["rotor"]])
+
+    @cached_property
+    def frequency_ratios(self) -> list[Fraction]:
+        """Mesh frequency of each mesh over that of the first."""
+        drivers = [driver for driver, _ in self.meshes]
+        return mesh_frequency_ratios([self.teeth(driver) for driver in drivers], drivers, self.speeds)
+
+    def sense(self, mesh: int) -> int:
+        """1 where the driver of a mesh turns counter-clockwise, -1 where clockwise."""
+        driving = -1 if self.p["input"].get("sense") == "clockwise" else 1
+        return driving if self.speeds[self.meshes[mesh][0]] > 0 else -driving
+
+    def teeth_of(self, mesh: int) -> MeshTeeth:
+        """The teeth of a mesh, computed when asked for."""
+        if mesh not in self._teeth:
+            driver, driven = self.meshes[mesh]
+            gears = self.rotors[driver], self.rotors[driven]
+            self._teeth[mesh] = MeshTeeth(gears, self.p["meshes"][mesh], self.material)
+        return self._teeth[mesh]
+
+    @cached_property
+    def _teeth(self) -> dict[int, MeshTeeth]:
+        return {}
+
+    def push(self, mesh: int) -> tuple[Array, Array]:
+        """The direction in which the driver of a mesh pushes."""
+        p = self.p["meshes"][mesh]
+        gears = [self.rotors[gear] for gear in self.meshes[mesh]]
+        angle = rotors.number(gears[0], "pressure_angle")
+        if p.get("centre_distance") is not None or any("profile_shift" in gear for gear in gears):
+            teeth = self.teeth_of(mesh)
+            try:
+                angle = teeth.each(lambda pair: pair.pressure_angle)
+            except ValueError as error:
+                raise TrainError(("meshes", mesh), str(error), "change the teeth") from None
+        return matrices.line_of_action(rotors.number(p, "position"), angle, self.sense(mesh))
+
+    @property
+    def layout(self) -> matrices.Layout:
+        supported = tuple(k for k, rotor in enumerate(self.rotors) if rotor.get("support") is not None)
+        return matrices.Layout(tuple(self.place), supported)
+
+    @cached_property
+    def inertias(self) -> list[Array]:
+        return [rotors.inertia(rotor, self.material["density"]) for rotor in self.rotors]
+
+    @cached_property
+    def masses(self) -> dict[int, Array]:
+        """Of the supported rotors."""
+        return {k: rotors.mass(self.rotors[k], self.material["density"]) for k in self.layout.supported}
+
+
+def build(p: dict[str, Any]) -> GearSystem:
+    """The gear system of a train; raises TrainError where its parts do not fit together."""
+    train = Train(p)
+    layout = train.layout
+    filled = [_filled(train, k) for k in range(len(train.meshes))]
+    meshes = tuple(mesh(train, k, filled[k]) for k in range(len(train.meshes)))
+    mass = assembly.diagonal([*train.inertias, *(m for m in train.masses.values() for _ in "xy")])
+    stiffness, damping = _shafts_and_supports(train)
+    system = GearSystem(mass, stiffness, meshes, damping, layout.coordinates, load=load(train))
+    drag = [_mesh_damping(train, k, item) for k, item in enumerate(meshes)]
+    given = [part | {"damping": c if np.any(c) else None} for part, c in zip(filled, drag, strict=True)]
+    own = assembly.damped(system, p | {"meshes": given})
+    total = damping if own.damping is None else damping + own.damping
+    system = replace(own, damping=total if np.any(total) else None)
+    system = assembly.driven(system, {"meshes": given})
+    return _rubbed(train, replace(system, load=load(train)), drag)
+
+
+def _filled(train: Train, k: int) -> dict[str, Any]:
+    """The parameters of a mesh with what its teeth give."""
+    p = train.p["meshes"][k]
+    kind = (p.get("waveform") or {}).get("kind", "rectangular")
+    stiff = p.get("mean_stiffness") is not None or p.get("max_stiffness") is not None
+    varies = p.get("epsilon") is not None or p.get("amplitude") is not None
+    shaped = p.get("contact_ratio") is not None or kind in ("fourier", "sampled")
+    if kind != "tooth" and stiff and varies and shaped:
+        return dict(p)
+    teeth = train.teeth_of(k)
+    try:
+        return teeth.filled() | ({"wave": teeth.wave()} if kind == "tooth" else {})
+    except ValueError as error:
+        raise TrainError(("meshes", k), str(error), "change the teeth, or give the stiffness of the mesh") from None
+
+
+def mesh(train: Train, k: int, p: dict[str, Any]) -> Mesh:
+    """One mesh of the train from its complete parameters; its lag is a fraction of its own period."""
+    gears = train.meshes[k]
+    radii = tuple(rotors.base_radius(train.rotors[gear]) for gear in gears)
+    direction = matrices.mesh_direction(train.layout, gears, (radii[0], radii[1]), train.push(k))
+    ratio, lag = train.frequency_ratios[k], rotors.number(p, "lag")
+    if "wave" in p:
+        return Mesh(p["name"], direction, p["mean_stiffness"], p["epsilon"], p["wave"], ratio, lag)
+    return assembly.mesh(p, direction, ratio, lag)
+
+
+def _rubbed(train: Train, system: GearSystem, drag: list[Array]) -> GearSystem:
+    """The system with the friction of its meshes."""
+    laws = [p.get("friction") for p in train.p["meshes"]]
+    if not any(laws):
+        return system
+    forces = np.abs(friction.static_forces(system))
+    found: list[PeriodicTerm] = []
+    for k, law in enumerate(laws):
+        if law is None:
+            continue
+        teeth, gears = train.teeth_of(k), train.meshes[k]
+        plain = law.get("kind", "constant") == "constant"
+        speed = 1.0 if plain else rotors.number(train.p["input"], "speed") * float(abs(train.speeds[gears[0]]))
+        try:
+            rubbing = teeth.friction(law, np.asarray(speed), np.ones(()) if plain else forces[..., k])
+        except ValueError as error:
+            raise TrainError(("meshes", k, "friction"), str(error), "change the teeth or the operating point") from None
+        found += friction.terms(
+            train.layout, gears, system.meshes[k], rubbing, train.push(k), train.sense(k), drag[k],
+            swapped=teeth.pairs[0].wheel_drives,
+        )  # fmt: skip
+    return replace(system, terms=(*system.terms, *found))
+
+
+def _mesh_damping(train: Train, k: int, item: Mesh) -> Array:
+    """``damping`` (N s/m) or ``damping_ratio`` of a mesh."""
+    p, (driver, driven) = train.p["meshes"][k], train.meshes[k]
+    if p.get("damping_ratio") is None:
+        return rotors.number(p, "damping")
+    radii = rotors.base_radius(train.rotors[driver]), rotors.base_radius(train.rotors[driven])
+    inertias = train.inertias[driver], train.inertias[driven]
+    return matrices.mesh_damping(rotors.number(p, "damping_ratio"), item.mean_stiffness, radii, inertias)
+
+
+def shaft_stiffness(train: Train, shaft: dict[str, Any]) -> Array:
+    """k as given, or G pi (d^4 - d_i^4)/(32 l) of a round shaft, N m/rad."""
+    if shaft.get("stiffness") is not None:
+        return rotors.number(shaft, "stiffness")
+    polar = np.pi / 32 * (rotors.number(shaft, "diameter") ** 4 - rotors.number(shaft, "bore") ** 4)
+    return np.asarray(train.material["shear"]) * polar / rotors.number(shaft, "length")
+
+
+def _shafts_and_supports(train: Train) -> tuple[Array, Array]:
+    """K0 and the damping of shafts and supports, ``(..., n, n)``."""
+    layout = train.layout
+    stiffness, damping = (np.zeros((layout.size, layout.size)) for _ in range(2))
+    for shaft in train.p.get("shafts") or []:
+        ends = train.ends(shaft["between"])
+        twist = matrices.shaft_direction(layout, *ends)
+        k = shaft_stiffness(train, shaft)
+        c = matrices.shaft_damping(
+            rotors.number(shaft, "damping_ratio"), k, (train.inertias[ends[0]], train.inertias[ends[1]])
+        )
+        stiffness, damping = stiffness + matrices.spring(twist, k), damping + matrices.spring(twist, c)
+    for rotor, place in layout.lateral.items():
+        support = train.rotors[rotor]["support"]
+        k = rotors.number(support, "stiffness")
+        c = 2 * rotors.number(support, "damping_ratio") * np.sqrt(k * train.masses[rotor])
+        for axis in range(2):
+            along = matrices.unit(layout, {place + axis: 1.0})
+            stiffness, damping = stiffness + matrices.spring(along, k), damping + matrices.spring(along, c)
+    return stiffness, damping
+
+
+def torques(train: Train) -> dict[int, Array]:
+    """Torque on the input and the output rotors, N m, each positive in the sense in which its rotor turns.
+
+    The outputs take power: sum T_i |speed_i| = 0. Without a torque an output shares what the input brings equally; the
+    input torque follows from the outputs' where it is not given itself.
+    """
+    p = train.p
+    start, ends = train.place[p["input"]["rotor"]], [train.place[item["rotor"]] for item in p.get("outputs") or []]
+    speed = {end: float(abs(train.speeds[end])) for end in ends}
+    given = [item.get("torque") for item in p.get("outputs") or []]
+    if p["input"].get("torque") is None and all(value is None for value in given):
+        return {}
+    if all(value is not None for value in given):
+        taken = {end: np.asarray(value, dtype=float) for end, value in zip(ends, given, strict=True)}
+    else:
+        power = rotors.number(p["input"], "torque") / len(ends)
+        taken = {end: power / speed[end] for end in ends}
+    brought = sum((taken[end] * speed[end] for end in ends), np.zeros(()))
+    return {start: np.asarray(brought)} | {end: -taken[end] for end in ends}
+
+
+def load(train: Train) -> Array | None:
+    """The constant torques as generalised forces ``(..., n)``, None where there are none."""
+    found = torques(train)
+    return matrices.unit(train.layout, dict(found)) if found else None

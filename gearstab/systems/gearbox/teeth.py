@@ -1,0 +1,192 @@
+"""What the teeth of a mesh come to: geometry, stiffness and friction, one pair of gears for each entry of the batch."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from gearstab.gears import (
+    BenedictKelley,
+    ConstantFriction,
+    Friction,
+    Gear,
+    MeshFriction,
+    MeshStiffness,
+    Pair,
+    StiffnessModel,
+    XuKahraman,
+    mesh_friction,
+    mesh_stiffness,
+)
+from gearstab.system import Array
+from gearstab.systems.gearbox.rotors import number
+from gearstab.waveforms import Fourier, Tooth
+from gearstab.waveforms.tooth import Piecewise, stacked
+
+Numbers = dict[tuple[str, str], float]
+
+OF_GEAR = {"module": None, "pressure_angle": None, "face_width": None, "profile_shift": 0.0, "addendum": 1.0,
+           "dedendum": 1.25, "bore_radius": None}  # fmt: skip
+OF_MATERIAL = ("young", "poisson", "density")
+
+
+@dataclass(frozen=True)
+class MeshTeeth:
+    """The teeth of one mesh.
+
+    gears: parameters of driver and driven gear; p: of the mesh; material: of both gears.
+    """
+
+    gears: tuple[dict[str, Any], dict[str, Any]]
+    p: dict[str, Any]
+    material: dict[str, Any]
+
+    @cached_property
+    def _inputs(self) -> tuple[tuple[int, ...], list[Numbers]]:
+        """Batch shape, and for each of its entries all numbers that matter, by name."""
+        table: dict[tuple[str, str], Array] = {}
+        for side, gear in zip(("driver", "driven"), self.gears, strict=True):
+            for name, default in OF_GEAR.items():
+                if gear.get(name) is not None or default is not None:
+                    table[side, name] = number(gear, name, default or 0.0)
+        for name in OF_MATERIAL:
+            table["material", name] = np.asarray(self.material[name], dtype=float)
+        for name in ("centre_distance", "double_contact_factor", "single_pair_stiffness", "variation"):
+            if self.p.get(name) is not None:
+                table["mesh", name] = number(self.p, name)
+        arrays = dict(zip(table, np.broadcast_arrays(*table.values()), strict=True))
+        shape = next(iter(arrays.values())).shape
+        flat = {key: values.ravel() for key, values in arrays.items()}
+        count = int(np.prod(shape, dtype=int))
+        return shape, [{key: float(values[k]) for key, values in flat.items()} for k in range(count)]
+
+    @property
+    def batch(self) -> tuple[int, ...]:
+        return self._inputs[0]
+
+    @cached_property
+    def pairs(self) -> list[Pair]:
+        """One for each entry of the batch. Raises ValueError for gears that cannot mesh."""
+        return [self._pair(numbers) for numbers in self._inputs[1]]
+
+    def _pair(self, numbers: Numbers) -> Pair:
+        material = {name: numbers["material", name] for name in OF_MATERIAL}
+        driver, driven = (
+            Gear(
+                teeth=int(gear["teeth"]),
+                internal=bool(gear.get("internal")),
+                **{name: numbers[side, name] for name in OF_GEAR if (side, name) in numbers},
+                **material,
+            )
+            for side, gear in zip(("driver", "driven"), self.gears, strict=True)
+        )
+        centre = numbers.get(("mesh", "centre_distance"))
+        # The pinion of an internal pair is the external gear, whichever of the two drives.
+        return Pair(driven, driver, centre, wheel_drives=True) if driver.internal else Pair(driver, driven, centre)
+
+    @cached_property
+    def models(self) -> list[StiffnessModel]:
+        return [
+            StiffnessModel(
+                double_contact_factor=numbers.get(("mesh", "double_contact_factor"), 1.0),
+                single_pair_stiffness=numbers.get(("mesh", "single_pair_stiffness")),
+                variation=numbers.get(("mesh", "variation")),
+            )
+            for numbers in self._inputs[1]
+        ]
+
+    @cached_property
+    def stiffness(self) -> list[MeshStiffness]:
+        """Over the mesh cycle. Raises ValueError where it cannot be computed."""
+        return [mesh_stiffness(pair, model) for pair, model in zip(self.pairs, self.models, strict=True)]
+
+    def each(self, value: Callable[[Pair], float]) -> Array:
+        """A number of every pair, as an array of the batch."""
+        return np.reshape([value(pair) for pair in self.pairs], self.batch)
+
+    def of_stiffness(self, value: Callable[[MeshStiffness], float]) -> Array:
+        """A number of every mesh stiffness, as an array of the batch."""
+        return np.reshape([value(mesh) for mesh in self.stiffness], self.batch)
+
+    def filled(self) -> dict[str, Any]:
+        """The parameters of the mesh with what the teeth give of mean stiffness, epsilon and contact ratio."""
+        p = dict(self.p)
+        kind = (p.get("waveform") or {}).get("kind", "rectangular")
+        if p.get("mean_stiffness") is None and p.get("max_stiffness") is None:
+            p["mean_stiffness"] = self.of_stiffness(lambda mesh: mesh.mean)
+        takes_ratio = kind not in ("fourier", "sampled", "tooth")
+        if takes_ratio and p.get("contact_ratio") is None:
+            p["contact_ratio"] = self.each(lambda pair: pair.contact_ratio)
+        if kind == "tooth" or (p.get("epsilon") is None and p.get("amplitude") is None and kind != "sampled"):
+            keep = p.get("reduction", "levels")
+            p["epsilon"] = self.of_stiffness(
+                lambda mesh: mesh.epsilon if kind in ("tooth", "fourier") else mesh.rectangular(keep).epsilon
+            )
+        return p
+
+    def wave(self) -> Tooth | Fourier:
+        """The wave of the computed stiffness, or its first harmonics."""
+        harmonics = (self.p.get("waveform") or {}).get("harmonics")
+        whole = Tooth(stacked([mesh.curve for mesh in self.stiffness], self.batch))
+        if harmonics is None:
+            return whole
+        pairs = [whole.fourier(s) for s in range(1, int(harmonics) + 1)]
+        return Fourier(*(np.stack([pair[side] for pair in pairs], axis=-1) for side in (0, 1)))
+
+    def friction(self, law: dict[str, Any], speed: Array, force: Array) -> Rubbing:
+        """Its functions of the mesh phase, at the driver's |speed| (rad/s) under the static mesh |force| (N)."""
+        shape = np.broadcast_shapes(self.batch, np.shape(speed), np.shape(force), *map(np.shape, law.values()))
+        speeds, forces = (np.broadcast_to(np.abs(value), shape).ravel() for value in (speed, force))
+        index = np.broadcast_to(np.arange(len(self.pairs)).reshape(self.batch), shape).ravel()
+        laws = list(_laws(law, shape))
+        found = []
+        for k, at in enumerate(index):
+            pair = self.pairs[at]
+            pinion_speed = float(speeds[k]) * (pair.ratio if pair.wheel_drives else 1.0)
+            found.append(mesh_friction(pair, laws[k], pinion_speed, float(forces[k]), self.models[at]))
+        return Rubbing(found, shape)
+
+
+def _laws(law: dict[str, Any], shape: tuple[int, ...]) -> Iterator[Friction]:
+    """The law of friction for each entry of a batch; oil in cP and roughness in um, as the regressions have them."""
+
+    def flat(name: str, unit: float = 1.0) -> Array:
+        return np.broadcast_to(number(law, name) / unit, shape).ravel()
+
+    if law.get("kind", "constant") == "constant":
+        yield from (ConstantFriction(float(level)) for level in flat("coefficient"))
+        return
+    kind = XuKahraman if law["kind"] == "xu_kahraman" else BenedictKelley
+    for viscosity, roughness in zip(flat("viscosity", 1e-3), flat("roughness", 1e-6), strict=True):
+        yield kind(float(viscosity), float(roughness))
+
+
+@dataclass(frozen=True)
+class Rubbing:
+    """Friction of a mesh over a batch; see :class:`~gearstab.gears.MeshFriction`."""
+
+    found: list[MeshFriction]
+    batch: tuple[int, ...]
+
+    @property
+    def length(self) -> Array:
+        """L, between the tangent points of the line of action, m."""
+        return np.reshape([item.length for item in self.found], self.batch)
+
+    @property
+    def wheel_sign(self) -> int:
+        return self.found[0].wheel_sign
+
+    @property
+    def share(self) -> Piecewise:
+        """sum sigma mu k_p/k."""
+        return stacked([item.share for item in self.found], self.batch)
+
+    @property
+    def share_arm(self) -> Piecewise:
+        """sum sigma mu s_p k_p/k, m."""
+        return stacked([item.share_arm for item in self.found], self.batch)

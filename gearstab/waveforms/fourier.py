@@ -1,0 +1,90 @@
+"""Mesh stiffness as a finite Fourier series."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gearstab.waveforms.base import Array
+from gearstab.waveforms.phase import wrapped
+
+NEGLIGIBLE = 1e-15
+"""Harmonics below this part of the greatest one do not move the extremes by more than rounding does."""
+
+
+@dataclass(frozen=True)
+class Fourier:
+    """w = sum_s a_s sin 2 pi s x + b_s cos 2 pi s x, s = 1 .. S, with the coefficients as given.
+
+    Its peak-to-peak is what these make it: k_v = 2 k_a w.
+
+    Parameters
+    ----------
+    sin, cos: ``(..., S)``, a_s and b_s.
+    """
+
+    sin: Array
+    cos: Array
+
+    @property
+    def piecewise_constant(self) -> bool:
+        return False
+
+    @property
+    def batch(self) -> tuple[int, ...]:
+        return np.broadcast_shapes(np.shape(self.sin)[:-1], np.shape(self.cos)[:-1])
+
+    @property
+    def _orders(self) -> Array:
+        return np.arange(1, np.shape(self.sin)[-1] + 1)
+
+    def value(self, x: Array) -> Array:
+        angle = 2 * np.pi * self._orders * wrapped(x)[..., None]
+        return np.sum(self.sin * np.sin(angle) + self.cos * np.cos(angle), axis=-1)
+
+    def breakpoints(self) -> Array:
+        return np.zeros((*self.batch, 0))
+
+    def extremes(self) -> tuple[Array, Array]:
+        """At the zeros of w', which is a polynomial of degree 2 S in z = exp(2 pi i x) but for a factor.
+
+        All its roots are taken as phases: those off the unit circle are values of w like others, and multiple roots,
+        which are known less well, belong to phases near which w hardly varies.
+        """
+        sin, cos = np.broadcast_arrays(np.asarray(self.sin, dtype=float), np.asarray(self.cos, dtype=float))
+        # sum_s s (a_s cos - b_s sin) = 1/2 sum_s s [(a_s + i b_s) z^s + (a_s - i b_s) z^-s]
+        derivative = (self._orders * (sin + 1j * cos)).reshape(-1, sin.shape[-1])
+        low, high = np.zeros(len(derivative)), np.zeros(len(derivative))
+        degree = _degrees(derivative)
+        for order in np.unique(degree[degree > 0]):
+            rows = np.flatnonzero(degree == order)
+            phase = np.angle(_roots(derivative[rows, :order])) / (2 * np.pi)
+            flat = Fourier(sin.reshape(low.size, 1, -1)[rows], cos.reshape(low.size, 1, -1)[rows])
+            found = flat.value(phase)
+            low[rows], high[rows] = found.min(axis=1), found.max(axis=1)
+        return low.reshape(self.batch), high.reshape(self.batch)
+
+    def fourier(self, order: int) -> tuple[Array, Array]:
+        if order > np.shape(self.sin)[-1]:
+            return np.zeros(self.batch), np.zeros(self.batch)
+        sin, cos = (np.asarray(part, dtype=float)[..., order - 1] for part in (self.sin, self.cos))
+        return np.broadcast_to(sin, self.batch), np.broadcast_to(cos, self.batch)
+
+
+def _degrees(coefficients: Array) -> Array:
+    """Of each row ``(r, S)`` the highest order that counts, 0 where all vanish."""
+    size = np.abs(coefficients)
+    counts = size > NEGLIGIBLE * size.max(axis=1, keepdims=True, initial=0.0)
+    return np.max(np.where(counts, np.arange(1, size.shape[1] + 1), 0), axis=1, initial=0)
+
+
+def _roots(coefficients: Array) -> Array:
+    """``(r, 2 S)``, roots of sum_s c_s z^(S + s) + conj(c_s) z^(S - s), from the companion matrix; c_S is not 0."""
+    rows, order = coefficients.shape
+    middle = np.zeros((rows, 1))
+    polynomial = np.concatenate([coefficients[:, ::-1], middle, coefficients.conj()], axis=1)
+    companion = np.zeros((rows, 2 * order, 2 * order), dtype=complex)
+    companion[:, 0] = -polynomial[:, 1:] / polynomial[:, :1]
+    companion[:, np.arange(1, 2 * order), np.arange(2 * order - 1)] = 1.0
+    return np.linalg.eigvals(companion)

@@ -1,0 +1,96 @@
+"""Mesh stiffness given by samples over a period."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from gearstab.waveforms.base import Array
+from gearstab.waveforms.phase import wrapped
+from gearstab.waveforms.splines import Pieces, interpolate
+
+LEVEL = 1e-13
+"""A variation below this part of the largest stiffness is rounding: the wave is taken as constant."""
+
+
+@dataclass(frozen=True)
+class Sampled:
+    """w = (k - mean k)/(max k - min k), k the periodic interpolation of samples; 0 where k is constant.
+
+    Mean and extremes are those of the interpolation, not of the samples.
+
+    Parameters
+    ----------
+    phase: ``(N,)``, in [0, 1), ascending.
+    stiffness: ``(..., N)``.
+    interpolation: ``linear`` or ``cubic`` (:func:`~gearstab.waveforms.splines.interpolate`).
+    """
+
+    phase: Array
+    stiffness: Array
+    interpolation: str = "linear"
+
+    @property
+    def piecewise_constant(self) -> bool:
+        return False
+
+    @property
+    def batch(self) -> tuple[int, ...]:
+        return np.shape(self.stiffness)[:-1]
+
+    @property
+    def mean_stiffness(self) -> Array:
+        """Of the interpolation, ``(...)``."""
+        return self._pieces.integral()
+
+    @property
+    def amplitude(self) -> Array:
+        """(max k - min k)/2, ``(...)``."""
+        return 0.5 * self._size
+
+    @cached_property
+    def _pieces(self) -> Pieces:
+        phase, stiffness = np.asarray(self.phase, dtype=float), np.asarray(self.stiffness, dtype=float)
+        closed = np.concatenate([stiffness, stiffness[..., :1]], axis=-1)
+        return interpolate(np.append(phase, phase[0] + 1.0), closed, self.interpolation, periodic=True)
+
+    @cached_property
+    def _range(self) -> tuple[Array, Array]:
+        return self._pieces.extremes()
+
+    @cached_property
+    def _size(self) -> Array:
+        return significant(*self._range)
+
+    def _stiffness(self, x: Array) -> Array:
+        phase = wrapped(x)
+        return self._pieces.value(np.where(phase < np.asarray(self.phase)[0], phase + 1.0, phase))
+
+    def value(self, x: Array) -> Array:
+        return normalised(self._stiffness(x) - self.mean_stiffness, self._size)
+
+    def breakpoints(self) -> Array:
+        return np.asarray(self.phase, dtype=float)
+
+    def extremes(self) -> tuple[Array, Array]:
+        low, high = self._range
+        mean = self.mean_stiffness
+        return normalised(low - mean, self._size), normalised(high - mean, self._size)
+
+    def fourier(self, order: int) -> tuple[Array, Array]:
+        """Exactly, as the interpolation is made of polynomials."""
+        found = self._pieces.transform(2 * np.pi * order)
+        return normalised(-2 * found.imag, self._size), normalised(2 * found.real, self._size)
+
+
+def significant(low: Array, high: Array) -> Array:
+    """high - low, or 0 where that is but rounding."""
+    size = np.asarray(high) - low
+    return np.where(size > LEVEL * np.maximum(np.abs(low), np.abs(high)), size, 0.0)
+
+
+def normalised(values: Array, size: Array) -> Array:
+    """values/size, 0 where size is."""
+    return np.where(size > 0, values / np.where(size > 0, size, 1.0), 0.0)

@@ -1,0 +1,177 @@
+"""A polynomial on each of a few pieces of the period, and the shape of a mesh stiffness made of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.polynomial import chebyshev
+
+from gearstab.waveforms.base import Array
+from gearstab.waveforms.phase import wrapped
+from gearstab.waveforms.sampled import normalised, significant
+
+ROUNDING = 1e-14  # relative: coefficients below it are left out
+FOURIER_NODES = 24  # of Gauss's rule a piece and a dozen oscillations: rounding is reached
+
+
+@dataclass(frozen=True)
+class Piecewise:
+    """f(x) = sum_j c_bj T_j(t) on the piece b, t running from -1 to 1 over it; a :class:`Profile`.
+
+    Parameters
+    ----------
+    edges: ``(..., B)``, ascending, where the pieces begin; the first is 0, the last piece ends at 1. A piece may be
+    empty. coefficients: ``(..., B, P)`` of Chebyshev polynomials of degree below P.
+    """
+
+    edges: Array
+    coefficients: Array
+
+    @property
+    def piecewise_constant(self) -> bool:
+        return bool(np.shape(self.coefficients)[-1] == 1)
+
+    @property
+    def batch(self) -> tuple[int, ...]:
+        return np.broadcast_shapes(np.shape(self.edges)[:-1], np.shape(self.coefficients)[:-2])
+
+    @property
+    def lengths(self) -> Array:
+        """``(..., B)``."""
+        edges = np.asarray(self.edges)
+        return np.diff(edges, axis=-1, append=np.ones((*edges.shape[:-1], 1)))
+
+    def breakpoints(self) -> Array:
+        """The edges; that of an empty last piece is the end of the period, phase 0."""
+        return wrapped(self.edges)
+
+    def value(self, x: Array) -> Array:
+        phase, edges, coefficients = wrapped(x), np.asarray(self.edges), np.asarray(self.coefficients)
+        shape = np.broadcast_shapes(phase.shape, self.batch)
+        phase = np.broadcast_to(phase, shape)
+        piece = np.sum(phase[..., None] >= edges, axis=-1)[..., None] - 1
+
+        def chosen(values: Array) -> Array:
+            return np.take_along_axis(np.broadcast_to(values, (*shape, values.shape[-1])), piece, axis=-1)[..., 0]
+
+        length = chosen(self.lengths)
+        t = np.clip(2 * (phase - chosen(edges)) / np.where(length > 0, length, 1.0) - 1, -1.0, 1.0)
+        after, latest = np.zeros(shape), np.zeros(shape)  # Clenshaw's recurrence
+        for j in range(coefficients.shape[-1] - 1, 0, -1):
+            after, latest = latest, chosen(coefficients[..., j]) + 2 * t * latest - after
+        return chosen(coefficients[..., 0]) + t * latest - after
+
+    @property
+    def means(self) -> Array:
+        """``(..., B)``, over each piece."""
+        even = np.asarray(self.coefficients)[..., ::2]
+        return np.sum(even / (1.0 - (2 * np.arange(even.shape[-1])) ** 2), axis=-1)
+
+    @cached_property
+    def mean(self) -> Array:
+        """``(...)``, over the period."""
+        return np.sum(self.lengths * self.means, axis=-1)
+
+    @cached_property
+    def extremes(self) -> tuple[Array, Array]:
+        """The least and the greatest value, ``(...)`` each, from the roots of the derivatives."""
+        coefficients = np.broadcast_to(self.coefficients, (*self.batch, *np.shape(self.coefficients)[-2:]))
+        lengths = np.broadcast_to(self.lengths, coefficients.shape[:-1])
+        low, high = np.empty(self.batch), np.empty(self.batch)
+        for index in np.ndindex(*self.batch):
+            found = [_range(c) for c, length in zip(coefficients[index], lengths[index], strict=True) if length > 0]
+            low[index], high[index] = min(f[0] for f in found), max(f[1] for f in found)
+        return low[()], high[()]
+
+    def fourier(self, order: int) -> tuple[Array, Array]:
+        """(a_s, b_s) of f(x) - mean = sum_s a_s sin 2 pi s x + b_s cos 2 pi s x, by Gauss's rule on each piece."""
+        nodes, weights = np.polynomial.legendre.leggauss(FOURIER_NODES + 4 * order)
+        t = np.broadcast_to(nodes, (*np.shape(self.coefficients)[:-1], len(nodes)))
+        basis = chebyshev.chebvander(nodes, np.shape(self.coefficients)[-1] - 1)
+        f = np.sum(np.asarray(self.coefficients)[..., None, :] * basis, axis=-1) * weights
+        angle = 2 * np.pi * order * (np.asarray(self.edges)[..., None] + self.lengths[..., None] * (t + 1) / 2)
+        f = f * self.lengths[..., None]  # times 1/2 for the piece's half length, times 2 for the coefficient
+        return np.sum(f * np.sin(angle), axis=(-2, -1)), np.sum(f * np.cos(angle), axis=(-2, -1))
+
+
+def _range(coefficients: Array) -> tuple[float, float]:
+    """The least and the greatest value of a Chebyshev series on [-1, 1]."""
+    points = np.array([-1.0, 1.0])
+    slope = chebyshev.chebder(coefficients)
+    slope = chebyshev.chebtrim(slope, 1e-15 * np.max(np.abs(coefficients)))
+    if len(slope) > 1:
+        roots = chebyshev.chebroots(slope)
+        # A double root, of a flat extremum, may come out as a pair with an imaginary part of rounding's square root.
+        real = np.real(roots[np.abs(np.imag(roots)) < 1e-6])
+        points = np.append(points, real[np.abs(real) < 1])
+    values = chebyshev.chebval(points, coefficients)
+    return float(values.min()), float(values.max())
+
+
+def nodes(edges: Array, degree: int) -> Array:
+    """``(B, degree + 1)``: the Chebyshev points inside each of the pieces that begin at ``edges``, ``(B,)``."""
+    ends = np.append(edges[1:], 1.0)
+    return edges[:, None] + (ends - edges)[:, None] * (np.cos(_angles(degree)) + 1) / 2
+
+
+def _angles(degree: int) -> Array:
+    return np.pi * (np.arange(degree, -1, -1) + 0.5) / (degree + 1)
+
+
+def through(edges: Array, values: Array) -> Piecewise:
+    """The polynomials through ``values`` at the :func:`nodes` of the pieces, ``(B, degree + 1)``."""
+    degree = values.shape[-1] - 1
+    basis = np.cos(np.outer(_angles(degree), np.arange(degree + 1)))
+    scale = np.where(np.arange(degree + 1) == 0, 1.0, 2.0) / (degree + 1)
+    coefficients = values @ basis * scale
+    size = np.max(np.abs(coefficients), axis=0)
+    needed = np.flatnonzero(size > ROUNDING * np.max(size))
+    return Piecewise(edges, coefficients[:, : needed[-1] + 1 if len(needed) else 1])
+
+
+def stacked(curves: Sequence[Piecewise], shape: tuple[int, ...]) -> Piecewise:
+    """One batch of the given shape from single curves with equally many pieces, in the order of the batch."""
+    degrees = max(np.shape(curve.coefficients)[-1] for curve in curves)
+    padded = [np.pad(curve.coefficients, ((0, 0), (0, degrees - curve.coefficients.shape[-1]))) for curve in curves]
+    edges = np.stack([curve.edges for curve in curves])
+    return Piecewise(edges.reshape(*shape, -1), np.stack(padded).reshape(*shape, edges.shape[-1], degrees))
+
+
+@dataclass(frozen=True)
+class Tooth:
+    """w = (k - mean k)/(max k - min k) of a stiffness k given piece by piece, such as one computed from the teeth.
+
+    Phase 0 is the entry of a pair of teeth. A constant stiffness has w = 0.
+    """
+
+    stiffness: Piecewise
+
+    @property
+    def piecewise_constant(self) -> bool:
+        return self.stiffness.piecewise_constant
+
+    @property
+    def batch(self) -> tuple[int, ...]:
+        return self.stiffness.batch
+
+    @cached_property
+    def _size(self) -> Array:
+        return significant(*self.stiffness.extremes)
+
+    def value(self, x: Array) -> Array:
+        return normalised(self.stiffness.value(x) - self.stiffness.mean, self._size)
+
+    def breakpoints(self) -> Array:
+        return self.stiffness.breakpoints()
+
+    def extremes(self) -> tuple[Array, Array]:
+        low, high = self.stiffness.extremes
+        mean = self.stiffness.mean
+        return normalised(low - mean, self._size), normalised(high - mean, self._size)
+
+    def fourier(self, order: int) -> tuple[Array, Array]:
+        a, b = self.stiffness.fourier(order)
+        return normalised(a, self._size), normalised(b, self._size)

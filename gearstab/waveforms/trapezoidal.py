@@ -1,0 +1,71 @@
+"""Trapezoidal mesh stiffness of any contact ratio."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gearstab.waveforms.base import Array
+from gearstab.waveforms.phase import stiff_fraction, wrapped
+
+
+@dataclass(frozen=True)
+class Trapezoidal:
+    """The rectangular wave whose jumps are linear ramps, of width r and centred on the jumps.
+
+        w(x) = -d + sum_j [S(x - j) - S(x - j - d)],    S(y) = 0 for y < -r/2, 1/2 + y/r, 1 for y > r/2,
+
+    which is the mean of the rectangular wave over x - r/2 .. x + r/2, 0 <= r <= 1. Ramps that overlap, r > d or
+    r > 1 - d, add up by this rule: the plateau between them is not reached and the peak-to-peak is
+
+        min(1, d/r) - max(0, 1 - (1 - d)/r) <= 1
+
+    instead of 1. So the wave is a continuous function of the contact ratio, and vanishes at the integers, where the
+    rectangular one jumps; the level of floor(c) + 1 pairs stays what it is when a plateau gets too short to reach it.
+    """
+
+    contact_ratio: Array | float
+    ramp: Array | float
+
+    @property
+    def piecewise_constant(self) -> bool:
+        return False
+
+    @property
+    def batch(self) -> tuple[int, ...]:
+        return np.broadcast_shapes(np.shape(self.contact_ratio), np.shape(self.ramp))
+
+    @property
+    def stiff_fraction(self) -> Array:
+        """d = c - floor(c)."""
+        return stiff_fraction(self.contact_ratio)
+
+    def value(self, x: Array) -> Array:
+        d, phase = self.stiff_fraction, wrapped(x)
+        # A ramp is at most one period wide: of the other periods' pulses only those of the neighbours reach here.
+        pulses = (self._step(phase - j) - self._step(phase - j - d) for j in (-1, 0, 1))
+        return sum(pulses, -d)
+
+    def _step(self, y: Array) -> Array:
+        """S, a jump for r = 0."""
+        r = np.asarray(self.ramp, dtype=float)
+        return np.where(r > 0, np.clip(y / np.where(r > 0, r, 1.0) + 0.5, 0.0, 1.0), np.where(y >= 0, 1.0, 0.0))
+
+    def breakpoints(self) -> Array:
+        d, half = np.broadcast_arrays(self.stiff_fraction, 0.5 * np.asarray(self.ramp, dtype=float))
+        return wrapped(np.stack([-half, half, d - half, d + half], axis=-1))
+
+    def extremes(self) -> tuple[Array, Array]:
+        """In the middle of the soft and of the stiff part."""
+        d, r = np.broadcast_arrays(self.stiff_fraction, np.asarray(self.ramp, dtype=float))
+        safe = np.where(r > 0, r, 1.0)
+        low = np.where(r > 0, np.maximum(0.0, 1.0 - (1.0 - d) / safe), 0.0)
+        high = np.where(r > 0, np.minimum(1.0, d / safe), np.where(d > 0, 1.0, 0.0))
+        return low - d, high - d
+
+    def fourier(self, order: int) -> tuple[Array, Array]:
+        """Those of the rectangular wave times sin(s pi r)/(s pi r)."""
+        angle = np.pi * order * self.stiff_fraction
+        factor = 2 * np.sin(angle) / (np.pi * order) * np.sinc(order * np.asarray(self.ramp, dtype=float))
+        return factor * np.sin(angle), factor * np.cos(angle)

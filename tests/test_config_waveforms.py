@@ -1,0 +1,593 @@
+"""Waveforms, periodic terms and irrational frequency ratios, from a configuration to a GearSystem."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from gearstab.config import ConfigError, load, parameters_at
+from gearstab.config.waveforms import FORMS
+from gearstab.systems import build
+from gearstab.waveforms import WAVEFORMS, Constant, Fourier, Pair, Rectangular, Sampled, Trapezoidal
+
+PAIR = """\
+system:
+  kind: gear_pair
+  equivalent_mass: 1.0
+  meshes:
+    - {{name: mesh, {mesh}}}
+sweep:
+  mesh_frequency: [1.0, 2.0]
+{axes}methods:
+  floquet: {{}}
+"""
+LEVELS = "mean_stiffness: 2.0, epsilon: 0.1"
+
+
+def written(folder: Path, mesh: str, axes: str = "") -> Path:
+    path = folder / "case.yaml"
+    path.write_text(PAIR.format(mesh=mesh, axes=axes))
+    return path
+
+
+def mesh_of(folder: Path, mesh: str):
+    return build(load(written(folder, mesh)).parameters).meshes[0]
+
+
+def errors(folder: Path, mesh: str, axes: str = "") -> list[str]:
+    with pytest.raises(ConfigError) as caught:
+        load(written(folder, mesh, axes))
+    return [str(problem) for problem in caught.value.problems]
+
+
+KINDS = {
+    "rectangular": ("contact_ratio: 1.4, waveform: {kind: rectangular}", Rectangular(1.4)),
+    "trapezoidal": ("contact_ratio: 1.4, waveform: {kind: trapezoidal, ramp: 0.2}", Trapezoidal(1.4, 0.2)),
+    "fourier": (
+        "waveform: {kind: fourier, sin: [0.4, 0.1], cos: [0.2]}",
+        Fourier(np.array([0.4, 0.1]), np.array([0.2, 0.0])),
+    ),
+    "sampled": (
+        "waveform: {kind: sampled, phase: [0, 0.3, 0.6], stiffness: [1, 3, 2], interpolation: cubic}",
+        Sampled(np.array([0, 0.3, 0.6]), np.array([1.0, 3.0, 2.0]), "cubic"),
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_waveform_is_that_of_its_section(kind, tmp_path) -> None:
+    text, expected = KINDS[kind]
+    mesh = mesh_of(tmp_path, f"{LEVELS}, {text}")
+    x = np.linspace(-0.4, 1.3, 67)
+    assert type(mesh.waveform) is type(expected) is WAVEFORMS[kind]
+    np.testing.assert_array_equal(mesh.waveform.value(x), expected.value(x))
+    assert (mesh.mean_stiffness, mesh.epsilon) == (2.0, 0.1)
+
+
+def test_every_kind_of_a_configuration_is_a_waveform() -> None:
+    assert set(FORMS) <= set(WAVEFORMS)
+
+
+def test_pairs_of_teeth(tmp_path) -> None:
+    """k(t) of a parabolic pair, from its equation."""
+    mesh = mesh_of(
+        tmp_path, "contact_ratio: 1.7, waveform: {kind: pair, shape: parabolic, ends: 0.4, pair_stiffness: 5}"
+    )
+    assert isinstance(mesh.waveform, Pair)
+    x = np.linspace(0, 0.999, 100)
+    pair = sum(np.where(x + j < 1.7, 5 * (1 - 0.6 * (2 * (x + j) / 1.7 - 1) ** 2), 0.0) for j in (0, 1))
+    found = mesh.mean_stiffness * (1 + 2 * mesh.epsilon * mesh.waveform.value(x))
+    np.testing.assert_allclose(found, pair, rtol=1e-13)
+    constant = mesh_of(tmp_path, "contact_ratio: 1.7, waveform: {kind: pair, shape: constant, pair_stiffness: 5}")
+    assert float(constant.mean_stiffness) == pytest.approx(8.5)
+    assert float(constant.epsilon) == pytest.approx(1 / 3.4)
+    sampled = "waveform: {kind: pair, phase: [0, 0.5, 1], stiffness: [1, 2, 1]}"
+    assert float(mesh_of(tmp_path, f"contact_ratio: 1.5, {sampled}").mean_stiffness) == pytest.approx(1.5 * 1.5)
+
+
+def test_samples_give_what_the_mesh_does_not(tmp_path) -> None:
+    text = "waveform: {kind: sampled, phase: [0, 0.5], stiffness: [1, 3]}"
+    both = mesh_of(tmp_path, text)
+    assert (float(both.mean_stiffness), float(both.epsilon)) == (2.0, 0.5)
+    mean = mesh_of(tmp_path, f"mean_stiffness: 10, {text}")
+    assert (float(mean.mean_stiffness), float(mean.epsilon)) == (10.0, 0.5)
+    variation = mesh_of(tmp_path, f"epsilon: 0.1, {text}")
+    assert (float(variation.mean_stiffness), float(variation.epsilon)) == (2.0, 0.1)
+    amplitude = mesh_of(tmp_path, f"amplitude: 0.5, {text}")
+    assert (float(amplitude.mean_stiffness), float(amplitude.epsilon)) == (2.0, 0.25)
+    # The maximum is kept: k_g (1 + 2 epsilon/2) = 9.
+    maximum = mesh_of(tmp_path, f"max_stiffness: 9, {text}")
+    assert float(maximum.mean_stiffness) == pytest.approx(6.0)
+
+
+def test_max_stiffness_keeps_the_maximum_of_a_series(tmp_path) -> None:
+    mesh = mesh_of(tmp_path, "max_stiffness: 3.0, amplitude: 0.2, waveform: {kind: fourier, cos: [1.0, 0.5]}")
+    # cos x + cos(2x)/2 has the maximum 3/2.
+    assert float(mesh.mean_stiffness) == pytest.approx(3.0 - 2 * 0.2 * 1.5)
+
+
+def test_max_stiffness_keeps_the_level_of_a_trapezoid(tmp_path) -> None:
+    for ramp in (0.0, 0.2, 0.7):
+        text = f"contact_ratio: 1.4, waveform: {{kind: trapezoidal, ramp: {ramp}}}"
+        mesh = mesh_of(tmp_path, f"max_stiffness: 1.0, amplitude: 0.1, {text}")
+        assert float(mesh.mean_stiffness) == pytest.approx(1 - 0.2 * 0.6)
+
+
+AXES = {
+    "trapezoidal": ("contact_ratio: 1.4, waveform: {kind: trapezoidal}", "meshes.mesh.waveform.ramp: [0.0, 0.2, 0.9]"),
+    "fourier": ("waveform: {kind: fourier, sin: [0.4, 0.1], cos: [0.2]}", "meshes.0.waveform.sin.1: [0.0, 0.2, 0.3]"),
+    "sampled": (
+        "waveform: {kind: sampled, phase: [0, 0.3, 0.6], stiffness: [1, 3, 2]}",
+        "meshes.0.waveform.stiffness.1: [2.5, 0.5, 2.0]",
+    ),
+    "pair": ("waveform: {kind: pair, shape: parabolic}, mean_stiffness: 1.0", "contact_ratio: [1.2, 1.9, 2.0]"),
+    "ends": (
+        "contact_ratio: 1.5, waveform: {kind: pair, shape: parabolic}, mean_stiffness: 1.0",
+        "meshes.0.waveform.ends: [0.2, 0.55, 1.0]",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", AXES)
+def test_numbers_of_a_waveform_are_axes(name, tmp_path) -> None:
+    """A slab of the grid is its points one by one."""
+    text, axis = AXES[name]
+    levels = LEVELS if name in ("trapezoidal", "fourier") else "max_stiffness: 5.0" if name == "sampled" else ""
+    config = load(written(tmp_path, f"{levels}, {text}".strip(", "), f"  {axis}\n"))
+    key = config.axes[1].name
+    slab = build(parameters_at(config, {key: np.arange(3)}))
+    assert slab.batch == (3,)
+    x = np.linspace(0, 1, 20)[:, None]
+    values = slab.meshes[0].mean_stiffness * (1 + 2 * slab.meshes[0].epsilon * slab.meshes[0].waveform.value(x))
+    for i in range(3):
+        one = build(parameters_at(config, {key: np.array([i])})).meshes[0]
+        own = one.mean_stiffness * (1 + 2 * one.epsilon * one.waveform.value(x))
+        np.testing.assert_allclose(values[:, i], own[:, 0], rtol=1e-13)
+
+
+def test_the_short_name_contact_ratio_means_meshes_that_have_one(tmp_path) -> None:
+    path = tmp_path / "case.yaml"
+    path.write_text(
+        "system:\n  kind: two_stage\n  inertias: [1.0, 0.3, 4.0]\n  input_shaft_stiffness: 0.5\n  meshes:\n"
+        "    - {mean_stiffness: 1.0, epsilon: 0.1, waveform: {kind: fourier, sin: [0.5]}}\n"
+        "    - {mean_stiffness: 1.0, epsilon: 0.1}\n"
+        "sweep:\n  mesh_frequency: [1.0, 2.0]\n  contact_ratio: [1.2, 1.5]\nmethods: {floquet: {}}\n"
+    )
+    config = load(path)
+    assert [item.path for item in config.axes[1].assignments] == [("meshes", 1, "contact_ratio")]
+    assert load(path, ["contact_ratio=1.3"]).parameters["meshes"][1]["contact_ratio"] == 1.3
+    remaining = ["system.meshes.1.waveform={kind: fourier, sin: [0.5]}"]
+    with pytest.raises(ConfigError, match="no mesh has contact_ratio; their waveforms have none"):
+        load(path, remaining)
+    with pytest.raises(ConfigError, match="no mesh has contact_ratio"):
+        load(path, [*remaining, "contact_ratio=1.3"])
+
+
+WRONG = {
+    "another kind's key": (
+        f"{LEVELS}, contact_ratio: 1.5, waveform: {{kind: rectangular, ramp: 0.1}}",
+        "system.meshes.0.waveform.ramp: a rectangular wave takes no ramp; remove it, or choose kind: trapezoidal",
+    ),
+    "no ramp": (
+        f"{LEVELS}, contact_ratio: 1.5, waveform: {{kind: trapezoidal}}",
+        "waveform.ramp: is missing; add ramp: each jump is a linear ramp",
+    ),
+    "ramp": (f"{LEVELS}, contact_ratio: 1.5, waveform: {{kind: trapezoidal, ramp: 1.5}}", "must be <= 1 (got 1.5)"),
+    "contact ratio of a series": (
+        f"{LEVELS}, contact_ratio: 1.5, waveform: {{kind: fourier, sin: [1]}}",
+        "contact_ratio: the waveform has no contact ratio",
+    ),
+    "no contact ratio": (f"{LEVELS}, waveform: {{kind: trapezoidal, ramp: 0.1}}", "contact_ratio: is missing"),
+    "no harmonics": (f"{LEVELS}, waveform: {{kind: fourier, sin: []}}", "waveform: has no harmonics; add sin"),
+    "coefficient": (f"{LEVELS}, waveform: {{kind: fourier, sin: [.nan]}}", "waveform.sin.0: must be a finite number"),
+    "no samples": ("waveform: {kind: sampled}", "waveform: file or stiffness is missing"),
+    "no phase": ("waveform: {kind: sampled, stiffness: [1, 2]}", "waveform.phase: is missing"),
+    "no stiffness": ("waveform: {kind: sampled, phase: [0, 0.5]}", "waveform.stiffness: is missing"),
+    "too few": ("waveform: {kind: sampled, phase: [0], stiffness: [1]}", "has 1 samples; give at least 2 for linear"),
+    "too few for a spline": (
+        "waveform: {kind: sampled, phase: [0, 0.5], stiffness: [1, 2], interpolation: cubic}",
+        "has 2 samples; give at least 3 for cubic",
+    ),
+    "interpolation": (
+        "waveform: {kind: sampled, phase: [0, 0.5], stiffness: [1, 2], interpolation: quadratic}",
+        "waveform.interpolation: is no interpolation",
+    ),
+    "outside": ("waveform: {kind: sampled, phase: [0, 1], stiffness: [1, 2]}", "phase.1: phase 1 is outside [0, 1)"),
+    "twice": (
+        "waveform: {kind: sampled, phase: [0, 0.5, 0.5], stiffness: [1, 2, 3]}",
+        "phase.2: phase 0.5 is given twice",
+    ),
+    "unsorted": (
+        "waveform: {kind: sampled, phase: [0, 0.5, 0.3], stiffness: [1, 2, 3]}",
+        "phase.2: phase 0.3 is not above the one before; sort the samples",
+    ),
+    "lengths": (
+        "waveform: {kind: sampled, phase: [0, 0.5, 0.7], stiffness: [1, 2]}",
+        "stiffness: has 2 entries; give 3, one a phase",
+    ),
+    "two stiffnesses": (
+        "mean_stiffness: 1, max_stiffness: 2, waveform: {kind: sampled, phase: [0, 0.5], stiffness: [1, 2]}",
+        "max_stiffness: mean_stiffness is given already",
+    ),
+    "pair without a stiffness": (
+        "contact_ratio: 1.5, waveform: {kind: pair, shape: constant}",
+        "mean_stiffness or max_stiffness is missing",
+    ),
+    "part of a pair": (
+        "contact_ratio: 1.5, waveform: {kind: pair, phase: [0.1, 1], stiffness: [1, 2]}",
+        "waveform.phase: runs from 0.1 to 1; give a pair's whole contact",
+    ),
+    "ends of a constant": (
+        f"{LEVELS}, contact_ratio: 1.5, waveform: {{kind: pair, shape: constant, ends: 0.5}}",
+        "waveform.ends: belongs to a parabolic shape",
+    ),
+    "two shapes": (
+        "contact_ratio: 1.5, waveform: {kind: pair, shape: constant, phase: [0, 1], stiffness: [1, 2]}",
+        "waveform.stiffness: shape is given already",
+    ),
+    "follows without damping": (
+        f"{LEVELS}, contact_ratio: 1.5, damping_follows_stiffness: true",
+        "meshes.0.damping: is missing",
+    ),
+    "follows a transmission error": (
+        f"{LEVELS}, contact_ratio: 1.5, damping: 0.1, damping_follows_stiffness: true, "
+        "transmission_error: {sin: [1]}",
+        "transmission_error: is given, and a damping that follows the stiffness",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_mistakes_have_one_line(name, tmp_path) -> None:
+    mesh, expected = WRONG[name]
+    found = errors(tmp_path, mesh)
+    assert len(found) == 1, found
+    assert expected in found[0]
+    assert "case.yaml:5: " in found[0]
+
+
+WRONG_AXES = {
+    "of another kind": (
+        f"{LEVELS}, contact_ratio: 1.5",
+        "meshes.mesh.waveform.ramp: [0.1, 0.2]",
+        "a rectangular wave takes no ramp; choose waveform kind: trapezoidal",
+    ),
+    "a phase": (
+        "waveform: {kind: sampled, phase: [0, 0.5], stiffness: [1, 2]}",
+        "meshes.0.waveform.phase.1: [0.1, 0.2]",
+        "is not a number that an axis can set",
+    ),
+    "no such harmonic": (
+        f"{LEVELS}, waveform: {{kind: fourier, sin: [1]}}",
+        "meshes.0.waveform.sin.3: [0.1]",
+        "there is no entry 3",
+    ),
+    "contact ratio of a series": (
+        f"{LEVELS}, waveform: {{kind: fourier, sin: [1]}}",
+        "meshes.0.contact_ratio: [1.2, 1.3]",
+        "the waveform has no contact ratio",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", WRONG_AXES)
+def test_wrong_axes(name, tmp_path) -> None:
+    mesh, axis, expected = WRONG_AXES[name]
+    found = errors(tmp_path, mesh, f"  {axis}\n")
+    assert len(found) == 1, found
+    assert expected in found[0]
+
+
+LOW = {
+    "series": (
+        "mean_stiffness: 1, epsilon: 0.8, waveform: {kind: fourier, cos: [1.0, 0.5]}",
+        "softer level -0.2 <= 0 at epsilon 0.8: the largest admissible epsilon is below 0.666667 = 1/(-2 w)",
+    ),
+    "trapezoid": (
+        # d = 0.9, and the ramps reach 1 - (1 - d)/0.5 = 0.8 of the way down.
+        "mean_stiffness: 1, epsilon: 6.0, contact_ratio: 1.9, waveform: {kind: trapezoidal, ramp: 0.5}",
+        "at epsilon 6 and contact ratio 1.9: the largest admissible epsilon is below 5 = 1/(-2 w), -w = 0.1",
+    ),
+    "samples": (
+        "waveform: {kind: sampled, phase: [0, 0.3, 0.5], stiffness: [1, 3, -0.5]}",
+        "softer level -0.5 <= 0, which its samples give; check the samples",
+    ),
+    "spline": (
+        # The samples are positive; the spline undershoots.
+        "waveform: {kind: sampled, interpolation: cubic, phase: [0, 0.2, 0.4, 0.45, 0.6, 0.8], "
+        "stiffness: [1, 0.1, 0.1, 3, 3, 3]}",
+        "which its samples give; check the samples",
+    ),
+    "amplitude": (
+        "max_stiffness: 1, amplitude: 0.4, waveform: {kind: fourier, cos: [1.0, 0.5]}",
+        "below 0.222222 = max_stiffness/(2 2.25), the peak-to-peak of the wave",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", LOW)
+def test_the_lowest_stiffness_is_that_of_the_wave(name, tmp_path) -> None:
+    mesh, expected = LOW[name]
+    found = errors(tmp_path, mesh)
+    assert len(found) == 1, found
+    assert expected in found[0]
+    path = written(tmp_path, mesh)
+    allowed = [] if "amplitude" in mesh else ["system.allow_negative_stiffness=true"]
+    if allowed:
+        load(path, allowed)
+
+
+def test_negative_stiffness_along_an_axis_is_found_within_it(tmp_path) -> None:
+    """With ramps of 0.4 the depth of the wave is largest at d = 0.6, not at an end of the axis."""
+    mesh = "mean_stiffness: 1, epsilon: 0.95, waveform: {kind: trapezoidal, ramp: 0.4}"
+    found = errors(tmp_path, mesh, "  contact_ratio: [1.1, 1.62, 1.95]\n")
+    assert len(found) == 1
+    assert "contact ratio 1.62" in found[0]
+
+
+def test_mesh_damping_that_follows_the_stiffness(tmp_path) -> None:
+    text = f"{LEVELS}, contact_ratio: 1.4, waveform: {{kind: trapezoidal, ramp: 0.2}}, damping: 0.3"
+    system = build(load(written(tmp_path, f"{text}, damping_follows_stiffness: true")).parameters)
+    assert system.damping is None
+    (term,) = system.terms
+    (mesh,) = system.meshes
+    x = np.linspace(0, 1, 30)
+    stiffness = mesh.mean_stiffness * (1 + 2 * mesh.epsilon * mesh.waveform.value(x))
+    np.testing.assert_allclose(term.damping.value(x), 0.3 * stiffness / mesh.mean_stiffness, rtol=1e-14)
+    np.testing.assert_array_equal(term.left, mesh.direction)
+    assert term.stiffness is None
+    constant = build(load(written(tmp_path, text)).parameters)
+    np.testing.assert_array_equal(constant.damping, [[0.3]])
+    assert constant.terms == ()
+
+
+PLANETARY = """
+system:
+  kind: planetary
+  planets: 3
+  scaling: {scaling}
+  ring: {{kind: rigid}}
+  motion: rotational
+  masses: {{ring: 4.0, planet: 1.0}}
+  inertias: {{carrier: 6.0, sun: 2.5, planet: 2.0}}
+  pressure_angles: {{sun: 0.4, ring: 0.4}}
+  meshes:
+    sun: {{mean_stiffness: 9.0, epsilon: 0.1, contact_ratio: 1.4, damping: 0.6, damping_follows_stiffness: true}}
+    ring: {{mean_stiffness: 25.0, epsilon: 0.1, contact_ratio: 1.6}}
+  phases: {{sun: [0, 0.25, 0.5]}}
+sweep: {{mesh_frequency: [1.0, 2.0]}}
+methods: {{floquet: {{}}}}
+"""
+
+
+def test_terms_of_a_planetary_gear_are_scaled_as_the_rest(tmp_path) -> None:
+    path = tmp_path / "case.yaml"
+    found = []
+    for scaling in ("SI", "dimensionless"):
+        path.write_text(PLANETARY.format(scaling=scaling))
+        found.append(build(load(path).parameters))
+    si, scaled = found
+    assert len(si.terms) == 3
+    for one, other in zip(si.terms, scaled.terms, strict=True):
+        expected = np.outer(one.left, one.right) * one.damping.value(0.3) / np.sqrt(4.0 * 25.0)
+        np.testing.assert_allclose(np.outer(other.left, other.right) * other.damping.value(0.3), expected, rtol=1e-14)
+
+
+def sampled(folder: Path, name: str, content: str | None = None):
+    if content is not None:
+        (folder / name).write_text(content)
+    return mesh_of(folder, f"waveform: {{kind: sampled, file: {name}}}")
+
+
+FILES = {
+    "commas": "0,1\n0.3,3\n0.6,2\n",
+    "header": "phase,stiffness\n0,1\n0.3,3\n0.6,2\n",
+    "other names": "x, k in N/m\n0, 1\n0.3, 3\n0.6, 2\n",
+    "columns by name": 'n;"Stiffness";Phase\n1;1;0\n2;3;0.3\n3;2;0.6\n',
+    "blanks": "# of a mesh cycle\n\n0 1\n  0.3\t3 # here\n0.6 2",
+    "crlf": "0;1\r\n0.3;3\r\n0.6;2\r\n",
+}
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_samples_from_a_text_file(name, tmp_path) -> None:
+    mesh = sampled(tmp_path, "k.csv", FILES[name])
+    np.testing.assert_array_equal(mesh.waveform.phase, [0, 0.3, 0.6])
+    np.testing.assert_array_equal(mesh.waveform.stiffness, [1, 3, 2])
+
+
+def test_samples_from_hdf5(tmp_path) -> None:
+    with h5py.File(tmp_path / "k.h5", "w") as file:
+        file["phase"] = np.array([0, 0.3, 0.6])
+        file["stiffness"] = np.array([1, 3, 2])
+    np.testing.assert_array_equal(sampled(tmp_path, "k.h5").waveform.stiffness, [1, 3, 2])
+
+
+WRONG_FILES = {
+    "word": ("0,1\n0.3,many\n", 'line 2: stiffness "many" is no finite number'),
+    "nan": ("0,1\n0.3,nan\n", 'line 2: stiffness "nan" is no finite number'),
+    "outside": ("phase,stiffness\n0,1\n1.2,3\n", "line 3: phase 1.2 is outside [0, 1)"),
+    "closed": ("0,1\n0.5,3\n1,1\n", "line 3: phase 1 is outside [0, 1)"),
+    "unsorted": ("0,1\n\n0.5,3\n0.2,1\n", "line 4: phase 0.2 is not above the one before"),
+    "twice": ("0,1\n0.5,3\n0.5,1\n", "line 3: phase 0.5 is given twice"),
+    "one column": ("1\n2\n", "line 1: has 1 column"),
+    "three columns": ("0,1,2\n0.5,1,2\n", "line 1: has 3 columns"),
+    "three names": ("a,b,c\n0.5,1,2\n", "line 1: names no columns phase and stiffness"),
+    "few": ("0,1\n", "has 1 samples"),
+    "empty": ("", "has 0 samples"),
+    "second header": ("phase,stiffness\nfraction,N/m\n0,1\n", 'line 2: phase "fraction" is no finite number'),
+}
+
+
+@pytest.mark.parametrize("name", WRONG_FILES)
+def test_a_wrong_file_is_one_line(name, tmp_path) -> None:
+    content, expected = WRONG_FILES[name]
+    (tmp_path / "k.csv").write_text(content)
+    found = errors(tmp_path, "waveform: {kind: sampled, file: k.csv}")
+    assert len(found) == 1, found
+    assert f"system.meshes.0.waveform.file: {expected}" in found[0]
+    assert '(got "k.csv")' in found[0]
+
+
+def test_files_that_cannot_be_read(tmp_path) -> None:
+    def found(name: str) -> str:
+        (message,) = errors(tmp_path, f"waveform: {{kind: sampled, file: {name}}}")
+        return message
+
+    assert "there is no such file" in found("none.csv")
+    assert "is no .csv or .h5 file" in found("k.xlsx")
+    (tmp_path / "folder.csv").mkdir()
+    assert "is a folder" in found("folder.csv")
+    (tmp_path / "latin.csv").write_bytes("Steifigkeit für x\n".encode("latin-1"))
+    assert "is not UTF-8 text" in found("latin.csv")
+    (tmp_path / "broken.h5").write_text("no HDF5")
+    assert "cannot be read" in found("broken.h5")
+    with h5py.File(tmp_path / "k.h5", "w") as file:
+        file["phase"] = np.array([0, 0.3])
+    assert "holds no stiffness" in found("k.h5")
+    with h5py.File(tmp_path / "k.h5", "w") as file:
+        file["phase"], file["stiffness"] = np.array([0, 0.3]), np.array([1.0, np.nan])
+    assert "sample 1: stiffness is no finite number" in found("k.h5")
+    with h5py.File(tmp_path / "k.h5", "w") as file:
+        file["phase"], file["stiffness"] = np.array([0, 0.3]), np.array([[1.0, 2.0]])
+    assert "stiffness is float64 of the shape (1, 2)" in found("k.h5")
+
+
+def test_the_digest_is_that_of_the_content(tmp_path) -> None:
+    def digest(name: str, content: str) -> str:
+        (tmp_path / name).write_text(content)
+        return load(written(tmp_path, f"waveform: {{kind: sampled, file: {name}}}")).digest
+
+    first = digest("k.csv", "0,1\n0.5,3\n")
+    assert digest("k.csv", "phase stiffness\n0 1\n0.5 3\n") == first
+    assert digest("other.csv", "0,1\n0.5,3\n") == first
+    assert digest("k.csv", "0,1\n0.5,3.0000001\n") != first
+
+
+MATRICES = """\
+system:
+  kind: matrices
+  mass: [[1, 0], [0, 2]]
+  stiffness: [[0.5, 0], [0, 0.1]]
+  meshes:
+    - {{name: a, direction: [1, 1], mean_stiffness: 1, epsilon: 0.1, contact_ratio: 1.5{mesh}}}
+  terms:
+    - {term}
+sweep:
+  mesh_frequency: [1.0, 2.0]
+{axes}methods: {{floquet: {{}}}}
+"""
+
+
+def matrices(folder: Path, term: str, axes: str = "", mesh: str = "") -> Path:
+    path = folder / "case.yaml"
+    path.write_text(MATRICES.format(term=term, axes=axes, mesh=mesh))
+    return path
+
+
+def test_terms_of_matrices(tmp_path) -> None:
+    term = (
+        "{name: friction, left: [0.3, -0.1], right: [1, 1], frequency_ratio: 1/2, lag: 0.25, "
+        "stiffness: {mean: 0.05, amplitude: 0.1, contact_ratio: 1.6}, damping: {mean: 0.2}}"
+    )
+    system = build(load(matrices(tmp_path, term)).parameters)
+    (found,) = system.terms
+    assert (found.name, found.frequency_ratio, float(found.lag)) == ("friction", Fraction(1, 2), 0.25)
+    np.testing.assert_array_equal(found.left, [0.3, -0.1])
+    # Rectangular without a waveform: d = 0.6.
+    np.testing.assert_allclose(found.stiffness.value(np.array([0.1, 0.7])), [0.05 + 0.2 * 0.4, 0.05 - 0.2 * 0.6])
+    assert isinstance(found.damping, Constant)
+    assert float(found.damping.value(0.3)) == 0.2
+    assert system.common_period()[0] == 2
+    assert system.piecewise_constant
+
+
+def test_terms_from_samples(tmp_path) -> None:
+    (tmp_path / "k.csv").write_text("0,-1\n0.5,3\n")
+    term = "{left: [1, 0], right: [0, 1], stiffness: {waveform: {kind: sampled, file: k.csv}}}"
+    config = load(matrices(tmp_path, term))
+    (found,) = build(config.parameters).terms
+    np.testing.assert_allclose(found.stiffness.value(np.array([0.0, 0.25, 0.5])), [-1, 1, 3], atol=1e-15)
+    assert list(config.contents) == ["terms.0.stiffness.waveform"]
+
+
+def test_terms_are_axes(tmp_path) -> None:
+    term = "{name: friction, left: [0.3, -0.1], right: [1, 1], stiffness: {mean: 0.05}}"
+    config = load(
+        matrices(tmp_path, term, "  terms.friction.stiffness.mean: [0.0, 0.1]\n  terms.0.left.1: [0.2, 0.3]\n")
+    )
+    names = [axis.name for axis in config.axes[1:]]
+    system = build(parameters_at(config, {name: np.arange(2) for name in names}))
+    assert system.batch == (2,)
+    np.testing.assert_allclose(system.terms[0].stiffness.value(0.0), [0.0, 0.1])
+    np.testing.assert_allclose(system.terms[0].left, [[0.3, 0.2], [0.3, 0.3]])
+
+
+WRONG_TERMS = {
+    "nothing": ("{left: [1, 0], right: [0, 1]}", "terms.0: has neither stiffness nor damping"),
+    "empty": ("{left: [1, 0], right: [0, 1], damping: {}}", "terms.0.damping: has neither mean nor amplitude"),
+    "size": ("{left: [1], right: [0, 1], damping: {mean: 1}}", "terms.0.left: has 1 entries; give 2"),
+    "zeros": ("{left: [1, 0], right: [0, 0], damping: {mean: 1}}", "terms.0.right: has only zeros"),
+    "amplitude": (
+        "{left: [1, 0], right: [0, 1], damping: {mean: 1, contact_ratio: 1.5}}",
+        "terms.0.damping.amplitude: is missing",
+    ),
+    "contact ratio": (
+        "{left: [1, 0], right: [0, 1], damping: {amplitude: 1}}",
+        "terms.0.damping.contact_ratio: is missing",
+    ),
+    "unit": ("{left: [1, 0], right: [0, 1], damping: {mean: 1 kg}}", "terms.0.damping.mean: has the wrong dimension"),
+    "two": (
+        "{name: a, left: [1, 0], right: [0, 1], damping: {mean: 1}}\n"
+        "    - {name: a, left: [1, 0], right: [0, 1], damping: {mean: 1}}",
+        "terms.1.name: two terms are called 'a'",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", WRONG_TERMS)
+def test_wrong_terms(name, tmp_path) -> None:
+    term, expected = WRONG_TERMS[name]
+    with pytest.raises(ConfigError) as caught:
+        load(matrices(tmp_path, term))
+    (found,) = caught.value.problems
+    assert expected in str(found)
+
+
+TERM = "{left: [1, 0], right: [0, 1], damping: {mean: 1}}"
+
+
+def test_irrational_frequency_ratios(tmp_path) -> None:
+    path = matrices(tmp_path, TERM, mesh=", exact: false, frequency_ratio: 1.4142135623730951")
+    config = load(path)
+    system = build(config.parameters)
+    assert system.meshes[0].frequency_ratio == 2**0.5
+    assert isinstance(system.meshes[0].frequency_ratio, float)
+    assert not system.commensurate
+    # What was resolved is read as the same configuration.
+    again = tmp_path / "again.yaml"
+    again.write_text(config.resolved)
+    assert load(again).digest == config.digest
+    with pytest.raises(ConfigError, match="or exact: false if it stands for an irrational number"):
+        load(path, ["system.meshes.0.exact=true"])
+    with pytest.raises(ConfigError, match="must be > 0"):
+        load(path, ["system.meshes.0.frequency_ratio=0"])
+    exact = build(load(path, ["system.meshes.0.exact=true", "system.meshes.0.frequency_ratio=0.5"]).parameters)
+    assert exact.meshes[0].frequency_ratio == Fraction(1, 2)
+
+
+def test_irrational_frequency_ratios_are_axes(tmp_path) -> None:
+    mesh = ", exact: false"
+    config = load(matrices(tmp_path, TERM, "  meshes.a.frequency_ratio: {start: 1.1, stop: 1.3, num: 3}\n", mesh))
+    axis = config.axes[1]
+    assert axis.size == 3
+    for i, expected in enumerate((1.1, 1.2, 1.3)):
+        found = build(parameters_at(config, {axis.name: np.array([i])})).meshes[0].frequency_ratio
+        assert isinstance(found, float)
+        assert found == pytest.approx(expected, rel=1e-15)
+    with pytest.raises(ConfigError, match="is exact and has no range"):
+        load(matrices(tmp_path, TERM, "  meshes.a.frequency_ratio: {start: 1.1, stop: 1.3, num: 3}\n"))

@@ -1,0 +1,231 @@
+"""Floquet analysis of systems with periodic terms that need not be symmetric, against independent routes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from itertools import pairwise
+
+import mpmath as mp
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from gearstab.floquet import solve
+from gearstab.floquet.general import analyse
+from gearstab.floquet.general.exponential import expm
+from gearstab.system import GearSystem, Mesh, PeriodicTerm
+from gearstab.waveforms import Constant, Rectangular, Scaled
+
+G1, G2 = np.array([1.0, 1.0, 0.0]), np.array([0.0, 1.0, 1.0])
+MASS = np.diag([1.0, 0.3, 4.0])
+SHAFT = np.diag([0.5, 0.0, 0.0])
+DAMPING = 0.02 * np.eye(3) + 0.01 * np.outer(G1, G1)
+OMEGA = np.linspace(0.35, 7.0, 23)[None]
+
+
+@dataclass(frozen=True)
+class Smooth:
+    """mean + size sin(2 pi x) exp(cos(2 pi x)/3), all harmonics and no kink."""
+
+    mean: float
+    size: float
+    piecewise_constant = False
+    batch: tuple[int, ...] = ()
+
+    def value(self, x):
+        x = 2 * np.pi * np.asarray(x)
+        return self.mean + self.size * np.sin(x) * np.exp(np.cos(x) / 3)
+
+    def breakpoints(self):
+        return np.zeros(0)
+
+
+def train(damping=None, stiffness=SHAFT, terms=()):
+    meshes = (
+        Mesh("first", G1, 1.0, 0.3, Rectangular(1.5)),
+        Mesh("second", G2, 1.0, 0.2, Rectangular(1.4), Fraction(3, 5), 0.2),
+    )
+    return GearSystem(MASS, stiffness, meshes, damping, terms=tuple(terms))
+
+
+def friction(stiffness, damping=None, left=(0.3, -0.1, 0.2), right=G1, **other):
+    return PeriodicTerm("friction", np.array(left), np.asarray(right, dtype=float), stiffness, damping, **other)
+
+
+def integrated(system, omega):
+    """Monodromy matrix by DOP853, broken nowhere but with steps far shorter than any segment."""
+    n, inverse = system.size, np.linalg.inv(system.mass)
+    period = 2 * np.pi * float(system.common_period()[0]) / omega
+
+    def rhs(t, x):
+        phase = omega * t / (2 * np.pi)
+        k = np.array(system.stiffness, dtype=float)
+        c = np.zeros((n, n)) if system.damping is None else np.array(system.damping)
+        for mesh in system.meshes:
+            level = mesh.mean_stiffness * (
+                1 + 2 * mesh.epsilon * mesh.waveform.value(np.asarray(phase * float(mesh.frequency_ratio) - mesh.lag))
+            )
+            k = k + level * np.outer(mesh.direction, mesh.direction)
+        for term in system.terms:
+            x_term = np.asarray(phase * float(term.frequency_ratio) - term.lag)
+            outer = np.outer(term.left, term.right)
+            k = k + (0 if term.stiffness is None else term.stiffness.value(x_term)) * outer
+            c = c + (0 if term.damping is None else term.damping.value(x_term)) * outer
+        state = x.reshape(2 * n, -1)
+        return np.concatenate([state[n:], -inverse @ (k @ state[:n] + c @ state[n:])]).ravel()
+
+    cuts = np.unique(np.concatenate([[0.0, 1.0], *(_jumps(system))]))
+    state = np.eye(2 * n).ravel()
+    for a, b in pairwise(cuts):
+        # A hair inside, so that the right side is that of this segment at both ends.
+        inside = (a + 1e-13) * period, (b - 1e-13) * period
+        state = solve_ivp(rhs, inside, state, method="DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
+    return state.reshape(2 * n, 2 * n), period
+
+
+def _jumps(system):
+    counts = system.common_period()[1]
+    parts = [(mesh.waveform, mesh.lag) for mesh in system.meshes]
+    parts += [(profile, term.lag) for term in system.terms for profile in term.profiles]
+    ratios = list(counts[: len(system.meshes)])
+    for term, count in zip(system.terms, counts[len(system.meshes) :], strict=True):
+        ratios += [count] * len(term.profiles)
+    for (profile, lag), count in zip(parts, ratios, strict=True):
+        points = (np.atleast_1d(profile.breakpoints())[:, None] + lag + np.arange(count)) / count
+        yield np.ravel(points) % 1.0
+
+
+@pytest.mark.parametrize("damping", [None, DAMPING])
+@pytest.mark.parametrize("stiffness", [SHAFT, 0 * SHAFT])
+def test_symmetric_systems_agree_with_the_exact_solver(damping, stiffness):
+    # With a free train (a rigid-body mode) both leave the rigid motion out; damping on M drives it, on meshes does not.
+    system = train(damping, stiffness)
+    ours, exact = analyse(system, OMEGA, exponents=True), solve(system, OMEGA, exponents=True)
+    np.testing.assert_array_equal(ours.stable, exact.stable)
+    # Products of some 16 exponentials, whose growth a period is right to 1e-14 of the largest multiplier; close
+    # to an edge multipliers depend on it by the square root.
+    np.testing.assert_allclose(ours.growth_rate, exact.growth_rate, atol=2e-8)
+    by_size = [np.sort(found.exponents.real, axis=-1) for found in (ours, exact)]
+    np.testing.assert_allclose(*by_size, atol=2e-8)
+
+
+def test_a_mesh_may_be_written_as_a_term():
+    system = train(DAMPING)
+    mesh = system.meshes[1]
+    wave = Scaled(mesh.waveform, mesh.mean_stiffness, 2 * mesh.epsilon)
+    term = PeriodicTerm("second", G2, G2, wave, None, mesh.frequency_ratio, mesh.lag)
+    other = replace(system, meshes=system.meshes[:1], terms=(term,))
+    np.testing.assert_allclose(
+        analyse(other, OMEGA).growth_rate, analyse(system, OMEGA).growth_rate, rtol=1e-12, atol=1e-14
+    )
+
+
+CASES = {
+    "piecewise constant friction": train(DAMPING, terms=[friction(Scaled(Rectangular(1.3), 0.05, 0.4))]),
+    "friction of another mesh": train(
+        DAMPING, terms=[friction(Scaled(Rectangular(1.6), 0.1, 0.3), frequency_ratio=Fraction(3, 5), lag=0.1)]
+    ),
+    "damping that follows the stiffness": train(
+        None, terms=[friction(None, Scaled(Rectangular(1.5), 0.05, 0.03), left=G1)]
+    ),
+    "smooth friction": train(DAMPING, terms=[friction(Smooth(0.1, 0.2), Smooth(0.02, 0.01))]),
+    "gyroscopic": train(
+        DAMPING,
+        terms=[
+            friction(None, Constant(0.3), left=[1, 0, 0], right=[0, 0, 1]),
+            friction(None, Constant(-0.3), left=[0, 0, 1], right=[1, 0, 0]),
+        ],
+    ),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("omega", [0.9, 2.7])
+def test_growth_agrees_with_integration(name, omega):
+    system = CASES[name]
+    found = analyse(system, np.array([[omega]]), exponents=True, tolerance=1e-11)
+    matrix, period = integrated(system, omega)
+    expected = np.log(np.abs(np.linalg.eigvals(matrix)).max()) / period
+    # DOP853 at 1e-12 over a few hundred steps.
+    assert found.growth_rate[0, 0] == pytest.approx(expected, abs=1e-9)
+    assert found.converged.all()
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_sum_of_the_exponents_is_minus_the_mean_trace_of_the_damping(name):
+    # det M = exp(-int tr(M^-1 C) dt), Liouville.
+    system = CASES[name]
+    found = analyse(system, OMEGA, exponents=True)
+    trace = 0.0 if system.damping is None else np.trace(np.linalg.solve(system.mass, system.damping))
+    x = (np.arange(20000) + 0.5) / 20000
+    for term in system.terms:
+        if term.damping is not None:
+            along = term.right @ np.linalg.solve(system.mass, term.left)
+            trace += along * float(np.mean(term.damping.value(x)))
+    # 1e-13: rounding of the small multipliers (none below 1e-3 here), the mean of jumps is exact on this grid.
+    np.testing.assert_allclose(found.exponents.real.sum(axis=-1), -trace, atol=1e-9)
+
+
+def test_friction_that_drives_the_rigid_body_does_not_change_the_other_multipliers():
+    # A free train: r deflects no mesh, friction acts on it (left has a part along M r) but K r = 0.
+    free = train(None, 0 * SHAFT, [friction(Scaled(Rectangular(1.3), 0.05, 0.3))])
+    found = analyse(free, OMEGA, exponents=True)
+    # Elastic coordinates by hand: any basis Z of the complement of r in the sense of M.
+    r = np.array([1.0, -1.0, 1.0])
+    basis = np.linalg.svd((MASS @ r)[None])[2][1:].T
+    part = replace(
+        free,
+        mass=basis.T @ MASS @ basis,
+        stiffness=basis.T @ free.stiffness @ basis,
+        meshes=tuple(replace(mesh, direction=basis.T @ mesh.direction) for mesh in free.meshes),
+        terms=tuple(replace(term, left=basis.T @ term.left, right=basis.T @ term.right) for term in free.terms),
+    )
+    expected = analyse(part, OMEGA, exponents=True)
+    np.testing.assert_allclose(found.growth_rate, expected.growth_rate, atol=1e-10)
+    assert np.sum(np.abs(found.exponents) == 0, axis=-1).min() >= 2
+    assert found.growth_rate.max() > 1e-3
+
+
+def test_rows_of_a_batch_are_solved_as_single_systems_are():
+    size = np.array([0.0, 0.2, 0.4])
+    one = [train(DAMPING, terms=[friction(Scaled(Rectangular(1.3), 0.05, s))]) for s in size]
+    every = train(DAMPING, terms=[friction(Scaled(Rectangular(1.3), 0.05, size))])
+    together = analyse(every, np.tile(OMEGA, (3, 1)))
+    for r, system in enumerate(one):
+        np.testing.assert_array_equal(together.growth_rate[r], analyse(system, OMEGA).growth_rate[0])
+
+
+@pytest.mark.parametrize("tolerance", [1e-4, 1e-6, 1e-8, 1e-10])
+def test_estimates_are_honest(tolerance):
+    system = train(DAMPING, terms=[friction(Smooth(0.1, 0.3), Smooth(0.02, 0.01))])
+    omega = np.linspace(0.5, 5.0, 40)[None]
+    found = analyse(system, omega, tolerance=tolerance)
+    truth = analyse(system, omega, tolerance=1e-13)
+    period = 2 * np.pi * float(system.common_period()[0]) / omega
+    error = np.abs(np.expm1((found.growth_rate - truth.growth_rate) * period))
+    error *= np.exp(np.minimum(truth.growth_rate * period, 0.0))
+    assert found.converged.all()
+    assert np.all(error <= found.error + 1e-13)
+    seen = error > 1e-13
+    assert not seen.any() or np.median(found.error[seen] / error[seen]) < 100
+
+
+def test_long_periods_neither_overflow_nor_underflow():
+    system = train(0.5 * MASS + DAMPING, terms=[friction(Scaled(Rectangular(1.3), 0.05, 0.3))])
+    found = analyse(system, np.array([[1e-4]]))
+    assert np.isfinite(found.growth_rate).all()
+    assert found.stable[0, 0] == 1
+    driven = train(-0.5 * MASS, terms=[friction(Scaled(Rectangular(1.3), 0.05, 0.3))])
+    assert analyse(driven, np.array([[1e-4]])).growth_rate[0, 0] > 0.2
+
+
+def test_exponentials_of_any_size():
+    rng = np.random.default_rng(7)
+    matrices = rng.standard_normal((12, 5, 5)) * np.logspace(-9, 1.5, 12)[:, None, None]
+    with mp.workdps(40):
+        truth = [np.array(mp.expm(mp.matrix(matrix.tolist())).tolist(), dtype=float) for matrix in matrices]
+    for ours, exact, matrix in zip(expm(matrices), truth, matrices, strict=True):
+        # Scaling and squaring: eps times the norm of the matrix.
+        assert np.abs(ours - exact).max() <= 2e-15 * (1 + np.abs(matrix).sum()) * np.abs(exact).max()
+    assert np.isnan(expm(np.full((1, 2, 2), np.inf))).all()

@@ -1,0 +1,116 @@
+"""Figures of responses: curves over speed, spectra, maps of the response."""
+
+from __future__ import annotations
+
+import numpy as np
+import plot_results as made
+import pytest
+import xarray as xr
+
+from gearstab.plots import default_kind, draw
+from gearstab.plots.axes import Request
+from gearstab.plots.errors import PlotError
+
+
+def test_curves_over_speed_show_every_mesh_and_the_unstable_range():
+    tree = made.speeds()
+    assert default_kind(tree, Request()) == "speeds"
+    figure, artists = draw(tree)
+    first, second = artists["lines"]
+    factor = tree["response"]["dynamic_load_factor"].values
+    x = first.get_xdata()
+    inside = (x >= 3.0) & (x <= 3.4)
+    np.testing.assert_array_equal(first.get_ydata()[~inside], factor[~inside, 0])
+    np.testing.assert_array_equal(second.get_ydata()[~inside], factor[~inside, 1])
+    # What repels is drawn faintly.
+    assert np.isnan(first.get_ydata()[inside]).all()
+    (band,) = artists["bands"].get_paths()
+    np.testing.assert_allclose(band.vertices[:, 0].min(), 3.0)
+    np.testing.assert_allclose(band.vertices[:, 0].max(), 3.4)
+    assert figure.axes[0].get_ylabel() == "dynamic load factor"
+    assert figure.axes[0].get_yscale() == "log"  # from 1/21 to 5
+
+
+def test_without_boundaries_the_flags_tell_what_is_unstable():
+    tree = made.speeds()
+    del tree["boundaries"]
+    _, artists = draw(tree, "speeds", select={"mesh": "second"})
+    (line,) = artists["lines"]
+    flagged = tree["response"]["status"].values & 1 == 1
+    assert flagged.any()
+    assert np.isnan(line.get_ydata()[flagged]).all()
+    assert artists["bands"] is not None
+
+
+def test_several_systems_have_no_common_bands():
+    tree = made.speeds(epsilon=[0.1, 0.2])
+    _, artists = draw(tree, "speeds", select={"mesh": "first"}, variable="mesh_force_peak")
+    assert len(artists["lines"]) == 2
+    assert artists["bands"] is None
+    with pytest.raises(PlotError, match="not over epsilon"):
+        draw(tree, "speeds", select={"mesh": "first"}, x="epsilon")
+
+
+def test_a_map_of_the_response_carries_the_boundaries():
+    tree = made.speeds(epsilon=np.linspace(0, 0.5, 6))
+    _, artists = draw(tree, "map", variable="dynamic_load_factor", select={"mesh": "first"})
+    assert artists["boundaries"] is not None
+    with pytest.raises(PlotError, match="mesh"):
+        draw(tree, "map", variable="dynamic_load_factor")
+
+
+def test_a_map_needs_to_be_told_what_to_show_without_growth_rates():
+    with pytest.raises(PlotError, match=r"methods\.floquet was not run.*dynamic_load_factor"):
+        draw(made.speeds(epsilon=[0.1, 0.2]), "map")
+
+
+def test_histories_are_no_speeds_and_speeds_no_histories():
+    with pytest.raises(PlotError, match="use --kind response"):
+        draw(made.response(), "speeds")
+    with pytest.raises(PlotError, match="no histories over time"):
+        draw(made.speeds(), "response")
+
+
+def test_harmonics_are_stems_without_the_mean():
+    tree = made.spectra()
+    figure, artists = draw(tree, "spectrum")
+    assert len(artists["lines"]) == 2
+    values = tree["response"]["mesh_force_amplitude"].values
+    x, y = artists["lines"][0].get_data()
+    assert x[0] == 1.0
+    np.testing.assert_array_equal(y, values[x.astype(int), 0])
+    # Two natural frequencies above zero in two panels, each named once.
+    assert len(artists["modes"]) == 4
+    assert [text.get_text() for text in figure.axes[0].texts] == [r"$\omega_{2}$", r"$\omega_{3}$"]
+    _, one = draw(tree, "spectrum", select={"mesh": "second"})
+    assert len(one["lines"]) == 1
+
+
+def test_a_density_is_a_line_over_its_whole_range():
+    tree = made.spectra(amplitudes=False)
+    _, artists = draw(tree, "spectrum")
+    values = tree["response"]["mesh_force_density"].values
+    np.testing.assert_array_equal(artists["lines"][1].get_ydata(), values[:, 1])
+
+
+def test_a_pair_of_gears_has_its_spectrum_over_w_d():
+    frequency = np.linspace(0, 10, 101)
+    data = {"power_spectral_density": ("frequency", np.exp(-frequency), {"units": "1", "long_name": "density"})}
+    coords = made.coordinate("frequency", frequency) | {"normalised_frequency": ("frequency", frequency / 2)}
+    figure, artists = draw(made.tree(response=xr.Dataset(data, coords=coords)), "spectrum")
+    np.testing.assert_array_equal(artists["lines"][0].get_xdata(), frequency / 2)
+    assert "omega_d" in figure.axes[-1].get_xlabel()
+
+
+@pytest.mark.parametrize(
+    ("tree", "options", "words"),
+    [
+        (made.response, {}, "no spectra"),
+        (made.spectra, {"variable": "colour"}, "mesh_force_amplitude"),
+        (made.spectra, {"select": {"dof": "x1"}}, "use mesh"),
+        (made.spectra, {"select": {"mesh": "third"}}, "first, second"),
+    ],
+)
+def test_spectra_that_are_not_there(tree, options, words):
+    with pytest.raises(PlotError, match=words):
+        draw(tree(), "spectrum", **options)

@@ -1,0 +1,158 @@
+"""The damping that makes a system stable."""
+
+from dataclasses import replace
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+from gearstab.floquet import solve
+from gearstab.floquet.required_damping import FLAGS, required_damping
+from gearstab.modal import mean_modes, modal_damping_matrix
+from gearstab.perturbation import first_order
+from gearstab.system import GearSystem, Mesh
+from gearstab.waveforms import Rectangular
+
+
+def train(epsilon=0.3, ratio=Fraction(1), contact_ratio=1.5):
+    """Lin & Parker's three-gear train (2002, Table 1)."""
+    mass, stiffness = np.diag([1.0, 0.3, 4.0]), np.diag([0.5, 0.0, 0.0])
+    rows = [("first", np.array([1.0, 1.0, 0.0]), Fraction(1)), ("second", np.array([0.0, 1.0, 1.0]), ratio)]
+    meshes = tuple(
+        Mesh(name, g, np.asarray(1.0), np.asarray(epsilon), Rectangular(contact_ratio), r) for name, g, r in rows
+    )
+    return GearSystem(mass, stiffness, meshes)
+
+
+def with_ratio(system, value):
+    mean = system.mean_stiffness_matrix()
+    return replace(system, damping=modal_damping_matrix(system.mass, mean, np.full(3, value)))
+
+
+def bisected(stable, low, high):
+    """The end of [low, high] from which on ``stable`` holds."""
+    for _ in range(40):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if stable(middle) else (middle, high)
+    return high
+
+
+def test_bisection_on_the_growth_map():
+    system = train()
+    omega = np.linspace(0.4, 7.0, 67)
+    found = required_damping(system, omega, tolerance=1e-8).value[0]
+    free = solve(system, omega).stable[0]
+    assert np.all(found[free == 0] > 0)
+    for k in np.flatnonzero(found > 0)[::4]:
+        wanted = bisected(lambda z, k=k: solve(with_ratio(system, z), omega[k]).stable[0, 0] == 1, 0.0, 0.5)
+        assert found[k] == pytest.approx(wanted, rel=2e-8)
+
+
+def test_value_is_on_the_stable_side():
+    system = train()
+    omega = np.linspace(0.4, 7.0, 40)
+    found = required_damping(system, omega).value[0]
+    for k in np.flatnonzero(found > 0):
+        assert solve(with_ratio(system, found[k]), omega[k]).stable[0, 0] == 1
+        assert solve(with_ratio(system, found[k] * (1 - 2e-6)), omega[k]).stable[0, 0] == 0
+
+
+@pytest.mark.parametrize("mode", [1, 2, 3])
+def test_primary_tongues_of_first_order(mode):
+    # zeta = sqrt(s^2 - d^2)/(2 w) at the distance d from the middle of a tongue of half-width s = O(epsilon) in Omega;
+    # second order moves the tongue by O(epsilon^2): the difference falls by four when epsilon halves.
+    difference = []
+    for epsilon in (0.08, 0.04, 0.02):
+        system = train(epsilon)
+        tongues = first_order(system, 1)
+        k = tongues.label.index(f"2w{mode}")
+        middle, half = tongues.center_frequency[k], tongues.half_width[k]
+        d = np.linspace(-0.6, 0.6, 5) * half
+        wanted = np.sqrt(half**2 - d**2) / middle
+        difference.append(np.abs(required_damping(system, middle + d).value[0] - wanted).max())
+    assert np.all(np.diff(np.log2(difference)) < -1.7)
+
+
+def test_threshold_of_first_order_theory_at_the_required_damping():
+    # A tongue that damping has just closed has the threshold 1 (factor on epsilon at which it opens) in first order.
+    system = train(0.02)
+    free = first_order(system, 1)
+    for k, label in enumerate(free.label):
+        if label not in ("2w2", "2w3", "w2+w3"):
+            continue
+        omega = free.center_frequency[k] + np.linspace(-0.3, 0.3, 31) * free.half_width[k]
+        largest = required_damping(system, omega).value.max()
+        damped = first_order(with_ratio(system, largest), 1)
+        assert damped.threshold[damped.label.index(label)] == pytest.approx(1.0, abs=0.01)
+
+
+def test_one_degree_of_freedom_is_the_growth_itself():
+    # q'' + 2 z w q' + k(t) q = 0 decays uniformly: z w = growth of the undamped system with k - (z w)^2.
+    mesh = Mesh("mesh", np.array([1.0]), np.asarray(1.0), np.asarray(0.3), Rectangular(1.5))
+    system = GearSystem(np.eye(1), np.zeros((1, 1)), (mesh,))
+    omega = np.array([0.97, 2.0, 2.05, 3.0])
+    found = required_damping(system, omega, tolerance=1e-10).value[0]
+    for w, z in zip(omega, found, strict=True):
+        shifted = replace(system, stiffness=np.array([[-(z**2)]]))
+        assert solve(shifted, w).growth_rate[0, 0] == pytest.approx(z, abs=1e-9)
+    assert found[1] > 0.05
+
+
+def test_rows_and_frequencies_of_their_own():
+    epsilon = np.array([0.1, 0.3])
+    omega = np.array([[2.0, 5.4], [2.1, 5.5]])
+    both = required_damping(train(epsilon), omega).value
+    for row in range(2):
+        np.testing.assert_allclose(both[row], required_damping(train(epsilon[row]), omega[row]).value[0], rtol=1e-5)
+
+
+def test_factor_on_the_damping_given():
+    system = with_ratio(train(), 0.004)
+    omega = np.linspace(0.4, 7.0, 40)
+    factor = required_damping(system, omega, of="factor", tolerance=1e-8)
+    ratio = required_damping(system, omega, tolerance=1e-8)
+    np.testing.assert_allclose(factor.value * 0.004, ratio.value, rtol=3e-8)
+    with pytest.raises(ValueError, match="factor"):
+        required_damping(train(), omega, of="factor")
+
+
+def test_more_than_the_largest_damping():
+    omega = np.array([5.42, 6.9])
+    found = required_damping(train(), omega, largest=0.01)
+    assert np.isnan(found.value[0, 0])
+    assert found.status[0, 0] == FLAGS["beyond"]
+    assert found.value[0, 1] == 0
+
+
+def test_damping_that_destabilises_is_marked():
+    # Stable without damping, beside a combination tongue of modes that decay as differently as w1 and w3: damping
+    # widens the tongue over this frequency first and closes it later. The largest zero is given.
+    system = train(0.3)
+    tongues = first_order(system, 1)
+    k = tongues.label.index("w1+w3")
+    middle, half = tongues.center_frequency[k], tongues.half_width[k]
+    omega = middle + half * np.linspace(-3, 3, 121)
+    found = required_damping(system, omega)
+    marked = np.flatnonzero(found.status[0] & FLAGS["not_monotone"])
+    assert len(marked) > 0
+    for k in marked[:: max(1, len(marked) // 5)]:
+        value = found.value[0, k]
+        lower = value * 0.5 ** np.arange(1, 12)
+        verdicts = [solve(with_ratio(system, z), omega[k]).stable[0, 0] for z in lower]
+        assert solve(system, omega[k]).stable[0, 0] == 1
+        assert 0 in verdicts
+        assert solve(with_ratio(system, 1.01 * value), omega[k]).stable[0, 0] == 1
+
+
+def test_integer_contact_ratio_needs_none():
+    found = required_damping(train(contact_ratio=2.0), np.linspace(0.5, 7.0, 20))
+    np.testing.assert_array_equal(found.value, 0.0)
+    np.testing.assert_array_equal(found.status, 0)
+
+
+def test_rigid_body_modes_take_no_part():
+    free = replace(train(), stiffness=np.zeros((3, 3)))
+    frequencies = mean_modes(free).natural_frequency
+    assert frequencies[0] == 0
+    found = required_damping(free, np.array([2 * frequencies[1], 2 * frequencies[2]]))
+    assert np.all((found.value > 0.01) & (found.value < 0.2))

@@ -1,0 +1,191 @@
+"""Steady states over the mesh frequency, many points at once, against one after the other."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from test_response_driven import CASES, pair, train, with_waves
+
+from gearstab import floquet
+from gearstab.cli import group
+from gearstab.response import harmonics, steady_state
+from gearstab.response.equilibrium import static_mesh_force
+from gearstab.response.excitation import excitation
+from gearstab.response.speeds import speed_response
+from gearstab.response.steady import STATUS_FLAGS
+from gearstab.results import open_result
+from gearstab.waveforms import Trapezoidal
+
+SPEEDS = np.array([0.83, 1.4, 2.63, 4.4])
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_measures_are_those_of_the_histories(name: str) -> None:
+    system, _ = CASES[name]
+    smooth = not excitation(system).exact
+    speeds, samples = (SPEEDS[1:2], 200) if smooth else (SPEEDS, 2000)
+    found = speed_response(system, speeds, 200)
+    for k, omega in enumerate(speeds):
+        history = steady_state(system, omega, samples)
+        force, deflection = history.mesh_force[:-1], history.mesh_deflection[:-1]
+        # Samples miss smooth extremes by (pi h/samples)^2/2, and those just before a jump, and jumps, by a step.
+        near = {"rtol": 2e-3, "atol": 2e-4}
+        np.testing.assert_allclose(found.mesh_force_peak[0, k], np.abs(force).max(axis=0), **near)
+        np.testing.assert_allclose(found.transmission_error_peak_to_peak[0, k], np.ptp(deflection, axis=0), **near)
+        np.testing.assert_allclose(found.transmission_error_rms[0, k], deflection.std(axis=0), rtol=1e-6)
+        np.testing.assert_allclose(found.mesh_force_rms[0, k], force.std(axis=0), rtol=1e-2 if smooth else 3e-3)
+        np.testing.assert_allclose(found.mesh_force_mean[0, k], force.mean(axis=0), rtol=1e-2, atol=1e-3)
+        assert bool(found.status[0, k] & STATUS_FLAGS["separation"]) == ("separation" in history.findings)
+    static = static_mesh_force(system)
+    np.testing.assert_allclose(found.dynamic_load_factor, found.mesh_force_peak / np.abs(static), rtol=1e-14)
+
+
+def test_root_mean_squares_are_parseval_sums() -> None:
+    """Of the transmission error, whose series converges as h^-3: to 1e-8, from Fourier integrals."""
+    system = train()
+    found = speed_response(system, np.array([1.4]), 400)
+    amplitude = np.abs(harmonics(system, 1.4, 200).mesh_deflection[1:])
+    np.testing.assert_allclose(found.transmission_error_rms[0, 0], np.sqrt((amplitude**2).sum(axis=0) / 2), rtol=1e-8)
+
+
+def test_rows_of_a_batch_are_the_single_systems() -> None:
+    """Rows differ in amplitude, contact ratio, load, rigid-body modes and damping."""
+    epsilon, stiffness = np.array([0.0, 0.2, 0.3, 0.1]), np.array([0.5, 0.0, 0.2, 0.0])
+    mesh = {"mean_stiffness": 1.0, "epsilon": epsilon, "contact_ratio": np.array([1.5, 1.4, 2.0, 1.7])}
+    meshes = [mesh | {"name": "first", "transmission_error": {"sin": [0.1]}}, mesh | {"name": "second", "phasing": 0.2}]
+    load = [0.2, 0.0, np.array([0.5, -0.2, 0.1, 0.3])]
+    ratio = np.array([0.1, 0.05, 0.2, 0.1])
+    batch = train(meshes=meshes, load=load, input_shaft_stiffness=stiffness, damping_ratio=ratio)
+    found = speed_response(batch, SPEEDS)
+    for row in range(4):
+        own = [m | {"epsilon": epsilon[row], "contact_ratio": mesh["contact_ratio"][row]} for m in meshes]
+        single = train(
+            meshes=own, load=[0.2, 0.0, load[2][row]], input_shaft_stiffness=stiffness[row], damping_ratio=ratio[row]
+        )
+        alone = speed_response(single, SPEEDS)
+        # Panels are those of the row that needs most of them.
+        np.testing.assert_allclose(found.mesh_force_peak[row], alone.mesh_force_peak[0], rtol=1e-5)
+        np.testing.assert_allclose(found.transmission_error_rms[row], alone.transmission_error_rms[0], rtol=1e-6)
+        np.testing.assert_array_equal(found.status[row], alone.status[0])
+    assert (found.status[3] & STATUS_FLAGS["unbalanced"]).all()
+    assert not (found.status[1] & STATUS_FLAGS["unbalanced"]).any()
+
+
+def test_the_flag_of_instability_is_floquets() -> None:
+    system = train(damping_ratio=0.01)
+    speeds = np.linspace(0.8, 6.0, 120)
+    found, stability = speed_response(system, speeds, 8), floquet.solve(system, speeds)
+    unstable = found.status & STATUS_FLAGS["unstable"] != 0
+    assert unstable.any()
+    np.testing.assert_array_equal(unstable, stability.stable == 0)
+
+
+def test_undamped_resonances_have_no_steady_state() -> None:
+    system = pair(mesh={"transmission_error": {"sin": [0.1]}})
+    found = speed_response(system, np.array([1.3, 2.0, 2.0 + 1e-9]))
+    failed, undamped, sensitive = (found.status[0] & STATUS_FLAGS[f] for f in ("failed", "undamped", "ill_conditioned"))
+    assert failed.astype(bool).tolist() == [False, True, False]
+    assert np.isnan(found.mesh_force_peak[0, 1, 0])
+    assert undamped[0]
+    assert sensitive.astype(bool).tolist() == [False, True, True]
+    # x = k e/(k - m nu^2) sin nu t
+    assert found.transmission_error_peak_to_peak[0, 0, 0] == pytest.approx(2 * 0.4 / (4 - 1.69), rel=1e-7)
+
+
+def test_too_few_samples_for_the_fastest_vibration_are_flagged() -> None:
+    system = pair(load=[1.0], damping_ratio=0.005, mesh={"epsilon": 0.2})
+    slow = np.array([0.02])  # 100 vibrations in a cycle of the mesh
+    assert speed_response(system, slow, 100).status[0, 0] & STATUS_FLAGS["unresolved"]
+    assert not speed_response(system, slow, 4000).status[0, 0] & STATUS_FLAGS["unresolved"]
+
+
+def test_steep_ramps_approach_jumps() -> None:
+    system = train()
+    ramps = with_waves(system, *(Trapezoidal(mesh.waveform.contact_ratio, 1e-7) for mesh in system.meshes))
+    exact, smooth = speed_response(system, SPEEDS), speed_response(ramps, SPEEDS)
+    np.testing.assert_allclose(smooth.transmission_error_rms, exact.transmission_error_rms, rtol=1e-6)
+
+
+def test_a_system_at_rest_has_no_steady_state_to_show() -> None:
+    system = pair()
+    with pytest.raises(ValueError, match="nothing drives"):
+        speed_response(system, SPEEDS)
+    assert not replace(system, load=np.array([1.0])).symmetry
+
+
+CONFIG = """
+title: a run-up
+system:
+  kind: gear_pair
+  equivalent_mass: 1.0
+  damping_ratio: 0.05
+  load: [1.0]
+  meshes: [{name: mesh, mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5, transmission_error: {sin: [0.1]}}]
+sweep:
+  epsilon: [0.0, 0.3]
+  load.0: [1.0, 2.0]
+  mesh_frequency: {start: 0.4, stop: 2.6, num: 23}
+methods:
+  floquet: {}
+  response: {samples_per_cycle: 64}
+"""
+
+
+def run(path: Path, *arguments: str) -> object:
+    return CliRunner().invoke(group, ["sweep", str(path), *arguments])
+
+
+def test_a_sweep_writes_the_responses_over_its_axes(tmp_path: Path) -> None:
+    path, out = tmp_path / "run.yaml", tmp_path / "run.h5"
+    path.write_text(CONFIG)
+    done = run(path, "-o", str(out), "-q", "-j", "1")
+    assert done.exit_code == 0, done.output
+    with open_result(out) as tree:
+        found = tree["response"]
+        assert found["mesh_force_peak"].dims == ("epsilon", "load.0", "mesh_frequency", "mesh")
+        assert list(found["mesh"].values) == ["mesh"]
+        assert found["status"].attrs["flag_meanings"].split() == list(STATUS_FLAGS)
+        assert found.attrs["samples_per_cycle"] == 64
+        system = pair(
+            damping_ratio=0.05, load=[2.0],
+            mesh={"mean_stiffness": 1.0, "epsilon": 0.3, "transmission_error": {"sin": [0.1]}},
+        )  # fmt: skip
+        expected = speed_response(system, np.linspace(0.4, 2.6, 23), 64)
+        at = found.isel({"epsilon": 1, "load.0": 1})
+        for name in ("mesh_force_peak", "mesh_force_rms", "dynamic_load_factor", "status"):
+            np.testing.assert_allclose(at[name].values, getattr(expected, name)[0], rtol=1e-9)
+            assert at[name].attrs["units"]
+        unstable = found["status"].values & STATUS_FLAGS["unstable"] != 0
+        np.testing.assert_array_equal(unstable, tree["floquet"]["stable"].values == 0)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("  load: [1.0]\n", "", "load"),
+        ("samples_per_cycle: 64", "samples_per_cycle: 4", "methods.response.samples_per_cycle"),
+        ("  mesh_frequency: {start: 0.4, stop: 2.6, num: 23}\n", "", "needs a mesh_frequency axis"),
+        ("{sin: [0.1]}", "{sin: []}", "system.meshes.0.transmission_error: has no harmonics"),
+        ("load: [1.0]", "load: [1.0, 2.0]", "system.load: has 2 entries"),
+    ],
+)
+def test_wrong_input_is_said(tmp_path: Path, old: str, new: str, said: str) -> None:
+    path = tmp_path / "run.yaml"
+    path.write_text(CONFIG.replace(old, new).replace("  floquet: {}\n", ""))
+    done = run(path, "-o", str(tmp_path / "run.h5"), "-q", "-j", "1")
+    assert done.exit_code == 2
+    assert said in done.stderr
+    assert "Traceback" not in done.output
+
+
+def test_a_system_that_nothing_drives_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "run.yaml"
+    text = CONFIG.replace("  load: [1.0]\n", "").replace("  load.0: [1.0, 2.0]\n", "")
+    path.write_text(text.replace(", transmission_error: {sin: [0.1]}", ""))
+    done = run(path, "-o", str(tmp_path / "run.h5"), "-q", "-j", "1")
+    assert done.exit_code == 2
+    assert "nothing drives the system" in done.stderr
