@@ -192,9 +192,12 @@ def swept_groups(tree: xr.DataTree) -> list[str]:
 
 
 def spanned_frequency(tree: xr.DataTree, meshes: Mapping[str, int]) -> Axis:
-    """The mesh frequency of a result of boundaries alone: its axis if stored, else what they span, with some air."""
+    """The mesh frequency of a result of boundaries alone: its axis if stored, else what they span, with some air.
+
+    A single value is none: boundaries stand for the whole range, however few points the sweep put on it.
+    """
     for dataset in (tree.to_dataset(), *datasets(tree)):
-        if FREQUENCY in dataset.coords and dataset.coords[FREQUENCY].ndim == 1:
+        if FREQUENCY in dataset.coords and dataset.coords[FREQUENCY].ndim == 1 and dataset.sizes[FREQUENCY] > 1:
             return axis_of(dataset, FREQUENCY, meshes)
     edges = [data["boundary_frequency"] for data in datasets(tree) if "boundary_frequency" in data.data_vars]
     values = np.concatenate([np.ravel(edge.values) for edge in edges] or [np.zeros(0)])
