@@ -250,6 +250,18 @@ def test_the_mesh_frequency_alone(make: Make, tmp_path: Path) -> None:
     assert inside.any()
 
 
+@pytest.mark.parametrize("points", ["num: 1", "num: 3, spacing: log", "step: 0.7"])
+def test_boundaries_over_the_whole_range_of_an_axis(make: Make, tmp_path: Path, points: str) -> None:
+    """However many points the axis has, and wherever they lie."""
+    sweep = f"sweep: {{mesh_frequency: {{start: 5.0, stop: 6.0, {points}}}}}\n"
+    tree = computed(make(sweep + "methods: {boundaries: {tolerance: 1.0e-6}}\n"), tmp_path)
+    plain = "sweep: {mesh_frequency: [6.0, 5.0]}\n"
+    two = computed(make(plain + "methods: {boundaries: {tolerance: 1.0e-6}}\n"), tmp_path, "two")
+    edges = tree["boundaries"]["boundary_frequency"]
+    assert np.isfinite(edges).any()
+    np.testing.assert_array_equal(edges, two["boundaries"]["boundary_frequency"])
+
+
 def test_a_result_says_where_it_comes_from(cases: tuple[Plan, xr.DataTree], tmp_path: Path) -> None:
     planned, tree = cases
     again = tmp_path / "again.yaml"

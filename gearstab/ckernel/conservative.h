@@ -5,6 +5,7 @@
 
 /* n > 3: the rounding error of a rho is at most NOISE times the largest entry of W. */
 #define NOISE (64 * DBL_EPSILON)
+#define BATCH 8 /* vectors of points that go through one step after the other together */
 #define SURE_GROWTH 1e-3 /* growths below this lose more than 1e-10 as acosh(rho/2) */
 
 /* Vectors of the right alignment; release with free. */
@@ -35,8 +36,25 @@ INLINE void store_part(double *to, int64_t k, int64_t count, vec value) {
 
 INLINE void store_verdict(int8_t *verdict, int64_t k, int64_t count, struct decision found) {
     mask code = (((mask){0} + DOUBTFUL) & found.doubtful) | (((mask){0} + STABLE) & found.stable & ~found.doubtful);
-    for (int i = 0; i < LANES && k + i < count; i++)
-        verdict[k + i] = (int8_t)code[i];
+    bytes narrow = __builtin_convertvector(code, bytes);
+    memcpy(verdict + k, &narrow, (size_t)(k + LANES <= count ? LANES : count - k));
+}
+
+/* What the points of a row need beside the row: the matrix, and room to reduce it. */
+struct room {
+    vec *x, *work, *real, *imaginary;
+    void *memory;
+};
+
+INLINE int room_new(struct room *room, int64_t n) {
+    int64_t matrix = 4 * n * n, work = n * (3 * n + 2) + 7 * n;
+    room->x = vectors(matrix + work + 2 * n, &room->memory);
+    if (!room->x)
+        return -1;
+    room->work = room->x + matrix;
+    room->real = room->work + work;
+    room->imaginary = room->real + n;
+    return 0;
 }
 
 /* The rho of LANES points from position k on, real and imaginary parts in turn; NaN in lanes that were scaled. */
@@ -52,42 +70,47 @@ INLINE void store_traces(double *rho, int64_t n, int64_t k, int64_t points, cons
 }
 
 /* A row of n <= 3 coordinates, n a constant where this is inlined. */
-INLINE void scan_row(const struct row *row, int64_t n, int64_t points, const double *omega, int8_t *verdict,
-                     double *growth, double *rho) {
-    for (int64_t k = 0; k < points; k += LANES) {
-        vec x[4 * 3 * 3], work[7 * 3], s[3];
-        vec asked = load_part(omega, k, points), period = period_of(row, asked);
-        vec scale = propagate(row, n, period, x, work);
-        coefficients(x, n, s);
-        struct decision found = classify(s, n);
-        found.doubtful |= (scale > 0.0) | ~(row->highest * (row->cycles / asked) < MOST_TURNS);
-        mask unstable = ~(found.stable | found.doubtful);
-        vec value = all(0.0);
-        if (any(unstable))
-            value = choose(unstable, growth_of(s, n), value);
-        store_part(growth, k, points, value);
-        store_verdict(verdict, k, points, found);
-        if (rho) {
-            vec real[3], imaginary[3], room[3 * (3 * 3 + 2)];
-            general_traces(x, n, real, imaginary, room);
-            store_traces(rho, n, k, points, real, imaginary, scale == 0.0);
+INLINE void scan_row(const struct row *row, int64_t n, const struct room *room, int64_t points, const double *omega,
+                     int8_t *verdict, double *growth, double *rho) {
+    vec *x = room->x, *work = room->work, s[BATCH][3];
+    mask unstable[BATCH];
+    for (int64_t start = 0; start < points; start += BATCH * LANES) {
+        int64_t stop = start + BATCH * LANES < points ? start + BATCH * LANES : points;
+        for (int64_t k = start, c = 0; k < stop; k += LANES, c++) {
+            vec asked = load_part(omega, k, points);
+            vec scale = propagate(row, n, period_of(row, asked), x, work);
+            coefficients(x, n, s[c]);
+            struct decision found = classify(s[c], n);
+            found.doubtful |= (scale > 0.0) | ~(row->highest * (row->cycles / asked) < MOST_TURNS);
+            unstable[c] = ~(found.stable | found.doubtful);
+            store_verdict(verdict, k, points, found);
+            if (rho) {
+                general_traces(x, n, room->real, room->imaginary, work);
+                store_traces(rho, n, k, points, room->real, room->imaginary, scale == 0.0);
+            }
+        }
+        for (int64_t k = start, c = 0; k < stop; k += LANES, c++) {
+            vec value = all(0.0);
+            if (any(unstable[c]))
+                value = choose(unstable[c], growth_of(s[c], n), value);
+            store_part(growth, k, points, value);
         }
     }
 }
 
-static void scan_row_1(const struct row *row, int64_t points, const double *omega, int8_t *verdict, double *growth,
-                       double *rho) {
-    scan_row(row, 1, points, omega, verdict, growth, rho);
+static void scan_row_1(const struct row *row, const struct room *room, int64_t points, const double *omega,
+                       int8_t *verdict, double *growth, double *rho) {
+    scan_row(row, 1, room, points, omega, verdict, growth, rho);
 }
 
-static void scan_row_2(const struct row *row, int64_t points, const double *omega, int8_t *verdict, double *growth,
-                       double *rho) {
-    scan_row(row, 2, points, omega, verdict, growth, rho);
+static void scan_row_2(const struct row *row, const struct room *room, int64_t points, const double *omega,
+                       int8_t *verdict, double *growth, double *rho) {
+    scan_row(row, 2, room, points, omega, verdict, growth, rho);
 }
 
-static void scan_row_3(const struct row *row, int64_t points, const double *omega, int8_t *verdict, double *growth,
-                       double *rho) {
-    scan_row(row, 3, points, omega, verdict, growth, rho);
+static void scan_row_3(const struct row *row, const struct room *room, int64_t points, const double *omega,
+                       int8_t *verdict, double *growth, double *rho) {
+    scan_row(row, 3, room, points, omega, verdict, growth, rho);
 }
 
 /* Stable: all rho real, inside (-2, 2) and too far apart for rounding errors to have parted a pair from the complex
@@ -115,23 +138,6 @@ static struct decision decide(int64_t n, const vec *real, const vec *imaginary, 
     return found;
 }
 
-/* What the points of a row need beside the row: the matrix, and room to reduce it. */
-struct room {
-    vec *x, *work, *real, *imaginary;
-    void *memory;
-};
-
-INLINE int room_new(struct room *room, int64_t n) {
-    int64_t matrix = 4 * n * n, work = n * (3 * n + 2) + 7 * n;
-    room->x = vectors(matrix + work + 2 * n, &room->memory);
-    if (!room->x)
-        return -1;
-    room->work = room->x + matrix;
-    room->real = room->work + work;
-    room->imaginary = room->real + n;
-    return 0;
-}
-
 static void scan_row_n(const struct row *row, struct room *room, int64_t points, const double *omega, int8_t *verdict,
                        double *growth, double *rho) {
     for (int64_t k = 0; k < points; k += LANES) {
@@ -151,16 +157,16 @@ static int scan(const struct conservative *pattern, int64_t first, int64_t last,
                 int8_t *verdict, double *growth, double *rho) {
     struct row row;
     struct room room = {0};
-    int failed = row_new(&row, pattern) || (pattern->n > 3 && room_new(&room, pattern->n));
+    int failed = row_new(&row, pattern) || room_new(&room, pattern->n);
     for (int64_t r = first; !failed && r < last; r++) {
         row_set(&row, pattern, r);
         const double *asked = omega + r * points;
         int8_t *code = verdict + r * points;
         double *value = growth + r * points, *own = rho ? rho + r * points * pattern->n * 2 : NULL;
         switch (pattern->n) {
-        case 1: scan_row_1(&row, points, asked, code, value, own); break;
-        case 2: scan_row_2(&row, points, asked, code, value, own); break;
-        case 3: scan_row_3(&row, points, asked, code, value, own); break;
+        case 1: scan_row_1(&row, &room, points, asked, code, value, own); break;
+        case 2: scan_row_2(&row, &room, points, asked, code, value, own); break;
+        case 3: scan_row_3(&row, &room, points, asked, code, value, own); break;
         default: scan_row_n(&row, &room, points, asked, code, value, own);
         }
     }

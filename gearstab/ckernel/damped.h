@@ -6,27 +6,37 @@
 #ifndef GEARSTAB_DAMPED_H
 #define GEARSTAB_DAMPED_H
 
-/* e^{at} cos bt and e^{at} sin bt of the m coordinates of a segment, divided by exp(growth). */
-INLINE vec decaying_rotation(const struct damped *pattern, int64_t m, int64_t r, int64_t s, vec period, vec *cosine,
-                             vec *sine) {
+/* e^x for x <= 0, most often near 0. */
+INLINE vec decay_by(vec x) { return any(x < -0.34) ? exponential(x) : 1.0 + small_expm1(x); }
+
+/* e^{at} cos bt and e^{at} sin bt of the m coordinates of a segment, divided by exp(growth), which is returned. paired:
+   whether these go two by two, each two a pair of eigenvalues or both real. */
+INLINE vec decaying_rotation(const struct damped *pattern, int64_t m, int paired, int64_t r, int64_t s, vec period,
+                             vec *cosine, vec *sine) {
     int64_t at = (r * pattern->states + pattern->state[s]) * m;
     double fraction = pattern->fractions[r * pattern->segments + s];
     const double *decay = pattern->decay + at, *frequency = pattern->frequency + at;
     double slowest = decay[0];
-    for (int64_t i = 1; i < m; i++)
-        slowest = decay[i] > slowest ? decay[i] : slowest;
-    for (int64_t i = 0; i < m; i++) {
-        vec size = decay[i] == slowest ? all(1.0) : exponential((decay[i] - slowest) * TURN * fraction * period);
+    UNROLLED for (int64_t i = 1; i < m; i++) /* in a segment that runs backwards: the fastest */
+        slowest = (decay[i] > slowest) == (fraction > 0) ? decay[i] : slowest;
+    vec time = TURN * fraction * period;
+    UNROLLED for (int64_t i = 0; i < m; i++) {
+        vec size = decay[i] == slowest ? all(1.0) : decay_by((decay[i] - slowest) * time);
         if (frequency[i] == 0) {
-            cosine[i] = size;
-            continue;
+            cosine[i] = size, sine[i] = all(0.0);
+            if (!paired)
+                continue;
+            i++;
+            cosine[i] = decay[i] == slowest ? all(1.0) : decay_by((decay[i] - slowest) * time);
+        } else {
+            cosine_sine(all(frequency[i] * fraction), period, &cosine[i], &sine[i]);
+            sine[i] = sine[i] * size;
+            cosine[i] = cosine[i] * size;
+            i++;
+            cosine[i] = cosine[i - 1];
         }
-        cosine_sine(all(frequency[i] * fraction), period, &cosine[i], &sine[i]);
-        cosine[i + 1] = cosine[i] = cosine[i] * size;
-        sine[i] = sine[i] * size;
-        i++;
     }
-    return slowest * TURN * fraction * period;
+    return slowest * time;
 }
 
 /* result = b q for `columns` vectors of m entries. */
@@ -68,6 +78,16 @@ INLINE void first_rotation(const double *b, const double *frequency, int64_t m, 
     }
 }
 
+/* The same for rotations that act on coordinates two by two. */
+INLINE void first_blocks(const double *b, int64_t m, const vec *cosine, const vec *sine, vec *x) {
+    UNROLLED for (int64_t j = 0; j < m; j += 2)
+        UNROLLED for (int64_t i = 0; i < m; i++) {
+            const double *at = b + i * m + j;
+            x[j * m + i] = at[0] * cosine[j] - at[1] * sine[j];
+            x[(j + 1) * m + i] = at[0] * sine[j] + at[1] * cosine[j + 1];
+        }
+}
+
 /* q = the rotation of a segment on the columns of x. */
 INLINE void rotate(const double *frequency, int64_t m, const vec *cosine, const vec *sine, const vec *x, vec *q) {
     for (int64_t i = 0; i < m; i++) {
@@ -85,27 +105,69 @@ INLINE void rotate(const double *frequency, int64_t m, const vec *cosine, const 
     }
 }
 
-/* One period, x (m, m) by columns, divided by exp(scale); work (m + 2, m). */
-INLINE vec propagate_damped(const struct damped *pattern, int64_t m, int64_t r, vec period, vec *x, vec *work) {
+/* result = change (rotation x) for a whole matrix of even m, a constant where this is inlined; the rotation acts on
+   coordinates two by two. */
+INLINE void advance_blocks(const double *change, int64_t m, const vec *cosine, const vec *sine, vec *x) {
+    const int64_t width = LANES > 4 && m == 6 ? 3 : 2; /* columns, as many as have their sums in registers */
+    for (int64_t c = 0; c < m; c += width) {
+        vec sum[3][LARGEST_POWER];
+        UNROLLED for (int64_t j = 0; j < m; j += 2) {
+            UNROLLED for (int64_t k = 0; k < width; k++) {
+                const vec *column = x + (c + k) * m + j;
+                vec first = cosine[j] * column[0] + sine[j] * column[1];
+                vec second = cosine[j + 1] * column[1] - sine[j] * column[0];
+                UNROLLED for (int64_t i = 0; i < m; i++) {
+                    sum[k][i] = j ? sum[k][i] + change[i * m + j] * first : change[i * m + j] * first;
+                    sum[k][i] += change[i * m + j + 1] * second;
+                }
+            }
+        }
+        UNROLLED for (int64_t k = 0; k < width; k++)
+            UNROLLED for (int64_t i = 0; i < m; i++)
+                x[(c + k) * m + i] = sum[k][i];
+    }
+}
+
+/* Divide x (m, m) by its size and add the logarithm of that to the scale. */
+INLINE void normalise(vec *x, int64_t m, vec *scale) {
+    vec size = larger(largest_entry(x, m * m), all(DBL_MIN)), factor = 1.0 / size;
+    *scale += logarithm(size);
+    for (int64_t i = 0; i < m * m; i++)
+        x[i] = x[i] * factor;
+}
+
+/* One period, x (m, m) by columns, divided by exp(scale); work (m + 2, m). paired: whether all rotations act on
+   coordinates two by two. */
+INLINE vec propagate_damped(const struct damped *pattern, int64_t m, int paired, int64_t r, vec period, vec *x, vec *work) {
     vec scale = all(0.0), *cosine = work, *sine = work + m, *q = work + 2 * m;
     for (int64_t s = 0; s < pattern->segments; s++) {
         const double *frequency = pattern->frequency + (r * pattern->states + pattern->state[s]) * m;
         const double *change = pattern->change + (r * pattern->segments + s) * m * m;
-        scale += decaying_rotation(pattern, m, r, s, period, cosine, sine);
-        if (s == 0) {
+        scale += decaying_rotation(pattern, m, paired, r, s, period, cosine, sine);
+        if (s == 0 && paired) {
+            first_blocks(change, m, cosine, sine, x);
+        } else if (s == 0) {
             first_rotation(change, frequency, m, cosine, sine, x);
+        } else if (paired) {
+            advance_blocks(change, m, cosine, sine, x);
         } else {
             rotate(frequency, m, cosine, sine, x, q);
             real_change(change, m, m, q, x);
         }
-        if (s % RESCALE_EVERY != RESCALE_EVERY - 1 && s + 1 < pattern->segments)
-            continue;
-        vec size = larger(largest_entry(x, m * m), all(DBL_MIN)), factor = 1.0 / size;
-        scale += logarithm(size);
-        for (int64_t i = 0; i < m * m; i++)
-            x[i] = x[i] * factor;
+        if (s % RESCALE_EVERY == RESCALE_EVERY - 1 || (!paired && s + 1 == pattern->segments))
+            normalise(x, m, &scale);
     }
     return scale;
+}
+
+/* The characteristic polynomial of x (m, m), brought near size 1 first where it is not. */
+INLINE void describe(vec *x, int64_t m, struct spectrum *of, vec *scale) {
+    of->square = squared_size(x, m);
+    if (any((of->square < 0x1p-40) | (of->square > 0x1p40))) {
+        normalise(x, m, scale);
+        of->square = squared_size(x, m);
+    }
+    characteristic_polynomial(x, m, of->e);
 }
 
 /* ln max |lambda| of x (m, m), which is destroyed; work (4, m). */
@@ -148,7 +210,7 @@ static void multipliers_row(const struct damped *pattern, int64_t m, int64_t r, 
     vec *real = work + 2 * m, *imaginary = work + 3 * m;
     for (int64_t k = 0; k < points; k += LANES) {
         vec period = pattern->cycles / load_part(omega, k, points);
-        vec taken = propagate_damped(pattern, m, r, period, x, work);
+        vec taken = propagate_damped(pattern, m, 0, r, period, x, work);
         vec value = largest_by_qr(x, m, work); /* leaves the eigenvalues in work */
         store_part(scale, k, points, taken);
         store_part(growth, k, points, taken + value);
@@ -160,41 +222,65 @@ static void multipliers_row(const struct damped *pattern, int64_t m, int64_t r, 
     }
 }
 
-/* A row, m a constant where this is inlined for small ones; room (m, m) and (m + 4, m). */
-INLINE void scan_damped_row(const struct damped *pattern, int64_t m, int64_t r, int64_t points, const double *omega,
-                            double *growth, double *scale, struct queue *queue, vec *x, vec *work) {
-    for (int64_t k = 0; k < points; k += LANES) {
-        vec period = pattern->cycles / load_part(omega, k, points), value = all(0.0);
-        vec taken = propagate_damped(pattern, m, r, period, x, work);
-        mask sure = {0};
-        if (m == 4 || m == 6)
-            value = largest_modulus(x, m, &sure);
-        store_part(scale, k, points, taken);
-        store_part(growth, k, points, taken + choose(sure, value, all(0.0)));
-        if (!any(~sure))
-            continue;
-        for (int64_t lane = 0; lane < LANES && k + lane < points; lane++) {
-            if (sure[lane])
+/* A row; small: whether m is 4 or 6, a constant where this is inlined, and the rotations go two by two. x (m, m), of
+   BATCH such matrices if small, and work (m + 4, m). */
+INLINE void scan_damped_row(const struct damped *pattern, int64_t m, int small, int64_t r, int64_t points,
+                            const double *omega, double *growth, double *scale, struct queue *queue, vec *x, vec *work) {
+    struct spectrum spectrum[BATCH];
+    const int64_t most = small ? BATCH : 1;
+    for (int64_t k = 0; k < points; k += most * LANES) {
+        int64_t left = (points - k + LANES - 1) / LANES, count = left < most ? left : most;
+        for (int64_t c = 0; c < count; c++) {
+            vec period = pattern->cycles / load_part(omega, k + c * LANES, points);
+            vec taken = propagate_damped(pattern, m, small, r, period, x + c * m * m, work);
+            if (small)
+                describe(x + c * m * m, m, &spectrum[c], &taken);
+            store_part(scale, k + c * LANES, points, taken);
+        }
+        if (small && count % TOGETHER)
+            spectrum[count] = spectrum[count - 1];
+        if (small)
+            for (int64_t c = 0; c < count; c += TOGETHER)
+                square_until_dominated(spectrum + c, m);
+        for (int64_t c = 0; c < count; c++) {
+            mask sure = small ? refine(spectrum + c, m) : (mask){0};
+            int64_t at = k + c * LANES;
+            vec value = choose(sure, spectrum[c].value, all(0.0));
+            store_part(growth, at, points, load_part(scale, at, points) + value);
+            if (!any(~sure))
                 continue;
-            for (int64_t i = 0; i < m * m; i++)
-                queue->x[i][queue->length] = x[i][lane];
-            queue->point[queue->length++] = k + lane;
-            if (queue->length == LANES)
-                flush(queue, m, growth, work);
+            for (int64_t lane = 0; lane < LANES && at + lane < points; lane++) {
+                if (sure[lane])
+                    continue;
+                for (int64_t i = 0; i < m * m; i++)
+                    queue->x[i][queue->length] = x[c * m * m + i][lane];
+                queue->point[queue->length++] = at + lane;
+                if (queue->length == LANES)
+                    flush(queue, m, growth, work);
+            }
         }
     }
     flush(queue, m, growth, work);
 }
 
+/* Whether all pairs of eigenvalues of a row begin at even places. */
+static int goes_in_pairs(const struct damped *pattern, int64_t r) {
+    const double *frequency = pattern->frequency + r * pattern->states * pattern->m;
+    for (int64_t i = 0; i < pattern->states * pattern->m; i += 2)
+        if (i + 1 == pattern->states * pattern->m || (frequency[i] == 0) != (frequency[i + 1] == 0))
+            return 0;
+    return 1;
+}
+
 static int scan_damped(const struct damped *pattern, int64_t first, int64_t last, int64_t points, const double *omega,
                        double *growth, double *scale, double *multipliers) {
-    int64_t m = pattern->m;
+    int64_t m = pattern->m, matrices = m > LARGEST_POWER ? 1 : BATCH;
     void *memory;
-    vec *x = vectors(2 * m * m + m * (m + 4), &memory);
+    vec *x = vectors((matrices + 1) * m * m + m * (m + 4), &memory);
     if (!x)
         return -1;
-    vec *work = x + 2 * m * m;
-    struct queue queue = {.x = x + m * m};
+    vec *work = x + (matrices + 1) * m * m;
+    struct queue queue = {.x = x + matrices * m * m};
     for (int64_t r = first; r < last; r++) {
         const double *asked = omega + r * points;
         double *value = growth + r * points, *taken = scale + r * points;
@@ -203,10 +289,10 @@ static int scan_damped(const struct damped *pattern, int64_t first, int64_t last
             multipliers_row(pattern, m, r, points, asked, value, taken, own, x, work);
             continue;
         }
-        switch (m) {
-        case 4: scan_damped_row(pattern, 4, r, points, asked, value, taken, &queue, x, work); break;
-        case 6: scan_damped_row(pattern, 6, r, points, asked, value, taken, &queue, x, work); break;
-        default: scan_damped_row(pattern, m, r, points, asked, value, taken, &queue, x, work);
+        switch (goes_in_pairs(pattern, r) ? m : 0) {
+        case 4: scan_damped_row(pattern, 4, 1, r, points, asked, value, taken, &queue, x, work); break;
+        case 6: scan_damped_row(pattern, 6, 1, r, points, asked, value, taken, &queue, x, work); break;
+        default: scan_damped_row(pattern, m, 0, r, points, asked, value, taken, &queue, x, work);
         }
     }
     free(memory);

@@ -24,7 +24,8 @@ struct damped {
     int64_t rows, segments, states, m;
     double cycles;
     const double *decay;     /* (r, D, m), real parts of the eigenvalues */
-    const double *frequency; /* (r, D, m), imaginary parts: of a pair, positive at its first member; 0 for real ones */
+    const double *frequency; /* (r, D, m), imaginary parts: of a pair, positive at its first member; 0 for real ones,
+                                which come first */
     const double *fractions; /* (r, S) */
     const int64_t *state;    /* (S,) */
     const double *change;    /* (r, S, m, m), from the coordinates of a segment to those of the next */

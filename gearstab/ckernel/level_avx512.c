@@ -8,5 +8,6 @@
 #define TARGET "avx512f,avx512dq,avx512vl,avx2,fma"
 #define LARGER(a, b) ((vec)_mm512_max_pd((__m512d)(a), (__m512d)(b)))
 #define ANY(m) (_mm512_test_epi64_mask((__m512i)(m), (__m512i)(m)) != 0)
+#define EXPONENT(a) ((vec)_mm512_getexp_pd((__m512d)(a)))
 #include "level.h"
 #endif

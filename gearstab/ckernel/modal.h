@@ -187,16 +187,22 @@ INLINE void advance_pair(int64_t n, const double *change, const vec *cosine, con
             q[n + i] = times[i] * p + cosine[i] * v;
         }
     }
-    if (n > 3)
-        change_basis(change, n, work, result);
-    else
-        for (int64_t part = 0; part < 4; part++)
-            for (int64_t i = 0; i < n; i++) {
-                vec sum = change[i * n] * work[part * n];
-                for (int64_t j = 1; j < n; j++)
-                    sum += change[i * n + j] * work[part * n + j];
-                result[part][i] = sum;
-            }
+    change_basis(change, n, work, result);
+}
+
+/* The same on one column for n <= 3, a constant where this is inlined; everything stays in registers. */
+INLINE void advance_column(int64_t n, const double *change, const vec *cosine, const vec *over, const vec *times, vec *x) {
+    vec position[3], velocity[3];
+    UNROLLED for (int64_t j = 0; j < n; j++) {
+        vec p = cosine[j] * x[j] + over[j] * x[n + j], v = times[j] * x[j] + cosine[j] * x[n + j];
+        UNROLLED for (int64_t i = 0; i < n; i++) {
+            double b = change[i * n + j];
+            position[i] = j ? position[i] + b * p : b * p;
+            velocity[i] = j ? velocity[i] + b * v : b * v;
+        }
+    }
+    UNROLLED for (int64_t i = 0; i < n; i++)
+        x[i] = position[i], x[n + i] = velocity[i];
 }
 
 /* The first segment on the unit matrix. */
@@ -218,8 +224,12 @@ INLINE vec propagate(const struct row *row, int64_t n, vec period, vec *x, vec *
     first_segment(n, change, cosine, over, times, x);
     for (int64_t s = 1; s < row->segments; s++) {
         scale += rotation(row->modes + s * n, n, row->steady[s], period, cosine, over, times);
-        for (int64_t column = 0; column < n; column++)
-            advance_pair(n, change + s * n * n, cosine, over, times, x + column * 4 * n, pair);
+        if (n <= 3)
+            UNROLLED for (int64_t column = 0; column < 2 * n; column++)
+                advance_column(n, change + s * n * n, cosine, over, times, x + column * 2 * n);
+        else
+            for (int64_t column = 0; column < n; column++)
+                advance_pair(n, change + s * n * n, cosine, over, times, x + column * 4 * n, pair);
         if (s % RESCALE_EVERY == RESCALE_EVERY - 1 || !row->steady[s])
             scale_down(x, 4 * n * n, &scale);
     }

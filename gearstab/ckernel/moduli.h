@@ -1,25 +1,27 @@
-/* The largest modulus of the eigenvalues of a small matrix, without the eigenvalues.
+/* The largest modulus of the eigenvalues of a small matrix, without the other eigenvalues.
 
-   Traces of powers give the characteristic polynomial (Newton's identities); squaring its roots again and again (Dandelin and
-   Graeffe) parts the largest modulus r from the others. With the elementary symmetric functions e_j of the 2^k-th powers of m
-   roots, a dominant root or pair is a root of z^2 - e_1 z + e_2; and where nothing comes to dominate, r^(2^k) is still max_j
-   |e_j|^(1/j) up to a factor binom(m, j), which is nothing after all ROUNDS. The price is the condition of the roots of
-   polynomials, the first and the following, so that it is measured: the same is done with rounding errors magnified, and
-   where the result moves too much the point is left to the QR algorithm. */
+   The roots of its characteristic polynomial are squared again and again (Dandelin and Graeffe), which parts the largest
+   modulus r from the others. With the elementary symmetric functions e_j of the 2^k-th powers of m roots, a dominant root
+   or pair is a root of z^2 - e_1 z + e_2; and where nothing comes to dominate, r^(2^k) is still max_j |e_j|^(1/j) up to a
+   factor binom(m, j), which is nothing after all ROUNDS. From r the argument of the root follows, and a step of Newton on
+   the polynomial itself both mends r and tells how sure it is: the derivative says what the rounding errors of the
+   coefficients amount to. A point where that is more than TRUSTED, or that was no root after all, is left to the QR
+   algorithm. */
 
 #ifndef GEARSTAB_MODULI_H
 #define GEARSTAB_MODULI_H
 
 #define LARGEST_POWER 6 /* the order of the matrices */
+#define TOGETHER 2      /* vectors whose roots are squared side by side: one alone waits for its own results */
 #define ROUNDS 10       /* of STEPS squarings; 2^-50 ln binom(6, 3) = 3e-15 */
 #define STEPS 5         /* without scaling: r > 2^-3.2 (six equal roots, e_1 = 6 r) still gives e_6 > 2^-620 */
 #define FIRST_LOOK 2    /* rounds before it is asked whether a root or pair dominates */
-#define PERTURBATION 1e-8
+#define DOMINANT 1e-10  /* what the other roots may then still add to ln r */
+#define NEAR 1e-8       /* the distance from the root, on a logarithmic scale, whose square is nothing to Newton's step */
+#define TURNS 3         /* steps along the circle, at most */
 #define ROUNDING (8 * DBL_EPSILON) /* of e_j over the j-th power of the matrix's size */
 #define TRUSTED 2e-13
 #define LOG_TWO 0.6931471805599453
-
-static const double SIGN[LARGEST_POWER] = {1, -1, 1, 1, -1, -1};
 
 /* log2 of max_j |e_j|^(1/j), the exponent and mantissa of a number read as a piecewise linear logarithm. */
 INLINE vec leading_exponent(const vec *e, int64_t m) {
@@ -31,15 +33,18 @@ INLINE vec leading_exponent(const vec *e, int64_t m) {
     return largest;
 }
 
-/* e_j of the squares of the roots: e_j^2 + 2 sum_i (-1)^i e_(j-i) e_(j+i), each product changed by a part of itself. */
-INLINE void square_the_roots(vec *e, int64_t m, double change) {
+/* e_j of the squares of the roots: e_j^2 - 2 (e_(j-1) e_(j+1) - (e_(j-2) e_(j+2) - ...)). */
+INLINE void square_the_roots(vec *e, int64_t m) {
     vec next[LARGEST_POWER + 1];
     UNROLLED for (int64_t j = 1; j <= m; j++) {
-        vec sum = all(0.0);
         int64_t last = j < m - j ? j : m - j;
-        UNROLLED for (int64_t i = 1; i <= last; i++)
-            sum += (i % 2 ? -2.0 : 2.0) * (1.0 + change * SIGN[(i + j) % LARGEST_POWER]) * (e[j - i] * e[j + i]);
-        next[j] = (1.0 + change * SIGN[j - 1]) * (e[j] * e[j]) + sum;
+        next[j] = e[j] * e[j];
+        if (last == 0)
+            continue;
+        vec sum = e[j - last] * e[j + last];
+        UNROLLED for (int64_t i = last - 1; i > 0; i--)
+            sum = e[j - i] * e[j + i] - sum;
+        next[j] -= sum + sum;
     }
     UNROLLED for (int64_t j = 1; j <= m; j++)
         e[j] = next[j];
@@ -47,97 +52,202 @@ INLINE void square_the_roots(vec *e, int64_t m, double change) {
 
 /* Divide the roots by a power of 2 near the largest of them; returns its exponent. */
 INLINE vec divide_roots(vec *e, int64_t m) {
-    vec shifted = 0x1.8p52 - larger(smaller(leading_exponent(e, m), all(150.0)), all(-150.0));
-    vec exponent = 0x1.8p52 - shifted;
-    vec factor = (vec)(((bits)shifted + 1023) << 52), power = factor;
+    vec largest = all(-150.0);
+    UNROLLED for (int64_t j = 1; j <= m; j++)
+        largest = larger(exponent_of(e[j]) * (1.0 / (double)j), largest);
+    vec shifted = 0x1.8p52 - largest, factor = (vec)(((bits)shifted + 1023) << 52), power = factor;
     UNROLLED for (int64_t j = 1; j <= m; j++) {
         e[j] = e[j] * power;
         power = power * factor;
     }
-    return exponent;
+    return 0x1.8p52 - shifted;
 }
 
-/* result = a b, all (m, m). */
-INLINE void multiply(const vec *a, const vec *b, int64_t m, vec *result) {
-    for (int64_t i = 0; i < m; i++)
-        UNROLLED for (int64_t j = 0; j < m; j++) {
-            vec sum = a[i * m] * b[j];
-            UNROLLED for (int64_t l = 1; l < m; l++)
-                sum += a[i * m + l] * b[l * m + j];
-            result[i * m + j] = sum;
-        }
+/* Border a trailing block of x (m, m) by row and column k: from the coefficients q of det(z - block) to those of the
+   larger one, with x = [[a, r], [c, block]]: det(z - x) = (z - a) q(z) - r adj(z - block) c (Samuelson 1942, Berkowitz
+   1984). The products r block^i c meet half way between powers on c and powers on r. */
+INLINE void border(const vec *x, int64_t m, int64_t k, vec *q) {
+    int64_t d = m - 1 - k;
+    const vec *block = x + (k + 1) * (m + 1);
+    vec t[LARGEST_POWER + 1], right[2][LARGEST_POWER], left[2][LARGEST_POWER], sum;
+    t[0] = all(1.0);
+    t[1] = -x[k * (m + 1)];
+    UNROLLED for (int64_t i = 0; i < d; i++) {
+        left[0][i] = x[k * m + k + 1 + i];
+        right[0][i] = x[(k + 1 + i) * m + k];
+    }
+    UNROLLED for (int64_t p = 0; p < d; p++) {
+        const vec *l = left[p / 2 % 2], *r = right[(p + 1) / 2 % 2];
+        if (p > 0 && p % 2 == 0)
+            UNROLLED for (int64_t j = 0; j < d; j++) {
+                sum = block[j] * left[(p / 2 - 1) % 2][0];
+                UNROLLED for (int64_t i = 1; i < d; i++)
+                    sum += block[i * m + j] * left[(p / 2 - 1) % 2][i];
+                left[p / 2 % 2][j] = sum;
+            }
+        if (p % 2)
+            UNROLLED for (int64_t i = 0; i < d; i++) {
+                sum = block[i * m] * right[p / 2 % 2][0];
+                UNROLLED for (int64_t j = 1; j < d; j++)
+                    sum += block[i * m + j] * right[p / 2 % 2][j];
+                right[(p + 1) / 2 % 2][i] = sum;
+            }
+        sum = l[0] * r[0];
+        UNROLLED for (int64_t i = 1; i < d; i++)
+            sum += l[i] * r[i];
+        t[p + 2] = -sum;
+    }
+    UNROLLED for (int64_t j = d + 1; j > 0; j--) {
+        sum = t[j];
+        UNROLLED for (int64_t i = j > d ? 1 : 0; i < j; i++)
+            sum += t[i] * q[j - i];
+        q[j] = sum;
+    }
 }
 
-/* e_1..e_m of the eigenvalues of x (m, m) from the traces of its powers, m <= 6. */
+/* e_1..e_m of the eigenvalues of x (m, m), 4 <= m <= 6, from its trailing blocks. */
 INLINE void characteristic_polynomial(const vec *x, int64_t m, vec *e) {
-    vec second[LARGEST_POWER * LARGEST_POWER], third[LARGEST_POWER * LARGEST_POWER], trace[LARGEST_POWER + 1];
-    const vec *power[] = {x, second, third};
-    multiply(x, x, m, second);
-    if (m > 4)
-        multiply(second, x, m, third);
-    trace[1] = all(0.0);
-    UNROLLED for (int64_t i = 0; i < m; i++)
-        trace[1] += x[i * (m + 1)];
-    UNROLLED for (int64_t k = 2; k <= m; k++) {
-        const vec *a = power[k / 2 - 1], *b = power[k - k / 2 - 1];
-        vec sum = all(0.0);
-        UNROLLED for (int64_t i = 0; i < m; i++)
-            UNROLLED for (int64_t j = 0; j < m; j++)
-                sum += a[i * m + j] * b[j * m + i];
-        trace[k] = sum;
-    }
     e[0] = all(1.0);
-    UNROLLED for (int64_t k = 1; k <= m; k++) {
-        vec sum = all(0.0);
-        UNROLLED for (int64_t i = 1; i <= k; i++)
-            sum += (i % 2 ? 1.0 : -1.0) * (e[k - i] * trace[i]);
-        e[k] = sum * (1.0 / (double)k);
-    }
+    e[1] = -x[m * m - 1];
+    border(x, m, m - 2, e);
+    border(x, m, m - 3, e);
+    border(x, m, m - 4, e);
+    if (m > 4)
+        border(x, m, m - 5, e);
+    if (m > 5)
+        border(x, m, m - 6, e);
+    UNROLLED for (int64_t j = 1; j <= m; j += 2)
+        e[j] = -e[j];
 }
 
-/* Whether the two largest roots, or the largest alone, are beyond the others to all digits. */
-INLINE mask dominated(const vec *e, int64_t m) {
-    vec third = m > 2 ? magnitude(e[1] * e[3]) : all(0.0), fourth = m > 3 ? magnitude(e[4]) : all(0.0);
-    return 2.0 * (third + fourth) <= DBL_EPSILON * e[2] * e[2];
+/* Whether the two largest roots, or the largest alone, are beyond the others to a relative error. */
+INLINE mask dominated(const vec *e, double tolerance) {
+    vec third = magnitude(e[1] * e[3]), fourth = magnitude(e[4]);
+    return 2.0 * (third + fourth) <= tolerance * e[2] * e[2];
 }
 
-/* log2 of the larger modulus of the roots of z^2 - e_1 z + e_2. */
-INLINE vec log_of_pair(const vec *e) {
+/* log2 of the larger modulus of the roots of z^2 - e_1 z + e_2, and whether they are real. */
+INLINE vec log_of_pair(const vec *e, mask *real) {
     vec half = 0.5 * magnitude(e[1]), discriminant = half * half - e[2];
-    vec modulus = choose(discriminant > 0.0, half + root(magnitude(discriminant)), root(magnitude(e[2])));
+    *real = discriminant > 0.0;
+    vec modulus = root(choose(*real, discriminant, magnitude(e[2]))) + choose(*real, half, all(0.0));
     return (1.0 / LOG_TWO) * logarithm(larger(modulus, all(DBL_MIN)));
 }
 
-/* ln max |lambda| of x (m, m), 2 <= m <= 6 a constant where this is inlined; in *sure where that is right to TRUSTED. */
-INLINE vec largest_modulus(const vec *x, int64_t m, mask *sure) {
-    vec e[2][LARGEST_POWER + 1], result[2] = {all(0.0), all(0.0)}, size = all(0.0), amount = all(PERTURBATION);
-    characteristic_polynomial(x, m, e[0]);
-    UNROLLED for (int64_t i = 0; i < m * m; i++)
-        size += x[i] * x[i];
-    size = root(size * (1.0 / (double)m));
-    e[1][0] = e[0][0];
-    UNROLLED for (int64_t j = 1; j <= m; j++) {
-        amount = amount * size;
-        e[1][j] = e[0][j] + SIGN[j - 1] * amount;
+/* What is known of a matrix: its characteristic polynomial, the square of its size, and the largest modulus of its
+   eigenvalues as a logarithm, at first an approximation. */
+struct spectrum {
+    vec e[LARGEST_POWER + 1], square, value;
+    mask real; /* whether the largest eigenvalue is real */
+};
+
+/* The approximate value of TOGETHER spectra, m a constant where this is inlined. */
+INLINE void square_until_dominated(struct spectrum *of, int64_t m) {
+    vec e[TOGETHER][LARGEST_POWER + 1], exponent[TOGETHER];
+    mask simple[TOGETHER];
+    UNROLLED for (int c = 0; c < TOGETHER; c++) {
+        exponent[c] = all(0.0);
+        UNROLLED for (int64_t j = 0; j <= m; j++)
+            e[c][j] = of[c].e[j];
     }
     double weight = 1.0;
-    mask simple = {0};
     for (int k = 0; k < ROUNDS; k++) {
-        for (int c = 0; c < 2; c++)
-            result[c] += weight * divide_roots(e[c], m);
-        simple = dominated(e[0], m) & dominated(e[1], m);
-        if (k >= FIRST_LOOK && !any(~simple))
-            break;
-        for (int step = 0; step < STEPS; step++) {
-            square_the_roots(e[0], m, 0.0);
-            square_the_roots(e[1], m, PERTURBATION);
+        mask every = ~(mask){0};
+        UNROLLED for (int c = 0; c < TOGETHER; c++) {
+            exponent[c] += weight * divide_roots(e[c], m);
+            every &= simple[c] = dominated(e[c], DOMINANT / weight);
         }
+        if (k >= FIRST_LOOK && !any(~every))
+            break;
+        for (int step = 0; step < STEPS; step++)
+            UNROLLED for (int c = 0; c < TOGETHER; c++)
+                square_the_roots(e[c], m);
         weight *= 1.0 / (1 << STEPS);
     }
-    for (int c = 0; c < 2; c++)
-        result[c] += weight * choose(simple, log_of_pair(e[c]), leading_exponent(e[c], m));
-    *sure = magnitude(result[1] - result[0]) < TRUSTED / LOG_TWO * (PERTURBATION / ROUNDING);
-    return LOG_TWO * result[0];
+    UNROLLED for (int c = 0; c < TOGETHER; c++) {
+        vec last = log_of_pair(e[c], &of[c].real);
+        of[c].real &= simple[c];
+        if (any(~simple[c]))
+            last = choose(simple[c], last, leading_exponent(e[c], m));
+        of[c].value = LOG_TWO * (exponent[c] + weight * last);
+    }
+}
+
+/* p(r z) r^-m z^(-m/2) for |z| = 1 is f(x) + i Im(z) g(x) with x = z + 1/z. */
+struct circle {
+    vec f[4], g[3]; /* of degree 3 and 2, or one less for m = 4 */
+};
+
+INLINE struct circle on_circle(const vec *e, int64_t m, vec inverse) {
+    struct circle of;
+    vec c[LARGEST_POWER + 1], power = inverse;
+    c[0] = all(1.0);
+    UNROLLED for (int64_t j = 1; j <= m; j++) {
+        c[j] = (j % 2 ? -e[j] : e[j]) * power;
+        power = power * inverse;
+    }
+    vec ends = c[0] + c[m], next = c[1] + c[m - 1];
+    if (m == 6) {
+        of.f[3] = 0.5 * ends, of.f[2] = 0.5 * next, of.f[1] = 0.5 * (c[2] + c[4]) - 1.5 * ends, of.f[0] = c[3] - next;
+        of.g[2] = c[0] - c[6], of.g[1] = c[1] - c[5], of.g[0] = (c[2] - c[4]) - of.g[2];
+    } else {
+        of.f[3] = all(0.0), of.f[2] = 0.5 * ends, of.f[1] = 0.5 * next, of.f[0] = c[2] - ends;
+        of.g[2] = all(0.0), of.g[1] = c[0] - c[4], of.g[0] = c[1] - c[3];
+    }
+    return of;
+}
+
+INLINE vec cubic(const vec *f, vec x) { return ((f[3] * x + f[2]) * x + f[1]) * x + f[0]; }
+
+/* x = 2 cos of the root on the circle: 2 or -2 if it is real, else the root of g that is also one of f. */
+INLINE vec place_on_circle(const struct circle *of, int64_t m, mask real) {
+    const vec *g = of->g;
+    vec one, two;
+    if (m == 6) {
+        vec length = root(larger(g[1] * g[1] - 4.0 * (g[0] * g[2]), all(0.0)));
+        vec w = -0.5 * (g[1] + with_sign_of(length, g[1])), over = 1.0 / (w * g[2]);
+        one = g[0] * (g[2] * over), two = w * (w * over);
+    } else {
+        one = two = -g[0] / g[1];
+    }
+    one = choose(real, all(2.0), one), two = choose(real, all(-2.0), two);
+    return choose(magnitude(cubic(of->f, one)) < magnitude(cubic(of->f, two)), one, two);
+}
+
+/* A step of Newton on ln z for the eigenvalue z of modulus exp(value), m = 4 or 6; returns where that is right to TRUSTED. */
+INLINE mask refine(struct spectrum *of, int64_t m) {
+    vec inverse = exponential(-of->value), step, size;
+    struct circle circle = on_circle(of->e, m, inverse);
+    const vec *f = circle.f, *g = circle.g;
+    vec x = place_on_circle(&circle, m, of->real);
+    mask near;
+    for (int k = 0; k < TURNS; k++) {
+        vec even = cubic(f, x), slope = (3.0 * f[3] * x + 2.0 * f[2]) * x + f[1], odd = (g[2] * x + g[1]) * x + g[0];
+        vec sine = 1.0 - 0.25 * (x * x); /* squared */
+        vec part = 0.5 * (x * odd) - 2.0 * sine * (2.0 * g[2] * x + g[1]); /* of dp/d ln z; the other is 2 sin slope */
+        size = part * part + 4.0 * (sine * (slope * slope));
+        step = (even * part + 2.0 * sine * (odd * slope)) / size;
+        vec turn = odd * part - 2.0 * even * slope;
+        near = (sine >= 0.0) & (sine * (turn * turn) < NEAR * NEAR * (size * size));
+        if (!any(~near))
+            break;
+        x = choose(near, x, x + 2.0 * sine * turn / size); /* with little damping g alone tells x badly */
+    }
+    vec h = of->square * (inverse * inverse), noise = ROUNDING * (((1.5 * h + 2.0) * h + 2.0) * h + 0.5);
+    of->value = of->value - step;
+    return near & (noise * noise < TRUSTED * TRUSTED * size) & (magnitude(step) < NEAR);
+}
+
+/* The square of the size of x (m, m), by which the rounding errors of e are measured. */
+INLINE vec squared_size(const vec *x, int64_t m) {
+    vec sum = all(0.0);
+    UNROLLED for (int64_t i = 0; i < m; i++) {
+        vec line = x[i * m] * x[i * m];
+        UNROLLED for (int64_t j = 1; j < m; j++)
+            line += x[i * m + j] * x[i * m + j];
+        sum += line;
+    }
+    return sum * (1.0 / (double)m);
 }
 
 #endif

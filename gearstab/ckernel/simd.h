@@ -16,6 +16,7 @@
 typedef double vec __attribute__((vector_size(8 * LANES)));
 typedef int64_t mask __attribute__((vector_size(8 * LANES)));   /* lanes of 0 or -1: what a comparison gives */
 typedef uint64_t bits __attribute__((vector_size(8 * LANES)));
+typedef int8_t bytes __attribute__((vector_size(LANES)));
 
 #define INLINE static inline __attribute__((always_inline, unused))
 
@@ -62,6 +63,15 @@ INLINE int any(mask m) {
 #endif
 }
 
+/* The integer e of |a| = 2^e f, 1 <= f < 2; -1023 (or -infinity) for 0. */
+INLINE vec exponent_of(vec a) {
+#ifdef EXPONENT
+    return EXPONENT(a);
+#else
+    return (vec)(((bits)magnitude(a) >> 52) | UINT64_C(0x4330000000000000)) - (0x1p52 + 1023);
+#endif
+}
+
 INLINE vec root(vec a) {
     for (int i = 0; i < LANES; i++)
         a[i] = sqrt(a[i]);
@@ -95,23 +105,27 @@ INLINE void cosine_sine(vec a, vec b, vec *cosine, vec *sine) {
     *cosine = (vec)((bits)choose(odd, s, c) ^ (((quadrant + 1) << 62) & SIGN_BIT));
 }
 
+/* e^x - 1 for |x| <= ln(2)/2. */
+INLINE vec small_expm1(vec x) {
+    vec z = x * x; /* even and odd powers side by side, error 1e-17 */
+    vec even = 2.7620201591031547e-07 * z + 2.4801521057868204e-05;
+    vec odd = 2.5100472505694996e-08 * z + 2.7557268276905696e-06;
+    even = even * z + 0.0013888888917367081;
+    odd = odd * z + 0.00019841269863171557;
+    even = even * z + 0.041666666666623824;
+    odd = odd * z + 0.008333333333330039;
+    even = even * z + 0.5000000000000001;
+    odd = odd * z + 0.16666666666666669;
+    return z * (odd * x + even) + x;
+}
+
 /* e^x for |x| < 700; 0 below. */
 INLINE vec exponential(vec x) {
     const double integers = 0x1.8p52;
     vec clipped = larger(smaller(x, all(700.0)), all(-700.0));
     vec shifted = clipped * 1.4426950408889634 + integers;
     vec k = shifted - integers;
-    vec r = (clipped - k * 0.6931471804855391) - k * 7.440617110012397e-11; /* the first product is exact */
-    vec p = 2.5100472505694996e-08 * r + 2.7620201591031547e-07; /* error 1e-17 for |r| <= ln(2)/2 */
-    p = p * r + 2.7557268276905696e-06;
-    p = p * r + 2.4801521057868204e-05;
-    p = p * r + 0.00019841269863171557;
-    p = p * r + 0.0013888888917367081;
-    p = p * r + 0.008333333333330039;
-    p = p * r + 0.041666666666623824;
-    p = p * r + 0.16666666666666669;
-    p = p * r + 0.5000000000000001;
-    p = (p * r) * r + r;
+    vec p = small_expm1((clipped - k * 0.6931471804855391) - k * 7.440617110012397e-11); /* the first product is exact */
     vec power = (vec)(((bits)shifted + 1023) << 52);
     return choose(x < -700.0, all(0.0), p * power + power);
 }

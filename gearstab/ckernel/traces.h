@@ -124,33 +124,39 @@ INLINE vec cube_root_bound(vec x) {
     return 1.12 * (vec)((bits)third << 20);
 }
 
-/* Newton towards a root of the cubic, from beyond the outermost root on its side: monotonic, however close the next one. */
-INLINE vec outermost(const vec s[3], vec x) {
+/* Newton towards two roots of the cubic, each from beyond the outermost root on its side: monotonic, however close the
+   next one. */
+INLINE void outermost(const vec s[3], vec x[2]) {
     for (int k = 0; k < 30; k++) {
-        vec value = ((x - s[0]) * x + s[1]) * x - s[2], slope = (3.0 * x - 2.0 * s[0]) * x + s[1];
-        vec step = value / choose(slope == 0.0, all(1.0), slope);
-        x = choose(slope == 0.0, x, x - step);
-        if (!any(magnitude(step) > 1e-9 * magnitude(x)))
+        mask moving = {0};
+        UNROLLED for (int i = 0; i < 2; i++) {
+            vec value = ((x[i] - s[0]) * x[i] + s[1]) * x[i] - s[2], slope = (3.0 * x[i] - 2.0 * s[0]) * x[i] + s[1];
+            vec step = choose(slope == 0.0, all(0.0), value / slope);
+            x[i] = x[i] - step;
+            moving |= magnitude(step) > 1e-9 * magnitude(x[i]);
+        }
+        if (!any(moving))
             break; /* the error left is of the order of the square */
     }
-    return x;
 }
 
 /* sinh^2 of the growth of a cubic with simple roots. */
 INLINE vec cubic_growth(const vec s[3]) {
-    vec q, p = depressed(s, &q), third = s[0] * (1.0 / 3.0);
-    vec bound = 2.0 * larger(root(magnitude(p) * (1.0 / 3.0)), cube_root_bound(0.5 * q));
-    vec discriminant = -4.0 * p * p * p - 27.0 * q * q;
-    mask real = discriminant > 0.0;
-    vec x = outermost(s, with_sign_of(bound, -q) + third);
-    vec largest = squared_sinh(x, all(0.0));
-    if (any(real)) {
-        vec start = choose(real, with_sign_of(bound, q) + third, x); /* the other outermost root */
-        largest = larger(squared_sinh(outermost(s, start), all(0.0)), largest);
-    }
+    vec q, p = depressed(s, &q), third = s[0] * (1.0 / 3.0), square = magnitude(p) * (1.0 / 3.0), length = root(square);
+    vec far = 2.0 * larger(length, cube_root_bound(0.5 * q)), near = far;
+    mask real = -4.0 * p * p * p - 27.0 * q * q > 0.0;
+    /* For p < 0 the outermost roots are 2 length cos(acos(+-c)/3), c = |q|/(2 length^3), concave in c (beyond 1 too, as a
+       cosh): its tangents at +-1/2 are bounds. */
+    vec slope = magnitude(q) / larger(square, all(DBL_MIN));
+    far = choose(p < 0.0, smaller(far, 1.747742 * length + 0.131644 * slope), far);
+    near = choose(real, smaller(near, 1.7795 * length - 0.247409 * slope), near);
+    vec x[2] = {with_sign_of(far, -q) + third, with_sign_of(near, q) + third};
+    x[1] = choose(real, x[1], x[0]);
+    outermost(s, x);
+    vec largest = larger(squared_sinh(x[0], all(0.0)), squared_sinh(x[1], all(0.0)));
     if (any(~real)) {
         /* The complex pair a +- ib from the quadratic that the real root leaves, and a step of Newton on the cubic. */
-        vec a = 0.5 * (s[0] - x), shifted = x - third;
+        vec a = 0.5 * (s[0] - x[0]), shifted = x[0] - third;
         vec b = root(larger(p + 0.75 * shifted * shifted, all(0.0)));
         for (int k = 0; k < 2; k++) {
             vec u = a - s[0], u1 = u * a - b * b + s[1], v1 = b * (u + a);

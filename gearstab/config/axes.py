@@ -47,6 +47,7 @@ class Axis:
     values: the coordinate, ``(size,)`` floats, or texts: labels of cases, exact ratios.
     units: SI unit of the values, "1" without one; long_name: what they are.
     assignments: all parameters that the axis sets.
+    ends: start and stop where the values are given as a range; None where they are listed.
     """
 
     name: str
@@ -55,6 +56,15 @@ class Axis:
     units: str
     long_name: str
     assignments: tuple[Assignment, ...]
+    ends: tuple[float, float] | None = None
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """The least and the greatest number that the axis covers, a range from end to end even with few points."""
+        if self.ends is not None:
+            return min(self.ends), max(self.ends)
+        values = np.asarray(self.values, dtype=float)
+        return float(values.min()), float(values.max())
 
 
 @dataclass(frozen=True)

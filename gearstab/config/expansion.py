@@ -59,11 +59,13 @@ class Expansion:
     """The values of one parameter along an axis.
 
     values: a float array, or a list of exact ratios; None after problems. spec: the same as plain data, resolved.
+    ends: start and stop of a range, whichever values lie between them; None where the values are given one by one.
     """
 
-    def __init__(self, values: Array | list[Any] | None, spec: Any) -> None:
+    def __init__(self, values: Array | list[Any] | None, spec: Any, ends: tuple[float, float] | None = None) -> None:
         self.values = values
         self.spec = spec
+        self.ends = ends
 
     @property
     def size(self) -> int:
@@ -94,7 +96,9 @@ def expand(document: Document, path: Path, target: Target) -> Expansion:
     if given is None or any(ends[name] is None for name in ends if spec.get(name) is not None):
         return FAILED
     found = _expand_range(document, path, given, ends)
-    return Expansion(list(map(float, found.values)), found.spec) if target.exact and found.values is not None else found
+    if target.exact and found.values is not None:
+        return Expansion(list(map(float, found.values)), found.spec, found.ends)
+    return found
 
 
 def expand_list(document: Document, items: list[Any], places: list[Path], target: Target, path: Path) -> Expansion:
@@ -148,17 +152,17 @@ def _expand_range(document: Document, path: Path, given: Range, ends: dict[str, 
             given.spacing,
             lambda key, text, hint: document.report((*path, key), text, hint, value=document.get((*path, key))),
         )
-        return FAILED if values is None else Expansion(values, spec | {"step": step})
+        return FAILED if values is None else Expansion(values, spec | {"step": step}, (start, stop))
     spec["num"] = given.num
     if given.spacing == "linear":
-        return Expansion(np.linspace(start, stop, given.num or 1), spec)
+        return Expansion(np.linspace(start, stop, given.num or 1), spec, (start, stop))
     for name, value in (("start", start), ("stop", stop)):
         if value <= 0:
             document.report(
                 (*path, name), "must be > 0 with log spacing", "choose a value > 0, or spacing: linear", value=value
             )
             return FAILED
-    return Expansion(np.geomspace(start, stop, given.num or 1), spec | {"spacing": "log"})
+    return Expansion(np.geomspace(start, stop, given.num or 1), spec | {"spacing": "log"}, (start, stop))
 
 
 def _stepped(

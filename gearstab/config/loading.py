@@ -7,8 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from gearstab.config import overrides as override
 from gearstab.config.axes import Array, Axis, Config
 from gearstab.config.document import Document, read
@@ -238,9 +236,10 @@ def _read_methods(document: Document) -> Methods | None:
 def _check_range(document: Document, axes: Sequence[Axis]) -> None:
     """Boundaries are sought over a range of the mesh frequency, so that one frequency alone holds none."""
     for axis in axes:
-        if axis.name == "mesh_frequency" and np.ptp(np.asarray(axis.values)) == 0:
+        if axis.name == "mesh_frequency" and axis.span[0] == axis.span[1]:
             path = ("sweep", "mesh_frequency")
-            document.report(path, "is no range, over which boundaries are sought", "give two frequencies or more")
+            hint = "give two frequencies or more, or start and stop"
+            document.report(path, "is no range, over which boundaries are sought", hint)
 
 
 def _read_respond(

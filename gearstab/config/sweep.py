@@ -317,7 +317,8 @@ def build(document: Document, layout: Layout) -> tuple[Axis, Any] | None:
         if e.values is not None
     )
     values, units, title = _coordinate(layout, targets, flat[0])
-    return Axis(layout.name, flat[0].size, values, units, title, assignments), _spec(layout, expansions)
+    axis = Axis(layout.name, flat[0].size, values, units, title, assignments, flat[0].ends)
+    return axis, _spec(layout, expansions)
 
 
 def _coordinate(layout: Layout, targets: list[Target], first: Expansion) -> tuple[Any, str, str]:

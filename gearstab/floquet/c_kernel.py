@@ -120,7 +120,7 @@ def log_multipliers(pattern: Pattern, omega: Array, bound: float) -> Array:
 
 
 def scan_damped(pattern: Pattern, generator: Generators, omega: Array, limit: int | None = None) -> tuple[Array, Array]:
-    """ln max |lambda| and ln of the size of M, ``(r, P)`` each; NaN where M is not finite.
+    """ln max |lambda| and, roughly, ln of the size of M, ``(r, P)`` each; NaN where M is not finite.
 
     Rows with a state that cannot be diagonalised safely go the way of the NumPy kernel.
     """

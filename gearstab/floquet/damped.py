@@ -56,12 +56,18 @@ class Generators:
 
     @property
     def real_modes(self) -> tuple[Array, Array, Array]:
-        """(values ``(r, D, m)`` complex, V, V^-1 real).
+        """(values ``(r, D, m)`` complex, V, V^-1 real), real eigenvalues first.
 
         A real eigenvalue has its eigenvector as a column of V, a pair a +- ib of eigenvectors u +- iv, the member of
         positive imaginary part first, has the columns u, v: A_d u = a u - b v, A_d v = b u + a v.
         """
         values, vectors, inverse = self.eigen
+        if np.any(values.imag == 0):
+            # Then pairs begin at even places where m is even, as the fast path of the compiled kernel wants them.
+            order = np.argsort(values.imag != 0, axis=-1, kind="stable")
+            values = np.take_along_axis(values, order, axis=-1)
+            vectors = np.take_along_axis(vectors, order[..., None, :], axis=-1)
+            inverse = np.take_along_axis(inverse, order[..., None], axis=-2)
         second = (values.imag < 0)[..., None, :]
         basis = np.where(second, -vectors.imag, vectors.real)
         inner = np.swapaxes(second, -1, -2)

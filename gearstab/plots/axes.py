@@ -192,17 +192,26 @@ def swept_groups(tree: xr.DataTree) -> list[str]:
 
 
 def spanned_frequency(tree: xr.DataTree, meshes: Mapping[str, int]) -> Axis:
-    """The mesh frequency of a result of boundaries alone: its axis if stored, else what they span, with some air."""
+    """The mesh frequency of a result of boundaries alone: its axis if stored, else what they span, with some air.
+
+    A single value is none: boundaries stand for the whole range, however few points the sweep put on it.
+    """
     for dataset in (tree.to_dataset(), *datasets(tree)):
-        if FREQUENCY in dataset.coords and dataset.coords[FREQUENCY].ndim == 1:
-            return axis_of(dataset, FREQUENCY, meshes)
+        if FREQUENCY in dataset.coords and dataset.coords[FREQUENCY].ndim == 1 and dataset.sizes[FREQUENCY] > 1:
+            stored = axis_of(dataset, FREQUENCY, meshes)
+            return replace(stored, values=filled(stored.positions.min(), stored.positions.max()))
     edges = [data["boundary_frequency"] for data in datasets(tree) if "boundary_frequency" in data.data_vars]
     values = np.concatenate([np.ravel(edge.values) for edge in edges] or [np.zeros(0)])
     values = values[np.isfinite(values)]
     low, high = (values.min(), values.max()) if values.size else (0.0, 1.0)
     air = 0.03 * (high - low) or 0.05 * abs(high) or 0.5
     units = str(edges[0].attrs.get("units", "1")) if edges else "1"
-    return Axis(FREQUENCY, np.array([max(low - air, 0.0), high + air]), units, "mesh frequency", meshes)
+    return Axis(FREQUENCY, filled(max(low - air, 0.0), high + air), units, "mesh frequency", meshes)
+
+
+def filled(low: float, high: float) -> Array:
+    """Many values from end to end: the cells of two alone would reach half-way beyond both."""
+    return np.linspace(low, high, 257)
 
 
 def find_axis(axes: Mapping[str, Axis], name: str) -> Axis:

@@ -70,8 +70,7 @@ def run_rows(plan: Plan, layout: Layout, rows: dict[str, Array], count: int, col
             # Nothing but the mesh frequency differs from row to row.
             system = system.over((count,))
     elif layout.method.frequency == RANGE:
-        every = plan.mesh_frequency({}, slice(None))
-        frequency = np.array([every.min(), every.max()])
+        frequency = np.array(plan.mesh_frequency_range)
     return layout.method.run(system, frequency, layout.options)
 
 

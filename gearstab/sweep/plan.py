@@ -138,6 +138,13 @@ class Plan:
         text = json.dumps([self.config.digest, division, __version__, self.kernel])
         return hashlib.sha256(text.encode()).hexdigest()
 
+    @property
+    def mesh_frequency_range(self) -> tuple[float, float]:
+        """From where to where the axis of the mesh frequency goes, however few points it has."""
+        if self.fast is None:
+            raise ValueError("no axis sets the mesh frequency alone")
+        return self.fast.span
+
     def mesh_frequency(self, rows: dict[str, Array], columns: slice) -> Array:
         """The mesh frequency of rows (indices by axis name): ``(P,)`` of its own axis, else ``(rows, 1)``."""
         if self.fast is not None:
