@@ -54,8 +54,9 @@ def jumps(runs: Runs) -> Iterator[Statement]:
 
 
 def stuck(runs: Runs) -> Iterator[Statement]:
-    changes = {"system__damping_ratio": 0.1, "system__torque": 42.1, "respond__speed": 30.0, "respond__cycles": 100}
-    found = response(runs, **changes)
+    found = response(
+        runs, system__damping_ratio=0.1, system__torque=42.1, respond__speed=30.0, respond__cycles=100
+    )  # fmt: skip
     words = found.attrs["status"]
     reached = int(found["cycle"].values.max(initial=0))
     yield Statement(
