@@ -156,22 +156,24 @@ def _medians(values: Array, valid: Array) -> Array:
     return np.asarray(np.sort(values, axis=1)[np.arange(len(values)), middle])
 
 
-def first(ladder: Ladder, omega: Array, decay: Array, tolerance: float) -> Array:
-    """``(r, P)``, the resolution that each point is likely to need, from a few points of each row.
+def first(ladder: Ladder, omega: Array, decay: Array, tolerance: float) -> tuple[Array, float]:
+    """``(r, P)``, the resolution that each point is likely to need, from a few points of each row; and what resolution
+    half of these would do with if it were not for their convergence.
 
     These are interpolated without their outliers: next to a boundary multipliers are badly conditioned, which is
     better left to the few points that it concerns.
     """
     if ladder.division.constant.all():
-        return np.full(omega.shape, 2)
+        return np.full(omega.shape, 2), 2.0
     place = _pilots(omega)
     least, wanted = _tried(ladder, omega[place], decay[place], tolerance)
+    enough = float(np.median(wanted))
     least = np.minimum(least, _without_outliers(least) + 2)
     wanted = np.maximum(_without_outliers(wanted), least)
     result = np.empty(omega.shape, dtype=int)
     for r, own in enumerate(np.log(omega)):
         result[r] = np.ceil(np.interp(own, own[place[1][r]], wanted[r]))
-    return np.clip(result, 2, ladder.finest)
+    return np.clip(result, 2, ladder.finest), enough
 
 
 def _tried(ladder: Ladder, omega: Array, decay: Array, tolerance: float) -> tuple[Array, Array]:
