@@ -179,9 +179,9 @@ def estimate(times: Array, logs: Array, confidence: float, conservative: bool) -
         the last one, as nothing that has grown decays.
 
     The half-width is the largest of three: Student's for the means of the batches; DRIFTS times the distance between
-    the two halves of the window, for vectors that are still turning; and the distance to a cruder average. Where a third
-    direction grows nearly as fast (two may be the real and imaginary part of one solution) it is at least what a window
-    of this length can tell apart.
+    the two halves of the window, for vectors that are still turning; and the distance to a cruder average. Where a
+    third direction grows nearly as fast (two may be the real and imaginary part of one solution) it is at least what
+    a window of this length can tell apart.
     """
     from scipy.stats import t as student  # takes longer to load than a small sweep to run
 
