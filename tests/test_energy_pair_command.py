@@ -301,8 +301,17 @@ respond: {mesh_frequency: 1.0, cycles: 3, initial: {displacement: [0.1]}}
         assert "displacement" in tree["response"]
 
 
-def test_info_and_check_take_a_pair(tmp_path: Path) -> None:
+def test_info_says_whose_modes_and_tongues_it_shows(tmp_path: Path) -> None:
     path = written(tmp_path, SYSTEM + RESPOND)
     assert call("check", path).exit_code == 0
     done = call("info", path)
     assert done.exit_code == 0, done.output
+    assert "energy_conserving; modes and tongues below are those of the classical one" in done.stdout
+    assert "formulation" not in call("info", path, "--set", "formulation=classical").stdout
+
+
+def test_a_benchmark_knows_the_classical_formulation_only(tmp_path: Path) -> None:
+    sweep = "sweep: {mesh_frequency: {start: 20000, stop: 36000, num: 5}}\nmethods: {floquet: {}}\n"
+    done = call("bench", written(tmp_path, SYSTEM + sweep), "-o", tmp_path / "b.h5")
+    assert done.exit_code == 2
+    assert "system.formulation" in done.stderr

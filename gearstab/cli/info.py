@@ -54,6 +54,7 @@ def describe(config: Config, harmonics: int | None = None) -> dict[str, Any]:
     return {
         "title": config.title,
         "kind": config.kind,
+        "formulation": config.parameters.get("formulation"),
         "coordinates": list(system.coordinates),
         "sweep": sweep,
         "frequency_range": _frequency_range(config),
@@ -71,7 +72,7 @@ def describe(config: Config, harmonics: int | None = None) -> dict[str, Any]:
 
 def _frequency_range(config: Config) -> list[float] | None:
     """The lowest and highest mesh frequency of the sweep."""
-    found = [axis.values for axis in config.axes if axis.name == "mesh_frequency"]
+    found = [item.values for axis in config.axes for item in axis.assignments if item.path == ("mesh_frequency",)]
     return [float(min(found[0])), float(max(found[0]))] if found else None
 
 

@@ -37,11 +37,19 @@ def _text(value: Any) -> str:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
+def _formulation(facts: dict[str, Any]) -> list[str]:
+    """A line on a formulation that is not a linear system."""
+    if facts["formulation"] in (None, "classical"):
+        return []
+    return [f"formulation    {facts['formulation']}; modes and tongues below are those of the classical one"]
+
+
 def _heading(facts: dict[str, Any]) -> str:
     lines = [
         facts["title"],
         "",
         f"system         {facts['kind']}, {len(facts['coordinates'])} coordinates: {', '.join(facts['coordinates'])}",
+        *_formulation(facts),
         f"common period  {periods.text(facts['common_period'])}",
     ]
     if facts["frequencies"] is not None:
