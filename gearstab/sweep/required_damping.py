@@ -20,8 +20,8 @@ ROOTS = 400.0
 
 def way(options: Any, system: GearSystem) -> str:
     """``common_period`` or ``per_mesh``. Raises ValueError."""
-    if system.terms or not system.piecewise_constant:
-        raise ValueError("needs mesh stiffnesses that are piecewise constant, and no other periodic terms")
+    if system.terms:
+        raise ValueError("periodic terms beside the mesh stiffness are not supported")
     taken = choice.chosen(system, options.frequencies)
     # Zeros of an estimate with an interval would have none.
     return choice.PER_MESH if taken == choice.LYAPUNOV else taken
