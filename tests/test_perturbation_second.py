@@ -12,12 +12,13 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.special import mathieu_a, mathieu_b
 from test_perturbation import random_rotation, star
+from test_waveforms import ALL, IDS
 from tongue_edges import scaled, train
 
 from gearstab.modal import modal_damping_matrix
 from gearstab.perturbation import PERTURBATION_FLAGS, Tongues, first_order, second_order
 from gearstab.system import GearSystem, Mesh
-from gearstab.waveforms import Rectangular, Waveform
+from gearstab.waveforms import WAVEFORMS, Rectangular, Waveform
 from gearstab.waveforms.fourier import Fourier
 
 
@@ -296,3 +297,29 @@ def test_one_damped_mode_of_two_has_no_boundary() -> None:
     assert found.half_width[k] == np.inf
     assert np.isnan(found.boundary_frequency[k]).all()
     assert np.isfinite(found.boundary_frequency[found.label.index("2w1")]).all()
+
+
+def test_commensurate_natural_frequencies() -> None:
+    """w = 1, 2, 3: resonances coincide exactly, divisors vanish, and nothing but those tongues is affected."""
+    turn = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]
+    direction = np.array([0.3, 0.4, 0.2])
+    mesh = Mesh("mesh", direction, np.asarray(1.0), np.asarray(0.1), Rectangular(1.3))
+    stiffness = turn @ np.diag([1.0, 4.0, 9.0]) @ turn.T - np.outer(direction, direction)
+    found = second_order(GearSystem(np.eye(3), stiffness, (mesh,)), 1)
+    # At Omega = 2 the second harmonic joins modes 1 and 3, the first joins mode 1 at -1 with itself and with mode 3.
+    disturbed = (found.status & PERTURBATION_FLAGS["coincident_tongues"]) > 0
+    assert found.label[:6] == ("2w1", "w1+w2", "w1+w3", "2w2", "w2+w3", "2w3")
+    assert_array_equal(disturbed[:6], [True, False, False, False, False, False])
+    assert np.isnan(found.boundary_frequency[disturbed]).all()
+    assert np.isfinite(found.boundary_frequency[~disturbed]).all()
+    assert np.isfinite(found.boundary_error[~disturbed]).all()
+
+
+@pytest.mark.parametrize("wave", [ALL[IDS.index(f"{name}0")][1] for name in WAVEFORMS], ids=WAVEFORMS)
+def test_any_waveform_is_its_fourier_series(wave: Waveform) -> None:
+    """All harmonics of a wave, the greater part of them by the series in 1/k, against its first 300 one by one."""
+    series = np.array([wave.fourier(s) for s in range(1, 301)]).reshape(300, 2)
+    whole = second_order(oscillator(wave, 0.3), 2)
+    cut = second_order(oscillator(Fourier(series[:, 0], series[:, 1]), 0.3), 2)
+    # What is left out of a wave with jumps is 1/(3 300^3) = 1e-8 of its first term.
+    assert_allclose(whole.boundary_frequency, cut.boundary_frequency, rtol=0, atol=2e-9)
