@@ -24,6 +24,7 @@ from gearstab.config.fields import (
 )
 from gearstab.config.gearbox_mesh import LUBRICATED, GearboxMesh
 from gearstab.config.mesh import Named, ToothMesh
+from gearstab.config.problems import Path
 from gearstab.config.system import System
 
 Inertia = Annotated[float, Field(gt=0), Quantity("kg m^2")]
@@ -166,7 +167,7 @@ class Input(Section):
     speed: Speed | None = Field(
         default=None,
         title="nominal speed",
-        description='Of the input rotor, for friction (rad/s, "1500 rpm"); stability maps sweep mesh_frequency.',
+        description='Of the input rotor, for friction (rad/s, "1500 rpm"); sweeps set it by the axis input_speed.',
     )
     sense: Annotated[str, Choice("sense", ("counter-clockwise", "clockwise"))] = Field(
         default="counter-clockwise", title="sense of rotation", description="Of the input rotor, seen along z."
@@ -208,6 +209,25 @@ class Gearbox(System):
         if not isinstance(rotors, list) or not all(isinstance(rotor, dict) for rotor in rotors):
             return None
         return len(rotors) + 2 * sum(rotor.get("support") is not None for rotor in rotors)
+
+    @classmethod
+    def cycles_of_input(cls, raw: dict[str, Any]) -> float | None:
+        """Teeth times speed of the first mesh's driver over that of the input."""
+        from gearstab.systems.gearbox.build import Train
+
+        train = Train(raw)
+        try:
+            driver = train.meshes[0][0]
+            return train.teeth(driver) * float(abs(train.speeds[driver]))
+        except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError):
+            return 1.0  # something is wrong with the train, which is reported
+
+    @classmethod
+    def follow_speed(cls, raw: dict[str, Any]) -> list[Path]:
+        """Of ``input``, where the friction of lubricated teeth depends on it."""
+        laws = [mesh.get("friction") for _, mesh in _mappings(raw.get("meshes"))]
+        lubricated = any(isinstance(law, dict) and law.get("kind") in LUBRICATED for law in laws)
+        return [("input", "speed")] if lubricated and isinstance(raw.get("input"), dict) else []
 
     @classmethod
     def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:

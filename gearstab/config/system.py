@@ -11,6 +11,7 @@ from gearstab.config.damping import Damping
 from gearstab.config.fields import Flag, NonNegative, Section
 from gearstab.config.mesh import Conflict, ToothMesh
 from gearstab.config.names import mesh_items
+from gearstab.config.problems import Path
 
 if TYPE_CHECKING:
     from gearstab.config.axes import Axis
@@ -50,6 +51,16 @@ class System(Section):
     def variant(cls, raw: dict[str, Any]) -> type[System]:
         """The model that the keys of a section call for, where a kind has several."""
         return cls
+
+    @classmethod
+    def cycles_of_input(cls, raw: dict[str, Any]) -> float | None:
+        """Cycles of the first mesh in a turn of the input, None for a system without an input that turns."""
+        return None
+
+    @classmethod
+    def follow_speed(cls, raw: dict[str, Any]) -> list[Path]:
+        """Numbers of the system that are the speed of the input too."""
+        return []
 
     @classmethod
     def unfit(cls, parameters: dict[str, Any], axes: Sequence[Axis], methods: Sequence[str]) -> Iterator[Conflict]:
