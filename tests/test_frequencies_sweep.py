@@ -119,6 +119,18 @@ def test_what_has_no_answer_is_one_line(tmp_path: Path, change: str, said: str) 
     assert not (tmp_path / "out.h5").exists()
 
 
+@pytest.mark.parametrize("command", ["bench", "respond"])
+def test_other_commands_need_a_common_period(tmp_path: Path, command: str) -> None:
+    path = written(tmp_path, GOLDEN)
+    if command == "respond":
+        text = path.read_text().split("sweep:")[0]
+        path.write_text(text + "respond: {mesh_frequency: 2.0, initial: {displacement: [1, 0, 0]}, cycles: 3}\n")
+    done = run(command, path, "-o", tmp_path / "out.h5")
+    assert done.exit_code == 2
+    assert "no common period" in done.stderr
+    assert done.stderr.count("\n") == 1
+
+
 def test_a_dry_run_tells_the_cost(tmp_path: Path) -> None:
     done = run("sweep", written(tmp_path, RATIONAL), "--dry-run")
     assert "a common period of 17 + 7 mesh cycles with 46 segments), 4 distinct states" in done.stdout

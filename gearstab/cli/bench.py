@@ -92,6 +92,9 @@ def _scene(loaded: Config) -> Scene:
     if isinstance(system, RotatingPair) and not system.is_classical:
         message, hint = f"bench knows no formulation {system.formulation}", "set formulation: classical"
         raise ConfigError([Problem(str(loaded.source), None, "system.formulation", "", message, hint)])
+    if not system.commensurate:
+        message, hint = "mesh frequencies of irrational ratio have no common period", "give exact ratios"
+        raise ConfigError([Problem(str(loaded.source), None, "system.meshes", "", message, hint)])
     return Scene(without_rigid_modes(system), min(values), max(values))
 
 
