@@ -81,5 +81,8 @@ def drives(system: dict[str, Any]) -> bool:
     """Whether the section ``system``, as written, has something that drives it."""
     meshes = system.get("meshes")
     parts = list(meshes.values()) if isinstance(meshes, dict) else meshes if isinstance(meshes, list) else []
+    ends = [system.get("input"), *(system["outputs"] if isinstance(system.get("outputs"), list) else [])]
+    if any(isinstance(end, dict) and end.get("torque") is not None for end in ends):
+        return True
     errors = any(isinstance(mesh, dict) and mesh.get("transmission_error") is not None for mesh in parts)
     return errors or bool(system.get("load")) or bool(system.get("forces"))

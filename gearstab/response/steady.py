@@ -13,13 +13,14 @@ Source: Friedmann 1986, section 4 (response of linear periodic systems from the 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from gearstab.response.basis import Basis, bases
 from gearstab.response.excitation import Excitation, excitation
 from gearstab.response.intervals import Points, intervals
+from gearstab.response.panels import fastest
 from gearstab.system import Array, GearSystem
 
 STATUS_FLAGS = {
@@ -133,6 +134,10 @@ def unbalanced(drive: Excitation, basis: Basis) -> Array:
 
 FEWEST, MOST = 2, 4096
 """Magnus steps in an interval between edges."""
+SLOW = 5000
+"""Vibrations in a common period that are still followed in steps."""
+REACH = 3.0
+"""Radians that the fastest mode may turn by in a step from which a search for the number of steps begins."""
 TRIED = 6
 """Points on which the number of steps is tried."""
 
@@ -143,12 +148,19 @@ def resolution(drive: Excitation, basis: Basis, at: Array, omega: Array, toleran
     Raises ValueError where MOST are not enough.
     """
     chosen = np.argsort(omega, kind="stable")[:: max(1, len(omega) // TRIED)][:TRIED]
+    points = Points(drive, basis, at[chosen], omega[chosen])
+    longest, turns = float(np.diff(points.edges, axis=1).max()), fastest(points)
+    if turns > SLOW:
+        raise ValueError(
+            f"the mesh frequency is too low for waves that vary smoothly: the fastest mode vibrates {turns:.3g} times "
+            f"in a common period, more than {SLOW}"
+        )
     before: Array | None = None
-    steps = FEWEST
-    while steps <= MOST:
+    steps = max(FEWEST, int(np.ceil(2 * np.pi * turns * longest / REACH)))
+    while steps <= 2 * MOST:
         # Too few steps may overflow; more follow.
         with np.errstate(over="ignore", invalid="ignore"):
-            matrix, shift = period_map(Points(drive, basis, at[chosen], omega[chosen], steps))
+            matrix, shift = period_map(replace(points, steps=steps))
         found = np.concatenate([matrix, shift[:, :, None]], axis=2)
         if before is not None and np.isfinite(before).all() and np.isfinite(found).all():
             size = np.abs(found).max(axis=1, keepdims=True)
@@ -157,6 +169,8 @@ def resolution(drive: Excitation, basis: Basis, at: Array, omega: Array, toleran
             if np.all(error <= tolerance * np.where(size > 0, size, 1.0)):
                 return steps
         before, steps = found, 2 * steps
+    if before is not None and not np.isfinite(before).all():
+        return MOST  # beyond double precision, which the status will say
     raise ValueError(
         f"mesh stiffness too rough for the tolerance {tolerance:g}: {MOST} steps an interval are not enough"
     )
