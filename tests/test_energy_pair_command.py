@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from click.testing import CliRunner, Result
+from energy_pair_reference import REFERENCE, W0
 
 from gearstab import floquet
 from gearstab.cli import group
@@ -103,7 +104,7 @@ def test_the_spectrum_is_over_the_damped_natural_frequency(tmp_path: Path) -> No
     assert unit == pytest.approx(14929.031330706157 * np.sqrt(1 - 0.01), rel=1e-12)
     np.testing.assert_allclose(found["normalised_frequency"].values, found["frequency"].values / unit)
     step = float(found["time"][1])
-    kept = found["phi"].values[100:]
+    kept = found["phi"].values[100:-1]
     assert found["frequency"].values[-1] == pytest.approx(pi / step, rel=0.02)
     assert found.sizes["frequency"] == len(kept) // 2 + 1
     heights = found["peak_power_spectral_density"].values
@@ -315,3 +316,46 @@ def test_a_benchmark_knows_the_classical_formulation_only(tmp_path: Path) -> Non
     done = call("bench", written(tmp_path, SYSTEM + sweep), "-o", tmp_path / "b.h5")
     assert done.exit_code == 2
     assert "system.formulation" in done.stderr
+
+
+def test_a_held_speed_gives_the_lines_of_the_reference(tmp_path: Path) -> None:
+    """Whole periods of the orbit without a window: line n of phi at n times the mean mesh frequency."""
+    (case,) = [c for c in REFERENCE["lines"] if c["omega_over_wd"] == 0.75852 and c["load"] == 0.02]
+    speed = float(case["omega_over_wd"] * np.sqrt(1 - 0.05**2) * W0 / 24)
+    text = SYSTEM.replace("torque: 21.05", "torque: 42.1").replace("damping_ratio: 0.1", "damping_ratio: 0.05") + (
+        f"respond: {{speed: {speed!r}, cycles: 40, hold_speed: true, samples_per_cycle: 400, "
+        "spectrum: {window: boxcar}}\n"
+    )
+    out = tmp_path / "o.h5"
+    done = call("respond", written(tmp_path, text), "-o", out)
+    assert done.exit_code == 0, done.output
+    with open_result(out) as tree:
+        found = tree["response"].load()
+    assert found.attrs["holding_torque"] == pytest.approx(case["eta"] * 2105, rel=1e-9)
+    np.testing.assert_allclose(np.diff(found["section_time"].values), tau / (24 * speed), rtol=1e-10)
+    # Lines fall as 1/n^2: those beyond the 200th, folded back, are (8/400)^2 of the 8th.
+    lines = np.sqrt(2 * found["power_spectral_density"].values * float(found["frequency"][1]))[40 * np.arange(1, 9)]
+    np.testing.assert_allclose(lines / 0.02, case["energy_conserving"][1:9], rtol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("respond", "setting", "path", "words"),
+    [
+        ("speed: 60, cycles: 3, hold_speed: true", "formulation=classical", "respond.hold_speed", "keeps its speed"),
+        ("speed: 60, cycles: 3, hold_speed: true, initial: {phi: 0}", "torque=1", "respond.initial", "periodic orbit"),
+        ("speed: 60, until: stalled, hold_speed: true", "torque=1", "respond.until", "never stall"),
+    ],
+)
+def test_what_contradicts_a_held_speed(tmp_path: Path, respond: str, setting: str, path: str, words: str) -> None:
+    assert words in problems(tmp_path, SYSTEM + f"respond: {{{respond}}}\n", setting)[path]
+
+
+def test_a_speed_without_an_orbit_cannot_be_held(tmp_path: Path) -> None:
+    text = SYSTEM + f"respond: {{speed: {7750 / 24!r}, cycles: 3, hold_speed: true}}\n"
+    out = tmp_path / "o.h5"
+    done = call(
+        "respond", written(tmp_path, text), "-o", out, "--set", "torque=168.4", "--set", "damping_ratio=0"
+    )  # fmt: skip
+    assert done.exit_code == 2
+    assert "respond.hold_speed: no periodic orbit" in done.stderr
+    assert not out.exists()
