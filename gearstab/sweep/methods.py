@@ -394,7 +394,7 @@ METHODS: dict[str, Method] = {
     "required_damping": Method(
         name="required_damping", frequency=POINTS, variables=required_damping.variables, constants=_nothing,
         run=_required_damping, cost=required_damping.cost, report=required_damping.report,
-        check=required_damping.check,
+        check=required_damping.check, outlook=required_damping.outlook,
     ),
     "boundaries": Method(
         name="boundaries", frequency=RANGE, variables=_boundary_variables, constants=_sides, run=_boundaries,

@@ -69,6 +69,13 @@ def report(options: Any, system: GearSystem) -> Mapping[str, Any]:
     return {"frequencies_chosen": way(options, system)}
 
 
+def outlook(options: Any, system: GearSystem) -> str | None:
+    """What --dry-run says of the way through several mesh frequencies."""
+    if len(set(system.frequency_ratios)) < 2:
+        return None
+    return choice.reason(system, way(options, system))
+
+
 def check(options: Any, system: GearSystem) -> None:
     """Raises ValueError where the options do not fit the system."""
     try:
