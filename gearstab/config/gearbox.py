@@ -203,6 +203,10 @@ class Gearbox(System):
     input: Input = Field(title="input", description="The rotor that is driven.")
     outputs: list[Output] = Field(default=[], title="outputs", description="The rotors that are loaded.")
 
+    damping_factor: NonNegative = Field(
+        default=1.0, title="damping factor", description="On the damping of meshes, shafts and supports (1)."
+    )
+
     @classmethod
     def size(cls, raw: dict[str, Any]) -> int | None:
         rotors = raw.get("rotors")

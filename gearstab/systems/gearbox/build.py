@@ -138,7 +138,9 @@ def build(p: dict[str, Any]) -> GearSystem:
     meshes = tuple(mesh(train, k, filled[k]) for k in range(len(train.meshes)))
     mass = assembly.diagonal([*train.inertias, *(m for m in train.masses.values() for _ in "xy")])
     stiffness, held = _shafts_and_supports(train)
-    drag = [_mesh_damping(train, k, item) for k, item in enumerate(meshes)]
+    factor = rotors.number(p, "damping_factor", 1.0)
+    held = factor[..., None, None] * held
+    drag = [factor * _mesh_damping(train, k, item) for k, item in enumerate(meshes)]
     given = [part | {"damping": c if np.any(c) else None} for part, c in zip(filled, drag, strict=True)]
     system = assembly.damped(GearSystem(mass, stiffness, meshes, None, layout.coordinates), p | {"meshes": given})
     damping = held if system.damping is None else held + system.damping
