@@ -277,6 +277,44 @@ def test_a_run_may_begin_anywhere_and_counts_cycles_from_there() -> None:
         assert found.sections.cycle[0] == np.floor(theta / tau) + 1
 
 
+def test_gears_that_turn_back_across_a_boundary() -> None:
+    """Rigid kinematic, undamped, unstable: against the Runge-Kutta method with k(theta), blind to the boundaries."""
+    system = pair("rigid_kinematic", torque=42.1)
+    found = respond(system, Start(theta_dot(600)), 1e-5, duration=0.0625)
+    (back,) = np.flatnonzero(found.events.direction < 0)
+    assert found.status == STATUS["reversed"]
+    assert found.events.pairs_before[back] == 2
+    assert found.events.theta[back] == pytest.approx(14 * tau + 1.73, rel=1e-14)
+    assert found.events.theta[back + 1] == found.events.theta[back]
+    first = int(np.searchsorted(found.time, found.sections.time[13]))
+    state = np.array([found.phi[first], found.phi_dot[first] / W0, found.theta[first], found.theta_dot[first] / W0])
+    load, step = 42.1 / K0, 1e-5 * W0 / 64
+
+    def slope(y: np.ndarray) -> np.ndarray:
+        force = load - KAPPA[0 if y[2] % tau < 1.73 else 1] * y[0]
+        return np.array([y[1], force, y[3], M * force])
+
+    for _ in range(64 * (len(found.time) - 1 - first)):
+        k1 = slope(state)
+        k2 = slope(state + step / 2 * k1)
+        k3 = slope(state + step / 2 * k2)
+        k4 = slope(state + step * k3)
+        state = state + step / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+    # A step that straddles a boundary is wrong in the first order, 0.002.
+    assert state[0] == pytest.approx(found.phi[-1], rel=2e-3)
+    assert state[2] == pytest.approx(found.theta[-1], rel=1e-5)
+
+
+def test_sections_that_are_crossed_backwards_say_so() -> None:
+    system = pair("rigid_kinematic", torque=42.1)
+    found = respond(system, Start(theta_dot(600)), 1e-5, duration=0.09).sections
+    (back,) = np.flatnonzero(found.direction < 0)[:1]
+    # Into cycle c, out of it and into it again: three times theta = 2 pi c.
+    assert found.cycle[back - 1 : back + 2].tolist() == [found.cycle[back]] * 3
+    assert found.direction[back - 1 : back + 2].tolist() == [1, -1, 1]
+    assert np.all(np.sign(found.theta_dot) == found.direction)
+
+
 def test_a_sample_on_a_change_of_stiffness_is_just_after_it() -> None:
     """The classical pair turns uniformly: sample 200 c is on theta = 2 pi c."""
     system = pair("classical")
