@@ -342,7 +342,12 @@ def test_a_held_speed_gives_the_lines_of_the_reference(tmp_path: Path) -> None:
     ("respond", "setting", "path", "words"),
     [
         ("speed: 60, cycles: 3, hold_speed: true", "formulation=classical", "respond.hold_speed", "keeps its speed"),
-        ("speed: 60, cycles: 3, hold_speed: true, initial: {phi: 0}", "torque=1", "respond.initial", "periodic orbit"),
+        (
+            "speed: 60, cycles: 3, hold_speed: true, initial: {phi: 0.1}",
+            "torque=1",
+            "respond.initial",
+            "periodic orbit",
+        ),
         ("speed: 60, until: stalled, hold_speed: true", "torque=1", "respond.until", "never stall"),
     ],
 )
@@ -359,3 +364,15 @@ def test_a_speed_without_an_orbit_cannot_be_held(tmp_path: Path) -> None:
     assert done.exit_code == 2
     assert "respond.hold_speed: no periodic orbit" in done.stderr
     assert not out.exists()
+
+
+@pytest.mark.parametrize("more", ["", "  hold_speed: true\n"])
+def test_the_configuration_in_the_result_gives_the_same_result(tmp_path: Path, more: str) -> None:
+    path = written(tmp_path, SYSTEM + 'respond:\n  speed: "600 rpm"\n  cycles: 3\n' + more)
+    config = load(path)
+    again = tmp_path / "again.yaml"
+    again.write_text(config.resolved)
+    assert load(again).digest == config.digest
+    path = written(tmp_path, SYSTEM + SWEEP)
+    again.write_text(load(path).resolved)
+    assert load(again).digest == load(path).digest

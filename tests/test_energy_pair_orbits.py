@@ -286,3 +286,16 @@ def test_an_orbit_solves_its_equations(omega: float, load: float, zeta: float) -
             assert np.abs(residual).max() < 1e-12
             # No loss, no drive; with loss it is positive.
             assert x[0, orbit.DRIVE] > -1e-15
+
+
+def test_where_the_speed_couples_with_the_deflection_the_growth_is_that_of_all_three() -> None:
+    """In the second tongue, whose forced resonance changes the speed much."""
+    system = pair(torque=65.255, damping_ratio=0.01)
+    found = stability(system, np.array([15225.0]))
+    assert found.status.item() & FLAGS["speed_coupled"]
+    assert np.isnan(found.speed_exponent.item())
+    p = problem(MODELS[1], 65.255 / 2105, 0.01, 15225.0 / W0)
+    values = np.linalg.eigvals(section_map(p, solved(p))[0])
+    assert np.abs(values.imag).max() > 1e-3
+    largest = np.log(np.abs(values).max()) / (tau / 15225.0)
+    assert found.growth_rate.item() == pytest.approx(largest, rel=1e-6)

@@ -98,7 +98,9 @@ class PairRespond(Section):
         """What contradicts a held speed."""
         if system.get("formulation", "classical") == "classical":
             yield ("hold_speed",), "the classical formulation keeps its speed by itself", "remove it"
-        if raw.get("initial") is not None:
+        initial = raw.get("initial")
+        # A configuration as resolved names the zeros that were not given.
+        if isinstance(initial, dict) and any(value not in (None, 0) for value in initial.values()):
             yield ("initial",), "hold_speed begins on the periodic orbit", "remove initial or hold_speed"
         if raw.get("until") is not None:
             yield ("until",), "with hold_speed the gears never stall", "give cycles or duration"
