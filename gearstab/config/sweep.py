@@ -22,7 +22,7 @@ RESERVED = frozenset(
     (
         *("tongue", "side", "mode", "mesh", "dof", "exponent", "mode_p", "mode_q", "harmonic", "kind", "label"),
         *("growth_rate", "stable", "status", "exponent_real", "exponent_imag"),
-        *("growth_rate_mesh", "growth_rate_interval", "required_damping"),
+        *("growth_rate_mesh", "growth_rate_interval", "required_damping", "speed_exponent", "holding_torque"),
         *("center_frequency", "half_width", "boundary_frequency"),
     )
 )
