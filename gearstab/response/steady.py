@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gearstab.response.basis import Basis, bases
+from gearstab.response.eigen import Eigen
 from gearstab.response.excitation import Excitation, excitation
 from gearstab.response.intervals import Points, intervals
 from gearstab.response.panels import fastest
@@ -73,9 +74,10 @@ def starts(
         nodes = samples * drive.counts[0] * longest * (basis.size + 10 * len(drive.counts))
         widest = max((basis.size + drive.width) ** 2, int(nodes))
         step = max(1, MOST_ENTRIES // widest)
+        known: dict[bytes, Eigen | None] = {}
         for i in range(0, len(row), step):
             part = slice(i, i + step)
-            points = Points(drive, basis, row[part], frequency[part], steps)
+            points = Points(drive, basis, row[part], frequency[part], steps, known)
             yield basis.rows[row[part]], column[part], start(points)
 
 
