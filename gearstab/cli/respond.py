@@ -46,10 +46,12 @@ def command(config: Path, output: Path | None, overrides: tuple[str, ...], quiet
 
 def respond(config: Config, out: Path) -> Response | PairResponse:
     """Compute the response and write the result file ``out``; raises ConfigError and OSError."""
+    from gearstab.cli.respond_backlash import respond_backlash
     from gearstab.cli.respond_linear import result
     from gearstab.cli.respond_pair import respond_pair
     from gearstab.config.problems import ConfigError
     from gearstab.config.respond_pair import PairRespond
+    from gearstab.response.backlash import has_backlash
     from gearstab.results import write_result
     from gearstab.systems import build
 
@@ -58,6 +60,8 @@ def respond(config: Config, out: Path) -> Response | PairResponse:
     wanted, system = _wanted(config), build(config.parameters)
     try:
         _affordable(config, wanted, system)
+        if has_backlash(system):
+            return respond_backlash(config, wanted, system, _duration(wanted, system), out)
         found = _steady(wanted, system) if wanted.steady_state else _history(wanted, system)
     except ConfigError:
         raise
@@ -141,11 +145,15 @@ def _refuse(config: Config, path: str, message: str, hint: str) -> NoReturn:
 
 def summary(found: Response | PairResponse, out: Path) -> str:
     """What came out, in one line; a second one if the history was cut."""
+    from gearstab.cli.respond_backlash import summary as backlash_summary
     from gearstab.cli.respond_pair import summary as pair_summary
+    from gearstab.response.backlash import BacklashResponse
     from gearstab.response.pair import PairResponse
 
     if isinstance(found, PairResponse):
         return pair_summary(found, out)
+    if isinstance(found, BacklashResponse):
+        return backlash_summary(found, out)
     if found.status == "failed":
         return f"response: {out}: no steady state: a Floquet multiplier is 1; see status"
     lines = [f"response: {out}: {len(found.time):,} samples to t = {found.time[-1]:.6g}, {_long_run(found)}"]

@@ -124,6 +124,8 @@ class GearboxMesh(Mesh):
                 yield ("transmission_error",), message, "keep one of the two, or make the damping constant"
         for path, message, hint in TransmissionError.conflicts(raw.get("transmission_error")):
             yield ("transmission_error", *path), message, hint
+        if raw.get("friction") is not None and raw.get("backlash"):
+            yield ("backlash",), "is not available with friction between the teeth", "keep one of the two"
         if isinstance(raw.get("friction"), dict):
             for path, message, hint in Friction.conflicts(raw["friction"]):
                 yield ("friction", *path), message, hint

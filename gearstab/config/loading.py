@@ -249,7 +249,7 @@ def _read_respond(
         return None
     if model is not None and model.respond_model is not None:
         return _read_pair_respond(document)
-    from gearstab.config.respond import Initial, Respond, drives
+    from gearstab.config.respond import Initial, Respond, drives, may_part
     from gearstab.config.validation import validate
 
     raw = document.data.get("system")
@@ -257,7 +257,7 @@ def _read_respond(
     size = model.size(known) if model else None
     section = document.data["respond"]
     if isinstance(section, dict):
-        for path, message, hint in Respond.conflicts(section, size, drives(known)):
+        for path, message, hint in Respond.conflicts(section, size, drives(known), may_part(known)):
             document.report(("respond", *path), message, hint)
     respond = validate(document, Respond, ("respond",))
     if respond is None or size is None:

@@ -65,7 +65,9 @@ class System(Section):
     @classmethod
     def unfit(cls, parameters: dict[str, Any], axes: Sequence[Axis], methods: Sequence[str]) -> Iterator[Conflict]:
         """Methods that do not apply; the paths are below ``methods``."""
-        yield from ()
+        if "response" in methods and any(mesh.get("backlash") for _, mesh in mesh_items(parameters.get("meshes"))):
+            remedy = "remove the backlash, or follow the motion at one mesh frequency with the section respond"
+            yield ("response",), "is about teeth that stay in contact, and a mesh has backlash", remedy
 
     @classmethod
     def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:

@@ -97,14 +97,14 @@ def free_response(
 
     Source: piecewise exact solution as in Lin & Parker 2002, section 4 and Fig. 9 (there by numerical integration).
     """
-    start = _checked(system, mesh_frequency, displacement, velocity, duration, samples_per_cycle)
+    start = checked(system, mesh_frequency, displacement, velocity, duration, samples_per_cycle)
     system = at_rest(system)
     if system.terms or not all(isinstance(mesh.waveform, Rectangular) for mesh in system.meshes):
         return _followed(system, mesh_frequency, start, duration, samples_per_cycle)
     cycles, counts = system.common_period()
     period = float(cycles) * 2 * np.pi / mesh_frequency
     grid = counts[0] * samples_per_cycle
-    samples = _samples(duration, period / grid)
+    samples = samples_until(duration, period / grid)
     edges, levels = _segments(system)
     coordinates, advance = propagator(system, levels, period / grid)
     # Growth without bound is an answer, not an error: the history is cut where it stops being finite.
@@ -130,7 +130,7 @@ def driven_response(
     but the Fourier series of forces and errors is constant between its jumps; other functions as in
     :func:`free_response`. Parameters and errors as there; ValueError also where there is no common period.
     """
-    start = _checked(system, mesh_frequency, displacement, velocity, duration, samples_per_cycle)
+    start = checked(system, mesh_frequency, displacement, velocity, duration, samples_per_cycle)
     return _followed(system, mesh_frequency, start, duration, samples_per_cycle)
 
 
@@ -145,7 +145,7 @@ def _followed(
 ) -> Response:
     motion = driven(system, mesh_frequency)
     grid = motion.drive.counts[0] * samples_per_cycle
-    samples = _samples(duration, motion.period / grid)
+    samples = samples_until(duration, motion.period / grid)
     with np.errstate(over="ignore", invalid="ignore"):
         q, v = motion.physical(motion.history(motion.state(*start), samples, grid))
     q[0], v[0] = start
@@ -155,7 +155,7 @@ def _followed(
     return replace(found, flags=found.flags | RESPONSE_FLAGS["unbalanced"] * pushed)
 
 
-def _samples(duration: float, step: float) -> int:
+def samples_until(duration: float, step: float) -> int:
     """How many samples from 0 are not after the end."""
     return int(np.floor(duration / step * (1 + 1e-12))) + 1
 
@@ -195,7 +195,7 @@ def separated(force: Array, static: Array) -> Array:
     return np.asarray(force * np.sign(static) < 0)
 
 
-def _checked(
+def checked(
     system: GearSystem, mesh_frequency: float, displacement: Array, velocity: Array, duration: float, samples: int
 ) -> tuple[Array, Array]:
     """The initial state as arrays; ValueError for what cannot be computed."""
