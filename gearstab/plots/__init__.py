@@ -71,6 +71,8 @@ def default_kind(tree: xr.DataTree, request: Request) -> str:
         return "required-damping"
     if request.variable is not None or (growth and not lines):
         return {0: "curve", 1: "curve", 2: "map"}.get(len(free), "slices")
+    if "response" in held and not growth:
+        return "map"
     if not growth:
         return "surface" if len(numeric) == len(parameters) == 2 and min(a.size for a in numeric) > 6 else "boundaries"
     compares = len(numeric) == 1 and ("uncoupled" in held or len(parameters) == 2)

@@ -21,6 +21,7 @@ Array = np.ndarray
 Artists = dict[str, Any]
 
 GROWTH_RATE = "growth_rate"
+LOAD_FACTOR = "dynamic_load_factor"
 
 
 def find_variable(tree: xr.DataTree, name: str) -> tuple[xr.Dataset, xr.DataArray]:
@@ -36,6 +37,12 @@ def find_variable(tree: xr.DataTree, name: str) -> tuple[xr.Dataset, xr.DataArra
             f"this result has no growth rates (methods.floquet was not run); --variable: {listed(dict.fromkeys(known))}"
         )
     raise PlotError(f"no variable {name!r} to draw in this result; there is {listed(dict.fromkeys(known))}")
+
+
+def default_variable(tree: xr.DataTree) -> str:
+    """Growth rates, or the load factor where only steady states were computed."""
+    held = swept_groups(tree)
+    return LOAD_FACTOR if "response" in held and "floquet" not in held else GROWTH_RATE
 
 
 def read_cells(tree: xr.DataTree, view: View, variable: str) -> tuple[Array, Array]:
@@ -135,7 +142,7 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
 
     Raises PlotError if an axis is left over, naming it and its values.
     """
-    variable = request.variable or GROWTH_RATE
+    variable = request.variable or default_variable(tree)
     dataset, data = find_variable(tree, variable)
     view = view_of(tree, map(str, data.dims), request, dataset)
     if view.free:
