@@ -283,6 +283,13 @@ class TestChoice:
         assert "no common period" in reason(train(GOLDEN), "auto")
         assert chosen(train(GOLDEN), "per_mesh") == "per_mesh"
 
+    def test_smooth_waves_take_many_exponentials(self):
+        # Each period of the smooth first mesh counts for 40 segments.
+        system = train(Fraction(333, 601))
+        smooth = replace(system.meshes[0], waveform=Fourier(np.array([0.5]), np.array([0.0])))
+        assert chosen(system, "auto") == "common_period"
+        assert chosen(replace(system, meshes=(smooth, system.meshes[1])), "auto") == "lyapunov"
+
     def test_one_varying_mesh_needs_no_common_period(self):
         assert chosen(train(GOLDEN, (0.3, 0.0)), "auto") == "per_mesh"
 

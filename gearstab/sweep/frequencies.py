@@ -97,7 +97,7 @@ def outlook(options: Any, system: GearSystem) -> str | None:
         return None
     text = choice.reason(system, options.frequencies, options.affordable_segments)
     taken = way(options, system)
-    if taken == choice.COMMON_PERIOD:
+    if taken == choice.COMMON_PERIOD and system.piecewise_constant and not system.terms:
         states = max((part.states for part in reduction(system).parts), default=1)
         return f"{text}, {states} distinct states"
     if taken == choice.LYAPUNOV:

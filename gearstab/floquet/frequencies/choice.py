@@ -10,11 +10,14 @@ import numpy as np
 from gearstab.floquet.magnus import sampled
 from gearstab.floquet.segments import Pattern, prepare, window
 from gearstab.system import GearSystem
+from gearstab.waveforms import Profile
 
 COMMON_PERIOD, PER_MESH, LYAPUNOV = "common_period", "per_mesh", "lyapunov"
 WAYS = (COMMON_PERIOD, PER_MESH, LYAPUNOV)
 AFFORDABLE = 20_000
 """Segments of a common period up to which it is the automatic choice: some 7 ms a point of 12 coordinates."""
+EXPONENTIALS = 40
+"""A period of a smooth function takes about eight Magnus steps of five exponentials, each a segment of its own."""
 SAMPLE = 50
 """Periods of the slowest mesh that stand for a system without an affordable common period."""
 
@@ -23,7 +26,8 @@ SAMPLE = 50
 class Period:
     """What a common period consists of.
 
-    cycles: N, it is N 2 pi/Omega. mesh_cycles: of each mesh. segments: of constant (or analytic) stiffness, at most.
+    cycles: N, it is N 2 pi/Omega. mesh_cycles: of each mesh. segments: of constant stiffness, at most; about as many
+    exponentials where it is smooth.
     """
 
     cycles: float
@@ -40,10 +44,15 @@ def common_period(system: GearSystem) -> Period | None:
 
 
 def segments_a_cycle(system: GearSystem) -> float:
-    """How many segments there are in 2 pi/Omega on average, at most."""
-    breaks = [mesh.waveform.breakpoints().shape[-1] for mesh in system.meshes]
-    breaks += [sum(profile.breakpoints().shape[-1] for profile in term.profiles) for term in system.terms]
+    """How many segments there are in 2 pi/Omega on average, at most; of smooth functions about."""
+    breaks = [_pieces(mesh.waveform) for mesh in system.meshes]
+    breaks += [sum(_pieces(profile) for profile in term.profiles) for term in system.terms]
     return sum(float(ratio) * max(1, b) for ratio, b in zip(system.frequency_ratios, breaks, strict=True))
+
+
+def _pieces(profile: Profile) -> int:
+    """Segments a period of a function."""
+    return int(profile.breakpoints().shape[-1]) + (0 if profile.piecewise_constant else EXPONENTIALS)
 
 
 def sample(system: GearSystem) -> Pattern:
@@ -96,6 +105,7 @@ def reason(system: GearSystem, asked: str, affordable: int = AFFORDABLE) -> str:
     if segments <= AFFORDABLE and system.piecewise_constant and not system.terms:
         # Jumps of several meshes may coincide.
         segments = len(prepare(system)[0].states)
-    what = f"a common period of {cycles} mesh cycles with {segments:,} segments"
+    parts = f"{segments:,} segments" if system.piecewise_constant else f"some {segments:,} exponentials of Magnus steps"
+    what = f"a common period of {cycles} mesh cycles with {parts}"
     limit = f", more than {affordable:,}" if asked == "auto" and way != COMMON_PERIOD else ""
     return f"{way} ({what}{limit})"
