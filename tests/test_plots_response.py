@@ -64,7 +64,13 @@ def test_without_growth_rates_a_map_shows_the_load_factor():
     assert default_kind(tree, Request()) == "map"
     _, artists = draw(tree, select={"mesh": "first"})
     values = tree["response"]["dynamic_load_factor"].values[..., 0].T
-    np.testing.assert_array_equal(np.ma.getdata(artists["cells"].get_array()).reshape(values.shape), values)
+    cells = artists["cells"].get_array().reshape(values.shape)
+    np.testing.assert_array_equal(np.ma.getdata(cells), values)
+    # Where the steady state repels there is nothing to be seen of it.
+    unstable = tree["response"]["status"].values.T & 1 == 1
+    assert unstable.any()
+    np.testing.assert_array_equal(np.ma.getmaskarray(cells), unstable)
+    assert artists["colour_bar"].ax.get_ylabel().replace("\n", " ") == "dynamic load factor, white where unstable"
     with pytest.raises(PlotError, match="mesh: its values: first, second"):
         draw(tree)
 
