@@ -19,11 +19,13 @@ from gearstab.floquet.segments import Pattern
 from gearstab.system import Array
 
 EPSILON = float(np.finfo(float).eps)
-DRIFT = 4.0
+DRIFT = 5.0
 """Rounding error of a product of S propagators: this times eps sqrt(S) + eps phase."""
 WEIGHT = 1.5
 """The size of a multiplier on the unit circle, taken as (|rho| + |rho^2 - 4|^(1/2))/2, is between 1 and 1.42."""
 
+NEAR = 4.0
+"""Multipliers within this many times their error may have met: each moves by the error, and a trace near 2 twice."""
 VISIBLE = 1e6
 """Differences larger than this times the rounding error are not of rounding."""
 
@@ -101,6 +103,18 @@ def _noise(rho: Array, rounding: Array, largest: Array) -> Array:
     root = np.sqrt(np.abs(rho * rho - 4))
     worst = (moved / np.maximum(root, np.sqrt(moved))).max(axis=-1, initial=0.0)
     return np.asarray(np.maximum(worst, least[:, 0]) / largest)
+
+
+def colliding(rho: Array, error: Array) -> Array:
+    """``(P,)``: whether two multipliers, of traces ``(P, n)``, may in truth have met, or not have met."""
+    root = np.sqrt(np.abs(rho * rho - 4))
+    each = np.arange(rho.shape[-1])
+    apart = np.abs(rho[:, :, None] - rho[:, None, :])
+    apart[:, each, each] = np.inf
+    # Angles on the circle: 2 cos theta = rho, so that rho^2 - 4 = -(2 sin theta)^2.
+    between = apart / np.maximum(np.maximum(root[:, :, None], root[:, None, :]), np.finfo(float).tiny)
+    least = np.minimum(root.min(axis=-1, initial=np.inf), between.min(axis=(-1, -2), initial=np.inf))
+    return np.asarray(least <= NEAR * error)
 
 
 def _difference_damped(fine: Scan, coarse: Scan) -> tuple[Array, Array]:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from gearstab.floquet.magnus.compare import Scan, difference, scan
+from gearstab.floquet.magnus.compare import Scan, colliding, difference, scan
 from gearstab.floquet.magnus.schemes import Scheme
 from gearstab.floquet.magnus.steps import Division
 from gearstab.floquet.segments import Pattern
@@ -21,7 +21,11 @@ from gearstab.system import Array
 
 SAFETY = 10.0
 """Estimate over the error that a converged scheme would have."""
-USUAL = 0.3
+SETTLED = 4
+"""Resolutions below this take the longest steps there are, whose errors may not yet fall as they should everywhere."""
+LONG = 1.5
+"""Further safety there."""
+USUAL = 0.5
 """The least estimate, as a part of the median one."""
 FEW = 5
 """Points of a row that make a median of use."""
@@ -35,7 +39,7 @@ NEGLIGIBLE = 1e-3
 """Part of the tolerance below which differences need not fall any more."""
 LEAST = 1e-15
 """Smaller differences are rounding."""
-CONVERGING = 0.25
+CONVERGING = 0.5
 """Part of the factor 2^p by which the differences of pilot points must fall."""
 AIM = 0.5
 """The estimate aimed at, as a part of the tolerance."""
@@ -73,7 +77,7 @@ class Estimates:
 
     growth, verdict: as of :class:`~gearstab.floquet.magnus.compare.Scan`. error: estimated, of the multipliers.
     rounding: the part of it that more steps would not lessen. changed: whether the verdict did at the last doubling.
-    resolution: at which they were computed.
+    resolution: at which they were computed. changed includes points whose multipliers are as close as their error.
     """
 
     growth: Array
@@ -129,22 +133,30 @@ def _improve(
     if len(rows) < len(patterns[0].rows):
         patterns = [pattern.subset(rows) for pattern in patterns]
     fine, coarse = (scan(pattern, omega[place]) for pattern in patterns)
-    error, rounding = estimated(fine, coarse, decay[place], ladder.scheme.order, valid)
+    safety = SAFETY * (LONG if resolution < SETTLED else 1.0)
+    error, rounding, unusual = estimated(fine, coarse, decay[place], safety / (2**ladder.scheme.order - 1), valid)
     # Points that stand for missing ones repeat others of their row, with the same result.
     found.growth[place], found.error[place], found.rounding[place] = fine.growth, error, rounding
     if fine.verdict is not None and coarse.verdict is not None:
-        found.verdict[place], found.changed[place] = fine.verdict, fine.verdict != coarse.verdict
+        changed = fine.verdict != coarse.verdict
+        changed[unusual] |= colliding(fine.values[unusual], error[unusual])
+        found.verdict[place], found.changed[place] = fine.verdict, changed
 
 
-def estimated(fine: Scan, coarse: Scan, decay: Array, order: int, valid: Array) -> tuple[Array, Array]:
-    """(error estimate, the part of it that is rounding) of the points of ``fine``, ``(r, P)`` each."""
+def estimated(fine: Scan, coarse: Scan, decay: Array, factor: float, valid: Array) -> tuple[Array, Array, Array]:
+    """(error estimate, the part of it that is rounding, whether multipliers differ by much more than is usual) of the
+    points of ``fine``, ``(r, P)`` each.
+
+    factor: the estimate over the difference.
+    """
     change, rounding = difference(fine, coarse, decay)
     usual = _medians(change, valid)[:, None]
     # Where rounding errors are amplified both resolutions have their own, and differ by more than others do.
-    unusual = change - np.where(valid.sum(axis=1) < FEW, 0.0, 2.0)[:, None] * usual
-    rounding = np.minimum(rounding, fine.rounding + 4 * np.maximum(unusual, 0.0))
+    usual_of_many = np.where(valid.sum(axis=1) < FEW, 0.0, 1.0)[:, None] * usual
+    rounding = np.minimum(rounding, fine.rounding + 4 * np.maximum(change - 2 * usual_of_many, 0.0))
+    unusual = change > 4 * usual_of_many
     change = np.maximum(change, USUAL * usual)
-    return SAFETY / (2**order - 1) * change + rounding, rounding
+    return factor * change + rounding, rounding, unusual
 
 
 def _medians(values: Array, valid: Array) -> Array:

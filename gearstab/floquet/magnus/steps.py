@@ -26,7 +26,7 @@ CONSTANT = 4e-15
 """A mesh stiffness that varies by less than this part of its size between jumps is constant."""
 BASE = 4
 """Steps a common period of the coarsest resolution, unless there are more pieces or steps fail to resolve K(t)."""
-FOLLOWED = 0.006
+FOLLOWED = 0.008
 """A stiffness counts as resolved where the parabola through its values at the nodes is right within this part of its
 variation: below that errors do not yet fall as they should, and estimates may be far too low."""
 MOST = 4096
