@@ -16,7 +16,7 @@ from gearstab.config import load
 from gearstab.response import harmonics, steady_state
 from gearstab.response.equilibrium import static_mesh_force
 from gearstab.response.excitation import excitation
-from gearstab.response.speeds import speed_response
+from gearstab.response.speeds import SpeedResponse, speed_response
 from gearstab.response.steady import STATUS_FLAGS
 from gearstab.results import open_result
 from gearstab.systems import build
@@ -110,6 +110,22 @@ def test_steep_ramps_approach_jumps() -> None:
     ramps = with_waves(system, *(Trapezoidal(mesh.waveform.contact_ratio, 1e-7) for mesh in system.meshes))
     exact, smooth = speed_response(system, SPEEDS), speed_response(ramps, SPEEDS)
     np.testing.assert_allclose(smooth.transmission_error_rms, exact.transmission_error_rms, rtol=1e-6)
+
+
+def test_rows_of_a_batch_get_the_steps_that_the_hardest_needs() -> None:
+    """The first row is constant; at the slowest speed the last one needs the most steps."""
+    wave = Trapezoidal(1.5, 0.2)
+    epsilon = np.array([0.0, 0.2, 0.9])
+
+    def of(values: np.ndarray | float) -> SpeedResponse:
+        mesh = {"epsilon": values, "transmission_error": {"sin": [0.1]}, "damping": 0.05}
+        return speed_response(with_waves(pair(load=[1.0], mesh=mesh), wave), np.array([0.3, 1.0, 5.0]))
+
+    batch = of(epsilon)
+    for row, value in enumerate(epsilon):
+        alone = of(value)
+        # To the tolerance, 1e-9 of the map over a period, times its sensitivity.
+        np.testing.assert_allclose(batch.transmission_error_rms[row], alone.transmission_error_rms[0], rtol=1e-7)
 
 
 def test_a_system_at_rest_has_no_steady_state_to_show() -> None:

@@ -134,6 +134,15 @@ def unbalanced(drive: Excitation, basis: Basis) -> Array:
     return np.any(along > BALANCED * size, axis=1)
 
 
+def _samples(at: Array, omega: Array) -> Array:
+    """Positions of TRIED points from the slowest to the fastest, and of the slowest point of as many rows."""
+    spread = np.argsort(omega, kind="stable")[:: max(1, len(omega) // TRIED)][:TRIED]
+    order = np.lexsort((omega, at))
+    slowest = order[np.flatnonzero(np.diff(at[order], prepend=-1))]
+    some = np.linspace(0, len(slowest) - 1, TRIED).astype(int)
+    return np.unique(np.concatenate([spread, slowest[some]]))
+
+
 FEWEST, MOST = 2, 4096
 """Magnus steps in an interval between edges."""
 SLOW = 5000
@@ -145,11 +154,11 @@ TRIED = 6
 
 
 def resolution(drive: Excitation, basis: Basis, at: Array, omega: Array, tolerance: float) -> int:
-    """The number of steps that reaches the tolerance at some of the points, the slowest among them.
+    """The number of steps that reaches the tolerance at some of the points, the slowest of many rows among them.
 
     Raises ValueError where MOST are not enough.
     """
-    chosen = np.argsort(omega, kind="stable")[:: max(1, len(omega) // TRIED)][:TRIED]
+    chosen = _samples(at, omega)
     points = Points(drive, basis, at[chosen], omega[chosen])
     longest, turns = float(np.diff(points.edges, axis=1).max()), fastest(points)
     if turns > SLOW:
