@@ -27,7 +27,7 @@ from gearstab.floquet.solution import (
 from gearstab.floquet.status import STATUS_FLAGS
 from gearstab.system import Array, GearSystem
 
-ENTRIES_AT_ONCE = 2**22
+ENTRIES_AT_ONCE = 2**20
 """Of the stiffness matrices of the rows that are treated together, at TYPICAL segments a common period."""
 TYPICAL = 512
 WASTED = -1.0
