@@ -52,11 +52,10 @@ def first_below(powers: Array, tolerance: float) -> float | None:
         low, high, found = waiting.pop()
         if found.min() >= -tolerance:
             continue
-        nonzero = found[np.flatnonzero(found)]
-        if nonzero[0] < 0 or high - low < SMALLEST:
+        if found[0] < -tolerance or high - low < SMALLEST:
             return low
         below = found < 0
-        # A zero from which it rises, at the beginning, is no change.
+        # A zero at the beginning, but for rounding, is no change if it rises from there.
         if found[0] > 0 and np.count_nonzero(below[1:] != below[:-1]) == 1:
             return _root(powers, low, high)
         middle = 0.5 * (low + high)

@@ -22,6 +22,8 @@ AT_ONCE, MOST_AT_ONCE = 1e-12, 50
 """So many events in a row, each within this part of the common period, are chatter."""
 BUSY = 1000
 """More events than this a common period, and 10 for every vibration of the fastest mode in it, are chatter too."""
+FINE = 64
+"""Parts of a piece in which the least distance is looked for."""
 LARGEST = 1e150
 
 
@@ -164,7 +166,18 @@ def _limits(dynamics: Dynamics, mesh: int, contact: int) -> list[tuple[int, floa
 
 
 def _nearly(distance: Array, margin: float) -> bool:
-    """Whether a distance has a minimum inside a piece below the margin."""
-    values = np.vander(np.linspace(0.0, 1.0, 65), len(distance), increasing=True) @ distance
+    """Whether a distance has a minimum below the margin in a piece, or where it begins or ends.
+
+    By the parabola at the least of a number of values.
+    """
+    powers = np.vander(np.linspace(0.0, 1.0, FINE + 1), len(distance), increasing=True)
+    values = powers @ distance
     least = int(np.argmin(values))
-    return bool(0 < least < 64 and values[least] < margin)
+    slope, bend = (powers[least, : len(d)] @ d for d in _derivatives(distance))
+    return bool(bend > 0 and abs(slope) <= 2 * bend / FINE and values[least] - 0.5 * slope**2 / bend < margin)
+
+
+def _derivatives(powers: Array) -> tuple[Array, Array]:
+    """Coefficients of the first and the second derivative."""
+    first = powers[1:] * np.arange(1, len(powers))
+    return first, first[1:] * np.arange(1, len(first))

@@ -14,7 +14,7 @@ from gearstab.system import Array
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
 _NODES, _WEIGHTS = 0.5 + 0.5 * _NODES, 0.5 * _WEIGHTS
-_FINE = np.linspace(0.0, 1.0, 33)
+_FINE = np.linspace(0.0, 1.0, 129)
 LONGEST_CYCLE = 32
 """Common periods after which a motion may repeat itself to be called periodic."""
 SETTLED = 1e-6
