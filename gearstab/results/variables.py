@@ -238,7 +238,7 @@ BACKLASH_RESPONSE = (
 
 SPEED_RESPONSE = (
     coordinate("mesh", "mesh", TEXT, "1", "tooth mesh"),
-    Variable("mesh_force_peak", (GRID, "mesh"), "f8", "N", "largest magnitude of the elastic mesh force"),
+    Variable("mesh_force_peak", (GRID, "mesh"), "f8", "N", "largest elastic mesh force"),
     Variable("mesh_force_mean", (GRID, "mesh"), "f8", "N", "mean elastic mesh force"),
     Variable("mesh_force_rms", (GRID, "mesh"), "f8", "N", "root mean square of the mesh force about its mean"),
     Variable(
@@ -248,7 +248,20 @@ SPEED_RESPONSE = (
         "transmission_error_rms", (GRID, "mesh"), "f8", "m",
         "root mean square of the dynamic transmission error about its mean",
     ),
+    Variable("mesh_force_min", (GRID, "mesh"), "f8", "N", "least elastic mesh force"),
+    Variable(
+        "transmission_error_first_harmonic", (GRID, "mesh"), "f8", "m",
+        "amplitude of the dynamic transmission error at the frequency of the mesh",
+    ),
     Variable("dynamic_load_factor", (GRID, "mesh"), "f8", "1", "dynamic load factor"),
+    Variable(
+        "load_factor_fewest_pairs", (GRID, "mesh"), "f8", "1",
+        "dynamic load factor while the fewest pairs of teeth carry",
+    ),
+    Variable(
+        "tooth_load_factor", (GRID, "mesh"), "f8", "1",
+        "largest load of a pair of teeth over the static mesh force",
+    ),
     Variable("status", (GRID,), "i2", "1", "what is to be said of the steady state; 0: nothing"),
 )  # fmt: skip
 """Of the steady state at every point."""

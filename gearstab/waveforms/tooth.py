@@ -159,9 +159,12 @@ class Tooth:
     """w = (k - mean k)/(max k - min k) of a stiffness k given piece by piece, such as one computed from the teeth.
 
     Phase 0 is the entry of a pair of teeth. A constant stiffness has w = 0.
+
+    contact_ratio: of the teeth, where they are known; None for another periodic stiffness.
     """
 
     stiffness: Piecewise
+    contact_ratio: Array | float | None = None
 
     @property
     def piecewise_constant(self) -> bool:

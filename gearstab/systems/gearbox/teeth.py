@@ -129,7 +129,8 @@ class MeshTeeth:
     def wave(self) -> Tooth | Fourier:
         """The wave of the computed stiffness, or its first harmonics."""
         harmonics = (self.p.get("waveform") or {}).get("harmonics")
-        whole = Tooth(stacked([mesh.curve for mesh in self.stiffness], self.batch))
+        ratio = self.each(lambda pair: pair.contact_ratio)
+        whole = Tooth(stacked([mesh.curve for mesh in self.stiffness], self.batch), ratio)
         if harmonics is None:
             return whole
         pairs = [whole.fourier(s) for s in range(1, int(harmonics) + 1)]
