@@ -88,8 +88,8 @@ def _attributes(found: BacklashResponse) -> dict[str, Any]:
         "common_period": found.common_period,
         "growth_rate": found.growth_rate,
         "largest_multiplier": found.largest_multiplier,
-        "comment": "response with loss of contact; growth_rate, largest_multiplier: of the linear system whose teeth "
-        "stay in contact; settled: from settled_from to settled_until (s); period: number of common periods after which "
+        "comment": "response with loss of contact; growth_rate, largest_multiplier: of the linear system with teeth "
+        "in contact; settled: from settled_from to settled_until (s); period: number of common periods after which "
         "the motion repeats itself, 0 if it does not, by section_difference, relative to the extent of the motion",
     }
     if found.cycle is not None:

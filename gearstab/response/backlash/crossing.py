@@ -55,8 +55,8 @@ def first_below(powers: Array, tolerance: float) -> float | None:
         if found[0] < -tolerance or high - low < SMALLEST:
             return low
         below = found < 0
-        # A zero at the beginning, but for rounding, is no change if it rises from there.
-        if found[0] > 0 and np.count_nonzero(below[1:] != below[:-1]) == 1:
+        # What is zero at the beginning, but for rounding, may rise from there.
+        if found[0] > tolerance and np.count_nonzero(below[1:] != below[:-1]) == 1:
             return _root(powers, low, high)
         middle = 0.5 * (low + high)
         waiting.append((middle, high, (half @ found[::-1])[::-1]))
