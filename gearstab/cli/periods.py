@@ -38,7 +38,7 @@ def frequencies(config: Config, system: GearSystem) -> dict[str, Any] | None:
     from gearstab.config.methods import FloquetOptions
     from gearstab.floquet import solve
     from gearstab.modal import mean_modes
-    from gearstab.sweep import frequencies as ways
+    from gearstab.sweep.methods import frequencies as ways
 
     if len(set(system.frequency_ratios)) < 2:
         return None

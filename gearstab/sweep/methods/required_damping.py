@@ -10,6 +10,7 @@ import numpy as np
 from gearstab.floquet.frequencies import choice, groups, per_mesh
 from gearstab.floquet.report import reduction
 from gearstab.results.variables import REQUIRED_DAMPING, Variable, flagged
+from gearstab.sweep.methods.base import POINTS, Method, Outcome, nothing
 from gearstab.system import Array, GearSystem
 
 LADDER = 60.0
@@ -84,3 +85,13 @@ def check(options: Any, system: GearSystem) -> None:
         raise ValueError(f"methods.required_damping: {error}") from None
     if options.of == "factor" and system.damping is None:
         raise ValueError("methods.required_damping.of: a factor on the damping needs a system with damping")
+
+
+def _run(system: GearSystem, mesh_frequency: Array, options: Any) -> Outcome:
+    return Outcome(values(system, mesh_frequency, options))
+
+
+METHOD = Method(
+    name="required_damping", frequency=POINTS, variables=variables, constants=nothing, run=_run, cost=cost,
+    report=report, check=check, outlook=outlook,
+)  # fmt: skip
