@@ -50,8 +50,13 @@ def draw_curve(ax: Axes, data: xr.DataArray, view: View, number: int, label: str
 
 
 def draw_bands(tree: xr.DataTree, ax: Axes, view: View) -> tuple[tongues.Tongues | None, object | None]:
-    """Shade the mesh frequencies that perturbation theory calls unstable; returns the tongues and the bands."""
-    lines = tongues.read_tongues(tree, "perturbation", view, None) if view.x.name == FREQUENCY else None
+    """Shade the unstable mesh frequencies, between exact boundaries or else as perturbation theory predicts them.
+
+    Returns the tongues and the bands.
+    """
+    groups = ("boundaries", "perturbation") if view.x.name == FREQUENCY else ()
+    known = (tongues.read_tongues(tree, group, view, None) for group in groups)
+    lines = next((found for found in known if found is not None), None)
     if lines is None:
         return None, None
     edges = lines.edges[..., 0]
