@@ -164,6 +164,20 @@ def response():
     return tree(response=xr.Dataset(data, coords=coords))
 
 
+def backlash():
+    """Ten periods of a mesh with backlash, and of one without."""
+    time = np.linspace(0, 20 * np.pi, 2001)
+    x, v = np.stack([np.cos(time), 0.2 * np.sin(time)]), np.stack([-np.sin(time), 0.2 * np.cos(time)])
+    data = {
+        "mesh_deflection": (("time", "mesh"), x.T, {"units": "m", "long_name": "mesh deflection"}),
+        "mesh_velocity": (("time", "mesh"), v.T, {"units": "m/s", "long_name": "rate of the mesh deflection"}),
+        "play": (("mesh", "bound"), [[-2.0, 0.3], [0.0, 0.0]], {"units": "m"}),
+    }
+    coords = {**coordinate("time", time, "s"), "mesh": ["first", "second"]}
+    attributes = {"common_period": 2 * np.pi, "settled_from": 10 * np.pi, "period": 1}
+    return tree(response=xr.Dataset(data, coords=coords, attrs=attributes))
+
+
 def pair(spectrum=True, energy_loss=0.2):
     """Ten mesh cycles of a gear pair of one second each, two pairs of teeth in contact for the second half."""
     time = np.arange(2001) / 200

@@ -14,6 +14,8 @@ from click.testing import CliRunner
 from gearstab import floquet
 from gearstab.cli import group
 from gearstab.config import ConfigError, load
+from gearstab.plots import draw
+from gearstab.plots.errors import PlotError
 from gearstab.response.backlash import BACKLASH_FLAGS, BacklashResponse, backlash_response
 from gearstab.response.backlash.crossing import first_below
 from gearstab.response.backlash.measure import extremes
@@ -178,6 +180,26 @@ def test_the_file_holds_events_and_the_limit_cycle(tmp_path: Path) -> None:
         for flag in ("unstable", "separation"):
             assert found["status"].values & BACKLASH_FLAGS[flag]
         assert "chatter" in found["status"].attrs["flag_meanings"]
+
+
+def test_the_figure_shows_the_orbit_and_where_it_is_once_a_period(tmp_path: Path) -> None:
+    out = tmp_path / "out.h5"
+    done = CliRunner().invoke(group, ["respond", str(CONFIG), "-o", str(out), "--set", "respond.cycles=140"])
+    assert done.exit_code == 0, done.output
+    with open_result(out) as tree:
+        _, artists = draw(tree, "phase-plane")
+        x, v = (tree["response"][name].values[:, 0] for name in ("mesh_deflection", "mesh_velocity"))
+        late = tree["response"]["time"].values >= 100 * np.pi - 1e-9
+        (plane,), (sections,), (history,) = (artists[name] for name in ("planes", "sections", "histories"))
+        np.testing.assert_array_equal(plane.get_xydata(), np.stack([x, v], axis=1)[late])
+        # 40 periods, both ends included, and only two places, but for the rest of the transient.
+        assert len(sections.get_xdata()) == 41
+        assert len(np.unique(np.round(sections.get_xdata(), 3))) == 2
+        assert np.ptp(history.get_xdata()) == pytest.approx(6 * np.pi)
+        with pytest.raises(PlotError, match="no mesh 'second'"):
+            draw(tree, "phase-plane", select={"mesh": "second"})
+        with pytest.raises(PlotError, match="fixed panels"):
+            draw(tree, "phase-plane", variable="energy")
 
 
 SCENE = """

@@ -36,6 +36,7 @@ KINDS: dict[str, Kind] = {
     "spectrum": Kind("gearstab.plots.spectrum", "spectra of a response"),
     "pair": Kind("gearstab.plots.pair", "deflection, energy and spectrum of a gear pair given by its gears"),
     "response": Kind("gearstab.plots.response", "displacements and mesh forces over time"),
+    "phase-plane": Kind("gearstab.plots.phase_plane", "mesh deflections with backlash, over time and as orbits"),
     "work-precision": Kind("gearstab.plots.work_precision", "time against error of the methods of a benchmark"),
 }
 

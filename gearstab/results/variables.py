@@ -215,6 +215,24 @@ RESPONSE = (
     Variable("status", (), "i2", "1", "what is to be said of the response; 0: nothing"),
 )  # fmt: skip
 
+TOOTH_LOADS = (
+    coordinate("contact", "contact", "f8", "1", "contact of a pair of teeth, from its first point to its last one"),
+    Variable("tooth_load", ("contact", "mesh"), "f8", "N", "largest load of a pair of teeth"),
+    Variable(
+        "static_tooth_load", ("contact", "mesh"), "f8", "N", "load of a pair of teeth under the static mesh force"
+    ),
+    coordinate("flank", "flank", TEXT, "1", "gear and mesh"),
+    Variable(
+        "root_stress", ("contact", "flank"), "f8", "Pa", "largest stress at the root of a tooth (ISO 6336-3)"
+    ),
+    Variable(
+        "static_root_stress", ("contact", "flank"), "f8", "Pa",
+        "stress at the root of a tooth under the static mesh force",
+    ),
+    Variable("peak_root_stress", ("flank",), "f8", "Pa", "largest stress at the root of a tooth along its contact"),
+)  # fmt: skip
+"""Of responses of systems whose teeth are known."""
+
 BACKLASH_RESPONSE = (
     *RESPONSE,
     Variable("mesh_velocity", ("time", "mesh"), "f8", "m/s", "rate of the mesh deflection"),
@@ -222,7 +240,7 @@ BACKLASH_RESPONSE = (
         "contact", ("time", "mesh"), "i1", "1", "flank in contact",
         {"flag_values": [-1, 0, 1], "flag_meanings": "below_the_play none above_the_play"},
     ),
-    Variable("play", ("mesh", "bound"), "f8", "m", "mesh deflections between which the teeth are apart"),
+    Variable("play", ("mesh", "bound"), "f8", "m", "deflection less transmission error, between which a mesh is apart"),
     coordinate("bound", "bound", TEXT, "1", "end of the play"),
     coordinate("event", "event", "i8", "1", "number of the change of contact, from 1"),
     Variable("event_time", ("event",), "f8", "s", "time of the event"),
