@@ -3,7 +3,8 @@
 PYTHON ?= python3
 UV ?= uv
 FORMAT ?= png
-BENCH ?= configs/lin_parker_2002/fig3.yaml configs/lin_parker_2002/fig6a.yaml configs/matrices.yaml configs/drive_train.yaml
+BENCH ?= configs/lin_parker_2002/fig3.yaml configs/lin_parker_2002/fig6a.yaml configs/matrices.yaml configs/drive_train.yaml \
+         configs/waveforms/harmonics.yaml configs/waveforms/trapezoidal.yaml
 
 VENV := .venv
 BIN := $(VENV)/bin

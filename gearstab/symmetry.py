@@ -19,6 +19,8 @@ EQUAL_FREQUENCY = 1e-8
 """Modes whose natural frequencies differ by less than this part may come out mixed."""
 PURE = 1e-6
 """How far from cos(2 pi T/N) a mode of type T may be; of 30 planets the nearest are 0.02 apart."""
+HARMONICS = range(1, 9)
+"""Those by which waves are compared."""
 ALIKE = 1e-9
 """Mesh phases, in periods, that differ by less are equal; they are written with a few digits less than a double has."""
 
@@ -132,9 +134,15 @@ def _alike(mesh: Mesh, other: Mesh) -> bool:
     """Whether two meshes vary alike, at whatever time."""
     if mesh.frequency_ratio != other.frequency_ratio or type(mesh.waveform) is not type(other.waveform):
         return False
-    numbers = [[*m.waveform.fourier(1), m.amplitude / m.mean_stiffness] for m in (mesh, other)]
+    numbers = [[*_shape(m), m.amplitude / m.mean_stiffness] for m in (mesh, other)]
     own, others = np.array(numbers, dtype=float)
     return bool(np.allclose(own, others, rtol=ALIKE, atol=ALIKE))
+
+
+def _shape(mesh: Mesh) -> list[Array]:
+    """Numbers that tell waves of one kind apart: harmonics and extremes."""
+    harmonics = [part for order in HARMONICS for part in mesh.waveform.fourier(order)]
+    return [*harmonics, *mesh.waveform.extremes()]
 
 
 def can_couple(order: int, step: int, harmonic: int, t_p: int, t_q: int) -> bool:

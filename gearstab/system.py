@@ -43,6 +43,10 @@ class Mesh:
     transmission_error: e_i(x), the unloaded static transmission error at the same phase x: the mesh is without force at
         g_i^T q = e_i, so that it acts as the forces k_i(t) e_i g_i and c_i e_i' g_i. Stability does not depend on it.
     damping: ``(...)``, c_i, what this mesh adds to the damping of the system, c_i g_i g_i^T.
+    backlash: 2 b, the play between the flanks, 0 where the teeth always touch. Only :mod:`gearstab.response.backlash`
+        lets them part; everything else is about the linear system in contact.
+    backlash_zero: where in the play g_i^T q = e_i is: in its ``middle``, or on the ``drive_side``, at the flank that
+        carries the load.
     """
 
     name: str
@@ -54,6 +58,8 @@ class Mesh:
     lag: Array | float = 0.0
     transmission_error: Fourier | None = None
     damping: Array | float = 0.0
+    backlash: Array | float = 0.0
+    backlash_zero: str = "middle"
 
     @property
     def amplitude(self) -> Array:
@@ -84,6 +90,7 @@ class PeriodicTerm:
     left, right: ``(..., n)``, u and v.
     stiffness, damping: the functions a and c of period 1, None where there is none; their means count.
     frequency_ratio, lag: as in :class:`Mesh`.
+    mesh: the name of the mesh whose teeth must touch for it to act, "" where it always acts.
     """
 
     name: str
@@ -93,6 +100,7 @@ class PeriodicTerm:
     damping: Profile | None = None
     frequency_ratio: Fraction | float = Fraction(1)
     lag: Array | float = 0.0
+    mesh: str = ""
 
     @property
     def profiles(self) -> tuple[Profile, ...]:

@@ -162,3 +162,26 @@ def response():
     }
     coords = {**coordinate("time", time, "s"), "dof": ["x1", "x2", "x3"], "mesh": ["first", "second"]}
     return tree(response=xr.Dataset(data, coords=coords))
+
+
+def pair(spectrum=True, energy_loss=0.2):
+    """Ten mesh cycles of a gear pair of one second each, two pairs of teeth in contact for the second half."""
+    time = np.arange(2001) / 200
+    stiff = time % 1.0 >= 0.5
+    frequency = np.linspace(0, 60, 601)
+    variables = {
+        "phi": (
+            "time",
+            np.where(stiff, 0.01, 0.02) + 1e-3 * np.sin(40 * time),
+            {"units": "rad", "long_name": "deflection"},
+        ),
+        "energy": ("time", 5.0 - energy_loss * time, {"units": "J", "long_name": "total energy"}),
+        "mesh_stiffness": (("time", "mesh"), np.where(stiff, 2.0, 1.0)[:, None], {"units": "N m"}),
+        "section_time": ("cycle", np.arange(1.0, 11.0), {"units": "s"}),
+    }
+    coords = {"time": ("time", time, {"units": "s"}), "mesh": ["mesh"], "cycle": np.arange(1, 11)}
+    if spectrum:
+        coords["frequency"] = ("frequency", frequency, {"units": "rad/s"})
+        coords["normalised_frequency"] = ("frequency", frequency / 5, {"units": "1"})
+        variables["power_spectral_density"] = ("frequency", np.exp(-frequency), {"units": "rad2 s"})
+    return tree(response=xr.Dataset(variables, coords))

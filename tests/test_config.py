@@ -279,7 +279,7 @@ def test_resolved_configurations_are_the_same(tmp_path: Path, root: Path) -> Non
     assert found
     for source in found:
         config = load(source)
-        for model in source.parent.glob("*.npz"):  # named relative to the configuration
+        for model in (*source.parent.glob("*.npz"), *source.parent.glob("*.csv")):  # named relative to it
             copy(model, tmp_path)
         again = read(tmp_path, config.resolved)
         assert again.digest == config.digest, source.name

@@ -540,6 +540,10 @@ WRONG_TERMS = {
         "{left: [1, 0], right: [0, 1], damping: {amplitude: 1}}",
         "terms.0.damping.contact_ratio: is missing",
     ),
+    "tooth": (
+        "{left: [1, 0], right: [0, 1], stiffness: {waveform: {kind: tooth}}}",
+        "terms.0.stiffness.waveform.kind: a term has no teeth",
+    ),
     "unit": ("{left: [1, 0], right: [0, 1], damping: {mean: 1 kg}}", "terms.0.damping.mean: has the wrong dimension"),
     "two": (
         "{name: a, left: [1, 0], right: [0, 1], damping: {mean: 1}}\n"

@@ -1,6 +1,6 @@
 """Many mesh frequencies: long common periods, one frequency at a time, Lyapunov exponents."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from fractions import Fraction
 
 import numpy as np
@@ -9,9 +9,9 @@ import pytest
 from gearstab.floquet import STATUS_FLAGS, c_kernel, kernel, solution, solve
 from gearstab.floquet.frequencies import chosen, common_period, groups, lyapunov, per_mesh, reason
 from gearstab.floquet.segments import prepare, window
-from gearstab.modal import modal_damping_matrix
+from gearstab.modal import mean_modes, modal_damping_matrix
 from gearstab.system import GearSystem, Mesh, PeriodicTerm
-from gearstab.waveforms import Fourier, Rectangular, Scaled
+from gearstab.waveforms import Fourier, Rectangular, Scaled, Trapezoidal
 
 GOLDEN = (np.sqrt(5) - 1) / 2
 
@@ -47,14 +47,13 @@ class TestLongPeriods:
     @pytest.mark.parametrize("name", kernel.available())
     @pytest.mark.parametrize("damping_ratio", [0.0, 0.02])
     def test_a_period_repeated_many_times_has_the_same_growth(self, name, damping_ratio):
-        # r = 1/2 written as 1/2 + 1e-4: the common period is 10,000 cycles, of growths up to e^1000 and decays as
-        # large; the exponents converge to those of r = 1/2 as the detuning goes to zero where the tongue is wide.
+        # r = 1/2 written as 1/2 + 5e-4: the common period is 2,000 cycles, of growths up to e^200.
         omega = np.array([2 * 0.5412, 3.3])
-        close = Fraction(5001, 10000)
+        close = Fraction(1001, 2000)
         with kernel.using(name):
             found = solve(train(close, epsilon=(0.4, 0.0), damping_ratio=damping_ratio), omega)
             exact = solve(train(Fraction(1, 2), epsilon=(0.4, 0.0), damping_ratio=damping_ratio), omega)
-        # Only the first mesh varies: the growth rates agree but for the rounding of 10,000 periods.
+        # Only the first mesh varies: the growth rates agree but for the rounding of 2,000 periods.
         np.testing.assert_allclose(found.growth_rate, exact.growth_rate, atol=1e-9)
 
     def test_preparation_of_a_window_of_a_whole_period_is_that_of_the_period(self):
@@ -125,19 +124,36 @@ class TestPerMesh:
         np.testing.assert_allclose(per_mesh.mean(profile), [0.5, 0.7], rtol=1e-14)
 
 
-def train_frequency(mode):
-    from gearstab.modal import mean_modes
+def random_system(rng, points):
+    """A system of 2 to 5 coordinates and 2 or 3 meshes of small frequency ratios, and mesh frequencies."""
+    n, count = int(rng.integers(2, 6)), int(rng.integers(2, 4))
+    root = rng.standard_normal((n, n))
+    ratios = [Fraction(1)] + [Fraction(int(rng.integers(1, 12)), int(rng.integers(1, 12))) for _ in range(count - 1)]
+    meshes = tuple(
+        Mesh(
+            f"m{i}", rng.standard_normal(n), np.asarray(rng.uniform(0.5, 2)), np.asarray(rng.uniform(0.05, 0.45)),
+            Rectangular(np.asarray(1 + rng.uniform(0.2, 0.8))), ratio, rng.uniform(),
+        )
+        for i, ratio in enumerate(ratios)
+    )  # fmt: skip
+    damping = np.diag(rng.uniform(0, 1, n)) * 10 ** rng.uniform(-3.5, -1)
+    system = GearSystem(
+        np.diag(rng.uniform(0.3, 3, n)), 0.3 * root @ root.T, meshes, damping if rng.uniform() < 0.7 else None
+    )
+    return system, rng.uniform(0.3, 2.3, points) * np.sqrt(mean_modes(system).squared_frequency.max())
 
+
+def train_frequency(mode):
     return float(mean_modes(train()).natural_frequency[mode - 1])
 
 
 class TestLyapunov:
     @pytest.mark.parametrize("damping_ratio", [0.0, 0.002, 0.02])
     def test_within_its_interval_of_the_exact_growth(self, damping_ratio):
-        # Intervals of 99.9 % at 64 points: of independent ones one in sixteen runs would have a point outside; those
-        # of quasi-periodic motion are far wider than the errors.
+        # Intervals of 99.9 % at 40 points: of independent ones one in 25 runs would have a point outside. They are far
+        # wider than the errors where a window holds several beats, which are slow near the edges of tongues.
         system = train(damping_ratio=damping_ratio)
-        omega = np.linspace(0.8, 8.0, 64)
+        omega = np.linspace(0.8, 8.0, 40)
         exact = solve(system, omega)
         found = lyapunov.solve(system, omega, cycles=300, confidence=0.999)
         assert np.all(np.abs(found.growth_rate - exact.growth_rate) <= found.interval)
@@ -146,6 +162,16 @@ class TestLyapunov:
         grows = (exact.growth_rate > 2 * found.interval) | (exact.growth_rate < -2 * found.interval)
         assert np.all(found.stable[sure & grows] == exact.stable[sure & grows])
         assert np.all(found.status & STATUS_FLAGS["lyapunov"])
+
+    def test_intervals_hold_over_random_systems(self):
+        # 95 % intervals of windows much too short for some: of 1,440 points 6 were outside when this was written.
+        outside, points = 0, 0
+        for seed in range(14):
+            system, omega = random_system(np.random.default_rng(seed), 8)
+            exact, found = solve(system, omega), lyapunov.solve(system, omega, cycles=50)
+            outside += int(np.sum(np.abs(found.growth_rate - exact.growth_rate) > found.interval + 1e-9))
+            points += len(omega)
+        assert outside <= 0.05 * points
 
     def test_longer_windows_narrow_the_interval(self):
         system, omega = train(GOLDEN, damping_ratio=0.002), np.linspace(0.8, 8.0, 24)
@@ -202,11 +228,42 @@ class TestLyapunov:
         exact, found = solve(system, omega), lyapunov.solve(system, omega, cycles=60)
         assert np.all(np.abs(found.growth_rate - exact.growth_rate) <= found.interval + 1e-6)
 
-    def test_smooth_waves_are_refused(self):
-        system = train()
-        smooth = replace(system.meshes[0], waveform=Fourier(np.array([0.5]), np.array([0.0])))
-        with pytest.raises(ValueError, match="piecewise constant"):
-            lyapunov.solve(replace(system, meshes=(smooth, system.meshes[1])), np.array([1.0]))
+    @pytest.mark.parametrize("damping_ratio", [0.0, 0.005])
+    def test_smooth_and_mixed_waves(self, damping_ratio):
+        # Against the error-controlled Floquet analysis of the common period of five cycles.
+        system = train(damping_ratio=damping_ratio)
+        smooth = replace(system.meshes[0], waveform=Fourier(np.array([0.5, 0.1]), np.array([0.0, 0.1])))
+        kinked = replace(system.meshes[1], waveform=Trapezoidal(np.array([1.5, 1.3]), np.array([0.1, 0.2])))
+        mixed = replace(system, meshes=(smooth, kinked))
+        omega = np.array([2.0, 5.4, 6.5])
+        exact, found = solve(mixed, omega), lyapunov.solve(mixed, omega, cycles=50, confidence=0.999)
+        errors = np.abs(found.growth_rate - exact.growth_rate)
+        assert np.all(errors <= found.interval)
+        # What is left of the oscillation of ln |x|, some units, after weighted averaging over a time of 150 to 500.
+        assert errors.max() < 0.02
+        assert np.all(exact.growth_rate[:, 1] > 0.03)
+
+    def test_jumps_cut_into_magnus_steps_are_the_exact_segments(self):
+        # A rectangular wave that does not tell what it is goes the other way; every piece is constant and exact.
+        @dataclass(frozen=True)
+        class Disguised(Rectangular):
+            piecewise_constant = False
+
+        system = train(GOLDEN, damping_ratio=0.002, lag=np.array([0.0, 0.2]))
+        hidden = tuple(replace(mesh, waveform=Disguised(mesh.waveform.contact_ratio)) for mesh in system.meshes)
+        omega = np.array([2.0, 5.4])
+        plain = lyapunov.solve(system, omega, cycles=60)
+        found = lyapunov.solve(replace(system, meshes=hidden), omega, cycles=60)
+        # Rounding of some hundred segments; records are made at other times, which moves averages by far less than
+        # the interval.
+        np.testing.assert_allclose(found.growth_rate, plain.growth_rate, atol=0.02 * plain.interval.max())
+
+    def test_other_periodic_terms_are_refused(self):
+        u = np.array([1.0, 0.0, 0.0])
+        term = PeriodicTerm("friction", u, u, stiffness=Scaled(Rectangular(1.5), 0.0, 0.1))
+        with pytest.raises(ValueError, match="periodic terms"):
+            lyapunov.solve(replace(train(GOLDEN), terms=(term,)), np.array([1.0]))
+        assert chosen(replace(train(GOLDEN), terms=(term,)), "auto") == "per_mesh"
 
 
 class TestChoice:
@@ -214,7 +271,8 @@ class TestChoice:
         assert chosen(train(), "auto") == "common_period"
         found = common_period(train())
         assert (found.cycles, found.mesh_cycles, found.segments) == (5.0, (5, 3), 16)
-        assert "16 segments" in reason(train(), "auto")
+        # Two of the 16 jumps meet one of the other mesh.
+        assert "14 segments" in reason(train(), "auto")
 
     def test_long_or_no_periods_are_not(self):
         far = train(Fraction(10007, 20011))
@@ -224,6 +282,13 @@ class TestChoice:
         assert chosen(train(GOLDEN), "auto") == "lyapunov"
         assert "no common period" in reason(train(GOLDEN), "auto")
         assert chosen(train(GOLDEN), "per_mesh") == "per_mesh"
+
+    def test_smooth_waves_take_many_exponentials(self):
+        # Each period of the smooth first mesh counts for 40 segments.
+        system = train(Fraction(333, 601))
+        smooth = replace(system.meshes[0], waveform=Fourier(np.array([0.5]), np.array([0.0])))
+        assert chosen(system, "auto") == "common_period"
+        assert chosen(replace(system, meshes=(smooth, system.meshes[1])), "auto") == "lyapunov"
 
     def test_one_varying_mesh_needs_no_common_period(self):
         assert chosen(train(GOLDEN, (0.3, 0.0)), "auto") == "per_mesh"

@@ -51,6 +51,7 @@ TRAINS = {
     "fig3, secondary": (((1.5, 1.5), 0.0, 1), ["w2", "w3"]),
     "any contact ratios": (((1.3, 1.6), 0.2, 1), ["2w1", "2w3", "w2+w3", "w2", "w3", "(w1+w3)/2"]),
     "fig6a": (((1.5, 1.5), 0.0, "3/5"), ["2w2", "2w3", "2w3 (second)", "2w2 (second)"]),
+    "R = 3/5, sums and differences": (((1.3, 1.6), 0.2, "3/5"), ["3w2", "3w3", "3w3/4", "3(w2+w3)/8"]),
     "R = 3/5, any contact ratios": (((1.3, 1.6), 0.2, "3/5"), ["2w3", "2w3 (second)", "w3", "w3 (second)"]),
 }
 
@@ -70,7 +71,7 @@ def test_errors_of_lin_and_parkers_train(name: str) -> None:
 
 
 def test_estimates_of_the_error_have_its_size() -> None:
-    """Over all tongues that can be measured: nine in ten are nearer than said, the typical one not tenfold."""
+    """Over all tongues that can be measured: nine in ten are nearer than said, the typical one not twentyfold."""
     ratios = []
     for arguments in (((1.5, 1.5), 0.0, 1), ((1.3, 1.6), 0.2, 1), ((1.2, 1.7), 0.6, "1/2")):
         system = train(*arguments)
@@ -81,7 +82,7 @@ def test_estimates_of_the_error_have_its_size() -> None:
     ratios = np.concatenate(ratios)
     assert ratios.size > 60
     assert np.mean(ratios < 1) > 0.9
-    assert 0.1 < np.median(ratios) < 1
+    assert 0.05 < np.median(ratios) < 0.5
 
 
 # ---- planetary gears

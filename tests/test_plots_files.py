@@ -32,7 +32,7 @@ def result_of(kind):
     groups["floquet"]["growth_rate"].values[0, 3:5] = np.nan
     others = {
         "surface": made.two_amplitudes, "response": made.response, "work-precision": made.bench, "modes": planetary,
-        "speeds": made.speeds, "spectrum": made.spectra,
+        "speeds": made.speeds, "spectrum": made.spectra, "pair": made.pair,
     }  # fmt: skip
     return others.get(kind, lambda: made.tree(**groups))()
 

@@ -59,9 +59,20 @@ def test_a_map_of_the_response_carries_the_boundaries():
         draw(tree, "map", variable="dynamic_load_factor")
 
 
-def test_a_map_needs_to_be_told_what_to_show_without_growth_rates():
-    with pytest.raises(PlotError, match=r"methods\.floquet was not run.*dynamic_load_factor"):
-        draw(made.speeds(epsilon=[0.1, 0.2]), "map")
+def test_without_growth_rates_a_map_shows_the_load_factor():
+    tree = made.speeds(epsilon=np.linspace(0, 0.5, 6))
+    assert default_kind(tree, Request()) == "map"
+    _, artists = draw(tree, select={"mesh": "first"})
+    values = tree["response"]["dynamic_load_factor"].values[..., 0].T
+    cells = artists["cells"].get_array().reshape(values.shape)
+    np.testing.assert_array_equal(np.ma.getdata(cells), values)
+    # Where the steady state repels there is nothing to be seen of it.
+    unstable = tree["response"]["status"].values.T & 1 == 1
+    assert unstable.any()
+    np.testing.assert_array_equal(np.ma.getmaskarray(cells), unstable)
+    assert artists["colour_bar"].ax.get_ylabel().replace("\n", " ") == "dynamic load factor, white where unstable"
+    with pytest.raises(PlotError, match="mesh: its values: first, second"):
+        draw(tree)
 
 
 def test_histories_are_no_speeds_and_speeds_no_histories():

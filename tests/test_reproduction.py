@@ -42,6 +42,14 @@ def test_the_known_disagreements_of_parker_2009_are_there(committed: list[str]) 
     assert "| agrees |" in inferred
 
 
+def test_what_is_not_reproduced_of_oh_grosh_and_barber_2005_is_said(committed: list[str]) -> None:
+    """No torque gives the peak at 3.2 w_d; and the damping as printed may give energy."""
+    (peak,) = [line for line in committed if line.startswith("| Fig. 4(a) | at 600 rpm a peak at 3.2 w_d")]
+    assert "| **differs** |" in peak
+    (damping,) = [line for line in committed if "| the damping term is included on the left-hand side of (2) |" in line]
+    assert "| **differs** |" in damping
+
+
 HALF_WIDTHS = {
     "w5": 0.16143504, "w7": 0.18757335, "w9": 0.05960092, "2w4": 0.45528043, "2w5": 0.68690640, "2w7": 0.93213157,
     "w1+w5": 0.86786679, "w3+w7": 0.91364971, "(w4+w9)/2": 0.07098904,

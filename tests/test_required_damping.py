@@ -11,7 +11,7 @@ from gearstab.floquet.required_damping import FLAGS, required_damping
 from gearstab.modal import mean_modes, modal_damping_matrix
 from gearstab.perturbation import first_order
 from gearstab.system import GearSystem, Mesh
-from gearstab.waveforms import Rectangular
+from gearstab.waveforms import Fourier, Rectangular, Trapezoidal
 
 
 def train(epsilon=0.3, ratio=Fraction(1), contact_ratio=1.5):
@@ -29,9 +29,9 @@ def with_ratio(system, value):
     return replace(system, damping=modal_damping_matrix(system.mass, mean, np.full(3, value)))
 
 
-def bisected(stable, low, high):
+def bisected(stable, low, high, rounds=40):
     """The end of [low, high] from which on ``stable`` holds."""
-    for _ in range(40):
+    for _ in range(rounds):
         middle = 0.5 * (low + high)
         low, high = (low, middle) if stable(middle) else (middle, high)
     return high
@@ -142,6 +142,26 @@ def test_damping_that_destabilises_is_marked():
         assert solve(system, omega[k]).stable[0, 0] == 1
         assert 0 in verdicts
         assert solve(with_ratio(system, 1.01 * value), omega[k]).stable[0, 0] == 1
+
+
+def test_smooth_and_mixed_waves():
+    # Bisected on error-controlled growth rates; rows with and without kinks, and tongues of two shapes.
+    system = train(np.array([0.2, 0.3]))
+    smooth = replace(system.meshes[0], waveform=Fourier(np.array([0.5, 0.1]), np.array([0.0, 0.1])))
+    kinked = replace(system.meshes[1], waveform=Trapezoidal(np.asarray(1.5), np.asarray(0.1)))
+    mixed = replace(system, meshes=(smooth, kinked))
+    omega = np.array([2.0, 5.4, 6.9])
+    found = required_damping(mixed, omega)
+    for row in range(2):
+        one = replace(mixed, meshes=tuple(replace(mesh, epsilon=mesh.epsilon[row]) for mesh in mixed.meshes))
+        for k in range(2):
+
+            def stable(ratio, one=one, k=k):
+                return solve(with_ratio(one, ratio), omega[k], tolerance=1e-9).stable[0, 0] == 1
+
+            # The interval halved 14 times.
+            assert found.value[row, k] == pytest.approx(bisected(stable, 0.0, 0.2, 14), abs=2e-5)
+    np.testing.assert_array_equal(found.value[:, 2], 0.0)
 
 
 def test_integer_contact_ratio_needs_none():

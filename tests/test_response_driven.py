@@ -6,6 +6,7 @@ from dataclasses import replace
 from fractions import Fraction
 from typing import Any
 
+import mpmath as mp
 import numpy as np
 import pytest
 from driven_reference import force_and_matrices, integrated, series
@@ -13,6 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gearstab.response import RESPONSE_FLAGS, driven_response, free_response, harmonics, steady_state
+from gearstab.response.eigen import divided_exponential
 from gearstab.response.equilibrium import static_equilibrium, static_mesh_force
 from gearstab.response.spectra import amplitudes, densities
 from gearstab.system import GearSystem, PeriodicForce, PeriodicTerm
@@ -98,7 +100,7 @@ def test_the_steady_state_closes_under_numerical_integration(name: str) -> None:
 
 
 def test_the_steady_state_is_where_long_integration_ends() -> None:
-    system, omega = train(damping_ratio=0.3), 2.6
+    system, omega = train(damping_ratio=0.7), 2.6
     found = steady_state(system, omega, 20)
     # What is left of the beginning: 1e-12.
     periods = int(np.ceil(np.log(1e12) / -found.growth_rate / found.common_period))
@@ -134,6 +136,33 @@ def test_constant_stiffness_has_the_textbook_frequency_response(omega: float) ->
     history = steady_state(system, omega, 32)
     expected = np.real(deflection @ np.exp(1j * nu[:, None] * history.time))
     np.testing.assert_allclose(history.displacement[:, 0], expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("ratio", [1.0, 1 + 1e-12, 1 + 1e-6, 0.999])
+def test_critical_damping_has_no_eigenvectors_to_rely_on(ratio: float) -> None:
+    """k = 4, m = 1, c = 4 zeta: the state falls back on matrix exponentials and closes as any other."""
+    system = pair(load=[0.8], damping_ratio=ratio, mesh={"transmission_error": {"sin": [0.1]}})
+    nu = 1.7
+    amplitude = -0.1j * 4.0 / (4.0 - nu**2 + 4j * ratio * nu)
+    found = steady_state(system, nu, 16)
+    expected = 0.2 + np.real(amplitude * np.exp(1j * nu * found.time))
+    np.testing.assert_allclose(found.displacement[:, 0], expected, atol=1e-12)
+
+
+@given(
+    a=st.complex_numbers(max_magnitude=50),
+    step=st.complex_numbers(max_magnitude=30),
+    scale=st.sampled_from([1, 1e-9, 0]),
+)
+def test_difference_quotients_of_the_exponential(a: complex, step: complex, scale: float) -> None:
+    b = a + scale * step
+    found = complex(divided_exponential(np.array(a), np.array(b)))
+    with mp.workdps(60):
+        x, y = mp.mpc(a), mp.mpc(b)
+        exact = mp.exp(x) * (mp.expm1(y - x) / (y - x) if x != y else 1)
+        # Both exponentials are right to |a| eps; that is what their difference can be.
+        size = max(abs(mp.exp(x)), abs(mp.exp(y))) * min(1, 2 / abs(y - x) if x != y else 1)
+    assert abs(found - complex(exact)) <= 4e-14 * float(size)
 
 
 def test_undamped_resonance_from_rest_grows_linearly() -> None:

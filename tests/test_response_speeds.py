@@ -12,12 +12,14 @@ from test_response_driven import CASES, pair, train, with_waves
 
 from gearstab import floquet
 from gearstab.cli import group
+from gearstab.config import load
 from gearstab.response import harmonics, steady_state
 from gearstab.response.equilibrium import static_mesh_force
 from gearstab.response.excitation import excitation
-from gearstab.response.speeds import speed_response
+from gearstab.response.speeds import SpeedResponse, speed_response
 from gearstab.response.steady import STATUS_FLAGS
 from gearstab.results import open_result
+from gearstab.systems import build
 from gearstab.waveforms import Trapezoidal
 
 SPEEDS = np.array([0.83, 1.4, 2.63, 4.4])
@@ -110,6 +112,22 @@ def test_steep_ramps_approach_jumps() -> None:
     np.testing.assert_allclose(smooth.transmission_error_rms, exact.transmission_error_rms, rtol=1e-6)
 
 
+def test_rows_of_a_batch_get_the_steps_that_the_hardest_needs() -> None:
+    """The first row is constant; at the slowest speed the last one needs the most steps."""
+    wave = Trapezoidal(1.5, 0.2)
+    epsilon = np.array([0.0, 0.2, 0.6])
+
+    def of(values: np.ndarray | float) -> SpeedResponse:
+        mesh = {"epsilon": values, "transmission_error": {"sin": [0.1]}, "damping": 0.05}
+        return speed_response(with_waves(pair(load=[1.0], mesh=mesh), wave), np.array([0.7, 1.0, 5.0]))
+
+    batch = of(epsilon)
+    for row, value in enumerate(epsilon):
+        alone = of(value)
+        # To the tolerance, 1e-9 of the map over a period, times its sensitivity.
+        np.testing.assert_allclose(batch.transmission_error_rms[row], alone.transmission_error_rms[0], rtol=1e-7)
+
+
 def test_a_system_at_rest_has_no_steady_state_to_show() -> None:
     system = pair()
     with pytest.raises(ValueError, match="nothing drives"):
@@ -189,3 +207,35 @@ def test_a_system_that_nothing_drives_is_refused(tmp_path: Path) -> None:
     done = run(path, "-o", str(tmp_path / "run.h5"), "-q", "-j", "1")
     assert done.exit_code == 2
     assert "nothing drives the system" in done.stderr
+
+
+def planetary(**changes: object) -> dict[str, object]:
+    """Of the run-up among the configurations: torques on sun and carrier, the ring on a foundation."""
+    root = Path(__file__).resolve().parent.parent
+    return load(root / "configs" / "response" / "planetary_speeds.yaml").parameters | changes
+
+
+def test_the_meshes_of_a_planetary_gear_share_the_torque() -> None:
+    """Nothing but the meshes holds the sun's rotation: their mean forces add up to its load. Sequential phases: what
+    one planet does the next one does a quarter of a period later."""
+    system = build(planetary())
+    found = steady_state(system, 12000.0, 40)
+    force = found.mesh_force[:-1]
+    assert "unbalanced" not in found.findings
+    measured = speed_response(system, np.array([12000.0]), 100)
+    assert measured.mesh_force_mean[0, 0, :4].sum() == pytest.approx(1000.0, rel=1e-6)
+    for n in range(3):
+        np.testing.assert_allclose(force[:, n + 1], np.roll(force[:, n], 10), atol=1e-6)
+        np.testing.assert_allclose(force[:, n + 5], np.roll(force[:, n + 4], 10), atol=1e-6)
+    pushed = steady_state(build(planetary(load={"sun": 1000.0, "carrier": 0.0, "ring": 0.0})), 12000.0, 40)
+    assert "unbalanced" in pushed.findings
+
+
+def test_a_dimensionless_planetary_gear_feels_the_same() -> None:
+    """Forces over k_rp, frequencies over sqrt(k_rp/m_r); lengths keep their scale."""
+    rate = np.sqrt(1e8 / 6.35)
+    plain = speed_response(build(planetary()), np.array([12000.0]), 40)
+    scaled = speed_response(build(planetary(scaling="dimensionless")), np.array([12000.0 / rate]), 40)
+    np.testing.assert_allclose(scaled.mesh_force_peak, plain.mesh_force_peak / 1e8, rtol=1e-8)
+    np.testing.assert_allclose(scaled.transmission_error_rms, plain.transmission_error_rms, rtol=1e-8)
+    np.testing.assert_allclose(scaled.dynamic_load_factor, plain.dynamic_load_factor, rtol=1e-8)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
 from scipy.integrate import quad
 
 from gearstab.waveforms import Pair, Rectangular, Sampled, Trapezoidal
@@ -137,6 +139,52 @@ def test_a_batch_of_contact_ratios_and_shapes() -> None:
         one = Pair(float(c[i, 0]), parabolic([0.3, 0.55][j], 2.0))
         assert wave.mean_stiffness[i, j] == pytest.approx(one.mean_stiffness, rel=1e-14)
         assert wave.amplitude[i, j] == pytest.approx(one.amplitude, rel=1e-13)
+
+
+@settings(deadline=None, max_examples=60)
+@given(
+    st.lists(st.integers(0, 99), min_size=3, max_size=12, unique=True),
+    st.lists(st.floats(0.1, 10), min_size=12, max_size=12),
+    st.sampled_from(["linear", "cubic"]),
+)
+def test_any_samples_make_a_wave(places, levels, kind) -> None:
+    phase = np.sort(places) / 100
+    stiffness = np.array(levels[: len(phase)])
+    wave = Sampled(phase, stiffness, kind)
+    x = np.arange(5000) / 5000
+    values = wave.value(x)
+    low, high = wave.extremes()
+    assert high - low == pytest.approx(float(np.any(stiffness != stiffness[0])), abs=1e-12)
+    assert low - 1e-12 <= values.min()
+    assert values.max() <= high + 1e-12
+    # The rule of equal steps, exact for lines but for the kinks, of which each costs its jump in slope times h^2/12.
+    assert abs(values.mean()) < 1e-4
+    found = wave.mean_stiffness + 2 * wave.amplitude * wave.value(phase + 3)
+    np.testing.assert_allclose(found, stiffness, rtol=1e-9)
+    sine, cosine = wave.fourier(2)
+    assert sine == pytest.approx(2 * np.mean(values * np.sin(4 * np.pi * x)), abs=1e-3)
+    assert cosine == pytest.approx(2 * np.mean(values * np.cos(4 * np.pi * x)), abs=1e-3)
+
+
+@settings(deadline=None, max_examples=200)
+@given(st.integers(1001, 3999), st.integers(0, 3), st.integers(-3, 3))
+@example(2631, 1, -1)
+@example(2900, 0, -1)
+@example(3900, 1, -1)
+def test_kinks_that_coincide_with_jumps_do_no_harm(thousandths, pairs, ulps) -> None:
+    """The kink of one pair a few roundings beside the place where another one leaves."""
+    c = thousandths / 1000
+    place = (c - np.floor(c) + pairs) / c
+    if not 0.01 < place < 0.99:
+        return
+    place += ulps * np.spacing(place)
+    wave = Pair(c, interpolate(np.array([0.0, place, 1.0]), np.array([1.0, 2.0, 1.0]), "linear", False))
+    x = np.concatenate([np.linspace(0, 1, 501), [c - np.floor(c) + h for h in (-1e-9, 0.0, 1e-9)]])
+    values = wave.value(x)
+    low, high = wave.extremes()
+    # Slopes of the shape are below 1/0.01 of its height.
+    assert low == pytest.approx(values.min(), abs=1e-6) or low == pytest.approx(wave.value(1 - 1e-9), abs=1e-6)
+    assert high == pytest.approx(values.max(), abs=1e-6) or high == pytest.approx(wave.value(1 - 1e-9), abs=1e-6)
 
 
 def test_pieces_go_on_outside() -> None:

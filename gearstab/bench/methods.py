@@ -13,6 +13,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
+from gearstab.bench import smooth_methods as smooth
 from gearstab.bench.scene import Scene
 from gearstab.floquet import kernel, numpy_kernel, solve
 from gearstab.floquet.segments import prepare
@@ -23,7 +24,7 @@ Method = Callable[[Scene, Array, float], Array]
 
 @dataclass(frozen=True)
 class Entry:
-    """A method and the settings to try: ``tolerances`` of an integrator, or (nan,) for an exact one.
+    """A method and the settings to try: the ``tolerances`` it is given, or (nan,) for an exact one.
 
     batch: whether it treats many frequencies at once, and is therefore timed on many.
     fits: whether it can be applied to a scene.
@@ -109,19 +110,46 @@ def _integrate(field: Callable, y: Array, span: float, method: str, tolerance: f
     return run.y[:, -1].reshape(shape)
 
 
-def conservative(scene: Scene) -> bool:
-    """No damping, or damping proportional to the mass, which only shifts the exponents."""
-    return all(pattern.elastic.damping is None for pattern in prepare(scene.system))
+def _constant(scene: Scene) -> bool:
+    return scene.constant and not scene.system.terms
+
+
+def _smooth(scene: Scene) -> bool:
+    return not _constant(scene)
+
+
+def _without_terms(scene: Scene) -> bool:
+    return _smooth(scene) and not scene.system.terms
 
 
 INTEGRATOR_TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
 
 METHODS: tuple[Entry, ...] = (
-    *(Entry(f"exact, {name} kernel", exact(name), batch=True) for name in kernel.available()),
-    Entry("NumPy products + eigvals", batched_eigenvalues, batch=True, fits=conservative),
-    Entry("products of expm", exponential_products),
-    Entry("DOP853, broken at jumps", integration("DOP853", True), INTEGRATOR_TOLERANCES),
-    Entry("RK45, broken at jumps", integration("RK45", True), INTEGRATOR_TOLERANCES[:4]),
-    Entry("DOP853, unbroken", integration("DOP853", False), INTEGRATOR_TOLERANCES),
-    Entry("RK45, unbroken", integration("RK45", False), INTEGRATOR_TOLERANCES[:4]),
+    *(Entry(f"exact, {name} kernel", exact(name), batch=True, fits=_constant) for name in kernel.available()),
+    Entry(
+        "NumPy products + eigvals",
+        batched_eigenvalues,
+        batch=True,
+        fits=lambda scene: _constant(scene) and scene.conservative,
+    ),
+    Entry("products of expm", exponential_products, fits=_constant),
+    Entry("DOP853, broken at jumps", integration("DOP853", True), INTEGRATOR_TOLERANCES, fits=_constant),
+    Entry("RK45, broken at jumps", integration("RK45", True), INTEGRATOR_TOLERANCES[:4], fits=_constant),
+    Entry("DOP853, unbroken", integration("DOP853", False), INTEGRATOR_TOLERANCES, fits=_constant),
+    Entry("RK45, unbroken", integration("RK45", False), INTEGRATOR_TOLERANCES[:4], fits=_constant),
+    *(
+        Entry(f"Magnus, {name} kernel", smooth.product(name), INTEGRATOR_TOLERANCES, batch=True, fits=_without_terms)
+        for name in kernel.available()
+    ),
+    Entry(
+        "Magnus of the first-order form",
+        smooth.product("numpy"),
+        INTEGRATOR_TOLERANCES,
+        batch=True,
+        fits=lambda scene: bool(scene.system.terms),
+    ),
+    Entry("Chebyshev collocation", smooth.collocation, INTEGRATOR_TOLERANCES, fits=_smooth),
+    Entry("Hill's method", smooth.hill, INTEGRATOR_TOLERANCES[:4], fits=_without_terms),
+    Entry("DOP853, broken at kinks", smooth.integration("DOP853", True), INTEGRATOR_TOLERANCES, fits=_smooth),
+    Entry("DOP853, across kinks", smooth.integration("DOP853", False), INTEGRATOR_TOLERANCES, fits=_smooth),
 )

@@ -6,6 +6,7 @@ with it do not inherit its errors.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -13,7 +14,8 @@ from itertools import pairwise
 import numpy as np
 
 from gearstab.modal import mean_modes
-from gearstab.system import Array, GearSystem
+from gearstab.system import Array, GearSystem, Mesh, PeriodicTerm
+from gearstab.waveforms import Profile
 
 COUPLED = 1e-12
 """Damping between rigid-body and elastic modes below this part of the largest is rounding."""
@@ -28,24 +30,32 @@ class Scene:
     stop: float
 
     @cached_property
+    def edges(self) -> list[float]:
+        """Where in the common period (0 to 1) anything jumps or has a kink; the first is 0, the last 1."""
+        counts = self.system.common_period()[1]
+        varying: tuple[Mesh | PeriodicTerm, ...] = (*self.system.meshes, *self.system.terms)
+        found = {0.0, 1.0}
+        for part, count in zip(varying, counts, strict=True):
+            profiles = part.profiles if isinstance(part, PeriodicTerm) else (part.waveform,)
+            for point in np.concatenate([np.ravel(profile.breakpoints()) for profile in profiles]):
+                found |= {float((point + part.lag + k) / count) % 1.0 for k in range(count)}
+        return sorted(found)
+
+    @cached_property
     def segments(self) -> list[tuple[float, tuple[float, ...]]]:
-        """(duration in periods 2 pi/Omega of the first mesh, stiffness of each mesh), over one common period."""
-        cycles, counts = self.system.common_period()
-        edges = {0.0, 1.0}
-        for mesh, count in zip(self.system.meshes, counts, strict=True):
-            for point in np.ravel(mesh.waveform.breakpoints()):
-                edges |= {float((point + mesh.lag + k) / count) % 1.0 for k in range(count)}
-        result = []
-        for a, b in pairwise(sorted(edges)):
-            phases = [
-                count * 0.5 * (a + b) - float(mesh.lag) for mesh, count in zip(self.system.meshes, counts, strict=True)
-            ]
-            levels = tuple(
-                float(mesh.mean_stiffness + 2 * mesh.amplitude * mesh.waveform.value(np.asarray(x)))
-                for mesh, x in zip(self.system.meshes, phases, strict=True)
-            )
-            result.append((float(cycles) * (b - a), levels))
-        return result
+        """(duration in periods 2 pi/Omega of the first mesh, stiffness of each mesh), over one common period.
+
+        Of a scene whose stiffness is piecewise constant and has no further terms.
+        """
+        return [(self.cycles * (b - a), self.levels(0.5 * (a + b))) for a, b in pairwise(self.edges)]
+
+    def levels(self, tau: float) -> tuple[float, ...]:
+        """Stiffness of each mesh at the part tau of the common period."""
+        counts = self.system.common_period()[1]
+        return tuple(
+            float(mesh.mean_stiffness + 2 * mesh.amplitude * mesh.waveform.value(np.asarray(count * tau - mesh.lag)))
+            for mesh, count in zip(self.system.meshes, counts, strict=False)
+        )
 
     @property
     def cycles(self) -> float:
@@ -53,12 +63,61 @@ class Scene:
         return float(self.system.common_period()[0])
 
     def generator(self, levels: tuple[float, ...]) -> Array:
-        """A of (q, q')' = A (q, q'), ``(2n, 2n)``, with the mesh stiffnesses ``levels``."""
+        """A of (q, q')' = A (q, q'), ``(2n, 2n)``, with the mesh stiffnesses ``levels`` and without further terms."""
+        n = self.system.size
+        damping = np.zeros((n, n)) if self.system.damping is None else self.system.damping
+        return self._first_order(self.system.stiffness_matrix([np.asarray(level) for level in levels]), damping)
+
+    def generator_at(self, tau: float) -> Array:
+        """The same at the part tau of the common period, with all terms."""
+        constant, parts = self._parts
+        for function, matrix in parts:
+            constant = constant + function(tau) * matrix
+        return constant
+
+    @cached_property
+    def _parts(self) -> tuple[Array, list[tuple[Callable[[float], Array], Array]]]:
+        """What of A is constant, and functions of tau with their matrices, prepared for speed."""
         system, n = self.system, self.system.size
-        inverse = np.linalg.inv(system.mass)
-        damping = np.zeros((n, n)) if system.damping is None else inverse @ system.damping
-        stiffness = inverse @ system.stiffness_matrix([np.asarray(level) for level in levels])
-        return np.block([[np.zeros((n, n)), np.eye(n)], [-stiffness, -damping]])
+        counts = system.common_period()[1]
+        zero = np.zeros((n, n))
+        constant = self.generator(tuple(float(mesh.mean_stiffness) for mesh in system.meshes))
+        bare = self._first_order(zero, zero)
+        found: list[tuple[Callable[[float], Array], Array]] = []
+
+        def add(profile: Profile, count: int, lag: Array | float, stiffness: Array, damping: Array) -> None:
+            shift = float(lag)
+            matrix = self._first_order(stiffness, damping) - bare
+            found.append((lambda tau: profile.value(np.asarray(count * tau - shift)), matrix))
+
+        for mesh, count in zip(system.meshes, counts, strict=False):
+            add(mesh.waveform, count, mesh.lag, 2 * mesh.amplitude * mesh.outer, zero)
+        for term, count in zip(system.terms, counts[len(system.meshes) :], strict=True):
+            outer = np.outer(term.left, term.right)
+            if term.stiffness is not None:
+                add(term.stiffness, count, term.lag, outer, zero)
+            if term.damping is not None:
+                add(term.damping, count, term.lag, zero, outer)
+        return constant, found
+
+    def _first_order(self, stiffness: Array, damping: Array) -> Array:
+        n = self.system.size
+        solved = np.linalg.solve(self.system.mass, np.concatenate([stiffness, damping], axis=1))
+        return np.block([[np.zeros((n, n)), np.eye(n)], [-solved]])
+
+    @property
+    def constant(self) -> bool:
+        """Whether the system is constant between the edges."""
+        return self.system.piecewise_constant
+
+    @property
+    def conservative(self) -> bool:
+        """No damping and no further terms, or damping proportional to the mass, which only shifts the exponents."""
+        system = self.system
+        if system.terms or system.damping is None:
+            return not system.terms
+        ratio = np.linalg.solve(system.mass, system.damping)
+        return bool(np.allclose(ratio, ratio[0, 0] * np.eye(system.size), rtol=0, atol=1e-14 * np.abs(ratio).max()))
 
     def frequencies(self, count: int) -> Array:
         """``count`` mesh frequencies spread over the range, none of them a round number."""
@@ -76,6 +135,9 @@ def without_rigid_modes(system: GearSystem) -> GearSystem:
     if not modes.rigid.any():
         return system
     elastic, damping = modes.shapes[:, ~modes.rigid], system.damping
+    moved = [np.abs(modes.shapes.T @ term.right) for term in system.terms]
+    if any(part[modes.rigid].max() > COUPLED * part.max() for part in moved):
+        return system
     if damping is not None:
         modal = np.abs(modes.shapes.T @ damping @ modes.shapes)
         if modal[modes.rigid].max() > COUPLED * modal.max():
@@ -87,5 +149,8 @@ def without_rigid_modes(system: GearSystem) -> GearSystem:
         stiffness=elastic.T @ system.stiffness @ elastic,
         damping=damping,
         meshes=tuple(replace(mesh, direction=elastic.T @ mesh.direction) for mesh in system.meshes),
+        terms=tuple(replace(t, left=elastic.T @ t.left, right=elastic.T @ t.right) for t in system.terms),
+        load=None,
+        forces=(),
         coordinates=tuple(f"u{p + 1}" for p in range(elastic.shape[1])),
     )

@@ -53,6 +53,10 @@ struct level {
     int (*symmetric)(int64_t first, int64_t last, int64_t n, const double *matrix, double *values, double *vectors);
 };
 
+/* Moved traces, see nearest.c. */
+void gearstab_trace_change(int64_t count, int64_t n, double weight, const double *fine, const double *coarse,
+                           double *change, double *largest);
+
 extern const struct level gearstab_plain;
 extern const struct level gearstab_avx2;
 extern const struct level gearstab_avx512;

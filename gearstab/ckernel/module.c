@@ -242,6 +242,23 @@ static PyObject *py_symmetric(PyObject *self, PyObject *arguments) {
     return finish(&b, fit, failed);
 }
 
+static PyObject *py_trace_change(PyObject *self, PyObject *arguments) {
+    (void)self;
+    struct buffers b = {0};
+    Py_ssize_t count, n;
+    double weight;
+    if (!PyArg_ParseTuple(arguments, "nndy*y*w*w*", &count, &n, &weight, &b.view[0], &b.view[1], &b.view[2], &b.view[3]))
+        return finish(&b, 1, 0);
+    int fit = FITS(&b.view[0], 8, count, n, 2) && FITS(&b.view[1], 8, count, n, 2) && FITS(&b.view[2], 8, count) &&
+              FITS(&b.view[3], 8, count);
+    if (fit) {
+        Py_BEGIN_ALLOW_THREADS
+        gearstab_trace_change(count, n, weight, b.view[0].buf, b.view[1].buf, b.view[2].buf, b.view[3].buf);
+        Py_END_ALLOW_THREADS
+    }
+    return finish(&b, fit, 0);
+}
+
 static PyMethodDef METHODS[] = {
     {"levels", py_levels, METH_NOARGS, "levels(): names of the levels of vector instructions available, the best last."},
     {"scan", py_scan, METH_VARARGS,
@@ -256,6 +273,7 @@ static PyMethodDef METHODS[] = {
     {"scan_damped", py_scan_damped, METH_VARARGS,
      "scan_damped(level, (rows, segments, states, m, cycles), decay, frequency, fractions, state, change, first, last, "
      "points, omega, growth, scale, multipliers=)"},
+    {"trace_change", py_trace_change, METH_VARARGS, "trace_change(count, n, weight, fine, coarse, change, largest)"},
     {"symmetric", py_symmetric, METH_VARARGS, "symmetric(level, count, n, matrix, values, vectors)"},
     {NULL, NULL, 0, NULL},
 };

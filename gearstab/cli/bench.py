@@ -80,6 +80,7 @@ def _scene(loaded: Config) -> Scene:
     """The base system and the range of the mesh_frequency axis. Raises ConfigError without such an axis."""
     from gearstab.bench import Scene, without_rigid_modes
     from gearstab.config.problems import ConfigError, Problem
+    from gearstab.rotating_pair import RotatingPair
     from gearstab.systems import build
 
     axis = next((axis for axis in loaded.axes if axis.name == "mesh_frequency"), None)
@@ -87,7 +88,14 @@ def _scene(loaded: Config) -> Scene:
         hint = "add mesh_frequency: {start: .., stop: .., num: ..}"
         raise ConfigError([Problem(str(loaded.source), None, "sweep", "", "bench needs an axis mesh_frequency", hint)])
     values = [float(value) for value in axis.values]
-    return Scene(without_rigid_modes(build(loaded.parameters)), min(values), max(values))
+    system = build(loaded.parameters)
+    if isinstance(system, RotatingPair) and not system.is_classical:
+        message, hint = f"bench knows no formulation {system.formulation}", "set formulation: classical"
+        raise ConfigError([Problem(str(loaded.source), None, "system.formulation", "", message, hint)])
+    if not system.commensurate:
+        message, hint = "mesh frequencies of irrational ratio have no common period", "give exact ratios"
+        raise ConfigError([Problem(str(loaded.source), None, "system.meshes", "", message, hint)])
+    return Scene(without_rigid_modes(system), min(values), max(values))
 
 
 def _say(text: str) -> None:

@@ -22,13 +22,16 @@ from gearstab.cli.errors import user_errors
 @click.option(
     "--group", metavar="NAME", help="Which group of the file [default: floquet, else the first one over the sweep]."
 )
-def command(result: Path, output: Path, group: str | None) -> None:
+@click.option(
+    "--over", metavar="DIM", help="The dimension that leads: of a response time, or frequency for its spectra."
+)
+def command(result: Path, output: Path, group: str | None, over: str | None) -> None:
     """Write the file RESULT as tidy CSV: one row a grid point, one column an axis or variable."""
     with user_errors():
         from gearstab.results import export
 
         if str(output) == "-":
-            export.to_stream(result, sys.stdout, group)
+            export.to_stream(result, sys.stdout, group, over)
             return
-        rows = export.export_csv(result, output, group)
+        rows = export.export_csv(result, output, group, over)
     click.echo(f"{output}: {rows:,} rows", err=True)

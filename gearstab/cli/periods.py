@@ -17,8 +17,8 @@ def common_period(system: GearSystem) -> dict[str, Any] | None:
     period = choice.common_period(system)
     if period is None:
         return None
-    segments, states = period.segments, None
-    if segments <= choice.AFFORDABLE and system.piecewise_constant and not system.terms:
+    segments, states = (period.segments if system.piecewise_constant else None), None
+    if segments is not None and segments <= choice.AFFORDABLE and not system.terms:
         (pattern,) = prepare(system)
         segments, states = len(pattern.states), pattern.stiffness.shape[1]
     return {
@@ -38,7 +38,7 @@ def frequencies(config: Config, system: GearSystem) -> dict[str, Any] | None:
     from gearstab.config.methods import FloquetOptions
     from gearstab.floquet import solve
     from gearstab.modal import mean_modes
-    from gearstab.sweep import frequencies as ways
+    from gearstab.sweep.methods import frequencies as ways
 
     if len(set(system.frequency_ratios)) < 2:
         return None
@@ -55,9 +55,10 @@ def text(period: dict[str, Any] | None) -> str:
     if period is None:
         return "none: a mesh frequency has an irrational ratio"
     cycles = ", ".join(f"{count} of {name}" for name, count in period["mesh_cycles"].items())
-    count = period["distinct_stiffness_states"]
+    segments, count = period["segments"], period["distinct_stiffness_states"]
     states = "" if count is None else f", {count} distinct stiffness states"
-    return f"{period['in_periods_of_omega']:.6g} x 2 pi/Omega ({cycles}); {period['segments']} segments{states}"
+    parts = "not piecewise constant" if segments is None else f"{segments} segments{states}"
+    return f"{period['in_periods_of_omega']:.6g} x 2 pi/Omega ({cycles}); {parts}"
 
 
 def way(found: dict[str, Any]) -> str:

@@ -46,18 +46,25 @@ def command(config: Path, output: Path | None, overrides: tuple[str, ...], quiet
 
 def respond(config: Config, out: Path) -> Response | PairResponse:
     """Compute the response and write the result file ``out``; raises ConfigError and OSError."""
+    from gearstab.cli.respond_backlash import respond_backlash
     from gearstab.cli.respond_linear import result
     from gearstab.cli.respond_pair import respond_pair
+    from gearstab.config.problems import ConfigError
     from gearstab.config.respond_pair import PairRespond
+    from gearstab.response.backlash import has_backlash
     from gearstab.results import write_result
     from gearstab.systems import build
 
     if isinstance(config.respond, PairRespond):
         return respond_pair(config, config.respond, out)
     wanted, system = _wanted(config), build(config.parameters)
-    _affordable(config, wanted, system)
     try:
+        _affordable(config, wanted, system)
+        if has_backlash(system):
+            return respond_backlash(config, wanted, system, _duration(wanted, system), out)
         found = _steady(wanted, system) if wanted.steady_state else _history(wanted, system)
+    except ConfigError:
+        raise
     except ValueError as error:
         _refuse(config, "respond", str(error), "")
     out.parent.mkdir(parents=True, exist_ok=True)
@@ -104,17 +111,21 @@ def _period(wanted: Respond, system: GearSystem) -> float:
 def _duration(wanted: Respond, system: GearSystem) -> float:
     if wanted.duration is not None:
         return wanted.duration
+    if wanted.steady_state:
+        from gearstab.system import shared_period
+
+        ratios = system.frequency_ratios + [force.frequency_ratio for force in system.forces]
+        return shared_period(ratios)[1][0] * _period(wanted, system)
     return (wanted.cycles or 0.0) * _period(wanted, system)
 
 
 def _affordable(config: Config, wanted: Respond, system: GearSystem) -> None:
     """Refuse what would exhaust the memory."""
-    if wanted.steady_state:
-        return
     samples = _duration(wanted, system) / _period(wanted, system) * wanted.samples_per_cycle + 1
     numbers = samples * (2 * system.size + 2 * len(system.meshes) + 2)
     if numbers > MOST_NUMBERS:
-        path = "respond.duration" if wanted.cycles is None else "respond.cycles"
+        asked = next((key for key in ("duration", "cycles") if getattr(wanted, key) is not None), "samples_per_cycle")
+        path = f"respond.{asked}"
         message = (
             f"{samples:.3g} samples would make a file of {8e-9 * numbers:.3g} GB, more than {8e-9 * MOST_NUMBERS:g} GB"
         )
@@ -134,11 +145,15 @@ def _refuse(config: Config, path: str, message: str, hint: str) -> NoReturn:
 
 def summary(found: Response | PairResponse, out: Path) -> str:
     """What came out, in one line; a second one if the history was cut."""
+    from gearstab.cli.respond_backlash import summary as backlash_summary
     from gearstab.cli.respond_pair import summary as pair_summary
+    from gearstab.response.backlash import BacklashResponse
     from gearstab.response.pair import PairResponse
 
     if isinstance(found, PairResponse):
         return pair_summary(found, out)
+    if isinstance(found, BacklashResponse):
+        return backlash_summary(found, out)
     if found.status == "failed":
         return f"response: {out}: no steady state: a Floquet multiplier is 1; see status"
     lines = [f"response: {out}: {len(found.time):,} samples to t = {found.time[-1]:.6g}, {_long_run(found)}"]
@@ -149,7 +164,7 @@ def summary(found: Response | PairResponse, out: Path) -> str:
 
 NOTES = {
     "separation": "the force of a loaded mesh changes its sign, where teeth would separate, as they cannot here",
-    "unbalanced": "the load would accelerate the train as a whole; that part of it was left out",
+    "unbalanced": "the load accelerates the train as a whole; a steady state leaves that part of it out",
     "ill_conditioned": "the steady state is sensitive: a Floquet multiplier is near 1, or the system grows strongly",
 }
 

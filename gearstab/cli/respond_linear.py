@@ -37,7 +37,7 @@ def result(config: Config, wanted: Respond, system: GearSystem, found: Response)
         values["static_mesh_force"] = static_mesh_force(system)
     if found.drift is not None:
         values["mean_velocity"] = found.drift
-    values |= _spectral(wanted, system, found)
+    values |= spectral(wanted, system, found)
     attributes = {
         "status": found.status,
         "mesh_frequency": found.mesh_frequency,
@@ -59,7 +59,7 @@ def _comment(wanted: Respond, system: GearSystem) -> str:
     )
 
 
-def _spectral(wanted: Respond, system: GearSystem, found: Response) -> dict[str, Any]:
+def spectral(wanted: Respond, system: GearSystem, found: Response) -> dict[str, Any]:
     """Amplitudes of the harmonics of a steady state, else power spectral densities of the history."""
     from gearstab.response import harmonics
     from gearstab.response.spectra import amplitudes, densities

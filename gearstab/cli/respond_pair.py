@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from gearstab.config import Config
     from gearstab.config.respond_pair import PairRespond
-    from gearstab.response.pair import PairResponse
+    from gearstab.response.pair import PairResponse, Start
     from gearstab.results import Group, ResultTree
     from gearstab.rotating_pair import RotatingPair
 
@@ -28,18 +28,39 @@ def respond_pair(config: Config, wanted: PairRespond, out: Path) -> PairResponse
     speed = wanted.speed * pair.numbers.teeth[0]
     step = tau / speed / wanted.samples_per_cycle
     _affordable(config, wanted, speed)
-    initial = wanted.initial
+    initial, drive = wanted.initial, 0.0
+    start = Start(speed, initial.phi, initial.phi_dot, initial.theta)
+    if wanted.hold_speed:
+        start, drive = _held(config, pair, speed)
     found = respond(
         pair,
-        Start(speed, initial.phi, initial.phi_dot, initial.theta),
+        start,
         step,
         inf if wanted.duration is None else wanted.duration,
         wanted.cycles,
         MOST_SAMPLES,
+        drive,
     )
     out.parent.mkdir(parents=True, exist_ok=True)
-    write_result(out, result(config, wanted, pair, found, step))
+    tree = result(config, wanted, pair, found, step)
+    if wanted.hold_speed:
+        group = tree.groups["response"]
+        held = replace(group, attributes={**group.attributes, "holding_torque": drive})
+        tree = replace(tree, groups={**tree.groups, "response": held})
+    write_result(out, tree)
     return found
+
+
+def _held(config: Config, pair: RotatingPair, mesh_frequency: float) -> tuple[Start, float]:
+    """State and torque on the periodic orbit; raises ConfigError where there is none."""
+    from gearstab.config.problems import ConfigError, Problem
+    from gearstab.response.pair import held
+
+    try:
+        return held(pair, mesh_frequency)
+    except ValueError as error:
+        hint = "choose another speed or a smaller torque"
+        raise ConfigError([Problem(str(config.source), None, "respond.hold_speed", "", str(error), hint)]) from None
 
 
 def _affordable(config: Config, wanted: PairRespond, speed: float) -> None:
@@ -101,7 +122,8 @@ def _spectrum(wanted: PairRespond, pair: RotatingPair, found: PairResponse, step
 
     from gearstab.response.pair import SHORTEST, spectrum
 
-    history = found.phi[round(wanted.spectrum.discard * wanted.samples_per_cycle) :]
+    # The last sample is where the next period of a response that repeats itself begins.
+    history = found.phi[round(wanted.spectrum.discard * wanted.samples_per_cycle) : -1]
     if len(history) < SHORTEST:
         return {}
     part = spectrum(history, step, wanted.spectrum.window, wanted.spectrum.peaks)

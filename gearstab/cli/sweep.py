@@ -115,10 +115,9 @@ def forecast(plan: Plan, found: Estimate, target: Path) -> str:
     lines = [plan.config.title, ""]
     lines += [*table(["axis", "values", "from .. to"], axes), ""]
     lines += [*table(["method", "points", "blocks", "time", "in the file"], methods), ""]
-    for layout in plan.layouts:
-        text = layout.method.outlook(layout.options, plan.base)
-        if text is not None:
-            lines.append(f"{layout.method.name:<12}  {text}")
+    outlooks = [(layout.method.name, layout.method.outlook(layout.options, plan.base)) for layout in plan.layouts]
+    said = [f"{name}: {text}" for name, text in outlooks if text is not None]
+    lines += [*said, ""] if said else []
     lines.append(f"points        {plan.points:,} of {plan.systems:,} system{'s' * (plan.systems != 1)}")
     lines.append(
         f"time          {duration(found.seconds)} on {found.jobs} processor{'s' * (found.jobs != 1)} "

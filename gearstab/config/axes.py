@@ -28,10 +28,12 @@ class Assignment:
 
     path: keys and indices into ``Config.parameters``; ``("mesh_frequency",)`` is the mesh frequency itself.
     values: one a point of the axis: a float array, or a list where the parameter is no plain number (an exact ratio).
+    factor: of the values over those of the axis.
     """
 
     path: Path
     values: Array | list[Any]
+    factor: float = 1.0
 
     @property
     def structural(self) -> bool:

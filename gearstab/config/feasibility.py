@@ -26,12 +26,12 @@ DEFINITE_TOLERANCE = 1e-14
 
 def check(document: Document, config: Config) -> None:
     """Report what cannot exist anywhere on the grid, or at the base values where a response asks for them."""
-    # Exact ratios play no part here, and would have to be the same at all points.
-    axes = [replace(a, assignments=tuple(item for item in a.assignments if not item.structural)) for a in config.axes]
-    config = replace(config, axes=tuple(axes))
     if config.kind == "gearbox":
         check_train(document, config)
         return
+    # Exact ratios play no part here, and would have to be the same at all points.
+    axes = [replace(a, assignments=tuple(item for item in a.assignments if not item.structural)) for a in config.axes]
+    config = replace(config, axes=tuple(axes))
     for key, _ in mesh_items(config.parameters.get("meshes")):
         check_levels(document, config, key)
     if _symmetric(document, config.parameters) and config.kind == "matrices":
@@ -53,7 +53,10 @@ def _symmetric(document: Document, parameters: dict[str, Any]) -> bool:
             path: Path = ("system", *where, int(i), int(j))
             message = f"is not symmetric: entry {i}.{j} is {values[i, j]:.6g}, entry {j}.{i} is {values[j, i]:.6g}"
             full = ".".join(where)
-            _report_matrix(document, path, name, message, f"make {full}.{i}.{j} and {full}.{j}.{i} equal")
+            remedy = f"make {full}.{i}.{j} and {full}.{j}.{i} equal"
+            if parameters["kind"] == "matrices" and name != "mass":
+                remedy += ", and give the rest as terms"
+            _report_matrix(document, path, name, message, remedy)
     return good
 
 

@@ -261,7 +261,7 @@ AngularFrequency = Annotated[float, Field(gt=0), Quantity("rad/s")]
 Time = Annotated[float, Field(gt=0), Quantity("s")]
 Length = Annotated[float, Field(gt=0), Quantity("m")]
 Mass = Annotated[float, Field(gt=0), Quantity("kg")]
-ContactRatio = Annotated[float, Field(ge=1), Quantity()]
+ContactRatio = Annotated[float, Field(ge=1, le=1000), Quantity()]
 ExactRatio = Annotated[Fraction, Ratio()]
 AnyRatio = Annotated[Fraction | float, Ratio(sibling="exact")]
 """Exact unless the flag ``exact`` before it says that it is not."""

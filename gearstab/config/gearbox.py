@@ -22,8 +22,9 @@ from gearstab.config.fields import (
     Section,
     ToothCount,
 )
-from gearstab.config.gearbox_mesh import GearboxMesh
+from gearstab.config.gearbox_mesh import LUBRICATED, GearboxMesh
 from gearstab.config.mesh import Named, ToothMesh
+from gearstab.config.problems import Path
 from gearstab.config.system import System
 
 Inertia = Annotated[float, Field(gt=0), Quantity("kg m^2")]
@@ -166,7 +167,7 @@ class Input(Section):
     speed: Speed | None = Field(
         default=None,
         title="nominal speed",
-        description='Of the input rotor, for friction (rad/s, "1500 rpm"); stability maps sweep mesh_frequency.',
+        description='Of the input rotor, for friction (rad/s, "1500 rpm"); sweeps set it by the axis input_speed.',
     )
     sense: Annotated[str, Choice("sense", ("counter-clockwise", "clockwise"))] = Field(
         default="counter-clockwise", title="sense of rotation", description="Of the input rotor, seen along z."
@@ -202,12 +203,35 @@ class Gearbox(System):
     input: Input = Field(title="input", description="The rotor that is driven.")
     outputs: list[Output] = Field(default=[], title="outputs", description="The rotors that are loaded.")
 
+    damping_factor: NonNegative = Field(
+        default=1.0, title="damping factor", description="On the damping of meshes, shafts and supports (1)."
+    )
+
     @classmethod
     def size(cls, raw: dict[str, Any]) -> int | None:
         rotors = raw.get("rotors")
         if not isinstance(rotors, list) or not all(isinstance(rotor, dict) for rotor in rotors):
             return None
         return len(rotors) + 2 * sum(rotor.get("support") is not None for rotor in rotors)
+
+    @classmethod
+    def cycles_of_input(cls, raw: dict[str, Any]) -> float | None:
+        """Teeth times speed of the first mesh's driver over that of the input."""
+        from gearstab.systems.gearbox.build import Train
+
+        train = Train(raw)
+        try:
+            driver = train.meshes[0][0]
+            return train.teeth(driver) * float(abs(train.speeds[driver]))
+        except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError):
+            return 1.0  # something is wrong with the train, which is reported
+
+    @classmethod
+    def follow_speed(cls, raw: dict[str, Any]) -> list[Path]:
+        """Of ``input``, where the friction of lubricated teeth depends on it."""
+        laws = [mesh.get("friction") for _, mesh in _mappings(raw.get("meshes"))]
+        lubricated = any(isinstance(law, dict) and law.get("kind") in LUBRICATED for law in laws)
+        return [("input", "speed")] if lubricated and isinstance(raw.get("input"), dict) else []
 
     @classmethod
     def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
@@ -222,7 +246,10 @@ class Gearbox(System):
         for i, shaft in _mappings(raw.get("shafts")):
             for path, message, hint in Shaft.conflicts(shaft):
                 yield ("shafts", i, *path), message, hint
-        yield from _names(raw, {str(rotor.get("name")): rotor for _, rotor in rotors})
+        named = {str(rotor.get("name")): rotor for _, rotor in rotors}
+        yield from _names(raw, named)
+        yield from _widths(raw, named, shared)
+        yield from _lubricated(raw)
         yield from _torques(raw)
 
 
@@ -265,6 +292,34 @@ def _rotor(
         yield path, f"rotor '{name}' has no teeth", "name a gear, or give the rotor teeth"
 
 
+def _widths(raw: dict[str, Any], rotors: dict[str, dict[str, Any]], shared: set[str]) -> Iterator[Conflict]:
+    """Gears whose teeth are to give a stiffness have a face width."""
+    from gearstab.systems.gearbox.wanted import needs_width
+
+    for i, mesh in _mappings(raw.get("meshes")):
+        ends = mesh.get("gears") if isinstance(mesh.get("gears"), list) else []
+        lacking = [name for name in ends or [] if isinstance(name, str) and name in rotors]
+        lacking = [name for name in lacking if rotors[name].get("face_width") is None and "face_width" not in shared]
+        if lacking and needs_width(mesh):
+            message = f"the stiffness of its teeth depends on the face width, which '{lacking[0]}' does not have"
+            yield ("meshes", i), message, "add face_width to the gears, or mean_stiffness to the mesh"
+
+
+def _lubricated(raw: dict[str, Any]) -> Iterator[Conflict]:
+    """The friction of lubricated teeth depends on speed and load."""
+    driving = raw.get("input") if isinstance(raw.get("input"), dict) else {}
+    laws = [(i, mesh.get("friction")) for i, mesh in _mappings(raw.get("meshes"))]
+    kinds = [(i, law.get("kind")) for i, law in laws if isinstance(law, dict) and law.get("kind") in LUBRICATED]
+    for i, kind in kinds:
+        if (driving or {}).get("speed") is None:
+            message = f"{kind} friction depends on the speed, which is missing"
+            yield ("meshes", i, "friction"), message, "add speed to input, or choose constant friction"
+        outputs = [item.get("torque") for _, item in _mappings(raw.get("outputs"))]
+        if (driving or {}).get("torque") is None and all(torque is None for torque in outputs):
+            message = f"{kind} friction depends on the load, and there are no torques"
+            yield ("meshes", i, "friction"), message, "add torques to input or outputs, or choose constant friction"
+
+
 def _torques(raw: dict[str, Any]) -> Iterator[Conflict]:
     """Torques that balance: of all outputs, or of the input alone."""
     outputs = [(i, item.get("torque")) for i, item in _mappings(raw.get("outputs"))]
@@ -276,5 +331,12 @@ def _torques(raw: dict[str, Any]) -> Iterator[Conflict]:
     if given and driving is not None:
         message = "follows from the torques of the outputs"
         yield ("input", "torque"), message, "remove it, or the torques of the outputs"
+    ends = [(("outputs", i, "rotor"), item.get("rotor")) for i, item in _mappings(raw.get("outputs"))]
+    seen = {raw["input"].get("rotor"): "the input"} if isinstance(raw.get("input"), dict) else {}
+    for path, name in ends:
+        if isinstance(name, str) and name in seen:
+            yield path, f"rotor '{name}' is {seen[name]} already", "name another rotor, or add the torques up"
+        elif isinstance(name, str):
+            seen[name] = "an output"
     if driving is not None and not outputs:
         yield ("outputs",), "are missing", "name the rotors that take the torque"

@@ -19,6 +19,8 @@ FRICTIONS = {
     "benedict_kelley": ("viscosity", "roughness"),
 }
 """Laws of friction and the keys they need."""
+LUBRICATED = ("xu_kahraman", "benedict_kelley")
+"""Those that depend on speed and load."""
 
 
 class Friction(Section):
@@ -114,8 +116,16 @@ class GearboxMesh(Mesh):
                 if raw.get(key) is not None:
                     remedy = "remove it, or choose waveform: {kind: rectangular}; measured values are "
                     yield (key,), "the teeth give it", f"{remedy}single_pair_stiffness and variation"
+        if raw.get("damping_follows_stiffness") is True:
+            if raw.get("damping") is None and raw.get("damping_ratio") is None:
+                yield ("damping",), "is missing", "add damping_ratio or damping, the mean of the damping that follows"
+            if raw.get("transmission_error") is not None:
+                message = "is given, and a damping that follows the stiffness"
+                yield ("transmission_error",), message, "keep one of the two, or make the damping constant"
         for path, message, hint in TransmissionError.conflicts(raw.get("transmission_error")):
             yield ("transmission_error", *path), message, hint
+        if raw.get("friction") is not None and raw.get("backlash"):
+            yield ("backlash",), "is not available with friction between the teeth", "keep one of the two"
         if isinstance(raw.get("friction"), dict):
             for path, message, hint in Friction.conflicts(raw["friction"]):
                 yield ("friction", *path), message, hint

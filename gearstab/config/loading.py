@@ -228,7 +228,7 @@ def _read_methods(document: Document) -> Methods | None:
             if name in section and not sets_mesh_frequency(sweep):
                 document.report(("methods", name), "needs a mesh_frequency axis", remedy, at_key=True)
         # Boundaries are sought between the ends of an axis; frequencies that come with cases have none.
-        if "boundaries" in section and "mesh_frequency" not in sweep:
+        if "boundaries" in section and not {"mesh_frequency", "input_speed"} & sweep.keys():
             document.report(("methods", "boundaries"), "needs a mesh_frequency axis", remedy, at_key=True)
     return validate(document, Methods, ("methods",))
 
@@ -236,8 +236,8 @@ def _read_methods(document: Document) -> Methods | None:
 def _check_range(document: Document, axes: Sequence[Axis]) -> None:
     """Boundaries are sought over a range of the mesh frequency, so that one frequency alone holds none."""
     for axis in axes:
-        if axis.name == "mesh_frequency" and axis.span[0] == axis.span[1]:
-            path = ("sweep", "mesh_frequency")
+        if axis.name in ("mesh_frequency", "input_speed") and axis.span[0] == axis.span[1]:
+            path = ("sweep", axis.name)
             hint = "give two frequencies or more, or start and stop"
             document.report(path, "is no range, over which boundaries are sought", hint)
 
@@ -249,7 +249,7 @@ def _read_respond(
         return None
     if model is not None and model.respond_model is not None:
         return _read_pair_respond(document)
-    from gearstab.config.respond import Initial, Respond, drives
+    from gearstab.config.respond import Initial, Respond, drives, may_part
     from gearstab.config.validation import validate
 
     raw = document.data.get("system")
@@ -257,7 +257,7 @@ def _read_respond(
     size = model.size(known) if model else None
     section = document.data["respond"]
     if isinstance(section, dict):
-        for path, message, hint in Respond.conflicts(section, size, drives(known)):
+        for path, message, hint in Respond.conflicts(section, size, drives(known), may_part(known)):
             document.report(("respond", *path), message, hint)
     respond = validate(document, Respond, ("respond",))
     if respond is None or size is None:

@@ -8,12 +8,25 @@ from typing import Annotated, Any, ClassVar
 from pydantic import Field
 
 from gearstab.config.conflicts import Conflict, at_most_one, exactly_one
-from gearstab.config.fields import AnyRatio, ContactRatio, Flag, NameText, NonNegative, Number, Quantity, Section
+from gearstab.config.fields import (
+    AnyRatio,
+    Choice,
+    ContactRatio,
+    Flag,
+    NameText,
+    NonNegative,
+    Number,
+    Quantity,
+    Section,
+)
 from gearstab.config.forcing import TransmissionError
 from gearstab.config.waveforms import Form, Waveform, form_of, has_own_mean, kind_of, shape_conflicts
 
 MeshStiffness = Annotated[float, Field(gt=0), Quantity("N/m", ("N m",))]
 """Of a model in coordinates of its own, where a mesh may deflect as an angle."""
+
+ZEROS = ("middle", "drive_side")
+"""Where in its backlash the deflection of a mesh is zero."""
 
 
 class Named(Section):
@@ -65,6 +78,16 @@ class ToothMesh(Section):
         default=None,
         title="transmission error",
         description="Unloaded static transmission error e: the mesh is without force where its deflection is e (m).",
+    )
+    backlash: Annotated[float, Field(ge=0), Quantity("m")] | None = Field(
+        default=None,
+        title="backlash",
+        description="2 b, the play between the flanks along the line of action (m), for respond; none without.",
+    )
+    backlash_zero: Annotated[str, Choice("zero of the deflection", ZEROS)] = Field(
+        default="middle",
+        title="zero of the deflection in the backlash",
+        description="middle of the backlash, or drive_side: where the flank that carries the load just touches.",
     )
 
     @classmethod
@@ -133,6 +156,11 @@ class MatrixMesh(Mesh):
     )
     damping: Annotated[float, Field(ge=0), Quantity("N s/m", ("N m s",))] | None = Field(
         default=None, title="mesh damping", description="Viscous damping of the mesh deflection (N s/m or N m s/rad)."
+    )
+    backlash: Annotated[float, Field(ge=0), Quantity("m", ("rad",))] | None = Field(
+        default=None,
+        title="backlash",
+        description="2 b, the play of the mesh deflection (m, or rad of an angle), for respond; none without.",
     )
     direction: list[Annotated[float, Quantity("m")]] = Field(
         title="direction",

@@ -18,6 +18,7 @@ MOST_HARMONICS = 200
 MOST_PLANETS = 30
 
 Support = Annotated[float, Field(ge=0), Quantity("N/m")]
+BodyForce = Annotated[float, Quantity("N")]
 PressureAngle = Annotated[float, Field(gt=-1.5, lt=1.5), Quantity("rad")]
 
 
@@ -119,6 +120,16 @@ class PlanetaryMesh(ToothMesh):
     }
 
 
+class BodyLoad(Section):
+    """Constant torques on the bodies on the axis, over their base radius, of the carrier over that of the planets."""
+
+    ring: BodyForce = Field(default=0.0, title="load of the ring", description="Torque on the ring over r_r (N).")
+    carrier: BodyForce = Field(
+        default=0.0, title="load of the carrier", description="Torque on the carrier over r_c (N)."
+    )
+    sun: BodyForce = Field(default=0.0, title="load of the sun", description="Torque on the sun over r_s (N).")
+
+
 class Meshes(Section):
     """Both kinds of meshes."""
 
@@ -177,6 +188,9 @@ class Planetary(System):
     )
     pressure_angles: PressureAngles = Field(title="pressure angles", description="Of both kinds of meshes.")
     meshes: Meshes = Field(title="meshes", description="The meshes of the sun and of the ring.")
+    load: BodyLoad | None = Field(
+        default=None, title="load", description="Constant torques on ring, carrier and sun, over their radii (N)."
+    )
     phases: Phases | None = Field(
         default=None, title="mesh phases", description="When the waves of the meshes begin; or give teeth."
     )

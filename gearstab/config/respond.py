@@ -7,8 +7,9 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
-from gearstab.config.fields import AngularFrequency, Flag, Quantity, Section, Time, Whole
+from gearstab.config.fields import AngularFrequency, Flag, NonNegative, Quantity, Section, Time, Whole
 from gearstab.config.mesh import Conflict, exactly_one
+from gearstab.config.names import mesh_items
 
 
 class Initial(Section):
@@ -47,10 +48,26 @@ class Respond(Section):
     samples_per_cycle: Annotated[int, Field(ge=2, le=1_000_000), Whole()] = Field(
         default=200, title="samples per cycle", description="Stored samples in a period of the first mesh."
     )
+    discard: NonNegative | None = Field(
+        default=None,
+        title="cycles left out",
+        description="With backlash: how long, in periods of the first mesh, the motion settles before it is summed up.",
+    )
 
     @classmethod
-    def conflicts(cls, raw: dict[str, Any], size: int | None, driven: bool = False) -> Iterator[Conflict]:
-        """One length of time and an initial state of the system's size, or neither for the steady state."""
+    def conflicts(
+        cls, raw: dict[str, Any], size: int | None, driven: bool = False, parting: bool = False
+    ) -> Iterator[Conflict]:
+        """One length of time and an initial state of the system's size, or neither for the steady state.
+
+        driven: whether something drives the system; parting: whether its teeth may lose contact.
+        """
+        if raw.get("discard") is not None and not parting:
+            yield ("discard",), "no mesh has backlash", "remove it, or give a mesh backlash"
+        if raw.get("steady_state") is True and parting:
+            remedy = "give cycles, long enough for the motion to settle, and discard"
+            yield ("steady_state",), "teeth with backlash may have several", remedy
+            return
         if raw.get("steady_state") is True:
             yield from _of_steady_state(raw, driven)
             return
@@ -77,9 +94,17 @@ def _of_steady_state(raw: dict[str, Any], driven: bool) -> Iterator[Conflict]:
             yield (key,), "has no place beside steady_state", "remove it, or set steady_state: false"
 
 
+def may_part(system: dict[str, Any]) -> bool:
+    """Whether the section ``system``, as written, has a mesh with backlash."""
+    given = [mesh.get("backlash") for _, mesh in mesh_items(system.get("meshes")) if isinstance(mesh, dict)]
+    return any(value not in (None, 0, 0.0) for value in given)
+
+
 def drives(system: dict[str, Any]) -> bool:
     """Whether the section ``system``, as written, has something that drives it."""
-    meshes = system.get("meshes")
-    parts = list(meshes.values()) if isinstance(meshes, dict) else meshes if isinstance(meshes, list) else []
-    errors = any(isinstance(mesh, dict) and mesh.get("transmission_error") is not None for mesh in parts)
-    return errors or system.get("load") is not None or bool(system.get("forces"))
+    meshes = [mesh for _, mesh in mesh_items(system.get("meshes"))]
+    ends = [system.get("input"), *(system["outputs"] if isinstance(system.get("outputs"), list) else [])]
+    if any(isinstance(end, dict) and end.get("torque") is not None for end in ends):
+        return True
+    errors = any(isinstance(mesh, dict) and mesh.get("transmission_error") is not None for mesh in meshes)
+    return errors or bool(system.get("load")) or bool(system.get("forces"))

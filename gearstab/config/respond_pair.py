@@ -7,7 +7,7 @@ from typing import Annotated, Any, ClassVar
 
 from pydantic import Field
 
-from gearstab.config.fields import AngularFrequency, Choice, NonNegative, Quantity, Section, Time, Whole
+from gearstab.config.fields import AngularFrequency, Choice, Flag, NonNegative, Quantity, Section, Time, Whole
 from gearstab.config.mesh import Conflict, exactly_one
 
 LENGTHS = ("cycles", "duration", "until")
@@ -66,6 +66,11 @@ class PairRespond(Section):
     initial: PairInitial = Field(
         default=PairInitial(), title="initial state", description="phi, phi_dot and theta; default static deflection."
     )
+    hold_speed: Flag = Field(
+        default=False,
+        title="speed held",
+        description="Begin on the periodic orbit of the mean speed given, which an unbalanced torque then holds.",
+    )
     samples_per_cycle: Annotated[int, Field(ge=2, le=1_000_000), Whole()] = Field(
         default=200, title="samples per cycle", description="Stored samples in a mesh cycle at the initial speed."
     )
@@ -77,11 +82,25 @@ class PairRespond(Section):
 
     @classmethod
     def conflicts(cls, raw: dict[str, Any], system: dict[str, Any]) -> Iterator[Conflict]:
-        """One length of time; only what loses energy can stall."""
+        """One length of time; only what loses energy can stall, and only what may change its speed can be held."""
         yield from exactly_one(raw, LENGTHS)
+        if raw.get("hold_speed"):
+            yield from cls._held(raw, system)
         if raw.get("until") is None:
             return
         if system.get("formulation", "classical") != "energy_conserving":
             yield ("until",), "only the energy_conserving formulation stalls", "give cycles or duration"
         elif not system.get("damping_ratio"):
             yield ("until",), "without damping the energy is constant", "give a damping_ratio, or cycles or duration"
+
+    @staticmethod
+    def _held(raw: dict[str, Any], system: dict[str, Any]) -> Iterator[Conflict]:
+        """What contradicts a held speed."""
+        if system.get("formulation", "classical") == "classical":
+            yield ("hold_speed",), "the classical formulation keeps its speed by itself", "remove it"
+        initial = raw.get("initial")
+        # A configuration as resolved names the zeros that were not given.
+        if isinstance(initial, dict) and any(value not in (None, 0) for value in initial.values()):
+            yield ("initial",), "hold_speed begins on the periodic orbit", "remove initial or hold_speed"
+        if raw.get("until") is not None:
+            yield ("until",), "with hold_speed the gears never stall", "give cycles or duration"

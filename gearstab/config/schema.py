@@ -74,6 +74,7 @@ def _sweep() -> dict[str, Any]:
     }
     said = {
         "mesh_frequency": "Frequency of the first mesh (rad/s).",
+        "input_speed": "Of a gearbox, in place of mesh_frequency (rad/s, or with a unit such as rpm).",
         **dict.fromkeys(EVERY_MESH, "Of every mesh that has one."),
         **dict.fromkeys(BUT_THE_FIRST, "Of every mesh but the first."),
     }

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Annotated, Any
 
+import numpy as np
 from pydantic import Field
 
 from gearstab.config.axes import Assignment, Axis
@@ -15,13 +16,13 @@ from gearstab.config.expansion import Count, Edge, Expansion, Range, Spacing, ex
 from gearstab.config.fields import Section
 from gearstab.config.problems import Path, dotted, nearest
 from gearstab.config.system import System
-from gearstab.config.targets import MESH_FREQUENCY, Target, TargetError, resolve, value_at
+from gearstab.config.targets import INPUT_SPEED, MESH_FREQUENCY, Target, TargetError, resolve, value_at
 
 RESERVED = frozenset(
     (
         *("tongue", "side", "mode", "mesh", "dof", "exponent", "mode_p", "mode_q", "harmonic", "kind", "label"),
         *("growth_rate", "stable", "status", "exponent_real", "exponent_imag"),
-        *("growth_rate_mesh", "growth_rate_interval", "required_damping"),
+        *("growth_rate_mesh", "growth_rate_interval", "required_damping", "speed_exponent", "holding_torque"),
         *("center_frequency", "half_width", "boundary_frequency"),
     )
 )
@@ -113,13 +114,13 @@ class Context:
 
 def sets_mesh_frequency(section: dict[str, Any]) -> bool:
     """Whether an axis of a ``sweep`` section, in whichever form, sets the mesh frequency."""
-    name = MESH_FREQUENCY[0]
+    names = {MESH_FREQUENCY[0], INPUT_SPEED}
     for key, spec in section.items():
         tied = spec.get("targets") if isinstance(spec, dict) else None
         cases = spec if isinstance(spec, list) else []
-        if key == name or (isinstance(tied, list) and name in tied):
+        if key in names or (isinstance(tied, list) and any(name in names for name in tied if isinstance(name, str))):
             return True
-        if any(isinstance(case, dict) and name in case for case in cases):
+        if any(isinstance(case, dict) and names & case.keys() for case in cases):
             return True
     return False
 
@@ -146,6 +147,7 @@ def layouts(context: Context) -> list[Layout]:
         else:
             found.append(Layout(name, [Column(path, context.resolve(name, path))]))
     _report_rivals(document, found)
+    _report_teeth(document, found)
     return found
 
 
@@ -160,6 +162,16 @@ def _report_rivals(document: Document, found: list[Layout]) -> None:
                     message = f"sets {dotted(path)}, as {dotted(owner)} does"
                     document.report(column.path, message, "let one of the two set it", at_key=True)
                     break
+
+
+def _report_teeth(document: Document, found: list[Layout]) -> None:
+    """How many cycles of a mesh are in a turn of the input must not change from point to point."""
+    columns = [column for layout in found for column in layout.columns]
+    teeth = any(path[-1] == "teeth" for c in columns for target in c.targets for path in target.paths)
+    for column in columns:
+        if teeth and any(target.factor != 1 for target in column.targets):
+            message = "numbers of teeth vary too, which set how many mesh cycles a turn has"
+            document.report(column.path, message, "sweep mesh_frequency instead", at_key=True)
 
 
 def _named_freely(context: Context, name: str, path: Path) -> None:
@@ -311,7 +323,7 @@ def build(document: Document, layout: Layout) -> tuple[Axis, Any] | None:
         return None
     targets = [target for column in layout.columns for target in column.targets]
     assignments = tuple(
-        Assignment(path, e.values)
+        Assignment(path, e.values if target.factor == 1 else np.asarray(e.values) * target.factor, target.factor)
         for target, e in zip(targets, flat, strict=True)
         for path in target.paths
         if e.values is not None

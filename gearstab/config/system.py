@@ -11,6 +11,7 @@ from gearstab.config.damping import Damping
 from gearstab.config.fields import Flag, NonNegative, Section
 from gearstab.config.mesh import Conflict, ToothMesh
 from gearstab.config.names import mesh_items
+from gearstab.config.problems import Path
 
 if TYPE_CHECKING:
     from gearstab.config.axes import Axis
@@ -52,9 +53,21 @@ class System(Section):
         return cls
 
     @classmethod
+    def cycles_of_input(cls, raw: dict[str, Any]) -> float | None:
+        """Cycles of the first mesh in a turn of the input, None for a system without an input that turns."""
+        return None
+
+    @classmethod
+    def follow_speed(cls, raw: dict[str, Any]) -> list[Path]:
+        """Numbers of the system that are the speed of the input too."""
+        return []
+
+    @classmethod
     def unfit(cls, parameters: dict[str, Any], axes: Sequence[Axis], methods: Sequence[str]) -> Iterator[Conflict]:
         """Methods that do not apply; the paths are below ``methods``."""
-        yield from ()
+        if "response" in methods and any(mesh.get("backlash") for _, mesh in mesh_items(parameters.get("meshes"))):
+            remedy = "remove the backlash, or follow the motion at one mesh frequency with the section respond"
+            yield ("response",), "is about teeth that stay in contact, and a mesh has backlash", remedy
 
     @classmethod
     def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:

@@ -20,6 +20,8 @@ from gearstab.config.waveforms import FORMS, Waveform, has_no_ratio, kind_of
 
 MESH_FREQUENCY: Path = ("mesh_frequency",)
 """Where the mesh frequency stands, which no system has."""
+INPUT_SPEED = "input_speed"
+"""Short name of the speed of a gearbox's input, which sets the mesh frequency."""
 
 
 NOT_GIVEN = {"damping_ratio": 0.0, "damping": 0.0}
@@ -40,12 +42,14 @@ class Target:
 
     paths: where it stands below ``system``; two places for an entry of a symmetric matrix, the named one first.
     annotation: its type with unit and range; title: what it is; default: its value when not given.
+    factor: of what stands there over the number that is given.
     """
 
     paths: tuple[Path, ...]
     annotation: Any
     title: str
     default: Any = None
+    factor: float = 1.0
 
     @property
     def unit(self) -> str:
@@ -77,6 +81,9 @@ def resolve(name: str, model: type[System], raw: dict[str, Any]) -> list[Target]
     """
     if name == "mesh_frequency":
         return [Target((MESH_FREQUENCY,), AngularFrequency, "mesh frequency")]
+    if name == INPUT_SPEED and (cycles := model.cycles_of_input(raw)) is not None:
+        own = [Target((path,), AngularFrequency, "input speed") for path in model.follow_speed(raw)]
+        return [Target((MESH_FREQUENCY,), AngularFrequency, "input speed", None, cycles), *own]
     if name in EVERY_MESH + BUT_THE_FIRST and name not in model.model_fields:
         return _of_meshes(name, model, raw)
     parts = name.split(".")
@@ -204,7 +211,7 @@ def value_at(raw: Any, path: Path) -> Any:
 
 def candidates(model: type[System], raw: dict[str, Any]) -> list[str]:
     """Names that an axis may have in this system, without the entries of matrices."""
-    names = ["mesh_frequency"]
+    names = ["mesh_frequency", *([INPUT_SPEED] if model.cycles_of_input(raw) is not None else [])]
     for short in EVERY_MESH + BUT_THE_FIRST:
         try:
             _of_meshes(short, model, raw)

@@ -9,7 +9,7 @@ from pydantic import Field
 
 from gearstab.config.conflicts import Conflict
 from gearstab.config.fields import AnyRatio, ContactRatio, Flag, NameText, Number, Quantity, Section
-from gearstab.config.waveforms import Waveform, form_of, shape_conflicts
+from gearstab.config.waveforms import Waveform, form_of, kind_of, shape_conflicts
 
 OfStiffness = Annotated[float, Quantity("N/m", ("N", "N m"))]
 OfDamping = Annotated[float, Quantity("N s/m", ("N s", "N m s"))]
@@ -32,6 +32,9 @@ class Part(Section):
         if all(raw.get(key) is None for key in ("amplitude", "contact_ratio", "waveform")):
             if raw.get("mean") is None:
                 yield (), "has neither mean nor amplitude", "add mean, or amplitude and waveform"
+            return
+        if kind_of(raw.get("waveform")) == "tooth":
+            yield ("waveform", "kind"), "a term has no teeth", "choose another waveform, such as fourier or sampled"
             return
         if raw.get("amplitude") is None and form is not None and not form.own_variation:
             yield ("amplitude",), "is missing", "add amplitude: half the peak-to-peak of the variation"

@@ -21,7 +21,7 @@ def check_train(document: Document, config: Config) -> None:
     names = [axis.name for axis in axes]
     for corner in corners:
         where = ", ".join(f"{axis.name} = {axis.values[k]}" for axis, k in zip(axes, corner, strict=True))
-        chosen = dict(zip(names, map(np.asarray, corner), strict=True))
+        chosen = dict(zip(names, map(np.array, corner), strict=True))
         if not _buildable(document, config, chosen, f" (at {where})" if where else ""):
             return
 

@@ -104,6 +104,14 @@ def traces(pattern: Pattern, omega: Array, bound: float = np.inf, limit: int | N
     return rho
 
 
+def trace_change(rho: Array, other: Array, weight: float) -> tuple[Array, Array]:
+    """(change, largest) of traces, as of the NumPy kernel."""
+    fine, coarse = np.ascontiguousarray(rho), np.ascontiguousarray(other)
+    change, largest = np.empty(rho.shape[:-1]), np.empty(rho.shape[:-1])
+    _library().trace_change(change.size, rho.shape[-1], weight, fine, coarse, change, largest)
+    return change, largest
+
+
 def log_multipliers(pattern: Pattern, omega: Array, bound: float) -> Array:
     """ln lambda ``(r, P, 2n)``, imaginary parts in (-pi, pi]; NaN where an entry of M exceeds the bound."""
     with np.errstate(invalid="ignore"):

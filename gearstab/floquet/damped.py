@@ -28,17 +28,31 @@ class Generators:
     matrix: Array
 
     @cached_property
-    def eigen(self) -> tuple[Array, Array, Array]:
-        """(values ``(r, D, m)``, X, X^-1) of each state; X^-1 is meaningless where X is ill-conditioned."""
+    def _diagonal(self) -> tuple[Array, Array, Array, Array]:
+        """:attr:`eigen`, and which states ``(r, D)`` may be diagonalised."""
         values, vectors = np.linalg.eig(self.matrix)
         values, vectors = values.astype(complex), vectors.astype(complex)
-        bad = ~self._invertible(vectors)
-        return values, vectors, np.linalg.inv(np.where(bad[..., None, None], np.eye(vectors.shape[-1]), vectors))
+        try:
+            inverse = np.linalg.inv(vectors)
+        except np.linalg.LinAlgError:
+            sound = self._invertible(vectors)
+            inverse = np.linalg.inv(np.where(sound[..., None, None], vectors, np.eye(vectors.shape[-1])))
+            return values, vectors, inverse, sound
+        # The condition number in the Frobenius norm, which is never below the one that counts and far cheaper.
+        size = np.linalg.norm(vectors, axis=(-2, -1)) * np.linalg.norm(inverse, axis=(-2, -1))
+        sound = size < ILL_CONDITIONED
+        sound[~sound] = self._invertible(vectors[~sound])
+        return values, vectors, inverse, sound
 
-    @cached_property
+    @property
+    def eigen(self) -> tuple[Array, Array, Array]:
+        """(values ``(r, D, m)``, X, X^-1) of each state; X^-1 is meaningless where X is ill-conditioned."""
+        return self._diagonal[:3]
+
+    @property
     def well_conditioned(self) -> Array:
         """``(r,)``: whether all states of a row may be diagonalised."""
-        return np.all(self._invertible(self.eigen[1]), axis=-1)
+        return np.asarray(np.all(self._diagonal[3], axis=-1))
 
     @property
     def real_modes(self) -> tuple[Array, Array, Array]:

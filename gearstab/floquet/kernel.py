@@ -11,6 +11,7 @@ A kernel is a module that offers, for a pattern (:class:`~gearstab.floquet.segme
   entry of the monodromy matrix exceeds the bound;
 * ``scan_traces(pattern, omega) -> (verdict, growth, rho)``: ``scan`` and lambda + 1/lambda of all multipliers,
   ``(r, P, n)`` in no order; NaN where the monodromy matrix had to be scaled;
+* ``trace_change(rho, other, weight) -> (change, largest)``: how far two such sets of traces are apart;
 * ``scan_damped(pattern, generator, omega) -> (growth, scale)``: ln max |lambda| a common period of a damped pattern
   and the logarithm of the size of its monodromy matrix, ``(r, P)`` each;
 * ``multipliers_damped(pattern, generator, omega) -> (growth, scale, multipliers)``: the same and all multipliers over

@@ -148,6 +148,22 @@ def monodromy(pattern: Pattern, row: int | Array, omega: Array) -> tuple[Array, 
     return matrix, scale
 
 
+def trace_change(rho: Array, other: Array, weight: float) -> tuple[Array, Array]:
+    """How far the multipliers of two computations differ ``(...)``, and the size of the largest, at least 1.
+
+    rho, other: lambda + 1/lambda ``(..., n)``, in any order. From |d ln lambda| = |d rho|/|lambda - 1/lambda| = |d
+    rho|/|rho^2 - 4|^(1/2), but |d rho|^(1/2) where that is larger than the root; weighted by min(1, weight times the
+    size of the multiplier over the largest).
+    """
+    root = np.sqrt(np.abs(rho * rho - 4))
+    modulus = 0.5 * (np.abs(rho) + root)
+    largest = modulus.max(axis=-1, initial=1.0)
+    gap = np.abs(rho[..., :, None] - other[..., None, :]).min(axis=-1)
+    moved = gap / np.maximum(np.maximum(root, np.sqrt(gap)), np.finfo(float).tiny)
+    share = np.minimum(1.0, weight * modulus / largest[..., None])
+    return (moved * share).max(axis=-1, initial=0.0), largest
+
+
 def log_multipliers(pattern: Pattern, omega: Array, bound: float) -> Array:
     """ln lambda ``(r, P, 2n)`` from the eigenvalues of M; NaN where an entry of M exceeds the bound."""
     logs = np.full((*omega.shape, 2 * pattern.size), np.nan, dtype=complex)
@@ -190,13 +206,19 @@ def scan_traces(pattern: Pattern, omega: Array) -> tuple[Array, Array, Array]:
 
 
 def _traces(matrix: Array) -> Array:
-    """rho ``(P, n)`` of symplectic ``(P, 2n, 2n)``: every second one of the eigenvalues of M + M^-1, which has all
-    twice; those of multipliers near the circle are sorted along the real axis, where they lie.
-    """
+    """rho ``(P, n)`` of symplectic ``(P, 2n, 2n)``: the eigenvalues of M + M^-1, which has each twice."""
     n = matrix.shape[-1] // 2
     j = np.block([[np.zeros((n, n)), np.eye(n)], [-np.eye(n), np.zeros((n, n))]])
-    values = np.linalg.eigvals(matrix - j @ np.swapaxes(matrix, -1, -2) @ j).astype(complex)
-    return np.sort_complex(values)[:, ::2]
+    left = np.linalg.eigvals(matrix - j @ np.swapaxes(matrix, -1, -2) @ j).astype(complex)
+    each, result = np.arange(len(matrix)), np.empty((len(matrix), n), dtype=complex)
+    for k in range(n):
+        # One of the first and whatever is nearest to it.
+        twin = 1 + np.abs(left[:, 1:] - left[:, :1]).argmin(axis=1)
+        result[:, k] = left[:, 0]
+        kept = np.ones(left.shape, dtype=bool)
+        kept[:, 0] = kept[each, twin] = False
+        left = left[kept].reshape(len(matrix), -1)
+    return result
 
 
 def scan(pattern: Pattern, omega: Array) -> tuple[Array, Array]:

@@ -15,12 +15,16 @@ level was stable too are marked. In a primary tongue of first order, Omega = 2 w
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from gearstab.floquet import damped, kernel
 from gearstab.floquet.blocks import Block, split
+from gearstab.floquet.magnus.schemes import CF6_5
+from gearstab.floquet.magnus.solve import split_pattern, within
+from gearstab.floquet.magnus.steps import Division, divisions
 from gearstab.floquet.reduction import Elastic
 from gearstab.floquet.segments import Pattern, prepare
 from gearstab.floquet.solution import DAMPED_ON_CIRCLE, Part, solved
@@ -40,6 +44,12 @@ ROUNDS = 100
 """Steps of the root finding at most; every third one halves the bracket."""
 POINTS_AT_ONCE = 4096
 """Points of the root finding treated side by side."""
+RESOLVED = 1e-8
+"""Error of the growth a period, where it is propagated in Magnus steps."""
+MOST_HALVINGS = 6
+"""Of the Magnus steps."""
+ROWS_AT_ONCE = 32
+"""Rows that Magnus steps are made of side by side."""
 
 
 @dataclass(frozen=True)
@@ -63,31 +73,64 @@ def required_damping(
 
     Parameters
     ----------
-    system: any batch shape, piecewise constant, with a common period.
+    system: any batch shape, with a common period and without periodic terms beside the mesh stiffness.
     mesh_frequency: Omega, ``(P,)`` for all rows or ``(rows, P)``.
     of: ``damping_ratio``: one ratio for all modes of the mean system, in place of the damping that it has; ``factor``:
         on that damping.
     largest: damping at which the search ends.
     tolerance: of the value, relative. It is rounded up to the stable side.
 
-    Raises ValueError for a factor on no damping, and for a system that has no segments of constant stiffness.
+    Raises ValueError for a factor on no damping, and for periodic terms.
     """
+    if system.terms:
+        raise ValueError("periodic terms beside the mesh stiffness are not supported here")
     rows = int(np.prod(system.batch, dtype=int))
     omega = np.atleast_1d(np.asarray(mesh_frequency, dtype=float))
     omega = np.broadcast_to(omega, (rows, omega.shape[-1]))
     value, status = np.zeros(omega.shape), np.zeros(omega.shape, dtype=np.int16)
     levels = np.append(0.0, (largest or LARGEST[of]) * 0.5 ** np.arange(LEVELS - 1, -1, -1))
-    for pattern in prepare(unit(system, of)):
-        for block in split(pattern):
-            if block.pattern.size == 0:
-                continue
-            index = block.pattern.rows
-            search = _Search(block, omega[index] / block.pattern.elastic.rate[:, None])
-            found, flags = search.zeros(levels, tolerance)
-            # NaN, nothing found, prevails.
-            value[index] = np.maximum(value[index], found)
-            status[index] |= flags
+    for block in (_exact if system.piecewise_constant else _smooth)(unit(system, of), omega, levels[1]):
+        index = block.pattern.rows
+        search = _Search(block, omega[index] / block.pattern.elastic.rate[:, None])
+        found, flags = search.zeros(levels, tolerance)
+        # NaN, nothing found, prevails.
+        value[index] = np.maximum(value[index], found)
+        status[index] |= flags
     return RequiredDamping(value, status)
+
+
+def _exact(system: GearSystem, omega: Array, level: float) -> Iterator[Block]:
+    """The blocks of a piecewise constant system."""
+    for pattern in prepare(system):
+        yield from (block for block in split(pattern) if block.pattern.size)
+
+
+def _smooth(system: GearSystem, omega: Array, level: float) -> Iterator[Block]:
+    """The blocks of any other system, in Magnus steps that are short enough for its growth at a level of damping."""
+    for division in divisions(system):
+        for begin in range(0, len(division.rows), ROWS_AT_ONCE):
+            part = division.subset(np.arange(begin, min(begin + ROWS_AT_ONCE, len(division.rows))))
+            for block in split(split_pattern(part)):
+                if block.pattern.size == 0:
+                    continue
+                still = block.constant or bool(part.constant.all())
+                yield block if still else replace(block, pattern=_resolved(within(part, block), omega, level))
+
+
+def _resolved(division: Division, omega: Array, level: float) -> Pattern:
+    """A division in steps of which half as long ones change no growth a period by more than RESOLVED."""
+    own = omega[division.rows] / division.elastic.rate[:, None]
+    factor = np.full(len(division.rows), level)
+    pattern = division.pattern(CF6_5, 0)
+    growth = growth_of(scaled(pattern, factor), own)
+    for resolution in range(2, 2 * MOST_HALVINGS + 1, 2):
+        before = growth
+        pattern = division.pattern(CF6_5, resolution)
+        growth = growth_of(scaled(pattern, factor), own)
+        # Steps of order six: the finer ones are 64 times as good as the difference tells.
+        if np.all(np.abs(growth - before) <= 64 * RESOLVED):
+            break
+    return pattern
 
 
 def unit(system: GearSystem, of: str) -> GearSystem:

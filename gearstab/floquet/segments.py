@@ -78,6 +78,10 @@ class Pattern:
         inverse, basis: ``(r, D, m, m)``, of each state.
         """
         count = basis.shape[1]
+        if count == len(self.states):
+            # Every segment has its own state, as Magnus steps have: nothing comes twice.
+            following = np.append(self.states[1:], self.states[:1])
+            return inverse.take(following, axis=1) @ basis.take(self.states, axis=1), np.arange(count)
         pairs, index = np.unique(np.roll(self.states, -1) * count + self.states, return_inverse=True)
         return inverse.take(pairs // count, axis=1) @ basis.take(pairs % count, axis=1), index
 

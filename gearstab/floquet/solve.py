@@ -27,8 +27,9 @@ class Floquet:
     exponents ``(rows, P, 2n)`` complex or None: all characteristic exponents ln(lambda)/T over the common period T,
     rigid-body modes included, imaginary parts in (-pi/T, pi/T], by descending real part.
     kernel: which kernel ran.
-    error_estimate ``(rows, P)`` or None: estimated error of the multipliers, relative to the largest one or 1 (so that
-    of growth_rate is at most this over T); None where the propagation is exact and all error is rounding.
+    error_estimate ``(rows, P)`` or None: the largest error of all multipliers, relative to the largest of them or 1, as
+    estimated; None where the propagation is exact and all error is rounding. Where the largest multiplier is not below
+    1, growth_rate T is wrong by no more than this.
     """
 
     growth_rate: Array

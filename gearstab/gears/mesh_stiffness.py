@@ -89,7 +89,7 @@ class MeshStiffness:
     @cached_property
     def waveform(self) -> Tooth:
         """w with k = mean [1 + 2 epsilon w]."""
-        return Tooth(self.curve)
+        return Tooth(self.curve, self.pair.contact_ratio)
 
     @property
     def mean(self) -> float:

@@ -13,6 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
+from gearstab.perturbation.tongues import Excitation
 from gearstab.system import Array, GearSystem, Mesh, shared_period
 
 HIGHEST = 2048
@@ -33,22 +34,34 @@ SMALL_QUOTIENT = 64
 class Family:
     """Meshes of commensurate frequencies.
 
-    base: b. members: numbers (from 0) of the meshes. cycles: their N_i = r_i/b.
+    base: b. exact: whether b is a rational number. members: numbers (from 0) of the meshes. cycles: their N_i = r_i/b.
     """
 
     base: float
+    exact: bool
     members: tuple[int, ...]
     cycles: tuple[int, ...]
 
-    def number_of(self, mesh: int, harmonic: int) -> int:
-        """k of a harmonic of a mesh."""
-        return harmonic * self.cycles[self.members.index(mesh)]
+    def holds(self, excitation: Excitation) -> bool:
+        """Whether the frequency of an excitation is a multiple of the base frequency."""
+        if excitation.parts:
+            return excitation.parts[0][0] in self.members
+        return self.exact and isinstance(excitation.ratio, Fraction)
+
+    def number(self, excitation: Excitation) -> int:
+        """k of an excitation."""
+        return round(float(excitation.ratio) / self.base)
 
     def lattice(self, first: int, last: Sequence[int]) -> Array:
         """All k = +- s N_i with |k| > ``first`` and s <= ``last`` of each mesh, ascending."""
         found = [n * np.arange(first // n + 1, s + 1) for n, s in zip(self.cycles, last, strict=True)]
         positive = np.unique(np.concatenate(found))
         return np.concatenate([-positive[::-1], positive])
+
+    def excites(self, k: Array) -> Array:
+        """Whether a k is a harmonic of any member."""
+        found: Array = np.any([k % cycles == 0 for cycles in dict.fromkeys(self.cycles)], axis=0)
+        return found
 
     def near(self, position: Array, cycles: int) -> tuple[Array, Array]:
         """The multiples of ``cycles`` around a position."""
@@ -71,8 +84,9 @@ def families(system: GearSystem) -> tuple[Family, ...]:
     result = []
     for family in gathered:
         period, cycles = shared_period([quotient for _, quotient in family])
-        base = float(ratios[family[0][0]] / period)
-        result.append(Family(base, tuple(i for i, _ in family), cycles))
+        reference = ratios[family[0][0]]
+        base, exact = float(reference / period), isinstance(reference, Fraction)
+        result.append(Family(base, exact, tuple(i for i, _ in family), cycles))
     return tuple(result)
 
 
@@ -157,19 +171,31 @@ class Excited:
         return {}
 
     def _sums(self, family: Family, first: int, shift: int, powers: int) -> Array:
-        k = family.lattice(first, [max(s, first // n) for s, n in zip(self.last(family), family.cycles, strict=True)])
-        last = [n * s for n, s in zip(family.cycles, self.last(family), strict=True)]
-        ends = np.minimum.outer(last, last)
-        weights = {int(end): self._weights(k, first, int(end), powers) for end in np.unique(ends)}
+        members = range(len(family.members))
+        total = np.zeros((len(self.strength), len(members), len(members), powers), dtype=complex)
+        for m in members:
+            for j in members:
+                i, cycles = family.members[m], family.cycles[m]
+                last = [cycles * self.highest[i], family.cycles[j] * self.highest[family.members[j]]]
+                k = cycles * np.arange(-self.highest[i], self.highest[i] + 1)
+                k = k[(np.abs(k) > first) & ((k + shift) % family.cycles[j] == 0) & (np.abs(k + shift) <= last[1])]
+                if len(k):
+                    weights = self._weights(k, first, min(last), powers)
+                    total[:, m, j] = self._products(
+                        i, k // cycles, family.members[j], (k + shift) // family.cycles[j], weights
+                    )
+        return total
+
+    def _products(self, i: int, order: Array, j: int, other: Array, weights: Array) -> Array:
+        """sum conj z_i(s) z_j(t) times weights ``(k, powers)``, s = ``order`` and t = ``other``, ``(k,)`` each."""
         found = []
         for start in range(0, len(self.strength), ROWS):
-            some = self.rows(slice(start, start + ROWS))
-            one, other = np.conj(some.coefficients(family, k)), some.coefficients(family, k + shift)
-            total = np.zeros((len(one), *ends.shape, powers), dtype=complex)
-            for end, weight in weights.items():
-                for m, j in np.argwhere(ends == end):
-                    total[:, m, j] = (one[:, m] * other[:, j]) @ weight
-            found.append(total)
+            some = slice(start, start + ROWS)
+            one, two = (self.tables[mesh][some, np.abs(s)] for mesh, s in ((i, order), (j, other)))
+            # conj z_i z_j, with z at -s the conjugate of z at s.
+            one[:, order > 0] = np.conj(one[:, order > 0])
+            two[:, other < 0] = np.conj(two[:, other < 0])
+            found.append((one * two) @ weights)
         return np.concatenate(found)
 
     @staticmethod

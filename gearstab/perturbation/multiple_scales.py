@@ -28,7 +28,9 @@ Weights = list[tuple[int, Array, Array]]
 """For every mesh that contributes to an excitation: its number, epsilon k_g and z exp(-2 pi i s lag), ``(rows,)``."""
 
 
-def first_order(system: GearSystem, harmonics: int, modes: Sequence[int] | None = None) -> Tongues:
+def first_order(
+    system: GearSystem, harmonics: int, modes: Sequence[int] | None = None, further: Sequence[Excitation] = ()
+) -> Tongues:
     """First-order boundaries of all instability regions.
 
     With z_i^(s) = (b_i^(s) - i a_i^(s)) exp(-2 pi i s lag_i), the mesh harmonics that share a frequency nu add up to
@@ -51,6 +53,7 @@ def first_order(system: GearSystem, harmonics: int, modes: Sequence[int] | None 
     harmonics: excitation frequencies up to this harmonic of each mesh.
     modes: numbers (from 1) of the modes to pair; default all that are not rigid-body modes in at least one row. Give
         them where several blocks of rows must have one list of tongues.
+    further: excitation frequencies to add to those.
 
     Returns
     -------
@@ -64,7 +67,7 @@ def first_order(system: GearSystem, harmonics: int, modes: Sequence[int] | None 
     if modes is None:
         modes = [int(p) + 1 for p in np.flatnonzero(np.any(modal.frequency != 0, axis=0))]
     pairs = [(p, q) for k, p in enumerate(modes) for q in modes[k:]]
-    forces = excitations(system, harmonics)
+    forces = (*excitations(system, harmonics), *further)
     place = {(p - 1, q - 1): k for k, (p, q) in enumerate(pairs)}
     center, width, threshold = np.full((3, len(forces), len(pairs), len(modal.frequency)), np.nan)
     for rows, groups in partitions(modal.frequency):

@@ -8,7 +8,7 @@ order,
 
 n = 0 is a shift of frequency, n != 0 a coupling of p at w with q at w - n beta through products of harmonics. The terms
 in resonance, k = -n with r in the other group, are left out: they are what the reduced problem keeps. The terms
-fall as k^-4 for waves with jumps and faster for others. They are added up to a k at which 3 (w + w_r) < k beta, and
+fall as k^-4 for waves with jumps and faster for others. They are added up to a k at which 3.5 (w + w_r) < k beta, and
 beyond that as a power series in 1/k whose coefficients are sums of Fourier coefficients alone, once for all modes:
 
     1/(w_r^2 - (w + k beta)^2) = -(k beta)^-2 sum_q c_q k^-q,    c_q = -2 x c_(q-1) - (x^2 - y^2) c_(q-2)
@@ -25,12 +25,12 @@ import numpy as np
 from gearstab.perturbation.harmonics import HIGHEST, ROUNDING, Excited, Family
 from gearstab.system import Array
 
-POWERS = 9
+POWERS = 12
 """Terms of the series in 1/k."""
-LEAST = 64
+LEAST = 32
 """Harmonics of the slowest mesh that are always added one by one."""
-FACTOR = 3.0
-"""The series starts where k beta is this many times w + w_r: 3^-9 of the rest of 1e-6 remains."""
+FACTOR = 3.5
+"""The series starts where k beta is this many times w + w_r: 13 * 3.5^-12 of the rest of 1e-5 remains."""
 HALF = 0.5
 """Modes so stiff that they would need more harmonics than there are (see LONGEST) have no series beyond this part."""
 LONGEST, SHORTEST = HIGHEST, 256
@@ -119,10 +119,15 @@ def _chunks(excited: Excited, family: Family, which: Array, last: int, n: int) -
 def _direct(excited: Excited, family: Family, squared: Array, pairs: Pairs, last: int) -> tuple[Array, Array]:
     """The terms with |k| <= ``last`` one by one: their sum, and the sum of their magnitudes."""
     k = family.lattice(0, [last // n for n in family.cycles])
+    k = k[family.excites(k + pairs.number)]
     receptance = _receptance(squared, pairs, k, family.base)
     p, own = np.unique(pairs.p, return_inverse=True)
     q, other = np.unique(pairs.q, return_inverse=True)
-    left, right = excited.matrices(family, k, p), excited.matrices(family, k + pairs.number, q)
+    left = excited.matrices(family, k, p)
+    if pairs.number == 0 and np.array_equal(pairs.p, pairs.q):
+        terms = receptance * (left.real**2 + left.imag**2)[:, own]
+        return terms.sum(axis=(-2, -1)), np.abs(terms).sum(axis=(-2, -1))
+    right = excited.matrices(family, k + pairs.number, q)
     terms = receptance * np.conj(left[:, own]) * right[:, other]
     return terms.sum(axis=(-2, -1)), np.abs(terms).sum(axis=(-2, -1))
 

@@ -20,7 +20,8 @@ from gearstab.system import Array, GearSystem
 class Excitation:
     """One frequency of parametric excitation, nu = ratio * Omega, and all the mesh harmonics that share it.
 
-    parts: pairs (mesh number from 0, harmonic s_i) with s_i r_i = ratio, in the order of the meshes.
+    parts: pairs (mesh number from 0, harmonic s_i) with s_i r_i = ratio, in the order of the meshes; none for sums and
+        differences of harmonics of different meshes, which act in second and higher order of epsilon only.
     """
 
     ratio: Fraction | float
@@ -32,8 +33,8 @@ class Tongue:
     """Identity of a tongue: nu = frequency_ratio * Omega near w_p + w_q.
 
     mode_p, mode_q: mode numbers from 1, by ascending natural frequency; p <= q.
-    harmonic: s of the first contributing mesh.
-    mesh: names of the contributing meshes, joined by ``+``.
+    harmonic: s of the first contributing mesh; 0 where no mesh has a harmonic of that frequency.
+    mesh: names of the contributing meshes, joined by ``+``; all of them where none has that frequency.
     kind: see :func:`kind_of`. label: see :func:`label_of`.
     frequency_ratio: nu/Omega.
     """
@@ -161,6 +162,23 @@ def excitations(system: GearSystem, harmonics: int) -> tuple[Excitation, ...]:
     return tuple(Excitation(nu, sharing(system, nu)) for nu in found)
 
 
+def products(system: GearSystem, harmonics: int) -> tuple[Excitation, ...]:
+    """Every nu = |s_i r_i +- s_j r_j| Omega with s_i + s_j <= ``harmonics`` that is no harmonic of a mesh, each once.
+
+    Of meshes whose frequencies differ by an exact ratio; these frequencies excite in second order of epsilon.
+    """
+    ratios = list(dict.fromkeys(m.frequency_ratio for m in system.meshes if isinstance(m.frequency_ratio, Fraction)))
+    found = {
+        abs(s * one + sign * t * other)
+        for k, one in enumerate(ratios)
+        for other in ratios[:k]
+        for s in range(1, harmonics)
+        for t in range(1, harmonics - s + 1)
+        for sign in (-1, 1)
+    }
+    return tuple(Excitation(nu, ()) for nu in sorted(found) if nu and not sharing(system, nu))
+
+
 def sharing(system: GearSystem, ratio: Fraction | float) -> tuple[tuple[int, int], ...]:
     """Pairs (mesh from 0, harmonic s) of all meshes that have a harmonic at the frequency ratio * Omega."""
     order = [(i, mesh.frequency_ratio, round(ratio / mesh.frequency_ratio)) for i, mesh in enumerate(system.meshes)]
@@ -188,13 +206,25 @@ def label_of(p: int, q: int, harmonic: int) -> str:
     return times if factor.denominator == 1 else f"{times}/{factor.denominator}"
 
 
+def _label_at(p: int, q: int, ratio: Fraction) -> str:
+    """Omega at the root: ``3(w1+w2)/2``, ``6w2/5``."""
+    times = (2 if p == q else 1) / ratio
+    total = f"w{p}" if p == q else f"(w{p}+w{q})"
+    factor = "" if times.numerator == 1 else str(times.numerator)
+    return f"{factor}{total}" + ("" if times.denominator == 1 else f"/{times.denominator}")
+
+
 def tongue(system: GearSystem, excitation: Excitation, p: int, q: int) -> Tongue:
     """The tongue of modes p <= q (from 1) under one excitation.
 
     Its harmonic, kind and label refer to the first contributing mesh. Where that mesh runs at another frequency than
     the first mesh of the system, the label names the contributing meshes: ``2w3 (second)`` is where the second mesh's
-    frequency is 2 w3.
+    frequency is 2 w3. Where no mesh has that frequency, it gives Omega itself: ``6w2/5``.
     """
+    if not excitation.parts:
+        everything = "+".join(mesh.name for mesh in system.meshes)
+        label = _label_at(p, q, Fraction(excitation.ratio))
+        return Tongue(p, q, 0, everything, kind_of(p, q, 0), label, float(excitation.ratio))
     first, harmonic = excitation.parts[0]
     mesh = "+".join(system.meshes[i].name for i, _ in excitation.parts)
     label = label_of(p, q, harmonic)

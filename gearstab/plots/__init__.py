@@ -34,6 +34,7 @@ KINDS: dict[str, Kind] = {
     "modes": Kind("gearstab.plots.modes", "modes: bodies of a planetary gear displaced, charts of other systems"),
     "speeds": Kind("gearstab.plots.speeds", "load factor or mesh force of the steady state over the mesh frequency"),
     "spectrum": Kind("gearstab.plots.spectrum", "spectra of a response"),
+    "pair": Kind("gearstab.plots.pair", "deflection, energy and spectrum of a gear pair given by its gears"),
     "response": Kind("gearstab.plots.response", "displacements and mesh forces over time"),
     "work-precision": Kind("gearstab.plots.work_precision", "time against error of the methods of a benchmark"),
 }
@@ -42,15 +43,17 @@ KINDS: dict[str, Kind] = {
 def default_kind(tree: xr.DataTree, request: Request) -> str:
     """The kind that suits what the result holds and what is selected.
 
-    Time histories: response; benchmarks: work-precision; neither, and no axes: modes. Required damping without growth
-    rates: that. Uncoupled modes or a third axis of labels: boundaries, which compare. Growth rates over one axis:
-    curve, over two: map, over more: slices. Boundaries alone: surface over two long axes, else boundaries.
+    Time histories: response, of a gear pair: pair; benchmarks: work-precision; neither, and no axes: modes. Required
+    damping without growth rates: that. Uncoupled modes or a third axis of labels: boundaries, which compare. Growth
+    rates over one axis: curve, over two: map, over more: slices. Boundaries alone: surface over two long axes, else
+    boundaries.
     """
     from gearstab.plots.axes import FREQUENCY, find_axis, sweep_axes
 
     axes = sweep_axes(tree)
     if not axes and "response" in tree.children:
-        return "response"
+        chosen = request.variable is not None or request.select
+        return "pair" if "phi" in tree["response"].data_vars and not chosen else "response"
     if not axes and "bench" in tree.children:
         return "work-precision"
     if not axes and "modes" in tree.children:
@@ -68,6 +71,8 @@ def default_kind(tree: xr.DataTree, request: Request) -> str:
         return "required-damping"
     if request.variable is not None or (growth and not lines):
         return {0: "curve", 1: "curve", 2: "map"}.get(len(free), "slices")
+    if "response" in held and not growth:
+        return "map"
     if not growth:
         return "surface" if len(numeric) == len(parameters) == 2 and min(a.size for a in numeric) > 6 else "boundaries"
     compares = len(numeric) == 1 and ("uncoupled" in held or len(parameters) == 2)

@@ -77,7 +77,8 @@ def mark_modes(tree: xr.DataTree, axes: list[Axes], end: float) -> list[Any]:
     if "modes" not in tree.children or "natural_frequency" not in tree["modes"].data_vars:
         return []
     found, last = [], -np.inf
-    for number, frequency in enumerate(tree["modes"]["natural_frequency"].values, start=1):
+    frequencies = tree["modes"].to_dataset()["natural_frequency"].values
+    for number, frequency in enumerate(frequencies, start=1):
         if not 0 < frequency < end:
             continue
         for ax in axes:

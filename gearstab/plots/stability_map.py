@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
-from matplotlib.colors import Colormap, Normalize
+from matplotlib.colors import Colormap, LogNorm, Normalize
 from matplotlib.figure import Figure
 
 from gearstab.plots import grid, names, tongues
@@ -21,6 +21,11 @@ Array = np.ndarray
 Artists = dict[str, Any]
 
 GROWTH_RATE = "growth_rate"
+LOAD_FACTOR = "dynamic_load_factor"
+WIDE = 30
+"""Values that differ by more than this factor are coloured by their logarithms."""
+MOST = 1000
+"""Larger ones, beside a single point of resonance, share the last colour."""
 
 
 def find_variable(tree: xr.DataTree, name: str) -> tuple[xr.Dataset, xr.DataArray]:
@@ -38,13 +43,25 @@ def find_variable(tree: xr.DataTree, name: str) -> tuple[xr.Dataset, xr.DataArra
     raise PlotError(f"no variable {name!r} to draw in this result; there is {listed(dict.fromkeys(known))}")
 
 
+def default_variable(tree: xr.DataTree) -> str:
+    """Growth rates, or the load factor where only steady states were computed."""
+    held = swept_groups(tree)
+    return LOAD_FACTOR if "response" in held and "floquet" not in held else GROWTH_RATE
+
+
 def read_cells(tree: xr.DataTree, view: View, variable: str) -> tuple[Array, Array]:
-    """(values, failed), both ``(y.size, x.size)``: values of stable points are masked in a map of growth rates."""
+    """(values, failed), both ``(y.size, x.size)``.
+
+    Masked are the values of stable points in a map of growth rates, and of unstable ones in one of steady states.
+    """
     assert view.y is not None
     dataset, data = find_variable(tree, variable)
     dims = view.y.name, view.x.name
     values = view.cut(data, *dims).astype(float)
     failed = ~np.isfinite(values) if data.dims == dataset.get("status", data).dims else np.zeros(values.shape, bool)
+    if LOAD_FACTOR in dataset.data_vars and variable != "status":
+        repels = view.cut(dataset["status"], *dims).astype(int) & 1 != 0
+        return np.ma.masked_where(repels | ~np.isfinite(values), values), ~np.isfinite(values) & ~repels
     if variable != GROWTH_RATE:
         return np.ma.masked_invalid(values), failed
     stable = values <= 0
@@ -60,6 +77,8 @@ def colours(values: Array, variable: str) -> tuple[Colormap, Normalize]:
     low, high = (float(shown.min()), float(shown.max())) if shown.size else (0.0, 0.0)
     if variable == GROWTH_RATE:
         low = 0.0
+    elif low > 0 and high > WIDE * low:
+        return GROWTH, LogNorm(low, min(high, MOST * low))
     return GROWTH, Normalize(low, high if high > low else low + 1.0)
 
 
@@ -135,7 +154,7 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
 
     Raises PlotError if an axis is left over, naming it and its values.
     """
-    variable = request.variable or GROWTH_RATE
+    variable = request.variable or default_variable(tree)
     dataset, data = find_variable(tree, variable)
     view = view_of(tree, map(str, data.dims), request, dataset)
     if view.free:
@@ -144,8 +163,9 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     figure = new_figure(request.size or "single", 0.78 if (request.size or "single") == "single" else 0.52, request.dpi)
     ax = figure.add_subplot()
     artists = draw_map(tree, ax, view, variable)
+    white = ", white where unstable" if LOAD_FACTOR in dataset and artists["cells"].get_array().mask.any() else ""
     bar = figure.colorbar(
-        artists["cells"], ax=ax, label=fitted(colour_label(tree, variable), 1.8, 8.5), pad=0.02, aspect=28
+        artists["cells"], ax=ax, label=fitted(colour_label(tree, variable) + white, 1.8, 8.5), pad=0.02, aspect=28
     )
     bar.outline.set_linewidth(0.5)
     artists["colour_bar"] = bar

@@ -1,21 +1,24 @@
 """Maps of the state over intervals of time, x -> P x + p, for many points at once.
 
 Where everything is constant between jumps the equation x' = A x + B z(t), z' = R z with R the rotations of the
-harmonics, is linear with constant coefficients: one exponential of [[A, B], [0, R]] is exact, at resonance too. Smooth
-functions are taken in steps of the sixth-order Magnus expansion of [[A(t), B(t) z(t)], [0, 0]] (Blanes, Casas, Oteo &
-Ros 2009, section 5).
+harmonics, is linear with constant coefficients: the exponential of [[A, B], [0, R]] is exact, at resonance too. It is
+formed from the eigenvectors of A, which serve all mesh frequencies, or as a whole where these are ill-conditioned.
+Smooth functions are taken in steps of the sixth-order Magnus expansion of [[A(t), B(t) z(t)], [0, 0]] (Blanes, Casas,
+Oteo & Ros 2009, section 5).
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
 from gearstab.floquet.general import magnus
 from gearstab.floquet.general.exponential import expm
 from gearstab.response.basis import Basis
+from gearstab.response.eigen import Eigen, diagonalised
 from gearstab.response.excitation import Excitation
 from gearstab.system import Array
 
@@ -33,6 +36,7 @@ class Points:
     excitation: of all rows of the system; basis: of some of them.
     at: ``(K,)``, positions among the basis's rows;  omega: ``(K,)``, Omega.
     steps: Magnus steps in an interval between edges (of no effect where all is piecewise constant).
+    known: eigenvectors that were found already, for all points of a basis.
     """
 
     excitation: Excitation
@@ -40,6 +44,19 @@ class Points:
     at: Array
     omega: Array
     steps: int = 1
+    known: dict[bytes, Eigen | None] = field(default_factory=dict, repr=False)
+
+    def eigen(self, values: Array, generators: Array) -> Eigen | None:
+        """The eigenvectors of the generators ``(r, m, m)`` that belong to values ``(r, J)``, found once for all."""
+        key = self.excitation.split(values)[1].tobytes()
+        if key not in self.known:
+            self.known[key] = diagonalised(generators)
+        return self.known[key]
+
+    @cached_property
+    def middles(self) -> Array:
+        """``(Q, r, J)``, the varying functions in the middle of every interval."""
+        return self.values(0.5 * (self.edges[:, 1:] + self.edges[:, :-1]).T)
 
     @property
     def edges(self) -> Array:
@@ -68,61 +85,72 @@ class Points:
         inlet = self.basis.inlet
         return self.basis.generator(inner), inlet @ force, inlet @ excitation.force_of_rates[rows]
 
-    def subset(self, chosen: Array) -> Points:
-        """Some of the points."""
-        return Points(self.excitation, self.basis, self.at[chosen], self.omega[chosen], self.steps)
-
 
 class Exact:
     """Propagation through one interval ``q`` between neighbouring edges, everything constant."""
 
     def __init__(self, points: Points, q: int) -> None:
         begin, end = points.edges[:, q], points.edges[:, q + 1]
-        a, constant, rates = points.inputs(points.values(0.5 * (begin + end)[None]))
-        excitation, at = points.excitation, points.at
-        m, width = points.basis.size, excitation.width
-        length = (end - begin)[at]
-        duration = (length * points.period)[:, None, None]
-        self.size = m
-        self.start = excitation.z(begin)[at]
-        drive = constant[0][at] + points.omega[:, None, None] * rates[at]
-        size = _size(drive)
-        self.start *= size
-        self.generator = np.zeros((len(at), m + width, m + width))
-        self.generator[:, :m, :m] = a[0][at] * duration
-        self.generator[:, :m, m:] = drive * duration / size[:, :, None]
-        turn = 2 * np.pi * length[:, None] * excitation.harmonics
-        cosine = m + 1 + 2 * np.arange(len(excitation.harmonics))
-        self.generator[:, cosine, cosine + 1] = -turn
-        self.generator[:, cosine + 1, cosine] = turn
+        values = points.middles[q, None]
+        a, constant, rates = points.inputs(values)
+        at = points.at
+        self.points, self.a = points, a[0]
+        self.begin, self.length = begin[at], (end - begin)[at]
+        self.duration = self.length * points.period
+        self.drive = constant[0][at] + points.omega[:, None, None] * rates[at]
+        self.turn = 2 * np.pi * self.length[:, None] * points.excitation.harmonics
+        self.eigen = points.eigen(values[0], self.a)
+
+    @cached_property
+    def _generator(self) -> tuple[Array, Array]:
+        """[[A, B], [0, R]] times the duration ``(K, m + L, m + L)``, B divided by the numbers ``(K, 1)``."""
+        size, m, width = _size(self.drive), self.a.shape[-1], self.drive.shape[-1]
+        whole = np.zeros((len(size), m + width, m + width))
+        whole[:, :m, :m] = self.a[self.points.at] * self.duration[:, None, None]
+        whole[:, :m, m:] = self.drive * self.duration[:, None, None] / size[:, :, None]
+        cosine = m + 1 + 2 * np.arange(self.turn.shape[1])
+        whole[:, cosine, cosine + 1], whole[:, cosine + 1, cosine] = -self.turn, self.turn
+        return whole, size
+
+    def _propagators(self, fractions: Array) -> Iterator[tuple[Array, Array]]:
+        """(P, F) over parts of the interval, x -> P x + F z."""
+        if self.eigen is not None:
+            for part in fractions:
+                yield self.eigen.propagators(self.points.at, part * self.duration, self.drive, part * self.turn)
+            return
+        generator, size = self._generator
+        m, count = self.a.shape[-1], max(1, ENTRIES // generator.size)
+        for i in range(0, len(fractions), count):
+            some = fractions[i : i + count, None, None, None] * generator
+            for e in expm(some.reshape(-1, *some.shape[2:])).reshape(some.shape):
+                yield e[:, :m, :m], e[:, :m, m:] * size[:, :, None]
+
+    def _z(self, fraction: float) -> Array:
+        """``(K, L)``, what drives, at a fraction of the interval."""
+        return self.points.excitation.z(self.begin + fraction * self.length)
 
     def across(self) -> Map:
         """The map over the whole interval."""
-        return self._map(expm(self.generator))
-
-    def _map(self, e: Array) -> Map:
-        m = self.size
-        return e[:, :m, :m], np.einsum("kil,kl->ki", e[:, :m, m:], self.start)
+        return next(self.at(np.ones(1)))
 
     def at(self, fractions: Array) -> Iterator[Map]:
         """The maps from the beginning to the given fractions (X,) of the interval."""
-        count = max(1, ENTRIES // self.generator.size)
-        for i in range(0, len(fractions), count):
-            some = fractions[i : i + count, None, None, None] * self.generator
-            e = expm(some.reshape(-1, *some.shape[2:])).reshape(some.shape)
-            yield from map(self._map, e)
+        start = self._z(0.0)
+        for p, f in self._propagators(fractions):
+            yield p, np.einsum("kil,kl->ki", f, start)
 
     def through(self, x: Array, fractions: Array) -> Iterator[Array]:
         """The states x ``(K, m)`` at ascending fractions of the interval, from the one at its beginning."""
-        whole = np.concatenate([x, self.start], axis=1)
-        known: dict[float, Array] = {}
-        for step in np.diff(fractions, prepend=0.0):
+        known: dict[float, tuple[Array, Array]] = {}
+        steps = np.diff(fractions, prepend=0.0)
+        for step, end in zip(steps, fractions, strict=True):
             if step > 0:
                 key = round(float(step), 14)
                 if key not in known:
-                    known[key] = expm(self.generator * step)
-                whole = np.einsum("kij,kj->ki", known[key], whole)
-            yield whole[:, : self.size]
+                    known[key] = next(self._propagators(np.array([step])))
+                p, f = known[key]
+                x = np.einsum("kij,kj->ki", p, x) + np.einsum("kil,kl->ki", f, self._z(end - step))
+            yield x
 
 
 class Stepped:

@@ -8,11 +8,12 @@ import numpy as np
 
 from gearstab import floquet
 from gearstab.floquet.segments import prepare
+from gearstab.response.basis import bases
 from gearstab.response.driven import driven
 from gearstab.response.equilibrium import static_mesh_force
 from gearstab.response.propagation import Advance, propagator
 from gearstab.response.sampling import first_sample
-from gearstab.response.steady import STATUS_FLAGS
+from gearstab.response.steady import STATUS_FLAGS, unbalanced
 from gearstab.system import Array, GearSystem
 from gearstab.waveforms import Rectangular
 
@@ -96,14 +97,14 @@ def free_response(
 
     Source: piecewise exact solution as in Lin & Parker 2002, section 4 and Fig. 9 (there by numerical integration).
     """
-    start = _checked(system, mesh_frequency, displacement, velocity, duration, samples_per_cycle)
+    start = checked(system, mesh_frequency, displacement, velocity, duration, samples_per_cycle)
     system = at_rest(system)
     if system.terms or not all(isinstance(mesh.waveform, Rectangular) for mesh in system.meshes):
         return _followed(system, mesh_frequency, start, duration, samples_per_cycle)
     cycles, counts = system.common_period()
     period = float(cycles) * 2 * np.pi / mesh_frequency
     grid = counts[0] * samples_per_cycle
-    samples = _samples(duration, period / grid)
+    samples = samples_until(duration, period / grid)
     edges, levels = _segments(system)
     coordinates, advance = propagator(system, levels, period / grid)
     # Growth without bound is an answer, not an error: the history is cut where it stops being finite.
@@ -129,7 +130,7 @@ def driven_response(
     but the Fourier series of forces and errors is constant between its jumps; other functions as in
     :func:`free_response`. Parameters and errors as there; ValueError also where there is no common period.
     """
-    start = _checked(system, mesh_frequency, displacement, velocity, duration, samples_per_cycle)
+    start = checked(system, mesh_frequency, displacement, velocity, duration, samples_per_cycle)
     return _followed(system, mesh_frequency, start, duration, samples_per_cycle)
 
 
@@ -144,15 +145,17 @@ def _followed(
 ) -> Response:
     motion = driven(system, mesh_frequency)
     grid = motion.drive.counts[0] * samples_per_cycle
-    samples = _samples(duration, motion.period / grid)
+    samples = samples_until(duration, motion.period / grid)
     with np.errstate(over="ignore", invalid="ignore"):
         q, v = motion.physical(motion.history(motion.state(*start), samples, grid))
     q[0], v[0] = start
     stiffness, errors = (np.resize(part, (samples, len(system.meshes))) for part in motion.momentary(grid))
-    return assembled(system, mesh_frequency, (q, v), stiffness, errors, motion.period / grid, motion.period)
+    found = assembled(system, mesh_frequency, (q, v), stiffness, errors, motion.period / grid, motion.period)
+    pushed = bool(unbalanced(motion.drive, next(bases(system)))[0])
+    return replace(found, flags=found.flags | RESPONSE_FLAGS["unbalanced"] * pushed)
 
 
-def _samples(duration: float, step: float) -> int:
+def samples_until(duration: float, step: float) -> int:
     """How many samples from 0 are not after the end."""
     return int(np.floor(duration / step * (1 + 1e-12))) + 1
 
@@ -192,7 +195,7 @@ def separated(force: Array, static: Array) -> Array:
     return np.asarray(force * np.sign(static) < 0)
 
 
-def _checked(
+def checked(
     system: GearSystem, mesh_frequency: float, displacement: Array, velocity: Array, duration: float, samples: int
 ) -> tuple[Array, Array]:
     """The initial state as arrays; ValueError for what cannot be computed."""

@@ -13,13 +13,15 @@ Source: Friedmann 1986, section 4 (response of linear periodic systems from the 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from gearstab.response.basis import Basis, bases
+from gearstab.response.eigen import Eigen
 from gearstab.response.excitation import Excitation, excitation
 from gearstab.response.intervals import Points, intervals
+from gearstab.response.panels import fastest
 from gearstab.system import Array, GearSystem
 
 STATUS_FLAGS = {
@@ -28,8 +30,8 @@ STATUS_FLAGS = {
 }  # fmt: skip
 """Bits of ``status``: the steady state repels; nothing makes motions decay towards it; rounding errors are amplified by
 more than 1e6 (near an edge, or of a strongly growing system); a loaded mesh's force changes sign, where teeth would
-separate; the samples are too few for its fastest vibration; the load accelerates the train as a whole, and that part of
-it was left out; no finite result."""
+separate; the samples are too few for its fastest vibration; the load accelerates the train as a whole, and a steady
+state leaves that part of it out; no finite result."""
 
 ILL_CONDITIONED, SINGULAR = 1e6, 1e14
 """Amplification of rounding errors that is worth a word, and that leaves nothing of sixteen digits."""
@@ -37,7 +39,7 @@ UNSTABLE = 1e-9
 """Excess of the largest |lambda| over 1 that is no rounding error."""
 MOST_ENTRIES = 2**21
 """Of the largest array of a chunk of points: 16 MB."""
-BALANCED = 1e-12
+BALANCED = 1e-6
 """A load is balanced if its part along a rigid-body mode is below this part of its size."""
 
 
@@ -68,11 +70,14 @@ def starts(
         row, column = np.divmod(np.arange(len(basis.rows) * omega.shape[1]), omega.shape[1])
         frequency = omega[basis.rows[row], column]
         steps = 1 if drive.exact else resolution(drive, basis, row, frequency, tolerance)
-        widest = max((basis.size + drive.width) ** 2, samples * drive.counts[0] * (basis.size + 10 * len(drive.counts)))
+        longest = float(np.diff(drive.schedule.edges, axis=1).max())
+        nodes = samples * drive.counts[0] * longest * (basis.size + 10 * len(drive.counts))
+        widest = max((basis.size + drive.width) ** 2, int(nodes))
         step = max(1, MOST_ENTRIES // widest)
+        known: dict[bytes, Eigen | None] = {}
         for i in range(0, len(row), step):
             part = slice(i, i + step)
-            points = Points(drive, basis, row[part], frequency[part], steps)
+            points = Points(drive, basis, row[part], frequency[part], steps, known)
             yield basis.rows[row[part]], column[part], start(points)
 
 
@@ -129,30 +134,54 @@ def unbalanced(drive: Excitation, basis: Basis) -> Array:
     return np.any(along > BALANCED * size, axis=1)
 
 
+def _samples(at: Array, omega: Array) -> Array:
+    """Positions of TRIED points from the slowest to the fastest, and of the slowest point of as many rows."""
+    spread = np.argsort(omega, kind="stable")[:: max(1, len(omega) // TRIED)][:TRIED]
+    order = np.lexsort((omega, at))
+    slowest = order[np.flatnonzero(np.diff(at[order], prepend=-1))]
+    some = np.linspace(0, len(slowest) - 1, TRIED).astype(int)
+    return np.unique(np.concatenate([spread, slowest[some]]))
+
+
 FEWEST, MOST = 2, 4096
 """Magnus steps in an interval between edges."""
+SLOW = 5000
+"""Vibrations in a common period that are still followed in steps."""
+REACH = 3.0
+"""Radians that the fastest mode may turn by in a step from which a search for the number of steps begins."""
 TRIED = 6
 """Points on which the number of steps is tried."""
 
 
 def resolution(drive: Excitation, basis: Basis, at: Array, omega: Array, tolerance: float) -> int:
-    """The number of steps that reaches the tolerance at some of the points, the slowest among them.
+    """The number of steps that reaches the tolerance at some of the points, the slowest of many rows among them.
 
     Raises ValueError where MOST are not enough.
     """
-    chosen = np.argsort(omega, kind="stable")[:: max(1, len(omega) // TRIED)][:TRIED]
+    chosen = _samples(at, omega)
+    points = Points(drive, basis, at[chosen], omega[chosen])
+    longest, turns = float(np.diff(points.edges, axis=1).max()), fastest(points)
+    if turns > SLOW:
+        raise ValueError(
+            f"the mesh frequency is too low for waves that vary smoothly: the fastest mode vibrates {turns:.3g} times "
+            f"in a common period, more than {SLOW}"
+        )
     before: Array | None = None
-    steps = FEWEST
-    while steps <= MOST:
-        matrix, shift = period_map(Points(drive, basis, at[chosen], omega[chosen], steps))
+    steps = max(FEWEST, int(np.ceil(2 * np.pi * turns * longest / REACH)))
+    while steps <= 2 * MOST:
+        # Too few steps may overflow; more follow.
+        with np.errstate(over="ignore", invalid="ignore"):
+            matrix, shift = period_map(replace(points, steps=steps))
         found = np.concatenate([matrix, shift[:, :, None]], axis=2)
-        if before is not None:
+        if before is not None and np.isfinite(before).all() and np.isfinite(found).all():
             size = np.abs(found).max(axis=1, keepdims=True)
             # Of sixth order: twice as many steps leave 1/64 of the error.
             error = np.abs(found - before).max(axis=1, keepdims=True) / 63
             if np.all(error <= tolerance * np.where(size > 0, size, 1.0)):
                 return steps
         before, steps = found, 2 * steps
+    if before is not None and not np.isfinite(before).all():
+        return MOST  # beyond double precision, which the status will say
     raise ValueError(
         f"mesh stiffness too rough for the tolerance {tolerance:g}: {MOST} steps an interval are not enough"
     )

@@ -27,12 +27,14 @@ PREFERRED = ("floquet", "boundaries", "perturbation", "uncoupled", "response", "
 ROWS_AT_ONCE = 1 << 16
 
 
-def export_csv(path: Path, out: Path, group: str | None = None) -> int:
+def export_csv(path: Path, out: Path, group: str | None = None, over: str | None = None) -> int:
     """Write a group of the result at ``path`` to ``out``, which gets its name when complete; the number of rows.
 
     group: default ``floquet``, else the first other one that there is.
+    over: which of its dimensions leads, for groups whose variables have not all one in common (a response has histories
+        over ``time`` and spectra over ``frequency``): variables without it are left out. Default the first one.
 
-    Raises ResultError for a file or a group that is not there, OSError if ``out`` cannot be written.
+    Raises ResultError for a file, a group or a dimension that is not there, OSError if ``out`` cannot be written.
     """
     if out.exists() and out.samefile(path):
         raise ResultError(f"{out}: is the result itself; choose another output")
@@ -40,7 +42,7 @@ def export_csv(path: Path, out: Path, group: str | None = None) -> int:
     out.parent.mkdir(parents=True, exist_ok=True)
     try:
         with open(temporary, "w", newline="", encoding="utf-8") as file:
-            rows = to_stream(path, file, group)
+            rows = to_stream(path, file, group, over)
             file.flush()
             os.fsync(file.fileno())
         os.replace(temporary, out)
@@ -54,10 +56,10 @@ def export_csv(path: Path, out: Path, group: str | None = None) -> int:
     return rows
 
 
-def to_stream(path: Path, stream: TextIO, group: str | None = None) -> int:
+def to_stream(path: Path, stream: TextIO, group: str | None = None, over: str | None = None) -> int:
     """Write a group of the result at ``path`` to a text stream; the number of rows."""
     with open_result(path) as tree:
-        dataset = tree[chosen_group(tree, group, path)].to_dataset()
+        dataset = led_by(tree[chosen_group(tree, group, path)].to_dataset(), over, path)
         writer = csv.writer(stream, lineterminator="\n")
         dims = dimensions(dataset)
         columns = column_names(dataset, dims)
@@ -83,6 +85,22 @@ def chosen_group(tree: xr.DataTree, group: str | None, path: Path) -> str:
     if not found:
         raise ResultError(f"{path}: has no groups")
     return found[0]
+
+
+def led_by(dataset: xr.Dataset, over: str | None, path: Path) -> xr.Dataset:
+    """The variables that stand over the leading dimension, and those over dimensions that others share with it.
+
+    Raises ResultError naming the dimensions there are.
+    """
+    there = dimensions(dataset)
+    if over is not None and over not in there:
+        raise ResultError(f"{path}: nothing stands over '{over}' there; there is {', '.join(there) or 'no dimension'}")
+    first = next((data.dims for data in dataset.data_vars.values() if data.dims), ())
+    lead = over or (str(first[0]) if first else None)
+    if lead is None:
+        return dataset
+    beside = {dim for data in dataset.data_vars.values() if lead in data.dims for dim in data.dims}
+    return dataset[[name for name, data in dataset.data_vars.items() if set(data.dims) <= beside]]
 
 
 def dimensions(dataset: xr.Dataset) -> list[str]:

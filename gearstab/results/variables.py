@@ -215,9 +215,30 @@ RESPONSE = (
     Variable("status", (), "i2", "1", "what is to be said of the response; 0: nothing"),
 )  # fmt: skip
 
+BACKLASH_RESPONSE = (
+    *RESPONSE,
+    Variable("mesh_velocity", ("time", "mesh"), "f8", "m/s", "rate of the mesh deflection"),
+    Variable(
+        "contact", ("time", "mesh"), "i1", "1", "flank in contact",
+        {"flag_values": [-1, 0, 1], "flag_meanings": "below_the_play none above_the_play"},
+    ),
+    Variable("play", ("mesh", "bound"), "f8", "m", "mesh deflections between which the teeth are apart"),
+    coordinate("bound", "bound", TEXT, "1", "end of the play"),
+    coordinate("event", "event", "i8", "1", "number of the change of contact, from 1"),
+    Variable("event_time", ("event",), "f8", "s", "time of the event"),
+    Variable("event_mesh", ("event",), TEXT, "1", "tooth mesh of the event"),
+    Variable("event_kind", ("event",), TEXT, "1", "separation, drive_side_contact or coast_side_contact"),
+    Variable("event_velocity", ("event",), "f8", "m/s", "rate of the mesh deflection, less the transmission error's"),
+    Variable("peak_to_peak", ("mesh",), "f8", "m", "peak-to-peak mesh deflection of the settled motion"),
+    Variable("rms", ("mesh",), "f8", "m", "root mean square of the mesh deflection about its mean, settled"),
+    Variable("mesh_force_peak", ("mesh",), "f8", "N", "largest magnitude of the elastic mesh force, settled"),
+    Variable("contact_loss_ratio", ("mesh",), "f8", "1", "part of the time without contact, settled"),
+)  # fmt: skip
+"""Of a system whose teeth may part."""
+
 SPEED_RESPONSE = (
     coordinate("mesh", "mesh", TEXT, "1", "tooth mesh"),
-    Variable("mesh_force_peak", (GRID, "mesh"), "f8", "N", "largest magnitude of the elastic mesh force"),
+    Variable("mesh_force_peak", (GRID, "mesh"), "f8", "N", "largest elastic mesh force"),
     Variable("mesh_force_mean", (GRID, "mesh"), "f8", "N", "mean elastic mesh force"),
     Variable("mesh_force_rms", (GRID, "mesh"), "f8", "N", "root mean square of the mesh force about its mean"),
     Variable(
@@ -227,7 +248,20 @@ SPEED_RESPONSE = (
         "transmission_error_rms", (GRID, "mesh"), "f8", "m",
         "root mean square of the dynamic transmission error about its mean",
     ),
+    Variable("mesh_force_min", (GRID, "mesh"), "f8", "N", "least elastic mesh force"),
+    Variable(
+        "transmission_error_first_harmonic", (GRID, "mesh"), "f8", "m",
+        "amplitude of the dynamic transmission error at the frequency of the mesh",
+    ),
     Variable("dynamic_load_factor", (GRID, "mesh"), "f8", "1", "dynamic load factor"),
+    Variable(
+        "load_factor_fewest_pairs", (GRID, "mesh"), "f8", "1",
+        "dynamic load factor while the fewest pairs of teeth carry",
+    ),
+    Variable(
+        "tooth_load_factor", (GRID, "mesh"), "f8", "1",
+        "largest load of a pair of teeth over the static mesh force",
+    ),
     Variable("status", (GRID,), "i2", "1", "what is to be said of the steady state; 0: nothing"),
 )  # fmt: skip
 """Of the steady state at every point."""

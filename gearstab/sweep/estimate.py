@@ -82,10 +82,11 @@ def _method(plan: Plan, layout: Layout, workers: int) -> MethodEstimate:
 
 
 def _bytes_a_point(plan: Plan, layout: Layout, encoded: float) -> float:
-    total = 0.0
+    total, constants = 0.0, layout.method.constants(layout.options, plan.base)
     for variable in results_of(plan, layout):
         if GRID in variable.dims:
-            total += np.dtype(variable.dtype).itemsize * (2 * plan.base.size if "exponent" in variable.dims else 1)
+            along = prod(len(constants[dim]) for dim in variable.dims if dim in constants)
+            total += np.dtype(variable.dtype).itemsize * along
     return total or 4 * encoded
 
 

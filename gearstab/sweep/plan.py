@@ -143,12 +143,13 @@ class Plan:
         """From where to where the axis of the mesh frequency goes, however few points it has."""
         if self.fast is None:
             raise ValueError("no axis sets the mesh frequency alone")
-        return self.fast.span
+        low, high = self.fast.span
+        return low * self.fast.assignments[0].factor, high * self.fast.assignments[0].factor
 
     def mesh_frequency(self, rows: dict[str, Array], columns: slice) -> Array:
         """The mesh frequency of rows (indices by axis name): ``(P,)`` of its own axis, else ``(rows, 1)``."""
         if self.fast is not None:
-            return np.asarray(self.fast.values, dtype=float)[columns]
+            return np.asarray(self.fast.assignments[0].values, dtype=float)[columns]
         found = [(axis, a.values) for axis in self.row_axes for a in axis.assignments if a.path == FREQUENCY]
         if not found:
             raise ValueError("no axis sets the mesh frequency")

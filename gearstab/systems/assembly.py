@@ -86,8 +86,8 @@ def _following(mesh: Mesh, damping: Array) -> PeriodicTerm:
     """c k(t)/k_g g g^T: a mesh damping that varies as the mesh stiffness does."""
     profile = Scaled(mesh.waveform, damping, 2 * mesh.epsilon * damping)
     g = mesh.direction
-    name = f"damping of {mesh.name}"
-    return PeriodicTerm(name, g, g, damping=profile, frequency_ratio=mesh.frequency_ratio, lag=mesh.lag)
+    name, ratio = f"damping of {mesh.name}", mesh.frequency_ratio
+    return PeriodicTerm(name, g, g, damping=profile, frequency_ratio=ratio, lag=mesh.lag, mesh=mesh.name)
 
 
 def driven(system: GearSystem, p: dict[str, Any]) -> GearSystem:
@@ -95,13 +95,16 @@ def driven(system: GearSystem, p: dict[str, Any]) -> GearSystem:
 
     ``load``: constant generalised forces, one a coordinate; ``forces``: periodic ones, each a ``direction`` and a
     Fourier series ``sin``, ``cos`` with ``frequency_ratio`` and ``lag``; ``transmission_error`` of a mesh: ``sin``,
-    ``cos``. A transmission error acts through the mesh's own damping too.
+    ``cos``. A transmission error acts through the mesh's own damping too. ``backlash`` of a mesh, 2 b, and its
+    ``backlash_zero``, which only the response heeds, come with it.
     """
     meshes = tuple(
         replace(
             item,
             transmission_error=series(part["transmission_error"]) if part.get("transmission_error") else None,
             damping=np.asarray(part["damping"], dtype=float) if _constant_damping(part) else 0.0,
+            backlash=np.asarray(part["backlash"], dtype=float) if given(part, "backlash") else 0.0,
+            backlash_zero=part.get("backlash_zero", "middle"),
         )
         for part, item in zip(p["meshes"], system.meshes, strict=True)
     )

@@ -42,7 +42,7 @@ def build(p: dict[str, Any]) -> GearSystem:
     Parameters: ``planets`` N, ``ring`` (``kind`` rigid or elastic, ``harmonics`` J, ``bending_stiffness``), ``motion``,
     ``masses``, ``inertias`` (I/r^2; the ring's is m_r/cos^2 a_r of a thin rim unless given), ``supports``,
     ``pressure_angles``, ``meshes`` (``sun``, ``ring``), ``phases`` or ``teeth`` (:mod:`~gearstab.systems.phasing`),
-    damping. ``scaling: dimensionless`` refers masses to m_r, stiffnesses to the mean k_rp and so frequencies to
+    damping, ``load`` (torques over radii on ``ring``, ``carrier``, ``sun``). ``scaling: dimensionless`` refers masses to m_r, stiffnesses to the mean k_rp and so frequencies to
     sqrt(k_rp/m_r); lengths keep their scale.
 
     Source: Parker 2009, (1)-(8), (26)-(28) and appendix; derived again from the energies, since L2, L4 and M_j are
@@ -65,6 +65,7 @@ def build(p: dict[str, Any]) -> GearSystem:
     if gear.harmonics > 1 and system.symmetry is not None:
         system = replace(system, symmetry=replace(system.symmetry, still="purely ring"))
     system = assembly.damped(system, p | {"meshes": parts})
+    system = assembly.driven(system, {"meshes": parts, "load": _load(system.coordinates, p.get("load"))})
     if p["scaling"] == "SI":
         return system
     return _scaled(system, np.asarray(p["masses"]["ring"], dtype=float), meshes[-1].mean_stiffness)
@@ -217,13 +218,26 @@ def _left_inverse(basis: Array) -> Array:
     return np.linalg.solve(basis.T @ basis, basis.T)
 
 
+def _load(coordinates: Sequence[str], torques: dict[str, Any] | None) -> list[Any] | None:
+    """Generalised forces, one a coordinate, of torques over radii on ``ring``, ``carrier`` and ``sun``."""
+    if not torques:
+        return None
+    of = {f"{body}_rotation": torques.get(body, 0.0) for body in CENTRAL}
+    return [of.get(name, 0.0) for name in coordinates]
+
+
 def _scaled(system: GearSystem, mass: Array, stiffness: Array) -> GearSystem:
     """The same system in units of a mass and a stiffness, and so of the time sqrt(mass/stiffness)."""
     m, k = mass[..., None, None], stiffness[..., None, None]
     damping = None if system.damping is None else system.damping / np.sqrt(m * k)
-    meshes: Sequence[Mesh] = [replace(i, mean_stiffness=i.mean_stiffness / stiffness) for i in system.meshes]
+    meshes: Sequence[Mesh] = [
+        replace(item, mean_stiffness=item.mean_stiffness / stiffness, damping=item.damping / np.sqrt(mass * stiffness))
+        for item in system.meshes
+    ]
+    load = None if system.load is None else system.load / stiffness[..., None]
     # All periodic terms of this kind are mesh dampings.
     terms = tuple(replace(term, left=term.left / np.sqrt(m * k)[..., 0]) for term in system.terms)
     return replace(
-        system, mass=system.mass / m, stiffness=system.stiffness / k, damping=damping, meshes=tuple(meshes), terms=terms
-    )
+        system, mass=system.mass / m, stiffness=system.stiffness / k, damping=damping, meshes=tuple(meshes), terms=terms,
+        load=load,
+    )  # fmt: skip

@@ -12,6 +12,9 @@ from gearstab.waveforms.base import Array
 FEWEST = {"linear": 2, "cubic": 3}
 """Samples of a period that an interpolation needs at least."""
 
+NARROW = 1e-12
+"""Pieces shorter than this part of the period, between breakpoints that differ by rounding, count as constant."""
+
 _NODES = np.array([0.125, 0.375, 0.625, 0.875])
 _CUBIC = np.linalg.inv(np.vander(_NODES, increasing=True))
 _SERIES_TERMS = 20
@@ -102,7 +105,8 @@ def cubic_extremes(function: Callable[[Array], Array], breakpoints: Array) -> tu
     edges = np.moveaxis(np.sort(breakpoints, axis=-1), -1, 0)
     width = np.diff(edges, axis=0, append=edges[:1] + 1.0)
     nodes = _NODES.reshape(-1, *[1] * edges.ndim)
-    return _ranges(np.tensordot(_CUBIC, function(edges + width * nodes), axes=1))
+    values = function(edges + width * nodes)
+    return _ranges(np.tensordot(_CUBIC, np.where(width > NARROW, values, values[:1]), axes=1))
 
 
 def _ranges(q: Array) -> tuple[Array, Array]:

@@ -7,14 +7,13 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.polynomial import chebyshev
+from numpy.polynomial import chebyshev, legendre
 
 from gearstab.waveforms.base import Array
 from gearstab.waveforms.phase import wrapped
 from gearstab.waveforms.sampled import normalised, significant
 
 ROUNDING = 1e-14  # relative: coefficients below it are left out
-FOURIER_NODES = 24  # of Gauss's rule a piece and a dozen oscillations: rounding is reached
 
 
 @dataclass(frozen=True)
@@ -86,15 +85,30 @@ class Piecewise:
             low[index], high[index] = min(f[0] for f in found), max(f[1] for f in found)
         return low[()], high[()]
 
+    @cached_property
+    def _legendre(self) -> Array:
+        """``(..., B, P)``, coefficients of Legendre instead of Chebyshev polynomials, by Gauss's exact rule."""
+        count = np.shape(self.coefficients)[-1]
+        nodes, weights = legendre.leggauss(count)
+        own = legendre.legvander(nodes, count - 1) * weights[:, None] * (np.arange(count) + 0.5)
+        found: Array = np.asarray(self.coefficients) @ (chebyshev.chebvander(nodes, count - 1).T @ own)
+        return found
+
     def fourier(self, order: int) -> tuple[Array, Array]:
-        """(a_s, b_s) of f(x) - mean = sum_s a_s sin 2 pi s x + b_s cos 2 pi s x, by Gauss's rule on each piece."""
-        nodes, weights = np.polynomial.legendre.leggauss(FOURIER_NODES + 4 * order)
-        t = np.broadcast_to(nodes, (*np.shape(self.coefficients)[:-1], len(nodes)))
-        basis = chebyshev.chebvander(nodes, np.shape(self.coefficients)[-1] - 1)
-        f = np.sum(np.asarray(self.coefficients)[..., None, :] * basis, axis=-1) * weights
-        angle = 2 * np.pi * order * (np.asarray(self.edges)[..., None] + self.lengths[..., None] * (t + 1) / 2)
-        f = f * self.lengths[..., None]  # times 1/2 for the piece's half length, times 2 for the coefficient
-        return np.sum(f * np.sin(angle), axis=(-2, -1)), np.sum(f * np.cos(angle), axis=(-2, -1))
+        """(a_s, b_s) of f(x) - mean = sum_s a_s sin 2 pi s x + b_s cos 2 pi s x, in closed form.
+
+        The integral of P_n(t) exp(-i z t) over a piece, -1 < t < 1, is 2 (-i)^n j_n(z), with the spherical Bessel
+        function j_n and z = pi s times the length of the piece (Abramowitz & Stegun 1964, 10.1.14): as fast for the
+        thousandth harmonic as for the first.
+        """
+        from scipy.special import spherical_jn  # takes as long to load as a small sweep to run
+
+        n = np.arange(np.shape(self.coefficients)[-1])
+        bessel = spherical_jn(n, np.pi * order * self.lengths[..., None])
+        inner = np.sum(self._legendre * (-1j) ** n * bessel, axis=-1)
+        middles = np.asarray(self.edges) + self.lengths / 2
+        both = np.sum(2 * self.lengths * np.exp(-2j * np.pi * order * middles) * inner, axis=-1)
+        return -both.imag, both.real
 
 
 def _range(coefficients: Array) -> tuple[float, float]:
@@ -145,9 +159,12 @@ class Tooth:
     """w = (k - mean k)/(max k - min k) of a stiffness k given piece by piece, such as one computed from the teeth.
 
     Phase 0 is the entry of a pair of teeth. A constant stiffness has w = 0.
+
+    contact_ratio: of the teeth, where they are known; None for another periodic stiffness.
     """
 
     stiffness: Piecewise
+    contact_ratio: Array | float | None = None
 
     @property
     def piecewise_constant(self) -> bool:

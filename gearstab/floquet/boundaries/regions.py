@@ -9,7 +9,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from gearstab.perturbation.tongues import Excitation, Tongue, kind_of, sharing, tongue
+from gearstab.perturbation.tongues import Excitation, Tongue, sharing, tongue
 from gearstab.system import Array, GearSystem
 
 BOUNDARY_FLAGS = {"open": 1, "merged": 2, "absorbed": 4, "cut_below": 8, "cut_above": 16, "split": 32}
@@ -134,20 +134,5 @@ def _order(key: tuple[Tongue, int]) -> tuple[float, int, int, int]:
 
 
 def tongue_of(system: GearSystem, p: int, q: int, ratio: Fraction) -> Tongue:
-    """The tongue of modes p <= q (from 1) at nu = ratio * Omega.
-
-    Where no mesh has a harmonic of that frequency (several meshes that run at different speeds also act at sums and
-    differences of their harmonics, in second and higher order of epsilon) the harmonic is 0 and all meshes are named.
-    """
-    if shared := sharing(system, ratio):
-        return tongue(system, Excitation(ratio, shared), p, q)
-    mesh = "+".join(mesh.name for mesh in system.meshes)
-    return Tongue(p, q, 0, mesh, kind_of(p, q, 0), _label(p, q, ratio), float(ratio))
-
-
-def _label(p: int, q: int, ratio: Fraction) -> str:
-    """Omega at the root: ``3(w1+w2)/2``, ``6w2/5``."""
-    times = (2 if p == q else 1) / ratio
-    total = f"w{p}" if p == q else f"(w{p}+w{q})"
-    factor = "" if times.numerator == 1 else str(times.numerator)
-    return f"{factor}{total}" + ("" if times.denominator == 1 else f"/{times.denominator}")
+    """The tongue of modes p <= q (from 1) at nu = ratio * Omega."""
+    return tongue(system, Excitation(ratio, sharing(system, ratio)), p, q)

@@ -132,7 +132,7 @@ def _resolution(division: Division, limits: Limits, tolerance: float) -> int:
     if division.constant.all():
         return 2
     omega = _pilots(division, limits)
-    return int(first(Ladder(division, CF6_5), omega, _decay(division, omega), np.pi * tolerance).max())
+    return int(first(Ladder(division, CF6_5), omega, _decay(division, omega), np.pi * tolerance)[0].max())
 
 
 def _decay(division: Division, omega: Array) -> Array:

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from fractions import Fraction
 
 import numpy as np
 
 from gearstab.floquet.magnus import sampled
 from gearstab.floquet.segments import Pattern, prepare, window
 from gearstab.system import GearSystem
+from gearstab.waveforms import Profile
 
 COMMON_PERIOD, PER_MESH, LYAPUNOV = "common_period", "per_mesh", "lyapunov"
 WAYS = (COMMON_PERIOD, PER_MESH, LYAPUNOV)
 AFFORDABLE = 20_000
 """Segments of a common period up to which it is the automatic choice: some 7 ms a point of 12 coordinates."""
+EXPONENTIALS = 40
+"""A period of a smooth function takes about eight Magnus steps of five exponentials, each a segment of its own."""
 SAMPLE = 50
 """Periods of the slowest mesh that stand for a system without an affordable common period."""
 
@@ -22,7 +26,8 @@ SAMPLE = 50
 class Period:
     """What a common period consists of.
 
-    cycles: N, it is N 2 pi/Omega. mesh_cycles: of each mesh. segments: of constant (or analytic) stiffness, at most.
+    cycles: N, it is N 2 pi/Omega. mesh_cycles: of each mesh. segments: of constant stiffness, at most; about as many
+    exponentials where it is smooth.
     """
 
     cycles: float
@@ -39,10 +44,15 @@ def common_period(system: GearSystem) -> Period | None:
 
 
 def segments_a_cycle(system: GearSystem) -> float:
-    """How many segments there are in 2 pi/Omega on average, at most."""
-    breaks = [mesh.waveform.breakpoints().shape[-1] for mesh in system.meshes]
-    breaks += [sum(profile.breakpoints().shape[-1] for profile in term.profiles) for term in system.terms]
+    """How many segments there are in 2 pi/Omega on average, at most; of smooth functions about."""
+    breaks = [_pieces(mesh.waveform) for mesh in system.meshes]
+    breaks += [sum(_pieces(profile) for profile in term.profiles) for term in system.terms]
     return sum(float(ratio) * max(1, b) for ratio, b in zip(system.frequency_ratios, breaks, strict=True))
+
+
+def _pieces(profile: Profile) -> int:
+    """Segments a period of a function."""
+    return int(profile.breakpoints().shape[-1]) + (0 if profile.piecewise_constant else EXPONENTIALS)
 
 
 def sample(system: GearSystem) -> Pattern:
@@ -50,27 +60,31 @@ def sample(system: GearSystem) -> Pattern:
     period = common_period(system)
     if period is not None and period.segments <= AFFORDABLE:
         return prepare(system)[0] if system.piecewise_constant else sampled(system)
-    return window(system, SAMPLE / min(float(ratio) for ratio in system.frequency_ratios))[0]
+    if system.piecewise_constant:
+        return window(system, SAMPLE / min(float(ratio) for ratio in system.frequency_ratios))[0]
+    # What couples to what depends on which meshes vary alike, not on how fast.
+    simple = {ratio: Fraction(1, k + 1) for k, ratio in enumerate(dict.fromkeys(system.frequency_ratios))}
+    meshes = tuple(replace(mesh, frequency_ratio=simple[mesh.frequency_ratio]) for mesh in system.meshes)
+    return sampled(replace(system, meshes=meshes))
 
 
 def chosen(system: GearSystem, asked: str, affordable: int = AFFORDABLE) -> str:
     """The way that is taken where ``asked`` is one of WAYS or ``auto``.
 
     ``auto`` is the common period while it has at most ``affordable`` segments; else one frequency at a time where only
-    one varies, which is exact, or where the stiffness is not piecewise constant; else the Lyapunov exponent. Raises
-    ValueError where there is no such way.
+    one varies, which is exact, or where there are other periodic terms; else the Lyapunov exponent. Raises ValueError
+    where there is no such way.
     """
     period = common_period(system)
     if asked == COMMON_PERIOD and period is None:
         raise ValueError("mesh frequencies of irrational ratio have no common period; choose per_mesh or lyapunov")
-    smooth = not system.piecewise_constant or bool(system.terms)
-    if asked == LYAPUNOV and smooth:
-        raise ValueError("lyapunov needs mesh stiffnesses that are piecewise constant; choose per_mesh")
+    if asked == LYAPUNOV and system.terms:
+        raise ValueError("lyapunov needs a system without periodic terms beside the mesh stiffness; choose per_mesh")
     if asked != "auto":
         return asked
     if period is not None and period.segments <= affordable:
         return COMMON_PERIOD
-    return PER_MESH if smooth or varying(system) < 2 else LYAPUNOV
+    return PER_MESH if system.terms or varying(system) < 2 else LYAPUNOV
 
 
 def varying(system: GearSystem) -> int:
@@ -87,6 +101,11 @@ def reason(system: GearSystem, asked: str, affordable: int = AFFORDABLE) -> str:
     if period is None:
         return f"{way} (the mesh frequencies have no common period)"
     cycles = " + ".join(f"{count:,}" for count in dict.fromkeys(period.mesh_cycles))
-    what = f"a common period of {cycles} mesh cycles with {period.segments:,} segments"
+    segments = period.segments
+    if segments <= AFFORDABLE and system.piecewise_constant and not system.terms:
+        # Jumps of several meshes may coincide.
+        segments = len(prepare(system)[0].states)
+    parts = f"{segments:,} segments" if system.piecewise_constant else f"some {segments:,} exponentials of Magnus steps"
+    what = f"a common period of {cycles} mesh cycles with {parts}"
     limit = f", more than {affordable:,}" if asked == "auto" and way != COMMON_PERIOD else ""
     return f"{way} ({what}{limit})"

@@ -3,8 +3,9 @@
     lambda = lim_(t -> inf) ln |x(t)| / t        for almost every start x(0)
 
 is the largest real part of the characteristic exponents where there is a common period, and exists as well where there
-is none (Oseledets 1968). A few start vectors are carried through the exact propagators between the switching times of
-all meshes and rescaled as they grow (Benettin et al. 1980). The increments of ln |x| are averaged with the weight
+is none (Oseledets 1968). A frame of start vectors is carried through the exact propagators between the switching times
+of all meshes and made orthonormal again and again (Benettin et al. 1980). The increments of ln |x| are averaged with
+the weight
 
     exp(-1/(s (1 - s))),   s = t/T in (0, 1),
 
@@ -14,15 +15,17 @@ which for quasi-periodic motion converges faster than any power of 1/T instead o
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from itertools import pairwise
 
 import numpy as np
 
 from gearstab.floquet import damped
-from gearstab.floquet.blocks import Block, split
-from gearstab.floquet.frequencies.propagation import sizes
+from gearstab.floquet.blocks import split
+from gearstab.floquet.frequencies.propagation import growths
 from gearstab.floquet.frequencies.result import ManyFrequencies
+from gearstab.floquet.frequencies.smooth import windows
+from gearstab.floquet.reduction import Elastic
 from gearstab.floquet.segments import Pattern, window
 from gearstab.floquet.status import STATUS_FLAGS
 from gearstab.system import Array, GearSystem
@@ -36,6 +39,12 @@ RECORDS = 16
 RECORDED = round(BATCHES * RECORDS / (1 - BURN_IN))
 DRIFTS = 2.0
 """Where ln |x| approaches lambda t + ln t, as with a defective multiplier, the halves differ by 3/4 of the error."""
+SEPARATE = 10.0
+"""Growths a window that differ by this are told apart."""
+RESOLUTION = 0.5
+"""What the size of a solution may hide, over the length of the window: a change by a factor of 1.6."""
+FEWEST_STEPS, MOST_STEPS = 8, 128
+"""Magnus steps a period of the fastest mesh."""
 POINTS_AT_ONCE = 2048
 """Mesh frequencies carried side by side."""
 
@@ -50,33 +59,66 @@ def solve(
 
     Parameters
     ----------
-    system: any batch shape, piecewise constant; ratios of the mesh frequencies as they are, rational or not.
+    system: any batch shape; ratios of the mesh frequencies as they are, rational or not.
     mesh_frequency: Omega, ``(P,)`` for all rows or ``(rows, P)``.
     cycles: length of the window in periods of the slowest mesh.
     confidence: of the interval.
     seed: of the start vectors.
 
-    Raises ValueError for a system that is not piecewise constant or has periodic terms besides its meshes.
+    Stiffness that is not piecewise constant is cut into Magnus steps, twice as many again and again until the results
+    agree within the interval, of which their difference is a part (:mod:`~gearstab.floquet.frequencies.smooth`).
+
+    Raises ValueError for a system that has periodic terms besides its meshes.
     """
-    if not system.piecewise_constant or system.terms:
-        raise ValueError("Lyapunov exponents need mesh stiffnesses that are piecewise constant, and no other terms")
+    if system.terms:
+        raise ValueError("Lyapunov exponents need systems without periodic terms beside the mesh stiffness")
     rows = int(np.prod(system.batch, dtype=int))
     omega = np.atleast_1d(np.asarray(mesh_frequency, dtype=float))
     omega = np.broadcast_to(omega, (rows, omega.shape[-1]))
     growth, upper, lower = (np.full(omega.shape, -np.inf) for _ in range(3))
     status = np.zeros(omega.shape, dtype=np.int16)
     conservative = np.ones((rows, 1), dtype=bool)
-    for pattern in window(system, length(system, cycles)):
-        conservative[pattern.rows] = (pattern.elastic.damping is None) & (pattern.elastic.shift == 0)[:, None]
+    settings = (confidence, seed)
+    found = (_piecewise if system.piecewise_constant else _smooth)(system, length(system, cycles), omega, settings)
+    for row, elastic, negative, value, half in found:
+        conservative[row] = elastic.damping is None and elastic.shift[0] == 0
+        growth[row] = np.maximum(growth[row], value)
+        upper[row] = np.maximum(upper[row], value + half)
+        lower[row] = np.maximum(lower[row], value - half)
+        status[row] |= STATUS_FLAGS["negative_stiffness"] * negative
+    return _decided(growth, upper, lower, status, conservative)
+
+
+_Row = tuple[int, Elastic, bool, Array, Array]
+"""row, its coordinates, whether a stiffness is negative, growth rates and half-widths of their intervals."""
+
+
+def _piecewise(system: GearSystem, cycles: float, omega: Array, settings: tuple[float, int]) -> Iterator[_Row]:
+    """All rows of all blocks of a piecewise constant system."""
+    for pattern in window(system, cycles):
         for block in split(pattern):
             for r, row in enumerate(block.pattern.rows):
-                value, half = _block(block, r, omega[row], confidence, seed)
-                growth[row] = np.maximum(growth[row], value)
-                upper[row] = np.maximum(upper[row], value + half)
-                lower[row] = np.maximum(lower[row], value - half)
-                if np.any(block.pattern.stiffness_below_zero[r]):
-                    status[row] |= STATUS_FLAGS["negative_stiffness"]
-    return _decided(growth, upper, lower, status, conservative)
+                part = block.pattern.row(r)
+                negative = bool(np.any(part.stiffness_below_zero))
+                yield row, part.elastic, negative, *_exponents(part, block.constant, omega[row], settings)
+
+
+def _smooth(system: GearSystem, cycles: float, omega: Array, settings: tuple[float, int]) -> Iterator[_Row]:
+    """All rows of any system without periodic terms."""
+    for part in windows(system, cycles):
+        steps, own = FEWEST_STEPS, omega[part.row]
+        pattern = part.pattern(steps)
+        constant = bool(np.all(pattern.levels == pattern.levels[:, :1]))
+        value, half = _exponents(pattern, constant, own, settings)
+        negative = bool(np.any(pattern.stiffness_below_zero))
+        while True:
+            steps *= 2
+            before = value
+            value, half = _exponents(part.pattern(steps), constant, own, settings)
+            error = np.abs(value - before)
+            if steps >= MOST_STEPS or np.all(error <= half):
+                break
+        yield part.row, part.elastic, negative, value, np.maximum(half, error)
 
 
 def length(system: GearSystem, cycles: float) -> float:
@@ -98,20 +140,21 @@ def _decided(growth: Array, upper: Array, lower: Array, status: Array, conservat
     return ManyFrequencies(growth, stable, status, interval)
 
 
-def _block(block: Block, r: int, omega: Array, confidence: float, seed: int) -> tuple[Array, Array]:
-    """(growth rate, half-width) ``(P,)`` of one row of a block, in the system's own units of time."""
-    pattern = block.pattern.row(r)
-    elastic = pattern.elastic
+def _exponents(pattern: Pattern, constant: bool, omega: Array, settings: tuple[float, int]) -> tuple[Array, Array]:
+    """(growth rate, half-width) ``(P,)`` of a pattern of one row, in the system's own units of time."""
+    elastic, (confidence, seed) = pattern.elastic, settings
     rate, shift = float(elastic.rate[0]), float(elastic.shift[0])
-    if pattern.size == 0 or block.constant:
+    if pattern.size == 0 or constant:
         value = _constant(pattern)
         return np.full(omega.shape, rate * value), np.zeros(omega.shape)
     found = np.empty((2, len(omega)))
     for i in range(0, len(omega), POINTS_AT_ONCE):
         part = slice(i, i + POINTS_AT_ONCE)
         own = omega[part] / rate
-        times, logs = sizes(pattern, own, RECORDED, seed)
-        found[:, part] = estimate(times[:, None] * 2 * np.pi * pattern.cycles / own, logs, confidence)
+        times, logs = growths(pattern, own, RECORDED, seed)
+        found[:, part] = estimate(
+            times[:, None] * 2 * np.pi * pattern.cycles / own, logs, confidence, elastic.damping is None
+        )
     # The growth of a conservative system, before any uniform damping, is never negative.
     if elastic.damping is None:
         found[0] = np.where(found[0] <= found[1], 0.0, found[0])
@@ -128,25 +171,38 @@ def _constant(pattern: Pattern) -> float:
     return float(unstable - pattern.elastic.shift[0])
 
 
-def estimate(times: Array, logs: Array, confidence: float) -> Array:
+def estimate(times: Array, logs: Array, confidence: float, conservative: bool) -> Array:
     """``(2, P)``: the exponent and the half-width of its interval.
 
-    times, logs: ``(R + 1, P)``, ln |x| at times over the whole window, the burn-in included.
+    times: ``(R + 1, P)``, over the whole window, the burn-in included. logs: ``(R + 1, k + 1, P)``, ln of the growths.
+        The one of the largest average counts: while they have not converged they are too small. Without damping it is
+        the last one, as nothing that has grown decays.
 
     The half-width is the largest of three: Student's for the means of the batches; DRIFTS times the distance between
-    the two halves of the window, for vectors that are still turning; and the distance to a cruder average.
+    the two halves of the window, for vectors that are still turning; and the distance to a cruder average. Where a
+    third direction grows nearly as fast (two may be the real and imaginary part of one solution) it is at least what
+    a window of this length can tell apart.
     """
     from scipy.stats import t as student  # takes longer to load than a small sweep to run
 
+    times = times[:, None]
     begin, end = times[0] + BURN_IN * (times[-1] - times[0]), times[-1]
-    edges = begin + (end - begin) * np.linspace(0.0, 1.0, BATCHES + 1)[:, None]
+    edges = begin + (end - begin) * np.linspace(0.0, 1.0, BATCHES + 1)[:, None, None]
     means = np.stack([average(times, logs, a, b) for a, b in pairwise(edges)])
     value = average(times, logs, begin, end)
     middle = 0.5 * (begin + end)
     drift = np.abs(average(times, logs, begin, middle) - average(times, logs, middle, end))
     spread = means.std(axis=0, ddof=1) / np.sqrt(BATCHES) * student.ppf(0.5 + confidence / 2, BATCHES - 1)
     other = np.abs(value - average(times, logs, begin, end, hann))
-    return np.stack([value, np.max([spread, DRIFTS * drift, other], axis=0)])
+    half = np.max([spread, DRIFTS * drift, other], axis=0)
+    largest = np.argmax(value[-1:] if conservative else value, axis=0)[None]
+    found, width = (
+        np.take_along_axis(part[-1:] if conservative else part, largest, axis=0)[0] for part in (value, half)
+    )
+    span = (end - begin)[0]
+    directions = np.sort(value[:-1], axis=0)[::-1]
+    close = (found - directions[2]) * span < SEPARATE if len(directions) > 2 else np.zeros(found.shape, dtype=bool)
+    return np.stack([found, np.where(close, np.maximum(width, RESOLUTION / span), width)])
 
 
 def bump(s: Array) -> Array:
@@ -160,7 +216,7 @@ def hann(s: Array) -> Array:
 
 
 def average(times: Array, logs: Array, begin: Array, end: Array, shape: Callable[[Array], Array] = bump) -> Array:
-    """``(P,)``, the weighted mean of d ln|x|/dt between two times ``(P,)``."""
+    """``(k, P)``, the weighted means of d ln|x|/dt between two times ``(1, P)``."""
     s = (0.5 * (times[1:] + times[:-1]) - begin) / (end - begin)
     inside = (s > 0) & (s < 1)
     weight = np.where(inside, shape(np.where(inside, s, 0.5)), 0.0)

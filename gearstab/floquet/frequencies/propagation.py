@@ -1,4 +1,4 @@
-"""Vectors carried along a window of time: the size of a solution of a block of coordinates, recorded again and again.
+"""Vectors carried along a window of time: the growth of solutions of a block of coordinates, recorded again and again.
 
 The order of the segments does not depend on the mesh frequency, so that all mesh frequencies go through them side by
 side, each with its own durations.
@@ -35,8 +35,8 @@ class Carrier(Protocol):
         """``(m, k, P)``, (u, u', ...) in the elastic coordinates, given the segment whose coordinates are in use."""
         ...
 
-    def divide(self, size: Array) -> None:
-        """Divide all vectors by ``(P,)``."""
+    def set(self, vectors: Array, segment: int) -> None:
+        """Go on with other vectors ``(m, k, P)``, as :meth:`state` gives them."""
         ...
 
 
@@ -67,8 +67,9 @@ class Conservative:
         x = self._x
         return np.matmul(modes, x.reshape(*x.shape[:2], -1)).reshape(-1, *x.shape[2:])
 
-    def divide(self, size: Array) -> None:
-        self._x /= size
+    def set(self, vectors: Array, segment: int) -> None:
+        modes, shape = self._pattern.modes[0, self._pattern.states[segment]], self._x.shape
+        self._x = np.matmul(modes.T, vectors.reshape(*shape[:2], -1)).reshape(shape)
 
 
 class Damped:
@@ -82,11 +83,11 @@ class Damped:
         self._modal = bool(self._generator.well_conditioned[0])
         self._z = np.repeat(start[..., None], len(omega), axis=-1)
         if self._modal:
-            self._values, self._basis, inverse = (part[0] for part in self._generator.real_modes)
+            self._values, self._basis, self._inverse = (part[0] for part in self._generator.real_modes)
             partner = np.arange(self._values.shape[-1]) + np.sign(self._values.imag).astype(int)
             self._partner = partner
-            self._distinct, self._index = pattern.pairs(inverse[None], self._basis[None])
-            self._z = np.tensordot(inverse[pattern.states[0]], self._z, axes=1)
+            self._distinct, self._index = pattern.pairs(self._inverse[None], self._basis[None])
+            self._z = np.tensordot(self._inverse[pattern.states[0]], self._z, axes=1)
 
     def step(self, segment: int) -> Array:
         pattern = self._pattern
@@ -109,8 +110,9 @@ class Damped:
     def state(self, segment: int) -> Array:
         return np.tensordot(self._basis[self._pattern.states[segment]], self._z, axes=1) if self._modal else self._z
 
-    def divide(self, size: Array) -> None:
-        self._z /= size
+    def set(self, vectors: Array, segment: int) -> None:
+        inverse = self._inverse[self._pattern.states[segment]] if self._modal else None
+        self._z = vectors if inverse is None else np.tensordot(inverse, vectors, axes=1)
 
 
 def carrier(pattern: Pattern, omega: Array, start: Array) -> Carrier:
@@ -153,24 +155,33 @@ def frame(pattern: Pattern, seed: int) -> Array:
     return np.linalg.qr(random)[0] / w
 
 
-def sizes(pattern: Pattern, omega: Array, records: int, seed: int) -> tuple[Array, Array]:
-    """(parts of the window ``(R + 1,)``, ln of the growth up to there ``(R + 1, P)``) of a pattern of one row.
+def growths(pattern: Pattern, omega: Array, records: int, seed: int) -> tuple[Array, Array]:
+    """(parts of the window ``(R + 1,)``, ln of the growth up to there ``(R + 1, k + 1, P)``) of a pattern of one row.
 
-    The growth is the largest of |W x(t)|/|W x(0)| over all solutions that start in the span of the :func:`frame`.
+    The frame is carried along and made orthonormal again at each record, X = Q R: the growth in the direction i, which
+    is orthogonal to all before it, is |R_ii|. The last growth is the largest of all solutions that start in the frame,
+    the norm of R ... R. It finds a strong growth at once, but takes a solution that has grown for a while and now
+    decays faster for the largest too long; the directions tell these apart, but take time to turn towards the growth.
     """
     w = weights(pattern)[:, None, None]
-    moving = carrier(pattern, omega, frame(pattern, seed))
+    start = frame(pattern, seed)
+    moving = carrier(pattern, omega, start)
     count = len(pattern.states)
     ends = np.unique(np.linspace(0, count, min(records, count) + 1).astype(int))[1:]
     times = np.concatenate([[0.0], np.cumsum(pattern.fractions[0])[ends - 1]])
-    logs = np.zeros((len(times), len(omega)))
-    total = np.zeros(len(omega))
+    vectors = start.shape[1]
+    logs = np.zeros((len(times), vectors + 1, len(omega)))
+    product = np.broadcast_to(np.eye(vectors), (len(omega), vectors, vectors))
     for r, (first, last) in enumerate(zip([0, *ends[:-1]], ends, strict=True)):
+        taken = np.zeros(len(omega))
         for segment in range(first, last):
-            total += moving.step(segment)
-        found = np.moveaxis(w * moving.state(min(last, count - 1)), -1, 0)
-        size = np.sqrt(np.linalg.eigvalsh(np.swapaxes(found, -1, -2) @ found)[:, -1])
-        moving.divide(size)
-        total += np.log(size)
-        logs[r + 1] = total
+            taken += moving.step(segment)
+        segment = min(last, count - 1)
+        basis, triangle = np.linalg.qr(np.moveaxis(w * moving.state(segment), -1, 0))
+        moving.set(np.moveaxis(basis, 0, -1) / w, segment)
+        product = triangle @ product
+        largest = np.sqrt(np.linalg.eigvalsh(np.swapaxes(product, -1, -2) @ product)[:, -1])
+        product = product / largest[:, None, None]
+        size = np.concatenate([np.abs(np.diagonal(triangle, axis1=-2, axis2=-1)), largest[:, None]], axis=1).T
+        logs[r + 1] = logs[r] + taken + np.log(np.maximum(size, np.finfo(float).tiny))
     return times, logs

@@ -19,11 +19,13 @@ from gearstab.floquet.segments import Pattern
 from gearstab.system import Array
 
 EPSILON = float(np.finfo(float).eps)
-DRIFT = 4.0
+DRIFT = 5.0
 """Rounding error of a product of S propagators: this times eps sqrt(S) + eps phase."""
 WEIGHT = 1.5
 """The size of a multiplier on the unit circle, taken as (|rho| + |rho^2 - 4|^(1/2))/2, is between 1 and 1.42."""
 
+NEAR = 4.0
+"""Multipliers within this many times their error may have met: each moves by the error, and a trace near 2 twice."""
 VISIBLE = 1e6
 """Differences larger than this times the rounding error are not of rounding."""
 
@@ -63,7 +65,7 @@ def scan(pattern: Pattern, omega: Array) -> Scan:
 
 
 def difference(fine: Scan, coarse: Scan, decay: Array) -> tuple[Array, Array]:
-    """By how much the multipliers differ, and the rounding error of those of ``fine``, ``(r, P)`` each.
+    """By how much the multipliers differ, and what rounding may have made of those of ``fine``, ``(r, P)`` each.
 
     decay ``(r, P)``: uniform decay a period that the multipliers do not contain.
     """
@@ -79,44 +81,40 @@ def difference(fine: Scan, coarse: Scan, decay: Array) -> tuple[Array, Array]:
 
 
 def _difference_conservative(fine: Scan, coarse: Scan) -> tuple[Array, Array]:
-    """|d ln lambda| = |d rho|/|lambda - 1/lambda| = |d rho|/|rho^2 - 4|^(1/2), but |d rho|^(1/2) where that is larger
-    than the root; weighted by the size of the multipliers.
-    """
-    rho, other = (np.ascontiguousarray(np.moveaxis(part.values, -1, 0)) for part in (fine, coarse))
     with np.errstate(invalid="ignore", over="ignore"):
-        root = np.sqrt(np.abs(rho * rho - 4))
-        modulus = 0.5 * (np.abs(rho) + root)
-        largest = modulus.max(axis=0, initial=1.0)
-        change = np.zeros(largest.shape)
-        for own, near, size in zip(rho, root, modulus, strict=True):
-            gap = np.sqrt(_nearest(own, other))
-            moved = gap / np.maximum(np.maximum(near, np.sqrt(gap)), np.finfo(float).tiny)
-            change = np.maximum(change, moved * np.minimum(1.0, WEIGHT * size / largest))
-        close = change < VISIBLE * fine.rounding
-        noise = fine.rounding.copy()
-        noise[close] = _noise(rho[:, close], root[:, close], fine.rounding[close], largest[close], change[close])
+        change, largest = kernel.current().trace_change(fine.values, coarse.values, WEIGHT)
+    close = change < VISIBLE * fine.rounding
+    noise = fine.rounding.copy()
+    if close.any():
+        noise[close] = _noise(fine.values[close], fine.rounding[close], largest[close])
     return change, noise
 
 
-def _nearest(value: Array, others: Array) -> Array:
-    """The least squared distance of ``value`` (...) to ``others`` (n, ...)."""
-    real, imaginary = others.real - value.real, others.imag - value.imag
-    return np.asarray((real * real + imaginary * imaginary).min(axis=0, initial=np.inf))
-
-
-def _noise(rho: Array, root: Array, rounding: Array, largest: Array, change: Array) -> Array:
+def _noise(rho: Array, rounding: Array, largest: Array) -> Array:
     """What rounding errors of the matrix make of the multipliers ``(P,)``: more where two of them nearly coincide.
 
-    rho, root ``(n, P)``. Multipliers that coincide without acting on each other do not show it, so that it is taken as
-    no more than the difference of two resolutions has shown.
+    rho ``(P, n)``. Multipliers that coincide without acting on each other do not show it.
     """
-    least = rounding * largest
-    worst = least.copy()
-    for i, own in enumerate(rho):
-        apart = np.sqrt(_nearest(own, np.delete(rho, i, axis=0)))
-        moved = least / np.clip(np.minimum(apart, 1.0), np.sqrt(least), None)
-        worst = np.maximum(worst, moved / np.maximum(root[i], np.sqrt(moved)))
-    return np.minimum(worst / largest, rounding + 4 * change)
+    least = (rounding * largest)[:, None]
+    apart = np.abs(rho[:, :, None] - rho[:, None, :])
+    each = np.arange(rho.shape[-1])
+    apart[:, each, each] = np.inf
+    moved = least / np.clip(apart.min(axis=-1, initial=np.inf), np.sqrt(least), 1.0)
+    root = np.sqrt(np.abs(rho * rho - 4))
+    worst = (moved / np.maximum(root, np.sqrt(moved))).max(axis=-1, initial=0.0)
+    return np.asarray(np.maximum(worst, least[:, 0]) / largest)
+
+
+def colliding(rho: Array, error: Array) -> Array:
+    """``(P,)``: whether two multipliers, of traces ``(P, n)``, may in truth have met, or not have met."""
+    root = np.sqrt(np.abs(rho * rho - 4))
+    each = np.arange(rho.shape[-1])
+    apart = np.abs(rho[:, :, None] - rho[:, None, :])
+    apart[:, each, each] = np.inf
+    # Angles on the circle: 2 cos theta = rho, so that rho^2 - 4 = -(2 sin theta)^2.
+    between = apart / np.maximum(np.maximum(root[:, :, None], root[:, None, :]), np.finfo(float).tiny)
+    least = np.minimum(root.min(axis=-1, initial=np.inf), between.min(axis=(-1, -2), initial=np.inf))
+    return np.asarray(least <= NEAR * error)
 
 
 def _difference_damped(fine: Scan, coarse: Scan) -> tuple[Array, Array]:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from gearstab.floquet.magnus.compare import Scan, difference, scan
+from gearstab.floquet.magnus.compare import Scan, colliding, difference, scan
 from gearstab.floquet.magnus.schemes import Scheme
 from gearstab.floquet.magnus.steps import Division
 from gearstab.floquet.segments import Pattern
@@ -21,18 +21,26 @@ from gearstab.system import Array
 
 SAFETY = 10.0
 """Estimate over the error that a converged scheme would have."""
-USUAL = 0.2
+SETTLED = 4
+"""Resolutions below this take the longest steps there are, whose errors may not yet fall as they should everywhere."""
+LONG = 1.5
+"""Further safety there."""
+USUAL = 0.5
 """The least estimate, as a part of the median one."""
+FEW = 5
+"""Points of a row that make a median of use."""
 FINEST = 6
 """Resolutions tried beyond the first choice: a factor 8 in the number of steps."""
 MOST_SEGMENTS = 2**16
 """Of a common period."""
 PILOTS = 9
 """Points a row that are looked at first."""
+NEGLIGIBLE = 1e-3
+"""Part of the tolerance below which differences need not fall any more."""
 LEAST = 1e-15
 """Smaller differences are rounding."""
-RADIANS = 2.0
-"""Of the fastest mode that a step takes at the resolution tried first."""
+CONVERGING = 0.5
+"""Part of the factor 2^p by which the differences of pilot points must fall."""
 AIM = 0.5
 """The estimate aimed at, as a part of the tolerance."""
 
@@ -69,7 +77,7 @@ class Estimates:
 
     growth, verdict: as of :class:`~gearstab.floquet.magnus.compare.Scan`. error: estimated, of the multipliers.
     rounding: the part of it that more steps would not lessen. changed: whether the verdict did at the last doubling.
-    resolution: at which they were computed.
+    resolution: at which they were computed. changed includes points whose multipliers are as close as their error.
     """
 
     growth: Array
@@ -125,48 +133,83 @@ def _improve(
     if len(rows) < len(patterns[0].rows):
         patterns = [pattern.subset(rows) for pattern in patterns]
     fine, coarse = (scan(pattern, omega[place]) for pattern in patterns)
-    error, rounding = estimated(fine, coarse, decay[place], ladder.scheme.order, valid)
-    target = place[0].repeat(points.shape[1], axis=1)[valid], points[valid]
-    found.growth[target], found.error[target], found.rounding[target] = (
-        part[valid] for part in (fine.growth, error, rounding)
-    )
+    safety = SAFETY * (LONG if resolution < SETTLED else 1.0)
+    error, rounding, unusual = estimated(fine, coarse, decay[place], safety / (2**ladder.scheme.order - 1), valid)
+    # Points that stand for missing ones repeat others of their row, with the same result.
+    found.growth[place], found.error[place], found.rounding[place] = fine.growth, error, rounding
     if fine.verdict is not None and coarse.verdict is not None:
-        found.verdict[target] = fine.verdict[valid]
-        found.changed[target] = (fine.verdict != coarse.verdict)[valid]
+        changed = fine.verdict != coarse.verdict
+        changed[unusual] |= colliding(fine.values[unusual], error[unusual])
+        found.verdict[place], found.changed[place] = fine.verdict, changed
 
 
-def estimated(fine: Scan, coarse: Scan, decay: Array, order: int, valid: Array) -> tuple[Array, Array]:
-    """(error estimate, the part of it that is rounding) of the points of ``fine``, ``(r, P)`` each."""
+def estimated(fine: Scan, coarse: Scan, decay: Array, factor: float, valid: Array) -> tuple[Array, Array, Array]:
+    """(error estimate, the part of it that is rounding, whether multipliers differ by much more than is usual) of the
+    points of ``fine``, ``(r, P)`` each.
+
+    factor: the estimate over the difference.
+    """
     change, rounding = difference(fine, coarse, decay)
-    usual = np.nanmedian(np.where(valid, change, np.nan), axis=1, keepdims=True)
+    usual = _medians(change, valid)[:, None]
+    # Where rounding errors are amplified both resolutions have their own, and differ by more than others do.
+    usual_of_many = np.where(valid.sum(axis=1) < FEW, 0.0, 1.0)[:, None] * usual
+    rounding = np.minimum(rounding, fine.rounding + 4 * np.maximum(change - 2 * usual_of_many, 0.0))
+    unusual = change > 4 * usual_of_many
     change = np.maximum(change, USUAL * usual)
-    return SAFETY / (2**order - 1) * change + rounding, rounding
+    return factor * change + rounding, rounding, unusual
 
 
-def first(ladder: Ladder, omega: Array, decay: Array, tolerance: float) -> Array:
-    """``(r, P)``, the resolution that each point is likely to need, from a few points of each row.
+def _medians(values: Array, valid: Array) -> Array:
+    """``(r,)``, of the valid ones of ``values (r, P)``, of which every row has one."""
+    if not valid.all():
+        # Sorted to the end, so that the middle of the others is where it would be without them.
+        values = np.where(valid, values, np.inf)
+    middle = (valid.sum(axis=1) - 1) // 2
+    return np.asarray(np.sort(values, axis=1)[np.arange(len(values)), middle])
+
+
+def first(ladder: Ladder, omega: Array, decay: Array, tolerance: float) -> tuple[Array, float]:
+    """``(r, P)``, the resolution that each point is likely to need, from a few points of each row; and what resolution
+    half of these would do with if it were not for their convergence.
 
     These are interpolated without their outliers: next to a boundary multipliers are badly conditioned, which is
     better left to the few points that it concerns.
     """
     if ladder.division.constant.all():
-        return np.full(omega.shape, 2)
-    order = ladder.scheme.order
+        return np.full(omega.shape, 2), 2.0
     place = _pilots(omega)
-    resolution = _countable(ladder, omega[place])
-    wanted = np.empty(resolution.shape)
-    for k in np.unique(resolution):
-        column = (resolution == k).any(axis=0)
-        part = place[0], place[1][:, column]
-        fine, coarse = (scan(ladder.pattern(int(each)), omega[part]) for each in (k, k - 2))
-        change = SAFETY / (2**order - 1) * np.maximum(difference(fine, coarse, decay[part])[0], LEAST)
-        found = k + 2 / order * np.log2(change / (AIM * tolerance))
-        wanted[:, column] = np.where(resolution[:, column] == k, found, wanted[:, column])
-    wanted = _without_outliers(np.nan_to_num(wanted, nan=2.0))
-    result = np.empty(omega.shape)
+    least, wanted = _tried(ladder, omega[place], decay[place], tolerance)
+    enough = float(np.median(wanted))
+    least = np.minimum(least, _without_outliers(least) + 2)
+    wanted = np.maximum(_without_outliers(wanted), least)
+    result = np.empty(omega.shape, dtype=int)
     for r, own in enumerate(np.log(omega)):
-        result[r] = np.interp(own, own[place[1][r]], wanted[r])
-    return np.clip(np.ceil(result), 2, ladder.finest).astype(int)
+        result[r] = np.ceil(np.interp(own, own[place[1][r]], wanted[r]))
+    return np.clip(result, 2, ladder.finest), enough
+
+
+def _tried(ladder: Ladder, omega: Array, decay: Array, tolerance: float) -> tuple[Array, Array]:
+    """Of pilot points ``(r, k)``: the least resolution at which errors fall as they should, and the wanted one.
+
+    Steps are doubled until the differences of two resolutions fall by CONVERGING 2^p at least: then an estimate from
+    the coarser of them is above its error, which is about the next difference.
+    """
+    order = ladder.scheme.order
+    least, wanted = np.full(omega.shape, float(ladder.finest)), np.full(omega.shape, float(ladder.finest))
+    pending = np.ones(omega.shape, dtype=bool)
+    before, change = scan(ladder.pattern(0), omega), np.full(omega.shape, np.nan)
+    for resolution in range(2, ladder.finest + 1, 2):
+        now, last = scan(ladder.pattern(resolution), omega), change
+        change, noise = difference(now, before, decay)
+        change, before = np.maximum(change, LEAST), now
+        settled = (change <= noise) | (change <= NEGLIGIBLE * tolerance)
+        sure = pending & ((last >= CONVERGING * 2**order * change) | settled)
+        need = resolution + 2 / order * np.log2(SAFETY / (2**order - 1) * change / (AIM * tolerance))
+        least[sure], wanted[sure] = max(resolution - 2, 2), need[sure]
+        pending &= ~sure
+        if not pending.any():
+            break
+    return least, wanted
 
 
 def _without_outliers(values: Array) -> Array:
@@ -185,20 +228,16 @@ def _pilots(omega: Array) -> tuple[Array, Array]:
     return np.arange(len(omega))[:, None], order[:, pick]
 
 
-def _countable(ladder: Ladder, omega: Array) -> Array:
-    """Resolutions at which a step takes about RADIANS of the fastest mode."""
-    base = ladder.pattern(2)
-    fastest = np.sqrt(np.abs(base.squared_frequency)).max(axis=(1, 2), initial=0.0)[:, None]
-    steps = 2 * np.pi * base.cycles * fastest / omega / RADIANS
-    wanted = 2 * np.log2(np.maximum(steps / max(1, int(ladder.division.counts(0).sum())), 1.0))
-    return np.clip(np.ceil(wanted), 2, ladder.finest).astype(int)
-
-
 def rectangles(chosen: Array) -> Iterator[tuple[Array, Array, Array]]:
     """Points ``(r, P)`` bool as arrays for a kernel: rows ``(q,)``, points ``(q, c)``, which of these count ``(q, c)``.
 
     Rows with fewer points than others repeat one of theirs; rows of very different numbers come apart.
     """
+    columns = chosen.any(axis=0)
+    if chosen[:, columns].all():
+        points = np.broadcast_to(np.flatnonzero(columns), (len(chosen), int(columns.sum())))
+        yield np.arange(len(chosen)), points, np.ones(points.shape, dtype=bool)
+        return
     count = chosen.sum(axis=1)
     size = np.ceil(np.log2(np.maximum(count, 1))).astype(int)
     for key in np.unique(size[count > 0]):

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -25,7 +26,7 @@ CONSTANT = 4e-15
 """A mesh stiffness that varies by less than this part of its size between jumps is constant."""
 BASE = 4
 """Steps a common period of the coarsest resolution, unless there are more pieces or steps fail to resolve K(t)."""
-FOLLOWED = 0.006
+FOLLOWED = 0.008
 """A stiffness counts as resolved where the parabola through its values at the nodes is right within this part of its
 variation: below that errors do not yet fall as they should, and estimates may be far too low."""
 MOST = 4096
@@ -51,13 +52,31 @@ class Sampler:
 
     system: GearSystem
 
+    @cached_property
+    def batch(self) -> tuple[int, ...]:
+        """Of the system."""
+        return self.system.batch
+
     @property
     def count(self) -> int:
         """The number of rows of the flattened batch."""
-        return int(np.prod(self.system.batch, dtype=int))
+        return int(np.prod(self.batch, dtype=int))
+
+    @cached_property
+    def cycles(self) -> tuple[int, ...]:
+        """Of each mesh in a common period."""
+        return self.system.common_period()[1][: len(self.system.meshes)]
+
+    @cached_property
+    def _rows(self) -> tuple[Array, Array, Array, Array]:
+        """Mean stiffness, amplitude, lag and epsilon of each mesh, ``(meshes, rows)``."""
+        meshes = self.system.meshes
+        table = [(mesh.mean_stiffness, mesh.amplitude, mesh.lag, mesh.epsilon) for mesh in meshes]
+        mean, amplitude, lag, epsilon = (np.array([self._flat(v) for v in part]) for part in zip(*table, strict=True))
+        return mean, amplitude, lag, epsilon
 
     def _flat(self, values: Array | float) -> Array:
-        return np.broadcast_to(np.asarray(values, dtype=float), self.system.batch).reshape(-1)
+        return np.broadcast_to(np.asarray(values, dtype=float), self.batch).reshape(-1)
 
     def edges(self) -> Array:
         """``(rows, Q)``: jumps and kinks in parts of the common period, ascending from [0, 1) on.
@@ -65,13 +84,13 @@ class Sampler:
         Rows with fewer of them than others have the end of the period for the rest; without any, 0 is one.
         """
         count, found = self.count, []
-        for mesh, turns in zip(self.system.meshes, self.system.common_period()[1], strict=False):
+        _, _, lag, epsilon = self._rows
+        for i, (mesh, turns) in enumerate(zip(self.system.meshes, self.cycles, strict=True)):
             points = mesh.waveform.breakpoints()
-            points = np.broadcast_to(points, (*self.system.batch, points.shape[-1])).reshape(count, -1)
-            points = points + self._flat(mesh.lag)[:, None]
+            points = np.broadcast_to(points, (*self.batch, points.shape[-1])).reshape(count, -1) + lag[i][:, None]
             each = ((points[:, :, None] + np.arange(turns)) / turns).reshape(count, -1)
             # A mesh whose stiffness does not vary has no jumps; another one's edge stands for its.
-            found.append(np.where(self._flat(mesh.epsilon)[:, None] != 0, each, np.nan))
+            found.append(np.where(epsilon[i][:, None] != 0, each, np.nan))
         every = np.concatenate([*found, np.full((count, 1), np.nan)], axis=1)
         every = every - np.floor(every)
         every = np.sort(np.where(every >= 1.0, 0.0, every), axis=1)
@@ -80,7 +99,7 @@ class Sampler:
 
     def mean(self, rows: Array) -> Array:
         """``(r, meshes)``, mean mesh stiffnesses."""
-        return np.stack([self._flat(mesh.mean_stiffness)[rows] for mesh in self.system.meshes], axis=-1)
+        return np.asarray(self._rows[0].T[rows])
 
     def lowest(self, rows: Array) -> Array:
         """``(r, meshes)``, the least mesh stiffnesses."""
@@ -89,9 +108,10 @@ class Sampler:
     def __call__(self, rows: Array, place: Array) -> Array:
         """``(r, Q, meshes)``, mesh stiffnesses of ``rows`` (r,) at the places ``(r, Q)``, parts of the period."""
         result = np.empty((*place.shape, len(self.system.meshes)))
-        alike = bool(np.all(place == place[:1]))
-        for i, (mesh, turns) in enumerate(zip(self.system.meshes, self.system.common_period()[1], strict=False)):
-            lag = self._flat(mesh.lag)[rows, None]
+        alike = len(place) == 1 or bool(np.all(place == place[:1]))
+        means, amplitudes, lags, _ = self._rows
+        for i, (mesh, turns) in enumerate(zip(self.system.meshes, self.cycles, strict=True)):
+            lag = lags[i][rows, None]
             x = turns * place - lag
             if mesh.waveform.batch == ():
                 # Often the same times and the same wave for all rows.
@@ -99,10 +119,9 @@ class Sampler:
             else:
                 every = np.zeros((place.shape[1], self.count))
                 every[:, rows] = x.T
-                every = mesh.waveform.value(every.reshape(-1, *self.system.batch)).reshape(every.shape)
+                every = mesh.waveform.value(every.reshape(-1, *self.batch)).reshape(every.shape)
                 value = every[:, rows].T
-            mean, amplitude = (self._flat(part)[rows, None] for part in (mesh.mean_stiffness, mesh.amplitude))
-            result[..., i] = mean + 2 * amplitude * value
+            result[..., i] = means[i][rows, None] + 2 * amplitudes[i][rows, None] * value
         return result
 
 

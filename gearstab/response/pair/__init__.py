@@ -3,8 +3,9 @@
 Source: Oh, Grosh & Barber, "Energy conserving equations of motion for gear systems", J. Vib. Acoust. 127 (2005).
 """
 
+from gearstab.response.pair.held import held
 from gearstab.response.pair.history import PairResponse, Start, respond
 from gearstab.response.pair.integrate import STATUS
 from gearstab.response.pair.spectrum import SHORTEST, Spectrum, spectrum
 
-__all__ = ["SHORTEST", "STATUS", "PairResponse", "Spectrum", "Start", "respond", "spectrum"]
+__all__ = ["SHORTEST", "STATUS", "PairResponse", "Spectrum", "Start", "held", "respond", "spectrum"]

@@ -34,11 +34,11 @@ def first_exit(arc: Arc, lower: float, upper: float, until: float = inf) -> Exit
     lower <= 0 <= upper, relative to theta_0. On a boundary (0) the gear must be moving inwards.
     """
     for begin, end in _windows(arc, lower, upper):
+        if begin > until:
+            break
         found = _search(arc, lower, upper, begin, min(end, until))
         if found is not None:
             return found
-        if end >= until:
-            break
     return None
 
 
@@ -68,7 +68,8 @@ def _windows(arc: Arc, lower: float, upper: float) -> Iterator[tuple[float, floa
         if later <= begin * SLACK:
             break
         begin = later
-    yield begin, end
+    if begin < end:
+        yield begin, end
 
 
 def _ahead(arc: Arc, lower: float, upper: float, since: float) -> float:

@@ -152,6 +152,7 @@ def integrate(law: Law, start: State, goal: Goal, run: Run) -> Iterator[Piece | 
             if edge in (0.0, tau):
                 state = (phi, rate, tau - edge, speed)
                 if cycle == last_cycle and last_angle == 0.0 and found.direction > 0:
+                    yield Piece(run.time, 0.0, law.arc(region, state), region, cycle)
                     return
     run.status |= STATUS["event_limit"]
 

@@ -14,11 +14,12 @@ from typing import Any
 
 import numpy as np
 
-from gearstab.system import Array, GearSystem, Mesh, PeriodicTerm
+from gearstab.system import Array, GearSystem, Mesh, PeriodicForce, PeriodicTerm
 from gearstab.systems import assembly
 from gearstab.systems.gearbox import friction, matrices, rotors
 from gearstab.systems.gearbox.teeth import MeshTeeth
 from gearstab.systems.gearbox.train import Link, TrainError, mesh_frequency_ratios, mesh_link, speeds
+from gearstab.systems.gearbox.wanted import from_teeth
 
 STEEL = {"young": 206.8e9, "poisson": 0.3, "density": 7850.0, "shear": 80e9}
 
@@ -55,9 +56,9 @@ class Train:
     def material(self) -> dict[str, Any]:
         return STEEL | {key: value for key, value in (self.p.get("material") or {}).items() if value is not None}
 
-    def internal(self, mesh: int) -> bool:
-        """Whether one gear of a mesh is internal."""
-        return any(bool(self.rotors[gear].get("internal")) for gear in self.meshes[mesh])
+    def internal(self, mesh: int) -> int | None:
+        """0 where the driver of a mesh is internal, 1 where the driven gear is, None where neither is."""
+        return next((k for k, gear in enumerate(self.meshes[mesh]) if self.rotors[gear].get("internal")), None)
 
     def teeth(self, rotor: int) -> int:
         return int(self.rotors[rotor]["teeth"])
@@ -71,7 +72,7 @@ class Train:
         ]
         for k, (driver, driven) in enumerate(self.meshes):
             teeth = self.teeth(driver), self.teeth(driven)
-            links.append(mesh_link(driver, driven, teeth, self.internal(k), ("meshes", k)))
+            links.append(mesh_link(driver, driven, teeth, self.internal(k) is not None, ("meshes", k)))
         return speeds(len(self.rotors), links, self.place[self.p["input"]["rotor"]])
 
     @cached_property
@@ -98,17 +99,14 @@ class Train:
         return {}
 
     def push(self, mesh: int) -> tuple[Array, Array]:
-        """The direction in which the driver of a mesh pushes."""
-        p = self.p["meshes"][mesh]
-        gears = [self.rotors[gear] for gear in self.meshes[mesh]]
-        angle = rotors.number(gears[0], "pressure_angle")
-        if p.get("centre_distance") is not None or any("profile_shift" in gear for gear in gears):
-            teeth = self.teeth_of(mesh)
-            try:
-                angle = teeth.each(lambda pair: pair.pressure_angle)
-            except ValueError as error:
-                raise TrainError(("meshes", mesh), str(error), "change the teeth") from None
-        return matrices.line_of_action(rotors.number(p, "position"), angle, self.sense(mesh))
+        """The direction in which the driver of a mesh pushes. Raises TrainError for gears that cannot mesh."""
+        teeth = self.teeth_of(mesh)
+        try:
+            angle = teeth.each(lambda pair: pair.pressure_angle)
+        except ValueError as error:
+            raise TrainError(("meshes", mesh), str(error), "change the teeth") from None
+        position = rotors.number(self.p["meshes"][mesh], "position")
+        return matrices.line_of_action(position, angle, self.sense(mesh), self.internal(mesh))
 
     @property
     def layout(self) -> matrices.Layout:
@@ -117,12 +115,19 @@ class Train:
 
     @cached_property
     def inertias(self) -> list[Array]:
-        return [rotors.inertia(rotor, self.material["density"]) for rotor in self.rotors]
+        return [self._solid(k, rotors.inertia(rotor, self.material["density"])) for k, rotor in enumerate(self.rotors)]
 
     @cached_property
     def masses(self) -> dict[int, Array]:
         """Of the supported rotors."""
-        return {k: rotors.mass(self.rotors[k], self.material["density"]) for k in self.layout.supported}
+        density = self.material["density"]
+        return {k: self._solid(k, rotors.mass(self.rotors[k], density)) for k in self.layout.supported}
+
+    @staticmethod
+    def _solid(rotor: int, value: Array) -> Array:
+        if not np.all(value > 0):
+            raise TrainError(("rotors", rotor), "the bore leaves nothing of its body", "reduce bore_radius")
+        return value
 
 
 def build(p: dict[str, Any]) -> GearSystem:
@@ -132,13 +137,14 @@ def build(p: dict[str, Any]) -> GearSystem:
     filled = [_filled(train, k) for k in range(len(train.meshes))]
     meshes = tuple(mesh(train, k, filled[k]) for k in range(len(train.meshes)))
     mass = assembly.diagonal([*train.inertias, *(m for m in train.masses.values() for _ in "xy")])
-    stiffness, damping = _shafts_and_supports(train)
-    system = GearSystem(mass, stiffness, meshes, damping, layout.coordinates, load=load(train))
-    drag = [_mesh_damping(train, k, item) for k, item in enumerate(meshes)]
+    stiffness, held = _shafts_and_supports(train)
+    factor = rotors.number(p, "damping_factor", 1.0)
+    held = factor[..., None, None] * held
+    drag = [factor * _mesh_damping(train, k, item) for k, item in enumerate(meshes)]
     given = [part | {"damping": c if np.any(c) else None} for part, c in zip(filled, drag, strict=True)]
-    own = assembly.damped(system, p | {"meshes": given})
-    total = damping if own.damping is None else damping + own.damping
-    system = replace(own, damping=total if np.any(total) else None)
+    system = assembly.damped(GearSystem(mass, stiffness, meshes, None, layout.coordinates), p | {"meshes": given})
+    damping = held if system.damping is None else held + system.damping
+    system = replace(system, damping=damping if np.any(damping) else None)
     system = assembly.driven(system, {"meshes": given})
     return _rubbed(train, replace(system, load=load(train)), drag)
 
@@ -146,15 +152,10 @@ def build(p: dict[str, Any]) -> GearSystem:
 def _filled(train: Train, k: int) -> dict[str, Any]:
     """The parameters of a mesh with what its teeth give."""
     p = train.p["meshes"][k]
-    kind = (p.get("waveform") or {}).get("kind", "rectangular")
-    stiff = p.get("mean_stiffness") is not None or p.get("max_stiffness") is not None
-    varies = p.get("epsilon") is not None or p.get("amplitude") is not None
-    shaped = p.get("contact_ratio") is not None or kind in ("fourier", "sampled")
-    if kind != "tooth" and stiff and varies and shaped:
+    if not from_teeth(p):
         return dict(p)
-    teeth = train.teeth_of(k)
     try:
-        return teeth.filled() | ({"wave": teeth.wave()} if kind == "tooth" else {})
+        return train.teeth_of(k).filled()
     except ValueError as error:
         raise TrainError(("meshes", k), str(error), "change the teeth, or give the stiffness of the mesh") from None
 
@@ -176,7 +177,8 @@ def _rubbed(train: Train, system: GearSystem, drag: list[Array]) -> GearSystem:
     if not any(laws):
         return system
     forces = np.abs(friction.static_forces(system))
-    found: list[PeriodicTerm] = []
+    terms: list[PeriodicTerm] = []
+    pushes: list[PeriodicForce] = []
     for k, law in enumerate(laws):
         if law is None:
             continue
@@ -187,11 +189,11 @@ def _rubbed(train: Train, system: GearSystem, drag: list[Array]) -> GearSystem:
             rubbing = teeth.friction(law, np.asarray(speed), np.ones(()) if plain else forces[..., k])
         except ValueError as error:
             raise TrainError(("meshes", k, "friction"), str(error), "change the teeth or the operating point") from None
-        found += friction.terms(
-            train.layout, gears, system.meshes[k], rubbing, train.push(k), train.sense(k), drag[k],
-            swapped=teeth.pairs[0].wheel_drives,
-        )  # fmt: skip
-    return replace(system, terms=(*system.terms, *found))
+        arms = friction.arms(train.layout, gears, rubbing, train.push(k), train.sense(k), teeth.pairs[0].wheel_drives)
+        item, follows = system.meshes[k], bool(train.p["meshes"][k].get("damping_follows_stiffness"))
+        terms += friction.terms(item, rubbing, arms, drag[k], follows)
+        pushes += friction.forces(item, rubbing, arms)
+    return replace(system, terms=(*system.terms, *terms), forces=(*system.forces, *pushes))
 
 
 def _mesh_damping(train: Train, k: int, item: Mesh) -> Array:
@@ -209,6 +211,8 @@ def shaft_stiffness(train: Train, shaft: dict[str, Any]) -> Array:
     if shaft.get("stiffness") is not None:
         return rotors.number(shaft, "stiffness")
     polar = np.pi / 32 * (rotors.number(shaft, "diameter") ** 4 - rotors.number(shaft, "bore") ** 4)
+    if not np.all(polar > 0):
+        raise TrainError(("shafts", train.p["shafts"].index(shaft), "bore"), "leaves nothing of the shaft", "reduce it")
     return np.asarray(train.material["shear"]) * polar / rotors.number(shaft, "length")
 
 

@@ -11,48 +11,79 @@ from typing import Any
 
 import numpy as np
 
-from gearstab.system import Array, GearSystem, Mesh, PeriodicTerm
+from gearstab.system import Array, GearSystem, Mesh, PeriodicForce, PeriodicTerm
 from gearstab.systems.gearbox import matrices
 from gearstab.systems.gearbox.teeth import Rubbing
-from gearstab.waveforms import Product, Profile, Scaled
+from gearstab.waveforms import Constant, Product, Profile, Scaled
 
 
-def terms(
-    layout: matrices.Layout, gears: tuple[int, int], mesh: Mesh, rubbing: Rubbing, push: tuple[Array, Array],
-    sense: int, damping: Array, swapped: bool,
-) -> tuple[PeriodicTerm, PeriodicTerm]:  # fmt: skip
-    """The two terms, along u and along v, of one mesh.
+def arms(
+    layout: matrices.Layout, gears: tuple[int, int], rubbing: Rubbing, push: tuple[Array, Array], sense: int,
+    swapped: bool,
+) -> tuple[Array, Array]:  # fmt: skip
+    """u and v ``(..., n)`` of one mesh, h = u + s v.
 
     Parameters
     ----------
     gears: numbers of driver and driven gear. sense: 1 where the driver turns counter-clockwise.
-    push: n, the direction of the driver's force on the driven gear. damping: of the mesh, N s/m.
+    push: n, the direction of the driver's force on the driven gear.
     swapped: whether the pinion that friction counts from is the driven gear.
     """
     pinion, wheel = gears[::-1] if swapped else gears
-    # Counted from the driven gear n and its positive sense change sign together.
-    turn = -sense if swapped else sense
-    n = tuple(-np.asarray(part) for part in push) if swapped else push
-    t = (-turn * np.asarray(n[1]), turn * np.asarray(n[0]))
-    arms: dict[int, Any] = {wheel: -rubbing.length}
+    # Where the internal gear drives, the pinion presses the teeth together by turning back: its positive sense, that of
+    # the wheel and n change sign.
+    back = -1.0 if swapped else 1.0
+    n = tuple(back * np.asarray(part) for part in push)
+    t = (-back * sense * n[1], back * sense * n[0])
+    entries: dict[int, Any] = {wheel: -back * rubbing.length}
     for rotor, sign in ((pinion, 1.0), (wheel, -1.0)):
         place = layout.lateral.get(rotor)
         if place is not None:
-            arms |= {place: sign * t[0], place + 1: sign * t[1]}
-    u = matrices.unit(layout, arms)
-    v = matrices.unit(layout, {pinion: 1.0, wheel: float(rubbing.wheel_sign)})
-    level = Scaled(mesh.waveform, mesh.mean_stiffness, 2 * mesh.amplitude)
+            entries |= {place: sign * t[0], place + 1: sign * t[1]}
+    return matrices.unit(layout, entries), matrices.unit(layout, {pinion: back, wheel: back * rubbing.wheel_sign})
+
+
+def terms(mesh: Mesh, rubbing: Rubbing, ends: tuple[Array, Array], damping: Array, follows: bool) -> list[PeriodicTerm]:
+    """The two terms of one mesh, along u and along v.
+
+    damping: of the mesh, N s/m; follows: whether it varies as the mesh stiffness does.
+    """
+    drag: Profile | None = None
+    if np.any(damping):
+        drag = Scaled(mesh.waveform, damping, 2 * mesh.epsilon * damping) if follows else Constant(damping)
+    return [
+        PeriodicTerm(
+            name, left, mesh.direction, Product(_level(mesh), share), None if drag is None else Product(drag, share),
+            mesh.frequency_ratio, mesh.lag,
+        )
+        for name, left, share in _parts(mesh, rubbing, ends)
+    ]  # fmt: skip
+
+
+def forces(mesh: Mesh, rubbing: Rubbing, ends: tuple[Array, Array]) -> list[PeriodicForce]:
+    """What a transmission error e adds: the mesh force is k (g^T q - e), and so friction has sigma mu h k_p e less.
+
+    Its damping part, c_p de/dt, is small of second order (friction times damping) and left out.
+    """
+    error = mesh.transmission_error
+    if error is None:
+        return []
+    return [
+        PeriodicForce(name, left, Product(Product(_level(mesh), share), error), mesh.frequency_ratio, mesh.lag)
+        for name, left, share in _parts(mesh, rubbing, ends)
+    ]
+
+
+def _level(mesh: Mesh) -> Profile:
+    """k(x)."""
+    return Scaled(mesh.waveform, mesh.mean_stiffness, 2 * mesh.amplitude)
+
+
+def _parts(mesh: Mesh, rubbing: Rubbing, ends: tuple[Array, Array]) -> tuple[tuple[str, Array, Profile], ...]:
     return (
-        _term(f"friction of {mesh.name}", u, mesh, Product(level, rubbing.share), rubbing.share, damping),
-        _term(
-            f"friction torque of {mesh.name}", v, mesh, Product(level, rubbing.share_arm), rubbing.share_arm, damping
-        ),
+        (f"friction of {mesh.name}", ends[0], rubbing.share),
+        (f"friction torque of {mesh.name}", ends[1], rubbing.share_arm),
     )
-
-
-def _term(name: str, left: Array, mesh: Mesh, stiffness: Profile, share: Profile, damping: Array) -> PeriodicTerm:
-    drag = Scaled(share, 0.0, damping) if np.any(damping) else None
-    return PeriodicTerm(name, left, mesh.direction, stiffness, drag, mesh.frequency_ratio, mesh.lag)
 
 
 def static_forces(system: GearSystem) -> Array:

@@ -61,13 +61,26 @@ def shaft_direction(layout: Layout, first: int, second: int) -> Array:
     return unit(layout, {first: 1.0, second: -1.0})
 
 
-def line_of_action(position: Array | float, pressure_angle: Array | float, sense: int) -> tuple[Array, Array]:
-    """The direction in which the driver pushes the driven gear, (cos, sin) of psi + sense (90 deg - phi_w).
+def line_of_action(
+    position: Array | float, pressure_angle: Array | float, sense: int, internal: int | None = None
+) -> tuple[Array, Array]:
+    """n, the direction in which the driver pushes the driven gear.
+
+        external gears     psi + sense (90 deg - phi_w)
+        internal driven    psi + 180 deg + sense (90 deg - phi_w)
+        internal driver    psi + sense (90 deg + phi_w)
+
+    The flank of the external gear is pushed towards its own centre; where one gear is internal, both centres lie on the
+    same side of the pitch point. Turning the whole train as one body leaves the teeth alone: r_b1 w_1 - r_b2 w_2 +
+    n . (u_1 - u_2) = 0.
 
     position: psi, from the centre of the driver to that of the driven gear, rad.
     sense: 1 where the driver turns counter-clockwise, -1 where clockwise.
+    internal: 0 where the driver is internal, 1 where the driven gear is.
     """
-    angle = np.asarray(position) + sense * (0.5 * np.pi - np.asarray(pressure_angle))
+    right, phi = 0.5 * np.pi, np.asarray(pressure_angle)
+    turn = np.pi if internal == 1 else 0.0
+    angle = np.asarray(position) + turn + sense * (right + phi if internal == 0 else right - phi)
     return np.cos(angle), np.sin(angle)
 
 
@@ -77,8 +90,7 @@ def mesh_direction(
 ) -> Array:  # fmt: skip
     """g with g^T q = R_b1 theta_1 - R_b2 theta_2 + n . (u_1 - u_2): how much the teeth are pressed together.
 
-    push: n, the direction of the driver's force on the driven gear. An internal gear's flank faces inwards, but the
-    force on it is along the same line.
+    push: n, the direction of the driver's force on the driven gear.
     """
     entries: dict[int, Array | float] = {gears[0]: base_radii[0], gears[1]: -np.asarray(base_radii[1])}
     for gear, sign in zip(gears, (1, -1), strict=True):

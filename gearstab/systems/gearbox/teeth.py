@@ -24,6 +24,7 @@ from gearstab.gears import (
 )
 from gearstab.system import Array
 from gearstab.systems.gearbox.rotors import number
+from gearstab.systems.gearbox.wanted import CONTACT_RATIO, MEAN, VARIATION, WAVE, from_teeth
 from gearstab.waveforms import Fourier, Tooth
 from gearstab.waveforms.tooth import Piecewise, stacked
 
@@ -113,25 +114,23 @@ class MeshTeeth:
         return np.reshape([value(mesh) for mesh in self.stiffness], self.batch)
 
     def filled(self) -> dict[str, Any]:
-        """The parameters of the mesh with what the teeth give of mean stiffness, epsilon and contact ratio."""
-        p = dict(self.p)
+        """The parameters of the mesh with what the teeth give of mean stiffness, epsilon, contact ratio and wave."""
+        p, wanted = dict(self.p), from_teeth(self.p)
         kind = (p.get("waveform") or {}).get("kind", "rectangular")
-        if p.get("mean_stiffness") is None and p.get("max_stiffness") is None:
+        if MEAN in wanted:
             p["mean_stiffness"] = self.of_stiffness(lambda mesh: mesh.mean)
-        takes_ratio = kind not in ("fourier", "sampled", "tooth")
-        if takes_ratio and p.get("contact_ratio") is None:
+        if CONTACT_RATIO in wanted and kind != "tooth":
             p["contact_ratio"] = self.each(lambda pair: pair.contact_ratio)
-        if kind == "tooth" or (p.get("epsilon") is None and p.get("amplitude") is None and kind != "sampled"):
-            keep = p.get("reduction", "levels")
-            p["epsilon"] = self.of_stiffness(
-                lambda mesh: mesh.epsilon if kind in ("tooth", "fourier") else mesh.rectangular(keep).epsilon
-            )
-        return p
+        if VARIATION in wanted:
+            keep, whole = p.get("reduction", "levels"), kind in ("tooth", "fourier")
+            p["epsilon"] = self.of_stiffness(lambda mesh: (mesh if whole else mesh.rectangular(keep)).epsilon)
+        return p | ({"wave": self.wave()} if WAVE in wanted else {})
 
     def wave(self) -> Tooth | Fourier:
         """The wave of the computed stiffness, or its first harmonics."""
         harmonics = (self.p.get("waveform") or {}).get("harmonics")
-        whole = Tooth(stacked([mesh.curve for mesh in self.stiffness], self.batch))
+        ratio = self.each(lambda pair: pair.contact_ratio)
+        whole = Tooth(stacked([mesh.curve for mesh in self.stiffness], self.batch), ratio)
         if harmonics is None:
             return whole
         pairs = [whole.fourier(s) for s in range(1, int(harmonics) + 1)]

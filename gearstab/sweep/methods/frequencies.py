@@ -9,6 +9,7 @@ import numpy as np
 
 from gearstab.floquet import Floquet
 from gearstab.floquet.frequencies import ManyFrequencies, choice, groups, lyapunov, per_mesh
+from gearstab.floquet.magnus.schemes import CF6_5
 from gearstab.floquet.report import reduction
 from gearstab.results.variables import BY_MESH, INTERVAL, Variable
 from gearstab.system import Array, GearSystem
@@ -72,8 +73,7 @@ def cost(options: Any, system: GearSystem, exact: Callable[[GearSystem], float])
     if taken == choice.PER_MESH:
         return sum(exact(per_mesh.alone(system, group)) for group in groups(system))
     if taken == choice.LYAPUNOV:
-        segments = choice.segments_a_cycle(system) * lyapunov.length(system, options.lyapunov.cycles)
-        return min(max(1.0, VECTORS * segments * system.size**2), MOST)
+        return min(max(1.0, VECTORS * _segments(options, system) * system.size**2), MOST)
     return exact(system)
 
 
@@ -97,10 +97,24 @@ def outlook(options: Any, system: GearSystem) -> str | None:
         return None
     text = choice.reason(system, options.frequencies, options.affordable_segments)
     taken = way(options, system)
-    if taken == choice.COMMON_PERIOD:
+    if taken == choice.COMMON_PERIOD and system.piecewise_constant and not system.terms:
         states = max((part.states for part in reduction(system).parts), default=1)
         return f"{text}, {states} distinct states"
     if taken == choice.LYAPUNOV:
-        segments = choice.segments_a_cycle(system) * lyapunov.length(system, options.lyapunov.cycles)
-        return f"{text}; a window of {options.lyapunov.cycles:,g} cycles of the slowest mesh, {segments:,.0f} segments"
+        return (
+            f"{text}; a window of {options.lyapunov.cycles:,g} cycles of the slowest mesh, {_counted(options, system)}"
+        )
     return text
+
+
+def _segments(options: Any, system: GearSystem) -> float:
+    """In the window of a Lyapunov exponent."""
+    cycles = lyapunov.length(system, options.lyapunov.cycles)
+    if system.piecewise_constant:
+        return choice.segments_a_cycle(system) * cycles
+    return 2 * lyapunov.FEWEST_STEPS * CF6_5.exponentials * cycles * max(map(float, system.frequency_ratios))
+
+
+def _counted(options: Any, system: GearSystem) -> str:
+    what = "segments" if system.piecewise_constant else "exponentials of Magnus steps or more"
+    return f"{_segments(options, system):,.0f} {what}"

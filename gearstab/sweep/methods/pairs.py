@@ -4,16 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from gearstab.results.variables import ORBITS, Variable
 from gearstab.rotating_pair import RotatingPair
+from gearstab.sweep.methods.base import Method, Outcome
 from gearstab.system import Array, GearSystem
-
-if TYPE_CHECKING:
-    from gearstab.sweep.methods import Method, Outcome
 
 COST = 800.0
 """Of an orbit, in points of a linear system of three coordinates."""
@@ -85,7 +83,6 @@ def _flagged(variable: Variable) -> Variable:
 
 def _orbits(pair: RotatingPair, mesh_frequency: Array, options: Any) -> Outcome:
     from gearstab.response.pair.stability import stability
-    from gearstab.sweep.methods import Outcome
 
     found = stability(pair, mesh_frequency)
     unit = np.ravel(np.broadcast_to(pair.numbers.k0, pair.batch))[:, None]

@@ -10,6 +10,7 @@ import numpy as np
 from gearstab.floquet.frequencies import choice, groups, per_mesh
 from gearstab.floquet.report import reduction
 from gearstab.results.variables import REQUIRED_DAMPING, Variable, flagged
+from gearstab.sweep.methods.base import POINTS, Method, Outcome, nothing
 from gearstab.system import Array, GearSystem
 
 LADDER = 60.0
@@ -20,8 +21,8 @@ ROOTS = 400.0
 
 def way(options: Any, system: GearSystem) -> str:
     """``common_period`` or ``per_mesh``. Raises ValueError."""
-    if system.terms or not system.piecewise_constant:
-        raise ValueError("needs mesh stiffnesses that are piecewise constant, and no other periodic terms")
+    if system.terms:
+        raise ValueError("periodic terms beside the mesh stiffness are not supported")
     taken = choice.chosen(system, options.frequencies)
     # Zeros of an estimate with an interval would have none.
     return choice.PER_MESH if taken == choice.LYAPUNOV else taken
@@ -53,8 +54,13 @@ def values(system: GearSystem, mesh_frequency: Array, options: Any) -> dict[str,
 
 def cost(options: Any, system: GearSystem) -> float:
     """Of a point, in the units of a sweep's costs."""
-    parts = reduction(system).parts
-    return LADDER * max(1.0, sum(p.segments * p.size**3 for p in parts) / 108) + ROOTS
+    if way(options, system) == choice.PER_MESH:
+        return sum(_cost(per_mesh.alone(system, group)) for group in groups(system))
+    return _cost(system)
+
+
+def _cost(system: GearSystem) -> float:
+    return LADDER * max(1.0, sum(p.segments * p.size**3 for p in reduction(system).parts) / 108) + ROOTS
 
 
 def report(options: Any, system: GearSystem) -> Mapping[str, Any]:
@@ -62,6 +68,13 @@ def report(options: Any, system: GearSystem) -> Mapping[str, Any]:
     if len(set(system.frequency_ratios)) < 2:
         return {}
     return {"frequencies_chosen": way(options, system)}
+
+
+def outlook(options: Any, system: GearSystem) -> str | None:
+    """What --dry-run says of the way through several mesh frequencies."""
+    if len(set(system.frequency_ratios)) < 2:
+        return None
+    return choice.reason(system, way(options, system))
 
 
 def check(options: Any, system: GearSystem) -> None:
@@ -72,3 +85,13 @@ def check(options: Any, system: GearSystem) -> None:
         raise ValueError(f"methods.required_damping: {error}") from None
     if options.of == "factor" and system.damping is None:
         raise ValueError("methods.required_damping.of: a factor on the damping needs a system with damping")
+
+
+def _run(system: GearSystem, mesh_frequency: Array, options: Any) -> Outcome:
+    return Outcome(values(system, mesh_frequency, options))
+
+
+METHOD = Method(
+    name="required_damping", frequency=POINTS, variables=variables, constants=nothing, run=_run, cost=cost,
+    report=report, check=check, outlook=outlook,
+)  # fmt: skip

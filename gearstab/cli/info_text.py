@@ -1,0 +1,220 @@
+"""What ``gearstab info`` found out, as readable text."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from gearstab.cli import info_train, periods
+
+FEW_MESHES = 4
+"""Up to so many meshes have columns of their own."""
+FEW_GROUPS = 3
+"""Up to so many groups of equal frequencies have lines of their own."""
+MANY_TONGUES = 150
+"""A longer list leaves out tongues that are closed, or far from the sweep."""
+
+
+def report(facts: dict[str, Any]) -> str:
+    """The facts as readable text."""
+    parts = (_heading, *((_train,) if facts["train"] else ()), _mesh_table, _mode_table, _reduction_text, _tongue_table)
+    return "\n\n".join(part(facts) for part in parts)
+
+
+def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Columns of text: the first to the left, numbers to the right, two spaces between."""
+    numeric = [all(row[k] in {"", "-"} or row[k][0] in "+-.0123456789" for row in rows) for k in range(len(header))]
+    widths = [max(len(line[k]) for line in [header, *rows]) for k in range(len(header))]
+    lines = [header, ["-" * width for width in widths], *rows]
+    pads = [str.rjust if right else str.ljust for right in numeric]
+    padded = ([pad(cell, width) for pad, cell, width in zip(pads, line, widths, strict=True)] for line in lines)
+    return "\n".join("  ".join(cells).rstrip() for cells in padded)
+
+
+def _text(value: Any) -> str:
+    if value is None:
+        return "-"
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def _formulation(facts: dict[str, Any]) -> list[str]:
+    """A line on a formulation that is not a linear system."""
+    if facts["formulation"] in (None, "classical"):
+        return []
+    return [f"formulation    {facts['formulation']}; modes and tongues below are those of the classical one"]
+
+
+def _heading(facts: dict[str, Any]) -> str:
+    lines = [
+        facts["title"],
+        "",
+        f"system         {facts['kind']}, {len(facts['coordinates'])} coordinates: {', '.join(facts['coordinates'])}",
+        *_formulation(facts),
+        f"common period  {periods.text(facts['common_period'])}",
+    ]
+    if facts["frequencies"] is not None:
+        lines.append(f"floquet        {periods.way(facts['frequencies'])}")
+    if facts["sweep"]:
+        lines.append("sweep          " + " x ".join(f"{name} ({size})" for name, size in facts["sweep"].items()))
+    return "\n".join(lines)
+
+
+def _mesh_table(facts: dict[str, Any]) -> str:
+    header = ["mesh", "Omega_i/Omega", "waveform", "mean stiffness", "epsilon", "contact ratio", "lag", "lowest"]
+    keys = ["name", "frequency_ratio", "waveform", "mean_stiffness", "epsilon", "contact_ratio", "lag"]
+    rows = [
+        [_text(mesh[key]) for key in keys] + [_text(level) for level in mesh["stiffness"]] for mesh in facts["meshes"]
+    ]
+    return table([*header, "highest"], rows)
+
+
+def _train(facts: dict[str, Any]) -> str:
+    return f"{info_train.drawing(facts['train'])}\n\n{info_train.teeth(facts['train'], table)}"
+
+
+def _gears(names: Sequence[str]) -> dict[str, list[str]]:
+    """Meshes of one gear with all planets under its name; many columns of numbers would say no more than one."""
+    if len(names) <= FEW_MESHES:
+        return {name: [name] for name in names}
+    gears: dict[str, list[str]] = {}
+    for name in names:
+        gears.setdefault(name.rstrip("0123456789") or name, []).append(name)
+    return gears
+
+
+def _mode_table(facts: dict[str, Any]) -> str:
+    lines = [info_train.modes(facts, table)] if facts["train"] else _mode_lines(facts)
+    equal = facts["equal_frequencies"]
+    if len(equal) > FEW_GROUPS:
+        listed = "; ".join(" ".join(map(str, group)) for group in equal)
+        lines.append(
+            f"Modes of equal frequencies: {listed}. The joint tongue of two groups goes under their first modes."
+        )
+    else:
+        lines += [
+            f"Modes {', '.join(map(str, group))} have equal frequencies: their joint tongue goes under the first pair."
+            for group in equal
+        ]
+    rigid = [mode["mode"] for mode in facts["modes"] if mode["type"] == "rigid-body"]
+    if rigid:
+        lines.append(f"Rigid-body modes take no part in stability: {', '.join(map(str, rigid))}.")
+    still = [mode["mode"] for mode in facts["modes"] if mode["type"] in ("no mesh deflection", "purely ring")]
+    if still:
+        lines.append(f"No mesh excites these modes, which have no mesh deflection: {', '.join(map(str, still))}.")
+    return "\n".join(lines)
+
+
+def _mode_lines(facts: dict[str, Any]) -> list[str]:
+    gears = _gears([mesh["name"] for mesh in facts["meshes"]])
+    turning = any(mode["mesh_deflection_type"] is not None for mode in facts["modes"])
+    header = ["mode", "frequency", "type", *(["T"] if turning else []), "damping ratio"]
+    header += [f"deflection {name}" for name in gears] + [f"energy {name}" for name in gears]
+    rows = []
+    for mode in facts["modes"]:
+        row = [_text(mode[key]) for key in ("mode", "natural_frequency", "type")]
+        row += [_text(mode["mesh_deflection_type"])] if turning else []
+        row += [_text(mode["damping_ratio"])]
+        row += [f"{_root_mean_square([mode['mesh_deflection'][n] for n in names]):.5g}" for names in gears.values()]
+        row += [_percent(_sum([mode["mesh_energy_share"][n] for n in names])) for names in gears.values()]
+        rows.append(row)
+    if any(len(names) > 1 for names in gears.values()):
+        note = "Mesh deflections are root mean squares, energies sums over the meshes of a gear."
+        return [table(header, rows), note]
+    return [table(header, rows)]
+
+
+def _reduction_text(facts: dict[str, Any]) -> str:
+    """Reductions applied; all of them are exact."""
+    found = facts["reductions"]
+    if len(found["blocks"]) == 1 and not found["rigid_modes"] and not found["dropped_modes"]:
+        return "Reductions applied: none, the meshes couple all modes."
+    lines = [f"Reductions applied: {found['summary']}."]
+    if len(found["blocks"]) > 1 or any(block["copies"] > 1 for block in found["blocks"]):
+        header = ["block", "coordinates", "times", "segments", "made of modes"]
+        rows = [
+            [str(k), str(b["size"]), str(b["copies"]), str(b["segments"]), " ".join(map(str, b["modes"]))]
+            for k, b in enumerate(found["blocks"], 1)
+        ]
+        lines.append(table(header, rows))
+    if isinstance(found["saving"], float) and found["saving"] >= 1.5:
+        lines.append(f"No mesh couples the blocks: solved one by one they take {found['saving']:.3g} times less work.")
+    return "\n".join(lines)
+
+
+def _root_mean_square(values: Sequence[float]) -> float:
+    """Of several values; a single one keeps its sign."""
+    return values[0] if len(values) == 1 else (sum(v * v for v in values) / len(values)) ** 0.5
+
+
+def _sum(shares: Sequence[float | None]) -> float | None:
+    known = [share for share in shares if share is not None]
+    return sum(known) if known else None
+
+
+def _percent(share: float | None) -> str:
+    return "-" if share is None else f"{100 * share:.1f} %"
+
+
+def _tongue_table(facts: dict[str, Any]) -> str:
+    order, second = ("first", False) if facts["order"] == 1 else ("second", True)
+    title = f"Instability tongues to {order} order at the base system, harmonics 1 to {facts['harmonics']}"
+    if not facts["tongues"]:
+        return f"{title}: none, there is no elastic mode."
+    rule, every = facts["existence_rule"], "+".join(mesh["name"] for mesh in facts["meshes"])
+    listed, left_out = _worth_listing(facts)
+    header = ["tongue", "kind", "mesh", *(["T_p", "T_q"] if rule else [])]
+    header += ["root" if second else "centre", "half-width", "lower", "upper", *(["error"] if second else []), "remark"]
+    rows = []
+    for tongue in listed:
+        mesh = "all" if tongue["mesh"] == every and len(facts["meshes"]) > FEW_MESHES else tongue["mesh"]
+        row = [tongue["label"], tongue["kind"], mesh]
+        row += [" ".join(map(str, types)) or "-" for types in tongue["types"]] if rule else []
+        row += [_text(tongue["center_frequency"]), _text(tongue["half_width"])]
+        row += [_text(edge) for edge in tongue["boundary_frequency"]]
+        rows.append([*row, *([_text(tongue["boundary_error"][0])] if second else []), _remark(tongue)])
+    text = "\n".join([title, "", table(header, rows) if rows else "None in the range of the sweep.", *left_out])
+    if rule:
+        text += (
+            f"\nExistence rule: modes couple only where L z +- (T_p +- T_q) is a multiple of N, N = {rule['planets']}, "
+            f"z = {rule['step']} (mod N)."
+        )
+    if any(tongue["overlaps"] for tongue in facts["tongues"]):
+        text += "\nThe theory treats each tongue by itself: where tongues overlap, their boundaries are rough."
+    return text
+
+
+def _worth_listing(facts: dict[str, Any]) -> tuple[list[dict[str, Any]], list[str]]:
+    """The tongues to list and what is said of the others: where there are many, those of the sweep that open."""
+    tongues = facts["tongues"]
+    if len(tongues) <= MANY_TONGUES:
+        return tongues, []
+    listed = [t for t in tongues if t["half_width"] != 0]
+    notes = [f"{len(tongues) - len(listed)} tongues are not excited to first order or closed by damping."]
+    if facts["frequency_range"] is not None:
+        low, high = facts["frequency_range"]
+        inside = [t for t in listed if low <= t["center_frequency"] <= high]
+        notes.append(f"{len(listed) - len(inside)} are centred outside of the sweep, {_text(low)} to {_text(high)}.")
+        listed = inside
+    return listed, [*notes, "All of them: --json."]
+
+
+def _remark(tongue: dict[str, Any]) -> str:
+    """In a word or two, what is special about a tongue."""
+    if "coincident_tongues" in tongue.get("status", []):
+        return "another resonance too near"
+    if "not_converged" in tongue.get("status", []):
+        return "rough: another resonance near"
+    if tongue["half_width"] == "infinite":
+        return "no boundary: only one of the modes is damped"
+    if tongue["half_width"] == 0:
+        if tongue.get("allowed") is False:
+            return "excluded by the existence rule"
+        closed = isinstance(tongue["threshold"], float) and tongue["threshold"] > 0
+        return (
+            f"closed by damping, opens at epsilon x {tongue['threshold']:.3g}"
+            if closed
+            else "not excited to this order"
+            if "status" in tongue
+            else "not excited to first order"
+        )
+    return "overlaps" if tongue["overlaps"] else ""

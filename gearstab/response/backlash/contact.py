@@ -1,0 +1,103 @@
+"""Teeth with play: where their flanks are, which of them carries the load, and where the train rests on them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gearstab.modal import mean_modes
+from gearstab.response.equilibrium import static_equilibrium, static_mesh_force
+from gearstab.system import Array, GearSystem
+
+UPPER, APART, LOWER = 1, 0, -1
+"""What a mesh's contact can be: x = g_i^T q - e_i above, within or below its play."""
+
+KINDS = ("separation", "drive_side_contact", "coast_side_contact")
+"""What happens to a mesh."""
+
+MOST_STATES = 200
+"""Combinations of contacts that a static equilibrium is sought in."""
+BALANCED = 1e-9
+
+
+@dataclass(frozen=True)
+class Play:
+    """The play of every mesh of a single system.
+
+    low, high: ``(meshes,)``; the mesh force is k_i (x - high) above, 0 within and k_i (x - low) below. Both are 0 of a
+        mesh without backlash.
+    has: ``(meshes,)`` bool, whether a mesh has backlash at all.
+    drive: ``(meshes,)``, UPPER or LOWER: the side that carries the static load; UPPER without load.
+    """
+
+    low: Array
+    high: Array
+    has: Array
+    drive: Array
+
+    @property
+    def width(self) -> Array:
+        """2 b."""
+        return self.high - self.low
+
+    def contact(self, x: Array) -> Array:
+        """UPPER, APART or LOWER for deflections ``(..., meshes)``; UPPER where there is no backlash."""
+        state = np.where(x > self.high, UPPER, np.where(x < self.low, LOWER, APART))
+        return np.where(self.has, state, UPPER)
+
+    def offset(self, contact: Array) -> Array:
+        """The deflection ``(..., meshes)`` at which the force of a mesh in contact is zero."""
+        return np.where(contact == LOWER, self.low, self.high)
+
+    def kind(self, mesh: int, contact: int) -> int:
+        """What the change of a mesh into ``contact`` is, by its position in KINDS."""
+        return 0 if contact == APART else 1 if contact == self.drive[mesh] else 2
+
+
+def play(system: GearSystem) -> Play:
+    """The play of a single system. Raises ValueError where the drive side of a mesh is needed and not known."""
+    width = np.array([float(np.asarray(mesh.backlash)) for mesh in system.meshes])
+    load = static_mesh_force(system)
+    largest = np.max(np.abs(load), initial=0.0)
+    side = np.where(np.abs(load) > BALANCED * largest, np.sign(load), 0).astype(int)
+    low, high = -0.5 * width, 0.5 * width
+    for i, mesh in enumerate(system.meshes):
+        if width[i] > 0 and mesh.backlash_zero == "drive_side":
+            if side[i] == 0:
+                raise ValueError(
+                    f"mesh {mesh.name} carries no load, so that it has no drive side: use backlash_zero: middle"
+                )
+            low[i], high[i] = (-width[i], 0.0) if side[i] > 0 else (0.0, width[i])
+    return Play(low, high, width > 0, np.where(side < 0, LOWER, UPPER))
+
+
+def resting(system: GearSystem, teeth: Play) -> Array:
+    """q ``(n,)`` of the static equilibrium under the constant load, at the mean stiffness, on the flanks.
+
+    K0 q + sum_i k_gi g_i (g_i^T q - offset_i) = f0 with the sum over the meshes in contact, sought from that of teeth
+    without play on. Rigid-body motion is left out, as in :func:`~gearstab.response.equilibrium.static_equilibrium`.
+
+    Raises ValueError where there is none, or none is found.
+    """
+    modes = mean_modes(system)
+    shapes = modes.shapes[:, ~modes.rigid]
+    directions = np.stack([np.asarray(mesh.direction, dtype=float) for mesh in system.meshes])
+    k = np.array([float(mesh.mean_stiffness) for mesh in system.meshes])
+    load = np.zeros(system.size) if system.load is None else np.asarray(system.load, dtype=float)
+    linear = directions @ static_equilibrium(system)
+    contact = np.where(teeth.has, np.sign(np.where(np.abs(linear) > 0, linear, 0)).astype(int), UPPER)
+    gauge = directions @ shapes
+    for _ in range(MOST_STATES):
+        closed = contact != APART
+        matrix = shapes.T @ system.stiffness @ shapes + (gauge[closed].T * k[closed]) @ gauge[closed]
+        force = shapes.T @ load + gauge[closed].T @ (k * teeth.offset(contact))[closed]
+        amplitudes = np.linalg.lstsq(matrix, force, rcond=1e-12)[0]
+        following = teeth.contact(gauge @ amplitudes)
+        if np.array_equal(following, contact):
+            size = max(np.abs(force).max(initial=0.0), np.abs(shapes.T @ load).max(initial=0.0))
+            if np.abs(matrix @ amplitudes - force).max(initial=0.0) <= BALANCED * size:
+                return np.asarray(shapes @ amplitudes)
+            break
+        contact = following
+    raise ValueError("no static equilibrium on the flanks of the teeth was found: give respond.initial")

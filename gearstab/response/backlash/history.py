@@ -1,0 +1,172 @@
+"""The response of a system whose teeth may part: histories, events and what the motion settles to."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gearstab.response.backlash.contact import APART, Play, play, resting
+from gearstab.response.backlash.dynamics import Dynamics, dynamics
+from gearstab.response.backlash.follow import Chatter, Event, Stretch, follow
+from gearstab.response.backlash.measure import LimitCycle, Meter
+from gearstab.response.basis import bases
+from gearstab.response.driven import driven
+from gearstab.response.linear import RESPONSE_FLAGS, Response, assembled, checked, samples_until
+from gearstab.response.sampling import ON_A_JUMP
+from gearstab.response.steady import unbalanced
+from gearstab.system import Array, GearSystem
+
+BACKLASH_FLAGS = RESPONSE_FLAGS | {"chatter": 256, "grazing": 512}
+"""Bits of ``flags``: those of a response, ``separation`` where teeth do part; ``chatter`` where a history ends because
+of too many events; ``grazing`` where a flank is hardly touched or missed, so that small changes may do much."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class BacklashResponse(Response):
+    """The history of a vibration with loss of contact.
+
+    What :class:`~gearstab.response.linear.Response` has, but for: mesh_force, 0 while the teeth are apart; energy, with
+    k_i (x_i - offset_i)^2/2 of the teeth in contact; growth_rate and ``unstable`` of the teeth that stay in contact.
+
+    mesh_velocity: ``(samples, meshes)``, g_i^T dq/dt.
+    contact: ``(samples, meshes)``, 1 above, 0 within and -1 below the play.
+    events: in the order of time.
+    cycle: what the motion settles to, None where no common period is left to tell.
+    teeth: the play.
+    """
+
+    mesh_velocity: Array
+    contact: Array
+    events: tuple[Event, ...]
+    cycle: LimitCycle | None
+    teeth: Play
+
+    @property
+    def status(self) -> str:
+        """``complete``, or why the history ends early."""
+        return next((name for name in ("overflow", "chatter") if self.flags & BACKLASH_FLAGS[name]), "complete")
+
+    @property
+    def findings(self) -> list[str]:
+        """Names of the flags."""
+        return [name for name, bit in BACKLASH_FLAGS.items() if self.flags & bit]
+
+
+def has_backlash(system: GearSystem) -> bool:
+    """Whether the teeth of any mesh may part."""
+    return any(bool(np.any(np.asarray(mesh.backlash) > 0)) for mesh in system.meshes)
+
+
+def backlash_response(
+    system: GearSystem,
+    mesh_frequency: float,
+    duration: float,
+    start: tuple[Array, Array] | None = None,
+    samples_per_cycle: int = 200,
+    discard: float | None = None,
+    tolerance: float = 1e-12,
+) -> BacklashResponse:
+    """The vibration with loss of contact,
+
+        M q'' + C q' + K0 q + sum_i g_i [k_i(t) f_i(x_i) + c_i x_i' (in contact)] = f(t),   x_i = g_i^T q - e_i(t),
+        f_i(x) = x - high above, 0 within and x - low below the play [low, high] of mesh i.
+
+    Between events all is linear and exact where it is piecewise constant; events are roots of polynomials, none of
+    which is missed that passes a flank by more than 1e-12 of the backlash. Teeth are in contact by their position: a
+    mesh damping may hold them back before they part. C is what the system has besides the dampings of the meshes.
+
+    Parameters
+    ----------
+    system: a single system (no batch) of which a mesh has backlash.
+    mesh_frequency: Omega, positive.
+    duration: the last sample is the last one not after it.
+    start: q and dq/dt ``(n,)``; default the static equilibrium under the load.
+    samples_per_cycle: equal steps in a period of the first mesh; they do not affect the accuracy.
+    discard: the time that is left out of the summary, rounded up to common periods; default half of the duration.
+    tolerance: of the motion where functions vary smoothly, relative, in a piece of it.
+
+    Raises
+    ------
+    ValueError: batched system, wrong numbers, no common period, no static equilibrium, or terms that cannot part.
+
+    Source: Kahraman & Singh 1990 (gear pair with backlash); Acary & Brogliato 2008, chapter 8 (event driven).
+    """
+    teeth = play(system)
+    if start is None:
+        start = resting(system, teeth), np.zeros(system.size)
+    start = checked(system, mesh_frequency, start[0], start[1], duration, samples_per_cycle)
+    motion = driven(system, mesh_frequency)
+    model = dynamics(system, motion, teeth)
+    grid = motion.drive.counts[0] * samples_per_cycle
+    first = int(np.ceil((0.5 * duration if discard is None else discard) / motion.period - 1e-9))
+    run = _Run(model, grid, samples_until(duration, motion.period / grid), Meter(model, first))
+    run.follow(motion.state(*start), tolerance)
+    return _assembled(system, run, start)
+
+
+class _Run:
+    """A motion on its way: samples, events, meter."""
+
+    def __init__(self, model: Dynamics, grid: int, samples: int, meter: Meter) -> None:
+        self.model, self.grid, self.wanted, self.meter = model, grid, samples, meter
+        self.x = np.full((samples, model.size), np.nan)
+        self.contact = np.zeros((samples, len(model.teeth.has)), dtype=np.int8)
+        self.events: list[Event] = []
+        self.flags = 0
+        self.known = 0
+
+    def follow(self, x: Array, tolerance: float) -> None:
+        """Follow the motion from the state x until all samples are known, or to where it ends."""
+        try:
+            with np.errstate(over="ignore", invalid="ignore"):
+                for stretch in follow(self.model, x, tolerance):
+                    self.meter.add(stretch)
+                    self._sample(stretch)
+                    if stretch.event is not None:
+                        self.events.append(stretch.event)
+                    self.flags |= BACKLASH_FLAGS["grazing"] * stretch.grazing
+                    self.flags |= BACKLASH_FLAGS["separation"] * bool(np.any(stretch.contact == APART))
+                    if self.known >= self.wanted:
+                        break
+        except Chatter:
+            self.flags |= BACKLASH_FLAGS["chatter"]
+        except OverflowError:
+            self.flags |= BACKLASH_FLAGS["overflow"]
+
+    def _sample(self, stretch: Stretch) -> None:
+        step = self.model.motion.period / self.grid
+        begin = stretch.period * self.grid
+        until = begin + int(np.ceil((stretch.begin + stretch.piece.length) / step - ON_A_JUMP))
+        inside = np.arange(self.known, min(until, self.wanted))
+        if not len(inside):
+            return
+        u = ((inside - begin) * step - stretch.begin) / (stretch.piece.length or 1.0)
+        self.x[inside] = stretch.piece.at(np.clip(u, 0.0, 1.0))[:, : self.model.size]
+        self.contact[inside] = stretch.contact
+        self.known = int(inside[-1]) + 1
+
+
+def _assembled(system: GearSystem, run: _Run, start: tuple[Array, Array]) -> BacklashResponse:
+    motion, teeth, samples = run.model.motion, run.model.teeth, run.known
+    q, v = motion.physical(run.x[:samples])
+    q[0], v[0] = start
+    contact = run.contact[:samples]
+    stiffness, errors = (np.resize(part, (samples, len(system.meshes))) for part in motion.momentary(run.grid))
+    linear = assembled(
+        system, float(motion.points.omega[0]), (q, v), stiffness * (contact != APART), errors + teeth.offset(contact),
+        motion.period / run.grid, motion.period,
+    )  # fmt: skip
+    directions = np.stack([np.asarray(mesh.direction, dtype=float) for mesh in system.meshes])
+    pushed = bool(unbalanced(motion.drive, next(bases(system)))[0])
+    flags = (linear.flags & ~RESPONSE_FLAGS["separation"]) | run.flags | RESPONSE_FLAGS["unbalanced"] * pushed
+    kept = len(linear.time)
+    return BacklashResponse(
+        **{name: getattr(linear, name) for name in Response.__dataclass_fields__ if name != "flags"},
+        flags=flags,
+        mesh_velocity=v[:kept] @ directions.T,
+        contact=contact[:kept],
+        events=tuple(event for event in run.events if event.time <= linear.time[-1]),
+        cycle=run.meter.summary((kept - 1) // run.grid),
+        teeth=teeth,
+    )

@@ -1,0 +1,1 @@
+"""Scripts about trains of many mesh frequencies."""

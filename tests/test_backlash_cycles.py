@@ -1,0 +1,232 @@
+"""What motions with backlash settle to, and how a configuration asks for them."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from backlash_reference import integrated
+from click.testing import CliRunner
+
+from gearstab import floquet
+from gearstab.cli import group
+from gearstab.config import ConfigError, load
+from gearstab.response.backlash import BACKLASH_FLAGS, BacklashResponse, backlash_response
+from gearstab.response.backlash.crossing import first_below
+from gearstab.response.backlash.measure import extremes
+from gearstab.results import open_result
+from gearstab.system import GearSystem
+from gearstab.systems import build
+
+ROOT = Path(__file__).resolve().parent.parent
+CONFIG = ROOT / "configs" / "response" / "backlash.yaml"
+
+
+def pair(scale: float = 1.0) -> GearSystem:
+    """At twice its natural frequency, in the middle of the principal instability region; lengths times ``scale``."""
+    mesh = {"name": "mesh", "mean_stiffness": 1.0, "epsilon": 0.3, "contact_ratio": 1.5, "backlash": 2.0 * scale}
+    pair = {"kind": "gear_pair", "equivalent_mass": 1.0, "damping_ratio": 0.05, "load": [0.5 * scale]}
+    return build(pair | {"meshes": [mesh]})
+
+
+def settled(system: GearSystem, omega: float, x: float, cycles: int = 120) -> BacklashResponse:
+    period = 2 * np.pi / omega
+    return backlash_response(
+        system, omega, cycles * period, (np.array([x]), np.zeros(1)), 16, (cycles - 40) * period
+    )  # fmt: skip
+
+
+def test_a_tongue_ends_in_a_limit_cycle_of_half_the_mesh_frequency() -> None:
+    # Until what is left of the transient, e^(-0.05 t), is 1e-13.
+    found = settled(pair(), 2.0, 1.6, 240)
+    assert found.growth_rate > 0.04
+    assert found.cycle is not None
+    assert found.cycle.period == 2
+    assert 0 < found.cycle.contact_loss[0] < 1
+    assert {"unstable", "separation"} <= set(found.findings)
+    # Once around by DOP853: it closes, and its extremes, sampled, are those found between the samples.
+    period = 2 * found.common_period
+    last = np.array([found.displacement[-1, 0], found.velocity[-1, 0]])
+    times = np.linspace(0.0, period, 4001)
+    around, changes = integrated(pair(), np.array([[-1.0, 1.0]]), 2.0, last, times)
+    np.testing.assert_allclose(around[-1], last, atol=1e-8)
+    assert len(changes) == 2
+    x = around[:, 0]
+    np.testing.assert_allclose(found.cycle.peak_to_peak, np.ptp(x), rtol=1e-6)
+    # Trapezoids over a closed cycle, whose third derivatives jump: (period/4000)^2.
+    mean = x[:-1].mean()
+    np.testing.assert_allclose(found.cycle.rms, np.sqrt(((x[:-1] - mean) ** 2).mean()), rtol=1e-6)
+    (apart, _, _), (meets, _, _) = changes
+    np.testing.assert_allclose(found.cycle.contact_loss, (meets - apart) / period, rtol=1e-7)
+
+
+def test_its_size_goes_with_the_load_and_the_backlash() -> None:
+    """The equation is homogeneous: load, backlash and initial state times 3 make the motion three times as large."""
+    one, three = settled(pair(), 2.0, 1.6).cycle, settled(pair(3.0), 2.0, 4.8).cycle
+    assert one is not None
+    assert three is not None
+    np.testing.assert_allclose(three.peak_to_peak, 3 * one.peak_to_peak, rtol=1e-9)
+    np.testing.assert_allclose(three.contact_loss, one.contact_loss, rtol=1e-9)
+
+
+def test_below_the_tongue_two_motions_coexist_and_above_only_one() -> None:
+    """Free flight makes vibrations slower: the amplitude jumps up at the lower edge and persists below (softening)."""
+    low, high, above = (settled(pair(), omega, x).cycle for omega, x in ((1.8, 1.5), (1.8, 3.0), (2.3, 3.0)))
+    assert low is not None
+    assert high is not None
+    assert above is not None
+    assert (low.period, high.period, above.period) == (1, 2, 1)
+    assert low.contact_loss[0] == above.contact_loss[0] == 0.0
+    assert high.peak_to_peak > 10 * low.peak_to_peak
+
+
+def point_a(phasing: float, damping: float, backlash: float) -> GearSystem:
+    """Lin & Parker 2002, point A of Fig. 8, loaded."""
+    mesh = {"max_stiffness": 1.0, "amplitude": 0.3, "backlash": backlash}
+    meshes = [
+        mesh | {"name": "first", "contact_ratio": 1.47},
+        mesh | {"name": "second", "contact_ratio": 1.57, "phasing": phasing},
+    ]
+    train = {"kind": "two_stage", "inertias": [1.0, 0.3, 4.0], "input_shaft_stiffness": 0.5, "tooth_ratio": Fraction(1)}
+    return build(train | {"damping_ratio": damping, "load": [0.0, 0.0, 0.5], "meshes": meshes})
+
+
+def test_point_a_stays_bounded_with_damping_and_quiet_where_it_is_stable() -> None:
+    duration = 120 * 2 * np.pi / 4.2
+    unstable = backlash_response(point_a(0.0, 0.07, 10.0), 4.2, duration, None, 10)
+    assert unstable.growth_rate > 0.05
+    assert unstable.cycle is not None
+    assert (unstable.cycle.contact_loss > 0.1).all()
+    # From one half of the history to the other nothing grows; without loss of contact it would, by e^5.
+    half = len(unstable.time) // 2
+    first, second = unstable.mesh_deflection[half // 2 : half], unstable.mesh_deflection[half:]
+    assert np.ptp(second) < 1.5 * np.ptp(first)
+    stable = backlash_response(point_a(0.4, 0.07, 10.0), 4.2, duration, None, 10)
+    assert stable.growth_rate < 0
+    assert not stable.events
+
+
+def test_much_larger_motions_than_the_backlash_grow_as_without_it() -> None:
+    """What loss of contact cannot stop: the rate is that of the linear system, by Floquet theory."""
+    system, omega = point_a(0.0, 0.01, 2.0), 4.2
+    period = 2 * np.pi / omega
+    found = backlash_response(system, omega, 300 * period, (np.array([1.0, 1.0, 1.0]), np.zeros(3)), 4)
+    size = np.abs(found.displacement[::4]).max(axis=1)
+    rate = np.log(size[280] / size[200]) / (80 * period)
+    expected = float(np.ravel(floquet.solve(system, np.array([omega])).growth_rate)[0])
+    np.testing.assert_allclose(rate, expected, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("roots", "expected"),
+    [
+        ([0.7], 0.7),
+        ([0.3, 0.30001, 0.9], 0.3),
+        ([0.5, 0.5, 0.8], 0.8),
+        ([0.26, 0.2601], 0.26),
+        ([-0.2, 1.3], None),
+        ([0.0, 0.6], 0.6),
+    ],
+)
+def test_the_first_crossing_of_polynomials_with_known_roots(roots: list[float], expected: float | None) -> None:
+    polynomial = np.polynomial.polynomial.polyfromroots(roots)
+    middle = 0.5 * (min([r for r in roots if r > 0], default=1.0))
+    polynomial = np.concatenate([polynomial * np.sign(np.polynomial.polynomial.polyval(middle, polynomial)), [0.0] * 3])
+    found = first_below(polynomial, 1e-14)
+    if expected is None:
+        assert found is None
+    else:
+        # Two roots d apart are known to about tolerance/d.
+        assert found == pytest.approx(expected, abs=1e-8)
+
+
+def test_dips_are_found_down_to_the_tolerance() -> None:
+    dip = np.array([0.09, -0.6, 1.0, 0.0, 0.0])  # (u - 0.3)^2
+    assert first_below(dip - [1e-10, 0, 0, 0, 0], 1e-12) == pytest.approx(0.3 - 1e-5, abs=1e-9)
+    assert first_below(dip - [1e-13, 0, 0, 0, 0], 1e-12) is None
+
+
+def test_extremes_between_points() -> None:
+    u = np.linspace(0, 1, 129)
+    low, high = extremes(np.stack([np.sin(3 * u), np.cos(5 * u - 2)], axis=1))
+    np.testing.assert_allclose(high, [1.0, 1.0], atol=1e-6)
+    np.testing.assert_allclose(low, [0.0, np.cos(3)], atol=1e-6)
+
+
+def test_the_file_holds_events_and_the_limit_cycle(tmp_path: Path) -> None:
+    out = tmp_path / "out.h5"
+    done = CliRunner().invoke(group, ["respond", str(CONFIG), "-o", str(out), "--set", "respond.cycles=140"])
+    assert done.exit_code == 0, done.output
+    assert "settled: period 2" in done.stderr
+    expected = settled(pair(), 2.0, 1.6, 140)
+    assert expected.cycle is not None
+    with open_result(out) as tree:
+        found = tree["response"]
+        for name, value in (("peak_to_peak", expected.cycle.peak_to_peak), ("rms", expected.cycle.rms)):
+            np.testing.assert_allclose(found[name], value, rtol=1e-9)
+        np.testing.assert_allclose(found["contact_loss_ratio"], expected.cycle.contact_loss, rtol=1e-9)
+        np.testing.assert_allclose(found["event_time"], [event.time for event in expected.events], rtol=1e-11)
+        assert set(found["event_kind"].values) == {"separation", "drive_side_contact"}
+        assert set(found["event_mesh"].values) == {"mesh"}
+        assert found.attrs["period"] == 2
+        assert found.attrs["settled_from"] == pytest.approx(100 * np.pi)
+        np.testing.assert_array_equal(found["play"].values, [[-1.0, 1.0]])
+        assert not found["mesh_force"].values[found["contact"].values == 0].any()
+        for flag in ("unstable", "separation"):
+            assert found["status"].values & BACKLASH_FLAGS[flag]
+        assert "chatter" in found["status"].attrs["flag_meanings"]
+
+
+SCENE = """
+system:
+  kind: gear_pair
+  equivalent_mass: 1.0
+  load: [0.5]
+  meshes: [{mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5, backlash: "2 m"}]
+"""
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ("respond: {mesh_frequency: 2.0, steady_state: true}", "teeth with backlash may have several"),
+        ("sweep: {mesh_frequency: [1, 2]}\nmethods: {response: {}}", "is about teeth that stay in contact"),
+    ],
+)
+def test_what_does_not_go_with_backlash(tmp_path: Path, change: str, message: str) -> None:
+    path = tmp_path / "scene.yaml"
+    path.write_text(SCENE + change)
+    with pytest.raises(ConfigError, match=message):
+        load(path)
+
+
+def test_only_backlash_has_something_to_discard(tmp_path: Path) -> None:
+    path = tmp_path / "scene.yaml"
+    text = SCENE + "respond: {mesh_frequency: 2.0, cycles: 5, discard: 2}"
+    path.write_text(text.replace(', backlash: "2 m"', ""))
+    with pytest.raises(ConfigError, match="no mesh has backlash"):
+        load(path)
+    path.write_text(text)
+    assert load(path).parameters["meshes"][0]["backlash"] == 2.0
+
+
+def test_a_drive_side_needs_a_load(tmp_path: Path) -> None:
+    path = tmp_path / "scene.yaml"
+    text = SCENE.replace("load: [0.5]", "load: [0.0]").replace('"2 m"', '"2 m", backlash_zero: drive_side')
+    path.write_text(text + "respond: {mesh_frequency: 2.0, cycles: 5, initial: {velocity: [1.0]}}")
+    done = CliRunner().invoke(group, ["respond", str(path), "-o", str(tmp_path / "out.h5")])
+    assert done.exit_code != 0
+    assert "carries no load" in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+
+
+def test_gearboxes_have_backlash_but_not_with_friction() -> None:
+    source: Any = ROOT / "configs" / "kuria_kihiu_2008" / "gearbox.yaml"
+    name = next(iter(load(source).parameters["meshes"]))["name"]
+    system = build(load(source, [f"system.meshes.{name}.backlash=1.0e-4"]).parameters)
+    assert float(system.meshes[0].backlash) == 1e-4
+    with pytest.raises(ConfigError, match="is not available with friction"):
+        load(source, [f"system.meshes.{name}.backlash=1.0e-4", f"system.meshes.{name}.friction={{coefficient: 0.1}}"])
