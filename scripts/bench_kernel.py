@@ -33,6 +33,8 @@ from gearstab.waveforms import Rectangular
 
 ACCURATE = 1e-10
 """Tolerance of DOP853 that leaves 1e-10..5e-9 on rho = lambda + 1/lambda of the train (Omega from 0.35 to 6.5)."""
+ROWS = 100
+"""Of a small map: some milliseconds, so that processors which begin wide instructions slowly are at their speed."""
 
 
 @dataclass(frozen=True)
@@ -146,7 +148,7 @@ def compare(title: str, ways: list[Way], rounds: int, clock: Callable[[], float]
 
 def closed_form(ratio: str, goals: tuple[float | None, ...], rounds: int) -> None:
     """n = 3 without damping."""
-    (pattern,) = prepare(train(ratio, 50))
+    (pattern,) = prepare(train(ratio, ROWS))
     omega = np.linspace(0.35, 7, 1000) / pattern.elastic.rate[:, None]
     row = omega[0]
     ways = [
@@ -178,7 +180,7 @@ def preparation(rounds: int) -> None:
 
 def general_damping(rounds: int) -> None:
     """n = 3, unequal modal damping."""
-    (pattern,) = prepare(train("1", 20, {"damping": {"modal": [0.01, 0.02, 0.05]}}))
+    (pattern,) = prepare(train("1", ROWS, {"damping": {"modal": [0.01, 0.02, 0.05]}}))
     generator = damped.generators(pattern, pattern.elastic.damping)  # type: ignore[arg-type]
     omega = np.linspace(0.35, 7, 1000) / pattern.elastic.rate[:, None]
     one, alone = pattern.row(0), generator.row(0)

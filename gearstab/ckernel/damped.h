@@ -237,11 +237,12 @@ INLINE void scan_damped_row(const struct damped *pattern, int64_t m, int small, 
                 describe(x + c * m * m, m, &spectrum[c], &taken);
             store_part(scale, k + c * LANES, points, taken);
         }
-        if (small && count % TOGETHER)
-            spectrum[count] = spectrum[count - 1];
-        if (small)
+        if (small) {
+            for (int64_t c = count; c % TOGETHER; c++)
+                spectrum[c] = spectrum[count - 1];
             for (int64_t c = 0; c < count; c += TOGETHER)
-                square_until_dominated(spectrum + c, m);
+                approximate(spectrum + c, m);
+        }
         for (int64_t c = 0; c < count; c++) {
             mask sure = small ? refine(spectrum + c, m) : (mask){0};
             int64_t at = k + c * LANES;

@@ -5,18 +5,23 @@
    or pair is a root of z^2 - e_1 z + e_2; and where nothing comes to dominate, r^(2^k) is still max_j |e_j|^(1/j) up to a
    factor binom(m, j), which is nothing after all ROUNDS. From r the argument of the root follows, and a step of Newton on
    the polynomial itself both mends r and tells how sure it is: the derivative says what the rounding errors of the
-   coefficients amount to. A point where that is more than TRUSTED, or that was no root after all, is left to the QR
-   algorithm. */
+   coefficients amount to. What it cannot tell is whether rounding, on the way, has let another root of nearly the same
+   modulus win; where many squarings were needed they are done again with errors magnified. A point where any of this is
+   more than TRUSTED is left to the QR algorithm. */
 
 #ifndef GEARSTAB_MODULI_H
 #define GEARSTAB_MODULI_H
 
 #define LARGEST_POWER 6 /* the order of the matrices */
-#define TOGETHER 2      /* vectors whose roots are squared side by side: one alone waits for its own results */
+#define TOGETHER 4      /* vectors whose roots are squared side by side: one alone waits for its own results */
 #define ROUNDS 10       /* of STEPS squarings; 2^-50 ln binom(6, 3) = 3e-15 */
 #define STEPS 5         /* without scaling: r > 2^-3.2 (six equal roots, e_1 = 6 r) still gives e_6 > 2^-620 */
 #define FIRST_LOOK 2    /* rounds before it is asked whether a root or pair dominates */
 #define DOMINANT 1e-10  /* what the other roots may then still add to ln r */
+#define LEAST_GAP 1e-3  /* however little a squaring may count, the others must be smaller by this */
+#define SAFE 4          /* rounds, after which the largest two moduli differ by more than 1e-5 and rounding adds 1e-7 */
+#define PERTURBATION 1e-8
+#define AGREED 3e-10    /* by which Newton may differ from DOMINANT's result: more, and squaring has lost digits */
 #define NEAR 1e-8       /* the distance from the root, on a logarithmic scale, whose square is nothing to Newton's step */
 #define TURNS 3         /* steps along the circle, at most */
 #define ROUNDING (8 * DBL_EPSILON) /* of e_j over the j-th power of the matrix's size */
@@ -33,17 +38,22 @@ INLINE vec leading_exponent(const vec *e, int64_t m) {
     return largest;
 }
 
-/* e_j of the squares of the roots: e_j^2 - 2 (e_(j-1) e_(j+1) - (e_(j-2) e_(j+2) - ...)). */
-INLINE void square_the_roots(vec *e, int64_t m) {
-    vec next[LARGEST_POWER + 1];
+static const double SIGN[LARGEST_POWER + 1] = {1, -1, 1, 1, -1, -1, 1};
+
+/* e_j of the squares of the roots: e_j^2 - 2 (e_(j-1) e_(j+1) - (e_(j-2) e_(j+2) - ...)), each product changed by a part of
+   itself. */
+INLINE void square_the_roots(vec *e, int64_t m, double change) {
+    vec next[LARGEST_POWER + 1], changed[LARGEST_POWER + 1];
+    UNROLLED for (int64_t j = 1; j <= m; j++)
+        changed[j] = change == 0 ? e[j] : (1.0 + change * SIGN[j]) * e[j];
     UNROLLED for (int64_t j = 1; j <= m; j++) {
         int64_t last = j < m - j ? j : m - j;
-        next[j] = e[j] * e[j];
+        next[j] = e[j] * changed[j];
         if (last == 0)
             continue;
-        vec sum = e[j - last] * e[j + last];
+        vec sum = e[j - last] * changed[j + last];
         UNROLLED for (int64_t i = last - 1; i > 0; i--)
-            sum = e[j - i] * e[j + i] - sum;
+            sum = e[j - i] * changed[j + i] - sum;
         next[j] -= sum + sum;
     }
     UNROLLED for (int64_t j = 1; j <= m; j++)
@@ -138,39 +148,71 @@ INLINE vec log_of_pair(const vec *e, mask *real) {
    eigenvalues as a logarithm, at first an approximation. */
 struct spectrum {
     vec e[LARGEST_POWER + 1], square, value;
-    mask real; /* whether the largest eigenvalue is real */
+    mask real, sound; /* whether the largest eigenvalue is real; whether it is surely that one */
 };
 
-/* The approximate value of TOGETHER spectra, m a constant where this is inlined. */
-INLINE void square_until_dominated(struct spectrum *of, int64_t m) {
-    vec e[TOGETHER][LARGEST_POWER + 1], exponent[TOGETHER];
+/* ln of the largest modulus of the roots of `count` polynomials, which are destroyed, and whether that root is real;
+   returns the rounds of squarings that it took. change: as in square_the_roots. */
+INLINE int square_until_dominated(vec (*e)[LARGEST_POWER + 1], int64_t m, int count, double change, vec *value, mask *real) {
     mask simple[TOGETHER];
-    UNROLLED for (int c = 0; c < TOGETHER; c++) {
-        exponent[c] = all(0.0);
-        UNROLLED for (int64_t j = 0; j <= m; j++)
-            e[c][j] = of[c].e[j];
-    }
     double weight = 1.0;
-    for (int k = 0; k < ROUNDS; k++) {
+    int k = 0;
+    UNROLLED for (int c = 0; c < count; c++)
+        value[c] = all(0.0);
+    for (; k < ROUNDS; k++) {
         mask every = ~(mask){0};
-        UNROLLED for (int c = 0; c < TOGETHER; c++) {
-            exponent[c] += weight * divide_roots(e[c], m);
-            every &= simple[c] = dominated(e[c], DOMINANT / weight);
+        double tolerance = DOMINANT < LEAST_GAP * weight ? DOMINANT / weight : LEAST_GAP;
+        UNROLLED for (int c = 0; c < count; c++) {
+            value[c] += weight * divide_roots(e[c], m);
+            every &= simple[c] = dominated(e[c], tolerance);
         }
         if (k >= FIRST_LOOK && !any(~every))
             break;
         for (int step = 0; step < STEPS; step++)
-            UNROLLED for (int c = 0; c < TOGETHER; c++)
-                square_the_roots(e[c], m);
+            UNROLLED for (int c = 0; c < count; c++)
+                square_the_roots(e[c], m, change);
         weight *= 1.0 / (1 << STEPS);
     }
-    UNROLLED for (int c = 0; c < TOGETHER; c++) {
-        vec last = log_of_pair(e[c], &of[c].real);
-        of[c].real &= simple[c];
+    UNROLLED for (int c = 0; c < count; c++) {
+        vec last = log_of_pair(e[c], &real[c]);
+        real[c] &= simple[c];
         if (any(~simple[c]))
             last = choose(simple[c], last, leading_exponent(e[c], m));
-        of[c].value = LOG_TWO * (exponent[c] + weight * last);
+        value[c] = LOG_TWO * (value[c] + weight * last);
     }
+    return k;
+}
+
+/* Whether the value stays where it is, but for as much as rounding may do, when everything is changed by PERTURBATION. */
+static mask withstands(const struct spectrum *of, int64_t m) {
+    vec e[1][LARGEST_POWER + 1], value, size = root(of->square), amount = all(PERTURBATION);
+    mask real;
+    e[0][0] = all(1.0);
+    for (int64_t j = 1; j <= m; j++) {
+        amount = amount * size;
+        e[0][j] = of->e[j] + SIGN[j] * amount;
+    }
+    if (m == 6)
+        square_until_dominated(e, 6, 1, PERTURBATION, &value, &real);
+    else
+        square_until_dominated(e, 4, 1, PERTURBATION, &value, &real);
+    return magnitude(value - of->value) < TRUSTED * (PERTURBATION / ROUNDING);
+}
+
+/* The approximate value of TOGETHER spectra, m a constant where this is inlined. */
+INLINE void approximate(struct spectrum *of, int64_t m) {
+    vec e[TOGETHER][LARGEST_POWER + 1], value[TOGETHER];
+    mask real[TOGETHER];
+    UNROLLED for (int c = 0; c < TOGETHER; c++)
+        UNROLLED for (int64_t j = 0; j <= m; j++)
+            e[c][j] = of[c].e[j];
+    int rounds = square_until_dominated(e, m, TOGETHER, 0.0, value, real);
+    UNROLLED for (int c = 0; c < TOGETHER; c++) {
+        of[c].value = value[c], of[c].real = real[c];
+        of[c].sound = ~(mask){0};
+    }
+    for (int c = 0; c < TOGETHER && rounds > SAFE; c++)
+        of[c].sound = withstands(&of[c], m);
 }
 
 /* p(r z) r^-m z^(-m/2) for |z| = 1 is f(x) + i Im(z) g(x) with x = z + 1/z. */
@@ -235,7 +277,7 @@ INLINE mask refine(struct spectrum *of, int64_t m) {
     }
     vec h = of->square * (inverse * inverse), noise = ROUNDING * (((1.5 * h + 2.0) * h + 2.0) * h + 0.5);
     of->value = of->value - step;
-    return near & (noise * noise < TRUSTED * TRUSTED * size) & (magnitude(step) < NEAR);
+    return of->sound & near & (noise * noise < TRUSTED * TRUSTED * size) & (magnitude(step) < AGREED);
 }
 
 /* The square of the size of x (m, m), by which the rounding errors of e are measured. */

@@ -22,7 +22,9 @@ from gearstab.system import Array
 WORTH_A_THREAD = 2e5
 """Operations of a chunk of rows (segments times coordinates cubed) below which a thread costs more than it gains."""
 CHUNKS_A_THREAD = 4
-"""Rows are handed out in pieces, so that a thread whose rows are quick takes more of them."""
+"""Rows are handed out in so many pieces at least, so that a thread whose rows are quick takes more of them."""
+LARGEST_PIECE = 2e7
+"""Operations of a piece, if a row is not more: the milliseconds for which the last one may keep a thread alone."""
 ENTRIES_AT_ONCE = 1 << 23
 """Of the changes of modes of all segments: 64 MB. Common periods may have thousands of segments."""
 
@@ -206,7 +208,7 @@ def _in_threads(part: Callable[[int, int], None], rows: int, cost_of_row: float,
     if workers <= 1:
         part(0, rows)
         return
-    pieces = min(rows, CHUNKS_A_THREAD * workers)
+    pieces = min(rows, max(CHUNKS_A_THREAD * workers, int(rows * cost_of_row / LARGEST_PIECE)))
     edges = [rows * k // pieces for k in range(pieces + 1)]
     with ThreadPoolExecutor(workers) as pool:
         list(pool.map(part, edges[:-1], edges[1:]))

@@ -47,6 +47,8 @@ UNDAMPED = 1e-8
 """Decay a period below which a solution counts as undamped."""
 CLOSEST = 1e-5
 """Relative distance down to which a change of branch is followed."""
+NO_GROWTH = 1e-13
+"""Real part of an exponent, over the root of the mean squared frequency, that rounding gives to one without decay."""
 
 
 class Growth:
@@ -154,6 +156,9 @@ def search(
     Returns (the damped intervals, those of the guide); all evaluations are counted in the first.
     guide: the same rows without damping.
     """
+    if _constant(pattern):
+        none = undamped.Search([], *np.zeros((2, len(first)), dtype=np.int64))
+        return none, none
     found = undamped.search(guide, first, last, max(tolerance, 0.1 * floor), floor)
     spacing = (last - first) / undamped.collisions(pattern, first, last) / DENSITY
     row, cycle = _scan(pattern, found.intervals, first, last, spacing)
@@ -168,6 +173,13 @@ def search(
     root, error = _roots(table, change, tolerance)
     intervals = _intervals(table, change, root, error, floor)
     return Search(intervals, found.contacts, found.evaluations + table.growth.count), found
+
+
+def _constant(pattern: Pattern) -> bool:
+    """Whether the stiffness of no row varies and nothing grows."""
+    if pattern.stiffness.shape[1] > 1 or pattern.elastic.damping is None:
+        return False
+    return bool(general.generators(pattern, pattern.elastic.damping).eigen[0].real.max() <= NO_GROWTH)
 
 
 def _scan(pattern: Pattern, guides: list[Interval], first: Array, last: Array, spacing: Array) -> tuple[Array, Array]:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from fractions import Fraction
 
 import numpy as np
 
 from gearstab.floquet.boundaries import damped, labels, smooth
 from gearstab.floquet.boundaries.labels import Unnamed
+from gearstab.floquet.boundaries.parts import Part, Region, separated, united, without_damping
 from gearstab.floquet.boundaries.regions import Boundaries, tongue_of
 from gearstab.floquet.boundaries.search import Interval, Search, by_row, search
 from gearstab.floquet.segments import Pattern, prepare
@@ -26,7 +27,12 @@ PRESENT = 0.4
 
 
 def boundaries(
-    system: GearSystem, start: float, stop: float, tolerance: float = 1e-10, width_floor: float = 1e-6
+    system: GearSystem,
+    start: float,
+    stop: float,
+    tolerance: float = 1e-10,
+    width_floor: float = 1e-6,
+    reduction: bool = True,
 ) -> Boundaries:
     """All instability regions between the mesh frequencies ``start`` and ``stop`` of the first mesh.
 
@@ -37,13 +43,15 @@ def boundaries(
     (:mod:`~gearstab.floquet.boundaries.damped`). That is no proof: a damped region far from all undamped ones, or a
     gap between merged regions, may be missed if it is narrower than about a fiftieth of the distance of collisions.
     Where the mesh stiffness is smooth the tolerance of an edge contains the error of the Magnus steps
-    (:mod:`~gearstab.floquet.boundaries.smooth`).
+    (:mod:`~gearstab.floquet.boundaries.smooth`). Otherwise parts that the meshes do not couple are searched one by
+    one and their regions united (:mod:`~gearstab.floquet.boundaries.parts`).
 
     Parameters
     ----------
     system: any batch shape; rows of the result are those of the flattened batch.
     start, stop: range of Omega, rad per unit time, 0 < start < stop.
     tolerance, width_floor: of the edges and of a region, relative to Omega. Below 1e-13 rounding has the last word.
+    reduction: False to search every system as a whole (slower, for comparison).
 
     Raises
     ------
@@ -61,67 +69,44 @@ def boundaries(
     system = system.over(system.batch)
     found = _Collected(system, start, stop, width_floor)
     if system.damping is None:
-        for pattern, intervals in _undamped(system, start, stop, tolerance, width_floor):
-            found.undamped(pattern, intervals)
+        for part, intervals in _undamped(system, start, stop, tolerance, width_floor, reduction):
+            found.undamped(part, intervals)
     else:
-        for pattern, guide, *both in _damped(system, start, stop, tolerance, width_floor):
-            found.damped(pattern, guide, *both)
+        for part, guide, *both in _damped(system, start, stop, tolerance, width_floor, reduction):
+            found.damped(part, guide, *both)
     return found.result(rows)
 
 
 def _undamped(
-    system: GearSystem, start: float, stop: float, tolerance: float, floor: float
-) -> Iterator[tuple[Pattern, Search]]:
-    """Patterns of all rows and their intervals."""
+    system: GearSystem, start: float, stop: float, tolerance: float, floor: float, reduction: bool
+) -> Iterator[tuple[Part, Search]]:
+    """Parts of all rows and their intervals."""
     if not system.piecewise_constant:
-        yield from smooth.undamped(system, lambda pattern: _range(pattern, start, stop), tolerance, floor)
+        for pattern, found in smooth.undamped(system, lambda p: _range(p, start, stop), tolerance, floor):
+            yield next(separated(pattern, False)), found
         return
     for pattern in prepare(system):
-        yield pattern, search(pattern, *_range(pattern, start, stop), tolerance, floor)
+        for part in separated(pattern, reduction):
+            yield part, search(part.pattern, *_range(part.pattern, start, stop), tolerance, floor)
 
 
 def _damped(
-    system: GearSystem, start: float, stop: float, tolerance: float, floor: float
-) -> Iterator[tuple[Pattern, Pattern, Search, Search]]:
-    """Patterns of all rows, those without damping, and the intervals of both."""
+    system: GearSystem, start: float, stop: float, tolerance: float, floor: float, reduction: bool
+) -> Iterator[tuple[Part, Pattern, Search, Search]]:
+    """Parts of all rows, their patterns without damping, and the intervals of both."""
     if not system.piecewise_constant:
-        yield from smooth.with_damping(system, lambda pattern: _range(pattern, start, stop), tolerance, floor)
+        for pattern, guide, *both in smooth.with_damping(system, lambda p: _range(p, start, stop), tolerance, floor):
+            yield next(separated(pattern, False)), guide, both[0], both[1]
         return
-    for pattern, guide in _guided(system):
-        limits = _range(pattern, start, stop)
-        yield pattern, guide, *damped.search(pattern, guide, *limits, tolerance, floor)
+    for pattern in prepare(system):
+        for part in separated(pattern, reduction):
+            guide = without_damping(part.pattern)
+            yield part, guide, *damped.search(part.pattern, guide, *_range(guide, start, stop), tolerance, floor)
 
 
 def _range(pattern: Pattern, start: float, stop: float) -> tuple[Array, Array]:
     """Cycles 1/Omega in the pattern's units, from the highest to the lowest mesh frequency."""
     return pattern.elastic.rate / stop, pattern.elastic.rate / start
-
-
-def _guided(system: GearSystem) -> list[tuple[Pattern, Pattern]]:
-    """Patterns of a damped system and, row by row, those of the system without its damping."""
-    free = replace(system, damping=None)
-    pairs = []
-    plain = prepare(free)
-    for pattern in prepare(system):
-        for guide in plain:
-            common = np.intersect1d(pattern.rows, guide.rows)
-            if len(common):
-                pairs.append((_only(pattern, common), _only(guide, common)))
-    return pairs
-
-
-def _only(pattern: Pattern, rows: Array) -> Pattern:
-    """The given ones of a pattern's rows."""
-    k = np.searchsorted(pattern.rows, rows)
-    return replace(
-        pattern,
-        rows=rows,
-        fractions=pattern.fractions[k],
-        start=pattern.start[k],
-        levels=pattern.levels[k],
-        elastic=pattern.elastic.subset(k),
-        stiffness=pattern.stiffness[k],
-    )
 
 
 @dataclass
@@ -135,7 +120,7 @@ class _Collected:
 
     def __post_init__(self) -> None:
         rows = int(np.prod(self.system.batch, dtype=int))
-        self.regions: list[tuple[int, float, float, float, tuple[bool, bool], tuple[Tongue, ...]]] = []
+        self.regions: list[Region] = []
         self.contacts, self.evaluations = np.zeros((2, rows), dtype=np.int64)
         modes = mean_modes(self.system)
         n = self.system.size
@@ -143,19 +128,22 @@ class _Collected:
         self.period = self.system.common_period()[0]
         self.tongues: dict[tuple[int, int, int], Tongue] = {}
 
-    def undamped(self, pattern: Pattern, found: Search) -> None:
-        """Name and keep the regions of a pattern."""
-        self.contacts[pattern.rows] += found.contacts
-        self.evaluations[pattern.rows] += found.evaluations
-        names = self._named(pattern, found.intervals)
+    def undamped(self, part: Part, found: Search) -> None:
+        """Name and keep the regions of a part."""
+        self._count(part, found)
+        names = self._named(part, part.pattern, found.intervals)
         for interval, roots in zip(found.intervals, names, strict=True):
-            self._keep(pattern, interval, roots)
+            self._keep(part, interval, roots)
 
-    def damped(self, pattern: Pattern, guide: Pattern, found: Search, free: Search) -> None:
-        """Name the regions of a damped pattern by the undamped ones they overlap, and keep them."""
-        self.contacts[pattern.rows] += found.contacts
-        self.evaluations[pattern.rows] += found.evaluations
-        names = self._named(guide, free.intervals)
+    def _count(self, part: Part, found: Search) -> None:
+        self.contacts[part.pattern.rows] += part.copies * found.contacts
+        self.evaluations[part.pattern.rows] += found.evaluations
+
+    def damped(self, part: Part, guide: Pattern, found: Search, free: Search) -> None:
+        """Name the regions of a damped part by the undamped ones they overlap, and keep them."""
+        self._count(part, found)
+        pattern = part.pattern
+        names = self._named(part, guide, free.intervals)
         guides = by_row(np.array([g.row for g in free.intervals], dtype=int), len(pattern.rows))
         probes = [
             (k, j, c)
@@ -163,25 +151,25 @@ class _Collected:
             for j, c in _probes(interval, [(int(j), free.intervals[j]) for j in guides[interval.row]])
         ]
         rows = np.array([found.intervals[k].row for k, _, _ in probes], dtype=int)
-        parts = labels.shares(guide, rows, np.array([c for _, _, c in probes])) if probes else []
+        seen = labels.shares(guide, rows, np.array([c for _, _, c in probes])) if probes else []
         self.evaluations[pattern.rows] += np.bincount(rows, minlength=len(pattern.rows))
         shares: list[labels.Shares] = [{} for _ in found.intervals]
-        for (k, j, _), part in zip(probes, parts, strict=True):
+        for (k, j, _), there in zip(probes, seen, strict=True):
             for root in names[j]:
-                shares[k][root] = max(shares[k].get(root, 0.0), part.get(root, 0.0))
+                shares[k][root] = max(shares[k].get(root, 0.0), there.get(root, 0.0))
         for interval, share in zip(found.intervals, shares, strict=True):
             best = sorted(share, key=lambda root: (-round(share[root], 3), root))
-            self._keep(pattern, interval, tuple(r for r in best if r == best[0] or share[r] > PRESENT))
+            self._keep(part, interval, tuple(r for r in best if r == best[0] or share[r] > PRESENT))
 
-    def _named(self, pattern: Pattern, intervals: list[Interval]) -> list[tuple[labels.Root, ...]]:
-        """The roots of each region of an undamped pattern."""
+    def _named(self, part: Part, pattern: Pattern, intervals: list[Interval]) -> list[tuple[labels.Root, ...]]:
+        """The roots of each region of a part's undamped pattern, modes counted from 0 in the part."""
         unnamed, extra = _unnamed(pattern, intervals)
         self.evaluations[pattern.rows] += extra
         names: list[tuple[labels.Root, ...]] = [()] * len(intervals)
         owner = np.array([i.row for i in intervals], dtype=int)
         for k, (row, mine) in enumerate(zip(pattern.rows, by_row(owner, len(pattern.rows)), strict=True)):
             if len(mine):
-                squared = self.squared[row, self._modes(int(row), pattern.size)]
+                squared = self.squared[row, self._modes(int(row), part.whole)[part.modes[k]]]
                 frequency = np.sqrt(np.maximum(squared, 0.0)) / pattern.elastic.rate[k]
                 coupled = _coupled(pattern.elastic.directions[k])
                 roots = labels.assign([unnamed[j] for j in mine], frequency, pattern.cycles)
@@ -202,29 +190,30 @@ class _Collected:
             self.tongues[key] = tongue_of(self.system, key[0], key[1], Fraction(root.cycles) / self.period)
         return self.tongues[key]
 
-    def _keep(self, pattern: Pattern, interval: Interval, roots: tuple[labels.Root, ...]) -> None:
+    def _keep(self, part: Part, interval: Interval, roots: tuple[labels.Root, ...]) -> None:
+        pattern = part.pattern
         row, rate = int(pattern.rows[interval.row]), float(pattern.elastic.rate[interval.row])
-        numbers = self._modes(row, pattern.size)
-        error = 0.5 * max(interval.error[0] / interval.start, interval.error[1] / interval.stop)
+        numbers = self._modes(row, part.whole)[part.modes[interval.row]]
         cut_upper, cut_lower = interval.cut
         # The ends of the range itself, not what two divisions make of them.
         lower = self.start if cut_lower else rate / interval.stop
         upper = self.stop if cut_upper else rate / interval.start
+        error = interval.error[1] / interval.stop, interval.error[0] / interval.start
         members = tuple(self._tongue(root, numbers) for root in roots)
-        self.regions.append((row, lower, upper, error, (cut_lower, cut_upper), members))
+        self.regions.append(Region(row, (lower, upper), error, (cut_lower, cut_upper), members))
 
     def result(self, rows: int) -> Boundaries:
         """Everything, by row and mesh frequency."""
-        self.regions.sort(key=lambda r: r[:2])
-        row, lower, upper, error, cut, members = zip(*self.regions, strict=True) if self.regions else [()] * 6
+        regions = united(self.regions)
+        edges = np.array([region.edges for region in regions], dtype=float).reshape(-1, 2)
         return Boundaries(
             rows,
-            np.array(row, dtype=int),
-            np.array(lower, dtype=float),
-            np.array(upper, dtype=float),
-            np.array(error, dtype=float),
-            np.array(cut, dtype=bool).reshape(-1, 2),
-            tuple(members),
+            np.array([region.row for region in regions], dtype=int),
+            edges[:, 0],
+            edges[:, 1],
+            np.array([0.5 * max(region.error) for region in regions], dtype=float),
+            np.array([region.cut for region in regions], dtype=bool).reshape(-1, 2),
+            tuple(region.members for region in regions),
             self.contacts,
             self.evaluations,
             self.floor,
@@ -252,10 +241,10 @@ def _unnamed(pattern: Pattern, intervals: list[Interval]) -> tuple[list[Unnamed]
         owner += [k] * len(points)
         cycle += points
     row = np.array([intervals[k].row for k in owner], dtype=int)
-    parts = labels.shares(pattern, row, np.array(cycle)) if owner else []
+    seen = labels.shares(pattern, row, np.array(cycle)) if owner else []
     shares: list[labels.Shares] = [{} for _ in intervals]
-    for k, part in zip(owner, parts, strict=True):
-        for root, share in part.items():
+    for k, there in zip(owner, seen, strict=True):
+        for root, share in there.items():
             shares[k][root] = max(share, shares[k].get(root, 0.0))
     result = []
     for i, own in zip(intervals, shares, strict=True):
