@@ -42,8 +42,8 @@ def build(p: dict[str, Any]) -> GearSystem:
     Parameters: ``planets`` N, ``ring`` (``kind`` rigid or elastic, ``harmonics`` J, ``bending_stiffness``), ``motion``,
     ``masses``, ``inertias`` (I/r^2; the ring's is m_r/cos^2 a_r of a thin rim unless given), ``supports``,
     ``pressure_angles``, ``meshes`` (``sun``, ``ring``), ``phases`` or ``teeth`` (:mod:`~gearstab.systems.phasing`),
-    damping, ``load`` (torques over radii on ``ring``, ``carrier``, ``sun``). ``scaling: dimensionless`` refers masses to m_r, stiffnesses to the mean k_rp and so frequencies to
-    sqrt(k_rp/m_r); lengths keep their scale.
+    damping, ``load`` (torques over radii on ``ring``, ``carrier``, ``sun``). ``scaling: dimensionless`` refers masses to
+    m_r, stiffnesses to the mean k_rp and so frequencies to sqrt(k_rp/m_r); lengths keep their scale.
 
     Source: Parker 2009, (1)-(8), (26)-(28) and appendix; derived again from the energies, since L2, L4 and M_j are
     misprinted there (derivatives in L2 act on v and v is projected on |m| >= 2; b_r of L4 depends on n and belongs
@@ -237,7 +237,5 @@ def _scaled(system: GearSystem, mass: Array, stiffness: Array) -> GearSystem:
     load = None if system.load is None else system.load / stiffness[..., None]
     # All periodic terms of this kind are mesh dampings.
     terms = tuple(replace(term, left=term.left / np.sqrt(m * k)[..., 0]) for term in system.terms)
-    return replace(
-        system, mass=system.mass / m, stiffness=system.stiffness / k, damping=damping, meshes=tuple(meshes), terms=terms,
-        load=load,
-    )  # fmt: skip
+    scaled = replace(system, mass=system.mass / m, stiffness=system.stiffness / k, damping=damping)
+    return replace(scaled, meshes=tuple(meshes), terms=terms, load=load)
