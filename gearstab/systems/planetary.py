@@ -42,8 +42,8 @@ def build(p: dict[str, Any]) -> GearSystem:
     Parameters: ``planets`` N, ``ring`` (``kind`` rigid or elastic, ``harmonics`` J, ``bending_stiffness``), ``motion``,
     ``masses``, ``inertias`` (I/r^2; the ring's is m_r/cos^2 a_r of a thin rim unless given), ``supports``,
     ``pressure_angles``, ``meshes`` (``sun``, ``ring``), ``phases`` or ``teeth`` (:mod:`~gearstab.systems.phasing`),
-    damping, ``load`` (torques over radii on ``ring``, ``carrier``, ``sun``). ``scaling: dimensionless`` refers masses to
-    m_r, stiffnesses to the mean k_rp and so frequencies to sqrt(k_rp/m_r); lengths keep their scale.
+    damping, ``load`` (torques over radii on ``ring``, ``carrier``, ``sun``). ``scaling: dimensionless`` refers masses
+    to m_r, stiffnesses to the mean k_rp and so frequencies to sqrt(k_rp/m_r); lengths keep their scale.
 
     Source: Parker 2009, (1)-(8), (26)-(28) and appendix; derived again from the energies, since L2, L4 and M_j are
     misprinted there (derivatives in L2 act on v and v is projected on |m| >= 2; b_r of L4 depends on n and belongs
