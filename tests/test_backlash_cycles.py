@@ -19,6 +19,8 @@ from gearstab.plots.errors import PlotError
 from gearstab.response.backlash import BACKLASH_FLAGS, BacklashResponse, backlash_response
 from gearstab.response.backlash.crossing import first_below
 from gearstab.response.backlash.measure import extremes
+from gearstab.response.backlash.speeds import speed_cycles
+from gearstab.response.speeds import speed_response
 from gearstab.results import open_result
 from gearstab.system import GearSystem
 from gearstab.systems import build
@@ -122,6 +124,65 @@ def test_much_larger_motions_than_the_backlash_grow_as_without_it() -> None:
     np.testing.assert_allclose(rate, expected, rtol=1e-9)
 
 
+def test_a_run_up_and_a_run_down_show_different_motions() -> None:
+    """Against motions from states of one's own choice, followed for twice as long."""
+    omega = np.array([2.3, 2.0, 1.8])
+    up, down = (speed_cycles(pair(), omega, down, 300, 250) for down in (False, True))
+    sizes = [settled(pair(), w, x, 240).cycle for w, x in ((2.3, 1.6), (2.0, 1.6), (1.8, 1.5), (1.8, 3.0))]
+    span = [float(cycle.peak_to_peak[0]) for cycle in sizes if cycle is not None]
+    # What is left of the transients, e^(-0.05 t).
+    np.testing.assert_allclose(up.transmission_error_peak_to_peak[:, 0], span[:3], rtol=1e-6)
+    np.testing.assert_allclose(down.transmission_error_peak_to_peak[:, 0], [*span[:2], span[3]], rtol=1e-6)
+    assert list(up.period) == [1, 2, 1]
+    assert list(down.period) == [1, 2, 2]
+    assert [bool(s & BACKLASH_FLAGS["separation"]) for s in down.status] == [False, True, True]
+    assert [bool(s & BACKLASH_FLAGS["unstable"]) for s in down.status] == [False, True, False]
+    np.testing.assert_allclose(up.dynamic_load_factor, up.mesh_force_peak / 0.5, rtol=1e-12)
+
+
+def test_under_a_large_load_the_response_over_speed_is_the_steady_state() -> None:
+    """With a transmission error, so that something vibrates; two systems, each by itself."""
+    mesh = {"name": "mesh", "mean_stiffness": 1.0, "epsilon": 0.2, "contact_ratio": 1.5, "backlash": 0.5}
+    train = {"kind": "gear_pair", "equivalent_mass": 1.0, "damping_ratio": 0.1, "load": [5.0]}
+    system = build(train | {"meshes": [mesh | {"transmission_error": {"sin": [0.1]}}]})
+    omega = np.array([0.7, 1.3])
+    found, expected = speed_cycles(system, omega, cycles=60), speed_response(system, omega)
+    # e^(-0.1 t) after 30 cycles; a polynomial of degree four through every five samples gives extremes to 1e-6.
+    for name in ("mesh_force_peak", "transmission_error_peak_to_peak", "transmission_error_rms", "dynamic_load_factor"):
+        np.testing.assert_allclose(getattr(found, name), getattr(expected, name)[0], rtol=1e-5, err_msg=name)
+    assert not found.contact_loss_ratio.any()
+
+
+def test_sweeps_follow_every_system_by_itself(tmp_path: Path) -> None:
+    source, out = ROOT / "configs" / "response" / "backlash_speeds.yaml", tmp_path / "out.h5"
+    changes = {
+        "sweep.mesh_frequency": "[1.8, 2.0, 2.3]",
+        "sweep.damping_ratio": "[0.05, 0.3]",
+        "methods.response.cycles": "60",
+        "methods.response.discard": "40",
+    }
+    options = [part for path, value in changes.items() for part in ("--set", f"{path}={value}")]
+    done = CliRunner().invoke(group, ["sweep", str(source), "-o", str(out), *options])
+    assert done.exit_code == 0, done.output
+    with open_result(out) as tree:
+        found = tree["response"].to_dataset()
+        span = found["transmission_error_peak_to_peak"].transpose("damping_ratio", "mesh_frequency", "mesh").values
+        expected = speed_cycles(pair(), np.array([1.8, 2.0, 2.3]), True, 60, 40)
+        np.testing.assert_allclose(span[0], expected.transmission_error_peak_to_peak, rtol=1e-9)
+        # With so much damping it is stable, and never leaves its flank.
+        assert not found["contact_loss_ratio"].sel(damping_ratio=0.3).values.any()
+        _, artists = draw(tree, "speeds", select={"damping_ratio": "0.05"})
+        assert np.isfinite(artists["lines"][0].get_ydata()).all()
+
+
+def test_only_backlash_is_continued(tmp_path: Path) -> None:
+    source = ROOT / "configs" / "response" / "backlash_speeds.yaml"
+    out = tmp_path / "out.h5"
+    done = CliRunner().invoke(group, ["sweep", str(source), "-o", str(out), "--set", "system.meshes.mesh.backlash=0"])
+    assert done.exit_code != 0
+    assert "no mesh has backlash" in done.stderr
+
+
 @pytest.mark.parametrize(
     ("roots", "expected"),
     [
@@ -215,12 +276,15 @@ system:
     ("change", "message"),
     [
         ("respond: {mesh_frequency: 2.0, steady_state: true}", "teeth with backlash may have several"),
-        ("sweep: {mesh_frequency: [1, 2]}\nmethods: {response: {}}", "is about teeth that stay in contact"),
+        (
+            "sweep: {mesh_frequency: [1, 2], meshes.mesh.backlash: [0, 2]}\nmethods: {response: {}}",
+            "an axis sets backlash where no mesh has any",
+        ),
     ],
 )
 def test_what_does_not_go_with_backlash(tmp_path: Path, change: str, message: str) -> None:
     path = tmp_path / "scene.yaml"
-    path.write_text(SCENE + change)
+    path.write_text((SCENE if "respond" in change else SCENE.replace(', backlash: "2 m"', "")) + change)
     with pytest.raises(ConfigError, match=message):
         load(path)
 

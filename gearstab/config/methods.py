@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, BeforeValidator, Field
 
-from gearstab.config.fields import Choice, Flag, Quantity, Section, Whole, wrong
+from gearstab.config.fields import Choice, Flag, NonNegative, Quantity, Section, Whole, wrong
 
 Tolerance = Annotated[float, Field(gt=0, lt=1), Quantity()]
 Harmonics = Annotated[int, Field(ge=1, le=1000), Whole()]
@@ -128,6 +128,21 @@ class ResponseOptions(Section):
         default=1e-9,
         title="tolerance",
         description="Of the motion over a period, for waves that are not piecewise constant (1).",
+    )
+    continuation: Annotated[str, Choice("direction", ("up", "down"))] | None = Field(
+        default=None,
+        title="continuation",
+        description="With backlash: up or down in the mesh frequency, every motion beginning where the one before led.",
+    )
+    cycles: Annotated[float, Field(gt=0, le=1e6), Quantity()] | None = Field(
+        default=None,
+        title="cycles",
+        description="With backlash: how long every motion is followed, in periods of the first mesh (1).",
+    )
+    discard: NonNegative | None = Field(
+        default=None,
+        title="cycles left out",
+        description="With backlash: how many of the cycles are left for the motion to settle; default half of them.",
     )
 
 

@@ -65,9 +65,10 @@ class System(Section):
     @classmethod
     def unfit(cls, parameters: dict[str, Any], axes: Sequence[Axis], methods: Sequence[str]) -> Iterator[Conflict]:
         """Methods that do not apply; the paths are below ``methods``."""
-        if "response" in methods and any(mesh.get("backlash") for _, mesh in mesh_items(parameters.get("meshes"))):
-            remedy = "remove the backlash, or follow the motion at one mesh frequency with the section respond"
-            yield ("response",), "is about teeth that stay in contact, and a mesh has backlash", remedy
+        swept = any(item.path[-1] == "backlash" for axis in axes for item in axis.assignments)
+        given = any(mesh.get("backlash") for _, mesh in mesh_items(parameters.get("meshes")))
+        if swept and not given and "response" in methods:
+            yield ("response",), "an axis sets backlash where no mesh has any", "give the mesh backlash in system too"
 
     @classmethod
     def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:

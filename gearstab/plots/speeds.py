@@ -94,10 +94,13 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     x = view.x.positions[view.x.order]
     others = [axis for axis in view.free if axis.name != "mesh"]
     ranges = [unstable_ranges(tree, view.at(**case)) for case in cases]
+    # Motions with backlash are those that are seen, whatever the linear system does.
+    attracts = "contact_loss_ratio" in dataset
     lines = []
     for k, case in enumerate(cases):
         values = view.at(**case).cut(data, view.x.name).astype(float)
-        lines.append(draw_case(ax, x, values, ranges[k], k, caption(view.free, case)))
+        repelling = np.zeros((0, 2)) if attracts else ranges[k]
+        lines.append(draw_case(ax, x, values, repelling, k, caption(view.free, case)))
     low, high = grid.limits(view.x)
     ax.set_xlim(low, high)
     scale(ax, [np.asarray(line.get_ydata(), dtype=float) for line in lines])

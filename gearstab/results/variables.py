@@ -284,6 +284,19 @@ SPEED_RESPONSE = (
 )  # fmt: skip
 """Of the steady state at every point."""
 
+ALL_MOTIONS = (
+    "mesh_force_peak", "transmission_error_peak_to_peak", "transmission_error_rms", "dynamic_load_factor",
+)  # fmt: skip
+"""What of it is told of motions with backlash, too."""
+
+BACKLASH_SPEED_RESPONSE = (
+    *(v for v in SPEED_RESPONSE if v.name == "mesh" or v.name in ALL_MOTIONS),
+    Variable("contact_loss_ratio", (GRID, "mesh"), "f8", "1", "part of the time without contact"),
+    Variable("period", (GRID,), "i2", "1", "common periods after which the motion repeats itself; 0: it does not"),
+    Variable("status", (GRID,), "i2", "1", "what is to be said of the motion; 0: nothing"),
+)
+"""Of what motions with backlash settle to."""
+
 PAIR_RESPONSE = (
     coordinate("time", "time", "f8", "s", "time"),
     coordinate("mesh", "mesh", TEXT, "1", "tooth mesh"),

@@ -62,6 +62,8 @@ def structural_groups(axes: tuple[Axis, ...], rows: dict[str, Array], count: int
 
 def run_rows(plan: Plan, layout: Layout, rows: dict[str, Array], count: int, columns: slice) -> Outcome:
     """Run a method on rows of one structure."""
+    if layout.method.singly(layout.options, plan.base):
+        return run_singly(plan, layout, rows, count, columns)
     system = build(parameters_at(plan.config, rows))
     frequency = np.zeros(0)
     if layout.method.frequency == POINTS:
@@ -72,6 +74,17 @@ def run_rows(plan: Plan, layout: Layout, rows: dict[str, Array], count: int, col
     elif layout.method.frequency == RANGE:
         frequency = np.array(plan.mesh_frequency_range)
     return layout.method.run(system, frequency, layout.options)
+
+
+def run_singly(plan: Plan, layout: Layout, rows: dict[str, Array], count: int, columns: slice) -> Outcome:
+    """The same for a method that takes one system at a time."""
+    outcomes = []
+    for k in range(count):
+        one = {name: index[k : k + 1] for name, index in rows.items()}
+        system = build(parameters_at(plan.config, {name: index[0] for name, index in one.items()}))
+        frequency = np.ravel(plan.mesh_frequency(one, columns))
+        outcomes.append(layout.method.run(system, frequency, layout.options).values)
+    return Outcome({name: np.concatenate([values[name] for values in outcomes]) for name in outcomes[0]})
 
 
 def joined(

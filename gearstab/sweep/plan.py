@@ -188,7 +188,11 @@ def _layout(config: Config, base: GearSystem, fast: Axis | None, method: Method,
         widest = 8 * max(len(values) for values in ([0], *method.constants(options, base).values()))
         wanted = min(wanted, MOST_BYTES / widest)
     inner = next((k for k, axis in enumerate(axes) if axis is fast), None)
-    chunk = chunk_shape(shape, inner, max(method.together(options), int(wanted)))
+    if inner is not None and method.singly(options, base):
+        wanted = least = shape[inner]
+    else:
+        least = method.together(options)
+    chunk = chunk_shape(shape, inner, max(least, int(wanted)))
     return Layout(method, options, tuple(axis.name for axis in axes), shape, chunk)
 
 

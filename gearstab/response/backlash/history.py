@@ -100,12 +100,12 @@ def backlash_response(
     model = dynamics(system, motion, teeth)
     grid = motion.drive.counts[0] * samples_per_cycle
     first = int(np.ceil((0.5 * duration if discard is None else discard) / motion.period - 1e-9))
-    run = _Run(model, grid, samples_until(duration, motion.period / grid), Meter(model, first))
+    run = Run(model, grid, samples_until(duration, motion.period / grid), Meter(model, first))
     run.follow(motion.state(*start), tolerance)
     return _assembled(system, run, start)
 
 
-class _Run:
+class Run:
     """A motion on its way: samples, events, meter."""
 
     def __init__(self, model: Dynamics, grid: int, samples: int, meter: Meter) -> None:
@@ -147,7 +147,7 @@ class _Run:
         self.known = int(inside[-1]) + 1
 
 
-def _assembled(system: GearSystem, run: _Run, start: tuple[Array, Array]) -> BacklashResponse:
+def _assembled(system: GearSystem, run: Run, start: tuple[Array, Array]) -> BacklashResponse:
     motion, teeth, samples = run.model.motion, run.model.teeth, run.known
     q, v = motion.physical(run.x[:samples])
     q[0], v[0] = start

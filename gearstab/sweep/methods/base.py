@@ -78,6 +78,7 @@ class Method:
     check: raises ValueError where the options do not fit the base system.
     together: the least number of points of its own in a block, however costly, because they share work.
     note: what the user should know before it runs, None for nothing.
+    singly: whether it takes one system at a time with all its mesh frequencies, as it goes from one to the next.
     outlook: what there is to say of its cost besides the estimated time, None for nothing.
     """
 
@@ -93,6 +94,7 @@ class Method:
     check: Callable[[Any, GearSystem], None] = _any
     together: Callable[[Any], int] = _few
     note: Callable[[Any, GearSystem], str | None] = _silent
+    singly: Callable[[Any, GearSystem], bool] = _never
     outlook: Callable[[Any, GearSystem], str | None] = _silent
 
     @property

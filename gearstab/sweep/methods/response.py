@@ -1,15 +1,22 @@
-"""The periodic steady state over speed: ``methods.response``."""
+"""The response over speed: ``methods.response``; the periodic steady state, or with backlash what motions settle to."""
 
 from __future__ import annotations
 
 from typing import Any
 
-from gearstab.results.variables import SPEED_RESPONSE, Variable, flagged
+from gearstab.results.variables import BACKLASH_SPEED_RESPONSE, SPEED_RESPONSE, Variable, flagged
 from gearstab.sweep.methods.base import POINTS, Method, Outcome
 from gearstab.system import Array, GearSystem
 
+CYCLES = 200.0
+"""How long motions with backlash are followed at every mesh frequency, if not said otherwise."""
+
 
 def _response_variables(options: Any, system: GearSystem) -> tuple[Variable, ...]:
+    if _singly(options, system):
+        from gearstab.response.backlash import BACKLASH_FLAGS
+
+        return flagged(BACKLASH_SPEED_RESPONSE, BACKLASH_FLAGS)
     from gearstab.response.steady import STATUS_FLAGS as flags
 
     return flagged(SPEED_RESPONSE, flags)
@@ -20,14 +27,34 @@ def _mesh_names(options: Any, system: GearSystem) -> dict[str, Any]:
 
 
 def _response(system: GearSystem, mesh_frequency: Array, options: Any) -> Outcome:
+    if _singly(options, system):
+        return _cycles(system, mesh_frequency, options)
     from gearstab.response.speeds import speed_response
 
     found = speed_response(system, mesh_frequency, options.samples_per_cycle, options.tolerance)
     return Outcome(vars(found))
 
 
+def _cycles(system: GearSystem, mesh_frequency: Array, options: Any) -> Outcome:
+    from gearstab.response.backlash.speeds import speed_cycles
+
+    down, cycles = options.continuation == "down", options.cycles or CYCLES
+    found = speed_cycles(system, mesh_frequency, down, cycles, options.discard)
+    return Outcome({name: values[None] for name, values in vars(found).items()})
+
+
+def _singly(options: Any, system: GearSystem) -> bool:
+    """Whether the system has backlash."""
+    from gearstab.response.backlash import has_backlash
+
+    return has_backlash(system)
+
+
 def _response_cost(options: Any, system: GearSystem) -> float:
     """Measured: 0.2 ms for 100 samples of three coordinates and two meshes; smooth waves ten times as much."""
+    if _singly(options, system):
+        # Measured: 2 ms a cycle of a gear pair, and more the more modes are faster than the mesh frequency.
+        return 4000 * system.size * (options.cycles or CYCLES) * (1 if system.piecewise_constant else 5)
     size = (2 * system.size + 5) / 11
     samples = options.samples_per_cycle * max(1, system.common_period()[1][0]) / 100
     return 1000 * size**2 * samples * (1 if system.piecewise_constant else 10)
@@ -36,11 +63,15 @@ def _response_cost(options: Any, system: GearSystem) -> float:
 def _response_check(options: Any, system: GearSystem) -> None:
     if not system.forced:
         raise ValueError("methods.response: nothing drives the system: give a load, forces or transmission errors")
+    if not _singly(options, system):
+        for name in ("continuation", "cycles", "discard"):
+            if getattr(options, name) is not None:
+                raise ValueError(f"methods.response.{name}: no mesh has backlash: remove it, or give a mesh backlash")
     if not system.commensurate:
         raise ValueError("methods.response: mesh frequencies of irrational ratio have no periodic steady state")
 
 
 METHOD = Method(
     name="response", frequency=POINTS, variables=_response_variables, constants=_mesh_names, run=_response,
-    cost=_response_cost, check=_response_check,
+    cost=_response_cost, check=_response_check, singly=_singly,
 )  # fmt: skip
