@@ -178,6 +178,24 @@ def backlash():
     return tree(response=xr.Dataset(data, coords=coords, attrs=attributes))
 
 
+def teeth():
+    """Loads and root stresses of the teeth of two meshes along their contact."""
+    contact = (np.arange(40) + 0.5) / 40
+    static = np.where(np.abs(contact - 0.5) < 0.15, 1000.0, 550.0)[:, None] * [1.0, 2.0]
+    flanks = ["gear1, mesh I", "gear2, mesh I", "gear3, mesh II", "gear4, mesh II"]
+    stress = np.repeat(static, 2, axis=1) * 1e5
+    data = {
+        "mesh_force": (("time", "mesh"), np.ones((11, 2)), {"units": "N"}),
+        "static_tooth_load": (("contact", "mesh"), static, {"units": "N", "long_name": "static load"}),
+        "tooth_load": (("contact", "mesh"), 1.2 * static, {"units": "N", "long_name": "largest load"}),
+        "static_root_stress": (("contact", "flank"), stress, {"units": "Pa", "long_name": "static stress"}),
+        "root_stress": (("contact", "flank"), 1.2 * stress, {"units": "Pa", "long_name": "largest stress"}),
+    }
+    ways = {"contact": contact, "mesh": ["I", "II"], "flank": flanks}
+    coords = {**coordinate("time", np.linspace(0, 1, 11), "s"), **ways}
+    return tree(response=xr.Dataset(data, coords=coords))
+
+
 def pair(spectrum=True, energy_loss=0.2):
     """Ten mesh cycles of a gear pair of one second each, two pairs of teeth in contact for the second half."""
     time = np.arange(2001) / 200

@@ -19,25 +19,31 @@ MOST_HARMONICS = 4000
 
 def result(config: Config, wanted: Respond, system: GearSystem, found: Response) -> ResultTree:
     """The response as a result: its root, ``/modes`` and ``/response``."""
+    from gearstab.cli import respond_teeth
     from gearstab.floquet import kernel
     from gearstab.response import RESPONSE_FLAGS
     from gearstab.response.equilibrium import static_mesh_force
     from gearstab.results import Group, ResultTree, fields_of
     from gearstab.results.provenance import modes_group, root_attributes
-    from gearstab.results.variables import RESPONSE, flagged
+    from gearstab.results.variables import RESPONSE, TOOTH_LOADS, flagged
 
     histories = ("time", "displacement", "velocity", "mesh_deflection", "mesh_force", "energy")
+    kept = len(found.time)
+    if wanted.stored_cycles is not None:
+        kept = min(kept, round(wanted.stored_cycles * wanted.samples_per_cycle) + 1)
     values = {
         "dof": list(system.coordinates),
         "mesh": [mesh.name for mesh in system.meshes],
         "status": found.flags,
-        **{name: getattr(found, name) for name in histories},
+        **{name: getattr(found, name)[:kept] for name in histories},
     }
     if system.load is not None:
         values["static_mesh_force"] = static_mesh_force(system)
     if found.drift is not None:
         values["mean_velocity"] = found.drift
     values |= spectral(wanted, system, found)
+    loads = respond_teeth.values(config, wanted, system, found)
+    values |= loads
     attributes = {
         "status": found.status,
         "mesh_frequency": found.mesh_frequency,
@@ -46,7 +52,8 @@ def result(config: Config, wanted: Respond, system: GearSystem, found: Response)
         "largest_multiplier": found.largest_multiplier,
         "comment": _comment(wanted, system),
     }
-    fields = fields_of(flagged(RESPONSE, RESPONSE_FLAGS), values)
+    table = (*RESPONSE, *(TOOTH_LOADS if loads else ()))
+    fields = fields_of(flagged(table, RESPONSE_FLAGS), values)
     groups = {"modes": modes_group(system), "response": Group(fields, attributes)}
     return ResultTree(Group((), root_attributes(config, kernel.name())), groups)
 

@@ -45,6 +45,12 @@ class Respond(Section):
     cycles: Annotated[float, Field(gt=0), Quantity()] | None = Field(
         default=None, title="cycles", description="How long, in periods of the first mesh (1); or give duration."
     )
+    stored_cycles: Annotated[float, Field(gt=0), Quantity()] | None = Field(
+        default=None,
+        title="stored cycles",
+        description="Of a steady state: how much of the histories is stored, in periods of the first mesh (1); the "
+        "whole common period without.",
+    )
     samples_per_cycle: Annotated[int, Field(ge=2, le=1_000_000), Whole()] = Field(
         default=200, title="samples per cycle", description="Stored samples in a period of the first mesh."
     )
@@ -71,6 +77,8 @@ class Respond(Section):
         if raw.get("steady_state") is True:
             yield from _of_steady_state(raw, driven)
             return
+        if raw.get("stored_cycles") is not None:
+            yield ("stored_cycles",), "belongs to a steady state", "give cycles instead, or steady_state: true"
         yield from exactly_one(raw, ("duration", "cycles"))
         initial = raw.get("initial")
         if initial is None and not driven:

@@ -35,6 +35,7 @@ KINDS: dict[str, Kind] = {
     "speeds": Kind("gearstab.plots.speeds", "load factor or mesh force of the steady state over the mesh frequency"),
     "spectrum": Kind("gearstab.plots.spectrum", "spectra of a response"),
     "pair": Kind("gearstab.plots.pair", "deflection, energy and spectrum of a gear pair given by its gears"),
+    "teeth": Kind("gearstab.plots.teeth", "load or root stress of teeth along their contact, static and dynamic"),
     "response": Kind("gearstab.plots.response", "displacements and mesh forces over time"),
     "phase-plane": Kind("gearstab.plots.phase_plane", "mesh deflections with backlash, over time and as orbits"),
     "work-precision": Kind("gearstab.plots.work_precision", "time against error of the methods of a benchmark"),

@@ -17,6 +17,9 @@ from gearstab.response.sampling import first_sample
 from gearstab.response.steady import period_map, resolution
 from gearstab.system import Array, GearSystem
 
+FEW = 4
+"""Periods that are followed one by one, state by state, instead of by the map to each sample."""
+
 
 @dataclass(frozen=True)
 class Driven:
@@ -61,8 +64,13 @@ class Driven:
                 break
             inside = np.arange(first[q], min(first[q + 1], samples))
             fractions = np.clip((inside - edges[q]) / (edges[q + 1] - edges[q]), 0.0, 1.0)
-            for sample, (p, push) in zip(inside, interval.at(fractions), strict=True):
-                table[sample] = p[0] @ columns + push[0][:, None]
+            if periods <= FEW:
+                for k in range(periods):
+                    states = interval.through(columns[None, :, k], fractions)
+                    table[inside, :, k] = [x[0] for x in states] if len(inside) else 0.0
+            else:
+                for sample, (p, push) in zip(inside, interval.at(fractions), strict=True):
+                    table[sample] = p[0] @ columns + push[0][:, None]
             p, push = interval.across()
             columns = p[0] @ columns + push[0][:, None]
         return np.moveaxis(table, -1, 0).reshape(grid * periods, -1)[:samples]

@@ -149,6 +149,12 @@ def build(p: dict[str, Any]) -> GearSystem:
     return _rubbed(train, replace(system, load=load(train)), drag)
 
 
+def teeth(p: dict[str, Any]) -> list[MeshTeeth]:
+    """The teeth of all meshes, from which their stiffness may or may not come."""
+    train = Train(p)
+    return [train.teeth_of(k) for k in range(len(train.meshes))]
+
+
 def _filled(train: Train, k: int) -> dict[str, Any]:
     """The parameters of a mesh with what its teeth give."""
     p = train.p["meshes"][k]

@@ -1,0 +1,49 @@
+"""Loads and root stresses of teeth in the response of a gearbox."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from gearstab.config import Config
+    from gearstab.config.respond import Respond
+    from gearstab.response import Response
+    from gearstab.response.tooth_loads import Teeth
+    from gearstab.system import GearSystem
+
+
+def values(config: Config, wanted: Respond, system: GearSystem, found: Response) -> dict[str, Any]:
+    """The variables of TOOTH_LOADS, none where no teeth are known, nothing is loaded or a history begins anywhere."""
+    import numpy as np
+
+    from gearstab.response.equilibrium import static_mesh_force
+    from gearstab.response.tooth_loads import MOST_POINTS, phases, positions, tooth_loads
+
+    if config.kind != "gearbox" or system.load is None or not wanted.steady_state or found.status == "failed":
+        return {}
+    static = static_mesh_force(system)
+    known, points = teeth(config), min(MOST_POINTS, wanted.samples_per_cycle)
+    loads = []
+    for k, item in enumerate(known):
+        phase = phases(system, k, found.time, found.mesh_frequency)
+        loads.append(tooth_loads(item, phase, found.mesh_force[:, k], float(static[k]), points))
+    stress = np.concatenate([load.stress for load in loads], axis=1)
+    return {
+        "contact": positions(points),
+        "tooth_load": np.stack([load.load for load in loads], axis=1),
+        "static_tooth_load": np.stack([load.static_load for load in loads], axis=1),
+        "flank": [f"{gear}, mesh {system.meshes[k].name}" for k, item in enumerate(known) for gear in item.in_order],
+        "root_stress": stress,
+        "static_root_stress": np.concatenate([load.static_stress for load in loads], axis=1),
+        "peak_root_stress": np.max(stress, axis=0, initial=0.0, where=np.isfinite(stress)),
+    }
+
+
+def teeth(config: Config) -> list[Teeth]:
+    """Of all meshes of a gearbox."""
+    from gearstab.response.tooth_loads import Teeth
+    from gearstab.systems import gearbox
+
+    meshes = config.parameters["meshes"]
+    found = gearbox.teeth(config.parameters)
+    return [Teeth(mesh.pairs[0], mesh.models[0], tuple(p["gears"])) for mesh, p in zip(found, meshes, strict=True)]
