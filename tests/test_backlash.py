@@ -151,6 +151,35 @@ def test_a_free_train_turns_as_the_torques_say() -> None:
     np.testing.assert_allclose(found.displacement @ along, expected, rtol=1e-11)
 
 
+def test_a_free_train_settles_however_it_turns() -> None:
+    """Its rigid-body motion is no part of the sections that are compared."""
+    system = loose(train(input_shaft_stiffness=0.0), 0.3, 0.2)
+    system = replace(system, load=np.array([2.0, 0.0, 2.5]))
+    found = backlash_response(system, 2.6, 300.0, None, 4)
+    assert np.abs(found.velocity[-1]).max() > 5.0
+    assert found.cycle is not None
+    assert found.cycle.period == 1
+
+
+def test_less_than_a_common_period_is_summed_up_as_it_is() -> None:
+    """Over what follows the time that is left out, by the samples of a finer history."""
+    system = loose(train(Fraction(16, 17)), 0.3, 0.2)
+    q, v = np.array([0.4, -0.2, 0.6]), np.zeros(3)
+    found = backlash_response(system, 2.6, 20.0, (q, v), 4000, 8.0)
+    assert found.common_period > 20.0
+    cycle = found.cycle
+    assert cycle is not None
+    assert cycle.period == 0
+    assert cycle.begin == pytest.approx(8.0, abs=0.5)
+    part = (found.time >= cycle.begin) & (found.time <= cycle.end)
+    x = found.mesh_deflection[part]
+    # Sums over samples 6e-4 apart.
+    np.testing.assert_allclose(cycle.peak_to_peak, np.ptp(x, axis=0), rtol=1e-5)
+    np.testing.assert_allclose(cycle.rms, x.std(axis=0), rtol=1e-3)
+    np.testing.assert_allclose(cycle.force_peak, np.abs(found.mesh_force[part]).max(axis=0), rtol=1e-3)
+    np.testing.assert_allclose(cycle.contact_loss, (found.contact[part] == 0).mean(axis=0), atol=2e-3)
+
+
 @pytest.mark.parametrize("name", ["both meshes", "smooth waves", "damping that follows", "forces"])
 def test_under_a_large_load_nothing_changes(name: str) -> None:
     """With zero on the drive side the motion is that of the linear system, as long as contact is kept."""

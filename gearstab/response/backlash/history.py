@@ -83,7 +83,8 @@ def backlash_response(
     duration: the last sample is the last one not after it.
     start: q and dq/dt ``(n,)``; default the static equilibrium under the load.
     samples_per_cycle: equal steps in a period of the first mesh; they do not affect the accuracy.
-    discard: the time that is left out of the summary, rounded up to common periods; default half of the duration.
+    discard: the time that is left out of the summary, rounded up to whole common periods where there are any after
+        it; default half of the duration.
     tolerance: of the motion where functions vary smoothly, relative, in a piece of it.
 
     Raises
@@ -99,8 +100,8 @@ def backlash_response(
     motion = driven(system, mesh_frequency)
     model = dynamics(system, motion, teeth)
     grid = motion.drive.counts[0] * samples_per_cycle
-    first = int(np.ceil((0.5 * duration if discard is None else discard) / motion.period - 1e-9))
-    run = Run(model, grid, samples_until(duration, motion.period / grid), Meter(model, first))
+    meter = Meter(model, 0.5 * duration if discard is None else discard, duration)
+    run = Run(model, grid, samples_until(duration, motion.period / grid), meter)
     run.follow(motion.state(*start), tolerance)
     return _assembled(system, run, start)
 

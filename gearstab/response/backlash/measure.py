@@ -10,6 +10,7 @@ import numpy as np
 from gearstab.response.backlash.contact import APART
 from gearstab.response.backlash.dynamics import Dynamics
 from gearstab.response.backlash.follow import Stretch
+from gearstab.response.basis import STILL
 from gearstab.system import Array
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
@@ -25,7 +26,7 @@ SETTLED = 1e-6
 class LimitCycle:
     """What a motion settles to, over the whole common periods after the beginning that was left out.
 
-    begin, end: times.
+    begin, end: times. Where no common period is complete, all that is after the beginning counts.
     peak_to_peak, rms: ``(meshes,)``, of the mesh deflection g_i^T q, the latter about its mean.
     force_peak: ``(meshes,)``, the largest magnitude of the elastic mesh force.
     contact_loss: ``(meshes,)``, the part of the time without contact.
@@ -44,10 +45,17 @@ class LimitCycle:
 
 
 class Meter:
-    """Collects extremes and integrals of every common period from ``first`` on, and the states at the beginnings."""
+    """Collects extremes and integrals of every common period, and the states at the beginnings.
 
-    def __init__(self, dynamics: Dynamics, first: int) -> None:
-        self.dynamics, self.first = dynamics, first
+    since: the time from which on. Whole common periods count; where there are none until ``until``, all there is does.
+    """
+
+    def __init__(self, dynamics: Dynamics, since: float, until: float) -> None:
+        period = dynamics.motion.period
+        self.dynamics, self.since = dynamics, since
+        self.first = int(np.ceil(since / period - 1e-9))
+        self.whole = self.first < int(np.floor(until / period * (1 + 1e-12)))
+        self.begin = self.end = self.first * period
         self.low: list[Array] = []
         self.high: list[Array] = []
         self.force: list[Array] = []
@@ -63,8 +71,12 @@ class Meter:
             self.high.append(np.full(count, -np.inf))
             self.force.append(np.zeros(count))
             self.integrals.append(np.zeros((3, count)))
-        if stretch.piece.length == 0 or stretch.period < self.first:
+        time = stretch.period * dynamics.motion.period + stretch.begin
+        left_out = stretch.period < self.first if self.whole else time < self.since
+        if stretch.piece.length == 0 or left_out:
             return
+        if not self.whole:
+            self.begin, self.end = min(self.begin, time), time + stretch.piece.length
         count, degree = len(dynamics.gauge), len(stretch.piece.powers) - 1
         x, e = (stretch.piece.powers @ row.T for row in (dynamics.deflection, dynamics.gauge))
         force = self._stiffness(stretch) * (_powers("fine", degree) @ e - dynamics.teeth.offset(stretch.contact))
@@ -86,18 +98,18 @@ class Meter:
         time = stretch.begin + np.clip(_FINE, 1e-9, 1 - 1e-9) * stretch.piece.length
         return self.dynamics.values(time / self.dynamics.motion.period)[:, :count]
 
-    def summary(self, last: int) -> LimitCycle | None:
-        """Of the common periods up to ``last``, which is not included; None without any."""
-        first = self.first
-        if last <= first:
+    def summary(self, complete: int) -> LimitCycle | None:
+        """Of what counts, if so many common periods are complete; None without anything."""
+        first, last = (self.first, complete) if self.whole else (0, len(self.sections))
+        begin, end = self.begin, last * self.dynamics.motion.period if self.whole else self.end
+        if last <= first or end <= begin:
             return None
         low, high = np.min(self.low[first:last], axis=0), np.max(self.high[first:last], axis=0)
-        span = (last - first) * self.dynamics.motion.period
-        mean, square, apart = np.sum(self.integrals[first:last], axis=0) / span
-        period, difference = _repetition(self._elastic(np.array(self.sections[first : last + 1])))
+        mean, square, apart = np.sum(self.integrals[first:last], axis=0) / (end - begin)
+        sections = np.array(self.sections[first : last + 1] if self.whole else self.sections[:1])
+        period, difference = _repetition(self._elastic(sections))
         return LimitCycle(
-            begin=first * self.dynamics.motion.period, end=last * self.dynamics.motion.period,
-            peak_to_peak=high - low, rms=np.sqrt(np.maximum(square - mean**2, 0.0)),
+            begin=begin, end=end, peak_to_peak=high - low, rms=np.sqrt(np.maximum(square - mean**2, 0.0)),
             force_peak=np.max(self.force[first:last], axis=0), contact_loss=np.clip(apart, 0.0, 1.0), period=period,
             difference=difference,
         )  # fmt: skip
@@ -108,7 +120,8 @@ class Meter:
         n = basis.size // 2
         still = ~np.any(np.abs(self.dynamics.gauge[:, :n]) > 1e-9 * np.abs(self.dynamics.gauge[:, :n]).max(), axis=0)
         free = still & (np.abs(self.dynamics.fixed[n : 2 * n, :n]).max(axis=0, initial=0.0) == 0)
-        held = np.abs(self.dynamics.fixed[:, n : 2 * n][n : 2 * n]).max(axis=0, initial=0.0) > 0
+        drag = np.abs(self.dynamics.fixed[n : 2 * n, n : 2 * n]).max(axis=0, initial=0.0)
+        held = drag > STILL * drag.max(initial=0.0)
         return np.asarray(sections[:, np.concatenate([~free, ~free | held])])
 
 

@@ -82,7 +82,8 @@ def speed_cycles(
     start = equilibrium, rest
     for k in np.argsort(-omega if down else omega, kind="stable"):
         model = dynamics(held, driven(held, omega[k]), teeth)
-        run = Run(model, 1, periods + 1, Meter(model, left_out))
+        period = model.motion.period
+        run = Run(model, 1, periods + 1, Meter(model, left_out * period, periods * period))
         run.follow(model.motion.state(*start), tolerance)
         status[k] |= run.flags & ~SETTLED
         if run.flags & FAILED:
