@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 from backlash_reference import integrated
 from click.testing import CliRunner
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from gearstab import floquet
 from gearstab.cli import group
@@ -17,7 +19,7 @@ from gearstab.config import ConfigError, load
 from gearstab.plots import draw
 from gearstab.plots.errors import PlotError
 from gearstab.response.backlash import BACKLASH_FLAGS, BacklashResponse, backlash_response
-from gearstab.response.backlash.crossing import first_below
+from gearstab.response.backlash.crossing import bernstein, first_below
 from gearstab.response.backlash.measure import extremes
 from gearstab.response.backlash.speeds import speed_cycles
 from gearstab.response.speeds import speed_response
@@ -204,6 +206,23 @@ def test_the_first_crossing_of_polynomials_with_known_roots(roots: list[float], 
     else:
         # Two roots d apart are known to about tolerance/d.
         assert found == pytest.approx(expected, abs=1e-8)
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.lists(st.floats(-1, 1), min_size=3, max_size=14))
+def test_first_crossings_against_dense_samples(coefficients: list[float]) -> None:
+    """Bernstein coefficients at random: nothing is below zero before the crossing, and something is just behind it."""
+    powers = np.linalg.solve(bernstein(len(coefficients) - 1), np.array(coefficients))
+    # Rounding of the powers themselves.
+    tolerance = 1e-14 * np.abs(powers).sum() + 1e-300
+    found = first_below(powers, tolerance)
+    u = np.linspace(0, 1, 2001)
+    values = np.polynomial.polynomial.polyval(u, powers)
+    assert values[u < (2.0 if found is None else found)].min(initial=np.inf) >= -2 * tolerance
+    if found is not None:
+        near = np.polynomial.polynomial.polyval(np.minimum(found + np.geomspace(1e-16, 1, 400), 1.0), powers)
+        assert near.min() < -0.5 * tolerance
+        assert abs(np.polynomial.polynomial.polyval(found, powers)) <= 2 * tolerance or found == 0.0
 
 
 def test_dips_are_found_down_to_the_tolerance() -> None:
