@@ -177,6 +177,26 @@ def test_sweeps_follow_every_system_by_itself(tmp_path: Path) -> None:
         assert np.isfinite(artists["lines"][0].get_ydata()).all()
 
 
+def test_backlash_as_an_axis(tmp_path: Path) -> None:
+    """None at one of its points: there the motion grows as that of the linear system, for 120 cycles."""
+    source, out = ROOT / "configs" / "response" / "backlash_speeds.yaml", tmp_path / "out.h5"
+    changes = [
+        "sweep.mesh_frequency=[2.0]",
+        "sweep.meshes.mesh.backlash=[0, 2]",
+        "methods.response={cycles: 120, discard: 80}",
+    ]
+    options = [part for change in changes for part in ("--set", change)]
+    done = CliRunner().invoke(group, ["sweep", str(source), "-o", str(out), *options])
+    assert done.exit_code == 0, done.output
+    with open_result(out) as tree:
+        span = tree["response"]["transmission_error_peak_to_peak"].values.ravel()
+        expected = settled(pair(), 2.0, 1.6).cycle
+        assert expected is not None
+        # From static equilibrium it takes longer to settle.
+        np.testing.assert_allclose(span[1], expected.peak_to_peak[0], rtol=5e-3)
+        assert span[0] > 10 * span[1]
+
+
 def test_only_backlash_is_continued(tmp_path: Path) -> None:
     source = ROOT / "configs" / "response" / "backlash_speeds.yaml"
     out = tmp_path / "out.h5"

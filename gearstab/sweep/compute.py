@@ -10,6 +10,7 @@ from gearstab.config import Axis, parameters_at
 from gearstab.results.chunks import encode
 from gearstab.results.variables import GRID, Variable
 from gearstab.sweep.methods import POINTS, RANGE, Key, Outcome
+from gearstab.sweep.methods.base import Run
 from gearstab.sweep.parts import Part
 from gearstab.sweep.plan import Block, Layout, Plan
 from gearstab.system import Array
@@ -62,8 +63,9 @@ def structural_groups(axes: tuple[Axis, ...], rows: dict[str, Array], count: int
 
 def run_rows(plan: Plan, layout: Layout, rows: dict[str, Array], count: int, columns: slice) -> Outcome:
     """Run a method on rows of one structure."""
-    if layout.method.singly(layout.options, plan.base):
-        return run_singly(plan, layout, rows, count, columns)
+    alone = layout.method.singly(layout.options, plan.base)
+    if alone is not None:
+        return run_singly(plan, layout, rows, count, columns, alone)
     system = build(parameters_at(plan.config, rows))
     frequency = np.zeros(0)
     if layout.method.frequency == POINTS:
@@ -76,14 +78,14 @@ def run_rows(plan: Plan, layout: Layout, rows: dict[str, Array], count: int, col
     return layout.method.run(system, frequency, layout.options)
 
 
-def run_singly(plan: Plan, layout: Layout, rows: dict[str, Array], count: int, columns: slice) -> Outcome:
-    """The same for a method that takes one system at a time."""
+def run_singly(plan: Plan, layout: Layout, rows: dict[str, Array], count: int, columns: slice, alone: Run) -> Outcome:
+    """The same, one system at a time."""
     outcomes = []
     for k in range(count):
         one = {name: index[k : k + 1] for name, index in rows.items()}
         system = build(parameters_at(plan.config, {name: index[0] for name, index in one.items()}))
         frequency = np.ravel(plan.mesh_frequency(one, columns))
-        outcomes.append(layout.method.run(system, frequency, layout.options).values)
+        outcomes.append(alone(system, frequency, layout.options).values)
     return Outcome({name: np.concatenate([values[name] for values in outcomes]) for name in outcomes[0]})
 
 

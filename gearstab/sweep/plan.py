@@ -188,7 +188,7 @@ def _layout(config: Config, base: GearSystem, fast: Axis | None, method: Method,
         widest = 8 * max(len(values) for values in ([0], *method.constants(options, base).values()))
         wanted = min(wanted, MOST_BYTES / widest)
     inner = next((k for k, axis in enumerate(axes) if axis is fast), None)
-    if inner is not None and method.singly(options, base):
+    if inner is not None and method.singly(options, base) is not None:
         wanted = least = shape[inner]
     else:
         least = method.together(options)

@@ -76,7 +76,7 @@ def follow(dynamics: Dynamics, x: Array, tolerance: float) -> Iterator[Stretch]:
     while True:
         events = 0
         for q in occupied(motion.points):
-            begin, end = edges[q] * period, edges[q + 1] * period
+            begin, end = float(edges[q] * period), float(edges[q + 1] * period)
             y = dynamics.whole(x, edges[q])
             values = dynamics.values(np.array([0.5 * (edges[q] + edges[q + 1])]))[0] if exact else None
             while end - begin > 1e-15 * period:
@@ -95,7 +95,7 @@ def follow(dynamics: Dynamics, x: Array, tolerance: float) -> Iterator[Stretch]:
                     contact[mesh] = following
                     speed = float(dynamics.gauge[mesh] @ _rate(piece, dynamics, values, begin, before))
                     time = number * period + begin + piece.length
-                    event = Event(time, mesh, dynamics.teeth.kind(mesh, following), speed)
+                    event = Event(float(time), mesh, dynamics.teeth.kind(mesh, following), speed)
                     grazing |= abs(speed) < GRAZING * float(motion.basis.rate[0]) * dynamics.teeth.width[mesh]
                     events, soon = events + 1, soon + 1 if piece.length < AT_ONCE * period else 0
                 yield Stretch(piece, number, begin, q, before, values, event, bool(grazing))

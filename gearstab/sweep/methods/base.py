@@ -48,6 +48,13 @@ def _silent(options: Any, system: GearSystem) -> str | None:
     return None
 
 
+Run = Callable[[GearSystem, Array, Any], Outcome]
+
+
+def _at_once(options: Any, system: GearSystem) -> Run | None:
+    return None
+
+
 FEWEST = 4
 """Points of a block, however costly."""
 
@@ -78,14 +85,15 @@ class Method:
     check: raises ValueError where the options do not fit the base system.
     together: the least number of points of its own in a block, however costly, because they share work.
     note: what the user should know before it runs, None for nothing.
-    singly: whether it takes one system at a time with all its mesh frequencies, as it goes from one to the next.
+    singly: what to run instead on one system at a time with all its mesh frequencies, where it goes from one of these
+        to the next, else None.
     outlook: what there is to say of its cost besides the estimated time, None for nothing.
     """
 
     name: str
     frequency: str | None
     variables: Callable[[Any, GearSystem], tuple[Variable, ...]]
-    run: Callable[[GearSystem, Array, Any], Outcome]
+    run: Run
     cost: Callable[[Any, GearSystem], float]
     constants: Callable[[Any, GearSystem], Mapping[str, Any]]
     unite: Callable[[Iterable[Sequence[Key]]], tuple[Key, ...]] = _in_order
@@ -94,7 +102,7 @@ class Method:
     check: Callable[[Any, GearSystem], None] = _any
     together: Callable[[Any], int] = _few
     note: Callable[[Any, GearSystem], str | None] = _silent
-    singly: Callable[[Any, GearSystem], bool] = _never
+    singly: Callable[[Any, GearSystem], Run | None] = _at_once
     outlook: Callable[[Any, GearSystem], str | None] = _silent
 
     @property

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from gearstab.results.variables import BACKLASH_SPEED_RESPONSE, SPEED_RESPONSE, Variable, flagged
-from gearstab.sweep.methods.base import POINTS, Method, Outcome
+from gearstab.sweep.methods.base import POINTS, Method, Outcome, Run
 from gearstab.system import Array, GearSystem
 
 CYCLES = 200.0
@@ -13,7 +13,7 @@ CYCLES = 200.0
 
 
 def _response_variables(options: Any, system: GearSystem) -> tuple[Variable, ...]:
-    if _singly(options, system):
+    if _parting(system):
         from gearstab.response.backlash import BACKLASH_FLAGS
 
         return flagged(BACKLASH_SPEED_RESPONSE, BACKLASH_FLAGS)
@@ -27,8 +27,6 @@ def _mesh_names(options: Any, system: GearSystem) -> dict[str, Any]:
 
 
 def _response(system: GearSystem, mesh_frequency: Array, options: Any) -> Outcome:
-    if _singly(options, system):
-        return _cycles(system, mesh_frequency, options)
     from gearstab.response.speeds import speed_response
 
     found = speed_response(system, mesh_frequency, options.samples_per_cycle, options.tolerance)
@@ -43,16 +41,20 @@ def _cycles(system: GearSystem, mesh_frequency: Array, options: Any) -> Outcome:
     return Outcome({name: values[None] for name, values in vars(found).items()})
 
 
-def _singly(options: Any, system: GearSystem) -> bool:
-    """Whether the system has backlash."""
+def _parting(system: GearSystem) -> bool:
+    """Whether the teeth of any mesh may part."""
     from gearstab.response.backlash import has_backlash
 
     return has_backlash(system)
 
 
+def _singly(options: Any, system: GearSystem) -> Run | None:
+    return _cycles if _parting(system) else None
+
+
 def _response_cost(options: Any, system: GearSystem) -> float:
     """Measured: 0.2 ms for 100 samples of three coordinates and two meshes; smooth waves ten times as much."""
-    if _singly(options, system):
+    if _parting(system):
         # Measured: 2 ms a cycle of a gear pair, and more the more modes are faster than the mesh frequency.
         return 4000 * system.size * (options.cycles or CYCLES) * (1 if system.piecewise_constant else 5)
     size = (2 * system.size + 5) / 11
@@ -63,7 +65,7 @@ def _response_cost(options: Any, system: GearSystem) -> float:
 def _response_check(options: Any, system: GearSystem) -> None:
     if not system.forced:
         raise ValueError("methods.response: nothing drives the system: give a load, forces or transmission errors")
-    if not _singly(options, system):
+    if not _parting(system):
         for name in ("continuation", "cycles", "discard"):
             if getattr(options, name) is not None:
                 raise ValueError(f"methods.response.{name}: no mesh has backlash: remove it, or give a mesh backlash")
