@@ -203,6 +203,9 @@ def test_only_backlash_is_continued(tmp_path: Path) -> None:
     done = CliRunner().invoke(group, ["sweep", str(source), "-o", str(out), "--set", "system.meshes.mesh.backlash=0"])
     assert done.exit_code != 0
     assert "no mesh has backlash" in done.stderr
+    done = CliRunner().invoke(group, ["sweep", str(source), "-o", str(out), "--set", "methods.response.discard=150"])
+    assert done.exit_code != 0
+    assert "leaves nothing of 150 cycles" in done.stderr
 
 
 @pytest.mark.parametrize(
@@ -315,6 +318,7 @@ system:
     ("change", "message"),
     [
         ("respond: {mesh_frequency: 2.0, steady_state: true}", "teeth with backlash may have several"),
+        ("respond: {mesh_frequency: 2.0, cycles: 5, discard: 5}", "leaves nothing of 5 cycles"),
         (
             "sweep: {mesh_frequency: [1, 2], meshes.mesh.backlash: [0, 2]}\nmethods: {response: {}}",
             "an axis sets backlash where no mesh has any",

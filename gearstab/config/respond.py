@@ -70,6 +70,9 @@ class Respond(Section):
         """
         if raw.get("discard") is not None and not parting:
             yield ("discard",), "no mesh has backlash", "remove it, or give a mesh backlash"
+        discard, cycles = raw.get("discard"), raw.get("cycles")
+        if isinstance(discard, int | float) and isinstance(cycles, int | float) and discard >= cycles > 0:
+            yield ("discard",), f"leaves nothing of {cycles:g} cycles", "give more cycles, or discard less"
         if raw.get("steady_state") is True and parting:
             remedy = "give cycles, long enough for the motion to settle, and discard"
             yield ("steady_state",), "teeth with backlash may have several", remedy
