@@ -50,7 +50,7 @@ def default_kind(tree: xr.DataTree, request: Request) -> str:
     rates over one axis: curve, over two: map, over more: slices. Boundaries alone: surface over two long axes, else
     boundaries.
     """
-    from gearstab.plots.axes import FREQUENCY, find_axis, sweep_axes
+    from gearstab.plots.axes import SPEEDS, find_axis, sweep_axes
 
     axes = sweep_axes(tree)
     if not axes and "response" in tree.children:
@@ -65,8 +65,8 @@ def default_kind(tree: xr.DataTree, request: Request) -> str:
     lines = bool(held & {"perturbation", "boundaries", "uncoupled"})
     fixed = {find_axis(axes, name).name for name in request.select}
     free = [a for a in axes.values() if a.size > 1 and a.name not in {*fixed, "tongue", "side", "exponent", "mesh"}]
-    parameters = [axis for axis in free if axis.name != FREQUENCY]
-    if "response" in held and request.variable is None and not parameters and FREQUENCY not in fixed:
+    parameters = [axis for axis in free if axis.name not in SPEEDS]
+    if "response" in held and request.variable is None and not parameters and not fixed.intersection(SPEEDS):
         return "speeds"
     numeric = [axis for axis in parameters if axis.numeric]
     if "required_damping" in held and not growth and request.variable is None:
@@ -78,7 +78,7 @@ def default_kind(tree: xr.DataTree, request: Request) -> str:
     if not growth:
         return "surface" if len(numeric) == len(parameters) == 2 and min(a.size for a in numeric) > 6 else "boundaries"
     compares = len(numeric) == 1 and ("uncoupled" in held or len(parameters) == 2)
-    if compares and FREQUENCY not in fixed:
+    if compares and not fixed.intersection(SPEEDS):
         return "boundaries"
     return {0: "curve", 1: "curve", 2: "map"}.get(len(free), "slices")
 

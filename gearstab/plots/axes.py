@@ -14,6 +14,8 @@ from gearstab.plots.text import axis_label, number_text, plain, short_label, ton
 Array = np.ndarray
 
 FREQUENCY = "mesh_frequency"
+SPEEDS = (FREQUENCY, "input_speed")
+"""Axes along which the mesh frequency varies."""
 
 GROUPS = ("floquet", "perturbation", "boundaries", "uncoupled", "required_damping", "response")
 """The groups that stand over the axes of a sweep."""
@@ -167,7 +169,7 @@ def sweep_axes(tree: xr.DataTree) -> dict[str, Axis]:
             for dim in variable.dims:
                 axis = axis_of(dataset, str(dim), meshes)
                 axes[axis.name] = joined(axes[axis.name], axis) if axis.name in axes else axis
-    if axes and FREQUENCY not in axes:
+    if axes and not any(name in axes for name in SPEEDS):
         axes[FREQUENCY] = spanned_frequency(tree, meshes)
     return axes
 
@@ -290,7 +292,7 @@ def view_of(
     if request.x and request.y and len(taken) == 1:
         raise PlotError(f"--x and --y are both {request.x}")
     rest = [axis for axis in axes.values() if axis.size > 1 and axis.name not in taken]
-    x = asked[request.x] if request.x else default(rest, [FREQUENCY])
+    x = asked[request.x] if request.x else default(rest, list(SPEEDS))
     rest = [axis for axis in rest if axis is not x]
     y = asked[request.y] if request.y else default(rest, ["epsilon", "amplitude"]) if two else None
     if x is None or (two and y is None):

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from gearstab.plots import grid, names, tongues
-from gearstab.plots.axes import FREQUENCY, Request, View, view_of
+from gearstab.plots.axes import SPEEDS, Request, View, view_of
 from gearstab.plots.curve import caption, combinations, write_legend
 from gearstab.plots.errors import PlotError, listed
 from gearstab.plots.heading import write_title
@@ -86,8 +86,8 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     variable = measure(dataset, request.variable)
     own, data = find_variable(tree, variable)
     view = view_of(tree, map(str, data.dims), request, own, two=False)
-    if view.x.name != FREQUENCY:
-        raise PlotError(f"response curves are drawn over {FREQUENCY}, not over {view.x.name}; use --kind curve")
+    if view.x.name not in SPEEDS:
+        raise PlotError(f"response curves are drawn over {SPEEDS[0]}, not over {view.x.name}; use --kind curve")
     cases = combinations(view.free, len(CASES), "curves")
     figure = new_figure(request.size or "single", 0.66 if (request.size or "single") == "single" else 0.4, request.dpi)
     ax = figure.add_subplot()
