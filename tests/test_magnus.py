@@ -13,7 +13,9 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 from scipy.special import mathieu_a, mathieu_b
 
+from gearstab import ckernel
 from gearstab.floquet import STATUS_FLAGS, c_kernel, kernel, numpy_kernel, solve
+from gearstab.floquet.invariants import DOUBTFUL
 from gearstab.floquet.magnus import compare, steps
 from gearstab.floquet.magnus.schemes import CF4_2, CF6_5, SCHEMES
 from gearstab.floquet.segments import prepare
@@ -37,6 +39,12 @@ def two_stage(first, second, epsilon=0.3, ratio=Fraction(1), damping=None, lag=0
         Mesh("b", np.array([0.0, 1.0, 1.0]), np.array(1.0), np.asarray(epsilon), second, ratio, lag),
     )
     return GearSystem(mass, stiffness, meshes, damping)
+
+
+def with_ramps(system):
+    """The same system with trapezoids in place of rectangles."""
+    meshes = tuple(replace(m, waveform=Trapezoidal(m.waveform.contact_ratio, 0.1)) for m in system.meshes)
+    return replace(system, meshes=meshes)
 
 
 def one_mesh(wave, epsilon, damping=None):
@@ -225,9 +233,7 @@ class TestIdentities:
             np.testing.assert_array_equal(found.stable[k], one.stable[0])
 
     def test_blocks(self):
-        planetary = cyclic(4, epsilon=0.3)
-        meshes = tuple(replace(m, waveform=Trapezoidal(m.waveform.contact_ratio, 0.1)) for m in planetary.meshes)
-        system, omega = replace(planetary, meshes=meshes), np.linspace(0.9, 5.8, 12)
+        system, omega = with_ramps(cyclic(4, epsilon=0.3)), np.linspace(0.9, 5.8, 12)
         split, whole = (solve(system, omega, reduction=r, tolerance=1e-8) for r in (True, False))
         gap = np.abs(split.growth_rate - whole.growth_rate) * 2 * np.pi / omega
         assert np.all(gap <= split.error_estimate + whole.error_estimate)
@@ -305,7 +311,7 @@ class TestKernel:
         pattern = division.pattern(CF6_5, 2)
         omega = OMEGA[None] / division.elastic.rate[:, None]
         for module in (numpy_kernel, *([c_kernel] if "c" in kernel.available() else [])):
-            verdict, growth, rho = module.scan_traces(pattern, omega)
+            verdict, growth, rho, _ = module.scan_traces(pattern, omega)
             plain = module.scan(pattern, omega)
             np.testing.assert_array_equal(verdict, plain[0])
             np.testing.assert_array_equal(growth, plain[1])
@@ -316,6 +322,28 @@ class TestKernel:
             # Nearly double ones are known to the root of the rounding error.
             assert gap.min(axis=2).max() < 1e-6
             assert gap.min(axis=1).max() < 1e-6
+
+    @pytest.mark.parametrize("level", ckernel.library.levels() if ckernel.library else [])
+    @pytest.mark.parametrize("name", ["one coordinate", "Fourier", "planets"])
+    def test_interpolated_matrices_are_those_of_propagation(self, name, level, monkeypatch):
+        monkeypatch.setenv("GEARSTAB_SIMD", level)
+        system = SCENES[name][0] if name in SCENES else with_ramps(cyclic(3, epsilon=0.3))
+        (division,) = steps.divisions(system)
+        pattern = division.pattern(CF6_5, 2)
+        # Vectors of points in any order straddle panels and are propagated.
+        for omega in (np.random.default_rng(4).uniform(0.4, 7.0, 300), np.linspace(0.4, 7.0, 1200)):
+            asked = omega[None] / division.elastic.rate[:, None]
+            plain, near = (compare.scan(pattern, asked, interpolate) for interpolate in (False, True))
+            used = near.rounding > plain.rounding
+            np.testing.assert_array_equal(near.values[~used], plain.values[~used])
+            # The sum of all traces is that of the matrix, which no coincidence of multipliers makes less certain.
+            gap = np.abs(near.values.sum(axis=-1) - plain.values.sum(axis=-1))
+            size = np.maximum(np.abs(plain.values).max(axis=-1), 1.0)
+            assert np.all(gap[used] <= (pattern.size * near.rounding * size)[used])
+            sure = (near.verdict != DOUBTFUL) & (plain.verdict != DOUBTFUL)
+            np.testing.assert_array_equal(near.verdict[sure], plain.verdict[sure])
+            np.testing.assert_allclose(near.growth[sure], plain.growth[sure], rtol=1e-9, atol=1e-12)
+        assert used.mean() > 0.5
 
     @pytest.mark.skipif("c" not in kernel.available(), reason="the compiled kernel was not built")
     def test_changes_of_traces(self):

@@ -8,14 +8,6 @@
 #define BATCH 8 /* vectors of points that go through one step after the other together; TOGETHER divides it */
 #define SURE_GROWTH 1e-3 /* growths below this lose more than 1e-10 as acosh(rho/2) */
 
-/* Vectors of the right alignment; release with free. */
-INLINE vec *vectors(int64_t count, void **memory) {
-    *memory = malloc(((size_t)count + 1) * sizeof(vec));
-    if (!*memory)
-        return NULL;
-    return (vec *)(((uintptr_t)*memory + sizeof(vec) - 1) & ~(uintptr_t)(sizeof(vec) - 1));
-}
-
 /* LANES of count numbers from position k on; what is missing repeats the last. */
 INLINE vec load_part(const double *from, int64_t k, int64_t count) {
     if (k + LANES <= count)
@@ -44,6 +36,7 @@ INLINE void store_verdict(int8_t *verdict, int64_t k, int64_t count, struct deci
 struct room {
     vec *x, *work, *real, *imaginary;
     void *memory;
+    struct panels panels; /* without any unless points may be interpolated */
 };
 
 INLINE int room_new(struct room *room, int64_t n) {
@@ -69,16 +62,28 @@ INLINE void store_traces(double *rho, int64_t n, int64_t k, int64_t points, cons
     }
 }
 
+/* The monodromy matrix of LANES points from position k on, and its scale; where wanted also by how much its rounding errors
+   are larger than those of a product. */
+INLINE vec matrix_at(const struct row *row, int64_t n, const struct room *room, vec period, int64_t k, int64_t points,
+                     double *magnified) {
+    vec larger_by = all(1.0), scale = all(0.0);
+    if (!interpolate(&room->panels, n, period, room->x, &larger_by))
+        scale = propagate(row, n, period, room->x, room->work);
+    if (magnified)
+        store_part(magnified, k, points, larger_by);
+    return scale;
+}
+
 /* A row of n <= 3 coordinates, n a constant where this is inlined. */
 INLINE void scan_row(const struct row *row, int64_t n, const struct room *room, int64_t points, const double *omega,
-                     int8_t *verdict, double *growth, double *rho) {
+                     int8_t *verdict, double *growth, double *rho, double *magnified) {
     vec *x = room->x, *work = room->work, s[BATCH][3];
     mask unstable[BATCH];
     for (int64_t start = 0; start < points; start += BATCH * LANES) {
         int64_t stop = start + BATCH * LANES < points ? start + BATCH * LANES : points;
         for (int64_t k = start, c = 0; k < stop; k += LANES, c++) {
             vec asked = load_part(omega, k, points);
-            vec scale = propagate(row, n, period_of(row, asked), x, work);
+            vec scale = matrix_at(row, n, room, period_of(row, asked), k, points, magnified);
             coefficients(x, n, s[c]);
             struct decision found = classify(s[c], n);
             found.doubtful |= (scale > 0.0) | ~(row->highest * (row->cycles / asked) < MOST_TURNS);
@@ -99,18 +104,18 @@ INLINE void scan_row(const struct row *row, int64_t n, const struct room *room, 
 }
 
 static void scan_row_1(const struct row *row, const struct room *room, int64_t points, const double *omega,
-                       int8_t *verdict, double *growth, double *rho) {
-    scan_row(row, 1, room, points, omega, verdict, growth, rho);
+                       int8_t *verdict, double *growth, double *rho, double *magnified) {
+    scan_row(row, 1, room, points, omega, verdict, growth, rho, magnified);
 }
 
 static void scan_row_2(const struct row *row, const struct room *room, int64_t points, const double *omega,
-                       int8_t *verdict, double *growth, double *rho) {
-    scan_row(row, 2, room, points, omega, verdict, growth, rho);
+                       int8_t *verdict, double *growth, double *rho, double *magnified) {
+    scan_row(row, 2, room, points, omega, verdict, growth, rho, magnified);
 }
 
 static void scan_row_3(const struct row *row, const struct room *room, int64_t points, const double *omega,
-                       int8_t *verdict, double *growth, double *rho) {
-    scan_row(row, 3, room, points, omega, verdict, growth, rho);
+                       int8_t *verdict, double *growth, double *rho, double *magnified) {
+    scan_row(row, 3, room, points, omega, verdict, growth, rho, magnified);
 }
 
 /* Stable: all rho real, inside (-2, 2) and too far apart for rounding errors to have parted a pair from the complex
@@ -139,10 +144,10 @@ static struct decision decide(int64_t n, const vec *real, const vec *imaginary, 
 }
 
 static void scan_row_n(const struct row *row, struct room *room, int64_t points, const double *omega, int8_t *verdict,
-                       double *growth, double *rho) {
+                       double *growth, double *rho, double *magnified) {
     for (int64_t k = 0; k < points; k += LANES) {
         vec asked = load_part(omega, k, points), value;
-        vec scale = propagate(row, row->n, period_of(row, asked), room->x, room->work);
+        vec scale = matrix_at(row, row->n, room, period_of(row, asked), k, points, magnified);
         vec size = general_traces(room->x, row->n, room->real, room->imaginary, room->work);
         struct decision found = decide(row->n, room->real, room->imaginary, size, &value);
         found.doubtful |= (scale > 0.0) | ~(row->highest * (row->cycles / asked) < MOST_TURNS);
@@ -154,22 +159,27 @@ static void scan_row_n(const struct row *row, struct room *room, int64_t points,
 }
 
 static int scan(const struct conservative *pattern, int64_t first, int64_t last, int64_t points, const double *omega,
-                int8_t *verdict, double *growth, double *rho) {
+                int8_t *verdict, double *growth, double *rho, double *magnified) {
     struct row row;
     struct room room = {0};
-    int failed = row_new(&row, pattern) || room_new(&room, pattern->n);
+    int failed = row_new(&row, pattern) || room_new(&room, pattern->n) ||
+                 (magnified && panels_new(&room.panels, pattern->n, points));
     for (int64_t r = first; !failed && r < last; r++) {
         row_set(&row, pattern, r);
         const double *asked = omega + r * points;
         int8_t *code = verdict + r * points;
         double *value = growth + r * points, *own = rho ? rho + r * points * pattern->n * 2 : NULL;
+        double *larger_by = magnified ? magnified + r * points : NULL;
+        if (magnified)
+            panels_set(&room.panels, &row, points, asked, room.work);
         switch (pattern->n) {
-        case 1: scan_row_1(&row, &room, points, asked, code, value, own); break;
-        case 2: scan_row_2(&row, &room, points, asked, code, value, own); break;
-        case 3: scan_row_3(&row, &room, points, asked, code, value, own); break;
-        default: scan_row_n(&row, &room, points, asked, code, value, own);
+        case 1: scan_row_1(&row, &room, points, asked, code, value, own, larger_by); break;
+        case 2: scan_row_2(&row, &room, points, asked, code, value, own, larger_by); break;
+        case 3: scan_row_3(&row, &room, points, asked, code, value, own, larger_by); break;
+        default: scan_row_n(&row, &room, points, asked, code, value, own, larger_by);
         }
     }
+    panels_free(&room.panels);
     row_free(&row);
     free(room.memory);
     return failed ? -1 : 0;

@@ -35,9 +35,11 @@ struct damped {
 struct level {
     const char *name;
     /* Rows first..last-1: omega (r, points) -> verdict (r, points), growth = ln max |lambda| (r, points); where wanted
-       (not NULL) also rho = lambda + 1/lambda, (r, points, n, 2), NaN where the monodromy matrix had to be scaled. */
+       (not NULL) also rho = lambda + 1/lambda, (r, points, n, 2), NaN where the monodromy matrix had to be scaled. With
+       room for it matrices are interpolated where that pays, and magnified (r, points) says by how much their rounding
+       errors exceed those of a product. */
     int (*scan)(const struct conservative *pattern, int64_t first, int64_t last, int64_t points, const double *omega,
-                int8_t *verdict, double *growth, double *rho);
+                int8_t *verdict, double *growth, double *rho, double *magnified);
     /* Points first..last-1, each of a row of its own: monodromy matrix times exp(-scale), (points, 2n, 2n). */
     int (*monodromy)(const struct conservative *pattern, int64_t first, int64_t last, const int64_t *row,
                      const double *omega, double *matrix, double *scale);

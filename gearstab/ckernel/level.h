@@ -20,6 +20,7 @@ PRAGMA_TARGET(TARGET)
 #include "simd.h"
 #include "hessenberg.h"
 #include "modal.h"
+#include "interpolation.h"
 #include "traces.h"
 #include "conservative.h"
 #include "moduli.h"

@@ -132,18 +132,19 @@ static PyObject *py_scan(PyObject *self, PyObject *arguments) {
     struct conservative pattern;
     const char *name;
     Py_ssize_t rows, segments, states, n, first, last, points;
-    if (!PyArg_ParseTuple(arguments, "s" PATTERN "nnny*w*w*|w*", &name, PATTERN_ARGUMENTS(pattern, b.view), &first, &last,
-                          &points, &b.view[4], &b.view[5], &b.view[6], &b.view[7]))
+    if (!PyArg_ParseTuple(arguments, "s" PATTERN "nnny*w*w*|w*w*", &name, PATTERN_ARGUMENTS(pattern, b.view), &first, &last,
+                          &points, &b.view[4], &b.view[5], &b.view[6], &b.view[7], &b.view[8]))
         return finish(&b, 1, 0);
     const struct level *level = level_named(name);
     int failed = 0, fit = level && set_conservative(&pattern, rows, segments, states, n, b.view) && first >= 0 &&
                           last <= rows && FITS(&b.view[4], 8, rows, points) && FITS(&b.view[5], 1, rows, points) &&
                           FITS(&b.view[6], 8, rows, points) &&
-                          (b.view[7].len == 0 || FITS(&b.view[7], 8, rows, points, n, 2));
+                          (b.view[7].len == 0 || FITS(&b.view[7], 8, rows, points, n, 2)) &&
+                          (b.view[8].len == 0 || FITS(&b.view[8], 8, rows, points));
     if (fit) {
         Py_BEGIN_ALLOW_THREADS
         failed = level->scan(&pattern, first, last, points, b.view[4].buf, b.view[5].buf, b.view[6].buf,
-                             wanted(&b.view[7]));
+                             wanted(&b.view[7]), wanted(&b.view[8]));
         Py_END_ALLOW_THREADS
     }
     return finish(&b, fit, failed);

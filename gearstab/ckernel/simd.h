@@ -167,4 +167,12 @@ INLINE vec logarithm1p(vec x) {
     return logarithm(one_more) + (x - (one_more - 1.0)) / one_more;
 }
 
+/* Vectors of the right alignment; release with free. */
+INLINE vec *vectors(int64_t count, void **memory) {
+    *memory = malloc(((size_t)count + 1) * sizeof(vec));
+    if (!*memory)
+        return NULL;
+    return (vec *)(((uintptr_t)*memory + sizeof(vec) - 1) & ~(uintptr_t)(sizeof(vec) - 1));
+}
+
 #endif

@@ -47,18 +47,29 @@ def scan(pattern: Pattern, omega: Array, limit: int | None = None) -> tuple[Arra
     return _scan(pattern, omega, np.empty((len(omega), 0)), limit)
 
 
-def scan_traces(pattern: Pattern, omega: Array, limit: int | None = None) -> tuple[Array, Array, Array]:
-    """:func:`scan` and rho = lambda + 1/lambda ``(r, P, n)`` complex, as of :func:`traces`, from one propagation."""
-    rho = np.empty((*omega.shape, pattern.size), dtype=complex)
-    return *_scan(pattern, omega, rho, limit), rho
+def scan_traces(
+    pattern: Pattern, omega: Array, interpolate: bool = False, limit: int | None = None
+) -> tuple[Array, Array, Array, Array]:
+    """:func:`scan`, rho = lambda + 1/lambda ``(r, P, n)`` complex, as of :func:`traces`, from one propagation, and by
+    how much the rounding errors ``(r, P)`` exceed those of propagation.
+
+    interpolate: whether matrices may be interpolated between those of other mesh frequencies, where that pays; the
+    interpolation is exact within rounding errors, but these are those of the largest matrix nearby.
+    """
+    rho, magnified = np.empty((*omega.shape, pattern.size), dtype=complex), np.ones(omega.shape)
+    return *_scan(pattern, omega, rho, limit, magnified if interpolate else None), rho, magnified
 
 
-def _scan(pattern: Pattern, omega: Array, rho: Array, limit: int | None) -> tuple[Array, Array]:
+def _scan(
+    pattern: Pattern, omega: Array, rho: Array, limit: int | None, magnified: Array | None = None
+) -> tuple[Array, Array]:
     asked = _contiguous(omega)
     verdict, growth = np.empty(asked.shape, dtype=np.int8), np.empty(asked.shape)
     for rows in _portions(len(asked), len(pattern.states), pattern.size):
         arguments = _arguments(pattern, rows)
-        own = (asked.shape[1], asked[rows], verdict[rows], growth[rows], rho[rows])
+        own = [asked.shape[1], asked[rows], verdict[rows], growth[rows], rho[rows]]
+        if magnified is not None:
+            own.append(magnified[rows])
 
         def part(first: int, last: int, given: tuple[Any, ...] = (arguments, own)) -> None:
             _library().scan(ckernel.simd(), *given[0], first, last, *given[1])

@@ -9,8 +9,9 @@ A kernel is a module that offers, for a pattern (:class:`~gearstab.floquet.segme
   ``(P,)`` frequencies of one row or of a row each, for what ``scan`` leaves in doubt;
 * ``log_multipliers(pattern, omega, bound) -> ln lambda``, ``(r, P, 2n)``, imaginary parts in (-pi, pi]; NaN where an
   entry of the monodromy matrix exceeds the bound;
-* ``scan_traces(pattern, omega) -> (verdict, growth, rho)``: ``scan`` and lambda + 1/lambda of all multipliers,
-  ``(r, P, n)`` in no order; NaN where the monodromy matrix had to be scaled;
+* ``scan_traces(pattern, omega, interpolate) -> (verdict, growth, rho, magnified)``: ``scan`` and lambda + 1/lambda of
+  all multipliers, ``(r, P, n)`` in no order; NaN where the monodromy matrix had to be scaled; by how much rounding
+  errors exceed those of a product, ``(r, P)``, where matrices may be interpolated over mesh frequency;
 * ``trace_change(rho, other, weight) -> (change, largest)``: how far two such sets of traces are apart;
 * ``scan_damped(pattern, generator, omega) -> (growth, scale)``: ln max |lambda| a common period of a damped pattern
   and the logarithm of the size of its monodromy matrix, ``(r, P)`` each;

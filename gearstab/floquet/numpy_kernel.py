@@ -194,15 +194,17 @@ def multipliers_damped(pattern: Pattern, generator: Generators, omega: Array) ->
     return growth, scale, values
 
 
-def scan_traces(pattern: Pattern, omega: Array) -> tuple[Array, Array, Array]:
-    """:func:`scan` and rho = lambda + 1/lambda ``(r, P, n)`` complex, in no order; NaN where M had to be scaled."""
+def scan_traces(pattern: Pattern, omega: Array, interpolate: bool = False) -> tuple[Array, Array, Array, Array]:
+    """:func:`scan`, rho = lambda + 1/lambda ``(r, P, n)`` complex, in no order; NaN where M had to be scaled; and ones
+    ``(r, P)``, as nothing is interpolated here, whether it may be or not.
+    """
     verdict, growth = scan(pattern, omega)
     rho = np.full((*omega.shape, pattern.size), np.nan, dtype=complex)
     for row, frequencies in enumerate(omega):
         matrix, scale = monodromy(pattern, row, frequencies)
         plain = (scale == 0) & np.isfinite(matrix).all(axis=(1, 2))
         rho[row, plain] = _traces(matrix[plain])
-    return verdict, growth, rho
+    return verdict, growth, rho, np.ones(omega.shape)
 
 
 def _traces(matrix: Array) -> Array:

@@ -53,12 +53,12 @@ def rounding(pattern: Pattern, omega: Array) -> Array:
     return np.asarray(DRIFT * EPSILON * (np.sqrt(len(pattern.states)) + phase))
 
 
-def scan(pattern: Pattern, omega: Array) -> Scan:
-    """All points of a pattern."""
+def scan(pattern: Pattern, omega: Array, interpolate: bool = False) -> Scan:
+    """All points of a pattern; interpolate: whether over mesh frequency, where that pays."""
     noise = rounding(pattern, omega)
     if pattern.elastic.damping is None:
-        verdict, growth, rho = kernel.current().scan_traces(pattern, omega)
-        return Scan(growth, verdict, rho, np.zeros(omega.shape), noise)
+        verdict, growth, rho, magnified = kernel.current().scan_traces(pattern, omega, interpolate)
+        return Scan(growth, verdict, rho, np.zeros(omega.shape), noise * magnified)
     generator: Generators = damped.generators(pattern, pattern.elastic.damping)
     growth, scale, values = kernel.current().multipliers_damped(pattern, generator, omega)
     return Scan(growth, None, values, scale, noise)

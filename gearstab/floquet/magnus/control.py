@@ -33,7 +33,7 @@ FINEST = 6
 """Resolutions tried beyond the first choice: a factor 8 in the number of steps."""
 MOST_SEGMENTS = 2**16
 """Of a common period."""
-PILOTS = 9
+PILOTS = 8
 """Points a row that are looked at first."""
 NEGLIGIBLE = 1e-3
 """Part of the tolerance below which differences need not fall any more."""
@@ -41,6 +41,8 @@ LEAST = 1e-15
 """Smaller differences are rounding."""
 CONVERGING = 0.5
 """Part of the factor 2^p by which the differences of pilot points must fall."""
+INTERPOLATED = 1e-11
+"""Least tolerance for which matrices may be interpolated over mesh frequency, at some cost in rounding errors."""
 AIM = 0.5
 """The estimate aimed at, as a part of the tolerance."""
 
@@ -105,7 +107,7 @@ def estimates(ladder: Ladder, omega: Array, decay: Array, tolerance: float, want
         current = int(found.resolution[pending].min())
         chosen = pending & (found.resolution == current)
         for rows, points, valid in rectangles(chosen):
-            _improve(found, ladder, rows, points, valid, omega, decay)
+            _improve(found, ladder, rows, points, valid, omega, decay, tolerance)
         pending &= ~chosen
         error, rounding = found.error[chosen], found.rounding[chosen]
         # Where rounding has the last word more steps do not help.
@@ -124,15 +126,16 @@ def _more(ratio: Array, order: int) -> Array:
 
 
 def _improve(
-    found: Estimates, ladder: Ladder, rows: Array, points: Array, valid: Array, omega: Array, decay: Array
-) -> None:
+    found: Estimates, ladder: Ladder, rows: Array, points: Array, valid: Array, omega: Array, decay: Array,
+    tolerance: float,
+) -> None:  # fmt: skip
     """Compute points at their resolution and note the results."""
     resolution = int(found.resolution[rows[0], points[0, 0]])
     place = rows[:, None], points
     patterns = [ladder.pattern(k) for k in (resolution, resolution - 2)]
     if len(rows) < len(patterns[0].rows):
         patterns = [pattern.subset(rows) for pattern in patterns]
-    fine, coarse = (scan(pattern, omega[place]) for pattern in patterns)
+    fine, coarse = (scan(pattern, omega[place], tolerance >= INTERPOLATED) for pattern in patterns)
     safety = SAFETY * (LONG if resolution < SETTLED else 1.0)
     error, rounding, unusual = estimated(fine, coarse, decay[place], safety / (2**ladder.scheme.order - 1), valid)
     # Points that stand for missing ones repeat others of their row, with the same result.

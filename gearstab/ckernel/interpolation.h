@@ -1,0 +1,158 @@
+/* Monodromy matrices at many mesh frequencies from those at few.
+
+   A product of S exponentials is an entire function of the period T, of exponential type sigma = sum_s |fraction_s| max w_s:
+   over an interval of half length h its Chebyshev coefficients fall as (sigma h/2)^k/k!, and with NODES of them nothing is
+   left for sigma h <= HALF_PHASE. The periods of a row's points are cut into such panels; one with enough points gets its
+   own polynomials, the points of others, and those of a vector that straddles two, are propagated. */
+
+#ifndef GEARSTAB_INTERPOLATION_H
+#define GEARSTAB_INTERPOLATION_H
+
+#define NODES 32
+#define HALF_PHASE 8.0      /* rad: (8/2)^32/32! = 7e-17 */
+#define PAYING 64           /* points of a panel from which on it is worth its nodes */
+#define MOST_GROWN 64.0     /* entries above this spoil the digits of other points of the panel */
+#define LEFT_OVER 1e-13     /* of the last coefficients, relative to the largest entry: rounding, or the panel is not used */
+#define TOGETHER_ENTRIES 12 /* sums kept in registers; 4 n^2 is a multiple of 4 */
+
+struct panels {
+    int64_t count, room;
+    double first, length; /* of the first panel, periods as of period_of */
+    double cosine[4 * NODES];
+    int64_t *points;
+    double *size;        /* (count,), the largest entry at the nodes; 0: not used */
+    double *coefficient; /* (count, NODES, 4 n^2) */
+    vec *sample;         /* (NODES / LANES, 4 n^2) */
+    void *memory;
+};
+
+static int panels_new(struct panels *panels, int64_t n, int64_t points) {
+    int64_t entries = 4 * n * n;
+    panels->room = points / PAYING;
+    panels->points = malloc((size_t)panels->room * sizeof *panels->points + 1);
+    panels->size = malloc((size_t)panels->room * sizeof *panels->size + 1);
+    panels->coefficient = malloc((size_t)(panels->room * NODES * entries) * sizeof(double) + 1);
+    panels->sample = vectors(NODES / LANES * entries, &panels->memory);
+    for (int k = 0; k < 4 * NODES; k++)
+        panels->cosine[k] = cos(TURN * k / (4 * NODES));
+    return panels->points && panels->size && panels->coefficient && panels->sample ? 0 : -1;
+}
+
+static void panels_free(struct panels *panels) {
+    free(panels->points);
+    free(panels->size);
+    free(panels->coefficient);
+    free(panels->memory);
+}
+
+/* The polynomials of one panel from its nodes; the largest entry there, or 0 if they cannot be trusted. */
+static double panel_fill(struct panels *panels, const struct row *row, int64_t k, vec *work) {
+    int64_t entries = 4 * row->n * row->n;
+    double *coefficient = panels->coefficient + k * NODES * entries, size = 0.0;
+    double half = 0.5 * panels->length, middle = panels->first + (2 * k + 1) * half;
+    for (int64_t i = 0; i < NODES; i += LANES) {
+        vec period, *x = panels->sample + i / LANES * entries;
+        for (int64_t lane = 0; lane < LANES; lane++)
+            period[lane] = middle + half * panels->cosine[2 * (i + lane) + 1];
+        vec scale = propagate(row, row->n, period, x, work), largest = largest_entry(x, entries);
+        for (int64_t lane = 0; lane < LANES; lane++) {
+            if (scale[lane] != 0.0 || !(largest[lane] <= MOST_GROWN))
+                return 0.0;
+            size = largest[lane] > size ? largest[lane] : size;
+        }
+    }
+    double last = 0.0;
+    for (int64_t j = 0; j < NODES; j++) {
+        vec weight[NODES / LANES];
+        for (int64_t i = 0; i < NODES; i++)
+            weight[i / LANES][i % LANES] = (j ? 2.0 : 1.0) / NODES * panels->cosine[j * (2 * i + 1) % (4 * NODES)];
+        for (int64_t e = 0; e < entries; e++) {
+            vec sum = weight[0] * panels->sample[e];
+            for (int64_t i = 1; i < NODES / LANES; i++)
+                sum += weight[i] * panels->sample[i * entries + e];
+            double total = 0.0;
+            for (int64_t lane = 0; lane < LANES; lane++)
+                total += sum[lane];
+            coefficient[j * entries + e] = total;
+            if (j >= NODES - 3)
+                last = fabs(total) > last ? fabs(total) : last;
+        }
+    }
+    return last <= LEFT_OVER * size ? size : 0.0;
+}
+
+/* Panels for the points of a row; without enough points for them there are none. */
+static void panels_set(struct panels *panels, const struct row *row, int64_t points, const double *omega, vec *work) {
+    double lowest = DBL_MAX, highest = 0.0, type = 0.0;
+    panels->count = 0;
+    for (int64_t s = 0; s < row->segments; s++) {
+        double most = 0.0;
+        for (int64_t i = 0; i < row->n; i++) {
+            const struct mode *mode = row->modes + s * row->n + i;
+            most = mode->kind != FREE && fabs(mode->phase) > most ? fabs(mode->phase) : most;
+        }
+        type += TURN * most;
+    }
+    for (int64_t k = 0; k < points; k++) {
+        double period = row->cycles / omega[k];
+        lowest = period < lowest ? period : lowest;
+        highest = period > highest ? period : highest;
+    }
+    double count = ceil((highest - lowest) * type / (2.0 * HALF_PHASE)) + 1.0;
+    if (!(highest > lowest) || !(count <= (double)panels->room) || !(row->highest * highest < MOST_TURNS))
+        return;
+    panels->count = (int64_t)count;
+    panels->first = lowest;
+    panels->length = (highest - lowest) / count;
+    for (int64_t k = 0; k < panels->count; k++)
+        panels->points[k] = 0;
+    for (int64_t k = 0; k < points; k++) {
+        double place = (row->cycles / omega[k] - lowest) / panels->length;
+        panels->points[place < count ? (int64_t)place : panels->count - 1]++;
+    }
+    for (int64_t k = 0; k < panels->count; k++)
+        panels->size[k] = panels->points[k] < PAYING ? 0.0 : panel_fill(panels, row, k, work);
+}
+
+/* x[e] = sum_j c[j][e] t[j] for `count` entries, a constant where this is inlined. */
+INLINE void combine(const double *c, int64_t stride, const vec *t, vec *x, int64_t count) {
+    vec sum[TOGETHER_ENTRIES];
+    UNROLLED for (int64_t e = 0; e < count; e++)
+        sum[e] = all(c[e]);
+    for (int64_t j = 1; j < NODES; j++)
+        UNROLLED for (int64_t e = 0; e < count; e++)
+            sum[e] += c[j * stride + e] * t[j];
+    UNROLLED for (int64_t e = 0; e < count; e++)
+        x[e] = sum[e];
+}
+
+/* Interpolate where all lanes lie in one panel: 1 and x, and by how much the errors of x exceed those of a propagated
+   matrix, if so. */
+static int interpolate(const struct panels *panels, int64_t n, vec period, vec *x, vec *magnified) {
+    if (!panels->count)
+        return 0;
+    int64_t entries = 4 * n * n, panel = -1, e = 0;
+    for (int64_t lane = 0; lane < LANES; lane++) {
+        double place = (period[lane] - panels->first) / panels->length;
+        int64_t own = place < (double)panels->count ? (int64_t)place : panels->count - 1;
+        if (panel >= 0 && own != panel)
+            return 0;
+        panel = own;
+    }
+    if (panels->size[panel] == 0.0)
+        return 0;
+    const double *c = panels->coefficient + panel * NODES * entries;
+    vec t[NODES], place = 2.0 * ((period - panels->first) / panels->length - (double)panel) - 1.0;
+    t[0] = all(1.0), t[1] = place;
+    for (int64_t j = 2; j < NODES; j++)
+        t[j] = 2.0 * place * t[j - 1] - t[j - 2];
+    for (; e + TOGETHER_ENTRIES <= entries; e += TOGETHER_ENTRIES)
+        combine(c + e, entries, t, x + e, TOGETHER_ENTRIES);
+    for (; e < entries; e += 4)
+        combine(c + e, entries, t, x + e, 4);
+    /* Those of the largest matrix at the nodes, and those of the sums. */
+    *magnified = 1.0 + panels->size[panel] / larger(largest_entry(x, entries), all(1.0));
+    return 1;
+}
+
+#endif
