@@ -217,3 +217,14 @@ def pair(spectrum=True, energy_loss=0.2):
         coords["normalised_frequency"] = ("frequency", frequency / 5, {"units": "1"})
         variables["power_spectral_density"] = ("frequency", np.exp(-frequency), {"units": "rad2 s"})
     return tree(response=xr.Dataset(variables, coords))
+
+
+def required_damping():
+    """The damping that balances the growth of the published tongues, and a point where none was found."""
+    coords = axes(frequency=np.linspace(0.35, 7, 24), epsilon=np.linspace(0, 0.5, 13))
+    rate = floquet_group(coords)["growth_rate"].transpose("epsilon", "mesh_frequency").values
+    values = rate / coords["mesh_frequency"][1]
+    values[2, 3] = np.nan
+    words = {"units": "1", "long_name": "damping from which on the system is stable"}
+    group = xr.Dataset({"required_damping": (("epsilon", "mesh_frequency"), values, words)}, coords=coords)
+    return tree(required_damping=group)

@@ -33,7 +33,7 @@ def result_of(kind):
     others = {
         "surface": made.two_amplitudes, "response": made.response, "work-precision": made.bench, "modes": planetary,
         "speeds": made.speeds, "spectrum": made.spectra, "pair": made.pair,
-        "phase-plane": made.backlash, "teeth": made.teeth,
+        "required-damping": made.required_damping, "phase-plane": made.backlash, "teeth": made.teeth,
     }  # fmt: skip
     return others.get(kind, lambda: made.tree(**groups))()
 

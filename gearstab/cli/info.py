@@ -184,13 +184,13 @@ def _tongues(system: GearSystem, order_of_theory: int, harmonics: int) -> list[d
     order = np.argsort(tongues.center_frequency, kind="stable")
     return [
         {
-            "label": tongues.label[k],
-            "kind": tongues.kind[k],
-            "mesh": tongues.mesh[k],
-            "mode_p": tongues.mode_p[k],
-            "mode_q": tongues.mode_q[k],
-            "harmonic": tongues.harmonic[k],
-            "frequency_ratio": tongues.frequency_ratio[k],
+            "label": tongues.index[k].label,
+            "kind": tongues.index[k].kind,
+            "mesh": tongues.index[k].mesh,
+            "mode_p": tongues.index[k].mode_p,
+            "mode_q": tongues.index[k].mode_q,
+            "harmonic": tongues.index[k].harmonic,
+            "frequency_ratio": tongues.index[k].frequency_ratio,
             "center_frequency": _number(tongues.center_frequency[k]),
             "half_width": _number(tongues.half_width[k]),
             "boundary_frequency": [_number(edge) for edge in tongues.boundary_frequency[k]],
