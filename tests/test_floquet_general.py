@@ -9,11 +9,15 @@ from itertools import pairwise
 import mpmath as mp
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from scipy.integrate import solve_ivp
 
+from gearstab.cli import group
 from gearstab.floquet import solve
 from gearstab.floquet.general import analyse
 from gearstab.floquet.general.exponential import expm
+from gearstab.floquet.report import reduction
+from gearstab.floquet.truncation import modes_basis, neglected, restricted
 from gearstab.system import GearSystem, Mesh, PeriodicTerm
 from gearstab.waveforms import Constant, Rectangular, Scaled
 
@@ -229,3 +233,57 @@ def test_exponentials_of_any_size():
         # Scaling and squaring: eps times the norm of the matrix.
         assert np.abs(ours - exact).max() <= 2e-15 * (1 + np.abs(matrix).sum()) * np.abs(exact).max()
     assert np.isnan(expm(np.full((1, 2, 2), np.inf))).all()
+
+
+def test_the_report_says_that_a_system_with_terms_is_solved_as_a_whole():
+    free = train(None, 0 * SHAFT, [friction(Scaled(Rectangular(1.3), 0.05, 0.3))])
+    found = reduction(free)
+    assert found.rigid == (1,)
+    assert [part.modes for part in found.parts] == [(2, 3)]
+    assert found.text() == "1 mode of rigid bodies dropped; one block of 2 modes"
+    # A term that the rigid-body motion feels leaves none.
+    felt = train(None, 0 * SHAFT, [friction(Scaled(Rectangular(1.3), 0.05, 0.3), right=[1.0, 0.0, 0.0])])
+    assert reduction(felt).rigid == ()
+
+
+def test_a_restriction_keeps_the_terms():
+    system = train(DAMPING, terms=[friction(Scaled(Rectangular(1.3), 0.05, 0.4), Constant(0.02))])
+    basis = modes_basis(system, [1, 2, 3])
+    # All modes: another basis of the same space.
+    whole, same = (analyse(one, OMEGA).growth_rate for one in (system, restricted(system, basis)))
+    np.testing.assert_allclose(same, whole, rtol=1e-9, atol=1e-11)
+    assert neglected(system, basis) == 0
+    # The friction couples modes 1 and 3 more than the meshes do.
+    pair = modes_basis(system, [1, 2])
+    assert neglected(system, pair) > neglected(replace(system, terms=()), pair)
+
+
+TERMS = """
+system:
+  kind: matrices
+  mass: [[1.0, 0.0], [0.0, 1.0]]
+  stiffness: [[1.0, 0.0], [0.0, 2.0]]
+  meshes: [{name: a, direction: [1.0, 1.0], mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.6%s}]
+%s
+sweep: {mesh_frequency: [1.3, 2.9]}
+methods: {floquet: {}}
+"""
+GYROSCOPIC = """\
+  terms:
+    - {name: to, left: [1, 0], right: [0, 1], damping: {mean: 0.2}}
+    - {name: fro, left: [0, 1], right: [1, 0], damping: {mean: -0.2}}
+"""
+
+
+@pytest.mark.parametrize("command", ["sweep", "dry run", "info"])
+@pytest.mark.parametrize(
+    "text", [TERMS % ("", GYROSCOPIC), TERMS % (", damping: 0.02, damping_follows_stiffness: true", "")]
+)
+def test_commands_take_terms_beside_rectangular_waves(tmp_path, text, command):
+    (tmp_path / "case.yaml").write_text(text)
+    path, out = str(tmp_path / "case.yaml"), str(tmp_path / "out.h5")
+    arguments = {"sweep": ["sweep", path, "-o", out], "dry run": ["sweep", path, "--dry-run"], "info": ["info", path]}
+    result = CliRunner().invoke(group, arguments[command])
+    assert result.exit_code == 0, result.output
+    if command == "info":
+        assert "regions leave out" in result.output

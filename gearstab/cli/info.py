@@ -64,6 +64,7 @@ def describe(config: Config, harmonics: int | None = None) -> dict[str, Any]:
         **_modes(system),
         "train": info_train.facts(config, system),
         "reductions": _reductions(system),
+        "terms": [term.name for term in system.terms],
         "order": asked.order if asked else 1,
         "harmonics": order,
         **_existence(system, _tongues(system, asked.order if asked else 1, order)),

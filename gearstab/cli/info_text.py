@@ -180,6 +180,8 @@ def _tongue_table(facts: dict[str, Any]) -> str:
         )
     if any(tongue["overlaps"] for tongue in facts["tongues"]):
         text += "\nThe theory treats each tongue by itself: where tongues overlap, their boundaries are rough."
+    if facts["terms"]:
+        text += f"\nThese regions leave out {', '.join(facts['terms'])}: the theory knows mesh stiffness only."
     return text
 
 

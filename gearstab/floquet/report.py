@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from fractions import Fraction
 
 import numpy as np
 
 from gearstab.floquet.blocks import Block, split
-from gearstab.floquet.frequencies.choice import sample
+from gearstab.floquet.frequencies.choice import sample, segments_a_cycle
+from gearstab.floquet.general.coordinates import free_rotations
 from gearstab.floquet.reduction import rigid_modes
 from gearstab.modal import mean_modes
 from gearstab.system import GearSystem
@@ -62,8 +64,11 @@ class Reduction:
 def reduction(system: GearSystem) -> Reduction:
     """The reduction of a single system (no batch).
 
-    Without an affordable common period it is that of a window, with the segments of that.
+    Without an affordable common period it is that of a window, with the segments of that. A system with periodic terms
+    is solved as a whole but for its rigid-body modes.
     """
+    if system.terms:
+        return _with_terms(system)
     modes = mean_modes(system)
     rigid = rigid_modes(modes.squared_frequency[None], modes.mesh_deflection.T[None])[0]
     elastic = np.flatnonzero(~rigid) + 1
@@ -88,6 +93,19 @@ def reduction(system: GearSystem) -> Reduction:
         ),
         whole / work if work else float("inf"),
     )
+
+
+def _with_terms(system: GearSystem) -> Reduction:
+    rigid = free_rotations(system)[0]
+    size = int(np.sum(~rigid))
+    segments = max(1, round(segments_a_cycle(system) * float(_shared_cycles(system))))
+    part = Part(tuple((np.flatnonzero(~rigid) + 1).tolist()), size, 1, segments, segments)
+    return Reduction(tuple((np.flatnonzero(rigid) + 1).tolist()), (), (part,) if size else (), 1.0)
+
+
+def _shared_cycles(system: GearSystem) -> Fraction:
+    """The common period in periods of the sweep's mesh frequency; 1 where there is none."""
+    return system.common_period()[0] if system.commensurate else Fraction(1)
 
 
 def _work(block: Block) -> int:

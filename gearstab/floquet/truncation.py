@@ -9,12 +9,14 @@ import numpy as np
 
 from gearstab.floquet.frequencies.choice import sample
 from gearstab.modal import eigenmodes, mean_modes
-from gearstab.system import Array, GearSystem
+from gearstab.system import Array, GearSystem, PeriodicTerm
 
 EQUAL = 1e-9
 """Squared frequencies that differ by less than this part count as equal."""
 ROUNDING = 1e-10
 """Relative couplings below this come from the rounding errors of the modes."""
+PHASES = 64
+"""Of a periodic term, at which its size is looked at."""
 SMALLEST = 1e-6
 """Of the largest natural frequency: the least size that couplings are compared with."""
 
@@ -33,7 +35,13 @@ def restricted(system: GearSystem, basis: Array) -> GearSystem:
     directions = [np.einsum("...ip,...i->...p", basis, mesh.direction) for mesh in system.meshes]
     meshes = tuple(replace(mesh, direction=g) for mesh, g in zip(system.meshes, directions, strict=True))
     damping = None if system.damping is None else inner(system.damping)
-    return GearSystem(inner(system.mass), inner(system.stiffness), meshes, damping)
+
+    def ends(term: PeriodicTerm) -> PeriodicTerm:
+        left, right = (np.einsum("...ip,...i->...p", basis, end) for end in (term.left, term.right))
+        return replace(term, left=left, right=right)
+
+    terms = tuple(ends(term) for term in system.terms)
+    return GearSystem(inner(system.mass), inner(system.stiffness), meshes, damping, terms=terms)
 
 
 def modes_basis(system: GearSystem, modes: Sequence[int]) -> Array:
@@ -102,6 +110,12 @@ def neglected(system: GearSystem, basis: Array) -> float:
         coupling.append(system.damping * largest)
     first, second = (np.maximum(f, SMALLEST * largest) for f in frequency)
     size = first[:, None] * second[None, :]
+    phase = (np.arange(PHASES) + 0.5) / PHASES
+    for term in system.terms:
+        for profile, unit in ((term.stiffness, 1.0), (term.damping, largest)):
+            if profile is not None:
+                most = unit * float(np.abs(profile.value(phase)).max())
+                coupling += [most * np.outer(term.left, term.right), most * np.outer(term.right, term.left)]
     found = max(float(np.max(np.abs(inner[1].T @ matrix @ outer[1]) / size)) for matrix in coupling)
     return found if found > ROUNDING else 0.0
 

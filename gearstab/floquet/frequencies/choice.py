@@ -56,7 +56,8 @@ def _pieces(profile: Profile) -> int:
 
 
 def sample(system: GearSystem) -> Pattern:
-    """A single system over its common period or, where there is no affordable one, over a window."""
+    """The mesh stiffness of a single system over its common period or, where there is no affordable one, a window."""
+    system = replace(system, terms=())
     period = common_period(system)
     if period is not None and period.segments <= AFFORDABLE:
         return prepare(system)[0] if system.piecewise_constant else sampled(system)

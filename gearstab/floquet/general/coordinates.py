@@ -47,6 +47,11 @@ class _Modal:
 
 def generators(system: GearSystem) -> list[Generator]:
     """Those of all rows of the flattened batch."""
+    return [_generator(modal, rigid, float(rate)) for modal, rigid, rate in zip(*_modals(system), strict=True)]
+
+
+def _modals(system: GearSystem) -> tuple[list[_Modal], Array, Array]:
+    """Modal matrices, rigid-body modes of the meshes ``(rows, n)`` and rates ``(rows,)`` of all rows."""
     rows = int(np.prod(system.batch, dtype=int))
     n = system.size
 
@@ -69,25 +74,33 @@ def generators(system: GearSystem) -> list[Generator]:
         u, v = (np.einsum("rnp,rn->rp", shapes, full(end, 1)) for end in (term.left, term.right))
         kinds = [kind for kind, profile in enumerate((term.stiffness, term.damping)) if profile is not None]
         outer += [(kind, u[:, :, None] * v[:, None, :]) for kind in kinds]
-    found = []
-    for r in range(rows):
-        modal = _Modal(static[r], damping[r], [(kind, matrix[r]) for kind, matrix in outer])
-        found.append(_generator(modal, rigid[r], float(rate[r])))
-    return found
+    found = [_Modal(static[r], damping[r], [(kind, matrix[r]) for kind, matrix in outer]) for r in range(rows)]
+    return found, rigid, rate
+
+
+def free_rotations(system: GearSystem) -> Array:
+    """``(rows, n)``: which modes of the mean system are rigid-body motion that no mesh and no term feels."""
+    modals, rigid, _ = _modals(system)
+    return np.array([_unfelt(modal, r) for modal, r in zip(modals, rigid, strict=True)])
+
+
+def _unfelt(modal: _Modal, rigid: Array) -> Array:
+    return np.asarray(rigid & ~_moved([matrix for kind, matrix in modal.parts if kind == 0], len(rigid)))
+
+
+def _moved(matrices: list[Array], size: int) -> Array:
+    """Which modes these matrices act on."""
+    if not matrices:
+        return np.zeros(size, dtype=bool)
+    columns = np.max([np.abs(matrix).max(axis=0) for matrix in matrices], axis=0)
+    return np.asarray(columns > STILL * columns.max(initial=0.0))
 
 
 def _generator(modal: _Modal, rigid: Array, rate: float) -> Generator:
-    def moved(matrices: list[Array]) -> Array:
-        """Which modes these matrices act on."""
-        if not matrices:
-            return np.zeros(len(rigid), dtype=bool)
-        columns = np.max([np.abs(matrix).max(axis=0) for matrix in matrices], axis=0)
-        return np.asarray(columns > STILL * columns.max(initial=0.0))
-
     drag = [modal.damping, *(matrix for kind, matrix in modal.parts if kind == 1)]
-    rigid = rigid & ~moved([matrix for kind, matrix in modal.parts if kind == 0])
+    rigid = _unfelt(modal, rigid)
     elastic = np.flatnonzero(~rigid)
-    coupled = np.flatnonzero(rigid & moved(drag))
+    coupled = np.flatnonzero(rigid & _moved(drag, len(rigid)))
     n, k = len(elastic), len(coupled)
     velocities = np.concatenate([elastic, coupled])
 
