@@ -155,6 +155,10 @@ def _percent(share: float | None) -> str:
     return "-" if share is None else f"{100 * share:.1f} %"
 
 
+NARROW = 1e-6
+"""Half-width over mesh frequency below which a tongue is not listed where there are many."""
+
+
 def _tongue_table(facts: dict[str, Any]) -> str:
     order, second = ("first", False) if facts["order"] == 1 else ("second", True)
     title = f"Instability tongues to {order} order at the base system, harmonics 1 to {facts['harmonics']}"
@@ -190,8 +194,11 @@ def _worth_listing(facts: dict[str, Any]) -> tuple[list[dict[str, Any]], list[st
     tongues = facts["tongues"]
     if len(tongues) <= MANY_TONGUES:
         return tongues, []
-    listed = [t for t in tongues if t["half_width"] != 0]
-    notes = [f"{len(tongues) - len(listed)} tongues are not excited to first order or closed by damping."]
+    excited = [t for t in tongues if t["half_width"] != 0]
+    notes = [f"{len(tongues) - len(excited)} tongues are not excited to first order or closed by damping."]
+    listed = [t for t in excited if t["half_width"] == "infinite" or t["half_width"] > NARROW * t["center_frequency"]]
+    if len(listed) < len(excited):
+        notes.append(f"{len(excited) - len(listed)} are narrower than {NARROW:g} of their frequency.")
     if facts["frequency_range"] is not None:
         low, high = facts["frequency_range"]
         inside = [t for t in listed if low <= t["center_frequency"] <= high]
