@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from gearstab.results import Group, ResultTree
     from gearstab.rotating_pair import RotatingPair
 
-MOST_SAMPLES = 20_000_000
-"""Samples that a result may hold (1.3 GB)."""
+MOST_SAMPLES, BYTES = 20_000_000, 64
+"""Samples that a result may hold, and the bytes of each."""
 
 
 def respond_pair(config: Config, wanted: PairRespond, out: Path) -> PairResponse:
@@ -68,9 +68,11 @@ def _affordable(config: Config, wanted: PairRespond, speed: float) -> None:
     from gearstab.config.problems import ConfigError, Problem
 
     cycles = wanted.cycles if wanted.duration is None else wanted.duration * speed / tau
-    if cycles is not None and cycles * wanted.samples_per_cycle > MOST_SAMPLES:
+    samples = 0.0 if cycles is None else cycles * wanted.samples_per_cycle
+    if samples > MOST_SAMPLES:
         path = "respond.duration" if wanted.cycles is None else "respond.cycles"
-        message = f"{cycles * wanted.samples_per_cycle:.3g} samples are more than {MOST_SAMPLES:.3g}"
+        most = f"{1e-9 * BYTES * MOST_SAMPLES:.2g} GB"
+        message = f"{samples:.3g} samples would make a file of {1e-9 * BYTES * samples:.3g} GB, more than {most}"
         raise ConfigError(
             [Problem(str(config.source), None, path, "", message, "ask for less, or fewer samples_per_cycle")]
         )
@@ -145,17 +147,21 @@ def _attributes(wanted: PairRespond, pair: RotatingPair, found: PairResponse) ->
         "formulation": pair.formulation,
         "status": found.status_text,
         "end_time": found.end,
+        "mesh_cycles": found.advance,
         "mesh_frequency": wanted.speed * numbers.teeth[0],
         "natural_frequency": float(numbers.w0),
         "damped_natural_frequency": float(numbers.damped_frequency),
         "static_deflection": float(numbers.load),
         "comment": "mesh_frequency: at the beginning (rad/s); natural_frequency: w0 = sqrt(M2 (k1 + k2)/2) (rad/s); "
-        "damped_natural_frequency: w_d (rad/s); static_deflection: T0/k0 (rad); end_time: when the run ended (s)",
+        "damped_natural_frequency: w_d (rad/s); static_deflection: T0/k0 (rad); end_time: when the run ended (s); "
+        "mesh_cycles: by how many theta has advanced then",
     }
     return known | ({"stall_time": found.stalled} if found.stalled < inf else {})
 
 
 def summary(found: PairResponse, out: Path) -> str:
     """What came out, in one line."""
-    crossings = f"{len(found.sections.time):,} mesh cycles" if len(found.sections.time) else "no whole mesh cycle"
-    return f"response: {out}: {len(found.time):,} samples to t = {found.time[-1]:.6g}, {crossings}, {found.status_text}"
+    turned = f"{found.advance:,.4g} mesh cycle{'s' * (found.advance != 1)}"
+    if found.asked is not None and found.advance < found.asked * (1 - 1e-9):
+        turned = f"stopped after {turned} of the {found.asked:,g} asked for"
+    return f"response: {out}: {len(found.time):,} samples to t = {found.time[-1]:.6g}, {turned}, {found.status_text}"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import floor, inf, tau
 
 import numpy as np
@@ -11,6 +11,10 @@ from gearstab.response.pair.integrate import STATUS, Event, Goal, Piece, Run, in
 from gearstab.response.pair.jumps import Law, law_of
 from gearstab.rotating_pair import PairNumbers, RotatingPair
 from gearstab.system import Array
+
+PATIENCE = 10.0
+"""A run towards an angle is given up after so many times the time that it would take at the initial speed. Without
+damping the gears may turn back and forth for ever; no run towards an angle that they reach in earnest is so slow."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +69,8 @@ class PairResponse:
     stiffness: k (N m). mesh_force: k phi/lever, along the line on which the lever acts (N), or k phi, the torque on a
     gear over its number of teeth (N m), without a lever; elastic part.
     sections, events: see there. status: bits of STATUS. stalled: when the gears stalled, inf if they did not.
-    end: when the run ended; the last sample is the last one not after it.
+    end: when the run ended; the last sample is the last one not after it. advance: of theta until then, in mesh cycles.
+    asked: the advance that was to be reached, None where it was something else.
     """
 
     time: Array
@@ -81,6 +86,9 @@ class PairResponse:
     status: int
     stalled: float
     end: float
+
+    advance: float
+    asked: float | None
 
     @property
     def status_text(self) -> str:
@@ -110,8 +118,9 @@ def respond(
     """The response of a single pair, exact between the changes of its mesh stiffness.
 
     start: the initial state. step: between samples (s). duration: how long (s); cycles: or until theta has advanced by
-    so many mesh cycles, or neither: until the gears stall. most_samples: after which a run is given up. drive: an
-    unbalanced torque (N m) on theta, as if N1 (T0 + drive) drove the first gear and N2 (T0 - drive) loaded the second.
+    so many mesh cycles, which is given up after PATIENCE times the time at the initial speed, or neither: until the
+    gears stall. most_samples: after which a run is given up. drive: an unbalanced torque (N m) on theta, as if
+    N1 (T0 + drive) drove the first gear and N2 (T0 - drive) loaded the second.
 
     The gears have stalled when their energy no longer suffices to leave the softer region; then a run that waits for
     anything but a time ends.
@@ -127,21 +136,23 @@ def respond(
     patience = most_samples * step * rate
     goal = Goal(duration * rate, patience)
     if cycles is not None:
-        goal = Goal(duration * rate, patience, floor(cycles), tau * (cycles - floor(cycles)))
+        slow = PATIENCE * tau * cycles * rate / abs(start.speed) if start.speed else inf
+        goal = Goal(duration * rate, min(patience, slow), floor(cycles), tau * (cycles - floor(cycles)))
     run = Run()
     found = list(integrate(law, state, goal, run))
     pieces = [item for item in found if isinstance(item, Piece)]
     events = [item for item in found if isinstance(item, Event)]
     samples = _samples(pieces, step * rate, run.time, turns)
-    return _response(pair.numbers, law, run, samples, events, turns, step)
+    return replace(_response(pair.numbers, law, run, samples, events, turns, step), asked=cycles)
 
 
 @dataclass(frozen=True)
 class _Samples:
-    """States in units of 1/w0 and the region of each."""
+    """States in units of 1/w0, the region of each, and the mesh cycles by which theta advances in the whole run."""
 
     states: Array
     region: Array
+    advance: float
 
 
 def _samples(pieces: list[Piece], step: float, end: float, turns: int) -> _Samples:
@@ -158,7 +169,10 @@ def _samples(pieces: list[Piece], step: float, end: float, turns: int) -> _Sampl
             phi, rate, theta, speed = piece.arc.samples(times)
             states.append(np.stack([phi, rate, theta + tau * (piece.cycle + turns), speed]))
             regions.append(np.full(times.size, piece.region))
-    return _Samples(np.concatenate(states, axis=1), np.concatenate(regions))
+    final = pieces[-1]
+    angle = final.arc.start[2] + final.arc.turned(final.duration) - pieces[0].arc.start[2]
+    advance = final.cycle + angle / tau
+    return _Samples(np.concatenate(states, axis=1), np.concatenate(regions), advance)
 
 
 def _response(
@@ -186,6 +200,8 @@ def _response(
         status=run.status,
         stalled=run.stalled / rate,
         end=run.time / rate,
+        advance=samples.advance,
+        asked=None,
     )
 
 
