@@ -74,6 +74,7 @@ $(FIGURES): results/figures/%.$(FORMAT): results/%.h5 $(PLOTS) | $(VENV)/.instal
 	@$(GEARSTAB) plot $< -o $@ $(PLOT_OPTIONS)
 
 results/figures/parker_2009/table1.$(FORMAT): PLOT_OPTIONS += --kind modes
+results/figures/kuria_kihiu_2008/steady.$(FORMAT): PLOT_OPTIONS += --kind teeth
 
 bench: $(VENV)/.installed ## speed and error of the methods, side by side
 	@$(BIN)/python scripts/bench.py

@@ -11,6 +11,8 @@ from collections import Counter
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+import kuria_kihiu_2008
+
 import lin_parker_2002
 import oh_grosh_barber_2005
 import parker_2009
@@ -18,7 +20,7 @@ from statements import Paper, Runs, Statement
 
 PAGE = Path(__file__).parent.parent / "docs" / "reproduction.md"
 
-PAPERS = (lin_parker_2002.PAPER, oh_grosh_barber_2005.PAPER, parker_2009.PAPER)
+PAPERS = (lin_parker_2002.PAPER, oh_grosh_barber_2005.PAPER, kuria_kihiu_2008.PAPER, parker_2009.PAPER)
 
 HEAD = """\
 # What is reproduced of the papers

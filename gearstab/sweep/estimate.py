@@ -17,6 +17,8 @@ from gearstab.sweep.pool import default_jobs, kernel_threads
 SECONDS = 0.4
 """Time that the samples of one method may take."""
 MOST_SAMPLES = 6
+LONG = 2.0
+"""Seconds of a single point that are sample enough."""
 OVERHEAD = 2.5
 """Arrays of a block's size that a method holds at once besides its results, roughly."""
 
@@ -60,9 +62,11 @@ def estimate(plan: Plan, jobs: int | None = None) -> Estimate:
 
 
 def _method(plan: Plan, layout: Layout, workers: int) -> MethodEstimate:
-    compute(plan, sample(layout, 1))  # first calls import and allocate
-    spent, points, size, wanted = 0.0, 0, 0, 64
-    for _ in range(MOST_SAMPLES):
+    first = sample(layout, 1)
+    start = time.perf_counter()
+    part = compute(plan, first)  # first calls import and allocate
+    spent, points, size, wanted = time.perf_counter() - start, first.points, part.size(), 64
+    for _ in range(MOST_SAMPLES if spent < LONG else 0):
         block = sample(layout, wanted)
         start = time.perf_counter()
         part = compute(plan, block)

@@ -1,0 +1,108 @@
+"""What the statements share: the reconstructed gearbox, other teeth for it, and its stages one at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from copy import deepcopy
+from dataclasses import dataclass
+from functools import cache
+from math import pi, radians
+from typing import Any
+
+import numpy as np
+
+from gearstab.config import load
+from gearstab.floquet.frequencies import groups, per_mesh
+from gearstab.gears import Pair, mesh_root_stress
+from gearstab.response.equilibrium import static_mesh_force
+from gearstab.response.speeds import SpeedResponse, speed_response
+from gearstab.systems import build
+from gearstab.systems.gearbox import teeth
+from statements import CONFIGS
+
+STAGES = ("I", "II", "III", "IV")
+SPEED = 1500 * pi / 30
+SAMPLES = 400
+
+
+@dataclass(frozen=True)
+class Design:
+    """Other teeth for the gearbox.
+
+    module: m. teeth, shifts: of pinion and wheel of stages I to IV; the wheel's shift is minus the pinion's.
+    pressure_angle: degrees. addendum: in modules; the dedendum is a quarter of a module more.
+    """
+
+    module: float = 3e-3
+    teeth: tuple[tuple[int, int], ...] = ((14, 34), (14, 40), (15, 40), (14, 40))
+    shifts: tuple[float, ...] = (0.19, 0.19, 0.13, 0.19)
+    pressure_angle: float = 20.0
+    addendum: float = 1.0
+
+
+# Pitch radii as with a module of 3 mm, to half a millimetre.
+FINER = {
+    2.5e-3: {"module": 2.5e-3, "teeth": ((17, 41), (17, 48), (18, 48), (17, 48)), "shifts": (0.01, 0.01, 0.0, 0.01)},
+    2.0e-3: {"module": 2e-3, "teeth": ((21, 51), (21, 60), (22, 60), (21, 60)), "shifts": (0.0, 0.0, 0.0, 0.0)},
+}
+
+
+@cache
+def base() -> Mapping[str, Any]:
+    """The parameters of configs/kuria_kihiu_2008/gearbox.yaml."""
+    return load(CONFIGS / "kuria_kihiu_2008" / "gearbox.yaml").parameters
+
+
+def parameters(design: Design) -> dict[str, Any]:
+    """Those of the gearbox with other teeth."""
+    p = deepcopy(dict(base()))
+    p["gears"] |= {
+        "module": design.module, "pressure_angle": radians(design.pressure_angle), "addendum": design.addendum,
+        "dedendum": design.addendum + 0.25,
+    }  # fmt: skip
+    stages = [*range(4), 3]
+    for k, stage in enumerate(stages):
+        for side in (0, 1):
+            rotor = p["rotors"][1 + 2 * k + side]
+            rotor["teeth"] = design.teeth[stage][side]
+            rotor["profile_shift"] = (1, -1)[side] * design.shifts[stage]
+    return p
+
+
+@cache
+def response(design: Design = Design()) -> list[SpeedResponse]:
+    """The steady state at 1500 rpm with the stiffness of one stage varying at a time, the others at their mean."""
+    system = build(parameters(design))
+    omega = np.array([design.teeth[0][0] * SPEED])
+    found = []
+    for group in groups(system):
+        alone = per_mesh.alone(system, group)
+        # Enough for the vibration of the teeth, at 14 kHz, in the slowest mesh.
+        samples = round(SAMPLES / float(group.ratio))
+        found.append(speed_response(alone, float(group.ratio) * omega, samples))
+    return found
+
+
+def of_stages(design: Design, measure: str) -> np.ndarray:
+    """A measure of the steady state, of each stage's own mesh."""
+    return np.array([getattr(found, measure)[0, 0, k] for k, found in enumerate(response(design))])
+
+
+@cache
+def pairs(design: Design = Design()) -> list[Pair]:
+    """The gears of stages I to IV."""
+    return [mesh.pairs[0] for mesh in teeth(parameters(design))[:4]]
+
+
+@cache
+def static_forces(design: Design = Design()) -> np.ndarray:
+    """Of stages I to IV."""
+    return np.asarray(static_mesh_force(build(parameters(design)))[:4])
+
+
+@cache
+def root_stress(design: Design = Design()) -> np.ndarray:
+    """``(4, 2)``, MPa: the largest static root stress of pinion and wheel of each stage."""
+    x = np.linspace(0, 1, 400, endpoint=False)
+    loaded = zip(pairs(design), static_forces(design), strict=True)
+    return np.array([[1e-6 * part.max() for part in mesh_root_stress(pair, x, force)] for pair, force in loaded])
