@@ -316,6 +316,53 @@ def test_an_interrupt_saves_what_was_in_memory_only(scene: Scene, monkeypatch: p
     assert len(scene.parts) == 3
 
 
+@pytest.mark.parametrize("large", [False, True])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("again", [False, True])
+def test_an_interrupt_after_the_result_has_its_name_is_too_late(
+    scene: Scene, monkeypatch: pytest.MonkeyPatch, number: int, large: bool, again: bool
+) -> None:
+    """Also where an older result had that name."""
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(SCRIPT.parent), *sys.path]))
+    monkeypatch.setattr(merge, "IN_MEMORY", 0 if large else merge.IN_MEMORY)
+    if again:
+        scene.run()
+    rename = os.replace
+
+    def interrupted(source: Path, target: Path) -> None:
+        rename(source, target)
+        if Path(target) == scene.out:
+            os.kill(os.getpid(), number)
+
+    monkeypatch.setattr(os, "replace", interrupted)
+    handlers = signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)
+    scene.run(overwrite=again)
+    scene.check()
+    assert (signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)) == handlers
+
+
+def test_an_interrupt_while_the_result_is_written_keeps_everything(
+    scene: Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rename = os.replace
+
+    def interrupted(source: Path, target: Path) -> None:
+        if Path(target) == scene.out:
+            os.kill(os.getpid(), signal.SIGINT)
+        rename(source, target)
+
+    monkeypatch.setattr(os, "replace", interrupted)
+    with pytest.raises(Interrupted, match="8 of 8 blocks are kept"):
+        scene.run()
+    assert not scene.out.exists()
+    monkeypatch.undo()
+    monkeypatch.setenv(FOLDER, str(scene.folder))
+    scene.log()
+    scene.run()
+    assert scene.log() == []
+    scene.check()
+
+
 def test_threads_compute_the_same(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(pool, "WORTH_THREADS", 0.0)
     planned = faulty(scene.config)

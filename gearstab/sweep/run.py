@@ -7,7 +7,7 @@ import os
 import shutil
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -82,15 +82,26 @@ def run(
         reporter.message(f"going on with {reused} of {plan.blocks} blocks that are finished in {folder.every}")
     elif resume:
         reporter.message("nothing to go on with: starting anew")
+    before = _identity(out)
     try:
-        with interrupts():
+        # From the moment the result has its name there is nothing left to interrupt.
+        with interrupts(lambda: _identity(out) != before):
             _compute(plan, store, workers, reporter)
             _finish(plan, store, out)
+            folder.remove()
+            return _summary(plan, store, reused)
     except KeyboardInterrupt:
         kept = store.rescue()
         raise Interrupted(_interrupted(kept, plan.blocks, folder)) from None
-    folder.remove()
-    return _summary(plan, store, reused)
+
+
+def _identity(path: Path) -> tuple[int, int] | None:
+    """What tells a file from the one that was there before; None where there is none."""
+    try:
+        found = path.stat()
+    except OSError:
+        return None
+    return found.st_ino, found.st_mtime_ns
 
 
 def is_complete(plan: Plan, out: Path) -> bool:
@@ -124,18 +135,24 @@ def prepare(out: Path) -> None:
 
 
 @contextmanager
-def interrupts() -> Iterator[None]:
-    """Let SIGTERM and SIGHUP interrupt as Ctrl-C does (where signals can be handled: in the main thread)."""
+def interrupts(late: Callable[[], bool]) -> Iterator[None]:
+    """Let SIGTERM and SIGHUP interrupt as Ctrl-C does (where signals can be handled: in the main thread).
+
+    late: whether it is too late for that; then interrupts are ignored.
+    """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
 
     def interrupt(number: int, frame: Any) -> None:
-        raise KeyboardInterrupt
+        if not late():
+            raise KeyboardInterrupt
 
     numbers = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
-    # What is ignored (nohup) stays so.
+    # What is ignored (nohup) stays so, and so does an application's own treatment of Ctrl-C.
     before = {number: signal.getsignal(number) for number in numbers if signal.getsignal(number) != signal.SIG_IGN}
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        before[signal.SIGINT] = signal.default_int_handler
     for number in before:
         signal.signal(number, interrupt)
     try:
