@@ -171,6 +171,9 @@ class GearSystem:
     load: ``(..., n)``, the constant part of f(t), or None. Stability does not depend on f(t).
     forces: the periodic parts of f(t).
     symmetry: of the mean system, where it has one; it serves to name modes, nothing relies on it.
+    units: SI unit of each coordinate, ``m`` or ``rad``; without any all are m. Results and figures say it, nothing
+        relies on it.
+    deflection_unit: SI unit of the mesh deflections g_i^T q, ``m``, or ``rad`` where the mesh stiffness is torsional.
     """
 
     mass: Array
@@ -182,6 +185,13 @@ class GearSystem:
     terms: tuple[PeriodicTerm, ...] = ()
     load: Array | None = None
     forces: tuple[PeriodicForce, ...] = ()
+    units: tuple[str, ...] = ()
+    deflection_unit: str = "m"
+
+    @property
+    def coordinate_units(self) -> tuple[str, ...]:
+        """The unit of each of the n coordinates."""
+        return self.units or ("m",) * self.size
 
     @property
     def size(self) -> int:

@@ -49,6 +49,7 @@ def result(config: Config, wanted: Respond, system: GearSystem, found: BacklashR
     from gearstab.response.equilibrium import static_mesh_force
     from gearstab.results import Group, ResultTree, fields_of
     from gearstab.results.provenance import modes_group, root_attributes
+    from gearstab.results.units import in_units_of
     from gearstab.results.variables import BACKLASH_RESPONSE, flagged
 
     histories = (
@@ -57,6 +58,7 @@ def result(config: Config, wanted: Respond, system: GearSystem, found: BacklashR
     names = [mesh.name for mesh in system.meshes]
     values: dict[str, Any] = {
         "dof": list(system.coordinates),
+        "dof_units": list(system.coordinate_units),
         "mesh": names,
         "status": found.flags,
         "play": np.stack([found.teeth.low, found.teeth.high], axis=1),
@@ -76,7 +78,7 @@ def result(config: Config, wanted: Respond, system: GearSystem, found: BacklashR
         cycle = found.cycle
         values |= {"peak_to_peak": cycle.peak_to_peak, "rms": cycle.rms}
         values |= {"mesh_force_peak": cycle.force_peak, "contact_loss_ratio": cycle.contact_loss}
-    fields = fields_of(flagged(BACKLASH_RESPONSE, BACKLASH_FLAGS), values)
+    fields = fields_of(in_units_of(system, flagged(BACKLASH_RESPONSE, BACKLASH_FLAGS)), values)
     groups = {"modes": modes_group(system), "response": Group(fields, attributes)}
     return ResultTree(Group((), root_attributes(config, kernel.name())), groups)
 

@@ -25,6 +25,7 @@ def result(config: Config, wanted: Respond, system: GearSystem, found: Response)
     from gearstab.response.equilibrium import static_mesh_force
     from gearstab.results import Group, ResultTree, fields_of
     from gearstab.results.provenance import modes_group, root_attributes
+    from gearstab.results.units import in_units_of
     from gearstab.results.variables import RESPONSE, TOOTH_LOADS, flagged
 
     histories = ("time", "displacement", "velocity", "mesh_deflection", "mesh_force", "energy")
@@ -33,6 +34,7 @@ def result(config: Config, wanted: Respond, system: GearSystem, found: Response)
         kept = min(kept, round(wanted.stored_cycles * wanted.samples_per_cycle) + 1)
     values = {
         "dof": list(system.coordinates),
+        "dof_units": list(system.coordinate_units),
         "mesh": [mesh.name for mesh in system.meshes],
         "status": found.flags,
         **{name: getattr(found, name)[:kept] for name in histories},
@@ -53,7 +55,7 @@ def result(config: Config, wanted: Respond, system: GearSystem, found: Response)
         "comment": _comment(wanted, system),
     }
     table = (*RESPONSE, *(TOOTH_LOADS if loads else ()))
-    fields = fields_of(flagged(table, RESPONSE_FLAGS), values)
+    fields = fields_of(in_units_of(system, flagged(table, RESPONSE_FLAGS)), values)
     groups = {"modes": modes_group(system), "response": Group(fields, attributes)}
     return ResultTree(Group((), root_attributes(config, kernel.name())), groups)
 

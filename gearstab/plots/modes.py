@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from math import ceil
 from typing import Any
 
@@ -158,8 +159,7 @@ def draw_charts(tree: xr.DataTree, modes: xr.Dataset, kept: list[int], request: 
         ax.label_outer()
     if upright:
         axes[-1].tick_params(axis="x", labelrotation=90, labelsize=6 if len(names) < 50 else 4)
-    unit = unit_text(str(modes["mode_shape"].attrs.get("units", "1")))
-    text = "entry of the normalised mode" + (f" ({unit})" if unit else "")
+    text = "entry of the normalised mode" + units_of_entries(modes["mode_shape"].attrs)
     figure.supylabel(fitted(text, 0.8 * len(kept), 8.5), fontsize=8.5, linespacing=0.95)
     handles = [
         Line2D([], [], color=CASES[0], marker="o", markersize=3.2, label="coordinate"),
@@ -169,6 +169,15 @@ def draw_charts(tree: xr.DataTree, modes: xr.Dataset, kept: list[int], request: 
     figure.legend(handles=handles, loc="outside lower center", ncols=2, title=note, title_fontsize=7.5)
     write_title(figure, tree, request)
     return figure, {"shapes": [a for a, _ in drawn], "deflections": [b for _, b in drawn], "axes": list(axes)}
+
+
+def units_of_entries(attributes: Mapping[str, Any]) -> str:
+    """The unit in brackets; both where some coordinates are rotations and others displacements."""
+    if "units_of_rad" in attributes:
+        turned, moved = (unit_text(str(attributes[f"units_of_{unit}"])) for unit in ("rad", "m"))
+        return f" (rotations: {turned}, displacements: {moved})"
+    unit = unit_text(str(attributes.get("units", "1")))
+    return f" ({unit})" if unit else ""
 
 
 def left_out(modes: xr.Dataset, kept: list[int], request: Request) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,9 @@ Artists = dict[str, Any]
 MOST_PANELS = 12
 GROWN = 1000
 """A history that outgrows its first twentieth by this factor is drawn over asinh, which shows its beginning too."""
+
+TURNING = {"rad": "rotation", "rad/s": "angular velocity"}
+"""What displacements and velocities in these units are called."""
 
 LONG = 20_000
 """Histories with more samples are stored as pixels inside a PDF or SVG file: as lines they would take megabytes."""
@@ -72,20 +76,30 @@ def columns(data: xr.DataArray, request: Request, along: str = "time") -> list[t
     if wanted is not None and wanted not in labels:
         raise PlotError(f"{dim} has no value {wanted!r}; its values: {listed(labels)}")
     chosen = range(len(labels)) if wanted is None else [labels.index(wanted)]
-    return [(label_of(data, labels[i]), data.isel({dim: i})) for i in chosen]
+    parts = [(labels[i], data.isel({dim: i})) for i in chosen]
+    return [(label_of(part, label), part) for label, part in parts]
 
 
 def label_of(data: xr.DataArray, element: str) -> str:
     r"""``$x_1$ (m)``, ``mesh force first (N)``: a coordinate by its symbol, anything else by name."""
-    unit = unit_text(str(data.attrs.get("units", "1")))
+    units = units_of(data)
+    unit = unit_text(units)
     letters, digits = element.rstrip("0123456789"), element[len(element.rstrip("0123456789")) :]
     if data.name == "displacement" and len(letters) == 1 and digits:
         words = f"${letters}_{{{digits}}}$"
     else:
-        words = plain(
-            f"{data.attrs.get('long_name') or str(data.name).replace('_', ' ')}{', ' if element else ''}{element}"
-        )
+        name = TURNING.get(units) if data.name in ("displacement", "velocity") else None
+        name = name or data.attrs.get("long_name") or str(data.name).replace("_", " ")
+        words = plain(f"{name}{', ' if element else ''}{element}")
     return words + (f" ({unit})" if unit else "")
+
+
+def units_of(data: xr.DataArray) -> str:
+    """The unit of a variable; of one coordinate's values where coordinates have different units."""
+    units = str(data.attrs.get("units", "1"))
+    if "dof_units" in data.coords and data.coords["dof_units"].ndim == 0:
+        return str(data.attrs.get(f"units_of_{data.coords['dof_units'].item()}", units))
+    return units
 
 
 def draw_history(ax: Axes, label: str, data: xr.DataArray, colour: str) -> Any:
@@ -94,7 +108,7 @@ def draw_history(ax: Axes, label: str, data: xr.DataArray, colour: str) -> Any:
     ax.axhline(0.0, color="#8a8a8a", linewidth=0.4, zorder=0.5)
     (line,) = ax.plot(time, data.values, color=colour, linewidth=0.6, rasterized=time.size > LONG)
     ax.set_xlim(time[0], time[-1])
-    ax.set_ylabel(fitted(label, 1.1, 8.5), linespacing=0.95)
+    ax.set_ylabel(label, linespacing=0.95)
     ax.margins(y=0.08)
     show_growth(ax, data.values)
     return line
@@ -120,6 +134,22 @@ def tick_text(value: float) -> str:
     return f"${sign}10^{{{round(np.log10(abs(value)))}}}$" if value else "0"
 
 
+def fit_labels(axes: Sequence[Axes]) -> None:
+    """Break the labels at the left of panels over one another so that none is longer than its panel is high.
+
+    A label of a word that is longer still is written smaller.
+    """
+    figure = axes[0].get_figure(root=True)
+    assert figure is not None
+    figure.draw_without_rendering()
+    for ax in axes:
+        ax.set_ylabel(fitted(ax.get_ylabel(), 0.95 * ax.get_window_extent().height / figure.dpi, 8.5))
+    figure.draw_without_rendering()
+    for ax in axes:
+        label, high = ax.yaxis.label, ax.get_window_extent().height
+        label.set_fontsize(8.5 * min(1.0, high / label.get_window_extent().height))
+
+
 def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     """The whole figure, panels over one another on a common time axis; its artists are ``lines``."""
     panels = histories(read_response(tree), request)
@@ -135,4 +165,5 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     axes[-1].set_xlabel("time $t$" + (f" ({units})" if units else ""))
     figure.align_ylabels(list(axes))
     write_title(figure, tree, request)
+    fit_labels(list(axes))
     return figure, {"lines": lines}

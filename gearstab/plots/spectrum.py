@@ -12,9 +12,9 @@ from matplotlib.figure import Figure
 from gearstab.plots.axes import Request
 from gearstab.plots.errors import PlotError, listed
 from gearstab.plots.heading import write_title
-from gearstab.plots.response import MOST_PANELS, columns
+from gearstab.plots.response import MOST_PANELS, columns, fit_labels
 from gearstab.plots.style import CASES, new_figure
-from gearstab.plots.text import fitted, unit_text
+from gearstab.plots.text import unit_text
 
 Array = np.ndarray
 Artists = dict[str, Any]
@@ -112,10 +112,11 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     lines = []
     for ax, (name, _), part in zip(axes, panels, values, strict=True):
         lines.append(draw_spectrum(ax, x, part, harmonics))
-        ax.set_ylabel(fitted(name, 1.2, 8.5), linespacing=0.95)
+        ax.set_ylabel(name, linespacing=0.95)
     axes[0].set_xlim(0.0, 1.015 * end if harmonics else end)
     modes = mark_modes(tree, axes, end) if "normalised_frequency" not in data.coords else []
     axes[-1].set_xlabel(label)
     figure.align_ylabels(axes)
     write_title(figure, tree, request)
+    fit_labels(axes)
     return figure, {"lines": lines, "modes": modes}

@@ -11,6 +11,7 @@ import numpy as np
 from gearstab import __version__
 from gearstab.modal import mean_modes
 from gearstab.results.tree import Group, fields_of
+from gearstab.results.units import in_units_of
 from gearstab.results.variables import DEFLECTION_TYPE, MODES, Variable
 from gearstab.symmetry import deflection_types, oriented, type_names
 from gearstab.system import GearSystem
@@ -46,6 +47,7 @@ def modes_group(system: GearSystem) -> Group:
     values = {
         "mode": np.arange(1, system.size + 1),
         "dof": list(system.coordinates) or [f"q{i + 1}" for i in range(system.size)],
+        "dof_units": list(system.coordinate_units),
         "mesh": [mesh.name for mesh in system.meshes],
         "natural_frequency": modes.natural_frequency,
         "mode_shape": np.swapaxes(modes.shapes, -1, -2),
@@ -54,6 +56,5 @@ def modes_group(system: GearSystem) -> Group:
     }
     if system.symmetry is not None:
         table, values = (*MODES, DEFLECTION_TYPE), values | {DEFLECTION_TYPE.name: deflection_types(system, modes)}
-    return Group(
-        fields_of(table, values), {"comment": "modes of the mean system at the base values of the configuration"}
-    )
+    said = {"comment": "modes of the mean system at the base values of the configuration"}
+    return Group(fields_of(in_units_of(system, table), values), said)

@@ -61,9 +61,14 @@ def coordinate(name: str, dim: str, dtype: str, units: str, long_name: str) -> V
     return Variable(name, (dim,), dtype, units, long_name, coordinate=True)
 
 
+DOF = (
+    coordinate("dof", "dof", TEXT, "1", "coordinate of the model"),
+    coordinate("dof_units", "dof", TEXT, "1", "unit of the coordinate"),
+)
+
 MODES = (
     coordinate("mode", "mode", "i4", "1", "number of the mode, by ascending natural frequency"),
-    coordinate("dof", "dof", TEXT, "1", "coordinate of the model"),
+    *DOF,
     coordinate("mesh", "mesh", TEXT, "1", "tooth mesh"),
     Variable("natural_frequency", ("mode",), "f8", "rad/s", "natural frequency of the mean system"),
     Variable("mode_shape", ("mode", "dof"), "f8", "kg^-1/2", "mode shape, normalised by the mass matrix"),
@@ -186,7 +191,7 @@ SECOND_ORDER = (
 
 RESPONSE = (
     coordinate("time", "time", "f8", "s", "time"),
-    coordinate("dof", "dof", TEXT, "1", "coordinate of the model"),
+    *DOF,
     coordinate("mesh", "mesh", TEXT, "1", "tooth mesh"),
     Variable("displacement", ("time", "dof"), "f8", "m", "displacement"),
     Variable("velocity", ("time", "dof"), "f8", "m/s", "velocity"),

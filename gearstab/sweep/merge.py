@@ -18,6 +18,7 @@ from gearstab.config.targets import TargetError, resolve
 from gearstab.results.chunks import decode, encode
 from gearstab.results.provenance import modes_group, root_attributes
 from gearstab.results.tree import Chunked, Field, Group, Offset, ResultTree
+from gearstab.results.units import in_units_of
 from gearstab.results.variables import TEXT, Variable, coordinate
 from gearstab.results.write import sync, write_on_disk, write_result
 from gearstab.sweep.compute import HOLDER, moved
@@ -87,7 +88,7 @@ def _method_group(plan: Plan, layout: Layout, finished: Mapping[str, Finished], 
     tongues = layout.method.unite(part.tongues for part in parts.values())
     values = {**tongue_coordinates(tongues), **layout.method.constants(layout.options, plan.base)}
     fields = []
-    for variable in layout.method.variables(layout.options, plan.base):
+    for variable in in_units_of(plan.base, layout.method.variables(layout.options, plan.base)):
         resolved = variable.over(plan.grid, plan.rows)
         if variable.coordinate:
             if variable.name in values:

@@ -52,6 +52,8 @@ def of_gears(p: dict[str, Any]) -> RotatingPair:
         meshes=(mesh,),
         damping=damping[..., None, None] if np.any(damping) else None,
         coordinates=("phi",),
+        units=("rad",),
+        deflection_unit="rad",
         load=np.asarray(numbers.torque)[..., None],
         formulation=p.get("formulation", "classical"),
         numbers=numbers,

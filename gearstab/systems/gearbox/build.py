@@ -142,7 +142,8 @@ def build(p: dict[str, Any]) -> GearSystem:
     held = factor[..., None, None] * held
     drag = [factor * _mesh_damping(train, k, item) for k, item in enumerate(meshes)]
     given = [part | {"damping": c if np.any(c) else None} for part, c in zip(filled, drag, strict=True)]
-    system = assembly.damped(GearSystem(mass, stiffness, meshes, None, layout.coordinates), p | {"meshes": given})
+    bare = GearSystem(mass, stiffness, meshes, None, layout.coordinates, units=layout.units)
+    system = assembly.damped(bare, p | {"meshes": given})
     damping = held if system.damping is None else held + system.damping
     system = replace(system, damping=damping if np.any(damping) else None)
     system = assembly.driven(system, {"meshes": given})

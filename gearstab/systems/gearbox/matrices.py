@@ -41,6 +41,11 @@ class Layout:
         sides = [f"{self.names[r]}.{axis}" for r in self.supported for axis in "xy"]
         return (*self.names, *sides)
 
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Rotations in rad, displacements in m."""
+        return ("rad",) * len(self.names) + ("m",) * (2 * len(self.supported))
+
 
 def unit(layout: Layout, entries: dict[int, Array | float]) -> Array:
     """``(..., n)``, a vector with the given entries and zeros."""
