@@ -152,4 +152,4 @@ def test_a_configuration_without_the_section(config: Path, tmp_path: Path) -> No
     done = call(config, "-o", tmp_path / "out.h5")
     assert done.exit_code == 2
     assert done.stderr.count("\n") == 1
-    assert f"{config}: no section 'respond'; add respond:" in done.stderr
+    assert f"{config}:1: respond: is missing; add the section respond: mesh_frequency, cycles" in done.stderr

@@ -79,22 +79,27 @@ def _guard(config: Path, target: Path, plot: bool) -> None:
 def _scene(loaded: Config) -> Scene:
     """The base system and the range of the mesh_frequency axis. Raises ConfigError without such an axis."""
     from gearstab.bench import Scene, without_rigid_modes
-    from gearstab.config.problems import ConfigError, Problem
+    from gearstab.config import ConfigError
     from gearstab.rotating_pair import RotatingPair
     from gearstab.systems import build
 
     axis = next((axis for axis in loaded.axes if axis.name == "mesh_frequency"), None)
     if axis is None:
         hint = "add mesh_frequency: {start: .., stop: .., num: ..}"
-        raise ConfigError([Problem(str(loaded.source), None, "sweep", "", "bench needs an axis mesh_frequency", hint)])
+        raise ConfigError([loaded.problem(("sweep", "mesh_frequency"), "is missing, which bench needs", hint)])
     values = [float(value) for value in axis.values]
     system = build(loaded.parameters)
     if isinstance(system, RotatingPair) and not system.is_classical:
         message, hint = f"bench knows no formulation {system.formulation}", "set formulation: classical"
-        raise ConfigError([Problem(str(loaded.source), None, "system.formulation", "", message, hint)])
+        raise ConfigError([loaded.problem(("system", "formulation"), message, hint)])
     if not system.commensurate:
+        path = (
+            "system",
+            "meshes",
+            next(i for i, m in enumerate(system.meshes) if isinstance(m.frequency_ratio, float)),
+        )
         message, hint = "mesh frequencies of irrational ratio have no common period", "give exact ratios"
-        raise ConfigError([Problem(str(loaded.source), None, "system.meshes", "", message, hint)])
+        raise ConfigError([loaded.problem((*path, "frequency_ratio"), message, hint)])
     return Scene(without_rigid_modes(system), min(values), max(values))
 
 

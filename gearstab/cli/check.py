@@ -24,6 +24,11 @@ def command(config: Path, overrides: tuple[str, ...]) -> None:
 
     with user_errors():
         found = load(config, overrides)
+        if found.methods.chosen:
+            from gearstab.sweep.plan import check
+            from gearstab.systems import build
+
+            check(found, build(found.parameters))
     click.echo(f"{config}: {summary(found)}")
 
 

@@ -37,7 +37,7 @@ def command(config: Path, output: Path | None, overrides: tuple[str, ...], quiet
 
         out = output or Path("results") / f"{config.stem}.response.h5"
         refuse_inputs(out, config)
-        loaded = load(config, overrides)
+        loaded = load(config, overrides, needs=("respond",))
         refuse_foreign(out)
         found = respond(loaded, out)
     if not quiet:
@@ -57,7 +57,9 @@ def respond(config: Config, out: Path) -> Response | PairResponse:
 
     if isinstance(config.respond, PairRespond):
         return respond_pair(config, config.respond, out)
-    wanted, system = _wanted(config), build(config.parameters)
+    if config.respond is None:
+        raise ValueError("the configuration has no section respond")
+    wanted, system = config.respond, build(config.parameters)
     try:
         _affordable(config, wanted, system)
         if has_backlash(system):
@@ -66,7 +68,8 @@ def respond(config: Config, out: Path) -> Response | PairResponse:
     except ConfigError:
         raise
     except ValueError as error:
-        _refuse(config, "respond", str(error), "")
+        message, _, remedy = str(error).partition("; ")
+        _refuse(config, ("respond",), message, remedy)
     out.parent.mkdir(parents=True, exist_ok=True)
     write_result(out, result(config, wanted, system, found))
     return found
@@ -90,15 +93,6 @@ def _history(wanted: Respond, system: GearSystem) -> Response:
     else:
         start = np.array(wanted.initial.displacement), np.array(wanted.initial.velocity)
     return follow(system, wanted.mesh_frequency, *start, _duration(wanted, system), wanted.samples_per_cycle)
-
-
-def _wanted(config: Config) -> Respond:
-    from gearstab.config.respond import Respond
-
-    if not isinstance(config.respond, Respond):
-        hint = "add respond: {mesh_frequency: .., cycles: .., initial: {displacement: [..]}}"
-        _refuse(config, "", "no section 'respond'", hint)
-    return config.respond
 
 
 def _period(wanted: Respond, system: GearSystem) -> float:
@@ -125,22 +119,21 @@ def _affordable(config: Config, wanted: Respond, system: GearSystem) -> None:
     numbers = samples * (2 * system.size + 2 * len(system.meshes) + 2)
     if numbers > MOST_NUMBERS:
         asked = next((key for key in ("duration", "cycles") if getattr(wanted, key) is not None), "samples_per_cycle")
-        path = f"respond.{asked}"
         message = (
             f"{samples:.3g} samples would make a file of {8e-9 * numbers:.3g} GB, more than {8e-9 * MOST_NUMBERS:g} GB"
         )
         _refuse(
             config,
-            path,
+            ("respond", asked),
             message,
             f"ask for less than {MOST_NUMBERS / numbers:.2g} times that or fewer samples_per_cycle",
         )
 
 
-def _refuse(config: Config, path: str, message: str, hint: str) -> NoReturn:
-    from gearstab.config.problems import ConfigError, Problem
+def _refuse(config: Config, path: tuple[str, ...], message: str, hint: str) -> NoReturn:
+    from gearstab.config import ConfigError
 
-    raise ConfigError([Problem(str(config.source), None, path, "", message, hint)])
+    raise ConfigError([config.problem(path, message, hint)])
 
 
 def summary(found: Response | PairResponse, out: Path) -> str:

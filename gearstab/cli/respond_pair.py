@@ -53,29 +53,27 @@ def respond_pair(config: Config, wanted: PairRespond, out: Path) -> PairResponse
 
 def _held(config: Config, pair: RotatingPair, mesh_frequency: float) -> tuple[Start, float]:
     """State and torque on the periodic orbit; raises ConfigError where there is none."""
-    from gearstab.config.problems import ConfigError, Problem
+    from gearstab.config import ConfigError
     from gearstab.response.pair import held
 
     try:
         return held(pair, mesh_frequency)
     except ValueError as error:
         hint = "choose another speed or a smaller torque"
-        raise ConfigError([Problem(str(config.source), None, "respond.hold_speed", "", str(error), hint)]) from None
+        raise ConfigError([config.problem(("respond", "hold_speed"), str(error), hint)]) from None
 
 
 def _affordable(config: Config, wanted: PairRespond, speed: float) -> None:
     """Refuse what would exhaust the memory, as far as that is known beforehand."""
-    from gearstab.config.problems import ConfigError, Problem
+    from gearstab.config import ConfigError
 
     cycles = wanted.cycles if wanted.duration is None else wanted.duration * speed / tau
     samples = 0.0 if cycles is None else cycles * wanted.samples_per_cycle
     if samples > MOST_SAMPLES:
-        path = "respond.duration" if wanted.cycles is None else "respond.cycles"
+        path = ("respond", "duration" if wanted.cycles is None else "cycles")
         most = f"{1e-9 * BYTES * MOST_SAMPLES:.2g} GB"
         message = f"{samples:.3g} samples would make a file of {1e-9 * BYTES * samples:.3g} GB, more than {most}"
-        raise ConfigError(
-            [Problem(str(config.source), None, path, "", message, "ask for less, or fewer samples_per_cycle")]
-        )
+        raise ConfigError([config.problem(path, message, "ask for less, or fewer samples_per_cycle")])
 
 
 def result(config: Config, wanted: PairRespond, pair: RotatingPair, found: PairResponse, step: float) -> ResultTree:

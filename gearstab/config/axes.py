@@ -5,16 +5,17 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gearstab.config.problems import Path
+from gearstab.config.problems import Path, Problem
 
 if TYPE_CHECKING:
+    from gearstab.config.document import Document
     from gearstab.config.methods import Methods
     from gearstab.config.respond import Respond
     from gearstab.config.respond_pair import PairRespond
@@ -76,6 +77,7 @@ class Config:
     parameters: the section ``system``, ready for ``gearstab.systems.build``; SI numbers, exact ratios as Fraction.
     axes: in the order of ``sweep``, none without that section; methods and respond: their sections.
     tree: the whole document as run, as plain data; contents: what referenced files hold, by name.
+    document: the document as written, which knows where everything stands.
     """
 
     title: str
@@ -87,6 +89,12 @@ class Config:
     source: FilePath
     tree: dict[str, Any]
     contents: Mapping[str, Array]
+    document: Document = field(repr=False, compare=False)
+
+    def problem(self, path: Path, message: str, hint: str) -> Problem:
+        """A mistake that shows only when the configuration is used, at its line, with the value given there."""
+        value = self.document.get(path)
+        return self.document.problem(path, message, hint, value=None if isinstance(value, dict) else value)
 
     @cached_property
     def resolved(self) -> str:

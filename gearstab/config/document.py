@@ -60,11 +60,15 @@ class Document:
                 return None
         return value
 
-    def report(self, path: Path, message: str, hint: str = "", *, value: Any = None, at_key: bool = False) -> None:
-        """Add a problem at a path; ``at_key`` when the key is what is wrong."""
+    def problem(self, path: Path, message: str, hint: str = "", *, value: Any = None, at_key: bool = False) -> Problem:
+        """A problem at a path; ``at_key`` when the key is what is wrong."""
         place = self.keys.get(path) if at_key else None
         place = place or self.where(path)
-        self.problems.append(Problem(place.file, place.line, dotted(path), shown(value), message, hint))
+        return Problem(place.file, place.line, dotted(path), shown(value), message, hint)
+
+    def report(self, path: Path, message: str, hint: str = "", *, value: Any = None, at_key: bool = False) -> None:
+        """Add a problem at a path, as :meth:`problem` makes it."""
+        self.problems.append(self.problem(path, message, hint, value=value, at_key=at_key))
 
     def put(self, path: Path, value: Any, place: Where) -> None:
         """Set a value, all parts of which then stand at ``place``; the container of the last key must exist."""

@@ -20,6 +20,12 @@ if TYPE_CHECKING:
     from gearstab.config.system import System
 
 PLANNED_SECTIONS = ("design",)
+WITHIN = {
+    "sweep": ", such as sweep: {mesh_frequency: {start: 1, stop: 5, num: 200}}",
+    "methods": ", such as methods: {floquet: {}}",
+    "respond": ": mesh_frequency, cycles and an initial state, or speed and cycles of a pair given by its gears",
+}
+"""What sections that are missing hold."""
 
 
 def load(path: str | FilePath, overrides: Sequence[str] = (), needs: Sequence[str] = ()) -> Config:
@@ -84,7 +90,7 @@ def _check_top_level(document: Document, needs: Sequence[str]) -> None:
     needed = ["system", *needs, *(["methods"] if "sweep" in data else []), *(["sweep"] if data.get("methods") else [])]
     for name in dict.fromkeys(needed):
         if name not in data:
-            document.report((name,), "is missing", f"add the section {name}")
+            document.report((name,), "is missing", f"add the section {name}{WITHIN.get(name, '')}")
 
 
 def _find_model(document: Document) -> type[System] | None:
@@ -300,4 +306,5 @@ def _config(
         source=source,
         tree=tree,
         contents=system.contents,
+        document=document,
     )

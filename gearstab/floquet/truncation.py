@@ -50,7 +50,7 @@ def modes_basis(system: GearSystem, modes: Sequence[int]) -> Array:
     Raises ValueError where there is no such mode.
     """
     if max(modes) > system.size:
-        raise ValueError(f"there is no mode {max(modes)}, the system has {system.size}")
+        raise ValueError(f"there is no mode {max(modes)}; name modes from 1 to {system.size}")
     return mean_modes(system).shapes[..., np.array(modes, dtype=int) - 1]
 
 
@@ -72,9 +72,9 @@ def type_basis(system: GearSystem, kind: int | str) -> Array:
         names = [symmetry.types[min(t, len(symmetry.types) - 1)] for t in range(largest + 1)]
         chosen = [t for t, name in enumerate(names) if name == kind]
         if not chosen:
-            raise ValueError(f"there is no type {kind!r}; the types are {', '.join(dict.fromkeys(names))}")
+            raise ValueError(f"there is no type {kind!r}; choose one of {', '.join(dict.fromkeys(names))}")
     elif not 0 <= kind <= largest:
-        raise ValueError(f"there is no type {kind}; with {symmetry.order} planets types run from 0 to {largest}")
+        raise ValueError(f"there is no type {kind}; with {symmetry.order} planets choose one from 0 to {largest}")
     else:
         chosen = [kind]
     projection = sum(_projection(symmetry.turn, symmetry.order, t) for t in chosen)

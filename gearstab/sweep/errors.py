@@ -1,5 +1,17 @@
 """What can go wrong with a sweep; every message is one line for the user."""
 
+from __future__ import annotations
+
+from gearstab.config.problems import Path
+
+
+class OptionError(ValueError):
+    """The options of a method do not fit the system: ``path`` below ``methods``, what is wrong, what to do."""
+
+    def __init__(self, path: Path, message: str, remedy: str) -> None:
+        super().__init__(message)
+        self.path, self.remedy = path, remedy
+
 
 class SweepError(RuntimeError):
     """The sweep could not be finished; what is finished is kept."""

@@ -19,9 +19,9 @@ from typing import Any
 import numpy as np
 
 from gearstab import __version__
-from gearstab.config import Axis, Config
+from gearstab.config import Axis, Config, ConfigError
 from gearstab.floquet import kernel
-from gearstab.sweep.errors import RequestError
+from gearstab.sweep.errors import OptionError, RequestError
 from gearstab.sweep.methods import POINTS, Method, chosen
 from gearstab.system import Array, GearSystem
 from gearstab.systems import build
@@ -157,11 +157,27 @@ class Plan:
         return np.asarray(values, dtype=float)[rows[axis.name]][:, None]
 
 
+def check(config: Config, base: GearSystem) -> None:
+    """Raises ConfigError where the options of methods do not fit the base system, with one problem a method."""
+    found = []
+    for method, options in chosen(config.methods):
+        try:
+            method.check(options, base)
+        except OptionError as error:
+            found.append(config.problem(("methods", *error.path), str(error), error.remedy))
+    if found:
+        raise ConfigError(found)
+
+
 def plan(config: Config) -> Plan:
-    """Divide the grid of a configuration that has a ``sweep`` and ``methods``. Raises RequestError."""
+    """Divide the grid of a configuration that has a ``sweep`` and ``methods``.
+
+    Raises ConfigError where the options of a method do not fit the system, RequestError where there is no such kernel.
+    """
     if not config.axes or not config.methods.chosen:
         raise ValueError("a sweep needs axes and methods")
     base = build(config.parameters)
+    check(config, base)
     fast = next((axis for axis in config.axes if [a.path for a in axis.assignments] == [FREQUENCY]), None)
     layouts = tuple(_layout(config, base, fast, method, options) for method, options in chosen(config.methods))
     return Plan(config, base, fast, layouts, chosen_kernel())
@@ -178,10 +194,6 @@ def chosen_kernel() -> str:
 def _layout(config: Config, base: GearSystem, fast: Axis | None, method: Method, options: Any) -> Layout:
     axes = [axis for axis in config.axes if axis is not fast or method.frequency == POINTS]
     shape = tuple(axis.size for axis in axes)
-    try:
-        method.check(options, base)
-    except ValueError as error:
-        raise RequestError(f"{config.source}: {error}") from None
     cost = method.cost(options, base)
     wanted = min(max(prod(shape) * cost / SHARES, LEAST), MOST) / cost
     if method.frequency == POINTS:

@@ -82,7 +82,7 @@ class Method:
     unite: the list of all regions, from those of the blocks.
     parallel: whether threads of one process can run it side by side: where it spends its time outside of Python.
     report: attributes that say what it makes of the base system.
-    check: raises ValueError where the options do not fit the base system.
+    check: raises OptionError where the options do not fit the base system.
     together: the least number of points of its own in a block, however costly, because they share work.
     note: what the user should know before it runs, None for nothing.
     singly: what to run instead on one system at a time with all its mesh frequencies, where it goes from one of these

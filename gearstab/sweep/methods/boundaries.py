@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from gearstab.results.variables import EXACT, OCCURRENCE, TONGUE, Variable
+from gearstab.sweep.errors import OptionError
 from gearstab.sweep.methods.base import RANGE, Key, Method, Outcome, sides
 from gearstab.system import Array, GearSystem
 
@@ -40,10 +41,12 @@ def _united_regions(indices: Iterable[Sequence[Key]]) -> tuple[Key, ...]:
 
 def _boundaries_check(options: Any, system: GearSystem) -> None:
     if not system.commensurate:
-        raise ValueError("methods.boundaries: mesh frequencies of irrational ratio have no common period")
+        message = "mesh frequencies of irrational ratio have no common period"
+        raise OptionError(("boundaries",), message, "remove it, or give exact ratios")
     if system.terms:
         names = ", ".join(term.name for term in system.terms)
-        raise ValueError(f"methods.boundaries needs symmetric mesh stiffness and nothing else that varies: see {names}")
+        message = f"takes periodic mesh stiffness only, and this system has {names} as well"
+        raise OptionError(("boundaries",), message, "use floquet, which takes these too")
 
 
 def _boundaries_cost(options: Any, system: GearSystem) -> float:

@@ -11,6 +11,7 @@ from gearstab.floquet import STATUS_FLAGS, Floquet, kernel, solve
 from gearstab.floquet.report import reduction
 from gearstab.floquet.truncation import modes_basis, neglected, restricted, torn, type_basis
 from gearstab.results.variables import ERROR_ESTIMATE, EXPONENTS, FLOQUET, Variable
+from gearstab.sweep.errors import OptionError
 from gearstab.sweep.methods import frequencies
 from gearstab.sweep.methods.base import POINTS, Method, Outcome
 from gearstab.sweep.methods.pairs import knowing_pairs
@@ -91,20 +92,27 @@ def _floquet_report(options: Any, system: GearSystem) -> dict[str, Any]:
 
 def _floquet_check(options: Any, system: GearSystem) -> None:
     if options.modes is not None and options.block is not None:
-        raise ValueError("methods.floquet has both block and modes; give one of them")
+        raise OptionError(
+            ("floquet", "modes"), "stands beside block: both block and modes restrict", "keep one of them"
+        )
     try:
         _basis(options, system)
     except ValueError as error:
-        raise ValueError(f"methods.floquet.{'block' if options.modes is None else 'modes'}: {error}") from None
+        key = "block" if options.modes is None else "modes"
+        message, _, remedy = str(error).partition("; ")
+        raise OptionError(("floquet", key), message, remedy) from None
     if options.modes is not None and (group := torn(system, options.modes)):
-        listed = ", ".join(map(str, group))
-        raise ValueError(f"methods.floquet.modes: modes {listed} have equal frequencies; name all of them or none")
+        message = f"modes {', '.join(map(str, group))} have equal frequencies"
+        raise OptionError(("floquet", "modes"), message, "name all of them or none")
     try:
         taken = frequencies.way(options, _chosen_part(options, system))
     except ValueError as error:
-        raise ValueError(f"methods.floquet.frequencies: {error}") from None
+        message, _, remedy = str(error).partition("; ")
+        raise OptionError(("floquet", "frequencies"), message, remedy) from None
     if options.exponents and taken != "common_period":
-        raise ValueError(f"methods.floquet.exponents: there are none without a common period ({taken} was chosen)")
+        message = f"there are none without a common period ({taken} was chosen)"
+        remedy = "remove it, or choose frequencies: common_period" if system.commensurate else "remove it"
+        raise OptionError(("floquet", "exponents"), message, remedy)
 
 
 def _floquet_note(options: Any, system: GearSystem) -> str | None:

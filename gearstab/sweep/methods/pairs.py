@@ -10,6 +10,7 @@ import numpy as np
 
 from gearstab.results.variables import ORBITS, Variable
 from gearstab.rotating_pair import RotatingPair
+from gearstab.sweep.errors import OptionError
 from gearstab.sweep.methods.base import Method, Outcome
 from gearstab.system import Array, GearSystem
 
@@ -61,7 +62,7 @@ def _report(method: Method, options: Any, system: GearSystem) -> dict[str, Any]:
 def _check(method: Method, options: Any, system: GearSystem) -> None:
     for name in ("modes", "block"):
         if _nonlinear(system) and getattr(options, name) is not None:
-            raise ValueError(f"methods.floquet.{name}: a periodic orbit has no modes to choose from")
+            raise OptionError(("floquet", name), "a periodic orbit has no modes to choose from", "remove it")
     method.check(options, system)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from gearstab.perturbation import PERTURBATION_FLAGS, Tongues, first_order, second_order, uncoupled
 from gearstab.results.variables import FIRST_ORDER, SECOND_ORDER, TONGUE, Variable
+from gearstab.sweep.errors import OptionError
 from gearstab.sweep.methods.base import FEWEST, Method, Outcome, sides
 from gearstab.system import Array, GearSystem
 from gearstab.waveforms import Rectangular
@@ -60,14 +61,16 @@ def _perturbation_together(options: Any) -> int:
 def _perturbation_check(options: Any, system: GearSystem) -> None:
     if system.terms:
         names = ", ".join(term.name for term in system.terms)
-        raise ValueError(f"methods.perturbation knows periodic mesh stiffness only; this system has {names} as well")
+        message = f"takes periodic mesh stiffness only, and this system has {names} as well"
+        raise OptionError(("perturbation",), message, "use floquet, which takes these too")
 
 
 def _uncoupled_check(options: Any, system: GearSystem) -> None:
     other = [mesh.name for mesh in system.meshes if not isinstance(mesh.waveform, Rectangular)]
     if other or system.terms:
         names = ", ".join(other or [term.name for term in system.terms])
-        raise ValueError(f"methods.uncoupled averages the contact ratios of rectangular waves: see {names}")
+        message = f"averages the contact ratios of rectangular waves, which {names} does not have"
+        raise OptionError(("uncoupled",), message, "use floquet instead")
 
 
 def _uncoupled(system: GearSystem, mesh_frequency: Array, options: Any) -> Outcome:

@@ -10,6 +10,7 @@ import numpy as np
 from gearstab.floquet.frequencies import choice, groups, per_mesh
 from gearstab.floquet.report import reduction
 from gearstab.results.variables import REQUIRED_DAMPING, Variable, flagged
+from gearstab.sweep.errors import OptionError
 from gearstab.sweep.methods.base import POINTS, Method, Outcome, nothing
 from gearstab.system import Array, GearSystem
 
@@ -20,9 +21,7 @@ ROOTS = 400.0
 
 
 def way(options: Any, system: GearSystem) -> str:
-    """``common_period`` or ``per_mesh``. Raises ValueError."""
-    if system.terms:
-        raise ValueError("periodic terms beside the mesh stiffness are not supported")
+    """``common_period`` or ``per_mesh``. Raises ValueError where the way asked for does not exist."""
     taken = choice.chosen(system, options.frequencies)
     # Zeros of an estimate with an interval would have none.
     return choice.PER_MESH if taken == choice.LYAPUNOV else taken
@@ -78,13 +77,20 @@ def outlook(options: Any, system: GearSystem) -> str | None:
 
 
 def check(options: Any, system: GearSystem) -> None:
-    """Raises ValueError where the options do not fit the system."""
+    """Raises OptionError where the options do not fit the system."""
+    if system.terms:
+        names = ", ".join(term.name for term in system.terms)
+        message = f"takes periodic mesh stiffness only, and this system has {names} as well"
+        raise OptionError(("required_damping",), message, "sweep the damping with floquet instead")
     try:
         way(options, system)
-    except ValueError as error:
-        raise ValueError(f"methods.required_damping: {error}") from None
+    except ValueError:
+        message = "mesh frequencies of irrational ratio have no common period"
+        raise OptionError(("required_damping", "frequencies"), message, "choose per_mesh or auto") from None
     if options.of == "factor" and system.damping is None:
-        raise ValueError("methods.required_damping.of: a factor on the damping needs a system with damping")
+        message = "there is no damping to multiply"
+        remedy = "give the system damping, or choose of: damping_ratio"
+        raise OptionError(("required_damping", "of"), message, remedy)
 
 
 def _run(system: GearSystem, mesh_frequency: Array, options: Any) -> Outcome:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from gearstab.results.variables import BACKLASH_SPEED_RESPONSE, SPEED_RESPONSE, Variable, flagged
+from gearstab.sweep.errors import OptionError
 from gearstab.sweep.methods.base import POINTS, Method, Outcome, Run
 from gearstab.system import Array, GearSystem
 
@@ -65,15 +66,18 @@ def _response_cost(options: Any, system: GearSystem) -> float:
 
 def _response_check(options: Any, system: GearSystem) -> None:
     if not system.forced:
-        raise ValueError("methods.response: nothing drives the system: give a load, forces or transmission errors")
+        remedy = "remove it, or give the system a load, forces or transmission errors"
+        raise OptionError(("response",), "nothing drives the system", remedy)
     if not _parting(system):
         for name in ("continuation", "cycles", "discard"):
             if getattr(options, name) is not None:
-                raise ValueError(f"methods.response.{name}: no mesh has backlash: remove it, or give a mesh backlash")
+                raise OptionError(("response", name), "no mesh has backlash", "remove it, or give a mesh backlash")
     elif options.discard is not None and options.discard >= (options.cycles or CYCLES):
-        raise ValueError(f"methods.response.discard: leaves nothing of {options.cycles or CYCLES:g} cycles")
+        message = f"leaves nothing of {options.cycles or CYCLES:g} cycles"
+        raise OptionError(("response", "discard"), message, "discard less, or give more cycles")
     if not system.commensurate:
-        raise ValueError("methods.response: mesh frequencies of irrational ratio have no periodic steady state")
+        message = "mesh frequencies of irrational ratio have no periodic steady state"
+        raise OptionError(("response",), message, "remove it, or give exact ratios")
 
 
 METHOD = Method(
