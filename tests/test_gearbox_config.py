@@ -11,6 +11,7 @@ from gearbox_trains import RPM
 
 from gearstab.config import ConfigError, load
 from gearstab.config.axes import parameters_at
+from gearstab.plots import draw
 from gearstab.results import open_result
 from gearstab.sweep import plan, run
 from gearstab.systems import build
@@ -153,6 +154,10 @@ def test_a_sweep_over_the_input_speed_is_one_over_the_mesh_frequency(tmp_path: P
         by_speed["response/dynamic_load_factor"].values, by_frequency["response/dynamic_load_factor"].values, rtol=1e-9
     )
     assert by_speed["floquet/growth_rate"].dims == ("input_speed",)
+    _, artists = draw(by_speed, "speeds")
+    np.testing.assert_allclose(artists["lines"][0].get_xdata(), np.linspace(600, 3000, 7) * RPM)
+    _, artists = draw(by_speed, "curve")
+    np.testing.assert_allclose(artists["lines"][0].get_ydata(), by_speed["floquet/growth_rate"].values)
 
 
 def test_the_input_speed_sets_that_of_lubricated_friction_too(tmp_path: Path) -> None:

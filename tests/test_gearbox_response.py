@@ -102,3 +102,13 @@ def test_the_tractor_gearbox_has_the_load_factors_of_the_reference() -> None:
     np.testing.assert_allclose(harmonic, REFERENCE["dte_first_harmonic_um"]["m3 a20"], rtol=0.01)
     # Kuria & Kihiu 2008, Table II: load factors fall from the first stage to the last.
     assert np.all(np.diff(found.load_factor_fewest_pairs[0, 0, stages]) < 0)
+
+
+@pytest.mark.slow  # ten seconds a speed
+@pytest.mark.parametrize("rpm", ["2100", "6000"])
+def test_load_factors_over_speed_are_those_of_the_reference(rpm: str) -> None:
+    system = build(crosscheck() | {"damping_factor": 1.0})
+    found = speed_response(system, np.array([14 * float(rpm) * np.pi / 30]), 100)
+    peak, low = np.array(REFERENCE["speed_sweep_dlf"][rpm])[:, :2].T
+    np.testing.assert_allclose(found.dynamic_load_factor[0, 0, :4], peak, rtol=0.01)
+    np.testing.assert_allclose(found.load_factor_fewest_pairs[0, 0, :4], low, rtol=0.03)

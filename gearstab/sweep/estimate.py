@@ -17,7 +17,7 @@ from gearstab.sweep.pool import default_jobs, kernel_threads
 SECONDS = 0.4
 """Time that the samples of one method may take."""
 MOST_SAMPLES = 6
-LONG = 2.0
+LONG = 5.0
 """Seconds of a single point that are sample enough."""
 OVERHEAD = 2.5
 """Arrays of a block's size that a method holds at once besides its results, roughly."""
