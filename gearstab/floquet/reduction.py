@@ -55,9 +55,13 @@ class Elastic:
         """``(r, D, n, n)`` for mesh stiffnesses ``(r, D, meshes)``, in units of rate^2 and after the shift."""
         g = self.directions
         outer = (g[..., :, None] * g[..., None, :]).reshape(*g.shape[:2], -1)
-        total = self.static[:, None] + (levels @ outer).reshape(*levels.shape[:2], g.shape[-1], g.shape[-1])
-        total = total / self.rate[:, None, None, None] ** 2
-        return total - self.shift[:, None, None, None] ** 2 * np.eye(g.shape[-1])
+        total: Array = (levels @ outer).reshape(*levels.shape[:2], g.shape[-1], g.shape[-1])
+        # In place: there may be thousands of states.
+        total += self.static[:, None]
+        total /= self.rate[:, None, None, None] ** 2
+        if self.shift.any():
+            total -= self.shift[:, None, None, None] ** 2 * np.eye(g.shape[-1])
+        return total
 
 
 def reduce(system: GearSystem, rows: int) -> Iterator[Elastic]:

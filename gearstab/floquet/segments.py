@@ -81,7 +81,9 @@ class Pattern:
         if count == len(self.states):
             # Every segment has its own state, as Magnus steps have: nothing comes twice.
             following = np.append(self.states[1:], self.states[:1])
-            return inverse.take(following, axis=1) @ basis.take(self.states, axis=1), np.arange(count)
+            if not np.array_equal(self.states, np.arange(count)):
+                basis = basis.take(self.states, axis=1)
+            return inverse.take(following, axis=1) @ basis, np.arange(count)
         pairs, index = np.unique(np.roll(self.states, -1) * count + self.states, return_inverse=True)
         return inverse.take(pairs // count, axis=1) @ basis.take(pairs % count, axis=1), index
 

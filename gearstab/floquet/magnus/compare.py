@@ -48,7 +48,8 @@ class Scan:
 
 def rounding(pattern: Pattern, omega: Array) -> Array:
     """``(r, P)``, the relative rounding error of a monodromy matrix."""
-    highest = np.sqrt(np.abs(pattern.squared_frequency)).max(axis=2, initial=0.0)[:, pattern.states]
+    squared = pattern.squared_frequency  # ascending
+    highest = np.sqrt(np.maximum(np.abs(squared[..., 0]), np.abs(squared[..., -1]))).take(pattern.states, axis=1)
     phase = 2 * np.pi * pattern.cycles * (highest * np.abs(pattern.fractions)).sum(axis=1)[:, None] / omega
     return np.asarray(DRIFT * EPSILON * (np.sqrt(len(pattern.states)) + phase))
 

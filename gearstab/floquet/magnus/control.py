@@ -43,23 +43,33 @@ CONVERGING = 0.5
 """Part of the factor 2^p by which the differences of pilot points must fall."""
 INTERPOLATED = 1e-11
 """Least tolerance for which matrices may be interpolated over mesh frequency, at some cost in rounding errors."""
+WORTH_ALL = 0.7
+"""The part of the rows at a resolution from which on the pattern is made for all of them, and kept."""
+ALIKE = 3
+"""Rows whose numbers of points have the same number of digits to the base 2^ALIKE go to the kernel together."""
 AIM = 0.5
 """The estimate aimed at, as a part of the tolerance."""
 
 
 @dataclass
 class Ladder:
-    """Patterns of one division at all resolutions, made when first asked for."""
+    """Patterns of one division at all resolutions, made when first asked for by many rows."""
 
     division: Division
     scheme: Scheme
     made: dict[int, Pattern] = field(default_factory=dict)
 
-    def pattern(self, resolution: int) -> Pattern:
-        """All rows at a resolution."""
+    def pattern(self, resolution: int, rows: Array | None = None) -> Pattern:
+        """All or some of the rows, by position, at a resolution."""
+        count = len(self.division.rows)
+        if rows is not None and len(rows) == count:
+            rows = None
         if resolution not in self.made:
+            if rows is not None and len(rows) < WORTH_ALL * count:
+                return self.division.subset(rows).pattern(self.scheme, resolution)
             self.made[resolution] = self.division.pattern(self.scheme, resolution)
-        return self.made[resolution]
+        whole = self.made[resolution]
+        return whole if rows is None else whole.subset(rows)
 
     def segments(self, resolution: int) -> int:
         """Of a common period."""
@@ -132,9 +142,7 @@ def _improve(
     """Compute points at their resolution and note the results."""
     resolution = int(found.resolution[rows[0], points[0, 0]])
     place = rows[:, None], points
-    patterns = [ladder.pattern(k) for k in (resolution, resolution - 2)]
-    if len(rows) < len(patterns[0].rows):
-        patterns = [pattern.subset(rows) for pattern in patterns]
+    patterns = [ladder.pattern(k, rows) for k in (resolution, resolution - 2)]
     fine, coarse = (scan(pattern, omega[place], tolerance >= INTERPOLATED) for pattern in patterns)
     safety = SAFETY * (LONG if resolution < SETTLED else 1.0)
     error, rounding, unusual = estimated(fine, coarse, decay[place], safety / (2**ladder.scheme.order - 1), valid)
@@ -242,7 +250,7 @@ def rectangles(chosen: Array) -> Iterator[tuple[Array, Array, Array]]:
         yield np.arange(len(chosen)), points, np.ones(points.shape, dtype=bool)
         return
     count = chosen.sum(axis=1)
-    size = np.ceil(np.log2(np.maximum(count, 1))).astype(int)
+    size = np.ceil(np.log2(np.maximum(count, 1)) / ALIKE).astype(int)
     for key in np.unique(size[count > 0]):
         rows = np.flatnonzero((count > 0) & (size == key))
         width = int(count[rows].max())

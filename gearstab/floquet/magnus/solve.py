@@ -33,6 +33,8 @@ TYPICAL = 512
 WASTED = -1.0
 """A resolution of sixth order below which half of the points would do: the least one, 2, then leaves an error at most a
 thousandth of what is asked for, and fourth order may take less."""
+SMALL = 3
+"""Coordinates of a system whose points take so little that finding out would take more."""
 COARSE = 4
 """Resolution at which blocks are told apart: of CF4:2, in general position."""
 SAMPLES = Scheme("samples", 0, CF6_5.nodes, np.diag(CF6_5.weights.sum(axis=0)))
@@ -95,11 +97,11 @@ def ladder(division: Division, omega: Array, decay: Array, tolerance: float) -> 
     """The scheme that takes least, and the resolution ``(r, P)`` that each point is likely to need.
 
     Sixth order nearly always; where it does not get by with fewer than two steps between kinks, or for a low accuracy,
-    fourth order may do with less.
+    fourth order may do with less, which counts for large systems.
     """
     best = Ladder(division, CF6_5)
     wanted, enough = first(best, omega, decay, tolerance)
-    if enough < WASTED:
+    if enough < WASTED and division.elastic.static.shape[-1] > SMALL:
         other = Ladder(division, CF4_2)
         others, _ = first(other, omega, decay, tolerance)
         if _work(other, others) < _work(best, wanted):
@@ -123,10 +125,11 @@ def _varying(division: Division, omega: Array, exponents: bool, tolerance: float
     status = np.zeros(omega.shape, dtype=np.int16)
     size = 2 * elastic.static.shape[-1] + (0 if elastic.rigid_damping is None else elastic.rigid_damping.shape[1])
     table = np.full((*omega.shape, size), np.nan, dtype=complex) if exponents else None
-    for rows, points, pattern in _at_resolutions(chosen, found):
-        if elastic.damping is None:
+    if elastic.damping is None:
+        for rows, points, pattern in _at_resolutions(chosen, found, found.verdict == DOUBTFUL):
             _settled(found, status, pattern, rows, points, omega)
-        if table is not None:
+    if table is not None:
+        for rows, points, pattern in _at_resolutions(chosen, found, np.ones(omega.shape, dtype=bool)):
             own = omega[rows[:, None], points]
             if elastic.damping is None:
                 stable = found.verdict[rows[:, None], points] == STABLE
@@ -152,12 +155,11 @@ def _varying(division: Division, omega: Array, exponents: bool, tolerance: float
     )
 
 
-def _at_resolutions(chosen: Ladder, found: Estimates) -> Iterator[tuple[Array, Array, Pattern]]:
-    """(rows, points ``(q, c)``, pattern of these rows) that together are all points."""
-    for resolution in np.unique(found.resolution):
-        pattern = chosen.pattern(int(resolution))
-        for rows, points, _ in rectangles(found.resolution == resolution):
-            yield rows, points, pattern if len(rows) == len(pattern.rows) else pattern.subset(rows)
+def _at_resolutions(chosen: Ladder, found: Estimates, asked: Array) -> Iterator[tuple[Array, Array, Pattern]]:
+    """(rows, points ``(q, c)``, pattern of these rows) that together are the points ``asked`` (r, P) for."""
+    for resolution in np.unique(found.resolution[asked]):
+        for rows, points, _ in rectangles(asked & (found.resolution == resolution)):
+            yield rows, points, chosen.pattern(int(resolution), rows)
 
 
 def _settled(found: Estimates, status: Array, pattern: Pattern, rows: Array, points: Array, omega: Array) -> None:

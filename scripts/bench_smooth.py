@@ -1,0 +1,117 @@
+"""Smooth mesh stiffness: how much faster than DOP853 the Magnus steps are at an equal measured error.
+
+Both are given several tolerances; the CPU time a point that an error of 1e-6 takes is read off their curves: time over
+the largest error of the growth a period at some points, against an integrator in extended precision.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from time import process_time
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from gearstab.bench import reference
+from gearstab.bench.scene import Scene
+from gearstab.bench.smooth_methods import integration, periods
+from gearstab.config import load
+from gearstab.floquet import kernel, solve
+from gearstab.system import Array
+from gearstab.systems import build
+
+WAVEFORMS = Path(__file__).parent.parent / "configs" / "waveforms"
+SCENES = {"four harmonics": WAVEFORMS / "harmonics.yaml", "trapezoid": WAVEFORMS / "trapezoidal.yaml"}
+ERROR = 1e-6
+CHECKED = 16
+"""Mesh frequencies at which the errors are measured; DOP853 is timed on these."""
+MAGNUS = 10.0 ** -np.arange(3.0, 7.0)
+DOP853 = 10.0 ** -np.arange(4.0, 7.0, 0.5)
+ROUNDS = 7
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A method with a tolerance: seconds a point, the least of all rounds, and the measured error."""
+
+    seconds: float
+    error: float
+
+
+def timed(work: Callable[[], Array]) -> tuple[float, Array]:
+    """CPU seconds and the answer."""
+    start = process_time()
+    answer = work()
+    return process_time() - start, answer
+
+
+def magnus(scene: Scene, epsilon: Array, points: int, tolerance: float) -> Callable[[], Array]:
+    """Growth a period at the checked mesh frequencies, from all points of a map; the scene is the middle row."""
+    checked = scene.frequencies(CHECKED)
+    omega = np.sort(np.concatenate([np.linspace(scene.start, scene.stop, points - CHECKED), checked]))
+    system = replace(scene.system, meshes=tuple(replace(mesh, epsilon=epsilon) for mesh in scene.system.meshes))
+    chosen = np.searchsorted(omega, checked)
+
+    def work() -> Array:
+        found = solve(system, omega, tolerance=tolerance)
+        return found.growth_rate[len(epsilon) // 2, chosen] * periods(scene, checked)
+
+    return work
+
+
+def measured(works: list[tuple[Callable[[], Array], int]], truth: Array, rounds: int) -> list[Setting]:
+    """(work, its number of points) for each setting, a repetition of each in turn."""
+    seconds, answers = np.full(len(works), np.inf), [truth] * len(works)
+    for _ in range(rounds):
+        for k, (work, points) in enumerate(works):
+            took, answers[k] = timed(work)
+            seconds[k] = min(seconds[k], took / points)
+    errors = [float(np.abs(answer - truth).max()) for answer in answers]
+    return [Setting(float(s), e) for s, e in zip(seconds, errors, strict=True)]
+
+
+def seconds_at(settings: list[Setting]) -> float:
+    """A point, for the error ERROR: the cheapest setting that is as accurate, or between it and a less accurate one."""
+    enough = [setting for setting in settings if setting.error <= ERROR]
+    best = min(setting.seconds for setting in enough)
+    for more in enough:
+        for less in (setting for setting in settings if setting.error > ERROR):
+            share = np.log(ERROR / more.error) / np.log(less.error / more.error)
+            best = min(best, more.seconds * float((less.seconds / more.seconds) ** share))
+    return best
+
+
+def main() -> None:
+    """Measure and print the table."""
+    os.environ["GEARSTAB_THREADS"] = "1"
+    table = Table(title=f"CPU time a point for an error of {ERROR:.0e} in the growth a period, one core")
+    for heading in ("wave", "points", "Magnus, us", "DOP853, ms", "times faster"):
+        table.add_column(heading, justify="left" if heading == "wave" else "right", no_wrap=True)
+    for name, path in SCENES.items():
+        config = load(path)
+        axis = np.asarray(next(axis.values for axis in config.axes if axis.name == "mesh_frequency"), dtype=float)
+        scene = Scene(build(config.parameters), float(axis.min()), float(axis.max()))
+        middle = float(scene.system.meshes[0].epsilon)
+        checked = scene.frequencies(CHECKED)
+        truth = np.array([reference.growth(scene, omega) for omega in checked])
+
+        def integrated(tolerance: float, scene: Scene = scene, checked: Array = checked) -> Callable[[], Array]:
+            return lambda: integration("DOP853", True)(scene, checked, tolerance)
+
+        slow = seconds_at(measured([(integrated(t), CHECKED) for t in DOP853], truth, 3))
+        for rows, points in ((40, 1024), (1, 4000)):
+            epsilon = np.linspace(middle - 0.1, middle + 0.1, rows + 1)[:rows] if rows > 1 else np.array([middle])
+            works = [(magnus(scene, epsilon, points, t), rows * points) for t in MAGNUS]
+            fast = seconds_at(measured(works, truth, ROUNDS))
+            table.add_row(
+                name, f"{rows} x {points}", f"{1e6 * fast:.2f}", f"{1e3 * slow:.2f}", f"{slow / fast:.0f}"
+            )  # fmt: skip
+    Console(width=100).print(table, f"{kernel.name()} kernel", highlight=False)
+
+
+if __name__ == "__main__":
+    main()
