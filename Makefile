@@ -75,6 +75,7 @@ $(FIGURES): results/figures/%.$(FORMAT): results/%.h5 $(PLOTS) | $(VENV)/.instal
 
 results/figures/parker_2009/table1.$(FORMAT): PLOT_OPTIONS += --kind modes
 results/figures/kuria_kihiu_2008/steady.$(FORMAT): PLOT_OPTIONS += --kind teeth
+results/figures/kuria_kihiu_2008/contact_ratio.$(FORMAT): PLOT_OPTIONS += --kind curve --variable transmission_error_first_harmonic
 
 bench: $(VENV)/.installed ## speed and error of the methods, side by side
 	@$(BIN)/python scripts/bench.py
