@@ -88,8 +88,10 @@ class Force(Section):
 
 
 def no_harmonics(raw: Any, unit: str) -> Iterator[Conflict]:
-    """A conflict where neither sin nor cos has an entry."""
-    if isinstance(raw, dict) and not raw.get("sin") and not raw.get("cos"):
+    """A conflict where neither sin nor cos has an entry, nor an unknown key stands for them."""
+    if not isinstance(raw, dict) or not set(raw) <= set(Force.model_fields):
+        return
+    if not raw.get("sin") and not raw.get("cos"):
         yield (), "has no harmonics", f"add sin: [..] or cos: [..], amplitudes of the harmonics ({unit})"
 
 

@@ -127,11 +127,12 @@ class RotatingPair(System):
             yield ("allow_negative_stiffness",), "both stiffnesses are given and positive", "remove it"
         yield from exactly_one(raw, ("single_contact_angle", "contact_ratio"))
         one, two = _two_numbers(raw.get("torsional_stiffness"))
-        if one is not None and two is not None and two < one:
+        if one is not None and two is not None and 0 < two < one:
             hint = "give [one pair, two pairs]"
             yield ("torsional_stiffness",), "two pairs of teeth are softer than one", hint
         if raw.get("module") is not None and raw.get("radii") is not None:
             yield ("radii",), "module is given already", "keep one of module, radii"
+            return
         (r1, r2), (n1, n2) = _two_numbers(raw.get("radii")), _two_numbers(raw.get("teeth"))
         if r1 and r2 and n1 and n2 and not isclose(r1 * n2, r2 * n1, rel_tol=1e-6):
             hint = f"make r1/r2 = N1/N2 = {n1:g}/{n2:g}"

@@ -23,6 +23,7 @@ from gearstab.config.fields import (
     ToothCount,
 )
 from gearstab.config.gearbox_mesh import LUBRICATED, GearboxMesh
+from gearstab.config.gearbox_teeth import missing_of_teeth
 from gearstab.config.mesh import Named, ToothMesh
 from gearstab.config.problems import Path
 from gearstab.config.system import System
@@ -90,21 +91,14 @@ class Rotor(Teeth, Named):
     )
 
     @classmethod
-    def conflicts(cls, raw: dict[str, Any], shared: set[str]) -> Iterator[Conflict]:
-        """Enough to know its teeth, its inertia and, where it is supported, its mass."""
+    def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
+        """Inertia, and mass where it is supported, of what is no disc; teeth where there is what belongs to them."""
         geared = raw.get("teeth") is not None
-        known = shared | {key for key in raw if raw[key] is not None}
-        disc = {"face_width"} | (set() if "body_radius" in known else {"module"})
-        if geared:
-            for key in ("module", "pressure_angle"):
-                if key not in known:
-                    yield (key,), "is missing", f"add {key} to this gear, or to gears, which holds for all"
-        elif raw.get("body_radius") is None:
-            disc = {"no disc"}
-        if raw.get("inertia") is None and not disc <= known:
-            yield ("inertia",), "is missing", "add inertia (kg m^2), or face_width and body_radius of its disc"
-        if raw.get("support") is not None and raw.get("mass") is None and not disc <= known:
-            yield ("mass",), "is missing", "add mass (kg), or face_width and body_radius of its disc"
+        if not geared and raw.get("body_radius") is None:
+            if raw.get("inertia") is None:
+                yield ("inertia",), "is missing", "add inertia (kg m^2), or face_width and body_radius of its disc"
+            if raw.get("support") is not None and raw.get("mass") is None:
+                yield ("mass",), "is missing", "add mass (kg), or face_width and body_radius of its disc"
         if not geared:
             for key in (*OF_TEETH[:-1], "profile_shift", "internal"):
                 if raw.get(key) not in (None, False):
@@ -241,14 +235,14 @@ class Gearbox(System):
         shared = {key for key, value in gears.items() if value is not None} if isinstance(gears, dict) else set()
         rotors = _mappings(raw.get("rotors"))
         for i, rotor in rotors:
-            for path, message, hint in Rotor.conflicts(rotor, shared):
+            for path, message, hint in Rotor.conflicts(rotor):
                 yield ("rotors", i, *path), message, hint
         for i, shaft in _mappings(raw.get("shafts")):
             for path, message, hint in Shaft.conflicts(shaft):
                 yield ("shafts", i, *path), message, hint
         named = {str(rotor.get("name")): rotor for _, rotor in rotors}
         yield from _names(raw, named)
-        yield from _widths(raw, named, shared)
+        yield from missing_of_teeth(raw, shared)
         yield from _lubricated(raw)
         yield from _torques(raw)
 
@@ -266,6 +260,8 @@ def _names(raw: dict[str, Any], rotors: dict[str, dict[str, Any]]) -> Iterator[C
                 names[item["name"]] = 0
                 message = f"two {section} are called '{item['name']}'"
                 yield (section, i, "name"), message, "give each a name of its own"
+    if len(rotors) < len(_mappings(raw.get("rotors"))):
+        return  # one of two equal names was meant otherwise, which others may refer to
     used = [(("shafts", i, "between"), item.get("between"), False) for i, item in _mappings(raw.get("shafts"))]
     used += [(("meshes", i, "gears"), item.get("gears"), True) for i, item in _mappings(raw.get("meshes"))]
     for path, ends, geared in used:
@@ -290,19 +286,6 @@ def _rotor(
         yield path, f"there is no rotor '{name}'", f"name one of {', '.join(rotors)}"
     elif geared and rotors[name].get("teeth") is None:
         yield path, f"rotor '{name}' has no teeth", "name a gear, or give the rotor teeth"
-
-
-def _widths(raw: dict[str, Any], rotors: dict[str, dict[str, Any]], shared: set[str]) -> Iterator[Conflict]:
-    """Gears whose teeth are to give a stiffness have a face width."""
-    from gearstab.systems.gearbox.wanted import needs_width
-
-    for i, mesh in _mappings(raw.get("meshes")):
-        ends = mesh.get("gears") if isinstance(mesh.get("gears"), list) else []
-        lacking = [name for name in ends or [] if isinstance(name, str) and name in rotors]
-        lacking = [name for name in lacking if rotors[name].get("face_width") is None and "face_width" not in shared]
-        if lacking and needs_width(mesh):
-            message = f"the stiffness of its teeth depends on the face width, which '{lacking[0]}' does not have"
-            yield ("meshes", i), message, "add face_width to the gears, or mean_stiffness to the mesh"
 
 
 def _lubricated(raw: dict[str, Any]) -> Iterator[Conflict]:

@@ -119,7 +119,7 @@ def _read_system(document: Document, model: type[System], source: FilePath) -> _
     from gearstab.config import sweep
     from gearstab.config.introspection import as_parameters
     from gearstab.config.targets import value_at
-    from gearstab.config.validation import validate
+    from gearstab.config.validation import as_meant, validate
 
     raw = document.data["system"]
     _name_meshes(document, model)
@@ -131,7 +131,7 @@ def _read_system(document: Document, model: type[System], source: FilePath) -> _
         from_file["damping"] = {"matrix": contents["damping"]}
     layouts = sweep.layouts(sweep.Context(document, model, raw | from_file)) if "sweep" in document.data else []
     known = set(sweep.base_values(document, layouts))
-    for path, message, hint in model.conflicts(raw | from_file):
+    for path, message, hint in model.conflicts(as_meant(raw | from_file, model)):
         document.report(("system", *path), message, hint)
     system = validate(document, model, ("system",), known)
     built = [(layout.name, sweep.build(document, layout)) for layout in layouts]
@@ -256,14 +256,15 @@ def _read_respond(
     if model is not None and model.respond_model is not None:
         return _read_pair_respond(document)
     from gearstab.config.respond import Initial, Respond, drives, may_part
-    from gearstab.config.validation import validate
+    from gearstab.config.validation import as_meant, validate
 
     raw = document.data.get("system")
-    known = raw | (system.contents if system else {}) if isinstance(raw, dict) else {}
+    known = as_meant(raw, model) | (system.contents if system else {}) if isinstance(raw, dict) else {}
     size = model.size(known) if model else None
     section = document.data["respond"]
     if isinstance(section, dict):
-        for path, message, hint in Respond.conflicts(section, size, drives(known), may_part(known)):
+        meant = as_meant(section, Respond)
+        for path, message, hint in Respond.conflicts(meant, size, drives(known), may_part(known)):
             document.report(("respond", *path), message, hint)
     respond = validate(document, Respond, ("respond",))
     if respond is None or size is None:
@@ -276,11 +277,11 @@ def _read_respond(
 
 def _read_pair_respond(document: Document) -> PairRespond | None:
     from gearstab.config.respond_pair import PairRespond
-    from gearstab.config.validation import validate
+    from gearstab.config.validation import as_meant, validate
 
     section = document.data["respond"]
     if isinstance(section, dict):
-        for path, message, hint in PairRespond.conflicts(section, document.data["system"]):
+        for path, message, hint in PairRespond.conflicts(as_meant(section, PairRespond), document.data["system"]):
             document.report(("respond", *path), message, hint)
     return validate(document, PairRespond, ("respond",))
 

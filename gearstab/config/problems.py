@@ -64,10 +64,16 @@ def shown(value: Any) -> str:
     return text if len(text) <= LONGEST_VALUE else text[: LONGEST_VALUE - 3] + "..."
 
 
+def closest(name: str, choices: Iterable[str]) -> str | None:
+    """The choice that a name is most like, None where it is like none of them."""
+    lowered = {choice.lower(): choice for choice in choices}
+    found = get_close_matches(name.lower(), lowered, n=1, cutoff=0.6)
+    return lowered[found[0]] if found else None
+
+
 def nearest(name: str, choices: Iterable[str]) -> str:
     """The remedy for a name that does not exist: the nearest one that does, or all of them."""
     known = list(choices)
-    lowered = {choice.lower(): choice for choice in known}
-    if found := get_close_matches(name.lower(), lowered, n=1, cutoff=0.6):
-        return f"did you mean '{lowered[found[0]]}'?"
+    if found := closest(name, known):
+        return f"did you mean '{found}'?"
     return "available: " + ", ".join(known[:LONGEST_LIST]) + ", ..." * (len(known) > LONGEST_LIST)

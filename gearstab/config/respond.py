@@ -100,6 +100,7 @@ def _of_steady_state(raw: dict[str, Any], driven: bool) -> Iterator[Conflict]:
     if not driven:
         remedy = "give system.load, a mesh's transmission_error or system.forces"
         yield ("steady_state",), "nothing drives the system", remedy
+        return
     for key in ("duration", "cycles", "initial"):
         if raw.get(key) is not None:
             yield (key,), "has no place beside steady_state", "remove it, or set steady_state: false"

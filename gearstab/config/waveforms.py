@@ -68,6 +68,7 @@ FORMS: dict[str, Form] = {
 }
 """The kinds of waveforms and their keys, one line each."""
 
+
 class Waveform(Section):
     """The shape of the mesh stiffness over its period; which keys it has depends on its kind."""
 
@@ -124,7 +125,6 @@ class Waveform(Section):
         title="interpolation",
         description="sampled, pair: linear (order 2, the default) or cubic, a spline (order 4, overshoots at jumps).",
     )
-
     harmonics: Annotated[int, Field(ge=1, le=MOST_HARMONICS), Whole()] | None = Field(
         default=None, title="harmonics", description="tooth: keep the wave's first harmonics only; all without."
     )
@@ -144,7 +144,8 @@ class Waveform(Section):
             if raw.get(key) is None:
                 description = (cls.model_fields[key].description or "").partition(": ")[2]
                 yield (key,), "is missing", f"add {key}: {description.rstrip('.')}"
-        if kind == "fourier" and not raw.get("sin") and not raw.get("cos"):
+        known = set(raw) <= set(cls.model_fields)
+        if kind == "fourier" and known and not raw.get("sin") and not raw.get("cos"):
             yield (), "has no harmonics", "add sin: [..] or cos: [..], the coefficients of the harmonics"
         if form.shapes:
             yield from _samples(raw, kind, form)
@@ -155,14 +156,18 @@ def _samples(raw: dict[str, Any], kind: str, form: Form) -> Iterator[Conflict]:
     if phase is not None and all(raw.get(key) is None for key in form.shapes):
         yield ("stiffness",), "is missing", "add stiffness: one number for each phase"
         return
+    given = [key for key in form.shapes if raw.get(key) is not None]
     yield from exactly_one(raw, form.shapes)
+    if len(given) > 1:
+        return
     if raw.get("ends") is not None and raw.get("shape") != "parabolic":
         yield ("ends",), "belongs to a parabolic shape", "remove it, or choose shape: parabolic"
-    if raw.get("shape") is not None and stiffness is None:
+    if raw.get("shape") is not None:
         for key in ("phase", "interpolation"):
             if raw.get(key) is not None:
                 yield (key,), "belongs to sampled stiffness", "remove it, or give stiffness instead of shape"
-    yield from () if raw.get("shape") is not None else at_most_one(raw, ("pair_stiffness", "file", "stiffness"))
+    elif "pair_stiffness" in form.keys:
+        yield from at_most_one(raw, ("pair_stiffness", "file", "stiffness"))
     if raw.get("file") is not None and phase is not None:
         yield ("phase",), "file is given already", "keep one of file, phase"
     elif stiffness is not None and phase is None:
