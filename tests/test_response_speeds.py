@@ -8,6 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from driven_reference import force_peaks
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from test_response_driven import CASES, pair, train, with_waves
 
 from gearstab import floquet
@@ -16,6 +19,7 @@ from gearstab.config import load
 from gearstab.response import harmonics, steady_state
 from gearstab.response.equilibrium import static_mesh_force
 from gearstab.response.excitation import excitation
+from gearstab.response.extremes import NODES, extremes
 from gearstab.response.speeds import SpeedResponse, speed_response
 from gearstab.response.steady import STATUS_FLAGS
 from gearstab.results import open_result
@@ -44,6 +48,64 @@ def test_measures_are_those_of_the_histories(name: str) -> None:
         assert bool(found.status[0, k] & STATUS_FLAGS["separation"]) == ("separation" in history.findings)
     static = static_mesh_force(system)
     np.testing.assert_allclose(found.dynamic_load_factor, found.mesh_force_peak / np.abs(static), rtol=1e-14)
+
+
+@pytest.mark.parametrize("name", ["piecewise constant", "unequal frequencies", "smooth waves"])
+def test_peaks_are_those_of_the_continuous_motion(name: str) -> None:
+    """At a speed where vibrations are short: between the samples, and on both sides of jumps."""
+    system, _ = CASES[name]
+    begin = steady_state(system, 0.8, 20)
+    state = np.concatenate([begin.displacement[0], begin.velocity[0]])
+    low, high = force_peaks(system, 0.8, state, begin.common_period)
+    found = speed_response(system, np.array([0.8]), 100)
+    # The reference's interpolation and search: 1e-9; smooth waves are followed to 1e-9 a period.
+    near = {"rtol": 2e-8, "atol": 2e-9}
+    np.testing.assert_allclose(found.mesh_force_peak[0, 0], np.maximum(np.abs(low), np.abs(high))[0], **near)
+    np.testing.assert_allclose(found.mesh_force_min[0, 0], low[0], **near)
+    np.testing.assert_allclose(found.transmission_error_peak_to_peak[0, 0], (high - low)[1], **near)
+    assert not found.status[0, 0] & STATUS_FLAGS["unresolved"]
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_what_is_not_called_unresolved_is_right(name: str) -> None:
+    """Few samples against many: what is flagged may be wrong, what is not has right extremes."""
+    system, _ = CASES[name]
+    speeds = np.array([0.31, 0.8])
+    few, more, many = (speed_response(system, speeds, count) for count in (24, 100, 400))
+    for found, tolerance in ((few, 3e-6), (more, 1e-7)):
+        known = found.status[0] & STATUS_FLAGS["unresolved"] == 0
+        for part in ("mesh_force_peak", "mesh_force_min", "transmission_error_peak_to_peak"):
+            values, scale = getattr(many, part)[0], many.mesh_force_peak[0]
+            error = np.abs(getattr(found, part)[0] - values) / np.maximum(scale, np.abs(values))
+            assert np.all(error[known] < tolerance), (part, error, known)
+    assert many.status[0, 1] & STATUS_FLAGS["unresolved"] == 0
+
+
+@given(st.lists(st.tuples(st.floats(-1, 1), st.floats(0, 2), st.floats(-3, 3)), min_size=1, max_size=4))
+@settings(deadline=None, max_examples=50)
+def test_extremes_between_samples(waves: list[tuple[float, float, float]]) -> None:
+    """Of sums of cosines of up to two radians a panel, on three panels, the ends included."""
+
+    def value(t: np.ndarray, order: int = 0) -> np.ndarray:
+        return sum((a * w**order * np.cos(w * t + c + order * np.pi / 2) for a, w, c in waves), np.zeros(t.shape))
+
+    nodes = np.arange(3)[:, None] + NODES
+    low, high, _ = extremes(value(nodes), value(nodes, 1))
+    # 3e5 points miss a peak by (2 rad * 5e-6)^2/2 at most; the polynomials by 2^10/4e10 = 2.5e-8 a wave.
+    values = value(np.linspace(0.0, 3.0, 300_001))
+    size = sum(abs(a) for a, _, _ in waves)
+    assert abs(low - values.min()) <= 3e-8 * size + 1e-12
+    assert abs(high - values.max()) <= 3e-8 * size + 1e-12
+    assert low <= value(nodes).min()
+    assert high >= value(nodes).max()
+
+
+def test_extremes_of_what_is_constant_and_of_what_is_not_known() -> None:
+    values = np.stack([np.full((4, 5), 2.5), np.full((4, 5), np.nan), np.zeros((4, 5))], axis=-1)
+    low, high, doubt = extremes(values, np.zeros(values.shape))
+    np.testing.assert_array_equal(low, [2.5, np.nan, 0.0])
+    np.testing.assert_array_equal(high, low)
+    np.testing.assert_allclose(doubt[[0, 2]], 0.0, atol=1e-14)
 
 
 def test_root_mean_squares_are_parseval_sums() -> None:

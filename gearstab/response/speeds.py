@@ -15,6 +15,8 @@ from gearstab.system import Array, GearSystem
 
 UNRESOLVED = 0.02
 """Relative difference of two integration rules for a mean square beyond which the samples are too few."""
+DOUBTFUL = 2e-3
+"""Part of the peak-to-peak value by which values without derivatives may miss a curve: with them it is some 1e-8."""
 STEADY = 1e-12
 """Fluctuations below this part of a force are rounding."""
 
@@ -58,8 +60,8 @@ def speed_response(
     ----------
     system: any batch shape; the result has one row for each entry of the flattened batch.
     mesh_frequency: Omega, ``(P,)`` for all rows or ``(rows, P)``, positive.
-    samples_per_cycle: about so many samples in a period of the first mesh; extremes are those of a polynomial of
-        degree four through every five of them, so that their error falls with the fourth power.
+    samples_per_cycle: about so many samples in a period of the first mesh; extremes are those of polynomials of
+        degree nine through every five of them and their derivatives, and right to 1e-7 where nothing is unresolved.
     tolerance: of the map over a period where functions vary smoothly, relative.
 
     Raises
@@ -95,6 +97,7 @@ def _measured(begin: Start, static: Array, pairs: Contact, samples_per_cycle: in
     origin: Array | None = None
     first, second, rough = np.zeros((3, 2, count, meshes))
     fewest, more = np.full((2, count, meshes), -np.inf)
+    doubt = np.zeros((2, count, meshes))
     harmonic = np.zeros((count, meshes), dtype=complex)
     cycles = np.array(begin.points.excitation.counts[:meshes])
     with np.errstate(over="ignore", invalid="ignore"):
@@ -102,11 +105,12 @@ def _measured(begin: Start, static: Array, pairs: Contact, samples_per_cycle: in
             values = np.stack([piece.force, piece.deflection], axis=3)
             if origin is None:
                 origin = values[0, 0]
-            ends = piece.extremes(values)
-            low, high = np.minimum(low, np.moveaxis(ends[0], 1, 0)), np.maximum(high, np.moveaxis(ends[1], 1, 0))
+            ends = piece.extremes()
+            least, greatest, off = (np.moveaxis(part, 1, 0) for part in ends)
+            low, high, doubt = np.minimum(low, least), np.maximum(high, greatest), np.maximum(doubt, off)
             # Pairs enter and leave between intervals, so that the middle of one tells.
             few = pairs.fewest(0.5 * (piece.tau[0, 0] + piece.tau[-1, -1])[:, None] * cycles)
-            largest = np.maximum(np.abs(ends[0][:, 0]), np.abs(ends[1][:, 0]))
+            largest = np.maximum(np.abs(least[0]), np.abs(greatest[0]))
             fewest = np.maximum(fewest, np.where(few, largest, -np.inf))
             more = np.maximum(more, np.where(few, -np.inf, largest))
             harmonic += 2 * piece.mean(np.exp(-2j * np.pi * piece.tau[..., None] * cycles) * piece.deflection)
@@ -121,6 +125,7 @@ def _measured(begin: Start, static: Array, pairs: Contact, samples_per_cycle: in
     status = begin.status.copy()
     parting = np.any(np.where(static > 0, low[0] < 0, (static < 0) & (high[0] > 0)), axis=1)
     blurred = np.abs(rough - second)[0] > UNRESOLVED * variance[0] + (STEADY * peak) ** 2
+    blurred |= np.any(doubt > DOUBTFUL * (high - low) + STEADY * np.maximum(np.abs(low), np.abs(high)), axis=0)
     status[parting] |= STATUS_FLAGS["separation"]
     status[np.any(blurred, axis=1)] |= STATUS_FLAGS["unresolved"]
     found = np.stack([
