@@ -356,6 +356,8 @@ class TestKernel:
         ours, theirs = (m.trace_change(rho, other, 1.5) for m in (c_kernel, numpy_kernel))
         for a, b in zip(ours, theirs, strict=True):
             np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-300)
+        ours, theirs = (m.trace_condition(rho[0], np.full(40, 1e-13)) for m in (c_kernel, numpy_kernel))
+        np.testing.assert_allclose(ours, theirs, rtol=1e-12, atol=0)
 
     def test_rounding_of_a_thousand_exponentials(self):
         (division,) = steps.divisions(two_stage(WAVE, WAVE))

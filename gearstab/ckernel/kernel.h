@@ -55,9 +55,11 @@ struct level {
     int (*symmetric)(int64_t first, int64_t last, int64_t n, const double *matrix, double *values, double *vectors);
 };
 
-/* Moved traces, see nearest.c. */
+/* Moved traces and their condition, see nearest.c. */
 void gearstab_trace_change(int64_t count, int64_t n, double weight, const double *fine, const double *coarse,
                            double *change, double *largest);
+void gearstab_trace_condition(int64_t count, int64_t n, const double *rho, const double *least, double *moved,
+                              double *apart);
 
 extern const struct level gearstab_plain;
 extern const struct level gearstab_avx2;

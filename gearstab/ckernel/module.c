@@ -260,11 +260,27 @@ static PyObject *py_trace_change(PyObject *self, PyObject *arguments) {
     return finish(&b, fit, 0);
 }
 
+static PyObject *py_trace_condition(PyObject *self, PyObject *arguments) {
+    (void)self;
+    struct buffers b = {0};
+    Py_ssize_t count, n;
+    if (!PyArg_ParseTuple(arguments, "nny*y*w*w*", &count, &n, &b.view[0], &b.view[1], &b.view[2], &b.view[3]))
+        return finish(&b, 1, 0);
+    int fit = FITS(&b.view[0], 8, count, n, 2) && FITS(&b.view[1], 8, count) && FITS(&b.view[2], 8, count) &&
+              FITS(&b.view[3], 8, count);
+    if (fit) {
+        Py_BEGIN_ALLOW_THREADS
+        gearstab_trace_condition(count, n, b.view[0].buf, b.view[1].buf, b.view[2].buf, b.view[3].buf);
+        Py_END_ALLOW_THREADS
+    }
+    return finish(&b, fit, 0);
+}
+
 static PyMethodDef METHODS[] = {
     {"levels", py_levels, METH_NOARGS, "levels(): names of the levels of vector instructions available, the best last."},
     {"scan", py_scan, METH_VARARGS,
      "scan(level, (rows, segments, states, n, cycles), squared, fractions, state, change, first, last, points, omega, "
-     "verdict, growth, rho=)"},
+     "verdict, growth, rho=, magnified=)"},
     {"monodromy", py_monodromy, METH_VARARGS,
      "monodromy(level, (rows, segments, states, n, cycles), squared, fractions, state, change, first, last, points, row, "
      "omega, matrix, scale)"},
@@ -275,6 +291,7 @@ static PyMethodDef METHODS[] = {
      "scan_damped(level, (rows, segments, states, m, cycles), decay, frequency, fractions, state, change, first, last, "
      "points, omega, growth, scale, multipliers=)"},
     {"trace_change", py_trace_change, METH_VARARGS, "trace_change(count, n, weight, fine, coarse, change, largest)"},
+    {"trace_condition", py_trace_condition, METH_VARARGS, "trace_condition(count, n, rho, least, moved, apart)"},
     {"symmetric", py_symmetric, METH_VARARGS, "symmetric(level, count, n, matrix, values, vectors)"},
     {NULL, NULL, 0, NULL},
 };

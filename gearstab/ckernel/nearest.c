@@ -1,9 +1,20 @@
 /* How far the traces rho = lambda + 1/lambda of many points have moved between two computations. */
 
+#include <float.h>
 #include <math.h>
 #include <stdint.h>
 
 #include "kernel.h"
+
+/* |rho^2 - 4|^(1/2) = |lambda - 1/lambda| of rho = x + iy. */
+static double split(double x, double y) {
+    if (y == 0.0)
+        return sqrt(fabs((x - 2.0) * (x + 2.0)));
+    double square = (x - 2.0) * (x + 2.0) - y * y, twist = 2.0 * x * y;
+    return sqrt(sqrt(square * square + twist * twist));
+}
+
+static double distance(double x, double y) { return y == 0.0 ? fabs(x) : sqrt(x * x + y * y); }
 
 /* The numbers of compare.py, which says what they mean: fine and coarse (count, n, 2), change and largest (count,). */
 void gearstab_trace_change(int64_t count, int64_t n, double weight, const double *fine, const double *coarse,
@@ -12,24 +23,50 @@ void gearstab_trace_change(int64_t count, int64_t n, double weight, const double
         double most = 1.0, worst = 0.0;
         for (int64_t i = 0; i < n; i++) {
             double x = fine[2 * i], y = fine[2 * i + 1];
-            double square = x * x - y * y - 4.0, twist = 2.0 * x * y;
-            double modulus = 0.5 * (sqrt(x * x + y * y) + sqrt(sqrt(square * square + twist * twist)));
+            double modulus = 0.5 * (distance(x, y) + split(x, y));
             most = modulus > most || modulus != modulus ? modulus : most;
         }
         for (int64_t i = 0; i < n; i++) {
             double x = fine[2 * i], y = fine[2 * i + 1], least = INFINITY;
             for (int64_t j = 0; j < n; j++) {
-                double dx = coarse[2 * j] - x, dy = coarse[2 * j + 1] - y, distance = dx * dx + dy * dy;
-                least = distance < least || distance != distance ? distance : least;
+                double dx = coarse[2 * j] - x, dy = coarse[2 * j + 1] - y, square = dx * dx + dy * dy;
+                least = square < least || square != square ? square : least;
             }
-            double square = x * x - y * y - 4.0, twist = 2.0 * x * y;
-            double root = sqrt(sqrt(square * square + twist * twist)), gap = sqrt(least);
-            double modulus = 0.5 * (sqrt(x * x + y * y) + root), share = weight * modulus / most;
+            if (least == 0.0)
+                continue;
+            double root = split(x, y), gap = sqrt(least), share = weight * 0.5 * (distance(x, y) + root) / most;
             double divisor = root * root > gap ? root : sqrt(gap);
-            double moved = gap == 0.0 ? 0.0 : gap / divisor * (share < 1.0 ? share : 1.0);
+            double moved = gap / divisor * (share < 1.0 ? share : 1.0);
             worst = moved > worst || moved != moved ? moved : worst;
         }
         change[p] = worst;
         largest[p] = most;
+    }
+}
+
+/* The numbers of numpy_kernel.trace_condition: rho (count, n, 2), least, moved and apart (count,). */
+void gearstab_trace_condition(int64_t count, int64_t n, const double *rho, const double *least, double *moved,
+                              double *apart) {
+    for (int64_t p = 0; p < count; p++, rho += 2 * n) {
+        double worst = 0.0, closest = INFINITY, edge = sqrt(least[p]);
+        for (int64_t i = 0; i < n; i++) {
+            double x = rho[2 * i], y = rho[2 * i + 1], root = split(x, y), nearest = INFINITY;
+            for (int64_t j = 0; j < n; j++) {
+                if (j == i)
+                    continue;
+                double gap = distance(x - rho[2 * j], y - rho[2 * j + 1]);
+                double size = root > DBL_MIN ? root : DBL_MIN;
+                nearest = gap < nearest ? gap : nearest;
+                /* The smaller of both quotients of a pair is met at the one with the larger root. */
+                closest = gap / size < closest ? gap / size : closest;
+            }
+            nearest = nearest > 1.0 ? 1.0 : nearest < edge ? edge : nearest;
+            double shift = least[p] / nearest, divisor = root * root > shift ? root : sqrt(shift);
+            double turned = shift == 0.0 ? 0.0 : shift / divisor;
+            worst = turned > worst || turned != turned ? turned : worst;
+            closest = root < closest || root != root ? root : closest;
+        }
+        moved[p] = worst;
+        apart[p] = closest;
     }
 }

@@ -123,6 +123,14 @@ def trace_change(rho: Array, other: Array, weight: float) -> tuple[Array, Array]
     return change, largest
 
 
+def trace_condition(rho: Array, least: Array) -> tuple[Array, Array]:
+    """(moved, apart) of traces, as of the NumPy kernel."""
+    given, noise = np.ascontiguousarray(rho, dtype=complex), _contiguous(least)
+    moved, apart = np.empty(noise.shape), np.empty(noise.shape)
+    _library().trace_condition(noise.size, rho.shape[-1], given, noise, moved, apart)
+    return moved, apart
+
+
 def log_multipliers(pattern: Pattern, omega: Array, bound: float) -> Array:
     """ln lambda ``(r, P, 2n)``, imaginary parts in (-pi, pi]; NaN where an entry of M exceeds the bound."""
     with np.errstate(invalid="ignore"):

@@ -13,6 +13,8 @@ A kernel is a module that offers, for a pattern (:class:`~gearstab.floquet.segme
   all multipliers, ``(r, P, n)`` in no order; NaN where the monodromy matrix had to be scaled; by how much rounding
   errors exceed those of a product, ``(r, P)``, where matrices may be interpolated over mesh frequency;
 * ``trace_change(rho, other, weight) -> (change, largest)``: how far two such sets of traces are apart;
+* ``trace_condition(rho, least) -> (moved, apart)``: how far a small change of the matrix moves multipliers, and how
+  close two of them are;
 * ``scan_damped(pattern, generator, omega) -> (growth, scale)``: ln max |lambda| a common period of a damped pattern
   and the logarithm of the size of its monodromy matrix, ``(r, P)`` each;
 * ``multipliers_damped(pattern, generator, omega) -> (growth, scale, multipliers)``: the same and all multipliers over

@@ -164,6 +164,25 @@ def trace_change(rho: Array, other: Array, weight: float) -> tuple[Array, Array]
     return (moved * share).max(axis=-1, initial=0.0), largest
 
 
+def trace_condition(rho: Array, least: Array) -> tuple[Array, Array]:
+    """(moved, apart) ``(P,)``: how far a change ``least`` (P,) of the matrix may move multipliers, and how close two of
+    them are, as an angle.
+
+    rho: lambda + 1/lambda ``(P, n)``. A change of the matrix moves rho the more the nearer another rho is, and a
+    multiplier the more the nearer rho is to +-2, where it meets its inverse.
+    """
+    root = np.sqrt(np.abs(rho * rho - 4))
+    gap = np.abs(rho[:, :, None] - rho[:, None, :])
+    each = np.arange(rho.shape[-1])
+    gap[:, each, each] = np.inf
+    shift = least[:, None] / np.clip(gap.min(axis=-1, initial=np.inf), np.sqrt(least)[:, None], 1.0)
+    moved = (shift / np.maximum(root, np.sqrt(shift))).max(axis=-1, initial=0.0)
+    # Angles on the circle: 2 cos theta = rho, so that rho^2 - 4 = -(2 sin theta)^2.
+    between = gap / np.maximum(np.maximum(root[:, :, None], root[:, None, :]), np.finfo(float).tiny)
+    apart = np.minimum(root.min(axis=-1, initial=np.inf), between.min(axis=(-1, -2), initial=np.inf))
+    return np.asarray(moved), np.asarray(apart)
+
+
 def log_multipliers(pattern: Pattern, omega: Array, bound: float) -> Array:
     """ln lambda ``(r, P, 2n)`` from the eigenvalues of M; NaN where an entry of M exceeds the bound."""
     logs = np.full((*omega.shape, 2 * pattern.size), np.nan, dtype=complex)

@@ -96,26 +96,13 @@ def _noise(rho: Array, rounding: Array, largest: Array) -> Array:
 
     rho ``(P, n)``. Multipliers that coincide without acting on each other do not show it.
     """
-    least = (rounding * largest)[:, None]
-    apart = np.abs(rho[:, :, None] - rho[:, None, :])
-    each = np.arange(rho.shape[-1])
-    apart[:, each, each] = np.inf
-    moved = least / np.clip(apart.min(axis=-1, initial=np.inf), np.sqrt(least), 1.0)
-    root = np.sqrt(np.abs(rho * rho - 4))
-    worst = (moved / np.maximum(root, np.sqrt(moved))).max(axis=-1, initial=0.0)
-    return np.asarray(np.maximum(worst, least[:, 0]) / largest)
+    least = rounding * largest
+    return np.asarray(np.maximum(kernel.current().trace_condition(rho, least)[0], least) / largest)
 
 
 def colliding(rho: Array, error: Array) -> Array:
     """``(P,)``: whether two multipliers, of traces ``(P, n)``, may in truth have met, or not have met."""
-    root = np.sqrt(np.abs(rho * rho - 4))
-    each = np.arange(rho.shape[-1])
-    apart = np.abs(rho[:, :, None] - rho[:, None, :])
-    apart[:, each, each] = np.inf
-    # Angles on the circle: 2 cos theta = rho, so that rho^2 - 4 = -(2 sin theta)^2.
-    between = apart / np.maximum(np.maximum(root[:, :, None], root[:, None, :]), np.finfo(float).tiny)
-    least = np.minimum(root.min(axis=-1, initial=np.inf), between.min(axis=(-1, -2), initial=np.inf))
-    return np.asarray(least <= NEAR * error)
+    return np.asarray(kernel.current().trace_condition(rho, error)[1] <= NEAR * error)
 
 
 def _difference_damped(fine: Scan, coarse: Scan) -> tuple[Array, Array]:

@@ -123,7 +123,9 @@ def estimates(ladder: Ladder, omega: Array, decay: Array, tolerance: float, want
         # Where rounding has the last word more steps do not help.
         steps = _more(np.maximum(error - rounding, 0.0) / np.maximum(AIM * tolerance, rounding), ladder.scheme.order)
         again = (error > tolerance) & (error > 2 * rounding) & (found.resolution[chosen] < last[chosen])
-        found.resolution[chosen] = np.minimum(current + np.where(again, np.maximum(steps, 1), 0), last[chosen])
+        # By doublings, as few points rarely need so many resolutions of their own.
+        more = 2 * np.maximum((steps + 1) // 2, 1)
+        found.resolution[chosen] = np.minimum(current + np.where(again, more, 0), last[chosen])
         pending[chosen] = again
     return found
 
