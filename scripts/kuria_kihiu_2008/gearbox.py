@@ -15,7 +15,7 @@ from gearstab.systems import build
 from kuria_kihiu_2008.common import SPEED, Design, pairs, parameters, static_forces
 from statements import Runs, Statement, numbers
 
-SAMPLES = 100
+SAMPLES = 200
 """Of a cycle of mesh I; the largest loads are resolved."""
 
 
