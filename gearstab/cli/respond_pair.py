@@ -127,7 +127,7 @@ def _spectrum(wanted: PairRespond, pair: RotatingPair, found: PairResponse, step
     if len(history) < SHORTEST:
         return {}
     part = spectrum(history, step, wanted.spectrum.window, wanted.spectrum.peaks)
-    unit = float(pair.numbers.damped_frequency)
+    unit = float(pair.numbers.damped_frequency) or np.nan
     return {
         "frequency": part.frequency,
         "normalised_frequency": part.frequency / unit,
@@ -141,6 +141,7 @@ def _spectrum(wanted: PairRespond, pair: RotatingPair, found: PairResponse, step
 
 def _attributes(wanted: PairRespond, pair: RotatingPair, found: PairResponse) -> dict[str, Any]:
     numbers = pair.numbers
+    overdamped = "; from the damping ratio 1 on there is no w_d, and normalised frequencies are NaN"
     known = {
         "formulation": pair.formulation,
         "status": found.status_text,
@@ -152,7 +153,7 @@ def _attributes(wanted: PairRespond, pair: RotatingPair, found: PairResponse) ->
         "static_deflection": float(numbers.load),
         "comment": "mesh_frequency: at the beginning (rad/s); natural_frequency: w0 = sqrt(M2 (k1 + k2)/2) (rad/s); "
         "damped_natural_frequency: w_d (rad/s); static_deflection: T0/k0 (rad); end_time: when the run ended (s); "
-        "mesh_cycles: by how many theta has advanced then",
+        "mesh_cycles: by how many theta has advanced then" + overdamped * (not numbers.damped_frequency > 0),
     }
     return known | ({"stall_time": found.stalled} if found.stalled < inf else {})
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Annotated, Any
 
-from pydantic import Field
+from pydantic import Field, GetJsonSchemaHandler
+from pydantic_core import core_schema
 
 from gearstab.config.fields import ExactRatio, NameText, Number, Quantity, Section
 from gearstab.config.problems import Path
@@ -17,6 +18,20 @@ ErrorAmplitude = Annotated[float, Quantity("m", ("rad",))]
 ForceAmplitude = Annotated[float, Quantity("N", ("N m",))]
 Load = list[ForceAmplitude]
 """Constant generalised forces, one a coordinate."""
+
+
+class OneAsWell:
+    """Lets the schema of a list admit its one entry by itself, which :mod:`gearstab.config.loading` makes a list."""
+
+    def __get_pydantic_json_schema__(
+        self, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        plain = handler(schema)
+        return {"anyOf": [plain["items"], plain | {"minItems": 1, "maxItems": 1}]}
+
+
+LoadOfOne = Annotated[Load, OneAsWell()]
+"""That of a system of one coordinate."""
 
 MOST_HARMONICS = 100
 

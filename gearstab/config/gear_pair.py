@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 from pydantic import Field
 
 from gearstab.config.fields import Choice, Mass, NonNegative, Quantity, Section, Whole
-from gearstab.config.forcing import Load, wrong_load
+from gearstab.config.forcing import LoadOfOne, wrong_load
 from gearstab.config.mesh import Conflict, Mesh, exactly_one
 from gearstab.config.respond_pair import PairRespond
 from gearstab.config.system import System
@@ -43,8 +43,8 @@ class GearPair(System):
         title="equivalent mass", description="m = 1/(r1^2/J1 + r2^2/J2), along the line of action (kg)."
     )
     meshes: tuple[Mesh] = Field(title="meshes", description="Exactly one tooth mesh.")
-    load: Load | None = Field(
-        default=None, title="load", description="The static force along the line of action, a list of one number (N)."
+    load: LoadOfOne | None = Field(
+        default=None, title="load", description="The static force along the line of action (N)."
     )
 
     @classmethod

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
@@ -118,12 +118,13 @@ def _read_system(document: Document, model: type[System], source: FilePath) -> _
     """The sections ``system`` and ``sweep``; None after reporting problems."""
     from gearstab.config import sweep
     from gearstab.config.introspection import as_parameters
+    from gearstab.config.samples import check_variation
     from gearstab.config.targets import value_at
     from gearstab.config.validation import as_meant, validate
 
     raw = document.data["system"]
     _name_meshes(document, model)
-    _nest_damping_matrix(document)
+    _nest(document)
     contents = _read_matrices(document, source)
     samples = _read_samples(document, source)
     from_file: dict[str, Any] = {k: v for k, v in contents.items() if k != "damping"}
@@ -137,13 +138,14 @@ def _read_system(document: Document, model: type[System], source: FilePath) -> _
     built = [(layout.name, sweep.build(document, layout)) for layout in layouts]
     if system is None:
         return None
+    axes = tuple(item[0] for _, item in built if item)
     undamped = {"damping_ratio": 0.0} if (raw | from_file).get("damping") is None else {}
     plain = {"kind": raw["kind"]} | undamped | system.model_dump(mode="json", exclude_none=True)
     parameters = undamped | as_parameters(system) | from_file
     for where, values in samples.items():
         value_at(parameters, where).update(phase=values[0], stiffness=values[1])
+    check_variation(document, samples, axes)
     contents |= {dotted(where): values for where, values in samples.items()}
-    axes = tuple(item[0] for _, item in built if item)
     return _System(plain, parameters, contents, axes, {name: item[1] for name, item in built if item})
 
 
@@ -155,9 +157,12 @@ def _name_meshes(document: Document, model: type[System]) -> None:
             document.put(("system", "meshes", i, "name"), name, document.where(("system", "meshes", i)))
 
 
-def _nest_damping_matrix(document: Document) -> None:
-    """A model given as matrices may give ``damping`` as nested lists, as it does ``mass`` and ``stiffness``."""
+def _nest(document: Document) -> None:
+    """What may be written in short: ``damping`` of a model given as matrices, ``load`` of one coordinate."""
     system = document.data["system"]
+    if system["kind"] == "gear_pair" and isinstance(system.get("load"), int | float | str):
+        system["load"] = [system["load"]]
+        document.move(("system", "load"), ("system", "load", 0))
     if system["kind"] == "matrices" and isinstance(system.get("damping"), list):
         system["damping"] = {"matrix": system["damping"]}
         document.move(("system", "damping"), ("system", "damping", "matrix"))
@@ -186,8 +191,10 @@ def _read_matrices(document: Document, source: FilePath) -> dict[str, Array]:
 
 def _read_samples(document: Document, source: FilePath) -> dict[Path, Array]:
     """What the files of waveforms hold, by the place of the waveform below ``system``; problems are reported."""
+    from gearstab.config.samples import waveforms
+
     found: dict[Path, Array] = {}
-    for path, waveform in _waveforms(document.data["system"], ()):
+    for path, waveform in waveforms(document.data["system"], ()):
         name = waveform.get("file")
         if not isinstance(name, str):
             continue
@@ -200,16 +207,6 @@ def _read_samples(document: Document, source: FilePath) -> dict[Path, Array]:
         except ModelFileError as error:
             document.report(("system", *path, "file"), str(error), error.hint, value=name)
     return found
-
-
-def _waveforms(value: Any, path: Path) -> Iterator[tuple[Path, dict[str, Any]]]:
-    """The sections ``waveform`` below a value, with their paths."""
-    items: Any = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
-    for key, inner in items:
-        if key == "waveform" and isinstance(inner, dict):
-            yield (*path, key), inner
-        else:
-            yield from _waveforms(inner, (*path, key))
 
 
 def _read_methods(document: Document) -> Methods | None:

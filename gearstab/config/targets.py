@@ -125,7 +125,7 @@ def _walk(name: str, parts: list[str], model: type[System], raw: dict[str, Any])
     step: str | int
     for part in parts:
         if annotation is Waveform and part in field_types(annotation):
-            _check_waveform(part, value)
+            _check_waveform(part, value, dotted(("system", *path, part)))
         if is_model(annotation) and part in field_types(annotation):
             field = annotation.model_fields[part]
             title, default = field.title or part, _default(field, part)
@@ -148,8 +148,10 @@ def _walk(name: str, parts: list[str], model: type[System], raw: dict[str, Any])
     return Target(_mirrored(path), annotation, title + owner, default)
 
 
-def _check_waveform(key: str, waveform: Any) -> None:
-    """A wave varies with the keys of its own kind only."""
+def _check_waveform(key: str, waveform: Any, where: str) -> None:
+    """A wave varies with the keys of its own kind only. where: path of the key in the document."""
+    if key == "kind":
+        raise TargetError("is a word, and an axis sets a number", f"sweep each kind by itself, with --set {where}=..")
     kind = kind_of(waveform)
     if kind and key in FORMS[kind].keys:
         return

@@ -56,11 +56,11 @@ def to_si(text: str, units: tuple[str, ...]) -> float:
     it is multiplied by 2 pi, as rpm are by 2 pi/60. Raises UnitError.
     """
     found = NUMBER.match(text)
-    if not found or not (found[2] or units):
-        hint = (
-            'write it without quotes, or as a number and a unit such as "25 mm"' if units else "write it without quotes"
-        )
-        raise UnitError("must be a number" if found is None else "must be a number, not a text", hint)
+    if not found:
+        with_unit = f', or one with a unit such as "0.5 {units[0]}"' if units else ""
+        raise UnitError("must be a number", f"write a number such as 0.5{with_unit}")
+    if not (found[2] or units):
+        raise UnitError("must be a number, not a text", "write it without quotes")
     value, unit = float(found[1]), found[2]
     if not unit:
         raise UnitError(

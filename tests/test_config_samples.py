@@ -1,0 +1,127 @@
+"""Samples that cannot vary, negative ones, loads of one number, and waveforms along axes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gearstab.config import Config, ConfigError, load
+from gearstab.systems import build
+
+PAIR = """\
+system:
+  kind: gear_pair
+  equivalent_mass: 1
+  meshes:
+    - {name: a, MESH}
+sweep:
+  mesh_frequency: [1.0, 2.0]
+methods: {floquet: {}}
+"""
+CONSTANT = "waveform: {kind: sampled, phase: [0, 0.5], stiffness: [3, 3]}"
+FROM_FILE = "waveform: {kind: sampled, file: k.csv}"
+
+
+def loaded(folder: Path, mesh: str, *overrides: str, text: str = PAIR) -> Config:
+    (folder / "k.csv").write_text("0, 2\n0.25, 2\n")
+    (folder / "case.yaml").write_text(text.replace("MESH", mesh))
+    return load(folder / "case.yaml", overrides)
+
+
+def said(folder: Path, mesh: str, *overrides: str) -> str:
+    with pytest.raises(ConfigError) as caught:
+        loaded(folder, mesh, *overrides)
+    return str(caught.value).replace(f"{folder}/", "")
+
+
+@pytest.mark.parametrize("wave", [CONSTANT, FROM_FILE])
+@pytest.mark.parametrize("key", ["epsilon", "amplitude"])
+def test_nothing_makes_constant_samples_vary(tmp_path: Path, wave: str, key: str) -> None:
+    assert said(tmp_path, f"{key}: 0.3, {wave}") == (
+        f"case.yaml:5: system.meshes.0.{key}: the samples of the stiffness are constant, and no {key} makes them vary "
+        "(got 0.3); leave it out, or check the samples"
+    )
+    assert said(tmp_path, f"{key}: 0, {wave}", f"sweep.{key}=[0, 0.1]") == (
+        f"--set sweep.{key}: sweep.{key}: the samples of the stiffness are constant, and no {key} makes them vary; "
+        "remove the axis, or check the samples"
+    )
+
+
+@pytest.mark.parametrize("wave", [CONSTANT, FROM_FILE])
+@pytest.mark.parametrize("mesh", ["", "epsilon: 0, ", "amplitude: 0, "])
+def test_constant_samples_are_a_constant_stiffness(tmp_path: Path, wave: str, mesh: str) -> None:
+    system = build(loaded(tmp_path, mesh + wave).parameters)
+    assert float(system.meshes[0].amplitude) == 0
+    assert float(system.meshes[0].mean_stiffness) == (3 if wave == CONSTANT else 2)
+
+
+def test_samples_that_an_axis_sets_vary(tmp_path: Path) -> None:
+    loaded(tmp_path, f"epsilon: 0.3, {CONSTANT}", "sweep.meshes.a.waveform.stiffness.0=[4, 5]")
+
+
+def test_constant_samples_of_a_term(tmp_path: Path) -> None:
+    text = """\
+system:
+  kind: matrices
+  mass: [[1]]
+  stiffness: [[1]]
+  terms: [{left: [1], right: [1], stiffness: {amplitude: 0.5, WAVE}}]
+  meshes: [{direction: [1], mean_stiffness: 1, epsilon: 0.1, contact_ratio: 1.5}]
+"""
+    (tmp_path / "case.yaml").write_text(text.replace("WAVE", CONSTANT))
+    with pytest.raises(ConfigError, match=r"case\.yaml:5: system\.terms\.0\.stiffness\.amplitude: the samples"):
+        load(tmp_path / "case.yaml")
+
+
+def test_samples_are_a_shape_where_mean_and_variation_are_given(tmp_path: Path) -> None:
+    """Shifted and scaled, also to negative values, they make the same stiffness."""
+    numbers = "mean_stiffness: 2, epsilon: 0.3, "
+    wave = "waveform: {kind: sampled, phase: [0, 0.3, 0.6], stiffness: [%s]}"
+    time = np.linspace(0, 1, 7)
+    first, second = (
+        build(loaded(tmp_path, numbers + wave % values).parameters).meshes[0] for values in ("1, 2, 1.5", "-3, -1, -2")
+    )
+    np.testing.assert_allclose(first.waveform.value(time), second.waveform.value(time), atol=1e-15)
+    assert (first.mean_stiffness, first.amplitude) == (second.mean_stiffness, second.amplitude) == (2.0, 0.6)
+
+
+def test_negative_samples_are_no_stiffness_by_themselves(tmp_path: Path) -> None:
+    wave = "waveform: {kind: sampled, phase: [0, 0.3], stiffness: [-1, 4]}"
+    assert said(tmp_path, wave) == (
+        "case.yaml:5: system.meshes.0.waveform: mesh 'a' has the softer level -1 <= 0, which its samples give; check "
+        "the samples, or set system.allow_negative_stiffness: true"
+    )
+
+
+@pytest.mark.parametrize(("given", "newtons"), [("5", 5.0), ("[5]", 5.0), ('"2 kN"', 2000.0), ("-0.5", -0.5)])
+def test_the_load_of_a_gear_pair_is_a_number(tmp_path: Path, given: str, newtons: float) -> None:
+    config = loaded(tmp_path, "mean_stiffness: 1, epsilon: 0.3, contact_ratio: 1.5", f"load={given}")
+    assert config.parameters["load"] == [newtons]
+    np.testing.assert_array_equal(build(config.parameters).load, [newtons])
+
+
+def test_a_load_of_a_gear_pair_that_is_none(tmp_path: Path) -> None:
+    mesh = "mean_stiffness: 1, epsilon: 0.3, contact_ratio: 1.5"
+    text = 'system.load.0: must be a number (got "heavy"); write a number such as 0.5, or one with a unit such as'
+    assert text in said(tmp_path, mesh, "load=heavy")
+    assert "system.load: has 2 entries (got" not in said(tmp_path, mesh, "load=[1, 2]")
+    loaded(tmp_path, mesh, "load=1", "sweep.load.0=[1, 2]")
+
+
+def test_the_kind_of_a_waveform_is_no_axis(tmp_path: Path) -> None:
+    mesh = "mean_stiffness: 1, epsilon: 0.3, contact_ratio: 1.5"
+    assert said(tmp_path, mesh, "sweep.meshes.a.waveform.kind=[rectangular, pair]") == (
+        "--set sweep.meshes.a.waveform.kind: sweep.meshes.a.waveform.kind: is a word, and an axis sets a number; "
+        "sweep each kind by itself, with --set system.meshes.0.waveform.kind=.."
+    )
+
+
+def test_a_word_where_a_number_belongs(tmp_path: Path) -> None:
+    mesh = "mean_stiffness: 1, epsilon: 0.3, contact_ratio: 1.5, waveform: {kind: trapezoidal, ramp: wide}"
+    assert said(tmp_path, mesh) == (
+        'case.yaml:5: system.meshes.0.waveform.ramp: must be a number (got "wide"); write a number such as 0.5'
+    )
+    mesh = mesh.replace("wide", "'0.1'")
+    assert said(tmp_path, mesh).endswith('must be a number, not a text (got "0.1"); write it without quotes')
