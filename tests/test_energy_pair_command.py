@@ -114,6 +114,14 @@ def test_the_spectrum_is_over_the_damped_natural_frequency(tmp_path: Path) -> No
     assert 0.9 < found["peak_frequency"].values[0] / found.attrs["mesh_frequency"] <= 1.0 + 1 / 12
 
 
+@pytest.mark.parametrize("zeta", [1.0, 1.5])
+def test_without_a_damped_frequency_there_are_no_normalised_ones(tmp_path: Path, zeta: float) -> None:
+    found = answered(tmp_path, f"damping_ratio={zeta}", "respond.spectrum.peaks=3")["response"]
+    assert np.all(np.isnan(found["normalised_frequency"].values))
+    assert np.all(np.isfinite(found["frequency"].values))
+    assert "; from the damping ratio 1 on there is no w_d, and" in found.attrs["comment"]
+
+
 def test_a_response_until_the_gears_stall(tmp_path: Path) -> None:
     text = SYSTEM + 'respond: {speed: "60 rpm", until: stalled}\n'
     out = tmp_path / "out.h5"

@@ -12,6 +12,7 @@ import pytest
 from click.testing import CliRunner
 
 from gearstab.cli.schema import command
+from gearstab.config import load
 from gearstab.config.document import parse
 from gearstab.config.schema import schema
 
@@ -99,6 +100,21 @@ def test_every_configuration_of_the_repository_fits(root: Path) -> None:
     assert found
     for source in found:
         assert list(errors(parse(source.read_text(), source.name).data, SCHEMA)) == [], source.name
+
+
+def test_resolved_configurations_fit(root: Path) -> None:
+    """They stand in every result, and can be run again."""
+    for source in sorted((root / "configs").rglob("*.yaml")):
+        assert list(errors(parse(load(source).resolved, source.name).data, SCHEMA)) == [], source.name
+
+
+@pytest.mark.parametrize(
+    ("force", "fits"), [("1.5", 1), ("2 kN", 1), ("[1.5]", 1), ("[1, 2]", 0), ("[]", 0), ("{}", 0)]
+)
+def test_the_load_of_one_coordinate_may_be_a_number(force: str, fits: int) -> None:
+    mesh = "{mean_stiffness: 1, epsilon: 0.1, contact_ratio: 1.5}"
+    text = f"system: {{kind: gear_pair, equivalent_mass: 1, meshes: [{mesh}], load: {force}}}"
+    assert (list(errors(parse(text, "x").data, SCHEMA)) == []) == bool(fits)
 
 
 FORMS = """\

@@ -135,7 +135,7 @@ class Ratio:
         return {
             "anyOf": [
                 {"type": "number", "exclusiveMinimum": 0},
-                {"type": "string", "pattern": r"^\s*[0-9]+\s*(/\s*[0-9]+\s*)?$"},
+                {"type": "string", "pattern": r"^\s*[0-9]+(\.[0-9]+)?(e[-+]?[0-9]+)?\s*(/\s*[0-9]+\s*)?$"},
             ]
         }
 
