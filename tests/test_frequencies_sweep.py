@@ -60,7 +60,7 @@ def swept(path: Path, *sets: str) -> tuple[Result, xr.DataTree]:
 
 def test_auto_is_exact_and_silent_where_it_can(tmp_path: Path) -> None:
     done, tree = swept(written(tmp_path, RATIONAL))
-    assert "note" not in done.stderr
+    assert "note: methods" not in done.stderr
     floquet = tree["floquet"]
     assert floquet.attrs["frequencies_chosen"].startswith("common_period (a common period of 17 + 7 mesh cycles")
     assert set(floquet.data_vars) == {"growth_rate", "stable", "status"}

@@ -126,7 +126,7 @@ def _chain(
     durations = pattern.durations(row, omega)
     for s, state in enumerate(pattern.states):
         real = values[state].real
-        pieces = max(1, int(np.ceil((real.max() - real.min()) * durations[s].max() / spread)))
+        pieces = max(1, int(np.ceil((real.max() - real.min()) * durations[s].max(initial=0.0) / spread)))
         yield exponential(generator, row, int(state), durations[s] / pieces), pieces, real.max() * durations[s]
 
 
