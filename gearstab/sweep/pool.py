@@ -37,6 +37,9 @@ PATIENCE = 1.0
 ONE_THREAD = (THREADS, "OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 """Those that keep the processes of a pool from competing for processors."""
 
+WARNINGS = "PYTHONWARNINGS"
+TRACKERS = ("joblib.externals.loky.backend.resource_tracker", "multiprocessing.resource_tracker")
+
 
 @dataclass(frozen=True)
 class Failure:
@@ -165,8 +168,9 @@ def _pooled(
     from joblib.externals.loky.process_executor import BrokenProcessPool
 
     # Started later, these would let interrupts through.
-    resource_tracker.ensure_running()
-    multiprocessing.resource_tracker.ensure_running()
+    with _quiet_trackers():
+        resource_tracker.ensure_running()
+        multiprocessing.resource_tracker.ensure_running()
     waiting = iter(blocks)
     running: set[Future[StoredPart | Failure]] = set()
     with _interrupts_later():
@@ -192,6 +196,23 @@ def _pooled(
     finally:
         if not finished:
             _end(running, pool, reporter)
+
+
+@contextmanager
+def _quiet_trackers() -> Iterator[None]:
+    """Let the processes that clean up after a killed sweep do so without a word.
+
+    They outlive it, and would warn of every semaphore that it left to them, in the middle of what comes next.
+    """
+    before = os.environ.get(WARNINGS)
+    quiet = [f"ignore:resource_tracker:UserWarning:{module}" for module in TRACKERS]
+    os.environ[WARNINGS] = ",".join([*([before] if before else []), *quiet])
+    try:
+        yield
+    finally:
+        os.environ.pop(WARNINGS)
+        if before is not None:
+            os.environ[WARNINGS] = before
 
 
 def _end(running: set[Future[StoredPart | Failure]], pool: Any, reporter: Reporter) -> None:
