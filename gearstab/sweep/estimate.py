@@ -63,14 +63,14 @@ def estimate(plan: Plan, jobs: int | None = None) -> Estimate:
 
 def _method(plan: Plan, layout: Layout, workers: int) -> MethodEstimate:
     first = sample(layout, 1)
-    start = time.perf_counter()
+    start = time.process_time()
     part = compute(plan, first)  # first calls import and allocate
-    spent, points, size, wanted = time.perf_counter() - start, first.points, part.size(), 64
+    spent, points, size, wanted = time.process_time() - start, first.points, part.size(), 64
     for _ in range(MOST_SAMPLES if spent < LONG else 0):
         block = sample(layout, wanted)
-        start = time.perf_counter()
+        start = time.process_time()
         part = compute(plan, block)
-        spent = time.perf_counter() - start
+        spent = time.process_time() - start
         points, size = block.points, part.size()
         if spent > SECONDS / 4 or points >= min(layout.points, prod(layout.chunk)):
             break
