@@ -114,7 +114,7 @@ def test_the_kind_of_a_waveform_is_no_axis(tmp_path: Path) -> None:
     mesh = "mean_stiffness: 1, epsilon: 0.3, contact_ratio: 1.5"
     assert said(tmp_path, mesh, "sweep.meshes.a.waveform.kind=[rectangular, pair]") == (
         "--set sweep.meshes.a.waveform.kind: sweep.meshes.a.waveform.kind: is a word, and an axis sets a number; "
-        "sweep each kind by itself, with --set system.meshes.0.waveform.kind=.."
+        "run a sweep for each, with --set system.meshes.0.waveform.kind=.."
     )
 
 

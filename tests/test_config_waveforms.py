@@ -187,7 +187,7 @@ WRONG = {
     "no samples": ("waveform: {kind: sampled}", "waveform: file or stiffness is missing"),
     "no phase": ("waveform: {kind: sampled, stiffness: [1, 2]}", "waveform.phase: is missing"),
     "no stiffness": ("waveform: {kind: sampled, phase: [0, 0.5]}", "waveform.stiffness: is missing"),
-    "too few": ("waveform: {kind: sampled, phase: [0], stiffness: [1]}", "has 1 samples; give at least 2 for linear"),
+    "too few": ("waveform: {kind: sampled, phase: [0], stiffness: [1]}", "has 1 sample; give at least 2 for linear"),
     "too few for a spline": (
         "waveform: {kind: sampled, phase: [0, 0.5], stiffness: [1, 2], interpolation: cubic}",
         "has 2 samples; give at least 3 for cubic",
@@ -417,7 +417,7 @@ WRONG_FILES = {
     "one column": ("1\n2\n", "line 1: has 1 column"),
     "three columns": ("0,1,2\n0.5,1,2\n", "line 1: has 3 columns"),
     "three names": ("a,b,c\n0.5,1,2\n", "line 1: names no columns phase and stiffness"),
-    "few": ("0,1\n", "has 1 samples"),
+    "few": ("0,1\n", "has 1 sample"),
     "empty": ("", "has 0 samples"),
     "second header": ("phase,stiffness\nfraction,N/m\n0,1\n", 'line 2: phase "fraction" is no finite number'),
 }

@@ -45,7 +45,7 @@ def _constant(values: Any) -> bool:
     known = isinstance(values, np.ndarray) or (
         isinstance(values, list) and all(isinstance(v, int | float) and not isinstance(v, bool) for v in values)
     )
-    return known and len(values) > 0 and bool(np.ptp(np.asarray(values, dtype=float)) == 0)
+    return known and len(values) > 1 and bool(np.ptp(np.asarray(values, dtype=float)) == 0)
 
 
 def waveforms(value: Any, path: Path) -> Iterator[tuple[Path, dict[str, Any]]]:

@@ -144,14 +144,15 @@ def _walk(name: str, parts: list[str], model: type[System], raw: dict[str, Any])
     if number_kind(entry_type(annotation, 0)) is not None:
         raise TargetError("is a list, and an axis sets a number", f"name an entry, such as {name}.0")
     if number_kind(annotation) is None and axis_choice(annotation) is None:
-        raise TargetError("is not a number that an axis can set", nearest(name, candidates(model, raw)))
+        remedy = f"run a sweep for each, with --set {dotted(('system', *path))}=.."
+        raise TargetError("is not a number that an axis can set", remedy)
     return Target(_mirrored(path), annotation, title + owner, default)
 
 
 def _check_waveform(key: str, waveform: Any, where: str) -> None:
     """A wave varies with the keys of its own kind only. where: path of the key in the document."""
     if key == "kind":
-        raise TargetError("is a word, and an axis sets a number", f"sweep each kind by itself, with --set {where}=..")
+        raise TargetError("is a word, and an axis sets a number", f"run a sweep for each, with --set {where}=..")
     kind = kind_of(waveform)
     if kind and key in FORMS[kind].keys:
         return

@@ -187,7 +187,11 @@ def wrong_phase(phase: Sequence[float], kind: str, interpolation: str) -> tuple[
     """
     fewest = FEWEST.get(interpolation, 2) if kind == "sampled" else 2
     if len(phase) < fewest:
-        return None, f"has {len(phase)} samples", f"give at least {fewest} for {interpolation} interpolation"
+        return (
+            None,
+            f"has {len(phase)} sample{'s' * (len(phase) != 1)}",
+            f"give at least {fewest} for {interpolation} interpolation",
+        )
     if len(phase) > MOST_SAMPLES:
         return None, f"has {len(phase)} samples", f"give at most {MOST_SAMPLES}"
     for i, value in enumerate(phase):
