@@ -162,7 +162,7 @@ class Stepped:
 
     def across(self) -> Map:
         """The map over the whole interval."""
-        return self._step(0.0, 1.0)
+        return next(self._steps(np.ones(1)))
 
     def at(self, fractions: Array) -> Iterator[Map]:
         """The maps from the beginning to the given ascending fractions (X,) of the interval."""
@@ -180,45 +180,51 @@ class Stepped:
 
     def _steps(self, fractions: Array) -> Iterator[Map]:
         """The maps from each fraction to the next, the first from 0."""
-        begin = 0.0
-        for end in fractions:
-            yield self._step(begin, float(end))
-            begin = float(end)
-
-    def _step(self, begin: float, end: float) -> Map:
         points, m = self.points, self.points.basis.size
-        p, shift = np.broadcast_to(np.eye(m), (len(points.at), m, m)), np.zeros((len(points.at), m))
-        if end == begin:
-            return p, shift
-        pieces = max(1, int(np.ceil(points.steps * (end - begin) - 1e-9)))
-        for k in range(pieces):
-            width = (end - begin) / pieces
-            nodes = begin + (k + magnus.NODES) * width
+        whole = np.diff(fractions, prepend=0.0)
+        counts = np.where(whole > 0, np.maximum(1, np.ceil(points.steps * whole - 1e-9)), 0).astype(int)
+        width = np.repeat(whole / np.maximum(counts, 1), counts)
+        before = np.arange(len(width)) - np.repeat(np.cumsum(counts) - counts, counts)
+        maps = self._maps(np.repeat(fractions - whole, counts) + before * width, width)
+        for count in counts:
+            p, shift = np.broadcast_to(np.eye(m), (len(points.at), m, m)), np.zeros((len(points.at), m))
+            for _ in range(count):
+                e, push = next(maps)
+                p, shift = e @ p, np.einsum("kij,kj->ki", e, shift) + push
+            yield p, shift
+
+    def _maps(self, begin: Array, width: Array) -> Iterator[Map]:
+        """Of the Magnus steps that begin at fractions ``(S,)`` and have widths ``(S,)``, many prepared at once."""
+        points, m = self.points, self.points.basis.size
+        count = max(1, ENTRIES // (8 * len(points.at) * (m + 2) ** 2))
+        for i in range(0, len(begin), count):
+            part = slice(i, i + count)
+            nodes = (begin[part, None] + magnus.NODES * width[part, None]).ravel()
             tau = self.begin + nodes[:, None] * (self.end - self.begin)
-            exponent, size = self._exponent(tau, width)
-            e = expm(exponent)
-            push = size * (e[:, :m, m] + points.omega[:, None] * e[:, :m, m + 1])
-            p, shift = e[:, :m, :m] @ p, np.einsum("kij,kj->ki", e[:, :m, :m], shift) + push
-        return p, shift
+            exponents, sizes = self._exponents(tau, width[part])
+            maps = expm(exponents.reshape(-1, m + 2, m + 2)).reshape(exponents.shape)
+            for e, size in zip(maps, sizes, strict=True):
+                yield e[:, :m, :m], size * (e[:, :m, m] + points.omega[:, None] * e[:, :m, m + 1])
 
-    def _exponent(self, tau: Array, width: float) -> tuple[Array, Array]:
-        """``(K, m + 2, m + 2)``, and ``(K, 1)``, what its last two columns are to be multiplied by.
+    def _exponents(self, tau: Array, width: Array) -> tuple[Array, Array]:
+        """``(S, K, m + 2, m + 2)``, and ``(S, K, 1)``, what their last two columns are to be multiplied by.
 
-        These are the forces without and with the factor Omega.
+        These are the forces without and with the factor Omega. tau: ``(3 S, r)``, three nodes a step.
         """
         points, m = self.points, self.points.basis.size
         a, constant, rates = points.inputs(points.values(tau))
         z = points.excitation.z(tau)
-        whole = np.zeros((len(points.edges), 3, m + 2, m + 2))
-        whole[:, :, :m, :m] = np.swapaxes(a, 0, 1)
-        whole[:, :, :m, m] = np.einsum("xril,xrl->rxi", constant, z)
-        whole[:, :, :m, m + 1] = np.einsum("ril,xrl->rxi", rates, z)
-        size = _size(whole[:, :, :m, m:].reshape(len(whole), -1, 2))
-        whole[:, :, :m, m:] /= size[:, :, None, None]
-        coefficients = magnus.polynomial(whole)[points.at]
-        length = width * (self.end - self.begin)[points.at] * points.period
-        powers = length[:, None] ** np.arange(1, 6)
-        return np.einsum("kp,kpij->kij", powers, coefficients), size[points.at]
+        whole = np.zeros((*tau.shape, m + 2, m + 2))
+        whole[:, :, :m, :m] = a
+        whole[:, :, :m, m] = np.einsum("xril,xrl->xri", constant, z)
+        whole[:, :, :m, m + 1] = np.einsum("ril,xrl->xri", rates, z)
+        whole = np.moveaxis(whole.reshape(len(width), 3, *whole.shape[1:]), 1, 2)
+        size = _size(whole[..., :m, m:].reshape(-1, 3 * m, 2)).reshape(*whole.shape[:2], 1)
+        whole[..., :m, m:] /= size[..., None, None]
+        coefficients = magnus.polynomial(whole)[:, points.at]
+        length = width[:, None] * (self.end - self.begin)[points.at] * points.period
+        powers = length[..., None] ** np.arange(1, 6)
+        return np.einsum("skp,skpij->skij", powers, coefficients), size[:, points.at]
 
 
 def _size(drive: Array) -> Array:
