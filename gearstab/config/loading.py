@@ -130,7 +130,8 @@ def _read_system(document: Document, model: type[System], source: FilePath) -> _
     from_file: dict[str, Any] = {k: v for k, v in contents.items() if k != "damping"}
     if "damping" in contents:
         from_file["damping"] = {"matrix": contents["damping"]}
-    layouts = sweep.layouts(sweep.Context(document, model, raw | from_file)) if "sweep" in document.data else []
+    meant = as_meant(raw | from_file, model)
+    layouts = sweep.layouts(sweep.Context(document, model, meant)) if "sweep" in document.data else []
     known = set(sweep.base_values(document, layouts))
     for path, message, hint in model.conflicts(as_meant(raw | from_file, model)):
         document.report(("system", *path), message, hint)
