@@ -61,8 +61,8 @@ def test_a_map_of_the_response_carries_the_boundaries():
 
 def test_without_growth_rates_a_map_shows_the_load_factor():
     tree = made.speeds(epsilon=np.linspace(0, 0.5, 6))
-    assert default_kind(tree, Request()) == "map"
-    _, artists = draw(tree, select={"mesh": "first"})
+    assert default_kind(tree, Request(select={"mesh": "first"})) == "speeds"  # six curves
+    _, artists = draw(tree, "map", select={"mesh": "first"})
     values = tree["response"]["dynamic_load_factor"].values[..., 0].T
     cells = artists["cells"].get_array().reshape(values.shape)
     np.testing.assert_array_equal(np.ma.getdata(cells), values)
@@ -72,7 +72,7 @@ def test_without_growth_rates_a_map_shows_the_load_factor():
     np.testing.assert_array_equal(np.ma.getmaskarray(cells), unstable)
     assert artists["colour_bar"].ax.get_ylabel().replace("\n", " ") == "dynamic load factor, white where unstable"
     with pytest.raises(PlotError, match="mesh: its values: first, second"):
-        draw(tree)
+        draw(tree, "map")
 
 
 def test_histories_are_no_speeds_and_speeds_no_histories():

@@ -48,10 +48,12 @@ def command(
         refuse_inputs(target, result)
         request = Request(x, y, selections(select), variable, size, title, dpi)
         with open_result(result) as tree:
-            figure, _ = draw(tree, kind, request)
+            figure, artists = draw(tree, kind, request)
             target.parent.mkdir(parents=True, exist_ok=True)
             save(figure, target, title_of(tree))
     click.echo(f"figure: {target}", err=True)
+    if artists.get("left_out"):
+        click.echo(f"note: {artists['left_out']}", err=True)
 
 
 def selections(texts: tuple[str, ...]) -> dict[str, str]:

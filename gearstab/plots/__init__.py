@@ -5,7 +5,7 @@ A kind is a module with ``draw(tree, request) -> (figure, artists)``; it is impo
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -43,44 +43,10 @@ KINDS: dict[str, Kind] = {
 
 
 def default_kind(tree: xr.DataTree, request: Request) -> str:
-    """The kind that suits what the result holds and what is selected.
+    """The kind that suits what the result holds and what is selected, see :mod:`gearstab.plots.choice`."""
+    from gearstab.plots import choice
 
-    Time histories: response, of a gear pair: pair; benchmarks: work-precision; neither, and no axes: modes. Required
-    damping without growth rates: that. Uncoupled modes or a third axis of labels: boundaries, which compare. Growth
-    rates over one axis: curve, over two: map, over more: slices. Boundaries alone: surface over two long axes, else
-    boundaries.
-    """
-    from gearstab.plots.axes import SPEEDS, find_axis, sweep_axes
-
-    axes = sweep_axes(tree)
-    if not axes and "response" in tree.children:
-        chosen = request.variable is not None or request.select
-        return "pair" if "phi" in tree["response"].data_vars and not chosen else "response"
-    if not axes and "bench" in tree.children:
-        return "work-precision"
-    if not axes and "modes" in tree.children:
-        return "modes"
-    held = set(tree.children)
-    growth = "floquet" in held and "growth_rate" in tree["floquet"].data_vars
-    lines = bool(held & {"perturbation", "boundaries", "uncoupled"})
-    fixed = {find_axis(axes, name).name for name in request.select}
-    free = [a for a in axes.values() if a.size > 1 and a.name not in {*fixed, "tongue", "side", "exponent", "mesh"}]
-    parameters = [axis for axis in free if axis.name not in SPEEDS]
-    if "response" in held and request.variable is None and not parameters and not fixed.intersection(SPEEDS):
-        return "speeds"
-    numeric = [axis for axis in parameters if axis.numeric]
-    if "required_damping" in held and not growth and request.variable is None:
-        return "required-damping"
-    if request.variable is not None or (growth and not lines):
-        return {0: "curve", 1: "curve", 2: "map"}.get(len(free), "slices")
-    if "response" in held and not growth:
-        return "map"
-    if not growth:
-        return "surface" if len(numeric) == len(parameters) == 2 and min(a.size for a in numeric) > 6 else "boundaries"
-    compares = len(numeric) == 1 and ("uncoupled" in held or len(parameters) == 2)
-    if compares and not fixed.intersection(SPEEDS):
-        return "boundaries"
-    return {0: "curve", 1: "curve", 2: "map"}.get(len(free), "slices")
+    return choice.default_kind(tree, request)
 
 
 def draw(
@@ -91,13 +57,16 @@ def draw(
     tree: as ``xarray.open_datatree`` reads it from a result file. kind: one of ``KINDS``, default by what the result
     holds. request: or its fields as ``options``, ``draw(tree, y="phasing", select={"epsilon": "0.3"})``.
 
-    Returns the figure and its artists by name (see the kinds). Raises PlotError for what the result cannot give.
+    Returns the figure and its artists by name (see the kinds). Without a kind a figure of too much shows a part of it:
+    ``left_out`` among the artists says so. Raises PlotError for what the result cannot give.
     """
     from gearstab.plots.axes import Request
     from gearstab.plots.errors import PlotError, listed
     from gearstab.plots.style import style
 
     wanted = request or Request(**options)
+    if kind is None:
+        wanted = replace(wanted, partial=True)
     name = kind or default_kind(tree, wanted)
     if name not in KINDS:
         raise PlotError(f"no kind {name!r}; the kinds: {listed(KINDS)}")

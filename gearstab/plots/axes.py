@@ -26,6 +26,7 @@ class Axis:
     """One axis of a sweep.
 
     values: ``(size,)`` floats, or the labels of an axis of cases. meshes: number of each mesh by name, for symbols.
+    factor: mesh frequency over the values of an axis of SPEEDS; None where it is not known.
     """
 
     name: str
@@ -33,6 +34,7 @@ class Axis:
     units: str = "1"
     long_name: str = ""
     meshes: Mapping[str, int] = field(default_factory=dict)
+    factor: float | None = None
 
     @property
     def size(self) -> int:
@@ -158,7 +160,8 @@ def axis_of(data: xr.DataArray | xr.Dataset, name: str, meshes: Mapping[str, int
     if values.dtype.kind not in "fiu":
         values = np.array([v.decode() if isinstance(v, bytes) else str(v) for v in values], dtype=object)
     attributes = coordinate.attrs
-    return Axis(name, values, str(attributes.get("units", "1")), str(attributes.get("long_name", "")), meshes)
+    factor = 1.0 if name == FREQUENCY else attributes.get("mesh_frequency_factor")
+    return Axis(name, values, str(attributes.get("units", "1")), str(attributes.get("long_name", "")), meshes, factor)
 
 
 def sweep_axes(tree: xr.DataTree) -> dict[str, Axis]:
@@ -208,7 +211,7 @@ def spanned_frequency(tree: xr.DataTree, meshes: Mapping[str, int]) -> Axis:
     low, high = (values.min(), values.max()) if values.size else (0.0, 1.0)
     air = 0.03 * (high - low) or 0.05 * abs(high) or 0.5
     units = str(edges[0].attrs.get("units", "1")) if edges else "1"
-    return Axis(FREQUENCY, filled(max(low - air, 0.0), high + air), units, "mesh frequency", meshes)
+    return Axis(FREQUENCY, filled(max(low - air, 0.0), high + air), units, "mesh frequency", meshes, 1.0)
 
 
 def filled(low: float, high: float) -> Array:
@@ -239,6 +242,11 @@ class View:
     tongue: str | None = None
     """The label of the tongue selected, to which lines are then restricted."""
 
+    @property
+    def speed(self) -> Axis | None:
+        """The axis drawn along which the mesh frequency varies."""
+        return next((axis for axis in (self.x, self.y) if axis is not None and axis.name in SPEEDS), None)
+
     def at(self, **fixed: int) -> View:
         """The view with further axes fixed."""
         return replace(
@@ -257,7 +265,10 @@ class View:
 
 @dataclass(frozen=True)
 class Request:
-    """What the user asked for; ``x`` and ``y`` default to the mesh frequency and epsilon."""
+    """What the user asked for; ``x`` and ``y`` default to the mesh frequency and epsilon.
+
+    partial: whether a figure may leave something out where all would be too much; else that is an error.
+    """
 
     x: str | None = None
     y: str | None = None
@@ -266,6 +277,7 @@ class Request:
     size: str | None = None
     title: bool = True
     dpi: int | None = None
+    partial: bool = False
 
 
 def view_of(
@@ -297,7 +309,7 @@ def view_of(
     y = asked[request.y] if request.y else default(rest, ["epsilon", "amplitude"]) if two else None
     if x is None or (two and y is None):
         needed = "two axes" if two else "an axis"
-        raise PlotError(f"this figure needs {needed} with several values; {axes_text(every, fixed)}")
+        raise PlotError(f"this figure needs {needed} with several values; {axes_text(axes)}")
     free = tuple(axis for axis in rest if axis is not y)
     single = {axis.name: 0 for axis in axes.values() if axis.size == 1 and axis.name not in taken}
     return View(x, y, {**fixed, **single}, free, tuple(chosen), tongue)
@@ -318,7 +330,6 @@ def default(axes: list[Axis], preferred: list[str]) -> Axis | None:
     return next(iter([*named, *numeric, *axes]), None)
 
 
-def axes_text(axes: Mapping[str, Axis], fixed: Mapping[str, int]) -> str:
+def axes_text(axes: Mapping[str, Axis]) -> str:
     """Names and sizes of the axes, for messages."""
-    sizes = [f"{axis.name} ({axis.size}{', selected' if axis.name in fixed else ''})" for axis in axes.values()]
-    return f"this result has {listed(sizes)}"
+    return f"there is {listed(f'{axis.name} ({axis.size})' for axis in axes.values())}"

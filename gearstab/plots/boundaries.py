@@ -13,8 +13,9 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from gearstab.plots import grid, names, tongues
-from gearstab.plots.axes import FREQUENCY, Request, View, swept_groups, view_of
-from gearstab.plots.curve import caption, combinations, write_legend
+from gearstab.plots.axes import FREQUENCY, SPEEDS, Request, View, swept_groups, view_of
+from gearstab.plots.cases import caption, some
+from gearstab.plots.curve import write_legend
 from gearstab.plots.errors import PlotError
 from gearstab.plots.heading import write_title
 from gearstab.plots.style import CASES, DASHES, LINE, SHADE, new_figure
@@ -36,7 +37,8 @@ def view_boundaries(tree: xr.DataTree, request: Request) -> View:
     dims = [str(dim) for group in groups for variable in group.data_vars.values() for dim in variable.dims]
     if "side" not in dims:
         raise PlotError("this result holds no boundaries (methods.perturbation, uncoupled or boundaries was not run)")
-    kept = dict.fromkeys([FREQUENCY, *(name for name in dims if name not in ("tongue", "side", "exponent", "mesh"))])
+    speed = next((name for name in SPEEDS if name in dims), FREQUENCY)
+    kept = dict.fromkeys([speed, *(name for name in dims if name not in ("tongue", "side", "exponent", "mesh"))])
     view = view_of(tree, kept, request)
     if tongues.parameter_axis(view) is None:
         names = " and ".join(axis.name for axis in (view.x, view.y) if axis is not None)
@@ -47,10 +49,10 @@ def view_boundaries(tree: xr.DataTree, request: Request) -> View:
 def draw_regions(tree: xr.DataTree, ax: Axes, view: View, colour: Any) -> object | None:
     """Fill the unstable points of the Floquet grid with one light colour; None without a grid."""
     assert view.y is not None
-    if "floquet" not in tree.children or FREQUENCY not in tree["floquet"].sizes:
+    dims = view.y.name, view.x.name
+    if "floquet" not in tree.children or not set(dims) <= set(map(str, tree["floquet"].sizes)):
         return None
     dataset = tree["floquet"].to_dataset()
-    dims = view.y.name, view.x.name
     if "stable" in dataset.data_vars:
         unstable = view.cut(dataset["stable"], *dims) == 0
     else:
@@ -160,7 +162,7 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     Axes left over are overlaid in different line styles. Raises PlotError if they are more than the styles there are.
     """
     view = view_boundaries(tree, request)
-    chosen = combinations(view.free, len(CASES), "overlaid cases")
+    chosen, note = some(view.free, len(CASES), "overlaid cases", request.partial)
     views = [view.at(**case) for case in chosen]
     size = request.size or "single"
     figure = new_figure(size, 0.78 if size == "single" else 0.5, request.dpi)
@@ -173,4 +175,4 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     names.settle(figure)
     named = named_cases(tree, ax, views)
     names.freeze(figure)
-    return figure, {"cases": cases, "names": named, "legend": legend}
+    return figure, {"cases": cases, "names": named, "legend": legend, "left_out": note}

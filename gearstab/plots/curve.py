@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import product
 from math import ceil
 from typing import Any
 
@@ -14,30 +13,15 @@ from matplotlib.legend import Legend
 from matplotlib.lines import Line2D
 
 from gearstab.plots import grid, names, tongues
-from gearstab.plots.axes import FREQUENCY, Axis, Request, View, view_of
-from gearstab.plots.errors import PlotError
+from gearstab.plots.axes import SPEEDS, Request, View, view_of
+from gearstab.plots.cases import caption, some
 from gearstab.plots.heading import write_title
-from gearstab.plots.stability_map import GROWTH_RATE, colour_label, find_variable
+from gearstab.plots.stability_map import GROWTH_RATE, colour_label, default_variable, find_variable
 from gearstab.plots.style import CASES, DASHES, SHADE, new_figure
 from gearstab.plots.text import fitted, printed_text
 
+Array = np.ndarray
 Artists = dict[str, Any]
-
-
-def combinations(free: tuple[Axis, ...], most: int, what: str) -> list[dict[str, int]]:
-    """Every combination of indices on the axes left over. Raises PlotError if there are more than ``most``."""
-    names = [axis.name for axis in free]
-    chosen = [dict(zip(names, index, strict=True)) for index in product(*(range(axis.size) for axis in free))]
-    if len(chosen) > most:
-        left = "; ".join(f"{axis.name}: {axis.extent()}" for axis in free)
-        many = f"{len(chosen)} {what} are too many (at most {most})"
-        raise PlotError(f"{many}: choose with --select AXIS=VALUE; left over: {left}")
-    return chosen
-
-
-def caption(free: tuple[Axis, ...], chosen: dict[str, int]) -> str:
-    """What tells one combination from the others."""
-    return ", ".join(axis.caption(chosen[axis.name]) for axis in free)
 
 
 def draw_curve(ax: Axes, data: xr.DataArray, view: View, number: int, label: str) -> Line2D:
@@ -49,12 +33,18 @@ def draw_curve(ax: Axes, data: xr.DataArray, view: View, number: int, label: str
     return line
 
 
+def peak(values: Array) -> float:
+    """The largest magnitude; NaN where there is none."""
+    finite = np.abs(values[np.isfinite(values)])
+    return float(finite.max()) if finite.size else float("nan")
+
+
 def draw_bands(tree: xr.DataTree, ax: Axes, view: View) -> tuple[tongues.Tongues | None, object | None]:
     """Shade the unstable mesh frequencies, between exact boundaries or else as perturbation theory predicts them.
 
     Returns the tongues and the bands.
     """
-    groups = ("boundaries", "perturbation") if view.x.name == FREQUENCY else ()
+    groups = ("boundaries", "perturbation") if view.x.name in SPEEDS else ()
     known = (tongues.read_tongues(tree, group, view, None) for group in groups)
     lines = next((found for found in known if found is not None), None)
     if lines is None:
@@ -78,10 +68,12 @@ def write_legend(figure: Figure, handles: list[Any]) -> Legend:
 
 def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     """The whole figure: ``lines``, and for one case over the mesh frequency ``bands`` and ``names`` of the tongues."""
-    variable = request.variable or GROWTH_RATE
+    variable = request.variable or default_variable(tree)
     dataset, data = find_variable(tree, variable)
     view = view_of(tree, map(str, data.dims), request, dataset, two=False)
-    cases = combinations(view.free, len(CASES), "curves")
+    cases, note = some(
+        view.free, len(CASES), "curves", request.partial, lambda c: peak(view.at(**c).cut(data, view.x.name))
+    )
     figure = new_figure(request.size or "single", 0.62, request.dpi)
     ax = figure.add_subplot()
     lines = [draw_curve(ax, data, view.at(**c), k, caption(view.free, c)) for k, c in enumerate(cases)]
@@ -101,4 +93,4 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     names.settle(figure)
     named = names.name_tongues(ax, found, True) if found is not None else None
     names.freeze(figure)
-    return figure, {"lines": lines, "bands": bands, "names": named}
+    return figure, {"lines": lines, "bands": bands, "names": named, "left_out": note}

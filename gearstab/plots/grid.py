@@ -18,9 +18,6 @@ from gearstab.plots.text import fitted
 
 Array = np.ndarray
 
-FEW = 12
-"""Axes with fewer values show their first and last cell whole; on longer ones half a cell is not missed."""
-
 
 def draw_cells(ax: Axes, x: Axis, y: Axis, values: Array, cmap: Colormap, norm: Normalize) -> ScalarMappable:
     """Colour the cells of a grid; masked ones stay as they are.
@@ -74,8 +71,7 @@ def draw_failed(ax: Axes, x: Axis, y: Axis, failed: Array) -> PolyCollection | N
 def frame(ax: Axes, x: Axis, y: Axis) -> None:
     """Limits, scales, ticks and labels of both axes.
 
-    The limits are the first and the last value; on an axis of labels or of few values, where whole cells must show,
-    they are the edges.
+    The limits are the first and the last number; on an axis of labels or of one value they are the cells' edges.
     """
     (left, right), (bottom, top) = limits(x), limits(y)
     ax.set_xscale("log" if x.logarithmic else "linear")
@@ -102,6 +98,6 @@ def number_decades(side: MatplotlibAxis) -> None:
 
 
 def limits(axis: Axis) -> tuple[float, float]:
-    """Where the frame of a map begins and ends along an axis."""
-    ends = axis.edges() if axis.size < FEW or not axis.numeric else axis.positions[axis.order]
+    """Where the frame of a map begins and ends along an axis: nothing was computed beyond the first and last number."""
+    ends = axis.edges() if axis.size == 1 or not axis.numeric else axis.positions[axis.order]
     return float(ends[0]), float(ends[-1])

@@ -35,7 +35,8 @@ def words(dataset: xr.Dataset) -> str:
 
 def draw_map(ax: Axes, view: View, data: xr.DataArray, norm: Normalize | None = None) -> Artists:
     """Draw one map into a frame: ``cells`` (white where none is required), ``failed`` (hatched: none was found),
-    ``contours`` (None where the grid is a line or all of one value) and ``note`` (where no point requires any).
+    ``contours`` (None where the grid is a line, has an axis of labels or is all of one value) and ``note`` (where no
+    point requires any).
     """
     assert view.y is not None
     values = view.cut(data, view.y.name, view.x.name).astype(float)
@@ -52,7 +53,7 @@ def draw_map(ax: Axes, view: View, data: xr.DataArray, norm: Normalize | None = 
     if not shown.count():
         text = "no damping is required" if not failed.any() else "no damping in the range is enough"
         artists["note"] = ax.text(0.5, 0.5, text, transform=ax.transAxes, ha="center", color="#6e6e6e")
-    elif min(values.shape) > 1:
+    elif min(values.shape) > 1 and view.x.numeric and view.y.numeric:
         x, y = (axis.positions[axis.order] for axis in (view.x, view.y))
         levels = [v for v in MaxNLocator(LEVELS, steps=[1, 2, 2.5, 5, 10]).tick_values(0.0, top) if 0 < v < top]
         if levels:

@@ -42,8 +42,11 @@ def read_response(tree: xr.DataTree) -> xr.Dataset:
     return dataset
 
 
-def histories(dataset: xr.Dataset, request: Request) -> list[tuple[str, xr.DataArray]]:
+def histories(dataset: xr.Dataset, request: Request) -> tuple[list[tuple[str, xr.DataArray]], str]:
     """(label, history) of every panel: each coordinate's displacement (or --variable), then each mesh's force.
+
+    Where these are too many and a part will do, it is the forces and the energy, then histories by their size; a
+    sentence says so.
 
     Raises PlotError for a variable that is not over time and for a selection of anything but ``dof`` or ``mesh``.
     """
@@ -59,10 +62,27 @@ def histories(dataset: xr.Dataset, request: Request) -> list[tuple[str, xr.DataA
     for axis in request.select:
         if not any(axis in dataset[name].dims for name in names if name in known):
             raise PlotError(f"no axis {axis!r} to select in these histories; use dof or mesh")
+    if len(panels) > MOST_PANELS and request.partial:
+        return some_histories(dataset, request, panels)
     if len(panels) > MOST_PANELS:
         many = f"{len(panels)} histories are too many (at most {MOST_PANELS})"
         raise PlotError(f"{many}: choose with --variable or --select dof=NAME")
-    return panels
+    return panels, ""
+
+
+def some_histories(
+    dataset: xr.Dataset, request: Request, panels: list[tuple[str, xr.DataArray]]
+) -> tuple[list[tuple[str, xr.DataArray]], str]:
+    """At most MOST_PANELS of the histories, and which."""
+    how = "choose with --variable NAME and --select dof=NAME or mesh=NAME"
+    forces = [panel for panel in panels if panel[1].name == "mesh_force"]
+    if not request.variable and forces and len(forces) < MOST_PANELS and "energy" in dataset:
+        kept = forces + columns(dataset["energy"], request)
+        return kept, f"shows the mesh forces and the energy, not the {len(panels) - len(forces)} displacements; {how}"
+    among = forces or panels
+    sizes = [float(np.nanmax(np.abs(data.values), initial=0.0)) for _, data in among]
+    largest = np.sort(np.argsort([-size for size in sizes], kind="stable")[:MOST_PANELS])
+    return [among[k] for k in largest], f"shows the {MOST_PANELS} largest of {len(panels)} histories; {how}"
 
 
 def columns(data: xr.DataArray, request: Request, along: str = "time") -> list[tuple[str, xr.DataArray]]:
@@ -89,7 +109,9 @@ def label_of(data: xr.DataArray, element: str) -> str:
         words = f"${letters}_{{{digits}}}$"
     else:
         name = TURNING.get(units) if data.name in ("displacement", "velocity") else None
-        name = name or data.attrs.get("long_name") or str(data.name).replace("_", " ")
+        # What the energy consists of would be too long beside a panel.
+        name = name or (data.attrs.get("long_name") if data.name != "energy" else None)
+        name = name or str(data.name).replace("_", " ")
         words = plain(f"{name}{', ' if element else ''}{element}")
     return words + (f" ({unit})" if unit else "")
 
@@ -137,22 +159,25 @@ def tick_text(value: float) -> str:
 def fit_labels(axes: Sequence[Axes]) -> None:
     """Break the labels at the left of panels over one another so that none is longer than its panel is high.
 
-    A label of a word that is longer still is written smaller.
+    A label of a word that is longer still is written smaller, as far as it can be read.
     """
     figure = axes[0].get_figure(root=True)
     assert figure is not None
     figure.draw_without_rendering()
     for ax in axes:
         ax.set_ylabel(fitted(ax.get_ylabel(), 0.95 * ax.get_window_extent().height / figure.dpi, 8.5))
-    figure.draw_without_rendering()
-    for ax in axes:
-        label, high = ax.yaxis.label, ax.get_window_extent().height
-        label.set_fontsize(8.5 * min(1.0, high / label.get_window_extent().height))
+    for size in (8.5, 7.5, 6.5, 5.5, 4.5):
+        figure.draw_without_rendering()
+        long = [ax for ax in axes if ax.yaxis.label.get_window_extent().height > ax.get_window_extent().height]
+        for ax in long:
+            ax.yaxis.label.set_fontsize(size - 1)
+        if not long:
+            break
 
 
 def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     """The whole figure, panels over one another on a common time axis; its artists are ``lines``."""
-    panels = histories(read_response(tree), request)
+    panels, note = histories(read_response(tree), request)
     size = request.size or "single"
     height = (0.28 if size == "single" else 0.14) * len(panels) + (0.2 if size == "single" else 0.1)
     figure = new_figure(size, height, request.dpi)
@@ -166,4 +191,4 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     figure.align_ylabels(list(axes))
     write_title(figure, tree, request)
     fit_labels(list(axes))
-    return figure, {"lines": lines}
+    return figure, {"lines": lines, "left_out": note}

@@ -12,9 +12,9 @@ from matplotlib.figure import Figure
 
 from gearstab.plots import names, stability_map
 from gearstab.plots.axes import Request, View, view_of
-from gearstab.plots.curve import caption, combinations
+from gearstab.plots.cases import caption, some
 from gearstab.plots.heading import write_title
-from gearstab.plots.stability_map import GROWTH_RATE, colour_label, find_variable
+from gearstab.plots.stability_map import colour_label, default_variable, find_variable
 from gearstab.plots.style import new_figure
 from gearstab.plots.text import fitted
 
@@ -49,10 +49,10 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     A panel is a mapping of artists, see ``stability_map.draw_map``, with ``caption`` and ``names``. All panels share
     axes and colours. Raises PlotError if there would be more than ``MOST``.
     """
-    variable = request.variable or GROWTH_RATE
+    variable = request.variable or default_variable(tree)
     dataset, data = find_variable(tree, variable)
     view = view_of(tree, map(str, data.dims), request, dataset)
-    chosen = combinations(view.free, MOST, "panels")
+    chosen, note = some(view.free, MOST, "panels", request.partial)
     views = [view.at(**panel) for panel in chosen]
     rows, columns = arrangement(view)
     figure = new_figure(request.size or "double", min(1.25, 0.12 + 0.88 * rows / columns), request.dpi)
@@ -61,7 +61,7 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     norm = stability_map.colours(values, variable)[1]
     panels = []
     for number, (ax, item, panel) in enumerate(zip(grid, views, chosen, strict=False)):
-        text = f"({chr(97 + number)})  {caption(view.free, panel)}"
+        text = f"({chr(97 + number)})  {caption(view.free, panel)}" if len(views) > 1 else caption(view.free, panel)
         panels.append(draw_panel(tree, ax, item, variable, norm, text))
     for ax in grid[len(views) :]:
         ax.remove()
@@ -75,4 +75,4 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     for ax, item, artists in zip(grid, views, panels, strict=False):
         artists["names"] = names.name_view(tree, ax, item, rows=1)
     names.freeze(figure)
-    return figure, {"panels": panels, "colour_bar": bar}
+    return figure, {"panels": panels, "colour_bar": bar, "left_out": note}

@@ -12,7 +12,8 @@ from matplotlib.patches import Patch
 
 from gearstab.plots import grid, names, tongues
 from gearstab.plots.axes import SPEEDS, Request, View, view_of
-from gearstab.plots.curve import caption, combinations, write_legend
+from gearstab.plots.cases import caption, some
+from gearstab.plots.curve import peak, write_legend
 from gearstab.plots.errors import PlotError, listed
 from gearstab.plots.heading import write_title
 from gearstab.plots.stability_map import colour_label, find_variable
@@ -88,7 +89,9 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     view = view_of(tree, map(str, data.dims), request, own, two=False)
     if view.x.name not in SPEEDS:
         raise PlotError(f"response curves are drawn over {SPEEDS[0]}, not over {view.x.name}; use --kind curve")
-    cases = combinations(view.free, len(CASES), "curves")
+    cases, note = some(
+        view.free, len(CASES), "curves", request.partial, lambda c: peak(view.at(**c).cut(data, view.x.name))
+    )
     figure = new_figure(request.size or "single", 0.66 if (request.size or "single") == "single" else 0.4, request.dpi)
     ax = figure.add_subplot()
     x = view.x.positions[view.x.order]
@@ -118,7 +121,7 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     write_title(figure, tree, request, view)
     names.settle(figure)
     names.freeze(figure)
-    return figure, {"lines": lines, "bands": bands}
+    return figure, {"lines": lines, "bands": bands, "left_out": note}
 
 
 def scale(ax: Axes, curves: list[Array]) -> None:

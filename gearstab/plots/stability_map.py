@@ -22,6 +22,8 @@ Artists = dict[str, Any]
 
 GROWTH_RATE = "growth_rate"
 LOAD_FACTOR = "dynamic_load_factor"
+FORCE = "mesh_force_peak"
+REQUIRED = "required_damping"
 WIDE = 30
 """Values that differ by more than this factor are coloured by their logarithms."""
 MOST = 1000
@@ -44,9 +46,14 @@ def find_variable(tree: xr.DataTree, name: str) -> tuple[xr.Dataset, xr.DataArra
 
 
 def default_variable(tree: xr.DataTree) -> str:
-    """Growth rates, or the load factor where only steady states were computed."""
+    """Growth rates; where there are none the load factor of steady states, else the required damping."""
     held = swept_groups(tree)
-    return LOAD_FACTOR if "response" in held and "floquet" not in held else GROWTH_RATE
+    if "floquet" in held or not {"response", REQUIRED} & set(held):
+        return GROWTH_RATE
+    if "response" not in held:
+        return REQUIRED
+    dataset = tree["response"].to_dataset()
+    return LOAD_FACTOR if LOAD_FACTOR in dataset and np.isfinite(dataset[LOAD_FACTOR].values).any() else FORCE
 
 
 def read_cells(tree: xr.DataTree, view: View, variable: str) -> tuple[Array, Array]:
@@ -60,7 +67,8 @@ def read_cells(tree: xr.DataTree, view: View, variable: str) -> tuple[Array, Arr
     values = view.cut(data, *dims).astype(float)
     failed = ~np.isfinite(values) if data.dims == dataset.get("status", data).dims else np.zeros(values.shape, bool)
     if LOAD_FACTOR in dataset.data_vars and variable != "status":
-        repels = view.cut(dataset["status"], *dims).astype(int) & 1 != 0
+        # Of all meshes at once, which may be an axis of the map.
+        repels = view.cut(xr.broadcast(dataset["status"], data)[0], *dims).astype(int) & 1 != 0
         return np.ma.masked_where(repels | ~np.isfinite(values), values), ~np.isfinite(values) & ~repels
     if variable != GROWTH_RATE:
         return np.ma.masked_invalid(values), failed
@@ -110,8 +118,13 @@ def draw_map(
 
 
 def draw_neutral(tree: xr.DataTree, ax: Axes, view: View) -> object | None:
-    """The contour growth_rate = 0 where damping makes stable points decay; None without such points."""
+    """The contour growth_rate = 0 where damping makes stable points decay; None without such points.
+
+    There is none across an axis of labels, between which nothing lies.
+    """
     assert view.y is not None
+    if not (view.x.numeric and view.y.numeric):
+        return None
     data = find_variable(tree, GROWTH_RATE)[1]
     values = view.cut(data, view.y.name, view.x.name).astype(float)
     finite = values[np.isfinite(values)]

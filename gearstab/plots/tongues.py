@@ -10,7 +10,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 
-from gearstab.plots.axes import FREQUENCY, Axis, View
+from gearstab.plots.axes import SPEEDS, Axis, View
 from gearstab.plots.style import GROWTH, LINE
 
 Array = np.ndarray
@@ -30,7 +30,8 @@ INVISIBLE = 0.004
 class Tongues:
     """Boundaries over one axis of parameters.
 
-    edges: ``(tongue, 2, size)``, lower and upper mesh frequency, NaN where a tongue is closed.
+    edges: ``(tongue, 2, size)``, lower and upper mesh frequency, or the speed that gives it where the figure shows
+        that, NaN where a tongue is closed.
     """
 
     edges: Array
@@ -59,7 +60,10 @@ def read_tongues(tree: xr.DataTree, group: str, view: View, parameter: Axis | No
     own = () if parameter is None else (parameter.name,)
     if not {"tongue", "side", *own} <= set(data.dims):
         return None
-    edges = view.cut(data, "tongue", "side", *own)
+    factor = 1.0 if view.speed is None else view.speed.factor
+    if factor is None:
+        return None
+    edges = view.cut(data, "tongue", "side", *own) / factor
     if parameter is None:
         edges, parameter = edges[..., None], Axis("", np.zeros(1), meshes=view.x.meshes)
     if edges.shape[0] == 0:
@@ -135,6 +139,6 @@ def parameter_axis(view: View) -> tuple[Axis, bool] | None:
     if view.y is None:
         return None
     for frequency, parameter in ((view.x, view.y), (view.y, view.x)):
-        if frequency.name == FREQUENCY and parameter.numeric:
+        if frequency.name in SPEEDS and parameter.numeric:
             return parameter, frequency is view.x
     return None

@@ -8,13 +8,14 @@ import pickle
 import subprocess
 import sys
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from gearstab.config import Axis, Config
 from gearstab.config.kinds import KINDS
-from gearstab.config.targets import TargetError, resolve
+from gearstab.config.targets import INPUT_SPEED, MESH_FREQUENCY, TargetError, resolve
 from gearstab.results.chunks import decode, encode
 from gearstab.results.provenance import modes_group, root_attributes
 from gearstab.results.tree import Chunked, Field, Group, Offset, ResultTree
@@ -52,6 +53,9 @@ def axis_fields(axis: Axis, config: Config) -> list[Field]:
     """The coordinate of an axis and, for an axis of cases, one more for each parameter that its cases set."""
     text = isinstance(axis.values, list)
     own = coordinate(axis.name, axis.name, TEXT if text else "f8", axis.units, axis.long_name)
+    factors = [item.factor for item in axis.assignments if item.path == MESH_FREQUENCY]
+    if axis.name == INPUT_SPEED and factors:
+        own = replace(own, attributes={"mesh_frequency_factor": factors[0]})
     fields = [Field(own, axis.values)]
     if text:
         for item in axis.assignments:

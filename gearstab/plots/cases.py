@@ -1,0 +1,68 @@
+"""The combinations of what is left over when two axes are drawn: one curve, panel or overlaid case each."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import product
+
+import numpy as np
+
+from gearstab.plots.axes import Axis
+from gearstab.plots.errors import PlotError
+
+Index = dict[str, int]
+
+
+def combinations(free: tuple[Axis, ...], most: int, what: str) -> list[Index]:
+    """Every combination of indices on the axes left over. Raises PlotError if there are more than ``most``."""
+    names = [axis.name for axis in free]
+    chosen = [dict(zip(names, index, strict=True)) for index in product(*(range(axis.size) for axis in free))]
+    if len(chosen) > most:
+        left = "; ".join(f"{axis.name}: {axis.extent()}" for axis in free)
+        many = f"{len(chosen)} {what} are too many (at most {most})"
+        raise PlotError(f"{many}: choose with --select AXIS=VALUE; left over: {left}")
+    return chosen
+
+
+def some(
+    free: tuple[Axis, ...], most: int, what: str, partial: bool, largest: Callable[[Index], float] | None = None
+) -> tuple[list[Index], str]:
+    """The combinations and, where ``partial`` lets some of too many be left out, a sentence on those that are shown.
+
+    largest: of what one combination shows: labels are told apart by it. Numbers are thinned out evenly.
+    """
+    count = int(np.prod([axis.size for axis in free], dtype=float))
+    if not partial or count <= most:
+        return combinations(free, most, what), ""
+    if largest is not None and not any(axis.numeric for axis in free):
+        every = combinations(free, count, what)
+        sizes = np.nan_to_num([largest(index) for index in every], nan=-np.inf)
+        kept = np.sort(np.argsort(-sizes, kind="stable")[:most])
+        return [every[k] for k in kept], said(f"the {most} of {count} {what} with the largest values", free)
+    ranges = thinned([axis.size for axis in free], most)
+    names = [axis.name for axis in free]
+    chosen = [dict(zip(names, index, strict=True)) for index in product(*ranges)]
+    return chosen, said(f"{len(chosen)} of {count} {what}", free)
+
+
+def said(shown: str, free: tuple[Axis, ...]) -> str:
+    """A sentence on what is shown and how to choose something else."""
+    chosen = " ".join(f"--select {axis.name}=VALUE" for axis in free)
+    return f"shows {shown}; choose with {chosen}"
+
+
+def thinned(sizes: list[int], most: int) -> list[list[int]]:
+    """Evenly spread indices on every axis, first and last included, ``most`` combinations of them at the most.
+
+    The axis with the most left gives one up at a time.
+    """
+    left = list(sizes)
+    while np.prod(left, dtype=float) > most:
+        longest = left.index(max(left))
+        left[longest] = min(left[longest] - 1, most)
+    return [[round(i) for i in np.linspace(0, size - 1, kept)] for size, kept in zip(sizes, left, strict=True)]
+
+
+def caption(free: tuple[Axis, ...], chosen: Index) -> str:
+    """What tells one combination from the others."""
+    return ", ".join(axis.caption(chosen[axis.name]) for axis in free)
