@@ -23,7 +23,9 @@ from gearstab.cli.errors import user_errors
     "--group", metavar="NAME", help="Which group of the file [default: floquet, else the first one over the sweep]."
 )
 @click.option(
-    "--over", metavar="DIM", help="The dimension that leads: of a response time, or frequency for its spectra."
+    "--over",
+    metavar="DIM,..",
+    help="The dimensions of the rows where there are several tables: of a response time,dof; time,mesh; frequency.",
 )
 def command(result: Path, output: Path, group: str | None, over: str | None) -> None:
     """Write the file RESULT as tidy CSV: one row a grid point, one column an axis or variable."""
@@ -32,6 +34,8 @@ def command(result: Path, output: Path, group: str | None, over: str | None) -> 
 
         if str(output) == "-":
             export.to_stream(result, sys.stdout, group, over)
-            return
-        rows = export.export_csv(result, output, group, over)
-    click.echo(f"{output}: {rows:,} rows", err=True)
+        else:
+            rows = export.export_csv(result, output, group, over)
+            click.echo(f"{output}: {rows:,} rows", err=True)
+        if note := export.left_out(result, group, over):
+            click.echo(f"note: {note}", err=True)

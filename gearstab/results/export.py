@@ -31,8 +31,8 @@ def export_csv(path: Path, out: Path, group: str | None = None, over: str | None
     """Write a group of the result at ``path`` to ``out``, which gets its name when complete; the number of rows.
 
     group: default ``floquet``, else the first other one that there is.
-    over: which of its dimensions leads, for groups whose variables have not all one in common (a response has histories
-        over ``time`` and spectra over ``frequency``): variables without it are left out. Default the first one.
+    over: the dimensions of the rows, ``time,mesh`` or one of them, for groups whose variables lie across one another (a
+        response has coordinates and mesh forces over ``time`` and spectra over ``frequency``), see :func:`led_by`.
 
     Raises ResultError for a file, a group or a dimension that is not there, OSError if ``out`` cannot be written.
     """
@@ -88,19 +88,49 @@ def chosen_group(tree: xr.DataTree, group: str | None, path: Path) -> str:
 
 
 def led_by(dataset: xr.Dataset, over: str | None, path: Path) -> xr.Dataset:
-    """The variables that stand over the leading dimension, and those over dimensions that others share with it.
+    """The variables over the chosen dimensions, and those over some of them, whose values repeat.
 
+    A table holds no two sets of dimensions that lie across one another: its rows would be the product of both. Without
+    ``over`` the first variable's first dimension leads; of several sets the one with most variables is chosen.
     Raises ResultError naming the dimensions there are.
     """
-    there = dimensions(dataset)
-    if over is not None and over not in there:
-        raise ResultError(f"{path}: nothing stands over '{over}' there; there is {', '.join(there) or 'no dimension'}")
-    first = next((data.dims for data in dataset.data_vars.values() if data.dims), ())
-    lead = over or (str(first[0]) if first else None)
-    if lead is None:
+    sets = widest_sets(dataset)
+    asked = [part.strip() for part in over.split(",")] if over else []
+    if not asked:
+        asked = [str(dim) for dim in next((data.dims[:1] for data in dataset.data_vars.values() if data.dims), ())]
+    matching = [dims for dims in sets if set(asked) <= set(dims)]
+    if over and not matching:
+        there = "; ".join(",".join(dims) for dims in sets) or "no dimension"
+        raise ResultError(f"{path}: nothing stands over '{over}' there; there is {there}")
+    if not asked or not matching:
         return dataset
-    beside = {dim for data in dataset.data_vars.values() if lead in data.dims for dim in data.dims}
-    return dataset[[name for name, data in dataset.data_vars.items() if set(data.dims) <= beside]]
+    best: tuple[str, ...] = max(matching, key=lambda dims: sets[dims])
+    chosen = set(best)
+    return dataset[[name for name, data in dataset.data_vars.items() if set(data.dims) <= chosen]]
+
+
+def widest_sets(dataset: xr.Dataset) -> dict[tuple[str, ...], int]:
+    """The sets of dimensions that are no part of another, with the number of variables that stand over each."""
+    counts: dict[tuple[str, ...], int] = {}
+    for data in dataset.data_vars.values():
+        dims = tuple(map(str, data.dims))
+        counts[dims] = counts.get(dims, 0) + 1
+    return {dims: n for dims, n in counts.items() if not any(set(dims) < set(other) for other in counts)}
+
+
+def left_out(path: Path, group: str | None = None, over: str | None = None) -> str:
+    """What the group holds beside the table, and how to get it; empty if the table holds everything."""
+    with open_result(path) as tree:
+        dataset = tree[chosen_group(tree, group, path)].to_dataset()
+        missing = dataset.drop_vars(list(led_by(dataset, over, path).data_vars))
+        sets = widest_sets(missing)
+        parts = [f"{names_over(missing, dims)} (--over {','.join(dims)})" for dims in sets if dims]
+    return "not in the table: " + "; ".join(parts) if parts else ""
+
+
+def names_over(dataset: xr.Dataset, dims: tuple[str, ...]) -> str:
+    """The variables over all or some of the dimensions."""
+    return ", ".join(str(name) for name, data in dataset.data_vars.items() if set(data.dims) <= set(dims))
 
 
 def dimensions(dataset: xr.Dataset) -> list[str]:
