@@ -125,17 +125,13 @@ class Exact:
             for e in expm(some.reshape(-1, *some.shape[2:])).reshape(some.shape):
                 yield e[:, :m, :m], e[:, :m, m:] * size[:, :, None]
 
-    def _z(self, fraction: float) -> Array:
-        """``(K, L)``, what drives, at a fraction of the interval."""
-        return self.points.excitation.z(self.begin + fraction * self.length)
-
     def across(self) -> Map:
         """The map over the whole interval."""
         return next(self.at(np.ones(1)))
 
     def at(self, fractions: Array) -> Iterator[Map]:
         """The maps from the beginning to the given fractions (X,) of the interval."""
-        start = self._z(0.0)
+        start = self.points.excitation.z(self.begin)
         for p, f in self._propagators(fractions):
             yield p, np.einsum("kil,kl->ki", f, start)
 
@@ -143,13 +139,14 @@ class Exact:
         """The states x ``(K, m)`` at ascending fractions of the interval, from the one at its beginning."""
         known: dict[float, tuple[Array, Array]] = {}
         steps = np.diff(fractions, prepend=0.0)
-        for step, end in zip(steps, fractions, strict=True):
+        drives = self.points.excitation.z(self.begin + (fractions - steps)[:, None] * self.length)
+        for step, z in zip(steps, drives, strict=True):
             if step > 0:
                 key = round(float(step), 14)
                 if key not in known:
                     known[key] = next(self._propagators(np.array([step])))
                 p, f = known[key]
-                x = np.einsum("kij,kj->ki", p, x) + np.einsum("kil,kl->ki", f, self._z(end - step))
+                x = np.einsum("kij,kj->ki", p, x) + np.einsum("kil,kl->ki", f, z)
             yield x
 
 
