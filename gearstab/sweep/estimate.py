@@ -19,6 +19,8 @@ SECONDS = 0.4
 MOST_SAMPLES = 6
 LONG = 5.0
 """Seconds of a single point that are sample enough."""
+MANY = 20
+"""Points of which a second one is worth its time all the same."""
 OVERHEAD = 2.5
 """Arrays of a block's size that a method holds at once besides its results, roughly."""
 
@@ -76,6 +78,8 @@ def _method(plan: Plan, layout: Layout, workers: int) -> MethodEstimate:
             break
         wanted = points * int(min(16, max(2, SECONDS / 2 / max(spent, 1e-4))))
     work = spent * layout.points / points
+    if spent >= LONG and points == 1 and layout.points >= MANY and prod(layout.chunk) > 1:
+        work = _shared(plan, layout, spent)
     rounds = ceil(layout.count / min(workers, layout.count))
     block_work = work / layout.count
     seconds = block_work * rounds if work > 1 else work
@@ -83,6 +87,15 @@ def _method(plan: Plan, layout: Layout, workers: int) -> MethodEstimate:
     return MethodEstimate(
         layout.method.name, layout.points, layout.count, work, seconds, size * layout.points / points, memory
     )
+
+
+def _shared(plan: Plan, layout: Layout, alone: float) -> float:
+    """The work where a single point takes long: points of a block share some of it, as two of them show."""
+    block = sample(layout, 2)
+    start = time.process_time()
+    compute(plan, block)
+    further = max(0.0, time.process_time() - start - alone) / max(1, block.points - 1)
+    return alone * layout.count + min(further, alone) * (layout.points - layout.count)
 
 
 def _bytes_a_point(plan: Plan, layout: Layout, encoded: float) -> float:
