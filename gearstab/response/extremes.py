@@ -57,15 +57,14 @@ def extremes(values: Array, rates: Array) -> tuple[Array, Array, Array]:
     data = np.concatenate([values - origin, rates], axis=1).reshape(len(values), len(COEFFICIENTS), -1)
     grid = ON_GRID @ data
     doubt = np.abs(DOUBT @ data).max(axis=(0, 1), initial=0.0)
-    least = origin - _greatest(data, grid, -1.0).reshape(shape)
-    greatest = origin + _greatest(data, grid, 1.0).reshape(shape)
+    both = _greatest(np.concatenate([data, -data], axis=2), np.concatenate([grid, -grid], axis=2)).reshape(2, *shape)
+    least, greatest = origin - both[1], origin + both[0]
     exact = values.min(axis=(0, 1)), values.max(axis=(0, 1))
     return np.minimum(least, exact[0]), np.maximum(greatest, exact[1]), doubt.reshape(shape)
 
 
-def _greatest(data: Array, grid: Array, sign: float) -> Array:
-    """``(Q,)``, of sign times the functions with ``data (panels, 10, Q)`` and values ``(panels, 9, Q)`` on the grid."""
-    grid = sign * grid
+def _greatest(data: Array, grid: Array) -> Array:
+    """``(Q,)``, of the functions with ``data (panels, 10, Q)`` and values ``(panels, 9, Q)`` on the grid."""
     at = grid.argmax(axis=1)[:, None]
     inner = np.clip(at, 1, len(GRID) - 2)
     left, middle, right = (np.take_along_axis(grid, inner + k, axis=1)[:, 0] for k in (-1, 0, 1))
@@ -74,7 +73,7 @@ def _greatest(data: Array, grid: Array, sign: float) -> Array:
     # A parabola through neighbours rises above them by an eighth of their second difference at most.
     bend = np.abs(left - 2 * middle + right)
     panel, column = np.nonzero((top + bend > best) & (bend > FLAT * np.abs(best)))
-    c = sign * (data[panel, :, column] @ COEFFICIENTS.T).T
+    c = (data[panel, :, column] @ COEFFICIENTS.T).T
     slope, curve = polynomial.polyder(c), polynomial.polyder(c, 2)
     start, width = 2 * GRID[at[panel, 0, column]] - 1, 2 * GRID[1]
     low, high = np.maximum(start - width, -1.0), np.minimum(start + width, 1.0)
