@@ -116,3 +116,15 @@ def test_metres_stay_what_they_were(units: tuple[str, ...]) -> None:
     system = GearSystem(np.eye(2), np.eye(2), (), units=units)
     assert system.coordinate_units == ("m", "m")
     assert in_units_of(system, RESPONSE) == RESPONSE
+
+
+def test_an_axis_of_input_speed_says_what_mesh_frequency_it_gives(tmp_path: Path) -> None:
+    swept = GEARBOX[: GEARBOX.index("respond:")].replace(", support: SUPPORT", "")
+    config, out = tmp_path / "train.yaml", tmp_path / "swept.h5"
+    config.write_text(swept + 'sweep: {input_speed: ["600 rpm", "1200 rpm"]}\nmethods: {floquet: {}}\n')
+    done = CliRunner().invoke(group, ["sweep", str(config), "-o", str(out)])
+    assert done.exit_code == 0, done.output
+    with open_result(out) as tree:
+        # 20 teeth pass in every turn of the pinion, which turns with the input.
+        assert tree["input_speed"].attrs["mesh_frequency_factor"] == 20
+        np.testing.assert_allclose(tree["input_speed"].values, np.array([20, 40]) * np.pi, rtol=1e-12)
