@@ -18,6 +18,8 @@ from gearstab.system import Array
 
 Method = Callable[[Scene, Array, float], Array]
 
+HARMONICS = 5
+"""Of a mesh's wave that the number of collocation points allows for."""
 LARGEST = 1500
 """Order of an eigenvalue problem that Hill's method may take; minutes a point beyond it."""
 
@@ -53,12 +55,12 @@ def collocation(scene: Scene, omega: Array, tolerance: float) -> Array:
     Spectrally accurate on an analytic piece. Its number of points must be guessed beforehand, and one piece costs the
     cube of it.
     """
-    growth = np.empty(len(omega))
+    growth, cycles = np.empty(len(omega)), max(scene.system.common_period()[1])
     for k, period in enumerate(periods(scene, omega)):
         total = np.eye(2 * scene.system.size)
         for a, b in pairwise(scene.edges):
             if b - a > 4e-16:
-                radians = _radians(scene, 0.5 * (a + b), period * (b - a))
+                radians = _radians(scene, 0.5 * (a + b), period * (b - a)) + 2 * np.pi * HARMONICS * cycles * (b - a)
                 pieces = int(np.ceil(radians / 20))
                 count = int(np.ceil(6 + 0.7 * radians / pieces + 1.1 * np.log10(1 / tolerance)))
                 for part in range(pieces):
