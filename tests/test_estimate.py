@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pytest
@@ -52,3 +52,16 @@ def test_the_time_is_that_of_all_blocks(
     (found,) = estimate.estimate(plan, 1).methods
     assert found.work == pytest.approx(8 * (block + 3 * point), rel=1e-12)
     assert clock.blocks <= most
+
+
+def test_samples_of_less_than_a_block_tell_what_its_points_share(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "train.yaml").write_text(CONFIG)
+    plan, clock = faulty(tmp_path / "train.yaml"), Clock(0.2, 0.001)
+    large = replace(plan, layouts=(replace(plan.layouts[0], shape=(40, 500), chunk=(1, 500)),))
+    monkeypatch.setattr(estimate, "time", clock)
+    monkeypatch.setattr(estimate, "compute", clock.compute)
+    (found,) = estimate.estimate(large, 1).methods
+    assert found.work == pytest.approx(40 * (0.2 + 500 * 0.001), rel=1e-9)
+    assert clock.now < 1.0

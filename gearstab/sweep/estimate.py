@@ -78,8 +78,8 @@ def _method(plan: Plan, layout: Layout, workers: int) -> MethodEstimate:
             break
         wanted = points * int(min(16, max(2, SECONDS / 2 / max(spent, 1e-4))))
     work = spent * layout.points / points
-    if spent >= LONG and points == 1 and layout.points >= MANY and prod(layout.chunk) > 1:
-        work = _shared(plan, layout, spent)
+    if points < prod(layout.chunk) and (points > 1 or layout.points >= MANY):
+        work = _shared(plan, layout, points, spent)
     rounds = ceil(layout.count / min(workers, layout.count))
     block_work = work / layout.count
     seconds = block_work * rounds if work > 1 else work
@@ -89,13 +89,15 @@ def _method(plan: Plan, layout: Layout, workers: int) -> MethodEstimate:
     )
 
 
-def _shared(plan: Plan, layout: Layout, alone: float) -> float:
-    """The work where a single point takes long: points of a block share some of it, as two of them show."""
-    block = sample(layout, 2)
+def _shared(plan: Plan, layout: Layout, points: int, spent: float) -> float:
+    """The work from samples of less than a block, whose points share some of it: a first and every further point."""
+    block = sample(layout, 1 if points > 1 else 2)
     start = time.process_time()
     compute(plan, block)
-    further = max(0.0, time.process_time() - start - alone) / max(1, block.points - 1)
-    return alone * layout.count + min(further, alone) * (layout.points - layout.count)
+    other = time.process_time() - start
+    alone, many, count = (other, spent, points) if points > 1 else (spent, other, block.points)
+    further = min(max(0.0, many - alone) / max(1, count - 1), many / count)
+    return min(alone, many) * layout.count + further * (layout.points - layout.count)
 
 
 def _bytes_a_point(plan: Plan, layout: Layout, encoded: float) -> float:
