@@ -88,7 +88,9 @@ def check(parameters: Parameters, omegas: list[float]) -> None:
 
 
 @pytest.mark.parametrize("damping", DAMPED)
-@pytest.mark.parametrize("tooth_ratio", [Fraction(1), Fraction(2, 3), Fraction(1, 2)], ids=str)
+@pytest.mark.parametrize(
+    "tooth_ratio", [Fraction(1), pytest.param(Fraction(2, 3), marks=pytest.mark.slow), Fraction(1, 2)], ids=str
+)
 def test_two_stage(tooth_ratio: Fraction, damping: str) -> None:
     check(train(tooth_ratio, **DAMPED[damping]), [0.37, 2.03, 5.41])
 
@@ -119,7 +121,11 @@ def test_negative_stiffness(damping: str) -> None:
 OVERFLOWING = 0.007
 
 
-@pytest.mark.parametrize("damping", ["undamped", "modal", "matrix"])
+SLOW = pytest.mark.slow
+"""For 40 digits of long periods, of which one each stays."""
+
+
+@pytest.mark.parametrize("damping", ["undamped", pytest.param("modal", marks=SLOW), pytest.param("matrix", marks=SLOW)])
 def test_multipliers_beyond_the_range_of_doubles(damping: str) -> None:
     """Growth by more than 1e308 and decay by as much within one period."""
     parameters = train(Fraction(1), 3.0, allow_negative_stiffness=True, **DAMPED[damping])

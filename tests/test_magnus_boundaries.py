@@ -90,6 +90,7 @@ class TestEdges:
         assert set(found.row) == {1, 2}
         assert np.all(found.tolerance < 1.2e-10)
 
+    @pytest.mark.slow
     def test_two_frequencies(self):
         system = two_stage(WAVE, Rectangular(1.4), 0.2, Fraction(3, 5))
         check_edges(boundaries(system, 3.0, 6.5), [system])
