@@ -82,8 +82,8 @@ ALL = "face_width to gears, which holds for all, or give inertia and mass and me
         (TRAIN, "  mass: [[1, 0], [0, 2]]", "  masses: [[1, 0], [0, 2]]", 3,
          "system.masses: unknown key; did you mean 'mass'?"),
         (TRAIN, "sweep:\n  mesh_frequency: [1.0, 2.0]\nmethods:\n  floquet: {}", STEADY, 8,
-         "respond.steady_state: nothing drives the system; give system.load, a mesh's transmission_error or "
-         "system.forces"),
+         "respond.steady_state: nothing drives the system; give a load (a gearbox: torques of input or outputs), a "
+         "mesh's transmission_error or forces"),
         (GEARBOX, "module: 0.003, ", "", 3,
          "system.gears.module: is missing; add module to gears, which holds for all, or to each gear"),
         (GEARBOX, ", face_width: 0.02", "", 3, "system.gears.face_width: is missing, needed for the inertia of pinion, "
@@ -94,6 +94,15 @@ ALL = "face_width to gears, which holds for all, or give inertia and mass and me
          "mesh one; add face_width to this rotor, or give inertia and mass and mean_stiffness instead"),
         (GEARBOX, "name: wheel,", "name: pinion,", 6,
          "system.rotors.1.name: two rotors are called 'pinion'; give each a name of its own"),
+        (GEARBOX, "damping_ratio: 0.05}", "damping_ratio: 0.05, waveform: {kind: tooth}, contact_ratio: 1.6}", 13,
+         "system.meshes.0.contact_ratio: the teeth give it; remove it, or choose waveform: {kind: rectangular}; "
+         "measured values are single_pair_stiffness and variation"),
+        (GEARBOX, "load}]\n", "load}]\nsweep: {mesh_frequency: [1000], meshes.one.friction.coefficient: [0, 0.1]}\n"
+         "methods: {floquet: {}}\n", 16, "sweep.meshes.one.friction.coefficient: there is no friction here; add "
+         "system.meshes.0.friction, of which the axis sets a number"),
+        (GEARBOX, "{name: pinion, teeth: 20}", "{name: pinion, teeth: 20, bore_radius: 0.028}", 13, "system.meshes.0: "
+         "bore_radius 0.028 m must lie inside the root circle, 0.02625 m; change the teeth, or give the stiffness of the "
+         "mesh"),
         (PAIR, "torque: 20.0", "torque: 20.0\n  module: 3\n  radii: [1, 2]", 9,
          "system.radii: module is given already; keep one of module, radii"),
         (PAIR, "[1000.0, 2000.0]", "[1000.0, -1.0]", 5,

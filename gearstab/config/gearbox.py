@@ -280,7 +280,7 @@ def _names(raw: dict[str, Any], rotors: dict[str, dict[str, Any]]) -> Iterator[C
 def _rotor(
     path: tuple[str | int, ...], name: Any, rotors: dict[str, dict[str, Any]], geared: bool
 ) -> Iterator[Conflict]:
-    if not isinstance(name, str):
+    if not isinstance(name, str) or not rotors:
         return
     if name not in rotors:
         yield path, f"there is no rotor '{name}'", f"name one of {', '.join(rotors)}"

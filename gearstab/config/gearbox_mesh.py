@@ -109,9 +109,10 @@ class GearboxMesh(Mesh):
         if isinstance(waveform, dict):
             for path, message, hint in Waveform.conflicts(waveform):
                 yield ("waveform", *path), message, hint
-        if form is not None and not form.contact_ratio and raw.get("contact_ratio") is not None:
+        tooth = kind_of(waveform) == "tooth"
+        if form is not None and not form.contact_ratio and not tooth and raw.get("contact_ratio") is not None:
             yield ("contact_ratio",), "the waveform has no contact ratio", "remove it, or choose another waveform"
-        if kind_of(waveform) == "tooth":
+        if tooth:
             for key in ("mean_stiffness", "max_stiffness", "epsilon", "amplitude", "contact_ratio"):
                 if raw.get(key) is not None:
                     remedy = "remove it, or choose waveform: {kind: rectangular}; measured values are "

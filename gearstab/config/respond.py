@@ -98,7 +98,7 @@ class Respond(Section):
 
 def _of_steady_state(raw: dict[str, Any], driven: bool) -> Iterator[Conflict]:
     if not driven:
-        remedy = "give system.load, a mesh's transmission_error or system.forces"
+        remedy = "give a load (a gearbox: torques of input or outputs), a mesh's transmission_error or forces"
         yield ("steady_state",), "nothing drives the system", remedy
         return
     for key in ("duration", "cycles", "initial"):

@@ -141,6 +141,9 @@ def _walk(name: str, parts: list[str], model: type[System], raw: dict[str, Any])
         else:
             raise TargetError("unknown parameter", nearest(name, candidates(model, raw)))
         value, path = value_at(value, (step,)), (*path, step)
+        if value is None and default is None and is_model(annotation) and part != parts[-1]:
+            where = dotted(("system", *path))
+            raise TargetError(f"there is no {part} here", f"add {where}, of which the axis sets a number")
     if number_kind(entry_type(annotation, 0)) is not None:
         raise TargetError("is a list, and an axis sets a number", f"name an entry, such as {name}.0")
     if number_kind(annotation) is None and axis_choice(annotation) is None:

@@ -93,7 +93,8 @@ class Gear:
             raise ValueError(f"pointed teeth: at the tip they would be {self.top_land / self.module:.4g} modules thick")
         inside, outside = (self.root_radius, self.bore) if self.internal else (self.bore, self.root_radius)
         if not 0 <= inside < outside:
-            raise ValueError(f"bore_radius {self.bore:.6g} m must lie beyond the root circle, {self.root_radius:.6g} m")
+            side = "outside of" if self.internal else "inside"
+            raise ValueError(f"bore_radius {self.bore:.6g} m must lie {side} the root circle, {self.root_radius:.6g} m")
 
     @property
     def sign(self) -> int:

@@ -7,7 +7,7 @@ counts.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -27,6 +27,13 @@ class Teeth:
     pair: Pair
     model: StiffnessModel
     gears: tuple[str, str]
+
+    @property
+    def sharing(self) -> StiffnessModel:
+        """How pairs in contact share the load: those of an internal gear of unknown stiffness do so equally."""
+        if self.pair.wheel.internal and self.model.single_pair_stiffness is None:
+            return replace(self.model, single_pair_stiffness=1.0)
+        return self.model
 
     @property
     def in_order(self) -> tuple[str, str]:
@@ -62,10 +69,14 @@ def phases(system: GearSystem, mesh: int, time: Array, mesh_frequency: float) ->
 def tooth_loads(teeth: Teeth, phase: Array, force: Array, static: float, points: int = MOST_POINTS) -> ToothLoads:
     """From the mesh force ``(samples,)`` at phases ``(samples,)``, in cycles, and the static mesh force.
 
-    points: parts of the contact; with fewer samples in a mesh cycle some of them may be empty, NaN.
+    points: parts of the contact; with fewer samples in a mesh cycle some of them may be empty, NaN. All are NaN where
+    the teeth by themselves would part, with a contact ratio below 1.
     """
-    pair, model = teeth.pair, teeth.model
+    pair, model = teeth.pair, teeth.sharing
     ratio = pair.contact_ratio
+    if ratio < 1:
+        none, both = np.full(points, np.nan), np.full((points, 2), np.nan)
+        return ToothLoads(none, none, both, both)
     _, share = load_shares(pair, phase, model)
     # Pairs from the youngest: each has travelled the phase and whole cycles.
     travelled = (phase - np.floor(phase))[:, None] + np.arange(share.shape[1])

@@ -66,7 +66,7 @@ def _response_cost(options: Any, system: GearSystem) -> float:
 
 def _response_check(options: Any, system: GearSystem) -> None:
     if not system.forced:
-        remedy = "remove it, or give the system a load, forces or transmission errors"
+        remedy = "remove it, or give a load (a gearbox: torques of input or outputs), forces or transmission errors"
         raise OptionError(("response",), "nothing drives the system", remedy)
     if not _parting(system):
         for name in ("continuation", "cycles", "discard"):
