@@ -101,8 +101,8 @@ ALL = "face_width to gears, which holds for all, or give inertia and mass and me
          "methods: {floquet: {}}\n", 16, "sweep.meshes.one.friction.coefficient: there is no friction here; add "
          "system.meshes.0.friction, of which the axis sets a number"),
         (GEARBOX, "{name: pinion, teeth: 20}", "{name: pinion, teeth: 20, bore_radius: 0.028}", 13, "system.meshes.0: "
-         "bore_radius 0.028 m must lie inside the root circle, 0.02625 m; change the teeth, or give the stiffness of the "
-         "mesh"),
+         "bore_radius 0.028 m must lie inside the root circle, 0.02625 m; change the teeth, or give the stiffness of "
+         "the mesh"),
         (PAIR, "torque: 20.0", "torque: 20.0\n  module: 3\n  radii: [1, 2]", 9,
          "system.radii: module is given already; keep one of module, radii"),
         (PAIR, "[1000.0, 2000.0]", "[1000.0, -1.0]", 5,
