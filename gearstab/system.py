@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from functools import cached_property
 from math import gcd, lcm
 
 import numpy as np
@@ -198,7 +199,7 @@ class GearSystem:
         """n, the number of coordinates."""
         return int(np.shape(self.mass)[-1])
 
-    @property
+    @cached_property
     def batch(self) -> tuple[int, ...]:
         """The common leading shape of all arrays; ``()`` for a single system."""
         shapes = [np.shape(self.mass)[:-2], np.shape(self.stiffness)[:-2]]

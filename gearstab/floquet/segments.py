@@ -71,25 +71,33 @@ class Pattern:
         """``(r, D, n)``, which modes of which states are unstable by themselves (before any uniform damping)."""
         return self.squared_frequency + self.elastic.shift[:, None, None] ** 2 < 0
 
+    @cached_property
+    def successions(self) -> tuple[Array, Array, Array]:
+        """States s and what follows them, each pair once: (s + 1 ``(Q,)``, s ``(Q,)``, which pair each segment is).
+
+        A common period may have thousands of segments, but of D states there are at most D^2 changes.
+        """
+        count, following = self.stiffness.shape[1], np.roll(self.states, -1)
+        if count == len(self.states):
+            # Every segment has its own state, as Magnus steps have: nothing comes twice.
+            return following, self.states, np.arange(count)
+        pairs, index = np.unique(following * count + self.states, return_inverse=True)
+        return pairs // count, pairs % count, index
+
     def pairs(self, inverse: Array, basis: Array) -> tuple[Array, Array]:
         """(distinct products B_{s+1}^-1 B_s ``(r, Q, m, m)``, which of them follows each segment ``(S,)``).
 
-        A common period may have thousands of segments, but of D states there are at most D^2 changes.
         inverse, basis: ``(r, D, m, m)``, of each state.
         """
-        count = basis.shape[1]
-        if count == len(self.states):
-            # Every segment has its own state, as Magnus steps have: nothing comes twice.
-            following = np.append(self.states[1:], self.states[:1])
-            if not np.array_equal(self.states, np.arange(count)):
-                basis = basis.take(self.states, axis=1)
-            return inverse.take(following, axis=1) @ basis, np.arange(count)
-        pairs, index = np.unique(np.roll(self.states, -1) * count + self.states, return_inverse=True)
-        return inverse.take(pairs // count, axis=1) @ basis.take(pairs % count, axis=1), index
+        after, before, index = self.successions
+        return inverse.take(after, axis=1) @ _of_states(basis, before), index
 
     @cached_property
     def _turns(self) -> tuple[Array, Array]:
-        return self.pairs(np.ascontiguousarray(np.swapaxes(self.modes, -1, -2)), self.modes)
+        after, before, index = self.successions
+        # A transposed view is multiplied faster than a transposed copy is made.
+        transposed = np.swapaxes(self.modes.take(after, axis=1), -1, -2)
+        return transposed @ _of_states(self.modes, before), index
 
     def change(self, segment: int) -> Array:
         """``(r, n, n)``, V_{s+1}^T V_s: from the modes of a segment to those of the next (of the last to the first)."""
@@ -118,6 +126,12 @@ class Pattern:
     def durations(self, row: int, omega: Array) -> Array:
         """``(S, P)``, durations of a row's segments, units 1/rate, for mesh frequencies ``(P,)`` in units of rate."""
         return self.fractions[row][:, None] * (2 * np.pi * self.cycles) / omega
+
+
+def _of_states(values: Array, states: Array) -> Array:
+    """``(r, len(states), ...)`` of ``(r, D, ...)``, without a copy where these are all states in order."""
+    whole = len(states) == values.shape[1] and np.array_equal(states, np.arange(len(states)))
+    return values if whole else values.take(states, axis=1)
 
 
 def prepare(system: GearSystem) -> list[Pattern]:
