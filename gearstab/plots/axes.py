@@ -333,3 +333,10 @@ def default(axes: list[Axis], preferred: list[str]) -> Axis | None:
 def axes_text(axes: Mapping[str, Axis]) -> str:
     """Names and sizes of the axes, for messages."""
     return f"there is {listed(f'{axis.name} ({axis.size})' for axis in axes.values())}"
+
+
+def two_axes_only(view: View, otherwise: str = "") -> None:
+    """Raise PlotError, naming axes and values, where a map would leave axes over; otherwise: another way to draw it."""
+    if view.free:
+        left = "; ".join(f"{axis.name}: {axis.extent()}" for axis in view.free)
+        raise PlotError(f"a map shows two axes: choose with --select AXIS=VALUE{otherwise}; left over: {left}")

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from gearstab.plots import grid, names
-from gearstab.plots.axes import Request, View, view_of
+from gearstab.plots.axes import Request, View, two_axes_only, view_of
 from gearstab.plots.errors import PlotError
 from gearstab.plots.heading import write_title
 from gearstab.plots.style import GROWTH, LINE, new_figure
@@ -76,9 +76,7 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     dataset = tree[NAME].to_dataset()
     data = dataset[NAME]
     view = view_of(tree, map(str, data.dims), request, dataset)
-    if view.free:
-        left = "; ".join(f"{axis.name}: {axis.extent()}" for axis in view.free)
-        raise PlotError(f"a map shows two axes: choose with --select AXIS=VALUE; left over: {left}")
+    two_axes_only(view)
     figure = new_figure(request.size or "single", 0.78 if (request.size or "single") == "single" else 0.52, request.dpi)
     ax = figure.add_subplot()
     artists = draw_map(ax, view, data)

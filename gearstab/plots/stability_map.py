@@ -11,7 +11,7 @@ from matplotlib.colors import Colormap, LogNorm, Normalize
 from matplotlib.figure import Figure
 
 from gearstab.plots import grid, names, tongues
-from gearstab.plots.axes import Request, View, swept_groups, view_of
+from gearstab.plots.axes import Request, View, swept_groups, two_axes_only, view_of
 from gearstab.plots.errors import PlotError, listed
 from gearstab.plots.heading import write_title
 from gearstab.plots.style import GROWTH, LINE, new_figure
@@ -170,9 +170,7 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     variable = request.variable or default_variable(tree)
     dataset, data = find_variable(tree, variable)
     view = view_of(tree, map(str, data.dims), request, dataset)
-    if view.free:
-        left = "; ".join(f"{axis.name}: {axis.extent()}" for axis in view.free)
-        raise PlotError(f"a map shows two axes: choose with --select AXIS=VALUE, or --kind slices; left over: {left}")
+    two_axes_only(view, ", or --kind slices")
     figure = new_figure(request.size or "single", 0.78 if (request.size or "single") == "single" else 0.52, request.dpi)
     ax = figure.add_subplot()
     artists = draw_map(tree, ax, view, variable)
