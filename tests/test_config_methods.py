@@ -57,7 +57,8 @@ CASES = [
     (IRRATIONAL, "required_damping:\n    frequencies: common_period", said(12, "required_damping.frequencies",
      'mesh frequencies of irrational ratio have no common period (got "common_period"); choose per_mesh or auto')),
     ("lag: 0}", "response: {}", said(11, "response",
-     "nothing drives the system; remove it, or give the system a load, forces or transmission errors")),
+     "nothing drives the system; remove it, or give a load (a gearbox: torques of input or outputs), forces or "
+     "transmission errors")),
     (LOADED, "response: {cycles: 30}", said(13, "response.cycles",
      "no mesh has backlash (got 30); remove it, or give a mesh backlash")),
     (LOADED.replace("lag: 0}", "lag: 0, backlash: 0.1}"), "response: {cycles: 30, discard: 40}",

@@ -78,6 +78,14 @@ class Scene:
         assert not list(self.folder.glob("*.tmp"))
 
 
+@pytest.fixture(autouse=True)
+def ctrl_c_interrupts() -> Iterator[None]:
+    """Where the tests run in the background of a shell, Ctrl-C is ignored, also in the processes they start."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 @pytest.fixture
 def scene(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Scene]:
     found = Scene(tmp_path)
@@ -351,6 +359,7 @@ def test_an_interrupt_while_the_result_is_written_keeps_everything(
     def interrupted(source: Path, target: Path) -> None:
         if Path(target) == scene.out:
             os.kill(os.getpid(), signal.SIGINT)
+            time.sleep(0.1)  # where it is handled
         rename(source, target)
 
     monkeypatch.setattr(os, "replace", interrupted)
