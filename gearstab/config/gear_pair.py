@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
-from gearstab.config.fields import Choice, Mass, NonNegative, Quantity, Section, Whole
+from gearstab.config.fields import Choice, Inertia, Length, Mass, NonNegative, Quantity, Section, Whole
 from gearstab.config.forcing import LoadOfOne, wrong_load
 from gearstab.config.mesh import Conflict, Mesh, exactly_one
 from gearstab.config.respond_pair import PairRespond
@@ -24,8 +24,6 @@ OF_GEARS = ("teeth", "inertias", "torsional_stiffness", "single_contact_angle", 
 TOGETHER = f"two gears are given by {', '.join(OF_GEARS[:3])}, single_contact_angle or contact_ratio, torque"
 
 Formulation = Annotated[str, Choice("formulation", FORMULATIONS, axis=True)]
-Length = Annotated[float, Field(gt=0), Quantity("m")]
-Inertia = Annotated[float, Field(gt=0), Quantity("kg m^2")]
 TorsionalStiffness = Annotated[float, Field(gt=0), Quantity("N m")]
 Teeth = Annotated[int, Field(ge=1, le=100_000), Whole()]
 

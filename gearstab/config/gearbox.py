@@ -10,8 +10,10 @@ from pydantic import Field
 
 from gearstab.config.conflicts import Conflict
 from gearstab.config.fields import (
+    AngularFrequency,
     Choice,
     Flag,
+    Inertia,
     Length,
     Mass,
     NameText,
@@ -28,12 +30,10 @@ from gearstab.config.mesh import Named, ToothMesh
 from gearstab.config.problems import Path
 from gearstab.config.system import System
 
-Inertia = Annotated[float, Field(gt=0), Quantity("kg m^2")]
 TorsionalStiffness = Annotated[float, Field(gt=0), Quantity("N m", ("N m/rad",))]
 Torque = Annotated[float, Field(gt=0), Quantity("N m")]
 PressureAngle = Annotated[float, Field(gt=0, lt=0.7853), Quantity("rad")]
 Pressure = Annotated[float, Field(gt=0), Quantity("Pa")]
-Speed = Annotated[float, Field(gt=0), Quantity("rad/s")]
 
 OF_TEETH = ("module", "pressure_angle", "addendum", "dedendum", "face_width")
 """What all gears of a train share unless a gear has its own."""
@@ -158,7 +158,7 @@ class Input(Section):
     torque: Torque | None = Field(
         default=None, title="input torque", description="On the input rotor (N m); follows from the outputs' without."
     )
-    speed: Speed | None = Field(
+    speed: AngularFrequency | None = Field(
         default=None,
         title="nominal speed",
         description='Of the input rotor, for friction (rad/s, "1500 rpm"); sweeps set it by the axis input_speed.',
