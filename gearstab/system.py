@@ -21,6 +21,7 @@ from math import gcd, lcm
 
 import numpy as np
 
+from gearstab.errors import NotPossible
 from gearstab.waveforms import Fourier, Profile, Waveform
 
 Array = np.ndarray
@@ -256,7 +257,7 @@ class GearSystem:
         """The period that all mesh stiffnesses and terms share.
 
         Returns (N, (N_1, N_2, ...)): the common period is N 2 pi/Omega and holds N_i whole cycles of mesh i, those of
-        the terms after those of the meshes. Raises ValueError where there is none.
+        the terms after those of the meshes. Raises NotPossible where there is none.
         """
         return shared_period(self.frequency_ratios)
 
@@ -264,11 +265,11 @@ class GearSystem:
 def shared_period(ratios: list[Fraction | float]) -> tuple[Fraction, tuple[int, ...]]:
     """(N, cycles of each in N 2 pi/Omega), the shortest period common to frequencies r Omega.
 
-    Raises ValueError where there is none.
+    Raises NotPossible where there is none.
     """
     exact = [ratio for ratio in ratios if isinstance(ratio, Fraction)]
     if len(exact) < len(ratios):
-        raise ValueError("mesh frequencies of irrational ratio have no common period")
+        raise NotPossible("mesh frequencies of irrational ratio have no common period")
     common = Fraction(
         gcd(*(r.numerator * lcm(*(s.denominator for s in exact)) // r.denominator for r in exact)),
         lcm(*(r.denominator for r in exact)),

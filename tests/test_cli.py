@@ -124,11 +124,6 @@ def test_expected_errors_are_a_line_and_a_code(error: Exception, code: int, caps
     assert capsys.readouterr().err.count("\n") == 1
 
 
-def test_every_expected_error_exists() -> None:
-    for module, name in errors.EXPECTED:
-        assert issubclass(getattr(__import__(module, fromlist=[name]), name), Exception)
-
-
 def test_numbers_as_people_read_them() -> None:
     assert [quantity(v) for v in (0, 12.34, 999.6, 1234, 999_600, 45.6e6, 2e9)] == [
         "0", "12.3", "1 k", "1.23 k", "1 M", "45.6 M", "2 G",

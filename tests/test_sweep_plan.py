@@ -11,7 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gearstab.config import load
-from gearstab.sweep import RequestError, plan
+from gearstab.errors import UserError
+from gearstab.sweep import plan
 from gearstab.sweep.methods import METHODS
 from gearstab.sweep.plan import MOST, Layout, chunk_shape
 
@@ -88,12 +89,12 @@ def test_the_kernel_is_part_of_it(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setenv("GEARSTAB_KERNEL", kernel)
         try:
             digests.add(plan(load(FIG3)).digest)
-        except RequestError:
+        except UserError:
             pytest.skip("the compiled kernel was not built")
     assert len(digests) == 2
 
 
 def test_an_unknown_kernel_is_the_users_mistake(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("GEARSTAB_KERNEL", "fortran")
-    with pytest.raises(RequestError, match="fortran"):
+    with pytest.raises(UserError, match="fortran"):
         plan(load(FIG3))

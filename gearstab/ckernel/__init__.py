@@ -12,6 +12,8 @@ from types import ModuleType
 
 import numpy as np
 
+from gearstab.errors import SettingError
+
 Array = np.ndarray
 
 library: ModuleType | None
@@ -41,11 +43,11 @@ def symmetric_eigen(matrix: Array) -> tuple[Array, Array]:
 
 
 def simd() -> str:
-    """The level of vector instructions in use; raises ValueError where GEARSTAB_SIMD asks for one that is not there."""
+    """The level of vector instructions in use; raises SettingError where GEARSTAB_SIMD asks for another."""
     if library is None:
         raise ValueError("the compiled kernel was not built")
     available: list[str] = library.levels()
     asked = os.environ.get("GEARSTAB_SIMD")
     if asked and asked not in available:
-        raise ValueError(f"GEARSTAB_SIMD={asked}: this processor offers {', '.join(available)}")
+        raise SettingError(f"GEARSTAB_SIMD={asked}: this processor offers {', '.join(available)}")
     return asked or available[-1]

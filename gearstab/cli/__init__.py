@@ -11,7 +11,7 @@ from typing import NoReturn
 import click
 
 from gearstab import __version__
-from gearstab.cli.errors import INTERRUPTED
+from gearstab.errors import INTERRUPTED
 
 BLAS_THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 """The environment variables that say how many threads a BLAS library starts."""

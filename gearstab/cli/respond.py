@@ -49,8 +49,8 @@ def respond(config: Config, out: Path) -> Response | PairResponse:
     from gearstab.cli.respond_backlash import respond_backlash
     from gearstab.cli.respond_linear import result
     from gearstab.cli.respond_pair import respond_pair
-    from gearstab.config.problems import ConfigError
     from gearstab.config.respond_pair import PairRespond
+    from gearstab.errors import NotPossible
     from gearstab.response.backlash import has_backlash
     from gearstab.results import write_result
     from gearstab.systems import build
@@ -65,11 +65,8 @@ def respond(config: Config, out: Path) -> Response | PairResponse:
         if has_backlash(system):
             return respond_backlash(config, wanted, system, _duration(wanted, system), out)
         found = _steady(wanted, system) if wanted.steady_state else _history(wanted, system)
-    except ConfigError:
-        raise
-    except ValueError as error:
-        message, _, remedy = str(error).partition("; ")
-        _refuse(config, ("respond",), message, remedy)
+    except NotPossible as error:
+        _refuse(config, ("respond",), error.message, error.remedy)
     out.parent.mkdir(parents=True, exist_ok=True)
     write_result(out, result(config, wanted, system, found))
     return found

@@ -54,11 +54,12 @@ def respond_pair(config: Config, wanted: PairRespond, out: Path) -> PairResponse
 def _held(config: Config, pair: RotatingPair, mesh_frequency: float) -> tuple[Start, float]:
     """State and torque on the periodic orbit; raises ConfigError where there is none."""
     from gearstab.config import ConfigError
+    from gearstab.errors import NotPossible
     from gearstab.response.pair import held
 
     try:
         return held(pair, mesh_frequency)
-    except ValueError as error:
+    except NotPossible as error:
         hint = "choose another speed or a smaller torque"
         raise ConfigError([config.problem(("respond", "hold_speed"), str(error), hint)]) from None
 

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 from typing import Any
 
+from gearstab.errors import UserError
+
 Path = tuple[str | int, ...]
 """Where a value stands in a document: keys and 0-based indices."""
 
@@ -42,7 +44,7 @@ class Problem:
         return " ".join(f"{place}: {subject}{self.message}{got}{remedy}".split())
 
 
-class ConfigError(ValueError):
+class ConfigError(UserError, ValueError):
     """A configuration cannot be used; ``problems`` lists every mistake that was found, by line."""
 
     def __init__(self, problems: Iterable[Problem]) -> None:

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from gearstab import ckernel
+from gearstab.errors import SettingError
 from gearstab.floquet import numpy_kernel
 from gearstab.floquet.damped import Generators
 from gearstab.floquet.segments import Pattern
@@ -34,7 +35,7 @@ def threads() -> int:
     asked = os.environ.get("GEARSTAB_THREADS")
     if asked:
         if not asked.isdecimal() or int(asked) == 0:
-            raise ValueError(f"GEARSTAB_THREADS={asked}: a positive whole number is needed")
+            raise SettingError(f"GEARSTAB_THREADS={asked}: a positive whole number is needed")
         return int(asked)
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 

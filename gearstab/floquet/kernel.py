@@ -32,6 +32,7 @@ from contextvars import ContextVar
 from types import ModuleType
 
 from gearstab import ckernel
+from gearstab.errors import SettingError
 from gearstab.floquet import c_kernel, numpy_kernel
 
 KERNELS: dict[str, ModuleType] = {"numpy": numpy_kernel, "c": c_kernel}
@@ -45,14 +46,14 @@ def available() -> tuple[str, ...]:
 
 
 def name() -> str:
-    """The name of the kernel in use; raises ValueError when GEARSTAB_KERNEL asks for one that is not there."""
+    """The name of the kernel in use; raises SettingError when GEARSTAB_KERNEL asks for one that is not there."""
     asked = _chosen.get() or os.environ.get("GEARSTAB_KERNEL")
     if not asked:
         return available()[-1]
     if asked not in KERNELS:
-        raise ValueError(f"GEARSTAB_KERNEL={asked}: the kernels are {' and '.join(KERNELS)}")
+        raise SettingError(f"GEARSTAB_KERNEL={asked}: the kernels are {' and '.join(KERNELS)}")
     if asked not in available():
-        raise ValueError(
+        raise SettingError(
             f"GEARSTAB_KERNEL={asked}: the compiled kernel was not built; install a C compiler and gearstab again, "
             "or use numpy"
         )

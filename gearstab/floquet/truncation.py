@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from gearstab.errors import NotPossible
 from gearstab.floquet.frequencies.choice import sample
 from gearstab.modal import eigenmodes, mean_modes
 from gearstab.system import Array, GearSystem, PeriodicTerm
@@ -47,10 +48,10 @@ def restricted(system: GearSystem, basis: Array) -> GearSystem:
 def modes_basis(system: GearSystem, modes: Sequence[int]) -> Array:
     """``(..., n, m)``, the shapes of modes, numbered from 1 by ascending natural frequency in each row.
 
-    Raises ValueError where there is no such mode.
+    Raises NotPossible where there is no such mode.
     """
     if max(modes) > system.size:
-        raise ValueError(f"there is no mode {max(modes)}; name modes from 1 to {system.size}")
+        raise NotPossible(f"there is no mode {max(modes)}", f"name modes from 1 to {system.size}")
     return mean_modes(system).shapes[..., np.array(modes, dtype=int) - 1]
 
 
@@ -61,20 +62,20 @@ def type_basis(system: GearSystem, kind: int | str) -> Array:
 
         P_T = (c/N) sum_(k = 0..N-1) cos(2 pi T k/N) R^k,   c = 1 for T = 0 and T = N/2, else 2.
 
-    kind: T, or the name of a type, which may stand for several T. Raises ValueError for a system without symmetry or
+    kind: T, or the name of a type, which may stand for several T. Raises NotPossible for a system without symmetry or
     a type that it does not have.
     """
     symmetry = system.symmetry
     if symmetry is None:
-        raise ValueError("the system has no cyclic symmetry, and so no types of mesh deflection; name modes instead")
+        raise NotPossible("the system has no cyclic symmetry, and so no types of mesh deflection", "name modes instead")
     largest = symmetry.order // 2
     if isinstance(kind, str):
         names = [symmetry.types[min(t, len(symmetry.types) - 1)] for t in range(largest + 1)]
         chosen = [t for t, name in enumerate(names) if name == kind]
         if not chosen:
-            raise ValueError(f"there is no type {kind!r}; choose one of {', '.join(dict.fromkeys(names))}")
+            raise NotPossible(f"there is no type {kind!r}", f"choose one of {', '.join(dict.fromkeys(names))}")
     elif not 0 <= kind <= largest:
-        raise ValueError(f"there is no type {kind}; with {symmetry.order} planets choose one from 0 to {largest}")
+        raise NotPossible(f"there is no type {kind}", f"with {symmetry.order} planets choose one from 0 to {largest}")
     else:
         chosen = [kind]
     projection = sum(_projection(symmetry.turn, symmetry.order, t) for t in chosen)

@@ -20,6 +20,7 @@ from typing import Protocol
 
 import numpy as np
 
+from gearstab.errors import NotPossible
 from gearstab.gears.mesh_stiffness import DEGREE, PLAIN, StiffnessModel, contact_stiffness, mesh_stiffness
 from gearstab.gears.pair import Pair
 from gearstab.gears.stress import contact_pressure
@@ -144,7 +145,7 @@ class BenedictKelley:
         _positive(self, "viscosity")
         _positive(self, "roughness", zero=True)
         if not self.roughness < 1.13:
-            raise ValueError(f"roughness must lie below 1.13 um, not {self.roughness}")
+            raise NotPossible(f"roughness must lie below 1.13 um, not {self.roughness}")
 
     @property
     def kinks(self) -> tuple[float, ...]:
@@ -160,7 +161,7 @@ class BenedictKelley:
 def _positive(owner: object, name: str, zero: bool = False) -> None:
     value = getattr(owner, name)
     if not (value >= 0 if zero else value > 0):
-        raise ValueError(f"{name} must be positive{' or 0' if zero else ''}, not {value}")
+        raise NotPossible(f"{name} must be positive{' or 0' if zero else ''}, not {value}")
 
 
 def sliding_sign(pair: Pair, s: Array | float) -> Array:
@@ -220,11 +221,11 @@ def mesh_friction(
 ) -> MeshFriction:
     """The friction of a mesh at the pinion's speed (rad/s) under the mean mesh force (N, normal to the teeth).
 
-    The coefficients are those of the static load shares. Raises ValueError for a speed or force that is not positive,
+    The coefficients are those of the static load shares. Raises NotPossible for a speed or force that is not positive,
     and as :func:`~gearstab.gears.mesh_stiffness.mesh_stiffness`.
     """
     if not abs(pinion_speed) > 0 or not force > 0:
-        raise ValueError(
+        raise NotPossible(
             f"friction needs a turning pinion and a positive force, not {pinion_speed} rad/s and {force} N"
         )
     c = pair.contact_ratio

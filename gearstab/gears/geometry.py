@@ -10,6 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import acos, cos, pi, sin, tan
 
+from gearstab.errors import NotPossible
+
 
 def involute(angle: float) -> float:
     """Inv alpha = tan alpha - alpha."""
@@ -19,10 +21,10 @@ def involute(angle: float) -> float:
 def inverse_involute(value: float) -> float:
     """The angle whose involute is ``value`` >= 0, to rounding (Newton's method from a starting value below or near it).
 
-    Raises ValueError for a negative value: no pressure angle has it.
+    Raises NotPossible for a negative value: no pressure angle has it.
     """
     if not value >= 0:
-        raise ValueError(f"no pressure angle has the involute {value:.6g}: it must not be negative")
+        raise NotPossible(f"no pressure angle has the involute {value:.6g}: it must not be negative")
     angle = min((3 * value) ** (1 / 3), 1.4)
     for _ in range(60):
         step = (tan(angle) - angle - value) / max(tan(angle) ** 2, 1e-300)
@@ -49,7 +51,7 @@ class Gear:
     bore_radius: metres; of an internal gear, the outside of its rim. None: 0.4 root radii (internal: 1.2).
     young, poisson, density: of the material; steel.
 
-    Raises ValueError for what can be no gear.
+    Raises NotPossible for what can be no gear.
     """
 
     teeth: int
@@ -69,32 +71,39 @@ class Gear:
 
     def __post_init__(self) -> None:
         if self.teeth < 3 or self.teeth != int(self.teeth):
-            raise ValueError(f"teeth must be a whole number of at least 3, not {self.teeth}")
+            raise NotPossible(f"teeth must be a whole number of at least 3, not {self.teeth}")
         for name in ("module", "face_width", "young", "density"):
             if not getattr(self, name) > 0:
-                raise ValueError(f"{name} must be positive, not {getattr(self, name)}")
+                raise NotPossible(f"{name} must be positive, not {getattr(self, name)}")
         if not 0 < self.pressure_angle < pi / 4:
-            raise ValueError(f"pressure_angle must lie between 0 and 45 degrees, not {self.pressure_angle * 180 / pi}")
+            raise NotPossible(f"pressure_angle must lie between 0 and 45 degrees, not {self.pressure_angle * 180 / pi}")
         if not -1 < self.poisson < 0.5:
-            raise ValueError(f"poisson must lie between -1 and 0.5, not {self.poisson}")
+            raise NotPossible(f"poisson must lie between -1 and 0.5, not {self.poisson}")
         if not self.height > 0:
-            raise ValueError(f"the tip (radius {self.tip_radius:.6g} m) does not rise above the root")
+            raise NotPossible(f"the tip (radius {self.tip_radius:.6g} m) does not rise above the root")
         if not self.internal and not self.tip_radius > self.base_radius:
-            raise ValueError(f"no involute: the tip (radius {self.tip_radius:.6g} m) lies inside the base circle")
+            raise NotPossible(f"no involute: the tip (radius {self.tip_radius:.6g} m) lies inside the base circle")
         if not self.root_radius > 0:
-            raise ValueError(
+            raise NotPossible(
                 f"the root radius {self.root_radius:.6g} m is not positive: too few teeth or too deep a cut"
             )
         if not self.full_rounding >= 0:
-            raise ValueError(f"a rack of this pressure angle has no tooth as deep as dedendum {self.dedendum} modules")
+            raise NotPossible(
+                f"a rack of this pressure angle has no tooth as deep as dedendum {self.dedendum} modules"
+            )
         if not self.rounding >= 0 or self.rounding > self.full_rounding * (1 + 1e-12):
-            raise ValueError(f"rack_tip_radius must lie between 0 and {self.full_rounding:.6g} modules (full rounding)")
+            raise NotPossible(
+                f"rack_tip_radius must lie between 0 and {self.full_rounding:.6g} modules (full rounding)"
+            )
         if not self.top_land > 0:
-            raise ValueError(f"pointed teeth: at the tip they would be {self.top_land / self.module:.4g} modules thick")
+            thickness = self.top_land / self.module
+            raise NotPossible(f"pointed teeth: at the tip they would be {thickness:.4g} modules thick")
         inside, outside = (self.root_radius, self.bore) if self.internal else (self.bore, self.root_radius)
         if not 0 <= inside < outside:
             side = "outside of" if self.internal else "inside"
-            raise ValueError(f"bore_radius {self.bore:.6g} m must lie {side} the root circle, {self.root_radius:.6g} m")
+            raise NotPossible(
+                f"bore_radius {self.bore:.6g} m must lie {side} the root circle, {self.root_radius:.6g} m"
+            )
 
     @property
     def sign(self) -> int:
@@ -158,9 +167,9 @@ class Gear:
         )
 
     def profile_angle(self, radius: float) -> float:
-        """alpha(r) of the involute, cos alpha(r) = r_b/r. Raises ValueError inside the base circle."""
+        """alpha(r) of the involute, cos alpha(r) = r_b/r. Raises NotPossible inside the base circle."""
         if radius < self.base_radius * (1 - 1e-12):
-            raise ValueError(f"radius {radius:.6g} m lies inside the base circle, {self.base_radius:.6g} m")
+            raise NotPossible(f"radius {radius:.6g} m lies inside the base circle, {self.base_radius:.6g} m")
         return acos(min(self.base_radius / radius, 1.0))
 
     def thickness(self, radius: float) -> float:

@@ -11,6 +11,7 @@ from typing import Literal
 
 import numpy as np
 
+from gearstab.errors import NotPossible
 from gearstab.gears.compliance import pair_stiffness
 from gearstab.gears.pair import Pair
 from gearstab.waveforms import Fourier
@@ -38,7 +39,7 @@ class StiffnessModel:
     variation: (max k - min k)/mean k of the mesh: the computed curve is stretched about its mean to it.
     foundation: whether the teeth stand on an elastic body.
 
-    Raises ValueError for values out of range.
+    Raises NotPossible for values out of range.
     """
 
     double_contact_factor: float = 1.0
@@ -49,11 +50,11 @@ class StiffnessModel:
     def __post_init__(self) -> None:
         if not 0.5 < self.double_contact_factor <= 1:
             # At 1/2 a second pair adds nothing, below it would soften the mesh.
-            raise ValueError(f"double_contact_factor must lie above 0.5 and up to 1, not {self.double_contact_factor}")
+            raise NotPossible(f"double_contact_factor must lie above 0.5 and up to 1, not {self.double_contact_factor}")
         if self.single_pair_stiffness is not None and not self.single_pair_stiffness > 0:
-            raise ValueError(f"single_pair_stiffness must be positive, not {self.single_pair_stiffness}")
+            raise NotPossible(f"single_pair_stiffness must be positive, not {self.single_pair_stiffness}")
         if self.variation is not None and not self.variation >= 0:
-            raise ValueError(f"variation must not be negative, not {self.variation}")
+            raise NotPossible(f"variation must not be negative, not {self.variation}")
 
     def shared(self, pairs: Array) -> Array:
         """f_n for n pairs in contact."""
@@ -124,7 +125,7 @@ class MeshStiffness:
         ``peak-to-peak``: max k - min k. ``first harmonic``: its amplitude, 4 epsilon sin(pi d)/pi with d = c -
         floor(c). ``levels``: the difference of the mean stiffness with more and with fewer pairs in contact.
 
-        Raises ValueError where no such wave of positive stiffness exists: the first harmonic close to an integer
+        Raises NotPossible where no such wave of positive stiffness exists: the first harmonic close to an integer
         contact ratio, where the computed wave has one from its rounded flanks and the rectangular one has hardly any.
         """
         c = self.pair.contact_ratio
@@ -137,7 +138,7 @@ class MeshStiffness:
             low, high = self.levels
             epsilon = (high - low) / (2 * self.mean) if d > 0 else 0.0
         if not 2 * epsilon * d < 1:
-            raise ValueError(f"no rectangular wave of contact ratio {c:.4f} and positive stiffness keeps the {keep}")
+            raise NotPossible(f"no rectangular wave of contact ratio {c:.4f} and positive stiffness keeps the {keep}")
         return RectangularReduction(self.mean, float(epsilon), c)
 
     def series(self, order: int) -> Fourier:
@@ -170,7 +171,7 @@ def _single(pair: Pair, s: Array, model: StiffnessModel) -> Array:
     measured = model.single_pair_stiffness
     if pair.wheel.internal:
         if measured is None:
-            raise ValueError("the teeth of an internal gear are not computed: give single_pair_stiffness")
+            raise NotPossible("the teeth of an internal gear are not computed: give single_pair_stiffness")
         return np.full(s.shape, measured)
     k = pair_stiffness(pair, s, model.foundation)
     return k if measured is None else k * (measured / pair_stiffness(pair, pair.pitch_point, model.foundation))
@@ -180,12 +181,12 @@ def _single(pair: Pair, s: Array, model: StiffnessModel) -> Array:
 def mesh_stiffness(pair: Pair, model: StiffnessModel = PLAIN) -> MeshStiffness:
     """The mesh stiffness of a pair over its cycle.
 
-    Raises ValueError for a contact ratio below 1 (contact breaks off), for an internal wheel without measured
+    Raises NotPossible for a contact ratio below 1 (contact breaks off), for an internal wheel without measured
     stiffness, and for a ``variation`` that makes the stiffness negative.
     """
     c = pair.contact_ratio
     if c < 1:
-        raise ValueError(f"contact breaks off: contact ratio {c:.4f}")
+        raise NotPossible(f"contact breaks off: contact ratio {c:.4f}")
     edges = np.array([0.0, c - np.floor(c)])
     for degree in DEGREES:
         curve = through(edges, np.sum(contact_stiffness(pair, nodes(edges, degree), model)[1], axis=-1))
@@ -194,5 +195,5 @@ def mesh_stiffness(pair: Pair, model: StiffnessModel = PLAIN) -> MeshStiffness:
             break
     mesh = MeshStiffness(pair, model, curve)
     if not mesh.extremes[0] > 0:
-        raise ValueError(f"variation {model.variation} takes the mesh stiffness down to {mesh.extremes[0]:.4g} N/m")
+        raise NotPossible(f"variation {model.variation} takes the mesh stiffness down to {mesh.extremes[0]:.4g} N/m")
     return mesh

@@ -11,6 +11,7 @@ from math import acos, asin, cos, pi, sin, sqrt, tan
 
 import numpy as np
 
+from gearstab.errors import NotPossible
 from gearstab.gears.geometry import Gear, inverse_involute, involute
 from gearstab.gears.profile import tooth_profile
 
@@ -51,7 +52,7 @@ class Pair:
     centre_distance: metres; None: of the mesh without backlash.
     wheel_drives: contact then runs from the pinion's tip towards its root.
 
-    Raises ValueError for gears that cannot mesh.
+    Raises NotPossible for gears that cannot mesh.
     """
 
     pinion: Gear
@@ -62,17 +63,17 @@ class Pair:
     def __post_init__(self) -> None:
         one, two = self.pinion, self.wheel
         if one.internal:
-            raise ValueError("the pinion must be an external gear")
+            raise NotPossible("the pinion must be an external gear")
         if abs(one.base_pitch / two.base_pitch - 1) > 1e-9:
-            raise ValueError(f"the base pitches differ: {one.base_pitch:.6g} m and {two.base_pitch:.6g} m")
+            raise NotPossible(f"the base pitches differ: {one.base_pitch:.6g} m and {two.base_pitch:.6g} m")
         if two.internal and two.teeth <= one.teeth:
-            raise ValueError(f"an internal gear needs more teeth than its pinion, not {two.teeth} with {one.teeth}")
+            raise NotPossible(f"an internal gear needs more teeth than its pinion, not {two.teeth} with {one.teeth}")
         if self.centre_distance is not None and not self.centre_distance > self._bases:
-            raise ValueError(
+            raise NotPossible(
                 f"centre_distance {self.centre_distance:.6g} m must exceed {self._bases:.6g} m, base to base"
             )
         if not self.path[1] > self.path[0]:
-            raise ValueError(f"the teeth do not reach each other at the centre distance {self.centre:.6g} m")
+            raise NotPossible(f"the teeth do not reach each other at the centre distance {self.centre:.6g} m")
 
     @property
     def _bases(self) -> float:
@@ -88,7 +89,7 @@ class Pair:
         excess = one.teeth * one.base_half_angle + two.teeth * two.base_half_angle - pi
         inv = excess / (one.teeth + two.sign * two.teeth)
         if not inv >= 0:
-            raise ValueError(
+            raise NotPossible(
                 f"no centre distance closes the backlash of profile shifts {one.profile_shift:g} and "
                 f"{two.profile_shift:g}: give centre_distance"
             )

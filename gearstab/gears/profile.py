@@ -17,6 +17,7 @@ from math import cos, pi, sin, sqrt, tan
 
 import numpy as np
 
+from gearstab.errors import NotPossible
 from gearstab.gears.geometry import Gear
 
 Array = np.ndarray
@@ -98,10 +99,10 @@ def _fillet(gear: Gear, gamma: Array | float) -> tuple[Array, Array, Array, Arra
 def tooth_profile(gear: Gear) -> ToothProfile:
     """The profile that the rack cuts, undercut or not.
 
-    Raises ValueError for an internal gear (no rack cuts it), and where the cut leaves no involute below the tip.
+    Raises NotPossible for an internal gear (no rack cuts it), and where the cut leaves no involute below the tip.
     """
     if gear.internal:
-        raise ValueError("an internal gear has no fillet cut by a rack")
+        raise NotPossible("an internal gear has no fillet cut by a rack")
     alpha = gear.pressure_angle
     straight = gear.dedendum - gear.rounding * (1 - sin(alpha)) - gear.profile_shift
     roll = tan(alpha) - straight * gear.module / (gear.radius * sin(alpha) * cos(alpha))
@@ -110,7 +111,7 @@ def tooth_profile(gear: Gear) -> ToothProfile:
         end, roll = _undercut(gear)
     profile = ToothProfile(gear, end, max(roll, 0.0), undercut)
     if not profile.form_radius < gear.tip_radius:
-        raise ValueError(f"a gear of {gear.teeth} teeth cut so deep has no involute below its tip")
+        raise NotPossible(f"a gear of {gear.teeth} teeth cut so deep has no involute below its tip")
     return profile
 
 
@@ -127,7 +128,7 @@ def _undercut(gear: Gear) -> tuple[float, float]:
     gamma = np.linspace(pi / 2, gear.pressure_angle, SCAN)
     outside = np.flatnonzero(gap(gamma) > 0)
     if not len(outside) or outside[0] == 0:
-        raise ValueError(f"the cut of a gear of {gear.teeth} teeth leaves no flank")
+        raise NotPossible(f"the cut of a gear of {gear.teeth} teeth leaves no flank")
     from scipy.optimize import brentq
 
     found = brentq(lambda g: float(gap(g)), gamma[outside[0]], gamma[outside[0] - 1], xtol=1e-15)

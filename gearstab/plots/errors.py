@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from gearstab.errors import UserError
 
-class PlotError(ValueError):
+
+class PlotError(UserError, ValueError):
     """A figure that the result cannot give; the message is one line and says what is possible instead."""
 
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from gearstab.errors import NotPossible
 from gearstab.modal import mean_modes
 from gearstab.response.basis import Basis
 from gearstab.response.driven import driven
@@ -50,12 +51,13 @@ def steady_state(
 
     Raises
     ------
-    ValueError: batched system, nothing drives it, no common period, or numbers that are not positive.
+    ValueError: batched system, or numbers that are not positive.
+    NotPossible: nothing drives it, or no common period.
     """
     if system.batch != ():
         raise ValueError(f"a steady state needs a single system, not a batch of shape {system.batch}")
     if not system.forced:
-        raise ValueError("nothing drives the system: give a load, forces or transmission errors")
+        raise NotPossible("nothing drives the system: give a load, forces or transmission errors")
     if not (mesh_frequency > 0 and np.isfinite(mesh_frequency) and samples_per_cycle > 0 and periods > 0):
         raise ValueError("mesh frequency, samples per cycle and periods must be positive")
     (_, _, begin) = next(starts(system, np.array([[float(mesh_frequency)]]), tolerance))

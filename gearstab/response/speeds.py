@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gearstab.errors import NotPossible
 from gearstab.response.basis import full
 from gearstab.response.equilibrium import static_mesh_force
 from gearstab.response.pairs_in_contact import Contact, contact
@@ -66,10 +67,10 @@ def speed_response(
 
     Raises
     ------
-    ValueError: nothing drives the system, or there is no common period.
+    NotPossible: nothing drives the system, or there is no common period.
     """
     if not system.forced:
-        raise ValueError("nothing drives the system: give a load, forces or transmission errors")
+        raise NotPossible("nothing drives the system: give a load, forces or transmission errors")
     rows = int(np.prod(system.batch, dtype=int))
     omega = np.atleast_1d(np.asarray(mesh_frequency, dtype=float))
     omega = np.broadcast_to(omega, (rows, omega.shape[-1]))

@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from gearstab.errors import NotPossible
 from gearstab.response.basis import Basis, bases
 from gearstab.response.eigen import Eigen
 from gearstab.response.excitation import Excitation, excitation
@@ -63,7 +64,7 @@ def starts(
     samples: how many of a cycle of the first mesh are looked at, for the size of chunks.
     tolerance: of the monodromy matrix where functions vary smoothly, relative to its largest entry.
 
-    Raises ValueError for systems without a common period.
+    Raises NotPossible for systems without a common period.
     """
     drive = excitation(system)
     for basis in bases(system):
@@ -156,13 +157,13 @@ TRIED = 6
 def resolution(drive: Excitation, basis: Basis, at: Array, omega: Array, tolerance: float) -> int:
     """The number of steps that reaches the tolerance at some of the points, the slowest of many rows among them.
 
-    Raises ValueError where MOST are not enough.
+    Raises NotPossible where MOST are not enough.
     """
     chosen = _samples(at, omega)
     points = Points(drive, basis, at[chosen], omega[chosen])
     longest, turns = float(np.diff(points.edges, axis=1).max()), fastest(points)
     if turns > SLOW:
-        raise ValueError(
+        raise NotPossible(
             f"the mesh frequency is too low for waves that vary smoothly: the fastest mode vibrates {turns:.3g} times "
             f"in a common period, more than {SLOW}"
         )
@@ -182,6 +183,6 @@ def resolution(drive: Excitation, basis: Basis, at: Array, omega: Array, toleran
         before, steps = found, 2 * steps
     if before is not None and not np.isfinite(before).all():
         return MOST  # beyond double precision, which the status will say
-    raise ValueError(
+    raise NotPossible(
         f"mesh stiffness too rough for the tolerance {tolerance:g}: {MOST} steps an interval are not enough"
     )

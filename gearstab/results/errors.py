@@ -1,5 +1,7 @@
 """What can be wrong with a result file; messages are one line."""
 
+from gearstab.errors import UserError
 
-class ResultError(ValueError):
+
+class ResultError(UserError, ValueError):
     """A file cannot be read as a result."""

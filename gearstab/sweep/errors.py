@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from gearstab.config.problems import Path
+from gearstab.errors import FAILED, INTERRUPTED, UserError
 
 
 class OptionError(ValueError):
@@ -13,13 +14,17 @@ class OptionError(ValueError):
         self.path, self.remedy = path, remedy
 
 
-class SweepError(RuntimeError):
+class SweepError(UserError, RuntimeError):
     """The sweep could not be finished; what is finished is kept."""
 
+    exit_code = FAILED
 
-class RequestError(ValueError):
+
+class RequestError(UserError, ValueError):
     """What was asked for cannot be done: no place for the result, no such kernel. Nothing was computed."""
 
 
-class Interrupted(RuntimeError):
+class Interrupted(UserError, RuntimeError):
     """The user or the system asked the sweep to stop; what is finished is kept."""
+
+    exit_code = INTERRUPTED

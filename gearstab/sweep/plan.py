@@ -21,7 +21,7 @@ import numpy as np
 from gearstab import __version__
 from gearstab.config import Axis, Config, ConfigError
 from gearstab.floquet import kernel
-from gearstab.sweep.errors import OptionError, RequestError
+from gearstab.sweep.errors import OptionError
 from gearstab.sweep.methods import POINTS, Method, chosen
 from gearstab.system import Array, GearSystem
 from gearstab.systems import build
@@ -172,7 +172,7 @@ def check(config: Config, base: GearSystem) -> None:
 def plan(config: Config) -> Plan:
     """Divide the grid of a configuration that has a ``sweep`` and ``methods``.
 
-    Raises ConfigError where the options of a method do not fit the system, RequestError where there is no such kernel.
+    Raises ConfigError where the options of a method do not fit the system, SettingError where there is no such kernel.
     """
     if not config.axes or not config.methods.chosen:
         raise ValueError("a sweep needs axes and methods")
@@ -180,15 +180,7 @@ def plan(config: Config) -> Plan:
     check(config, base)
     fast = next((axis for axis in config.axes if [a.path for a in axis.assignments] == [FREQUENCY]), None)
     layouts = tuple(_layout(config, base, fast, method, options) for method, options in chosen(config.methods))
-    return Plan(config, base, fast, layouts, chosen_kernel())
-
-
-def chosen_kernel() -> str:
-    """The kernel that will run. Raises RequestError where the environment asks for one that is not there."""
-    try:
-        return kernel.name()
-    except ValueError as error:
-        raise RequestError(str(error)) from None
+    return Plan(config, base, fast, layouts, kernel.name())
 
 
 def _layout(config: Config, base: GearSystem, fast: Axis | None, method: Method, options: Any) -> Layout:

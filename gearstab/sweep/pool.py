@@ -20,9 +20,7 @@ from dataclasses import dataclass
 from itertools import islice
 from typing import Any
 
-from gearstab.floquet import c_kernel
 from gearstab.sweep.compute import compute
-from gearstab.sweep.errors import RequestError
 from gearstab.sweep.parts import Finished, Part, PartFolder, StoredPart
 from gearstab.sweep.plan import Block, Plan
 from gearstab.sweep.reporter import Reporter
@@ -85,14 +83,6 @@ def run_blocks(
     else:
         before_processes()
         yield from _in_processes(plan, rest, folder, jobs, reporter)
-
-
-def default_jobs() -> int:
-    """As many as the kernel would use threads. Raises RequestError for a senseless GEARSTAB_THREADS."""
-    try:
-        return c_kernel.threads()
-    except ValueError as error:
-        raise RequestError(str(error)) from None
 
 
 @contextmanager

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from gearstab import __version__
+from gearstab.floquet import c_kernel
 from gearstab.results.errors import ResultError
 from gearstab.results.guard import refuse_foreign
 from gearstab.results.read import attributes
@@ -22,7 +23,7 @@ from gearstab.sweep.compute import results_of
 from gearstab.sweep.errors import Interrupted, RequestError, SweepError
 from gearstab.sweep.parts import PartFolder
 from gearstab.sweep.plan import Plan
-from gearstab.sweep.pool import Failure, default_jobs, run_blocks
+from gearstab.sweep.pool import Failure, run_blocks
 from gearstab.sweep.reporter import Reporter
 from gearstab.sweep.store import Store
 
@@ -67,7 +68,7 @@ def run(
     if the disk is full or a block failed; Interrupted after SIGINT or SIGTERM. What is finished is kept.
     """
     out, reporter = Path(out), progress or Reporter()
-    workers = jobs or default_jobs()
+    workers = jobs or c_kernel.threads()
     if not overwrite and is_complete(plan, out):
         return Summary(plan.points, plan.blocks, complete=True)
     prepare(out)

@@ -7,6 +7,7 @@ from fractions import Fraction
 
 import numpy as np
 
+from gearstab.errors import NotPossible
 from gearstab.floquet.magnus import sampled
 from gearstab.floquet.segments import Pattern, prepare, window
 from gearstab.system import GearSystem
@@ -73,14 +74,14 @@ def chosen(system: GearSystem, asked: str, affordable: int = AFFORDABLE) -> str:
     """The way that is taken where ``asked`` is one of WAYS or ``auto``.
 
     ``auto`` is the common period while it has at most ``affordable`` segments; else one frequency at a time where only
-    one varies, which is exact, or where there are other periodic terms; else the Lyapunov exponent. Raises ValueError
+    one varies, which is exact, or where there are other periodic terms; else the Lyapunov exponent. Raises NotPossible
     where there is no such way.
     """
     period = common_period(system)
     if asked == COMMON_PERIOD and period is None:
-        raise ValueError("mesh frequencies of irrational ratio have no common period; choose per_mesh or lyapunov")
+        raise NotPossible("mesh frequencies of irrational ratio have no common period", "choose per_mesh or lyapunov")
     if asked == LYAPUNOV and system.terms:
-        raise ValueError("lyapunov needs a system without periodic terms beside the mesh stiffness; choose per_mesh")
+        raise NotPossible("lyapunov needs a system without periodic terms beside the mesh stiffness", "choose per_mesh")
     if asked != "auto":
         return asked
     if period is not None and period.segments <= affordable:

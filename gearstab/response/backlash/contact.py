@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gearstab.errors import NotPossible
 from gearstab.modal import mean_modes
 from gearstab.response.equilibrium import static_equilibrium, static_mesh_force
 from gearstab.system import Array, GearSystem
@@ -56,7 +57,7 @@ class Play:
 
 
 def play(system: GearSystem) -> Play:
-    """The play of a single system. Raises ValueError where the drive side of a mesh is needed and not known."""
+    """The play of a single system. Raises NotPossible where the drive side of a mesh is needed and not known."""
     width = np.array([float(np.asarray(mesh.backlash)) for mesh in system.meshes])
     load = static_mesh_force(system)
     largest = np.max(np.abs(load), initial=0.0)
@@ -65,7 +66,7 @@ def play(system: GearSystem) -> Play:
     for i, mesh in enumerate(system.meshes):
         if width[i] > 0 and mesh.backlash_zero == "drive_side":
             if side[i] == 0:
-                raise ValueError(
+                raise NotPossible(
                     f"mesh {mesh.name} carries no load, so that it has no drive side: use backlash_zero: middle"
                 )
             low[i], high[i] = (-width[i], 0.0) if side[i] > 0 else (0.0, width[i])
@@ -78,7 +79,7 @@ def resting(system: GearSystem, teeth: Play) -> Array:
     K0 q + sum_i k_gi g_i (g_i^T q - offset_i) = f0 with the sum over the meshes in contact, sought from that of teeth
     without play on. Rigid-body motion is left out, as in :func:`~gearstab.response.equilibrium.static_equilibrium`.
 
-    Raises ValueError where there is none, or none is found.
+    Raises NotPossible where there is none, or none is found.
     """
     modes = mean_modes(system)
     shapes = modes.shapes[:, ~modes.rigid]
@@ -100,4 +101,4 @@ def resting(system: GearSystem, teeth: Play) -> Array:
                 return np.asarray(shapes @ amplitudes)
             break
         contact = following
-    raise ValueError("no static equilibrium on the flanks of the teeth was found: give respond.initial")
+    raise NotPossible("no static equilibrium on the flanks of the teeth was found: give respond.initial")

@@ -13,6 +13,7 @@ from math import factorial
 
 import numpy as np
 
+from gearstab.errors import NotPossible
 from gearstab.response.backlash.contact import APART, Play
 from gearstab.response.driven import Driven
 from gearstab.system import Array, GearSystem
@@ -113,7 +114,7 @@ class Dynamics:
     def varying(self, begin: float, contact: Array, y: Array, longest: float, tolerance: float) -> Piece:
         """A piece while functions vary smoothly, from the time ``begin`` within the common period.
 
-        Raises ValueError where no piece is short enough for the tolerance, relative to the state.
+        Raises NotPossible where no piece is short enough for the tolerance, relative to the state.
         """
         length, period = longest, self.motion.period
         for _ in range(MOST_HALVINGS):
@@ -130,11 +131,11 @@ class Dynamics:
                 powers[0] = y
                 return Piece(length, powers)
             length *= 0.5
-        raise ValueError(f"mesh stiffness too rough for the tolerance {tolerance:g} of motion with backlash")
+        raise NotPossible(f"mesh stiffness too rough for the tolerance {tolerance:g} of motion with backlash")
 
 
 def dynamics(system: GearSystem, motion: Driven, teeth: Play) -> Dynamics:
-    """Prepare a single system. Raises ValueError for a term that acts with a mesh and has a stiffness."""
+    """Prepare a single system. Raises NotPossible for a term that acts with a mesh and has a stiffness."""
     drive, basis, points = motion.drive, motion.basis, motion.points
     m, width, count = basis.size, drive.width, len(system.meshes)
     rate, omega = float(basis.rate[0]), float(points.omega[0])
@@ -171,7 +172,7 @@ def _carriers(system: GearSystem, count: int) -> Array:
     found = list(range(len(names)))
     for term in system.terms:
         if term.mesh and term.stiffness is not None:
-            raise ValueError(f"term {term.name} has a stiffness that acts with a mesh: not available with backlash")
+            raise NotPossible(f"term {term.name} has a stiffness that acts with a mesh: not available with backlash")
         found += [names.index(term.mesh) if term.mesh else -1] * len(term.profiles)
     return np.array(found + [-1] * (count - len(found)))
 

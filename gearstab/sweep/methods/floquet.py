@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from gearstab.errors import NotPossible
 from gearstab.floquet import STATUS_FLAGS, Floquet, kernel, solve
 from gearstab.floquet.report import reduction
 from gearstab.floquet.truncation import modes_basis, neglected, restricted, torn, type_basis
@@ -97,18 +98,16 @@ def _floquet_check(options: Any, system: GearSystem) -> None:
         )
     try:
         _basis(options, system)
-    except ValueError as error:
+    except NotPossible as error:
         key = "block" if options.modes is None else "modes"
-        message, _, remedy = str(error).partition("; ")
-        raise OptionError(("floquet", key), message, remedy) from None
+        raise OptionError(("floquet", key), error.message, error.remedy) from None
     if options.modes is not None and (group := torn(system, options.modes)):
         message = f"modes {', '.join(map(str, group))} have equal frequencies"
         raise OptionError(("floquet", "modes"), message, "name all of them or none")
     try:
         taken = frequencies.way(options, _chosen_part(options, system))
-    except ValueError as error:
-        message, _, remedy = str(error).partition("; ")
-        raise OptionError(("floquet", "frequencies"), message, remedy) from None
+    except NotPossible as error:
+        raise OptionError(("floquet", "frequencies"), error.message, error.remedy) from None
     if options.exponents and taken != "common_period":
         message = f"there are none without a common period ({taken} was chosen)"
         remedy = "remove it, or choose frequencies: common_period" if system.commensurate else "remove it"

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from gearstab.errors import NotPossible
 from gearstab.floquet.frequencies import choice, groups, per_mesh
 from gearstab.floquet.report import reduction
 from gearstab.results.variables import REQUIRED_DAMPING, Variable, flagged
@@ -84,7 +85,7 @@ def check(options: Any, system: GearSystem) -> None:
         raise OptionError(("required_damping",), message, "sweep the damping with floquet instead")
     try:
         way(options, system)
-    except ValueError:
+    except NotPossible:
         message = "mesh frequencies of irrational ratio have no common period"
         raise OptionError(("required_damping", "frequencies"), message, "choose per_mesh or auto") from None
     if options.of == "factor" and system.damping is None:

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from gearstab.errors import NotPossible
 from gearstab.system import Array, GearSystem, Mesh, PeriodicForce, PeriodicTerm
 from gearstab.systems import assembly
 from gearstab.systems.gearbox import friction, matrices, rotors
@@ -103,8 +104,8 @@ class Train:
         teeth = self.teeth_of(mesh)
         try:
             angle = teeth.each(lambda pair: pair.pressure_angle)
-        except ValueError as error:
-            raise TrainError(("meshes", mesh), str(error), "change the teeth") from None
+        except NotPossible as error:
+            raise TrainError(("meshes", mesh), error.message, "change the teeth") from None
         position = rotors.number(self.p["meshes"][mesh], "position")
         return matrices.line_of_action(position, angle, self.sense(mesh), self.internal(mesh))
 
@@ -163,8 +164,8 @@ def _filled(train: Train, k: int) -> dict[str, Any]:
         return dict(p)
     try:
         return train.teeth_of(k).filled()
-    except ValueError as error:
-        raise TrainError(("meshes", k), str(error), "change the teeth, or give the stiffness of the mesh") from None
+    except NotPossible as error:
+        raise TrainError(("meshes", k), error.message, "change the teeth, or give the stiffness of the mesh") from None
 
 
 def mesh(train: Train, k: int, p: dict[str, Any]) -> Mesh:
@@ -194,8 +195,9 @@ def _rubbed(train: Train, system: GearSystem, drag: list[Array]) -> GearSystem:
         speed = 1.0 if plain else rotors.number(train.p["input"], "speed") * float(abs(train.speeds[gears[0]]))
         try:
             rubbing = teeth.friction(law, np.asarray(speed), np.ones(()) if plain else forces[..., k])
-        except ValueError as error:
-            raise TrainError(("meshes", k, "friction"), str(error), "change the teeth or the operating point") from None
+        except NotPossible as error:
+            remedy = "change the teeth or the operating point"
+            raise TrainError(("meshes", k, "friction"), error.message, remedy) from None
         arms = friction.arms(train.layout, gears, rubbing, train.push(k), train.sense(k), teeth.pairs[0].wheel_drives)
         item, follows = system.meshes[k], bool(train.p["meshes"][k].get("damping_follows_stiffness"))
         terms += friction.terms(item, rubbing, arms, drag[k], follows)

@@ -6,13 +6,15 @@ from collections import deque
 from dataclasses import dataclass
 from fractions import Fraction
 
+from gearstab.errors import NotPossible
 
-class TrainError(ValueError):
-    """A train that cannot turn or does not hang together; ``where`` is the path of what is wrong."""
+
+class TrainError(NotPossible):
+    """A train that cannot turn or does not hang together; ``where`` is the path below ``system`` of what is wrong."""
 
     def __init__(self, where: tuple[str | int, ...], message: str, remedy: str) -> None:
-        super().__init__(message)
-        self.where, self.message, self.remedy = where, message, remedy
+        super().__init__(message, remedy)
+        self.where = where
 
 
 @dataclass(frozen=True)
