@@ -1,4 +1,4 @@
-"""Choice of the kernel, its arguments, and the eigensolver for small matrices."""
+"""The arguments of the compiled kernel, and its eigensolver for small matrices."""
 
 from __future__ import annotations
 
@@ -8,64 +8,10 @@ import pytest
 from kernel_systems import patterns, system
 
 from gearstab import ckernel
-from gearstab.floquet import c_kernel, kernel, numpy_kernel, solve
+from gearstab.floquet import c_kernel
 from gearstab.floquet.grouping import equal_rows
 
 built = pytest.mark.skipif(ckernel.library is None, reason="the compiled kernel was not built")
-
-
-def test_numpy_can_always_be_chosen(monkeypatch):
-    monkeypatch.setenv("GEARSTAB_KERNEL", "numpy")
-    assert kernel.current() is numpy_kernel
-    assert solve(system(2, "generic", 0), np.array([1.0, 2.0])).kernel == "numpy"
-    assert not ckernel.in_use()
-
-
-@built
-def test_the_compiled_kernel_is_the_default(monkeypatch):
-    monkeypatch.delenv("GEARSTAB_KERNEL", raising=False)
-    assert kernel.available() == ("numpy", "c")
-    assert kernel.current() is c_kernel
-    with kernel.using("numpy"):
-        assert kernel.name() == "numpy"
-    assert kernel.name() == "c"
-
-
-def test_one_line_says_that_the_compiled_kernel_is_missing(monkeypatch):
-    monkeypatch.setattr(ckernel, "library", None)
-    monkeypatch.delenv("GEARSTAB_KERNEL", raising=False)
-    assert kernel.name() == "numpy"
-    monkeypatch.setenv("GEARSTAB_KERNEL", "c")
-    with pytest.raises(ValueError, match="was not built") as caught:
-        kernel.current()
-    assert "\n" not in str(caught.value)
-
-
-def test_unknown_kernels_are_refused(monkeypatch):
-    monkeypatch.setenv("GEARSTAB_KERNEL", "fortran")
-    with pytest.raises(ValueError, match="numpy and c"):
-        kernel.name()
-
-
-@built
-def test_unknown_instructions_are_refused(monkeypatch):
-    monkeypatch.setenv("GEARSTAB_SIMD", "mmx")
-    with pytest.raises(ValueError, match=r"GEARSTAB_SIMD=mmx: this processor offers plain"):
-        ckernel.simd()
-
-
-@pytest.mark.parametrize("text", ["0", "-1", "many", "1.5"])
-def test_threads_must_be_a_positive_number(monkeypatch, text):
-    monkeypatch.setenv("GEARSTAB_THREADS", text)
-    with pytest.raises(ValueError, match="positive whole number"):
-        c_kernel.threads()
-
-
-def test_threads_follow_the_environment(monkeypatch):
-    monkeypatch.setenv("GEARSTAB_THREADS", "3")
-    assert c_kernel.threads() == 3
-    monkeypatch.delenv("GEARSTAB_THREADS")
-    assert c_kernel.threads() >= 1
 
 
 @built

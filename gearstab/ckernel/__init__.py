@@ -1,12 +1,21 @@
-"""The compiled kernel, where it was built: numerical loops in C over contiguous arrays, for any layer to use.
+"""The compiled kernel, where it was built, and the one place that says which kernel is in use.
 
-The environment variable GEARSTAB_SIMD (plain, avx2, avx512) limits the vector instructions used, which by default are
-the best that the processor has.
+Numerical loops in C over contiguous arrays, for any layer to use; NumPy serves instead of them. Environment variables
+choose for a whole process, :func:`using` for a part of a program:
+
+* GEARSTAB_KERNEL: ``c`` (compiled, the default where it was built) or ``numpy``;
+* GEARSTAB_SIMD: ``plain``, ``avx2`` or ``avx512``, a limit of the vector instructions used, by default the best
+  that the processor has;
+* GEARSTAB_THREADS: how many threads a call may use, by default one for each processor.
 """
 
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass
 from importlib import import_module
 from types import ModuleType
 
@@ -15,6 +24,9 @@ import numpy as np
 from gearstab.errors import SettingError
 
 Array = np.ndarray
+
+NAMES = ("numpy", "c")
+"""The kernels, the fastest last."""
 
 library: ModuleType | None
 """The extension module, or None where it was not built."""
@@ -25,9 +37,124 @@ except ImportError:
     library = None
 
 
+@dataclass(frozen=True)
+class Choice:
+    """What a part of a program chose: the kernel's name and the number of threads of a call; None leaves it open."""
+
+    kernel: str | None = None
+    threads: int | None = None
+
+
+_own: ContextVar[Choice | None] = ContextVar("choice", default=None)
+_active: dict[object, Choice] = {}
+"""Choices of all threads, the latest last: what threads without a choice of their own go by."""
+_recorder: ContextVar[set[str] | None] = ContextVar("recorder", default=None)
+
+
+@contextmanager
+def using(kernel: str | None = None, threads: int | None = None) -> Iterator[None]:
+    """Use one of the kernels, or so many threads a call, within a ``with`` block, whatever the environment says.
+
+    It holds for the threads that are started inside as well. What is None stays as it was outside.
+    """
+    outer = _choice()
+    choice = Choice(kernel or outer.kernel, threads or outer.threads)
+    token, key = _own.set(choice), object()
+    _active[key] = choice
+    try:
+        yield
+    finally:
+        del _active[key]
+        _own.reset(token)
+
+
+def _choice() -> Choice:
+    return _own.get() or next(reversed(_active.values()), Choice())
+
+
+def available() -> tuple[str, ...]:
+    """The kernels that can run here, the fastest last."""
+    return NAMES if library is not None else NAMES[:1]
+
+
+def name() -> str:
+    """The name of the kernel in use; raises SettingError where the environment asks for one that is not there."""
+    asked = _choice().kernel or os.environ.get("GEARSTAB_KERNEL")
+    if not asked:
+        return available()[-1]
+    if asked not in NAMES:
+        raise SettingError(f"GEARSTAB_KERNEL={asked}: the kernels are {' and '.join(NAMES)}")
+    if asked not in available():
+        raise SettingError(
+            f"GEARSTAB_KERNEL={asked}: the compiled kernel was not built; install a C compiler and gearstab again, "
+            "or use numpy"
+        )
+    return asked
+
+
 def in_use() -> bool:
-    """Whether it was built, and the environment does not ask for NumPy (GEARSTAB_KERNEL=numpy)."""
-    return library is not None and os.environ.get("GEARSTAB_KERNEL") != "numpy"
+    """Whether the compiled kernel is the one in use."""
+    return name() == "c"
+
+
+def threads() -> int:
+    """How many threads a call may use; raises SettingError where GEARSTAB_THREADS is no such number."""
+    chosen = _choice().threads
+    if chosen is not None:
+        return chosen
+    asked = os.environ.get("GEARSTAB_THREADS")
+    if asked:
+        if not asked.isdecimal() or int(asked) == 0:
+            raise SettingError(f"GEARSTAB_THREADS={asked}: a positive whole number is needed")
+        return int(asked)
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def simd() -> str:
+    """The level of vector instructions in use; raises SettingError where GEARSTAB_SIMD asks for another."""
+    if library is None:
+        raise ValueError("the compiled kernel was not built")
+    levels: list[str] = library.levels()
+    asked = os.environ.get("GEARSTAB_SIMD")
+    if asked and asked not in levels:
+        raise SettingError(f"GEARSTAB_SIMD={asked}: this processor offers {', '.join(levels)}")
+    return asked or levels[-1]
+
+
+def checked() -> str:
+    """The name of the kernel in use, with all that the environment says of it. Raises SettingError."""
+    if in_use():
+        simd()
+    threads()
+    return name()
+
+
+@contextmanager
+def recorded() -> Iterator[set[str]]:
+    """Collect the names of the kernels that compute stability within a ``with`` block."""
+    ran: set[str] = set()
+    outer = _recorder.get()
+    token = _recorder.set(ran)
+    try:
+        yield ran
+    finally:
+        _recorder.reset(token)
+        if outer is not None:
+            outer |= ran
+
+
+def record(kernel: str) -> None:
+    """Tell :func:`recorded` that a kernel runs."""
+    ran = _recorder.get()
+    if ran is not None:
+        ran.add(kernel)
+
+
+def said(ran: set[str]) -> str:
+    """What results say of the kernels that ran: ``c`` where the compiled one took part, ``numpy`` where NumPy did
+    everything, ``none`` where stability was not computed.
+    """
+    return next((kernel for kernel in reversed(NAMES) if kernel in ran), "none")
 
 
 def symmetric_eigen(matrix: Array) -> tuple[Array, Array]:
@@ -40,14 +167,3 @@ def symmetric_eigen(matrix: Array) -> tuple[Array, Array]:
     if given.size:
         library.symmetric(simd(), given.size // n**2, n, given, values, vectors)
     return values, vectors
-
-
-def simd() -> str:
-    """The level of vector instructions in use; raises SettingError where GEARSTAB_SIMD asks for another."""
-    if library is None:
-        raise ValueError("the compiled kernel was not built")
-    available: list[str] = library.levels()
-    asked = os.environ.get("GEARSTAB_SIMD")
-    if asked and asked not in available:
-        raise SettingError(f"GEARSTAB_SIMD={asked}: this processor offers {', '.join(available)}")
-    return asked or available[-1]

@@ -6,7 +6,7 @@ import os
 import sys
 from collections.abc import Sequence
 from importlib import import_module
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import click
 
@@ -54,6 +54,13 @@ class LazyGroup(click.Group):
             hint = f"did you mean '{near[0]}'?" if near else f"the commands are {', '.join(COMMANDS)}."
             ctx.fail(f"No such command '{args[0]}'; {hint}")
         return super().resolve_command(ctx, args)
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run a command; mistakes of the user are a line each, whatever part of the command finds them."""
+        from gearstab.cli.errors import user_errors
+
+        with user_errors():
+            return super().invoke(ctx)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         with formatter.section("Commands"):

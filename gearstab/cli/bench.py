@@ -51,11 +51,12 @@ def command(
     from gearstab.results.provenance import modes_group, root_attributes
     from gearstab.systems import build
 
-    found = measure(scene, points, seconds, (lambda text: None) if quiet else _say)
+    with kernel.recorded() as ran:
+        found = measure(scene, points, seconds, (lambda text: None) if quiet else _say)
     click.echo(table(found, points))
     with user_errors():
         groups = {"modes": modes_group(build(loaded.parameters)), "bench": bench_group(scene, points, found)}
-        write_result(target, ResultTree(Group((), root_attributes(loaded, kernel.name())), groups))
+        write_result(target, ResultTree(Group((), root_attributes(loaded, kernel.said(ran))), groups))
         if not quiet:
             click.echo(f"written: {target}", err=True)
         if not no_plot:

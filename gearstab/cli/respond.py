@@ -51,6 +51,7 @@ def respond(config: Config, out: Path) -> Response | PairResponse:
     from gearstab.cli.respond_pair import respond_pair
     from gearstab.config.respond_pair import PairRespond
     from gearstab.errors import NotPossible
+    from gearstab.floquet import kernel
     from gearstab.response.backlash import has_backlash
     from gearstab.results import write_result
     from gearstab.systems import build
@@ -64,11 +65,12 @@ def respond(config: Config, out: Path) -> Response | PairResponse:
         _affordable(config, wanted, system)
         if has_backlash(system):
             return respond_backlash(config, wanted, system, _duration(wanted, system), out)
-        found = _steady(wanted, system) if wanted.steady_state else _history(wanted, system)
+        with kernel.recorded() as ran:
+            found = _steady(wanted, system) if wanted.steady_state else _history(wanted, system)
     except NotPossible as error:
         _refuse(config, ("respond",), error.message, error.remedy)
     out.parent.mkdir(parents=True, exist_ok=True)
-    write_result(out, result(config, wanted, system, found))
+    write_result(out, result(config, wanted, system, found, kernel.said(ran)))
     return found
 
 

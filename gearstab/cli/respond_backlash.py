@@ -44,7 +44,6 @@ def result(config: Config, wanted: Respond, system: GearSystem, found: BacklashR
     import numpy as np
 
     from gearstab.cli.respond_linear import spectral
-    from gearstab.floquet import kernel
     from gearstab.response.backlash import BACKLASH_FLAGS, KINDS
     from gearstab.response.equilibrium import static_mesh_force
     from gearstab.results import Group, ResultTree, fields_of
@@ -80,7 +79,7 @@ def result(config: Config, wanted: Respond, system: GearSystem, found: BacklashR
         values |= {"mesh_force_peak": cycle.force_peak, "contact_loss_ratio": cycle.contact_loss}
     fields = fields_of(in_units_of(system, flagged(BACKLASH_RESPONSE, BACKLASH_FLAGS)), values)
     groups = {"modes": modes_group(system), "response": Group(fields, attributes)}
-    return ResultTree(Group((), root_attributes(config, kernel.name())), groups)
+    return ResultTree(Group((), root_attributes(config, "none")), groups)
 
 
 def _attributes(found: BacklashResponse) -> dict[str, Any]:

@@ -17,10 +17,9 @@ HARMONICS = 8
 MOST_HARMONICS = 4000
 
 
-def result(config: Config, wanted: Respond, system: GearSystem, found: Response) -> ResultTree:
-    """The response as a result: its root, ``/modes`` and ``/response``."""
+def result(config: Config, wanted: Respond, system: GearSystem, found: Response, kernel: str) -> ResultTree:
+    """The response as a result: its root, ``/modes`` and ``/response``; ``kernel``: the one that ran."""
     from gearstab.cli import respond_teeth
-    from gearstab.floquet import kernel
     from gearstab.response import RESPONSE_FLAGS
     from gearstab.response.equilibrium import static_mesh_force
     from gearstab.results import Group, ResultTree, fields_of
@@ -57,7 +56,7 @@ def result(config: Config, wanted: Respond, system: GearSystem, found: Response)
     table = (*RESPONSE, *(TOOTH_LOADS if loads else ()))
     fields = fields_of(in_units_of(system, flagged(table, RESPONSE_FLAGS)), values)
     groups = {"modes": modes_group(system), "response": Group(fields, attributes)}
-    return ResultTree(Group((), root_attributes(config, kernel.name())), groups)
+    return ResultTree(Group((), root_attributes(config, kernel)), groups)
 
 
 def _comment(wanted: Respond, system: GearSystem) -> str:

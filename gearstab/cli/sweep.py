@@ -70,7 +70,7 @@ def command(
         summary = run(planned, target, jobs, resume is True, resume is False, reporter(quiet))
     if not quiet:
         click.echo(final_line(target, summary, time.perf_counter() - start), err=True)
-        if not summary.complete and slow_kernel(planned):
+        if slow_kernel(planned, summary):
             click.echo(SLOW_KERNEL, err=True)
 
 
@@ -80,12 +80,15 @@ def notes(plan: Plan) -> list[str]:
     return [note for note in found if note is not None]
 
 
-def slow_kernel(plan: Plan) -> bool:
-    """Whether a sweep ran on the NumPy kernel because there is no other, and not because the user chose it."""
+def slow_kernel(plan: Plan, summary: Summary) -> bool:
+    """Whether a sweep ran on the NumPy kernel because there is no other, and not because the user chose it.
+
+    Systems with periodic terms have no faster one.
+    """
     from gearstab.floquet import kernel
 
-    uses_it = any(layout.method.name in ("floquet", "boundaries") for layout in plan.layouts)
-    return uses_it and not os.environ.get("GEARSTAB_KERNEL") and "c" not in kernel.available()
+    chosen = os.environ.get("GEARSTAB_KERNEL") or "c" in kernel.available()
+    return "numpy" in summary.kernels and not chosen and not plan.base.terms
 
 
 def final_line(target: Path, summary: Summary, seconds: float) -> str:

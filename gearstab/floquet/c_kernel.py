@@ -6,7 +6,6 @@ the C side leaves in doubt is the same that the NumPy kernel leaves, and for n >
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
@@ -14,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from gearstab import ckernel
-from gearstab.errors import SettingError
+from gearstab.ckernel import threads
 from gearstab.floquet import numpy_kernel
 from gearstab.floquet.damped import Generators
 from gearstab.floquet.segments import Pattern
@@ -30,20 +29,10 @@ ENTRIES_AT_ONCE = 1 << 23
 """Of the changes of modes of all segments: 64 MB. Common periods may have thousands of segments."""
 
 
-def threads() -> int:
-    """How many threads a call may use: GEARSTAB_THREADS, or the processors this process may run on."""
-    asked = os.environ.get("GEARSTAB_THREADS")
-    if asked:
-        if not asked.isdecimal() or int(asked) == 0:
-            raise SettingError(f"GEARSTAB_THREADS={asked}: a positive whole number is needed")
-        return int(asked)
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
 def scan(pattern: Pattern, omega: Array, limit: int | None = None) -> tuple[Array, Array]:
     """Verdict (int8) and growth a period of every point, ``(r, P)`` each; mesh frequencies ``(r, P)``.
 
-    limit: the number of threads, by default what :func:`threads` says; the results do not depend on it.
+    limit: the number of threads, by default :func:`gearstab.ckernel.threads`; the results do not depend on it.
     """
     return _scan(pattern, omega, np.empty((len(omega), 0)), limit)
 

@@ -20,56 +20,24 @@ A kernel is a module that offers, for a pattern (:class:`~gearstab.floquet.segme
 * ``multipliers_damped(pattern, generator, omega) -> (growth, scale, multipliers)``: the same and all multipliers over
   exp(scale), ``(r, P, m)``.
 
-The environment variable GEARSTAB_KERNEL chooses: ``c`` (compiled, the default where it was built) or ``numpy``.
+:mod:`gearstab.ckernel` says which one is in use.
 """
 
 from __future__ import annotations
 
-import os
-from collections.abc import Iterator
-from contextlib import contextmanager
-from contextvars import ContextVar
 from types import ModuleType
 
-from gearstab import ckernel
-from gearstab.errors import SettingError
+from gearstab.ckernel import available, checked, name, record, recorded, said, using
 from gearstab.floquet import c_kernel, numpy_kernel
 
 KERNELS: dict[str, ModuleType] = {"numpy": numpy_kernel, "c": c_kernel}
 
-_chosen: ContextVar[str | None] = ContextVar("kernel", default=None)
-
-
-def available() -> tuple[str, ...]:
-    """The kernels that can run here, the fastest last."""
-    return tuple(KERNELS) if ckernel.library is not None else ("numpy",)
-
-
-def name() -> str:
-    """The name of the kernel in use; raises SettingError when GEARSTAB_KERNEL asks for one that is not there."""
-    asked = _chosen.get() or os.environ.get("GEARSTAB_KERNEL")
-    if not asked:
-        return available()[-1]
-    if asked not in KERNELS:
-        raise SettingError(f"GEARSTAB_KERNEL={asked}: the kernels are {' and '.join(KERNELS)}")
-    if asked not in available():
-        raise SettingError(
-            f"GEARSTAB_KERNEL={asked}: the compiled kernel was not built; install a C compiler and gearstab again, "
-            "or use numpy"
-        )
-    return asked
-
 
 def current() -> ModuleType:
-    """The kernel in use."""
-    return KERNELS[name()]
+    """The kernel in use, to compute with it now."""
+    chosen = name()
+    record(chosen)
+    return KERNELS[chosen]
 
 
-@contextmanager
-def using(kernel: str) -> Iterator[None]:
-    """Use one of the kernels within a ``with`` block, whatever the environment says."""
-    token = _chosen.set(kernel)
-    try:
-        yield
-    finally:
-        _chosen.reset(token)
+__all__ = ["KERNELS", "available", "checked", "current", "name", "record", "recorded", "said", "using"]

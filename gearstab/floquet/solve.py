@@ -26,7 +26,7 @@ class Floquet:
     status ``(rows, P)`` int16: bits of STATUS_FLAGS.
     exponents ``(rows, P, 2n)`` complex or None: all characteristic exponents ln(lambda)/T over the common period T,
     rigid-body modes included, imaginary parts in (-pi/T, pi/T], by descending real part.
-    kernel: which kernel ran.
+    kernel: which kernel ran, ``none`` where nothing varies.
     error_estimate ``(rows, P)`` or None: the largest error of all multipliers, relative to the largest of them or 1, as
     estimated; None where the propagation is exact and all error is rounding. Where the largest multiplier is not below
     1, growth_rate T is wrong by no more than this.
@@ -79,20 +79,21 @@ def solve(
     status = np.zeros(omega.shape, dtype=np.int16)
     error = None if system.piecewise_constant else np.zeros(omega.shape)
     table = _Exponents(omega.shape, 2 * system.size) if exponents else None
-    for block, found in _solutions(system, omega, exponents, reduction, tolerance):
-        index = block.pattern.rows
-        growth[index] = np.maximum(growth[index], found.growth_rate)
-        stable[index] = np.minimum(stable[index], found.stable)
-        status[index] |= found.status
-        if error is not None and found.error is not None:
-            error[index] = np.maximum(error[index], found.error)
-        if table is not None and found.exponents is not None:
-            table.add(block, found.exponents)
+    with kernel.recorded() as ran:
+        for block, found in _solutions(system, omega, exponents, reduction, tolerance):
+            index = block.pattern.rows
+            growth[index] = np.maximum(growth[index], found.growth_rate)
+            stable[index] = np.minimum(stable[index], found.stable)
+            status[index] |= found.status
+            if error is not None and found.error is not None:
+                error[index] = np.maximum(error[index], found.error)
+            if table is not None and found.exponents is not None:
+                table.add(block, found.exponents)
     failed = ~np.isfinite(growth)
     stable[failed] = -1
     status[failed] |= STATUS_FLAGS["failed"]
     growth[failed] = np.nan
-    return Floquet(growth, stable, status, None if table is None else table.ordered(), kernel.name(), error)
+    return Floquet(growth, stable, status, None if table is None else table.ordered(), kernel.said(ran), error)
 
 
 def _solutions(
@@ -109,7 +110,8 @@ def _solutions(
 
 
 def _general(system: GearSystem, omega: Array, exponents: bool, tolerance: float) -> Floquet:
-    """Systems whose K(t) and C(t) need not be symmetric."""
+    """Systems whose K(t) and C(t) need not be symmetric: NumPy serves, whichever kernel is in use."""
+    kernel.record("numpy")
     found = general.analyse(system, omega, exponents, tolerance)
     status = np.where(found.converged, 0, STATUS_FLAGS["not_converged"]).astype(np.int16)
     status[found.stable < 0] |= STATUS_FLAGS["failed"]

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def root_attributes(config: Config, kernel: str) -> dict[str, Any]:
-    """Title, configuration as run, versions, time; ``kernel``: which one of the Floquet kernels ran, "none" without."""
+    """Title, configuration as run, versions, time; ``kernel``: the one that ran, :func:`gearstab.ckernel.said`."""
     import h5py
 
     return {

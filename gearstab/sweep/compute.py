@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
 from gearstab.config import Axis, parameters_at
+from gearstab.floquet import kernel
 from gearstab.results.chunks import encode
 from gearstab.results.variables import GRID, Variable
 from gearstab.sweep.methods import POINTS, RANGE, Key, Outcome
@@ -23,11 +25,12 @@ def compute(plan: Plan, block: Block) -> Part:
     rows, columns = selection(plan, layout, block)
     count = len(next(iter(rows.values()))) if rows else 1
     outcomes = []
-    for members in structural_groups(plan.row_axes, rows, count):
-        chosen = {name: index[members] for name, index in rows.items()}
-        outcomes.append((members, run_rows(plan, layout, chosen, len(members), columns)))
+    with kernel.recorded() as ran:
+        for members in structural_groups(plan.row_axes, rows, count):
+            chosen = {name: index[members] for name, index in rows.items()}
+            outcomes.append((members, run_rows(plan, layout, chosen, len(members), columns)))
     values, tongues = joined(plan, layout, outcomes, count)
-    return _part(plan, layout, block, values, tongues)
+    return replace(_part(plan, layout, block, values, tongues), kernels=tuple(sorted(ran)))
 
 
 def selection(plan: Plan, layout: Layout, block: Block) -> tuple[dict[str, Array], slice]:

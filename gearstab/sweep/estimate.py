@@ -8,12 +8,11 @@ from math import ceil, prod
 
 import numpy as np
 
-from gearstab.floquet import c_kernel
+from gearstab import ckernel
 from gearstab.results.variables import GRID
 from gearstab.sweep import merge
 from gearstab.sweep.compute import compute, results_of
 from gearstab.sweep.plan import Block, Layout, Plan
-from gearstab.sweep.pool import kernel_threads
 
 SECONDS = 0.4
 """Time that the samples of one method may take."""
@@ -56,8 +55,8 @@ class Estimate:
 
 def estimate(plan: Plan, jobs: int | None = None) -> Estimate:
     """Compute growing samples of every method's grid for a fraction of a second and scale what they take."""
-    workers = jobs or c_kernel.threads()
-    with kernel_threads(1):
+    workers = jobs or ckernel.threads()
+    with ckernel.using(plan.kernel, threads=1):
         methods = tuple(_method(plan, layout, workers) for layout in plan.layouts)
     file_size = sum(m.file_size for m in methods)
     memory = max(m.memory * min(workers, m.blocks) for m in methods) + min(file_size, merge.IN_MEMORY)

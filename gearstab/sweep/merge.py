@@ -16,6 +16,7 @@ import numpy as np
 from gearstab.config import Axis, Config
 from gearstab.config.kinds import KINDS
 from gearstab.config.targets import INPUT_SPEED, MESH_FREQUENCY, TargetError, resolve
+from gearstab.floquet import kernel
 from gearstab.results.chunks import decode, encode
 from gearstab.results.provenance import modes_group, root_attributes
 from gearstab.results.tree import Chunked, Field, Group, Offset, ResultTree
@@ -34,7 +35,8 @@ IN_MEMORY = 1 << 28
 def result_tree(plan: Plan, finished: Mapping[str, Finished]) -> ResultTree:
     """The whole result; ``finished`` has all blocks by key."""
     axes = [field for axis in plan.config.axes for field in axis_fields(axis, plan.config)]
-    root = Group(tuple(axes), root_attributes(plan.config, plan.kernel if _ran_kernel(plan) else "none"))
+    ran = {name for part in finished.values() for name in part.kernels}
+    root = Group(tuple(axes), root_attributes(plan.config, kernel.said(ran)))
     groups = {"modes": modes_group(plan.base)}
     for layout in plan.layouts:
         names = set(layout.dims)
@@ -43,10 +45,6 @@ def result_tree(plan: Plan, finished: Mapping[str, Finished]) -> ResultTree:
         ]
         groups[layout.method.name] = _method_group(plan, layout, finished, beside)
     return ResultTree(root, groups)
-
-
-def _ran_kernel(plan: Plan) -> bool:
-    return any(layout.method.name in ("floquet", "boundaries") for layout in plan.layouts)
 
 
 def axis_fields(axis: Axis, config: Config) -> list[Field]:

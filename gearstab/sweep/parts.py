@@ -44,6 +44,9 @@ class Finished(Protocol):
     @property
     def failed(self) -> int: ...
 
+    @property
+    def kernels(self) -> tuple[str, ...]: ...
+
     def size(self, variable: str | None = None) -> int:
         """Bytes of a variable's chunks, of all variables without a name."""
 
@@ -56,7 +59,7 @@ class Part:
     """A finished block in memory.
 
     key: of the block. tongues: of the dimension ``tongue`` of this block. chunks: by variable, one, or one a tongue.
-    points: how many it holds; unstable, failed: how many of them are.
+    points: how many it holds; unstable, failed: how many of them are. kernels: which ones computed it.
     """
 
     key: str
@@ -65,6 +68,7 @@ class Part:
     points: int
     unstable: int
     failed: int
+    kernels: tuple[str, ...] = ()
 
     def size(self, variable: str | None = None) -> int:
         """Bytes of a variable's chunks, of all variables without a name."""
@@ -86,6 +90,7 @@ class StoredPart:
     points: int
     unstable: int
     failed: int
+    kernels: tuple[str, ...] = ()
 
     def size(self, variable: str | None = None) -> int:
         """Bytes of a variable's chunks, of all variables without a name."""
@@ -107,7 +112,7 @@ def to_bytes(part: Part, digest: str) -> bytes:
         "digest": digest, "key": part.key,
         "tongues": [[asdict(tongue), occurrence] for tongue, occurrence in part.tongues],
         "chunks": {name: [len(chunk) for chunk in chunks] for name, chunks in part.chunks.items()},
-        "points": part.points, "unstable": part.unstable, "failed": part.failed,
+        "points": part.points, "unstable": part.unstable, "failed": part.failed, "kernels": part.kernels,
     }  # fmt: skip
     text = json.dumps(header).encode()
     payload = [chunk for chunks in part.chunks.values() for chunk in chunks]
@@ -131,7 +136,8 @@ def from_bytes(data: bytes, path: Path, digest: str) -> StoredPart | None:
         places[name] = list(zip(ends[:-1], lengths, strict=True))
         offset = ends[-1]
     tongues = tuple((Tongue(**tongue), occurrence) for tongue, occurrence in header["tongues"])
-    return StoredPart(path, header["key"], tongues, places, header["points"], header["unstable"], header["failed"])
+    counts = (header["points"], header["unstable"], header["failed"])
+    return StoredPart(path, header["key"], tongues, places, *counts, tuple(header.get("kernels", ())))
 
 
 def read_part(path: Path, digest: str) -> StoredPart | None:

@@ -180,7 +180,7 @@ def plan(config: Config) -> Plan:
     check(config, base)
     fast = next((axis for axis in config.axes if [a.path for a in axis.assignments] == [FREQUENCY]), None)
     layouts = tuple(_layout(config, base, fast, method, options) for method, options in chosen(config.methods))
-    return Plan(config, base, fast, layouts, kernel.name())
+    return Plan(config, base, fast, layouts, kernel.checked())
 
 
 def _layout(config: Config, base: GearSystem, fast: Axis | None, method: Method, options: Any) -> Layout:

@@ -20,6 +20,7 @@ from dataclasses import dataclass
 from itertools import islice
 from typing import Any
 
+from gearstab.floquet import kernel
 from gearstab.sweep.compute import compute
 from gearstab.sweep.parts import Finished, Part, PartFolder, StoredPart
 from gearstab.sweep.plan import Block, Plan
@@ -28,11 +29,9 @@ from gearstab.sweep.reporter import Reporter
 WORTH_THREADS, WORTH_PROCESSES = 0.05, 3.0
 """Seconds of remaining work from which threads and processes (which take about a second to start) pay."""
 
-THREADS = "GEARSTAB_THREADS"
-"""The environment variable with the number of threads that a call of the compiled kernel may use."""
 PATIENCE = 1.0
 """Seconds after which the user is told what an interrupted sweep waits for."""
-ONE_THREAD = (THREADS, "OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
+ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 """Those that keep the processes of a pool from competing for processors."""
 
 WARNINGS = "PYTHONWARNINGS"
@@ -71,49 +70,39 @@ def run_blocks(
         if jobs > 1 and len(rest) > 1 and seconds * len(rest) > (WORTH_THREADS if threads else WORTH_PROCESSES):
             break
         start = time.perf_counter()
-        with kernel_threads(jobs):
-            result = attempt(plan, rest.pop(0))
+        result = attempt(plan, rest.pop(0), jobs)
         seconds = time.perf_counter() - start
         yield result
     if not rest:
         return
     if threads:
-        with kernel_threads(max(1, jobs // len(rest))):
-            yield from _in_threads(plan, rest, jobs, reporter)
+        yield from _in_threads(plan, rest, jobs, reporter)
     else:
         before_processes()
         yield from _in_processes(plan, rest, folder, jobs, reporter)
 
 
-@contextmanager
-def kernel_threads(count: int) -> Iterator[None]:
-    """Let every call of the compiled kernel use so many threads, in which it runs rows of a block side by side."""
-    before = os.environ.get(THREADS)
-    os.environ[THREADS] = str(count)
-    try:
-        yield
-    finally:
-        os.environ.pop(THREADS)
-        if before is not None:
-            os.environ[THREADS] = before
+def attempt(plan: Plan, block: Block, threads: int) -> Part | Failure:
+    """Compute a block with the plan's kernel; a block that fails does not end the sweep.
 
-
-def attempt(plan: Plan, block: Block) -> Part | Failure:
-    """Compute a block; a block that fails does not end the sweep."""
+    threads: how many a call of the compiled kernel may use, in which it runs rows of the block side by side.
+    """
     try:
-        return compute(plan, block)
+        with kernel.using(plan.kernel, threads):
+            return compute(plan, block)
     except Exception as error:
         return Failure(block, error)
 
 
 def _in_threads(plan: Plan, blocks: list[Block], jobs: int, reporter: Reporter) -> Iterator[Result]:
+    each = max(1, jobs // len(blocks))
     pool = ThreadPoolExecutor(min(jobs, len(blocks)))
     try:
         waiting = iter(blocks)
         running: set[Future[Part | Failure]] = set()
         while True:
             for block in waiting:
-                running.add(pool.submit(attempt, plan, block))
+                running.add(pool.submit(attempt, plan, block, each))
                 if len(running) >= 2 * jobs:
                     break
             if not running:
@@ -247,7 +236,7 @@ def _interrupts_later() -> Iterator[None]:
 
 def _work(plan: Plan, block: Block, folder: PartFolder) -> StoredPart | Failure:
     """In a process of the pool: compute a block and write its part file."""
-    part = attempt(plan, block)
+    part = attempt(plan, block, 1)
     if isinstance(part, Failure):
         return part
     try:

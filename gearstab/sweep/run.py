@@ -13,8 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from gearstab import __version__
-from gearstab.floquet import c_kernel
+from gearstab import __version__, ckernel
 from gearstab.results.errors import ResultError
 from gearstab.results.guard import refuse_foreign
 from gearstab.results.read import attributes
@@ -37,7 +36,7 @@ class Summary:
 
     points: of the grid. blocks, reused: blocks of all methods, and how many of them an earlier run had finished.
     unstable, failed: points that are unstable (None without a method that tells), and that could not be computed.
-    complete: whether the result was there already.
+    complete: whether the result was there already. kernels: which ones computed it.
     """
 
     points: int
@@ -46,6 +45,7 @@ class Summary:
     unstable: int | None = None
     failed: int = 0
     complete: bool = False
+    kernels: tuple[str, ...] = ()
 
 
 def run(
@@ -68,7 +68,7 @@ def run(
     if the disk is full or a block failed; Interrupted after SIGINT or SIGTERM. What is finished is kept.
     """
     out, reporter = Path(out), progress or Reporter()
-    workers = jobs or c_kernel.threads()
+    workers = jobs or ckernel.threads()
     if not overwrite and is_complete(plan, out):
         return Summary(plan.points, plan.blocks, complete=True)
     prepare(out)
@@ -251,4 +251,5 @@ def _summary(plan: Plan, store: Store, reused: int) -> Summary:
         for block in layout.blocks()
     ]
     unstable = sum(part.unstable for part in tells) if tells else None
-    return Summary(plan.points, plan.blocks, reused, unstable, sum(part.failed for part in tells))
+    failed, kernels = sum(part.failed for part in tells), {k for part in store.finished.values() for k in part.kernels}
+    return Summary(plan.points, plan.blocks, reused, unstable, failed, kernels=tuple(sorted(kernels)))

@@ -86,6 +86,7 @@ class Growth:
         for k, mine in enumerate(undamped.by_row(row, len(self.count))):
             if len(mine) == 0:
                 continue
+            kernel.record("numpy")
             matrix, scale = general.monodromy(self.generator, self.fine, k, 1 / cycle[mine])
             result[mine], vectors[mine] = _fastest(matrix)
             result[mine] += scale

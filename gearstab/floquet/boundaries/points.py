@@ -88,6 +88,7 @@ def first_modes(pattern: Pattern, row: Array) -> Array:
 
 def _along(pattern: Pattern, row: Array, cycle: Array) -> Points:
     """:func:`propagate` on the pattern's own segments, none of which runs backwards."""
+    kernel.record("numpy")
     n = pattern.size
     frequency = pattern.squared_frequency[row]
     duration = 2 * np.pi * pattern.cycles * pattern.fractions[row].T * cycle

@@ -20,7 +20,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from gearstab.floquet import damped
+from gearstab.floquet import damped, kernel
 from gearstab.floquet.blocks import split
 from gearstab.floquet.frequencies.propagation import growths
 from gearstab.floquet.frequencies.result import ManyFrequencies
@@ -72,6 +72,7 @@ def solve(
     """
     if system.terms:
         raise ValueError("Lyapunov exponents need systems without periodic terms beside the mesh stiffness")
+    kernel.record("numpy")
     rows = int(np.prod(system.batch, dtype=int))
     omega = np.atleast_1d(np.asarray(mesh_frequency, dtype=float))
     omega = np.broadcast_to(omega, (rows, omega.shape[-1]))

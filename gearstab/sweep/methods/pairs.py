@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from gearstab.floquet import kernel
 from gearstab.results.variables import ORBITS, Variable
 from gearstab.rotating_pair import RotatingPair
 from gearstab.sweep.errors import OptionError
@@ -85,6 +86,7 @@ def _flagged(variable: Variable) -> Variable:
 def _orbits(pair: RotatingPair, mesh_frequency: Array, options: Any) -> Outcome:
     from gearstab.response.pair.stability import stability
 
+    kernel.record("numpy")
     found = stability(pair, mesh_frequency)
     unit = np.ravel(np.broadcast_to(pair.numbers.k0, pair.batch))[:, None]
     values = {
