@@ -6,6 +6,8 @@ Without a working compiler the package installs all the same and its NumPy kerne
 from __future__ import annotations
 
 import logging
+import os
+import shlex
 import sysconfig
 from glob import glob
 from typing import Any
@@ -29,6 +31,8 @@ class BuildKernel(build_ext):
         if self.compiler.compiler_type != "msvc":
             # Vectors are passed to inlined functions only, so that the way they are passed is nobody's concern.
             ext.extra_compile_args = ["-O3", "-ffp-contract=fast", "-fno-math-errno", "-Wno-psabi"]
+            # After those above, as CFLAGS would not be.
+            ext.extra_compile_args += shlex.split(os.environ.get("GEARSTAB_CFLAGS", ""))
         try:
             super().build_extension(ext)
         except (CCompilerError, BaseError, OSError) as error:

@@ -1,13 +1,15 @@
 """docs/reproduction.md: what the papers state, and what comes out here.
 
-python scripts/reproduction.py           prints the page
-python scripts/reproduction.py --write   writes it
+python scripts/reproduction.py                   prints the page
+python scripts/reproduction.py lin_parker_2002   prints what is said of this paper
+python scripts/reproduction.py --write           writes the page
 """
 
 from __future__ import annotations
 
 import sys
 from collections import Counter
+from collections.abc import Iterable
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -20,7 +22,8 @@ from statements import Paper, Runs, Statement
 
 PAGE = Path(__file__).parent.parent / "docs" / "reproduction.md"
 
-PAPERS = (lin_parker_2002.PAPER, oh_grosh_barber_2005.PAPER, kuria_kihiu_2008.PAPER, parker_2009.PAPER)
+PACKAGES = (lin_parker_2002, oh_grosh_barber_2005, kuria_kihiu_2008, parker_2009)
+PAPERS = {package.__name__: package.PAPER for package in PACKAGES}
 
 HEAD = """\
 # What is reproduced of the papers
@@ -58,15 +61,16 @@ def part(paper: Paper, runs: Runs) -> str:
     return "\n".join(text) + "\n"
 
 
-def page() -> str:
-    """The whole page."""
+def parts(papers: Iterable[str]) -> str:
+    """What is said of some papers."""
     with TemporaryDirectory() as folder:
         runs = Runs(Path(folder))
-        return HEAD + "".join(part(paper, runs) for paper in PAPERS)
+        return "".join(part(PAPERS[name], runs) for name in papers)
 
 
 if __name__ == "__main__":
-    if sys.argv[1:] == ["--write"]:
-        PAGE.write_text(page())
+    asked = sys.argv[1:]
+    if asked == ["--write"]:
+        PAGE.write_text(HEAD + parts(PAPERS))
     else:
-        sys.stdout.write(page())
+        sys.stdout.write(parts(asked) if asked else HEAD + parts(PAPERS))

@@ -12,9 +12,10 @@ import pytest
 from kernel_systems import KINDS, chain, damped_patterns, patterns, system
 from oracle import plain
 from oracle import solve as reference
+from scipy.linalg import eig
 
 from gearstab import ckernel
-from gearstab.floquet import c_kernel, kernel, numpy_kernel, solve
+from gearstab.floquet import c_kernel, damped, invariants, kernel, numpy_kernel, solve
 from gearstab.floquet.invariants import DOUBTFUL, STABLE, UNSTABLE
 from gearstab.floquet.segments import prepare
 from gearstab.system import GearSystem, Mesh
@@ -38,6 +39,29 @@ def compare_growth(found, expected, chosen):
     np.testing.assert_allclose(found[chosen], expected[chosen], rtol=1e-9, atol=1e-9)
 
 
+def differ_on_thresholds(pattern, omega, verdict, expected):
+    """In how many points one of two kernels is in doubt; all of them must lie on a threshold."""
+    differ = (verdict == DOUBTFUL) != (expected == DOUBTFUL)
+    for row in np.flatnonzero(differ.any(axis=1)):
+        assert np.all(on_a_threshold(pattern, row, omega[row, differ[row]]))
+    return differ.sum()
+
+
+def on_a_threshold(pattern, row, omega):
+    """Whether a quantity that decides whether points are in doubt is within a factor of two of its threshold."""
+    matrix, scale = numpy_kernel.propagate(pattern, row, omega)
+    s = np.atleast_2d(numpy_kernel.invariants(matrix))
+    size = np.maximum(1.0, np.abs(s).max(axis=0) / 3.0)
+    powers = np.arange(len(s) + 1)[::-1]
+    coefficients = np.concatenate([np.ones((1, s.shape[1])), s * (-1.0) ** np.arange(1, len(s) + 1)[:, None]])
+    edges = [np.abs((2.0 * sign) ** powers @ coefficients) / size for sign in (1, -1)]
+    ratios = [edge / invariants.EDGE_NOISE for edge in edges] + [size / invariants.LARGEST]
+    if len(s) > 1:
+        discriminant = np.abs(invariants.scaled_discriminant(s))
+        ratios += [discriminant / invariants.DISCRIMINANT_NOISE, discriminant / invariants.GROWTH_NOISE]
+    return (np.abs(np.log2(np.array(ratios))) < 1).any(axis=0) | (scale > 0)
+
+
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("n", [1, 2, 3])
 def test_closed_form_is_that_of_numpy(level, n, kind):
@@ -47,9 +71,23 @@ def test_closed_form_is_that_of_numpy(level, n, kind):
         # The same polynomial with other rounding errors: only what lies on a threshold of doubt may differ.
         sure = (verdict != DOUBTFUL) & (expected != DOUBTFUL)
         np.testing.assert_array_equal(verdict[sure], expected[sure])
-        assert np.mean((verdict == DOUBTFUL) != (expected == DOUBTFUL)) < 0.01
+        assert differ_on_thresholds(pattern, omega, verdict, expected) < 0.01 * omega.size
         compare_growth(growth, reference_growth, sure)
         assert np.all(growth[verdict != UNSTABLE] == 0)
+
+
+def test_thresholds_are_those_of_numpy(monkeypatch):
+    """Given others by less than a factor of two, the kernels differ, and on the thresholds only."""
+    count = 0
+    monkeypatch.setattr(c_kernel, "LIMITS", (*(1e6 * np.array(c_kernel.LIMITS[:3])), *c_kernel.LIMITS[3:]))
+    for name in ("EDGE_NOISE", "DISCRIMINANT_NOISE", "GROWTH_NOISE"):
+        monkeypatch.setattr(invariants, name, 1.5e6 * getattr(invariants, name))
+    for n in (1, 2, 3):
+        for pattern, omega in patterns(system(n, "generic", 0), 2003):
+            count += differ_on_thresholds(
+                pattern, omega, c_kernel.scan(pattern, omega)[0], numpy_kernel.scan(pattern, omega)[0]
+            )
+    assert count > 0
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -215,8 +253,9 @@ def test_any_number_of_points(level, n, points):
     ((pattern, omega), *_) = patterns(system(n, "one mesh", 6), 33)
     whole = c_kernel.scan(pattern, omega)
     part = c_kernel.scan(pattern, omega[:, :points])
-    for a, b in zip(part, whole, strict=True):
-        np.testing.assert_array_equal(a, b[:, :points])
+    np.testing.assert_array_equal(part[0], whole[0][:, :points])
+    # Newton's steps go on until all points of a vector have done.
+    np.testing.assert_allclose(part[1], whole[1][:, :points], rtol=1e-12, atol=0)
     assert c_kernel.monodromy(pattern, 0, omega[0, :points])[0].shape == (points, 2 * n, 2 * n)
     assert c_kernel.traces(pattern, omega[:, :points]).shape == (len(omega), points, n)
 
@@ -234,6 +273,23 @@ def test_monodromy_of_mixed_rows(level, n, kind):
         np.testing.assert_allclose(scale, expected_scale, atol=1e-12)
 
 
+def rounding(pattern, generator, omega):
+    """Bound on the error of ln max |lambda|, ``(r, P)``: the condition of the largest multiplier times eps a segment.
+
+    An error E of M moves a multiplier by |y^H E x|/(|y^H x| |lambda|), and a double one by its root, at most 1e-7. The
+    largest error seen, 42 of these units, and ten times as much for other processors.
+    """
+    found = np.empty(omega.shape)
+    for row, frequencies in enumerate(omega):
+        matrices, _ = damped.monodromy(generator, pattern, row, frequencies)
+        for k, matrix in enumerate(matrices):
+            values, left, right = eig(matrix, left=True)
+            first = np.abs(values).argmax()
+            product = np.abs(np.vdot(left[:, first], right[:, first])) * np.abs(values[first])
+            found[row, k] = np.linalg.norm(matrix) / max(product, np.finfo(float).tiny)
+    return np.minimum(1e-7, 420 * np.finfo(float).eps * len(pattern.states) * found)
+
+
 @pytest.mark.parametrize("n", [2, 3, 4, 6])
 @pytest.mark.parametrize("kind", ["generic", "negative stiffness", "rigid", "no excitation", "one mesh", "ratios"])
 @pytest.mark.parametrize("damping", [1e-7, 1e-3, 0.1, 3.0])
@@ -241,10 +297,8 @@ def test_general_damping(level, n, kind, damping):
     for pattern, generator, omega in damped_patterns(system(n, kind, 8, damping), 61):
         growth, scale = c_kernel.scan_damped(pattern, generator, omega)
         expected, expected_scale = numpy_kernel.scan_damped(pattern, generator, omega)
-        # Double multipliers move with the root of rounding errors: all within 1e-7, nearly all within 1e-12.
         error = np.abs(growth - expected) / np.maximum(1.0, np.abs(expected))
-        assert error.max() < 1e-7
-        assert np.quantile(error, 0.95) < 1e-12
+        assert np.all(error < rounding(pattern, generator, omega))
         # The size of the matrix is told in other coordinates, whose condition is limited to 1e4.
         assert np.abs(scale - expected_scale).max() < 2 * np.log(1e4)
 
@@ -254,15 +308,10 @@ def test_equal_decay_of_all_multipliers(level, n):
     """All multipliers of one modulus, the hardest for root squaring: nearly uniform damping, stable points."""
     base = system(n + 1, "generic", 9, epsilon=0.05)
     item = GearSystem(base.mass, base.stiffness, base.meshes, 0.03 * base.mass + 1e-11 * base.stiffness)
-    worst = 0.0
     for pattern, generator, omega in damped_patterns(item, 800):
         growth, _ = c_kernel.scan_damped(pattern, generator, omega)
         expected, _ = numpy_kernel.scan_damped(pattern, generator, omega)
-        error = np.abs(growth - expected)
-        # At the edge of an instability region a multiplier is double: the root of 1e-15.
-        assert error.max() < 1e-7
-        worst = max(worst, float(np.quantile(error, 0.98)))
-    assert worst < 1e-12
+        assert np.all(np.abs(growth - expected) < rounding(pattern, generator, omega))
 
 
 def test_long_decay_does_not_underflow(level):
@@ -295,3 +344,40 @@ def test_threads_change_nothing(level, n, monkeypatch):
     ((damped_pattern, generator, asked), *_) = damped_patterns(system(n, "one mesh", 12, 0.05), POINTS)
     alone = c_kernel.scan_damped(damped_pattern, generator, asked, 1)[0]
     assert c_kernel.scan_damped(damped_pattern, generator, asked, 3)[0].tobytes() == alone.tobytes()
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 5])
+def test_numbers_that_are_none_harm_no_neighbour(level, n):
+    """Frequencies that are no numbers share vectors with others; these keep their digits, those are in doubt."""
+    rng = np.random.default_rng(n)
+    for pattern, omega in patterns(system(n, "generic", 13), POINTS):
+        spoiled, bad = omega.copy(), rng.random(omega.shape) < 0.2
+        spoiled[bad] = rng.choice([np.nan, np.inf, -np.inf, 0.0, -0.0, 1e-320, 1e308], bad.sum())
+        (verdict, growth), (expected, reference_growth) = (c_kernel.scan(pattern, asked) for asked in (spoiled, omega))
+        np.testing.assert_array_equal(verdict[~bad], expected[~bad])
+        # Newton's steps go on until all lanes have done.
+        np.testing.assert_allclose(growth[~bad], reference_growth[~bad], rtol=1e-12, atol=0)
+        assert np.all(verdict[np.isnan(spoiled)] == DOUBTFUL)
+        c_kernel.scan_traces(pattern, spoiled, interpolate=True)
+    for pattern, generator, omega in damped_patterns(system(n, "generic", 13, 0.05), POINTS):
+        spoiled, bad = omega.copy(), rng.random(omega.shape) < 0.2
+        spoiled[bad] = rng.choice([np.nan, np.inf, 0.0], bad.sum())
+        state = np.ascontiguousarray(pattern.states)
+        growth = [scanned(pattern, generator, state, given) for given in (omega, spoiled)]
+        # Where root squaring leaves a point to QR, whose vectors hold what comes.
+        np.testing.assert_allclose(growth[1][~bad], growth[0][~bad], rtol=1e-9, atol=1e-9)
+
+
+def scanned(pattern, generator, state, omega):
+    """Growth of a damped pattern by the compiled kernel alone, without what it leaves to NumPy."""
+    values, basis, inverse = generator.real_modes
+    distinct, index = pattern.pairs(inverse, basis)
+    numbers = (len(omega), len(state), *values.shape[1:], float(pattern.cycles))
+    arrays = (values.real, values.imag, pattern.fractions, state, distinct.take(index, axis=1), omega)
+    decay, frequency, fractions, order, change, asked = map(np.ascontiguousarray, arrays)
+    growth, scale = np.empty(omega.shape), np.empty(omega.shape)
+    ckernel.library.scan_damped(
+        ckernel.simd(), numbers, decay, frequency, fractions, order, change, 0, len(omega), omega.shape[1], asked,
+        growth, scale,
+    )  # fmt: skip
+    return growth

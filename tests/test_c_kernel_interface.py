@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+
 import mpmath as mp
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ from kernel_systems import patterns, system
 from gearstab import ckernel
 from gearstab.floquet import c_kernel
 from gearstab.floquet.grouping import equal_rows
+from gearstab.floquet.invariants import DOUBTFUL
 
 built = pytest.mark.skipif(ckernel.library is None, reason="the compiled kernel was not built")
 
@@ -48,6 +51,59 @@ class TestArguments:
         changed[4] = np.full_like(changed[4], state)
         with pytest.raises(ValueError, match="shapes"):
             ckernel.library.scan(*changed)
+
+    @pytest.mark.parametrize(
+        ("position", "kind"),
+        [(2, "i8"), (3, "f4"), (4, "f8"), (4, "i4"), (4, "u8"), (5, ">f8"), (9, "c16"), (10, "u1"), (10, "?")],
+    )
+    def test_items_of_another_type(self, position, kind):
+        """Also of the same size, which the number of bytes would not tell."""
+        changed = self.arguments()
+        changed[position] = changed[position].astype(kind)
+        with pytest.raises(TypeError, match="items of type"):
+            ckernel.library.scan(*changed)
+
+    def test_bytes_are_no_numbers(self):
+        changed = self.arguments()
+        changed[9] = changed[9].tobytes()
+        with pytest.raises(TypeError, match="items of type"):
+            ckernel.library.scan(*changed)
+
+    def test_arrays_that_are_not_contiguous(self):
+        changed = self.arguments()
+        changed[9] = np.repeat(changed[9], 2, axis=1)[:, ::2]
+        with pytest.raises((BufferError, ValueError), match="contiguous"):
+            ckernel.library.scan(*changed)
+
+    def test_complex_results_may_be_left_out(self):
+        extra = [np.zeros((0,), dtype=complex), np.ones(self.arguments()[9].shape)]
+        ckernel.library.scan(*self.arguments(), *extra)
+
+    def test_verdicts_go_by_the_thresholds_given(self):
+        changed = self.arguments()
+        ckernel.library.scan(*changed)
+        assert np.any(changed[10] != DOUBTFUL)
+        changed[1] = (*changed[1][:5], (1e9, *changed[1][5][1:]))
+        ckernel.library.scan(*changed)
+        assert np.all(changed[10] == DOUBTFUL)
+
+    def test_memory_that_is_not_needed_is_not_asked_for(self):
+        """Polynomials over the mesh frequency for a million points of 60 coordinates would take 57 GB."""
+        resource = pytest.importorskip("resource")
+        if "asan" in os.environ.get("LD_PRELOAD", ""):
+            pytest.skip("the address sanitizer needs the whole address space")
+        n, points = 60, 10**6
+        arrays = [np.ones((1, 1, n)), np.ones((1, 1)), np.zeros(1, dtype=np.int64), np.eye(n)[None, None]]
+        result = [np.ones((1, points), dtype=np.int8), np.ones((1, points)), np.zeros(0, complex), np.ones((1, points))]
+        before = resource.getrlimit(resource.RLIMIT_AS)
+        try:
+            resource.setrlimit(resource.RLIMIT_AS, (min(1 << 35, before[1] if before[1] > 0 else 1 << 35), before[1]))
+            # No rows are computed, but room for them is made.
+            ckernel.library.scan(
+                "plain", (1, 1, 1, n, 1.0, c_kernel.LIMITS), *arrays, 0, 0, points, np.ones((1, points)), *result
+            )
+        finally:
+            resource.setrlimit(resource.RLIMIT_AS, before)
 
     def test_unpaired_frequencies(self):
         """Three non-zero frequencies in three places."""

@@ -150,12 +150,13 @@ def test_a_mistake_is_one_line_and_exit_code_2(tmp_path: Path) -> None:
     assert len(missing.stderr.strip().splitlines()) == 1
 
 
-def test_every_configuration_of_the_repository(root: Path) -> None:
-    paths = sorted((root / "configs").rglob("*.yaml"))
-    assert len(paths) > 5
-    for path in paths:
-        result = info(path)
-        assert result.exit_code == 0, result.output
+CONFIGS = Path(__file__).parent.parent / "configs"
+
+
+@pytest.mark.parametrize("path", sorted(CONFIGS.rglob("*.yaml")), ids=lambda path: path.stem)
+def test_every_configuration_of_the_repository(path: Path) -> None:
+    result = info(path)
+    assert result.exit_code == 0, result.output
 
 
 # ---- modal facts

@@ -85,7 +85,7 @@ INLINE void scan_row(const struct row *row, int64_t n, const struct room *room, 
             vec asked = load_part(omega, k, points);
             vec scale = matrix_at(row, n, room, period_of(row, asked), k, points, magnified);
             coefficients(x, n, s[c]);
-            struct decision found = classify(s[c], n);
+            struct decision found = classify(s[c], n, row->limits);
             found.doubtful |= (scale > 0.0) | ~(row->highest * (row->cycles / asked) < MOST_TURNS);
             unstable[c] = ~(found.stable | found.doubtful);
             store_verdict(verdict, k, points, found);

@@ -14,41 +14,61 @@
 #define MOST_GROWN 64.0     /* entries above this spoil the digits of other points of the panel */
 #define LEFT_OVER 1e-13     /* of the last coefficients, relative to the largest entry: rounding, or the panel is not used */
 #define TOGETHER_ENTRIES 12 /* sums kept in registers; 4 n^2 is a multiple of 4 */
+#define MOST_BYTES (1 << 28) /* of the polynomials of a row: 256 MB a thread */
+
+struct panel {
+    int64_t points;
+    double size;         /* the largest entry at the nodes; 0: not used */
+    double *coefficient; /* (NODES, 4 n^2), NULL where it does not pay */
+};
 
 struct panels {
     int64_t count, room;
     double first, length; /* of the first panel, periods as of period_of */
     double cosine[4 * NODES];
-    int64_t *points;
-    double *size;        /* (count,), the largest entry at the nodes; 0: not used */
-    double *coefficient; /* (count, NODES, 4 n^2) */
+    struct panel *panel; /* (count,) */
+    double *coefficient; /* of the panels that pay, one after the other, with room for `held` of them */
+    size_t held;
     vec *sample;         /* (NODES / LANES, 4 n^2) */
     void *memory;
 };
 
+/* What every row needs. Room for polynomials is asked for when it is known how many there are, see panels_room. */
 static int panels_new(struct panels *panels, int64_t n, int64_t points) {
-    int64_t entries = 4 * n * n;
     panels->room = points / PAYING;
-    panels->points = malloc((size_t)panels->room * sizeof *panels->points + 1);
-    panels->size = malloc((size_t)panels->room * sizeof *panels->size + 1);
-    panels->coefficient = malloc((size_t)(panels->room * NODES * entries) * sizeof(double) + 1);
-    panels->sample = vectors(NODES / LANES * entries, &panels->memory);
+    panels->panel = malloc((size_t)panels->room * sizeof *panels->panel + 1);
+    panels->sample = vectors(NODES / LANES * 4 * n * n, &panels->memory);
     for (int k = 0; k < 4 * NODES; k++)
         panels->cosine[k] = cos(TURN * k / (4 * NODES));
-    return panels->points && panels->size && panels->coefficient && panels->sample ? 0 : -1;
+    return panels->panel && panels->sample ? 0 : -1;
 }
 
 static void panels_free(struct panels *panels) {
-    free(panels->points);
-    free(panels->size);
+    free(panels->panel);
     free(panels->coefficient);
     free(panels->memory);
+}
+
+/* Polynomials for the panels with enough points, as far as memory goes: points of others are propagated. */
+static void panels_room(struct panels *panels, int64_t n) {
+    size_t entries = (size_t)(NODES * 4 * n * n), most = MOST_BYTES / (entries * sizeof(double)), paying = 0, given = 0;
+    for (int64_t k = 0; k < panels->count; k++)
+        paying += panels->panel[k].points >= PAYING;
+    paying = paying < most ? paying : most;
+    if (paying > panels->held) {
+        free(panels->coefficient);
+        panels->coefficient = malloc(paying * entries * sizeof(double));
+        panels->held = panels->coefficient ? paying : 0;
+    }
+    for (int64_t k = 0; k < panels->count && given < panels->held; k++)
+        if (panels->panel[k].points >= PAYING)
+            panels->panel[k].coefficient = panels->coefficient + given++ * entries;
 }
 
 /* The polynomials of one panel from its nodes; the largest entry there, or 0 if they cannot be trusted. */
 static double panel_fill(struct panels *panels, const struct row *row, int64_t k, vec *work) {
     int64_t entries = 4 * row->n * row->n;
-    double *coefficient = panels->coefficient + k * NODES * entries, size = 0.0;
+    double *coefficient = panels->panel[k].coefficient, size = 0.0;
     double half = 0.5 * panels->length, middle = panels->first + (2 * k + 1) * half;
     for (int64_t i = 0; i < NODES; i += LANES) {
         vec period, *x = panels->sample + i / LANES * entries;
@@ -105,13 +125,15 @@ static void panels_set(struct panels *panels, const struct row *row, int64_t poi
     panels->first = lowest;
     panels->length = (highest - lowest) / count;
     for (int64_t k = 0; k < panels->count; k++)
-        panels->points[k] = 0;
+        panels->panel[k] = (struct panel){0};
     for (int64_t k = 0; k < points; k++) {
         double place = (row->cycles / omega[k] - lowest) / panels->length;
-        panels->points[place < count ? (int64_t)place : panels->count - 1]++;
+        panels->panel[place < count ? (int64_t)place : panels->count - 1].points++;
     }
+    panels_room(panels, row->n);
     for (int64_t k = 0; k < panels->count; k++)
-        panels->size[k] = panels->points[k] < PAYING ? 0.0 : panel_fill(panels, row, k, work);
+        if (panels->panel[k].coefficient)
+            panels->panel[k].size = panel_fill(panels, row, k, work);
 }
 
 /* x[e] = sum_j c[j][e] t[j] for `count` entries, a constant where this is inlined. */
@@ -139,9 +161,9 @@ static int interpolate(const struct panels *panels, int64_t n, vec period, vec *
             return 0;
         panel = own;
     }
-    if (panels->size[panel] == 0.0)
+    if (panels->panel[panel].size == 0.0)
         return 0;
-    const double *c = panels->coefficient + panel * NODES * entries;
+    const double *c = panels->panel[panel].coefficient;
     vec t[NODES], place = 2.0 * ((period - panels->first) / panels->length - (double)panel) - 1.0;
     t[0] = all(1.0), t[1] = place;
     for (int64_t j = 2; j < NODES; j++)
@@ -151,7 +173,7 @@ static int interpolate(const struct panels *panels, int64_t n, vec period, vec *
     for (; e < entries; e += 4)
         combine(c + e, entries, t, x + e, 4);
     /* Those of the largest matrix at the nodes, and those of the sums. */
-    *magnified = 1.0 + panels->size[panel] / larger(largest_entry(x, entries), all(1.0));
+    *magnified = 1.0 + panels->panel[panel].size / larger(largest_entry(x, entries), all(1.0));
     return 1;
 }
 

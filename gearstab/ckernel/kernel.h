@@ -9,10 +9,17 @@
 
 enum verdict { UNSTABLE = 0, STABLE = 1, DOUBTFUL = 2 };
 
+/* Thresholds that decide verdicts; Python gives them, so that both kernels have the same: edge, discriminant and growth
+   noise and the largest coefficient of invariants.py, and numpy_kernel.LARGE. */
+struct limits {
+    double edge, discriminant, growth, coefficient, large;
+};
+
 /* A conservative pattern: r rows of S segments over D states of n coordinates. */
 struct conservative {
     int64_t rows, segments, states, n;
     double cycles;           /* the common period is cycles 2 pi/omega */
+    struct limits limits;
     const double *squared;   /* (r, D, n), squared frequencies */
     const double *fractions; /* (r, S), durations as parts of the common period */
     const int64_t *state;    /* (S,) */

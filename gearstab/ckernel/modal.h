@@ -6,8 +6,6 @@
 #define GEARSTAB_MODAL_H
 
 #define TURN 6.283185307179586 /* 2 pi */
-#define LARGE 0x1p200          /* entries above this are scaled down: numpy_kernel.LARGE */
-#define LOG_LARGE 138.62943611198907
 #define MOST_TURNS 0x1p45      /* a phase of more turns has no digit left; such points are doubtful */
 #define RESCALE_EVERY 8        /* segments without exponential growth */
 
@@ -25,6 +23,7 @@ struct mode {
 struct row {
     int64_t n, segments;
     double cycles;
+    const struct limits *limits;
     const double *change; /* (S, n, n) */
     struct mode *modes;   /* (S, n) */
     char *steady;         /* (S,), whether all modes of the segment oscillate */
@@ -37,6 +36,7 @@ INLINE int row_new(struct row *row, const struct conservative *pattern) {
     row->n = pattern->n;
     row->segments = pattern->segments;
     row->cycles = pattern->cycles;
+    row->limits = &pattern->limits;
     row->modes = malloc((count * (size_t)pattern->n + 1) * sizeof *row->modes);
     row->steady = malloc(count + 1);
     return row->modes && row->steady ? 0 : -1;
@@ -123,10 +123,10 @@ INLINE vec largest_entry(const vec *x, int64_t count) {
     return size;
 }
 
-/* Divide the lanes that have grown beyond LARGE. */
-INLINE void scale_down(vec *x, int64_t count, vec *scale) {
+/* Divide the lanes that have grown beyond `large`. */
+INLINE void scale_down(vec *x, int64_t count, double large, vec *scale) {
     vec size = largest_entry(x, count);
-    mask big = size > LARGE;
+    mask big = size > large;
     if (!any(big))
         return;
     vec factor = choose(big, 1.0 / size, all(1.0));
@@ -136,11 +136,11 @@ INLINE void scale_down(vec *x, int64_t count, vec *scale) {
 }
 
 /* Undo the scaling of lanes that did not need it in the end. */
-INLINE void scale_back(vec *x, int64_t count, vec *scale) {
+INLINE void scale_back(vec *x, int64_t count, double large, vec *scale) {
     if (!any(*scale != 0.0))
         return;
     vec size = largest_entry(x, count);
-    mask small = (*scale != 0.0) & (*scale + logarithm(size + DBL_MIN) < LOG_LARGE);
+    mask small = (*scale != 0.0) & (*scale + logarithm(size + DBL_MIN) < log(large));
     vec factor = choose(small, exponential(*scale), all(1.0));
     *scale = choose(small, all(0.0), *scale);
     for (int64_t k = 0; k < count; k++)
@@ -231,9 +231,9 @@ INLINE vec propagate(const struct row *row, int64_t n, vec period, vec *x, vec *
             for (int64_t column = 0; column < n; column++)
                 advance_pair(n, change + s * n * n, cosine, over, times, x + column * 4 * n, pair);
         if (s % RESCALE_EVERY == RESCALE_EVERY - 1 || !row->steady[s])
-            scale_down(x, 4 * n * n, &scale);
+            scale_down(x, 4 * n * n, row->limits->large, &scale);
     }
-    scale_back(x, 4 * n * n, &scale);
+    scale_back(x, 4 * n * n, row->limits->large, &scale);
     return scale;
 }
 

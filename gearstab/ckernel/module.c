@@ -51,6 +51,34 @@ static void release(struct buffers *buffers) {
         PyBuffer_Release(&buffers->view[i]); /* does nothing to a view that was never filled */
 }
 
+/* Whether the items of a view are of a type, named as in the struct module and in NumPy: i for int64, b for int8, d for
+   double, z for complex double (of which the kernel sees two doubles). */
+static int of_type(const Py_buffer *view, char type) {
+    const char *format = view->format ? view->format : "B";
+    switch (type) {
+    case 'i': return view->itemsize == 8 && (strcmp(format, "q") == 0 || strcmp(format, "l") == 0);
+    case 'b': return strcmp(format, "b") == 0;
+    case 'z': return strcmp(format, "Zd") == 0;
+    default: return strcmp(format, "d") == 0;
+    }
+}
+
+/* The contiguous buffers of some objects, whose types a string gives, capital letters for those that are written to.
+   Objects that were not given (NULL) leave their view empty. */
+static int take(struct buffers *buffers, PyObject *const *objects, const char *types) {
+    for (int i = 0; types[i] && objects[i]; i++) {
+        char type = types[i] | 0x20;
+        int flags = PyBUF_C_CONTIGUOUS | PyBUF_FORMAT | (type == types[i] ? 0 : PyBUF_WRITABLE);
+        if (PyObject_GetBuffer(objects[i], &buffers->view[i], flags) < 0)
+            return 0;
+        if (!of_type(&buffers->view[i], type)) {
+            PyErr_Format(PyExc_TypeError, "array %d has items of type %s instead of %c", i, buffers->view[i].format, type);
+            return 0;
+        }
+    }
+    return 1;
+}
+
 /* Whether the product of the non-negative dimensions times the item's size is the buffer's length. */
 static int fits(const Py_buffer *view, Py_ssize_t item, int dimensions, const Py_ssize_t *shape) {
     Py_ssize_t size = item;
@@ -112,9 +140,12 @@ static PyObject *py_levels(PyObject *self, PyObject *unused) {
     return names;
 }
 
-/* The arguments that describe a conservative pattern: numbers, then squared, fractions, state, change. */
-#define PATTERN "(nnnnd)y*y*y*y*"
-#define PATTERN_ARGUMENTS(p, b) &rows, &segments, &states, &n, &(p).cycles, &(b)[0], &(b)[1], &(b)[2], &(b)[3]
+/* The arguments of every function of conservative patterns: level, numbers, then the objects of the pattern. */
+#define PATTERN "s(nnnnd(ddddd))OOOO"
+#define PATTERN_ARGUMENTS                                                                                                 \
+    &name, &rows, &segments, &states, &n, &pattern.cycles, &pattern.limits.edge, &pattern.limits.discriminant,            \
+        &pattern.limits.growth, &pattern.limits.coefficient, &pattern.limits.large, &o[0], &o[1], &o[2], &o[3]
+#define PATTERN_TYPES "ddid"
 
 static int set_conservative(struct conservative *pattern, Py_ssize_t rows, Py_ssize_t segments, Py_ssize_t states,
                             Py_ssize_t n, const Py_buffer *view) {
@@ -129,17 +160,19 @@ static int set_conservative(struct conservative *pattern, Py_ssize_t rows, Py_ss
 static PyObject *py_scan(PyObject *self, PyObject *arguments) {
     (void)self;
     struct buffers b = {0};
+    PyObject *o[MOST_BUFFERS] = {0};
     struct conservative pattern;
     const char *name;
     Py_ssize_t rows, segments, states, n, first, last, points;
-    if (!PyArg_ParseTuple(arguments, "s" PATTERN "nnny*w*w*|w*w*", &name, PATTERN_ARGUMENTS(pattern, b.view), &first, &last,
-                          &points, &b.view[4], &b.view[5], &b.view[6], &b.view[7], &b.view[8]))
+    if (!PyArg_ParseTuple(arguments, PATTERN "nnnOOO|OO", PATTERN_ARGUMENTS, &first, &last, &points, &o[4], &o[5], &o[6],
+                          &o[7], &o[8]) ||
+        !take(&b, o, PATTERN_TYPES "dBDZD"))
         return finish(&b, 1, 0);
     const struct level *level = level_named(name);
     int failed = 0, fit = level && set_conservative(&pattern, rows, segments, states, n, b.view) && first >= 0 &&
                           last <= rows && FITS(&b.view[4], 8, rows, points) && FITS(&b.view[5], 1, rows, points) &&
                           FITS(&b.view[6], 8, rows, points) &&
-                          (b.view[7].len == 0 || FITS(&b.view[7], 8, rows, points, n, 2)) &&
+                          (b.view[7].len == 0 || FITS(&b.view[7], 16, rows, points, n)) &&
                           (b.view[8].len == 0 || FITS(&b.view[8], 8, rows, points));
     if (fit) {
         Py_BEGIN_ALLOW_THREADS
@@ -153,11 +186,13 @@ static PyObject *py_scan(PyObject *self, PyObject *arguments) {
 static PyObject *py_monodromy(PyObject *self, PyObject *arguments) {
     (void)self;
     struct buffers b = {0};
+    PyObject *o[MOST_BUFFERS] = {0};
     struct conservative pattern;
     const char *name;
     Py_ssize_t rows, segments, states, n, first, last, points;
-    if (!PyArg_ParseTuple(arguments, "s" PATTERN "nnny*y*w*w*", &name, PATTERN_ARGUMENTS(pattern, b.view), &first, &last,
-                          &points, &b.view[4], &b.view[5], &b.view[6], &b.view[7]))
+    if (!PyArg_ParseTuple(arguments, PATTERN "nnnOOOO", PATTERN_ARGUMENTS, &first, &last, &points, &o[4], &o[5], &o[6],
+                          &o[7]) ||
+        !take(&b, o, PATTERN_TYPES "idDD"))
         return finish(&b, 1, 0);
     const struct level *level = level_named(name);
     int failed = 0, fit = level && set_conservative(&pattern, rows, segments, states, n, b.view) && first >= 0 &&
@@ -175,16 +210,17 @@ static PyObject *py_monodromy(PyObject *self, PyObject *arguments) {
 static PyObject *py_traces(PyObject *self, PyObject *arguments) {
     (void)self;
     struct buffers b = {0};
+    PyObject *o[MOST_BUFFERS] = {0};
     struct conservative pattern;
     const char *name;
     Py_ssize_t rows, segments, states, n, first, last, points;
     double bound;
-    if (!PyArg_ParseTuple(arguments, "s" PATTERN "nnndy*w*", &name, PATTERN_ARGUMENTS(pattern, b.view), &first, &last,
-                          &points, &bound, &b.view[4], &b.view[5]))
+    if (!PyArg_ParseTuple(arguments, PATTERN "nnndOO", PATTERN_ARGUMENTS, &first, &last, &points, &bound, &o[4], &o[5]) ||
+        !take(&b, o, PATTERN_TYPES "dZ"))
         return finish(&b, 1, 0);
     const struct level *level = level_named(name);
     int failed = 0, fit = level && set_conservative(&pattern, rows, segments, states, n, b.view) && first >= 0 &&
-                          last <= rows && FITS(&b.view[4], 8, rows, points) && FITS(&b.view[5], 8, rows, points, n, 2);
+                          last <= rows && FITS(&b.view[4], 8, rows, points) && FITS(&b.view[5], 16, rows, points, n);
     if (fit) {
         Py_BEGIN_ALLOW_THREADS
         failed = level->traces(&pattern, first, last, points, bound, b.view[4].buf, b.view[5].buf);
@@ -196,13 +232,14 @@ static PyObject *py_traces(PyObject *self, PyObject *arguments) {
 static PyObject *py_scan_damped(PyObject *self, PyObject *arguments) {
     (void)self;
     struct buffers b = {0};
+    PyObject *o[MOST_BUFFERS] = {0};
     struct damped p;
     const char *name;
     Py_ssize_t rows, segments, states, m, first, last, points;
     Py_buffer *view = b.view;
-    if (!PyArg_ParseTuple(arguments, "s(nnnnd)y*y*y*y*y*nnny*w*w*|w*", &name, &rows, &segments, &states, &m, &p.cycles,
-                          &view[0], &view[1], &view[2], &view[3], &view[4], &first, &last, &points, &view[5], &view[6],
-                          &view[7], &view[8]))
+    if (!PyArg_ParseTuple(arguments, "s(nnnnd)OOOOOnnnOOO|O", &name, &rows, &segments, &states, &m, &p.cycles, &o[0], &o[1],
+                          &o[2], &o[3], &o[4], &first, &last, &points, &o[5], &o[6], &o[7], &o[8]) ||
+        !take(&b, o, "dddiddDDZ"))
         return finish(&b, 1, 0);
     const struct level *level = level_named(name);
     p.rows = rows, p.segments = segments, p.states = states, p.m = m;
@@ -213,7 +250,7 @@ static PyObject *py_scan_damped(PyObject *self, PyObject *arguments) {
                           FITS(&view[2], 8, rows, segments) && FITS(&view[3], 8, segments) &&
                           FITS(&view[4], 8, rows, segments, m, m) && FITS(&view[5], 8, rows, points) &&
                           FITS(&view[6], 8, rows, points) && FITS(&view[7], 8, rows, points) &&
-                          (view[8].len == 0 || FITS(&view[8], 8, rows, points, m, 2)) &&
+                          (view[8].len == 0 || FITS(&view[8], 16, rows, points, m)) &&
                           indices_within(&view[3], segments, states);
     for (int64_t i = 0; fit && i < rows * states; i++)
         fit = in_pairs(p.frequency + i * m, m);
@@ -228,9 +265,10 @@ static PyObject *py_scan_damped(PyObject *self, PyObject *arguments) {
 static PyObject *py_symmetric(PyObject *self, PyObject *arguments) {
     (void)self;
     struct buffers b = {0};
+    PyObject *o[MOST_BUFFERS] = {0};
     const char *name;
     Py_ssize_t count, n;
-    if (!PyArg_ParseTuple(arguments, "snny*w*w*", &name, &count, &n, &b.view[0], &b.view[1], &b.view[2]))
+    if (!PyArg_ParseTuple(arguments, "snnOOO", &name, &count, &n, &o[0], &o[1], &o[2]) || !take(&b, o, "dDD"))
         return finish(&b, 1, 0);
     const struct level *level = level_named(name);
     int failed = 0, fit = level && n > 0 && FITS(&b.view[0], 8, count, n, n) && FITS(&b.view[1], 8, count, n) &&
@@ -246,11 +284,12 @@ static PyObject *py_symmetric(PyObject *self, PyObject *arguments) {
 static PyObject *py_trace_change(PyObject *self, PyObject *arguments) {
     (void)self;
     struct buffers b = {0};
+    PyObject *o[MOST_BUFFERS] = {0};
     Py_ssize_t count, n;
     double weight;
-    if (!PyArg_ParseTuple(arguments, "nndy*y*w*w*", &count, &n, &weight, &b.view[0], &b.view[1], &b.view[2], &b.view[3]))
+    if (!PyArg_ParseTuple(arguments, "nndOOOO", &count, &n, &weight, &o[0], &o[1], &o[2], &o[3]) || !take(&b, o, "zzDD"))
         return finish(&b, 1, 0);
-    int fit = FITS(&b.view[0], 8, count, n, 2) && FITS(&b.view[1], 8, count, n, 2) && FITS(&b.view[2], 8, count) &&
+    int fit = FITS(&b.view[0], 16, count, n) && FITS(&b.view[1], 16, count, n) && FITS(&b.view[2], 8, count) &&
               FITS(&b.view[3], 8, count);
     if (fit) {
         Py_BEGIN_ALLOW_THREADS
@@ -263,10 +302,11 @@ static PyObject *py_trace_change(PyObject *self, PyObject *arguments) {
 static PyObject *py_trace_condition(PyObject *self, PyObject *arguments) {
     (void)self;
     struct buffers b = {0};
+    PyObject *o[MOST_BUFFERS] = {0};
     Py_ssize_t count, n;
-    if (!PyArg_ParseTuple(arguments, "nny*y*w*w*", &count, &n, &b.view[0], &b.view[1], &b.view[2], &b.view[3]))
+    if (!PyArg_ParseTuple(arguments, "nnOOOO", &count, &n, &o[0], &o[1], &o[2], &o[3]) || !take(&b, o, "zdDD"))
         return finish(&b, 1, 0);
-    int fit = FITS(&b.view[0], 8, count, n, 2) && FITS(&b.view[1], 8, count) && FITS(&b.view[2], 8, count) &&
+    int fit = FITS(&b.view[0], 16, count, n) && FITS(&b.view[1], 8, count) && FITS(&b.view[2], 8, count) &&
               FITS(&b.view[3], 8, count);
     if (fit) {
         Py_BEGIN_ALLOW_THREADS
@@ -279,13 +319,13 @@ static PyObject *py_trace_condition(PyObject *self, PyObject *arguments) {
 static PyMethodDef METHODS[] = {
     {"levels", py_levels, METH_NOARGS, "levels(): names of the levels of vector instructions available, the best last."},
     {"scan", py_scan, METH_VARARGS,
-     "scan(level, (rows, segments, states, n, cycles), squared, fractions, state, change, first, last, points, omega, "
+     "scan(level, (rows, segments, states, n, cycles, limits), squared, fractions, state, change, first, last, points, omega, "
      "verdict, growth, rho=, magnified=)"},
     {"monodromy", py_monodromy, METH_VARARGS,
-     "monodromy(level, (rows, segments, states, n, cycles), squared, fractions, state, change, first, last, points, row, "
+     "monodromy(level, (rows, segments, states, n, cycles, limits), squared, fractions, state, change, first, last, points, row, "
      "omega, matrix, scale)"},
     {"traces", py_traces, METH_VARARGS,
-     "traces(level, (rows, segments, states, n, cycles), squared, fractions, state, change, first, last, points, bound, "
+     "traces(level, (rows, segments, states, n, cycles, limits), squared, fractions, state, change, first, last, points, bound, "
      "omega, rho)"},
     {"scan_damped", py_scan_damped, METH_VARARGS,
      "scan_damped(level, (rows, segments, states, m, cycles), decay, frequency, fractions, state, change, first, last, "
@@ -296,7 +336,17 @@ static PyMethodDef METHODS[] = {
     {NULL, NULL, 0, NULL},
 };
 
-static PyModuleDef_Slot SLOTS[] = {{0, NULL}};
+/* Nothing is shared between calls: no lock and no interpreter has to be alone. The stable interface of old versions does
+   not know these slots; there importing the module into a Python without the global lock is not possible anyway. */
+static PyModuleDef_Slot SLOTS[] = {
+#ifdef Py_mod_multiple_interpreters
+    {Py_mod_multiple_interpreters, Py_MOD_PER_INTERPRETER_GIL_SUPPORTED},
+#endif
+#ifdef Py_mod_gil
+    {Py_mod_gil, Py_MOD_GIL_NOT_USED},
+#endif
+    {0, NULL},
+};
 
 static struct PyModuleDef MODULE = {
     PyModuleDef_HEAD_INIT, "_kernel", "The compiled kernel; see gearstab.floquet.c_kernel.", 0, METHODS, SLOTS, NULL, NULL, NULL,

@@ -1,14 +1,9 @@
 /* rho = lambda + 1/lambda of a symplectic M from W = M + M^-1 = [[E, F], [G, E^T]], F and G skew.
 
-   The rules and thresholds are those of invariants.py, to which the comments there apply. */
+   The rules are those of invariants.py, to which the comments there apply; the thresholds come from there. */
 
 #ifndef GEARSTAB_TRACES_H
 #define GEARSTAB_TRACES_H
-
-#define DISCRIMINANT_NOISE 3e-10
-#define EDGE_NOISE 3e-12
-#define GROWTH_NOISE 1e-6
-#define LARGEST_COEFFICIENT 1e120
 
 /* ---- n <= 3: elementary symmetric functions of the rho, see numpy_kernel.py */
 
@@ -81,19 +76,19 @@ struct decision {
     mask stable, doubtful;
 };
 
-INLINE struct decision classify(const vec s[3], int64_t n) {
+INLINE struct decision classify(const vec s[3], int64_t n, const struct limits *limits) {
     vec size = all(1.0), edge;
     for (int64_t k = 0; k < n; k++)
         size = larger(magnitude(s[k]) * (1.0 / 3.0), size);
     struct decision found;
     found.stable = inside(s, n, &edge);
-    found.doubtful = edge < EDGE_NOISE * size;
+    found.doubtful = edge < limits->edge * size;
     if (n > 1) {
         vec discriminant = scaled_discriminant(s, n), distance = magnitude(discriminant);
         found.stable &= discriminant > 0.0;
-        found.doubtful |= (distance < DISCRIMINANT_NOISE) | ((distance < GROWTH_NOISE) & ~found.stable);
+        found.doubtful |= (distance < limits->discriminant) | ((distance < limits->growth) & ~found.stable);
     }
-    mask regular = size < LARGEST_COEFFICIENT; /* false for NaN in the last coefficient */
+    mask regular = size < limits->coefficient; /* false for NaN in the last coefficient */
     for (int64_t k = 0; k < n; k++)
         regular &= s[k] == s[k];
     found.doubtful |= ~regular;

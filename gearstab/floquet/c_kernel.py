@@ -14,7 +14,7 @@ import numpy as np
 
 from gearstab import ckernel
 from gearstab.ckernel import threads
-from gearstab.floquet import numpy_kernel
+from gearstab.floquet import invariants, numpy_kernel
 from gearstab.floquet.damped import Generators
 from gearstab.floquet.segments import Pattern
 from gearstab.system import Array
@@ -25,6 +25,14 @@ CHUNKS_A_THREAD = 4
 """Rows are handed out in so many pieces at least, so that a thread whose rows are quick takes more of them."""
 LARGEST_PIECE = 2e7
 """Operations of a piece, if a row is not more: the milliseconds for which the last one may keep a thread alone."""
+LIMITS = (
+    invariants.EDGE_NOISE,
+    invariants.DISCRIMINANT_NOISE,
+    invariants.GROWTH_NOISE,
+    invariants.LARGEST,
+    numpy_kernel.LARGE,
+)
+"""Thresholds of verdicts, the same as in the NumPy kernel: ``struct limits`` of kernel.h."""
 ENTRIES_AT_ONCE = 1 << 23
 """Of the changes of modes of all segments: 64 MB. Common periods may have thousands of segments."""
 
@@ -34,7 +42,7 @@ def scan(pattern: Pattern, omega: Array, limit: int | None = None) -> tuple[Arra
 
     limit: the number of threads, by default :func:`gearstab.ckernel.threads`; the results do not depend on it.
     """
-    return _scan(pattern, omega, np.empty((len(omega), 0)), limit)
+    return _scan(pattern, omega, np.empty((len(omega), 0), dtype=complex), limit)
 
 
 def scan_traces(
@@ -135,7 +143,7 @@ def scan_damped(pattern: Pattern, generator: Generators, omega: Array, limit: in
 
     Rows with a state that cannot be diagonalised safely go the way of the NumPy kernel.
     """
-    growth, scale = _scan_modes(pattern, generator, _contiguous(omega), np.empty((len(omega), 0)), limit)
+    growth, scale = _scan_modes(pattern, generator, _contiguous(omega), np.empty((len(omega), 0), dtype=complex), limit)
     for row in _left_over(generator, growth):
         found = numpy_kernel.scan_damped(pattern.row(row), generator.row(row), omega[row : row + 1])
         growth[row], scale[row] = found[0][0], found[1][0]
@@ -201,7 +209,7 @@ def _portions(rows: int, segments: int, size: int) -> Iterator[slice]:
 def _arguments(pattern: Pattern, rows: slice = slice(None)) -> tuple[Any, ...]:
     """Rows of a conservative pattern as the C functions take it."""
     squared = pattern.squared_frequency[rows]
-    numbers = (len(squared), len(pattern.states), *squared.shape[1:], float(pattern.cycles))
+    numbers = (len(squared), len(pattern.states), *squared.shape[1:], float(pattern.cycles), LIMITS)
     state = np.ascontiguousarray(pattern.states, dtype=np.int64)
     change = _contiguous(pattern.changes(rows))
     return numbers, _contiguous(squared), _contiguous(pattern.fractions[rows]), state, change
