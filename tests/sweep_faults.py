@@ -3,8 +3,8 @@
     python sweep_faults.py CONFIG OUT JOBS FOLDER
 
 Files in FOLDER tell what happens at the block with the stiffness k0 = K: ``kill-K`` holds how often its process dies;
-``raise-K``: an error; ``memory-K``: no memory. ``slow`` holds seconds that every block takes. Blocks are single
-stiffnesses; ``log`` gets a line for each one computed.
+``raise-K``: an error; ``memory-K``: no memory. ``hold`` holds a stiffness: blocks from there on wait until the file is
+gone. Blocks are single stiffnesses; ``log`` gets a line for each one begun, ``processes`` the process that began it.
 """
 
 from __future__ import annotations
@@ -56,8 +56,10 @@ def method(system: GearSystem, mesh_frequency: np.ndarray, options: Any) -> Outc
     name = f"{stiffness:g}"
     with open(folder / "log", "a") as log:
         log.write(f"{name}\n")
-    if (folder / "slow").exists():
-        time.sleep(float((folder / "slow").read_text()))
+    with open(folder / "processes", "a") as processes:
+        processes.write(f"{os.getpid()}\n")
+    while held(folder / "hold", stiffness):
+        time.sleep(0.01)
     kill = folder / f"kill-{name}"
     if kill.exists() and (left := int(kill.read_text())):
         kill.write_text(str(left - 1))
@@ -68,6 +70,14 @@ def method(system: GearSystem, mesh_frequency: np.ndarray, options: Any) -> Outc
         raise MemoryError
     growth = value(float(stiffness))[None]
     return Outcome({"growth_rate": growth, "stable": (growth <= 0).astype("i1"), "status": np.zeros((1, 3), "i2")})
+
+
+def held(path: Path, stiffness: float) -> bool:
+    """Whether a block has to wait."""
+    try:
+        return stiffness >= float(path.read_text())
+    except FileNotFoundError:
+        return False
 
 
 def faulty(path: Path) -> Plan:
