@@ -24,10 +24,10 @@ FIGURES := $(patsubst results/%.h5,results/figures/%.$(FORMAT),$(SWEEP_RESULTS) 
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help install demo test test-all lint figures bench reproduction lock clean distclean
+.PHONY: help install demo test test-all test-portable test-sanitized lint figures bench reproduction lock clean distclean
 
 help: ## this list
-	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-14s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-15s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
 $(VENV)/.locked: scripts/requirements.lock
 	@$(PYTHON) -c 'import sys; sys.exit("gearstab needs Python 3.11 or newer; choose one with make PYTHON=..." if sys.version_info < (3, 11) else 0)'
@@ -49,11 +49,36 @@ demo: $(VENV)/.installed ## sweep of Lin & Parker's gear train and its stability
 	@$(GEARSTAB) plot results/demo.h5 -o results/demo.$(FORMAT) --size double
 	@echo "The stability map is in results/demo.$(FORMAT), the numbers are in results/demo.h5."
 
+# Tests run on all processors and in the order in which they are written, so that they pass or fail again in the same
+# way; SEED=17 shuffles them, and test-portable always does.
+PYTEST := $(BIN)/python -m pytest -q -n auto --dist worksteal $(if $(SEED),-p randomly --randomly-seed=$(SEED))
+
 test: $(VENV)/.installed ## all tests but the slow ones
-	@$(BIN)/python -m pytest -q
+	@$(PYTEST)
 
 test-all: $(VENV)/.installed ## all tests
-	@$(BIN)/python -m pytest -q -m 'slow or not slow'
+	@$(PYTEST) -m 'slow or not slow'
+
+# Four runs of the fast tests in random order, in which every value of either occurs once: with the kernels that OpenBLAS
+# has for Haswell (and our kernel at avx512), Zen (avx2), SkylakeX (plain) and Prescott (NumPy instead of our kernel).
+# CORE=Zen runs one of them, SEED=17 repeats an order.
+test-portable: $(VENV)/.installed ## the fast tests as on other processors (CORE=Haswell|Zen|SkylakeX|Prescott for one)
+	@$(BIN)/python scripts/portable.py $(addprefix --core ,$(CORE)) $(addprefix --seed ,$(SEED))
+
+# The C kernel with checks of every access and every operation whose result C leaves open; the normal one is not touched.
+SANITIZED := build/sanitized
+SANITIZE := -fsanitize=address,undefined,float-cast-overflow
+SANITIZED_TESTS := $(addprefix tests/test_,$(addsuffix .py,c_kernel c_kernel_interface magnus_kernel floquet blocks required_damping))
+RUN_SANITIZED := import sys, pytest; from gearstab import ckernel; assert "/$(SANITIZED)/" in ckernel.library.__file__; \
+                 sys.exit(pytest.main(sys.argv[1:]))
+
+test-sanitized: $(VENV)/.installed ## tests of the C kernel built with address and undefined-behaviour sanitizers (GCC)
+	@rm -rf $(SANITIZED)
+	@GEARSTAB_CFLAGS="-O1 -g1 -fno-omit-frame-pointer $(SANITIZE) -fno-sanitize-recover=all" LDFLAGS="$(SANITIZE)" \
+	  $(BIN)/python -W ignore setup.py -q build --build-base $(SANITIZED)/base --build-lib $(SANITIZED)/lib
+	@grep -q __asan_ $(SANITIZED)/lib/gearstab/ckernel/_kernel*.so
+	@PYTHONPATH=$(CURDIR)/$(SANITIZED)/lib LD_PRELOAD="$$($(CC) -print-file-name=libasan.so)" ASAN_OPTIONS=detect_leaks=0 \
+	  UBSAN_OPTIONS=print_stacktrace=1 $(BIN)/python -P -c '$(RUN_SANITIZED)' -q -s $(SANITIZED_TESTS)
 
 lint: $(VENV)/.installed ## linter and type checker
 	@$(BIN)/ruff check .
