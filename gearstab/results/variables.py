@@ -89,7 +89,7 @@ STABLE_FLAGS = {"flag_values": [-1, 0, 1], "flag_meanings": "failed unstable sta
 
 FLOQUET = (
     Variable("growth_rate", (GRID,), "f8", "1/s", "largest real part of the characteristic exponents"),
-    Variable("stable", (GRID,), "i1", "1", "stability, rigid-body modes left out", STABLE_FLAGS),
+    Variable("stable", (GRID,), "i1", "1", "stability, rigid-body modes that do not grow left out", STABLE_FLAGS),
     Variable("status", (GRID,), "i2", "1", "how the stability was decided"),
 )
 

@@ -75,20 +75,20 @@ def analyse(system: GearSystem, mesh_frequency: Array, exponents: bool = False, 
         period = 2 * np.pi * cycles / np.asarray(mesh_frequency)[r]
         with np.errstate(divide="ignore"):
             logs = np.log(multipliers[r]) + scale[r][:, None]
-        largest = logs.real.max(axis=-1, initial=-np.inf)
+        largest = np.maximum(logs.real.max(axis=-1, initial=-np.inf), row.rigid_growth * period)
         known = np.isfinite(error[r])
         growth[r, known] = (largest / period)[known]
         threshold = np.maximum(DAMPED_ON_CIRCLE if row.damped else ON_CIRCLE, error[r])
         stable[r, known] = (largest <= threshold)[known]
         if table is not None:
-            table[r] = _ordered(logs / period[:, None], table.shape[-1])
+            table[r] = _ordered(logs / period[:, None], row.rigid_exponents)
     return Analysis(growth, stable, error, error <= tolerance, table)
 
 
-def _ordered(values: Array, count: int) -> Array:
-    """Exponents ``(P, m)`` and the zeros of rigid-body modes, by descending real and imaginary part."""
-    rigid = np.zeros((len(values), count - values.shape[1]), dtype=complex)
-    every = np.concatenate([values, rigid], axis=1)
+def _ordered(values: Array, rigid: Array) -> Array:
+    """Exponents ``(P, m)`` and those of rigid-body modes ``(k,)``, by descending real and imaginary part."""
+    known = np.broadcast_to(rigid.astype(complex), (len(values), len(rigid)))
+    every = np.concatenate([values, known], axis=1)
     order = np.lexsort((-every.imag, -every.real), axis=-1)
     return np.take_along_axis(every, order, axis=-1)
 
