@@ -19,6 +19,7 @@ from gearstab.floquet.general.coordinates import Generator, generators
 from gearstab.floquet.general.exponential import expm
 from gearstab.floquet.general.magnus import NODES, ORDER, exponent, polynomial
 from gearstab.floquet.general.schedule import Schedule, schedule
+from gearstab.floquet.segments import CONSTANT, PROBES
 from gearstab.system import Array, GearSystem
 
 FINEST = 14
@@ -34,8 +35,6 @@ DAMPED_ON_CIRCLE = 1e-10
 """The same for a damped system, whose multipliers lie inside."""
 ENTRIES_AT_ONCE = 2**21
 """Of the matrices of the points that are treated together: 16 MB."""
-PROBES = (0.0917, 0.2713, 0.5, 0.6181, 0.9421)
-"""Where a smooth interval is looked at to see whether all is constant there."""
 
 
 @dataclass(frozen=True)
@@ -163,11 +162,11 @@ def _first_levels(rows: list[Generator], plan: Schedule, cycles: float, omega: A
 def _varying(plan: Schedule) -> Array:
     """``(S,)``: in which intervals anything varies in any row."""
     start, length = plan.edges[:, :-1], plan.lengths
-    tau = start[:, :, None] + length[:, :, None] * np.array(PROBES)
+    tau = start[:, :, None] + length[:, :, None] * PROBES
     f = plan.values(tau.reshape(len(tau), -1)).reshape(*tau.shape, -1)
     change = np.abs(f - f[:, :, :1]).max(axis=(2, 3), initial=0.0)
     size = np.abs(f).max(axis=(1, 2, 3), initial=0.0)
-    return np.asarray(np.any(change > 1e-14 * size[:, None], axis=0))
+    return np.asarray(np.any(change > CONSTANT * size[:, None], axis=0))
 
 
 def _steps(plan: Schedule, varies: Array, count: int) -> Array:
