@@ -336,6 +336,8 @@ PAIR_RESPONSE = (
     Variable("event_theta_dot_before", ("event",), "f8", "rad/s", "rotational speed just before the event"),
     Variable("event_theta_dot_after", ("event",), "f8", "rad/s", "rotational speed just after the event"),
     Variable("event_energy_change", ("event",), "f8", "J", "change of the total energy at the event"),
+    Variable("event_error_amplification", ("event",), "f8", "1", "growth of a small error of the initial state"),
+    Variable("event_rounding_error", ("event",), "f8", "1", "error of phi by rounding, over its largest magnitude"),
     coordinate("frequency", "frequency", "f8", "rad/s", "frequency"),
     coordinate("normalised_frequency", "frequency", "f8", "1", "frequency over the damped natural frequency w_d"),
     Variable(
