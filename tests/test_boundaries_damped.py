@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
@@ -12,9 +13,11 @@ from tongue_edges import train
 
 from gearstab.floquet import solve
 from gearstab.floquet.boundaries import boundaries
+from gearstab.modal import mean_modes
 from gearstab.perturbation import first_order
-from gearstab.system import GearSystem
+from gearstab.system import GearSystem, Mesh
 from gearstab.systems import build
+from gearstab.waveforms import Rectangular
 
 
 def half_trace(omega: float, epsilon: float, decay: float) -> float:
@@ -139,3 +142,16 @@ def test_rows_that_differ_by_their_damping_alone(ratios: list[float]) -> None:
         np.testing.assert_allclose(together.lower[mine], alone.lower, rtol=2e-10)
         np.testing.assert_allclose(together.upper[mine], alone.upper, rtol=2e-10)
         assert [together.labels()[k] for k in np.flatnonzero(mine)] == list(alone.labels())
+
+
+def test_a_region_without_an_undamped_one_keeps_its_name() -> None:
+    """Unequal damping opens a combination tongue that is narrower than the width floor without it."""
+    mesh = Mesh("mesh", np.array([1.0, 0.7]), np.asarray(1.0), np.asarray(0.02), Rectangular(1.5))
+    free = GearSystem(np.eye(2), np.diag([0.5, 2.0]), (mesh,))
+    modes = mean_modes(free)
+    uneven = modes.shapes @ np.diag([1e-6, 1e-3]) @ modes.shapes.T
+    total = float(modes.natural_frequency.sum())
+    assert boundaries(free, 0.96 * total, 1.04 * total, width_floor=0.015).labels() == []
+    found = boundaries(replace(free, damping=uneven), 0.96 * total, 1.04 * total, width_floor=0.015)
+    assert found.labels() == ["w1+w2"]
+    assert np.isfinite(found.arranged().boundary_frequency).all()

@@ -143,7 +143,7 @@ def test_gears_that_wander_are_given_up(tmp_path: Path) -> None:
     with open_result(tmp_path / "out.h5") as tree:
         found = tree["response"].load()
     advance = (found["theta"].values[-1] - found["theta"].values[0]) / tau
-    assert found.attrs["status"].endswith("time_limit")
+    assert {"time_limit", "unpredictable"} <= set(found.attrs["status"].split(", "))
     # Ten times 100 cycles at 600 rpm of 24 teeth.
     assert found.attrs["end_time"] == pytest.approx(10 * 100 / 240, rel=1e-12)
     # To within the last sample, a fiftieth of a cycle at the initial speed, and no more than that fast now.

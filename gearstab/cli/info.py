@@ -135,6 +135,7 @@ def _reductions(system: GearSystem) -> dict[str, Any]:
     """How exact Floquet analysis takes the system apart."""
     from dataclasses import asdict
 
+    from gearstab.floquet.reduction import reduce
     from gearstab.floquet.report import reduction
 
     found = reduction(system)
@@ -142,6 +143,7 @@ def _reductions(system: GearSystem) -> dict[str, Any]:
     return {
         "summary": found.text(),
         "rigid_modes": list(found.rigid),
+        "rigid_driven": bool(any(part.rigid_driven.any() for part in reduce(system, 1))),
         "dropped_modes": list(found.dropped),
         "blocks": blocks,
         "saving": _number(found.saving),

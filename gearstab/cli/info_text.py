@@ -96,7 +96,12 @@ def _mode_table(facts: dict[str, Any]) -> str:
             for group in equal
         ]
     rigid = [mode["mode"] for mode in facts["modes"] if mode["type"] == "rigid-body"]
-    if rigid:
+    if rigid and facts["reductions"]["rigid_driven"]:
+        lines.append(
+            f"warning: damping feeds rigid-body motion (mode {', '.join(map(str, rigid))}), which grows at any mesh "
+            "frequency; no modal damping ratio prevents that."
+        )
+    elif rigid:
         lines.append(f"Rigid-body modes take no part in stability: {', '.join(map(str, rigid))}.")
     still = [mode["mode"] for mode in facts["modes"] if mode["type"] in ("no mesh deflection", "purely ring")]
     if still:

@@ -154,14 +154,25 @@ def _attributes(wanted: PairRespond, pair: RotatingPair, found: PairResponse) ->
         "static_deflection": float(numbers.load),
         "comment": "mesh_frequency: at the beginning (rad/s); natural_frequency: w0 = sqrt(M2 (k1 + k2)/2) (rad/s); "
         "damped_natural_frequency: w_d (rad/s); static_deflection: T0/k0 (rad); end_time: when the run ended (s); "
-        "mesh_cycles: by how many theta has advanced then" + overdamped * (not numbers.damped_frequency > 0),
+        "mesh_cycles: by how many theta has advanced then; predictable_until, where given: when rounding errors have "
+        "grown to 1 % of phi (s)" + overdamped * (not numbers.damped_frequency > 0),
     }
-    return known | ({"stall_time": found.stalled} if found.stalled < inf else {})
+    known |= {"stall_time": found.stalled} if found.stalled < inf else {}
+    return known | ({"predictable_until": found.predictable} if found.predictable < inf else {})
 
 
 def summary(found: PairResponse, out: Path) -> str:
-    """What came out, in one line."""
+    """What came out, in one line; a second one if the history is chaotic."""
+    import numpy as np
+
     turned = f"{found.advance:,.4g} mesh cycle{'s' * (found.advance != 1)}"
     if found.asked is not None and found.advance < found.asked * (1 - 1e-9):
         turned = f"stopped after {turned} of the {found.asked:,g} asked for"
-    return f"response: {out}: {len(found.time):,} samples to t = {found.time[-1]:.6g}, {turned}, {found.status_text}"
+    text = f"response: {out}: {len(found.time):,} samples to t = {found.time[-1]:.6g}, {turned}, {found.status_text}"
+    if found.predictable == inf:
+        return text
+    number = 1 + int(np.argmax(found.events.time >= found.predictable))
+    return (
+        f"{text}\nwarning: from t = {found.predictable:.6g} on (event {number:,}) this is one of many histories: "
+        "rounding errors have grown to 1 % of phi by then, and the least change of the initial state gives another one"
+    )

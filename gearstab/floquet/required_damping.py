@@ -25,15 +25,16 @@ from gearstab.floquet.blocks import Block, split
 from gearstab.floquet.magnus.schemes import CF6_5
 from gearstab.floquet.magnus.solve import split_pattern, within
 from gearstab.floquet.magnus.steps import Division, divisions
-from gearstab.floquet.reduction import Elastic
+from gearstab.floquet.reduction import Elastic, reduce
 from gearstab.floquet.segments import Pattern, prepare
 from gearstab.floquet.solution import DAMPED_ON_CIRCLE, Part, solved
 from gearstab.modal import modal_damping_matrix
 from gearstab.system import Array, GearSystem
 
-FLAGS = {"not_monotone": 1, "beyond": 2, "failed": 4}
+FLAGS = {"not_monotone": 1, "beyond": 2, "failed": 4, "rigid_body": 8}
 """Bits of ``status``: a smaller damping was stable too, the largest zero is given; more than the largest one is
-required; no finite growth rate."""
+required; no finite growth rate; the damping that the system has makes a rigid-body mode grow, which no damping ratio of
+the elastic modes can prevent."""
 
 DAMPING_RATIO, FACTOR = "damping_ratio", "factor"
 LARGEST = {DAMPING_RATIO: 0.5, FACTOR: 100.0}
@@ -96,7 +97,21 @@ def required_damping(
         # NaN, nothing found, prevails.
         value[index] = np.maximum(value[index], found)
         status[index] |= flags
+    driven = _driven(system)
+    status[driven] |= FLAGS["rigid_body"]
+    if of == DAMPING_RATIO:
+        value[driven] = np.nan
     return RequiredDamping(value, status)
+
+
+def _driven(system: GearSystem) -> Array:
+    """``(rows,)`` bool: where the damping of the system feeds a rigid-body mode."""
+    rows = int(np.prod(system.batch, dtype=int))
+    result = np.zeros(rows, dtype=bool)
+    if system.damping is not None:
+        for elastic in reduce(system, rows):
+            result[elastic.rows] = elastic.rigid_driven
+    return result
 
 
 def _exact(system: GearSystem, omega: Array, level: float) -> Iterator[Block]:
@@ -174,14 +189,16 @@ class _Search:
     def ladder(self, level: float) -> Array:
         """Growth a period ``(r, P)`` of all points with one level of damping, positive where unstable."""
         pattern = self.block.pattern
-        if level == 0 or self.block.constant:
-            part = Part(undamped(pattern), self.omega)
-            growth = solved(part, replace(self.block, pattern=part.pattern), False)
-            period = part.period / pattern.elastic.rate[:, None]
-            return np.where(
-                growth.stable == 1, np.minimum(growth.growth_rate * period, 0.0), growth.growth_rate * period
-            )
-        return growth_of(scaled(pattern, np.full(len(pattern.rows), level)), self.omega)
+        still = level == 0
+        own = undamped(pattern) if still else scaled(pattern, np.full(len(pattern.rows), level))
+        if not still and not self.block.constant:
+            growth = growth_of(own, self.omega)
+        else:
+            part = Part(own, self.omega)
+            found = solved(part, replace(self.block, pattern=own), False)
+            growth = found.growth_rate * part.period / pattern.elastic.rate[:, None]
+            growth = np.where(found.stable == 1, np.minimum(growth, 0.0), growth)
+        return growth if still else np.maximum(growth, level * pattern.elastic.rigid_growth[:, None])
 
     def refined(self, row: Array, omega: Array, ends: Array, values: Array, tolerance: float) -> Array:
         """``(N,)``, the zeros of points in brackets ``(2, N)`` of values > 0 and <= 0 (Illinois method, halving in

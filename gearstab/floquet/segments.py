@@ -20,6 +20,10 @@ from gearstab.system import Array, GearSystem, Mesh
 SHORTEST = 2e-15
 """Segments shorter than this part of the common period are rounding errors of coinciding jumps; leaving one out
 shifts the phases by w T 2e-15, as much as rounding the period does."""
+PROBES = np.array([0.0711, 0.2713, 0.4913, 0.6581, 0.9421])
+"""Where a function is looked at between two of its jumps and kinks, in parts of the distance: nowhere symmetric."""
+CONSTANT = 1e-14
+"""A function that varies by less than this part of its size there is constant but for rounding."""
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ import numpy as np
 from gearstab.floquet import general, kernel, magnus
 from gearstab.floquet.blocks import Block, split, whole
 from gearstab.floquet.segments import prepare
-from gearstab.floquet.solution import Part, Solution, solved
+from gearstab.floquet.solution import DAMPED_ON_CIRCLE, Part, Solution, solved
 from gearstab.floquet.status import STATUS_FLAGS
 from gearstab.system import Array, GearSystem
 
@@ -21,7 +21,7 @@ TOLERANCE = 1e-9
 @dataclass(frozen=True)
 class Floquet:
     """growth_rate ``(rows, P)``: the largest real part of the characteristic exponents, 1/time, without rigid-body
-    modes; exactly 0 where a conservative system is stable.
+    modes that do not grow; exactly 0 where a conservative system is stable.
     stable ``(rows, P)`` int8: 1, 0, or -1 where nothing could be computed.
     status ``(rows, P)`` int16: bits of STATUS_FLAGS.
     exponents ``(rows, P, 2n)`` complex or None: all characteristic exponents ln(lambda)/T over the common period T,
@@ -87,6 +87,11 @@ def solve(
             status[index] |= found.status
             if error is not None and found.error is not None:
                 error[index] = np.maximum(error[index], found.error)
+            # Rigid-body modes are left out of the search, but one that grows by itself decides.
+            by_itself = block.pattern.elastic.rigid_growth[:, None]
+            growth[index] = np.maximum(growth[index], by_itself)
+            still = by_itself * (2 * np.pi * block.pattern.cycles / omega[index]) <= DAMPED_ON_CIRCLE
+            stable[index] = np.minimum(stable[index], still)
             if table is not None and found.exponents is not None:
                 table.add(block, found.exponents)
     failed = ~np.isfinite(growth)

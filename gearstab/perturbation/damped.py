@@ -39,7 +39,7 @@ def single_pair(coupling: Array, mu_p: Array, mu_q: Array) -> tuple[Array, Array
     coupling: |G| >= 0. Returns (half_width, threshold); the threshold is the factor on G at which the tongue opens.
     """
     product = mu_p * mu_q
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         damped = (mu_p + mu_q) * np.sqrt(np.maximum(coupling**2 / (4 * product) - 1, 0.0))
         threshold = np.where(coupling > 0, 2 * np.sqrt(np.maximum(product, 0.0)) / coupling, np.inf)
     width = np.where(product > 0, damped, np.where(coupling > 0, np.inf, 0.0))

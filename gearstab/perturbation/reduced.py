@@ -115,22 +115,22 @@ def second_threshold(problem: Reduced) -> Array:
     size = np.abs(first) + np.sqrt(np.abs(second) * np.sqrt(product))
     unit = np.divide(np.sqrt(product), size, out=np.full(size.shape, np.inf), where=size > 0)
     some = np.isfinite(unit) & (product > 0) & np.isfinite(first)
-    one, two = first[some] * unit[some], second[some] * unit[some] ** 2
+    # B f and T f^2 over sqrt(mu_P mu_Q) for f = unit; neither is above 1, however small the excitation.
+    one, two = first[some] / size[some], (second[some] / size[some]) * (np.sqrt(product[some]) / size[some])
     found = np.where(
         product > 0, np.inf, np.where((np.abs(first) + np.abs(second) > 0) | (mu_p + mu_q == 0), 0.0, np.inf)
     )
-    found[some] = _least_root(one, two, product[some]) * unit[some]
+    found[some] = _least_root(one, two) * unit[some]
     return np.where((mu_p < 0) | (mu_q < 0), 0.0, found)
 
 
-def _least_root(one: Array, two: Array, product: Array) -> Array:
-    """The least f > 0 with |f one - f^2 two|^2 = product; infinite where there is none."""
-    # With f = 1/u: u^4 - (|one|^2/product) u^2 + (2 Re(one conj two)/product) u - |two|^2/product = 0: the largest u.
+def _least_root(one: Array, two: Array) -> Array:
+    """The least f > 0 with |f one - f^2 two| = 1; infinite where there is none."""
+    # With f = 1/u: u^4 - |one|^2 u^2 + 2 Re(one conj two) u - |two|^2 = 0: the largest u.
     square, mixed, last = np.abs(one) ** 2, 2 * (one * np.conj(two)).real, np.abs(two) ** 2
     companion = np.zeros((len(one), 4, 4))
     companion[:, [1, 2, 3], [0, 1, 2]] = 1.0
-    companion[:, 1, 3], companion[:, 2, 3] = -mixed / product, square / product
-    companion[:, 0, 3] = last / product
+    companion[:, 0, 3], companion[:, 1, 3], companion[:, 2, 3] = last, -mixed, square
     roots = np.linalg.eigvals(companion) if len(one) else np.zeros((0, 4))
     real = np.where(np.abs(roots.imag) <= DEFECTIVE * np.abs(roots), roots.real, 0.0).max(axis=-1, initial=0.0)
     return np.divide(1.0, real, out=np.full(real.shape, np.inf), where=real > 0)

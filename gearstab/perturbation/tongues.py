@@ -214,6 +214,12 @@ def _label_at(p: int, q: int, ratio: Fraction) -> str:
     return f"{factor}{total}" + ("" if times.denominator == 1 else f"/{times.denominator}")
 
 
+def self_excited(system: GearSystem, p: int) -> Tongue:
+    """What stands for a mode (from 1) that negative damping makes grow at any mesh frequency, without a root."""
+    everything = "+".join(mesh.name for mesh in system.meshes)
+    return Tongue(p, p, 0, everything, "self-excited", f"mode {p} self-excited", 0.0)
+
+
 def tongue(system: GearSystem, excitation: Excitation, p: int, q: int) -> Tongue:
     """The tongue of modes p <= q (from 1) under one excitation.
 

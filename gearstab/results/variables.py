@@ -89,7 +89,7 @@ STABLE_FLAGS = {"flag_values": [-1, 0, 1], "flag_meanings": "failed unstable sta
 
 FLOQUET = (
     Variable("growth_rate", (GRID,), "f8", "1/s", "largest real part of the characteristic exponents"),
-    Variable("stable", (GRID,), "i1", "1", "stability, rigid-body modes left out", STABLE_FLAGS),
+    Variable("stable", (GRID,), "i1", "1", "stability, rigid-body modes that do not grow left out", STABLE_FLAGS),
     Variable("status", (GRID,), "i2", "1", "how the stability was decided"),
 )
 
@@ -336,6 +336,8 @@ PAIR_RESPONSE = (
     Variable("event_theta_dot_before", ("event",), "f8", "rad/s", "rotational speed just before the event"),
     Variable("event_theta_dot_after", ("event",), "f8", "rad/s", "rotational speed just after the event"),
     Variable("event_energy_change", ("event",), "f8", "J", "change of the total energy at the event"),
+    Variable("event_error_amplification", ("event",), "f8", "1", "growth of a small error of the initial state"),
+    Variable("event_rounding_error", ("event",), "f8", "1", "error of phi by rounding, over its largest magnitude"),
     coordinate("frequency", "frequency", "f8", "rad/s", "frequency"),
     coordinate("normalised_frequency", "frequency", "f8", "1", "frequency over the damped natural frequency w_d"),
     Variable(

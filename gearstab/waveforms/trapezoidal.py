@@ -47,9 +47,15 @@ class Trapezoidal:
         pulses = (self._step(phase - j) - self._step(phase - j - d) for j in (-1, 0, 1))
         return sum(pulses, -d)
 
+    @property
+    def _width(self) -> Array:
+        """r, 0 where it is shorter than phases are told apart."""
+        r = np.asarray(self.ramp, dtype=float)
+        return np.where(r > np.finfo(float).eps, r, 0.0)
+
     def _step(self, y: Array) -> Array:
         """S, a jump for r = 0."""
-        r = np.asarray(self.ramp, dtype=float)
+        r = self._width
         return np.where(r > 0, np.clip(y / np.where(r > 0, r, 1.0) + 0.5, 0.0, 1.0), np.where(y >= 0, 1.0, 0.0))
 
     def breakpoints(self) -> Array:
@@ -58,7 +64,7 @@ class Trapezoidal:
 
     def extremes(self) -> tuple[Array, Array]:
         """In the middle of the soft and of the stiff part."""
-        d, r = np.broadcast_arrays(self.stiff_fraction, np.asarray(self.ramp, dtype=float))
+        d, r = np.broadcast_arrays(self.stiff_fraction, self._width)
         safe = np.where(r > 0, r, 1.0)
         low = np.where(r > 0, np.maximum(0.0, 1.0 - (1.0 - d) / safe), 0.0)
         high = np.where(r > 0, np.minimum(1.0, d / safe), np.where(d > 0, 1.0, 0.0))

@@ -13,6 +13,8 @@ Adv. Eng. Softw. 28, 145-149), which mixes inverse quadratic interpolation and b
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from gearstab.floquet import damped as general
@@ -181,6 +183,22 @@ def _constant(pattern: Pattern) -> bool:
     if pattern.stiffness.shape[1] > 1 or pattern.elastic.damping is None:
         return False
     return bool(general.generators(pattern, pattern.elastic.damping).eigen[0].real.max() <= NO_GROWTH)
+
+
+def growing(pattern: Pattern) -> Array:
+    """``(r,)``: which coordinate of the mean system grows most by itself, its velocity standing for a rigid-body mode
+    after the n elastic ones; -1 where none grows.
+    """
+    rows, n = len(pattern.rows), pattern.size
+    result = np.full(rows, -1)
+    if pattern.elastic.damping is None:
+        return np.where(pattern.elastic.shift < 0, 0, result) if n else result
+    mean = np.einsum("rs,rsij->rij", pattern.fractions, pattern.stiffness[:, pattern.states])
+    values, vectors, _ = general.generators(replace(pattern, stiffness=mean[:, None]), pattern.elastic.damping).eigen
+    fastest = values[:, 0].real.argmax(axis=1)
+    each = np.arange(rows)
+    share = np.abs(vectors[each, 0, n:, fastest])
+    return np.where(values[each, 0, fastest].real > NO_GROWTH, share.argmax(axis=1), result)
 
 
 def _scan(pattern: Pattern, guides: list[Interval], first: Array, last: Array, spacing: Array) -> tuple[Array, Array]:

@@ -15,7 +15,7 @@ from gearstab.floquet.boundaries.regions import Boundaries, tongue_of
 from gearstab.floquet.boundaries.search import Interval, Search, by_row, search
 from gearstab.floquet.segments import Pattern, prepare
 from gearstab.modal import mean_modes
-from gearstab.perturbation.tongues import Tongue
+from gearstab.perturbation.tongues import Tongue, self_excited
 from gearstab.system import Array, GearSystem
 
 ASIDE = 0.03
@@ -42,6 +42,7 @@ def boundaries(
     for in and around the regions of the same system without damping, and on a scan uniform in the period
     (:mod:`~gearstab.floquet.boundaries.damped`). That is no proof: a damped region far from all undamped ones, or a
     gap between merged regions, may be missed if it is narrower than about a fiftieth of the distance of collisions.
+    Where negative damping makes a mode grow by itself, be it a rigid-body mode, it is named first (``self-excited``).
     Where the mesh stiffness is smooth the tolerance of an edge contains the error of the Magnus steps
     (:mod:`~gearstab.floquet.boundaries.smooth`). Otherwise parts that the meshes do not couple are searched one by
     one and their regions united (:mod:`~gearstab.floquet.boundaries.parts`).
@@ -157,9 +158,17 @@ class _Collected:
         for (k, j, _), there in zip(probes, seen, strict=True):
             for root in names[j]:
                 shares[k][root] = max(shares[k].get(root, 0.0), there.get(root, 0.0))
+        growing = damped.growing(pattern)
         for interval, share in zip(found.intervals, shares, strict=True):
             best = sorted(share, key=lambda root: (-round(share[root], 3), root))
-            self._keep(part, interval, tuple(r for r in best if r == best[0] or share[r] > PRESENT))
+            roots = tuple(r for r in best if r == best[0] or share[r] > PRESENT)
+            if not roots and growing[interval.row] < 0:
+                roots = self._nearest(part, interval)
+            self._keep(part, interval, roots, int(growing[interval.row]))
+        for member in np.flatnonzero(pattern.elastic.rigid_growth > 0):
+            tongue = self._self_excited(self._rigid(int(pattern.rows[member]), part.whole))
+            ends, nowhere = (self.start, self.stop), (0.0, 0.0)
+            self.regions.append(Region(int(pattern.rows[member]), ends, nowhere, (True, True), (tongue,)))
 
     def _named(self, part: Part, pattern: Pattern, intervals: list[Interval]) -> list[tuple[labels.Root, ...]]:
         """The roots of each region of a part's undamped pattern, modes counted from 0 in the part."""
@@ -167,10 +176,9 @@ class _Collected:
         self.evaluations[pattern.rows] += extra
         names: list[tuple[labels.Root, ...]] = [()] * len(intervals)
         owner = np.array([i.row for i in intervals], dtype=int)
-        for k, (row, mine) in enumerate(zip(pattern.rows, by_row(owner, len(pattern.rows)), strict=True)):
+        for k, mine in enumerate(by_row(owner, len(pattern.rows))):
             if len(mine):
-                squared = self.squared[row, self._modes(int(row), part.whole)[part.modes[k]]]
-                frequency = np.sqrt(np.maximum(squared, 0.0)) / pattern.elastic.rate[k]
+                frequency = self._frequency(part, k)
                 coupled = _coupled(pattern.elastic.directions[k])
                 roots = labels.assign([unnamed[j] for j in mine], frequency, pattern.cycles)
                 for j, own in zip(mine, roots, strict=True):
@@ -178,11 +186,30 @@ class _Collected:
                     names[j] = tuple(root for root in own if coupled[root.p, root.q]) or own[:1]
         return names
 
+    def _nearest(self, part: Part, interval: Interval) -> tuple[labels.Root, ...]:
+        """The root of a damped region that has no undamped one to be named after."""
+        region = Unnamed(0.5 * (interval.start + interval.stop), {}, (0, 0, 0), (0, 0, 0))
+        return labels.assign([region], self._frequency(part, interval.row), part.pattern.cycles)[0]
+
+    def _frequency(self, part: Part, k: int) -> Array:
+        """``(n,)``, natural frequencies of a part's k-th row, in its units."""
+        numbers = self._modes(int(part.pattern.rows[k]), part.whole)[part.modes[k]]
+        squared = self.squared[part.pattern.rows[k], numbers]
+        return np.asarray(np.sqrt(np.maximum(squared, 0.0)) / part.pattern.elastic.rate[k])
+
     def _modes(self, row: int, elastic: int) -> Array:
         """Numbers from 0 of the elastic modes: rigid ones come between negative and positive squared frequencies."""
         below = int((self.squared[row] < 0).sum())
         rigid = self.system.size - elastic
         return np.array([k for k in range(self.system.size) if not below <= k < below + rigid])
+
+    def _rigid(self, row: int, elastic: int) -> int:
+        """Number from 0 of the first rigid-body mode."""
+        return int(np.setdiff1d(np.arange(self.system.size), self._modes(row, elastic))[0])
+
+    def _self_excited(self, mode: int) -> Tongue:
+        """Of a mode from 0."""
+        return self.tongues.setdefault((mode + 1, mode + 1, 0), self_excited(self.system, mode + 1))
 
     def _tongue(self, root: labels.Root, numbers: Array) -> Tongue:
         key = int(numbers[root.p]) + 1, int(numbers[root.q]) + 1, root.cycles
@@ -190,7 +217,8 @@ class _Collected:
             self.tongues[key] = tongue_of(self.system, key[0], key[1], Fraction(root.cycles) / self.period)
         return self.tongues[key]
 
-    def _keep(self, part: Part, interval: Interval, roots: tuple[labels.Root, ...]) -> None:
+    def _keep(self, part: Part, interval: Interval, roots: tuple[labels.Root, ...], growing: int = -1) -> None:
+        """growing: the coordinate that grows by itself, after the elastic ones for rigid-body modes; -1 for none."""
         pattern = part.pattern
         row, rate = int(pattern.rows[interval.row]), float(pattern.elastic.rate[interval.row])
         numbers = self._modes(row, part.whole)[part.modes[interval.row]]
@@ -200,6 +228,9 @@ class _Collected:
         upper = self.stop if cut_upper else rate / interval.start
         error = interval.error[1] / interval.stop, interval.error[0] / interval.start
         members = tuple(self._tongue(root, numbers) for root in roots)
+        if growing >= 0:
+            mode = int(numbers[growing]) if growing < len(numbers) else self._rigid(row, part.whole)
+            members = (self._self_excited(mode), *members)
         self.regions.append(Region(row, (lower, upper), error, (cut_lower, cut_upper), members))
 
     def result(self, rows: int) -> Boundaries:

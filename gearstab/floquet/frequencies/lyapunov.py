@@ -83,9 +83,9 @@ def solve(
     found = (_piecewise if system.piecewise_constant else _smooth)(system, length(system, cycles), omega, settings)
     for row, elastic, negative, value, half in found:
         conservative[row] = elastic.damping is None and elastic.shift[0] == 0
-        growth[row] = np.maximum(growth[row], value)
-        upper[row] = np.maximum(upper[row], value + half)
-        lower[row] = np.maximum(lower[row], value - half)
+        by_itself = elastic.rigid_growth[0]
+        for total, one in ((growth, value), (upper, value + half), (lower, value - half)):
+            total[row] = np.maximum(total[row], np.maximum(one, by_itself))
         status[row] |= STATUS_FLAGS["negative_stiffness"] * negative
     return _decided(growth, upper, lower, status, conservative)
 

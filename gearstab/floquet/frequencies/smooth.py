@@ -14,13 +14,8 @@ import numpy as np
 
 from gearstab.floquet.magnus.schemes import CF6_5
 from gearstab.floquet.reduction import Elastic, reduce
-from gearstab.floquet.segments import SHORTEST, Pattern
+from gearstab.floquet.segments import CONSTANT, PROBES, SHORTEST, Pattern
 from gearstab.system import Array, GearSystem, Mesh
-
-CONSTANT = 4e-15
-"""A mesh stiffness that varies by less than this part between two jumps or kinks is constant there."""
-PROBES = np.array([0.0711, 0.2713, 0.4913, 0.6581, 0.9421])
-"""Where that is looked at, in parts of the distance."""
 
 
 @dataclass(frozen=True)

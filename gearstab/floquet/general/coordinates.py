@@ -2,8 +2,8 @@
 
 In the modes of the mean system the state is x = (u, u', b): elastic coordinates, their velocities, and the velocities
 of those rigid-body modes that damping couples back to the elastic ones. A rigid-body mode r deflects nothing,
-K(t) r = 0, so that its position never enters; where C(t) r = 0 too its velocity does not either, and the other
-multipliers are exactly those of (u, u'), although friction may drive r: the monodromy matrix is block triangular.
+K(t) r = 0, so that its position never enters; where no damping couples its velocity back the other multipliers are
+exactly those of (u, u'), although friction may drive r: the monodromy matrix is block triangular.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from gearstab.modal import mean_modes
 from gearstab.system import Array, GearSystem
 
 STILL = 1e-11
-"""Couplings to a rigid-body mode below this part of the largest one are rounding."""
+"""Damping of a rigid-body mode below this part of the largest one is rounding."""
 
 
 @dataclass(frozen=True)
@@ -26,14 +26,20 @@ class Generator:
 
     constant: ``(m, m)``.  parts: ``(J, m, m)``, one a profile, in the order of :func:`profiles_of`.
     damped: whether anything dissipates or feeds through velocities.
-    rigid_exponents: number of exponents that are 0 because of rigid-body modes.
+    rigid_exponents: ``(k,)``, 1/time, those of rigid-body modes that are known beforehand.
     """
 
     constant: Array
     parts: Array
     rate: float
     damped: bool
-    rigid_exponents: int
+    rigid_exponents: Array
+
+    @property
+    def rigid_growth(self) -> float:
+        """1/time: the largest rate at which a rigid-body mode grows by itself; -inf where none does."""
+        largest = float(self.rigid_exponents.max(initial=-np.inf))
+        return largest if largest > 0 else -np.inf
 
 
 @dataclass(frozen=True)
@@ -97,12 +103,19 @@ def _moved(matrices: list[Array], size: int) -> Array:
 
 
 def _generator(modal: _Modal, rigid: Array, rate: float) -> Generator:
-    drag = [modal.damping, *(matrix for kind, matrix in modal.parts if kind == 1)]
     rigid = _unfelt(modal, rigid)
-    elastic = np.flatnonzero(~rigid)
-    coupled = np.flatnonzero(rigid & _moved(drag, len(rigid)))
-    n, k = len(elastic), len(coupled)
-    velocities = np.concatenate([elastic, coupled])
+    modal = _turned(modal, rigid)
+    varying = [matrix for kind, matrix in modal.parts if kind == 1]
+    drag = [modal.damping, *varying]
+    elastic, held = np.flatnonzero(~rigid), np.flatnonzero(rigid & _moved(drag, len(rigid)))
+    known = np.zeros(2 * int(rigid.sum()) - len(held))
+    if not _felt(drag, elastic, held) and not _felt(varying, held, held):
+        # Nothing feels these velocities, which decay, or grow, by themselves.
+        own = -np.linalg.eigvals(modal.damping[np.ix_(held, held)]).real
+        largest = np.abs(modal.damping).max(initial=0.0)
+        known, held = np.append(known, np.where(np.abs(own) > STILL * largest, own, 0.0)), held[:0]
+    n, k = len(elastic), len(held)
+    velocities = np.concatenate([elastic, held])
 
     def state(kind: int, matrix: Array) -> Array:
         """-matrix where it acts: on positions (kind 0) or on velocities (kind 1)."""
@@ -116,4 +129,23 @@ def _generator(modal: _Modal, rigid: Array, rate: float) -> Generator:
     parts = [state(kind, matrix) for kind, matrix in modal.parts]
     stacked = np.array(parts) if parts else np.zeros((0, *constant.shape))
     damped = any(np.any(matrix) for matrix in drag)
-    return Generator(constant, stacked, rate, damped, 2 * int(rigid.sum()) - k)
+    return Generator(constant, stacked, rate, damped, known)
+
+
+def _felt(drag: list[Array], rows: Array, columns: Array) -> bool:
+    """Whether damping makes velocities ``columns`` act on ``rows``."""
+    largest = max((float(np.abs(matrix).max(initial=0.0)) for matrix in drag), default=0.0)
+    part = max((float(np.abs(matrix[np.ix_(rows, columns)]).max(initial=0.0)) for matrix in drag), default=0.0)
+    return part > STILL * largest
+
+
+def _turned(modal: _Modal, rigid: Array) -> _Modal:
+    """The same with rigid-body modes such that as few as possible are damped."""
+    loose = np.flatnonzero(rigid)
+    if len(loose) < 2:
+        return modal
+    drag = [modal.damping, *(matrix for kind, matrix in modal.parts if kind == 1)]
+    turn = np.eye(len(rigid))
+    turn[np.ix_(loose, loose)] = np.linalg.svd(np.concatenate([m[:, loose] for m in drag]), full_matrices=False)[2].T
+    parts = [(kind, turn.T @ matrix @ turn) for kind, matrix in modal.parts]
+    return _Modal(turn.T @ modal.stiffness @ turn, turn.T @ modal.damping @ turn, parts)

@@ -19,6 +19,7 @@ from gearstab.floquet.general.coordinates import Generator, generators
 from gearstab.floquet.general.exponential import expm
 from gearstab.floquet.general.magnus import NODES, ORDER, exponent, polynomial
 from gearstab.floquet.general.schedule import Schedule, schedule
+from gearstab.floquet.segments import CONSTANT, PROBES
 from gearstab.system import Array, GearSystem
 
 FINEST = 14
@@ -34,8 +35,6 @@ DAMPED_ON_CIRCLE = 1e-10
 """The same for a damped system, whose multipliers lie inside."""
 ENTRIES_AT_ONCE = 2**21
 """Of the matrices of the points that are treated together: 16 MB."""
-PROBES = (0.0917, 0.2713, 0.5, 0.6181, 0.9421)
-"""Where a smooth interval is looked at to see whether all is constant there."""
 
 
 @dataclass(frozen=True)
@@ -75,20 +74,20 @@ def analyse(system: GearSystem, mesh_frequency: Array, exponents: bool = False, 
         period = 2 * np.pi * cycles / np.asarray(mesh_frequency)[r]
         with np.errstate(divide="ignore"):
             logs = np.log(multipliers[r]) + scale[r][:, None]
-        largest = logs.real.max(axis=-1, initial=-np.inf)
+        largest = np.maximum(logs.real.max(axis=-1, initial=-np.inf), row.rigid_growth * period)
         known = np.isfinite(error[r])
         growth[r, known] = (largest / period)[known]
         threshold = np.maximum(DAMPED_ON_CIRCLE if row.damped else ON_CIRCLE, error[r])
         stable[r, known] = (largest <= threshold)[known]
         if table is not None:
-            table[r] = _ordered(logs / period[:, None], table.shape[-1])
+            table[r] = _ordered(logs / period[:, None], row.rigid_exponents)
     return Analysis(growth, stable, error, error <= tolerance, table)
 
 
-def _ordered(values: Array, count: int) -> Array:
-    """Exponents ``(P, m)`` and the zeros of rigid-body modes, by descending real and imaginary part."""
-    rigid = np.zeros((len(values), count - values.shape[1]), dtype=complex)
-    every = np.concatenate([values, rigid], axis=1)
+def _ordered(values: Array, rigid: Array) -> Array:
+    """Exponents ``(P, m)`` and those of rigid-body modes ``(k,)``, by descending real and imaginary part."""
+    known = np.broadcast_to(rigid.astype(complex), (len(values), len(rigid)))
+    every = np.concatenate([values, known], axis=1)
     order = np.lexsort((-every.imag, -every.real), axis=-1)
     return np.take_along_axis(every, order, axis=-1)
 
@@ -163,11 +162,11 @@ def _first_levels(rows: list[Generator], plan: Schedule, cycles: float, omega: A
 def _varying(plan: Schedule) -> Array:
     """``(S,)``: in which intervals anything varies in any row."""
     start, length = plan.edges[:, :-1], plan.lengths
-    tau = start[:, :, None] + length[:, :, None] * np.array(PROBES)
+    tau = start[:, :, None] + length[:, :, None] * PROBES
     f = plan.values(tau.reshape(len(tau), -1)).reshape(*tau.shape, -1)
     change = np.abs(f - f[:, :, :1]).max(axis=(2, 3), initial=0.0)
     size = np.abs(f).max(axis=(1, 2, 3), initial=0.0)
-    return np.asarray(np.any(change > 1e-14 * size[:, None], axis=0))
+    return np.asarray(np.any(change > CONSTANT * size[:, None], axis=0))
 
 
 def _steps(plan: Schedule, varies: Array, count: int) -> Array:

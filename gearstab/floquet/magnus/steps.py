@@ -17,13 +17,9 @@ import numpy as np
 from gearstab.floquet.grouping import equal_rows
 from gearstab.floquet.magnus.schemes import CF6_5, Scheme
 from gearstab.floquet.reduction import Elastic, reduce
-from gearstab.floquet.segments import SHORTEST, Pattern
+from gearstab.floquet.segments import CONSTANT, PROBES, SHORTEST, Pattern
 from gearstab.system import Array, GearSystem
 
-PROBES = np.array([0.0711, 0.2713, 0.4913, 0.6581, 0.9421])
-"""Where a piece is looked at to see whether it is constant, in parts of it."""
-CONSTANT = 4e-15
-"""A mesh stiffness that varies by less than this part of its size between jumps is constant."""
 BASE = 4
 """Steps a common period of the coarsest resolution, unless there are more pieces or steps fail to resolve K(t)."""
 FOLLOWED = 0.008
@@ -176,7 +172,9 @@ class Division:
         known = self.sampler(self.rows, place.reshape(len(place), -1)).reshape(*place.shape, -1)
         span = np.maximum(np.ptp(known, axis=(1, 2)), np.finfo(float).tiny)[:, None, None]
         missed = np.abs(known[:, :, len(NODES) :] - PARABOLA @ known[:, :, : len(NODES)])
-        return float(np.max(missed / span)) / FOLLOWED
+        # Of a mesh that varies little or not at all there is only rounding to see.
+        noise = CONSTANT * np.abs(known).max(axis=(1, 2))[:, None, None]
+        return float(np.max(np.maximum(missed - noise, 0.0) / span)) / FOLLOWED
 
     def pattern(self, scheme: Scheme, resolution: int) -> Pattern:
         """The rows as a pattern: a segment a constant piece and an exponential elsewhere, all with their own state."""
@@ -218,7 +216,7 @@ def divisions(system: GearSystem) -> Iterator[Division]:
             found = Division(sampler, elastic.subset(index), cycles, start, parts, constant, density)
             while found.base < MOST and (missed := found.missed()) > 1.0:
                 # What a parabola misses falls as the cube of the step, so that some choices need not be tried.
-                hopeless, base = found.base * np.cbrt(missed) / HALFWAY, found.base
+                hopeless, base = min(found.base * np.cbrt(missed) / HALFWAY, MOST), found.base
                 while base == found.base or base < hopeless:
                     base = int(np.ceil(HALFWAY * base))
                 found = replace(found, base=base)

@@ -7,6 +7,7 @@ from math import floor, inf, tau
 
 import numpy as np
 
+from gearstab.response.pair.errors import Growth, growth
 from gearstab.response.pair.integrate import STATUS, Event, Goal, Piece, Run, integrate
 from gearstab.response.pair.jumps import Law, law_of
 from gearstab.rotating_pair import PairNumbers, RotatingPair
@@ -43,7 +44,8 @@ class Events:
     """All meetings with a change of the mesh stiffness, ``(events,)`` each.
 
     pairs_before, pairs_after: of teeth in contact, the same where the gears were reflected. energy_change: of the
-    total energy, dk phi^2 where a formulation neglects what that takes.
+    total energy, dk phi^2 where a formulation neglects what that takes. error_amplification, rounding_error: see
+    :class:`~gearstab.response.pair.errors.Growth`.
     """
 
     time: Array
@@ -58,6 +60,8 @@ class Events:
     theta_dot_before: Array
     theta_dot_after: Array
     energy_change: Array
+    error_amplification: Array
+    rounding_error: Array
 
 
 @dataclass(frozen=True)
@@ -71,6 +75,7 @@ class PairResponse:
     sections, events: see there. status: bits of STATUS. stalled: when the gears stalled, inf if they did not.
     end: when the run ended; the last sample is the last one not after it. advance: of theta until then, in mesh cycles.
     asked: the advance that was to be reached, None where it was something else.
+    predictable: until when rounding errors leave the history what it is, inf if to its end.
     """
 
     time: Array
@@ -89,6 +94,7 @@ class PairResponse:
 
     advance: float
     asked: float | None
+    predictable: float = inf
 
     @property
     def status_text(self) -> str:
@@ -143,7 +149,13 @@ def respond(
     pieces = [item for item in found if isinstance(item, Piece)]
     events = [item for item in found if isinstance(item, Event)]
     samples = _samples(pieces, step * rate, run.time, turns)
-    return replace(_response(pair.numbers, law, run, samples, events, turns, step), asked=cycles)
+    errors, predictable = growth(law, pieces, events), inf
+    if errors.first_lost is not None:
+        run.status |= STATUS["unpredictable"]
+        predictable = events[errors.first_lost].time / rate
+    changes = _events(pair.numbers, law, events, turns, errors)
+    response = _response(pair.numbers, law, run, samples, _sections(pair.numbers, law, events, turns), changes, step)
+    return replace(response, asked=cycles, predictable=predictable)
 
 
 @dataclass(frozen=True)
@@ -176,7 +188,7 @@ def _samples(pieces: list[Piece], step: float, end: float, turns: int) -> _Sampl
 
 
 def _response(
-    numbers: PairNumbers, law: Law, run: Run, samples: _Samples, events: list[Event], turns: int, step: float
+    numbers: PairNumbers, law: Law, run: Run, samples: _Samples, sections: Sections, events: Events, step: float
 ) -> PairResponse:
     rate, k0 = float(numbers.w0), float(numbers.k0)
     phi, phi_dot, theta, theta_dot = samples.states
@@ -195,8 +207,8 @@ def _response(
         energy=energy[kept],
         stiffness=stiffness[kept],
         mesh_force=(stiffness * phi / lever)[kept],
-        sections=_sections(numbers, law, events, turns),
-        events=_events(numbers, law, events, turns),
+        sections=sections,
+        events=events,
         status=run.status,
         stalled=run.stalled / rate,
         end=run.time / rate,
@@ -235,7 +247,7 @@ def _sections(numbers: PairNumbers, law: Law, events: list[Event], turns: int) -
     )
 
 
-def _events(numbers: PairNumbers, law: Law, events: list[Event], turns: int) -> Events:
+def _events(numbers: PairNumbers, law: Law, events: list[Event], turns: int, errors: Growth) -> Events:
     rate = float(numbers.w0)
     before = np.array([event.before for event in events]).reshape(-1, 4).T
     after = np.array([event.after for event in events]).reshape(-1, 4).T
@@ -256,4 +268,6 @@ def _events(numbers: PairNumbers, law: Law, events: list[Event], turns: int) -> 
         theta_dot_before=before[3] * rate,
         theta_dot_after=after[3] * rate,
         energy_change=change,
+        error_amplification=errors.amplification,
+        rounding_error=errors.error,
     )

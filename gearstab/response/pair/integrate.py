@@ -22,10 +22,12 @@ STATUS = {
     "event_limit": 16,
     "overflow": 32,
     "time_limit": 64,
+    "unpredictable": 128,
 }
 """Bits of the status of a run: the gears are trapped with one pair in contact; were reflected; turned back across a
 boundary; changed region without end, which stopped the run; reached the largest number of events; the motion outgrew
-double precision; the run was stopped before it reached its goal, since that takes too long. 0: nothing of all that."""
+double precision; the run was stopped before it reached its goal, since that takes too long; rounding errors have grown
+until what follows is one of many histories (:mod:`~gearstab.response.pair.errors`). 0: nothing of all that."""
 
 MOST_EVENTS = 1_000_000
 CHATTER = 1000

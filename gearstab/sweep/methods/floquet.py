@@ -9,6 +9,7 @@ import numpy as np
 
 from gearstab.errors import NotPossible
 from gearstab.floquet import STATUS_FLAGS, Floquet, kernel, solve
+from gearstab.floquet.frequencies import choice
 from gearstab.floquet.report import reduction
 from gearstab.floquet.truncation import modes_basis, neglected, restricted, torn, type_basis
 from gearstab.results.variables import ERROR_ESTIMATE, EXPONENTS, FLOQUET, Variable
@@ -22,8 +23,10 @@ from gearstab.system import Array, GearSystem
 def _floquet_variables(options: Any, system: GearSystem) -> tuple[Variable, ...]:
     flags = {"flag_masks": list(STATUS_FLAGS.values()), "flag_meanings": " ".join(STATUS_FLAGS)}
     table = [replace(v, attributes=flags) if v.name == "status" else v for v in FLOQUET]
-    more = frequencies.variables(options, _chosen_part(options, system))
-    estimate = () if _exact(_chosen_part(options, system)) else (ERROR_ESTIMATE,)
+    part = _chosen_part(options, system)
+    more = frequencies.variables(options, part)
+    # An interval says more of a Lyapunov exponent, and the error of the steps is part of it.
+    estimate = () if _exact(part) or frequencies.way(options, part) == choice.LYAPUNOV else (ERROR_ESTIMATE,)
     return (*table, *estimate, *(EXPONENTS if options.exponents else ()), *more)
 
 
@@ -53,8 +56,9 @@ def _floquet(system: GearSystem, mesh_frequency: Array, options: Any) -> Outcome
 
     found = frequencies.solved(options, part, mesh_frequency, exact)
     values = {"growth_rate": found.growth_rate, "stable": found.stable, "status": found.status}
-    if found.error_estimate is not None:
-        values["error_estimate"] = found.error_estimate
+    # Systems of other ratios than the base system may be solved in a way that has no estimate.
+    none = np.full(found.growth_rate.shape, np.nan)
+    values["error_estimate"] = none if found.error_estimate is None else found.error_estimate
     if isinstance(found, Floquet) and found.exponents is not None:
         values |= {"exponent_real": found.exponents.real, "exponent_imag": found.exponents.imag}
     return Outcome(values | frequencies.values(options, part, found))

@@ -1,0 +1,91 @@
+"""Every command on random configurations: no warning of NumPy (they are errors here), no traceback, an answer."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+from hypothesis import given, settings
+from random_documents import Document, documents
+
+from gearstab.cli import group
+from gearstab.results import open_result
+
+
+def called(*words: object) -> str:
+    """The output of a command, which must end well."""
+    done = CliRunner().invoke(group, list(map(str, words)))
+    if done.exception is not None and not isinstance(done.exception, SystemExit):
+        raise done.exception
+    assert done.exit_code == 0, done.output
+    return done.output
+
+
+def answered(document: Document, folder: Path) -> None:
+    """Run all commands on a configuration and look at what the sweep left."""
+    path, out = folder / "random.yaml", folder / "random.h5"
+    path.write_text(json.dumps(document))
+    called("check", path)
+    called("sweep", path, "-o", out, "--overwrite", "-j", 1)
+    with open_result(out) as tree:
+        found = tree["floquet"].load()
+    assert set(found["stable"].values.ravel().tolist()) <= {0, 1}
+    assert found["growth_rate"].notnull().all()
+    called("info", path)
+    if "respond" in document:
+        called("respond", path, "-o", folder / "response.h5")
+
+
+@settings(max_examples=10)
+@given(document=documents())
+def test_ordinary_and_odd_systems(document: Document, tmp_path_factory: pytest.TempPathFactory) -> None:
+    if any("waveform" in mesh for mesh in document["system"]["meshes"]):
+        # Edges of smooth waves take seconds.
+        document["methods"].pop("boundaries", None)
+    answered(document, tmp_path_factory.mktemp("random"))
+
+
+@pytest.mark.slow
+@settings(max_examples=300)
+@given(document=documents())
+def test_many_of_them(document: Document, tmp_path_factory: pytest.TempPathFactory) -> None:
+    answered(document, tmp_path_factory.mktemp("random"))
+
+
+TWO_MESHES: Document = {
+    "kind": "two_stage", "inertias": [1, 1, 1], "input_shaft_stiffness": 0,
+    "meshes": [
+        {"name": "first", "mean_stiffness": 1, "epsilon": 0.3, "waveform": {"kind": "fourier", "cos": [-0.5]}},
+        {"name": "second", "mean_stiffness": 3.6, "epsilon": 0.3, "contact_ratio": 1.0},
+    ],
+}  # fmt: skip
+IRRATIONAL: Document = {
+    "kind": "matrices", "mass": [[1, 0], [0, 2]], "stiffness": [[1, 0], [0, 0]],
+    "meshes": [
+        {"name": "a", "direction": [1, -1], "mean_stiffness": 1, "epsilon": 0.2,
+         "waveform": {"kind": "fourier", "cos": [0.5]}},
+        {"name": "b", "direction": [1, 1], "mean_stiffness": 1, "epsilon": 0.2, "contact_ratio": 1.5,
+         "frequency_ratio": 0.618, "exact": False},
+    ],
+}  # fmt: skip
+BARELY: Document = {
+    "kind": "gear_pair", "equivalent_mass": 0.05, "damping_ratio": 0.1,
+    "meshes": [{"name": "mesh", "mean_stiffness": 0.05, "epsilon": 5e-324, "contact_ratio": 2.5,
+                "waveform": {"kind": "trapezoidal", "ramp": 5e-324}}],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("system", "methods"),
+    [
+        (TWO_MESHES, {"floquet": {"exponents": True}, "required_damping": {}}),
+        (IRRATIONAL, {"floquet": {"lyapunov": {"cycles": 20}}}),
+        (BARELY, {"floquet": {}, "perturbation": {"order": 2}, "boundaries": {}}),
+    ],
+    ids=["a constant mesh beside a smooth one", "irrational and smooth", "all but zero"],
+)
+def test_what_has_failed(system: Document, methods: Document, tmp_path: Path) -> None:
+    sweep = {"mesh_frequency": {"start": 0.5, "stop": 4.0, "num": 6}}
+    answered({"system": system, "sweep": sweep, "methods": methods}, tmp_path)
