@@ -52,13 +52,7 @@ class Document:
 
     def get(self, path: Path) -> Any:
         """The value at a path, None where there is none."""
-        value = self.data
-        for part in path:
-            try:
-                value = value[part]
-            except (KeyError, IndexError, TypeError):
-                return None
-        return value
+        return value_at(self.data, path)
 
     def problem(self, path: Path, message: str, hint: str = "", *, value: Any = None, at_key: bool = False) -> Problem:
         """A problem at a path; ``at_key`` when the key is what is wrong."""
@@ -94,6 +88,16 @@ def paths_below(value: Any, path: Path) -> Iterator[Path]:
     inner = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
     for key, item in inner:
         yield from paths_below(item, (*path, key))
+
+
+def value_at(raw: Any, path: Path) -> Any:
+    """The value at a path of nested mappings, lists and arrays; None where there is none."""
+    for part in path:
+        try:
+            raw = raw[part]
+        except (TypeError, LookupError):
+            return None
+    return raw
 
 
 def read(path: FilePath) -> Document:

@@ -7,7 +7,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
-from gearstab.config.fields import Choice, Mass, Number, Quantity, Section, Whole
+from gearstab.config.fields import Choice, Mass, Quantity, Section, Turns, Whole
 from gearstab.config.mesh import Conflict, ToothMesh
 from gearstab.config.system import System
 
@@ -150,12 +150,12 @@ class Meshes(Section):
 class Phases(Section):
     """Mesh phases, as lags in periods of the mesh."""
 
-    sun: list[Number] | None = Field(
+    sun: list[Turns] | None = Field(
         default=None,
         title="phase of a sun's mesh",
         description="gamma_sn, one a planet, of the waves of the sun's meshes (1); all 0, in phase, without.",
     )
-    sun_ring: Number | None = Field(
+    sun_ring: Turns | None = Field(
         default=None,
         title="phase of the ring's meshes",
         description="gamma_sr: the ring's mesh of a planet lags its sun's mesh by this (1); 0 or from teeth without.",

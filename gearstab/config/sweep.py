@@ -11,12 +11,12 @@ import numpy as np
 from pydantic import Field
 
 from gearstab.config.axes import Assignment, Axis
-from gearstab.config.document import Document
+from gearstab.config.document import Document, value_at
 from gearstab.config.expansion import Count, Edge, Expansion, Range, Spacing, expand, expand_list
 from gearstab.config.fields import Section
 from gearstab.config.problems import Path, dotted, nearest
 from gearstab.config.system import System
-from gearstab.config.targets import INPUT_SPEED, MESH_FREQUENCY, Target, TargetError, resolve, value_at
+from gearstab.config.targets import INPUT_SPEED, MESH_FREQUENCY, Target, TargetError, resolve
 
 RESERVED = frozenset(
     (

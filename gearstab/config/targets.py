@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Annotated, Any
+from dataclasses import dataclass, replace
+from typing import Annotated, Any, get_args
 
 import numpy as np
 from pydantic import TypeAdapter
 from pydantic.fields import FieldInfo
 
-from gearstab.config.fields import AngularFrequency, Ratio
+from gearstab.config.dimensions import quantity_at
+from gearstab.config.document import value_at
+from gearstab.config.fields import AngularFrequency, Quantity, Ratio
 from gearstab.config.introspection import axis_choice, entry_type, field_types, inner_type, is_model, number_kind
 from gearstab.config.mesh import Mesh, ToothMesh
 from gearstab.config.names import BUT_THE_FIRST, EVERY_MESH, RIVALS, mesh_items
@@ -79,6 +81,20 @@ def resolve(name: str, model: type[System], raw: dict[str, Any]) -> list[Target]
 
     Raises TargetError for a name that stands for none.
     """
+    return [_fitted(target, model, raw) for target in _named(name, model, raw)]
+
+
+def _fitted(target: Target, model: type[System], raw: dict[str, Any]) -> Target:
+    """With the units that the number has in this very system."""
+    kind = number_kind(target.annotation)
+    if not isinstance(kind, Quantity):
+        return target
+    wanted = quantity_at(model, raw, target.paths[0], kind)
+    parts = get_args(target.annotation)
+    return replace(target, annotation=Annotated[tuple(wanted if part is kind else part for part in parts)])
+
+
+def _named(name: str, model: type[System], raw: dict[str, Any]) -> list[Target]:
     if name == "mesh_frequency":
         return [Target((MESH_FREQUENCY,), AngularFrequency, "mesh frequency")]
     if name == INPUT_SPEED and (cycles := model.cycles_of_input(raw)) is not None:
@@ -203,16 +219,6 @@ def _mirrored(path: Path) -> tuple[Path, ...]:
     if path[0] not in ("mass", "stiffness", "damping") or row == column or not isinstance(row, int):
         return (path,)  # a number of other forms of damping stands below a name
     return (path, counterpart)
-
-
-def value_at(raw: Any, path: Path) -> Any:
-    """The value at a path of nested mappings, lists and arrays; None where there is none."""
-    for part in path:
-        try:
-            raw = raw[part]
-        except (TypeError, LookupError):
-            return None
-    return raw
 
 
 def candidates(model: type[System], raw: dict[str, Any]) -> list[str]:

@@ -1,7 +1,7 @@
 """What a result file can hold: one line a variable, with its dimensions, type, units and long name.
 
-Units are SI, as everywhere inside the program: a configuration in plain numbers is read as if they were SI numbers, so
-that a dimensionless model's frequencies are marked ``rad/s`` and its times ``s``. ``1`` is dimensionless.
+Units are SI, as everywhere inside the program; :mod:`gearstab.results.units` replaces them by what the coordinates of
+a system have, and by 1 in a model without units (``system.units: none``). ``1`` is dimensionless.
 """
 
 from __future__ import annotations

@@ -245,4 +245,4 @@ def _scaled(system: GearSystem, mass: Array, stiffness: Array) -> GearSystem:
     # All periodic terms of this kind are mesh dampings.
     terms = tuple(replace(term, left=term.left / np.sqrt(m * k)[..., 0]) for term in system.terms)
     scaled = replace(system, mass=system.mass / m, stiffness=system.stiffness / k, damping=damping)
-    return replace(scaled, meshes=tuple(meshes), terms=terms, load=load)
+    return replace(scaled, meshes=tuple(meshes), terms=terms, load=load, dimensionless=("mass", "time"))
