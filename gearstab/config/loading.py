@@ -231,7 +231,8 @@ def _read_methods(document: Document) -> Methods | None:
 def _check_range(document: Document, axes: Sequence[Axis]) -> None:
     """Boundaries are sought over a range of the mesh frequency, so that one frequency alone holds none."""
     for axis in axes:
-        if axis.name in ("mesh_frequency", "input_speed") and axis.span[0] == axis.span[1]:
+        numbers = axis.name in ("mesh_frequency", "input_speed") and not isinstance(axis.values, list)
+        if numbers and axis.span[0] == axis.span[1]:
             path = ("sweep", axis.name)
             hint = "give two frequencies or more, or start and stop"
             document.report(path, "is no range, over which boundaries are sought", hint)

@@ -348,3 +348,10 @@ PAIR_RESPONSE = (
     Variable("status", (), "i2", "1", "how the run went; 0: complete"),
 )  # fmt: skip
 """Of a gear pair whose mesh stiffness depends on its rotation."""
+
+
+def taken_names() -> frozenset[str]:
+    """Names of all variables and dimensions of this module: an axis of one of them could not stand beside it."""
+    tables = [table if isinstance(table, tuple) else (table,) for table in globals().values()]
+    known = [item for table in tables for item in table if isinstance(item, Variable)]
+    return frozenset(name for variable in known for name in (variable.name, *variable.dims))
