@@ -177,7 +177,7 @@ def _named_freely(context: Context, name: str, path: Path) -> None:
 
     plain = name.strip() == name and name not in ("", ".", "..") and not re.search(r"[/\x00-\x1f\x7f]", name)
     if not plain or len(name) > LONGEST_NAME:
-        hint = f"choose a name of at most {LONGEST_NAME} characters, without '/'"
+        hint = f"choose another name, of at most {LONGEST_NAME} characters and without '/'"
         context.document.report(path, f"'{name}' cannot be the name of an axis", hint, at_key=True)
     elif name in (MESH_FREQUENCY[0], INPUT_SPEED):
         message = f"'{name}' is the name of an axis that sets this alone"
