@@ -166,11 +166,12 @@ def _read_matrices(document: Document, source: FilePath) -> dict[str, Array]:
     name = system.get("file")
     if system["kind"] != "matrices" or not isinstance(name, str):
         return {}
-    from gearstab.config.model_file import ModelFileError, read_matrices
+    from gearstab.config.files import DataFileError
+    from gearstab.config.model_file import read_matrices
 
     try:
         contents = read_matrices(source.parent / name)
-    except ModelFileError as error:
+    except DataFileError as error:
         document.report(("system", "file"), str(error), error.hint, value=name)
         return {}
     for key in contents:
@@ -190,13 +191,13 @@ def _read_samples(document: Document, source: FilePath) -> dict[Path, Array]:
         name = waveform.get("file")
         if not isinstance(name, str):
             continue
-        from gearstab.config.model_file import ModelFileError
+        from gearstab.config.files import DataFileError
         from gearstab.config.sample_file import read_samples
 
         interpolation = waveform.get("interpolation") or "linear"
         try:
             found[path] = read_samples(source.parent / name, str(waveform.get("kind")), str(interpolation))
-        except ModelFileError as error:
+        except DataFileError as error:
             document.report(("system", *path, "file"), str(error), error.hint, value=name)
     return found
 

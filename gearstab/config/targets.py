@@ -103,7 +103,7 @@ def _named(name: str, model: type[System], raw: dict[str, Any]) -> list[Target]:
     if name in EVERY_MESH + BUT_THE_FIRST and name not in model.model_fields:
         return _of_meshes(name, model, raw)
     parts = name.split(".")
-    if model.__name__ == "Matrices" and parts[0] == "damping" and len(parts) == 3 and parts[1].isdigit():
+    if model.__name__ == "Matrices" and parts[0] == "damping" and len(parts) == 3 and parts[1].isdecimal():
         parts.insert(1, "matrix")
     return [_walk(name, parts, model, raw)]
 
@@ -196,14 +196,14 @@ def _default(field: FieldInfo, name: str) -> Any:
 
 def _index(name: str, part: str, path: Path, value: Any, entry: Any) -> int:
     entries = list(value) if isinstance(value, list | np.ndarray) else []
-    if not part.isdigit() and is_model(entry) and "name" in entry.model_fields:
+    if not part.isdecimal() and is_model(entry) and "name" in entry.model_fields:
         names = [mesh.get("name") if isinstance(mesh, dict) else None for mesh in entries]
         if part not in names:
             choices = [name.replace(part, str(known)) for known in names if known is not None]
             what = "mesh" if issubclass(entry, Mesh) else "entry"
             raise TargetError(f"there is no {what} '{part}'", nearest(name, choices))
         return names.index(part)
-    if not part.isdigit():
+    if not part.isdecimal():
         raise TargetError("unknown parameter", f"{dotted(path)} is a list: use an index from 0 on")
     if int(part) >= len(entries):
         if not entries:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     import pint
 
-NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*\Z", re.DOTALL)
+NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*\Z", re.DOTALL | re.ASCII)
 COMMAS = re.compile(r"\s*([-+]?)(\d[\d.]*|),(\d[\d.,]*)(.*)", re.DOTALL)
 """A number with a comma: sign, what stands before and behind the comma, and the rest."""
 NEWTON_METRE = re.compile(r"\b([kM]?N)m\b")
