@@ -348,6 +348,12 @@ def _represent_float(representer: Any, value: float) -> Node:
 
 def write(tree: dict[str, Any]) -> str:
     """Plain data as YAML 1.2, in the order given; short lists stay on one line."""
+    text = _written(tree, unicode=True)
+    # Other separators of lines are written as they are, and read as blanks.
+    return _written(tree, unicode=False) if re.search("[\x85\u2028\u2029]", text) else text
+
+
+def _written(tree: dict[str, Any], *, unicode: bool) -> str:
     from io import StringIO
 
     from ruamel.yaml import YAML
@@ -356,7 +362,7 @@ def write(tree: dict[str, Any]) -> str:
     yaml.default_flow_style = None
     yaml.sort_base_mapping_type_on_output = False
     yaml.width = 120
-    yaml.allow_unicode = True
+    yaml.allow_unicode = unicode
     yaml.representer.add_representer(float, _represent_float)
     text = StringIO()
     yaml.dump(tree, text)
