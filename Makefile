@@ -98,7 +98,8 @@ $(FIGURES): results/figures/%.$(FORMAT): results/%.h5 $(PLOTS) | $(VENV)/.instal
 	@mkdir -p $(@D)
 	@$(GEARSTAB) plot $< -o $@ $(PLOT_OPTIONS)
 
-results/figures/parker_2009/table1.$(FORMAT): PLOT_OPTIONS += --kind modes
+results/figures/parker_2009/table1.$(FORMAT) results/figures/lin_parker_1999/modes.$(FORMAT) \
+  results/figures/cooley_parker_2012/at_rest.$(FORMAT): PLOT_OPTIONS += --kind modes
 results/figures/kuria_kihiu_2008/steady.$(FORMAT): PLOT_OPTIONS += --kind teeth
 results/figures/kuria_kihiu_2008/contact_ratio.$(FORMAT): PLOT_OPTIONS += --kind curve --variable transmission_error_first_harmonic
 

@@ -177,6 +177,7 @@ class GearSystem:
     units: SI unit of each coordinate, ``m`` or ``rad``; without any all are m. Results and figures say it, nothing
         relies on it.
     deflection_unit: SI unit of the mesh deflections g_i^T q, ``m``, or ``rad`` where the mesh stiffness is torsional.
+    dimensionless: which of ``mass``, ``length`` and ``time`` have no unit; results say that.
     """
 
     mass: Array
@@ -190,10 +191,13 @@ class GearSystem:
     forces: tuple[PeriodicForce, ...] = ()
     units: tuple[str, ...] = ()
     deflection_unit: str = "m"
+    dimensionless: tuple[str, ...] = ()
 
     @property
     def coordinate_units(self) -> tuple[str, ...]:
         """The unit of each of the n coordinates."""
+        if "length" in self.dimensionless:
+            return ("1",) * self.size
         return self.units or ("m",) * self.size
 
     @property

@@ -347,8 +347,10 @@ system:
     assert (second["name"], second["epsilon"], second["contact_ratio"]) == ("b", 0.2, 1.5)
 
 
-scalars = st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False) | st.text(max_size=8)
-keys = st.text(min_size=1, max_size=5)
+characters = st.characters(codec="utf-8", exclude_characters="\0")
+"""All that a configuration may hold."""
+scalars = st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False) | st.text(characters, max_size=8)
+keys = st.text(characters, min_size=1, max_size=5)
 trees = st.recursive(
     scalars, lambda inner: st.lists(inner, max_size=3) | st.dictionaries(keys, inner, max_size=3), max_leaves=8
 )

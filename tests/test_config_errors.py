@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
@@ -99,6 +100,19 @@ BROKEN_FILES = {
     "key that is a list": (b"title: a\n? [1, 2]\n: 3\n", 2, "a key is a list", "plain text"),
     "unknown tag": (b"title: !python a\n", 1, "tag !python is not known", "remove"),
     "merge of a text": (b"title: a\n<<: b\n", 1, "merges mappings only", "refer to a mapping"),
+    "unknown tag of a mapping": (
+        b"title: a\nsystem: !!set {a}\n",
+        2,
+        "tag tag:yaml.org,2002:set is not known",
+        "remove",
+    ),
+    "escape beyond Unicode": (b'title: a\nsystem: "\\U00110000"\n', 2, "names no character", "escapes"),
+    "escape far beyond": (b'title: "\\UFFFFFFFF"\n', 1, "names no character", "escapes"),
+    "half of a character": (b'title: "\\uD800"\nsystem: {}\n', 1, "no character", "remove"),
+    "half of a character as a key": (b'title: a\n"\\uDFFF": {}\n', 2, "no character", "remove"),
+    "end of a text": (b'title: "a\\0b"\nsystem: {}\n', 1, "no character", "remove"),
+    "directive inside": (b"title: a\n%YAML 1.2\nsystem: {}\n", 3, "no valid YAML", "begins with %"),
+    "directive without document": (b"%YAML 1.2\nsystem: {}\n", 2, "no valid YAML", "begins with %"),
     "too deep": (b"a: " + b"[" * 3000, None, "nested too deeply", "flatter"),
 }
 
@@ -128,6 +142,37 @@ def test_broken_file(tmp_path: Path, content: bytes, line: int, message: str, hi
     found = [p for p in problems(tmp_path, content) if message in p.message]
     assert [p.line for p in found] == [line]
     assert hint in found[0].hint
+
+
+LONG_NUMBERS = {"hexadecimal": "0x" + "f" * 5000, "octal": "0o" + "7" * 5000, "decimal": "9" * 5000}
+
+
+@pytest.mark.parametrize("text", LONG_NUMBERS.values(), ids=LONG_NUMBERS)
+@pytest.mark.parametrize("key", ["input_shaft_stiffness: 0.5", "tooth_ratio: 1", "title: A train", "num: 40"])
+def test_numbers_of_thousands_of_digits(tmp_path: Path, key: str, text: str) -> None:
+    (found,) = problems(tmp_path, GOOD.replace(key, f"{key.partition(':')[0]}: {text}"))
+    assert len(str(found)) < 1000
+
+
+def test_an_index_is_made_of_digits(tmp_path: Path) -> None:
+    (found,) = problems(tmp_path, GOOD.replace("sweep:\n", "sweep:\n  inertias.²: [1, 2]\n"))
+    assert found.path == "sweep.inertias.²"
+    with pytest.raises(ConfigError):
+        load(tmp_path / "case.yaml", ["inertias.²=1"])
+
+
+def test_a_configuration_has_a_few_megabytes_at_most(tmp_path: Path) -> None:
+    (found,) = problems(tmp_path, b"#" * 64_000_000)
+    assert (found.line, found.path) == (None, "")
+    assert "64 MB" in found.message
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes with a name")
+def test_a_pipe_is_no_configuration(tmp_path: Path) -> None:
+    """Reading one would wait for ever."""
+    os.mkfifo(tmp_path / "pipe.yaml")
+    with pytest.raises(ConfigError, match="no regular file"):
+        load(tmp_path / "pipe.yaml")
 
 
 def test_file_that_is_not_there(tmp_path: Path) -> None:

@@ -15,6 +15,7 @@ from gearstab.plots import draw
 from gearstab.results import open_result
 from gearstab.sweep import plan, run
 from gearstab.systems import build
+from gearstab.systems.gearbox import TrainError
 
 GOOD = """\
 system:
@@ -56,6 +57,9 @@ MESH = "{name: m, gears: [pinion, gear], damping_ratio: 0.02}"
     ("old", "new", "path", "message"),
     [
         ("teeth: 19", "teeth: 18.5", "system.rotors.1.teeth", "must be a whole number >= 3"),
+        ("teeth: 19", "teeth: .inf", "system.rotors.1.teeth", "must be a whole number >= 3"),
+        ("teeth: 19", "teeth: .nan", "system.rotors.1.teeth", "must be a whole number >= 3"),
+        ("teeth: 19", "teeth: 1.0e+400", "system.rotors.1.teeth", "must be a whole number >= 3"),
         ("teeth: 19", "teeth: 2", "system.rotors.1.teeth", "must be a whole number >= 3"),
         ("[pinion, gear], damp", "[pinion, gaer], damp", "system.meshes.0.gears.1", "there is no rotor 'gaer'"),
         ("[pinion, gear], damp", "[motor, gear], damp", "system.meshes.0.gears.0", "rotor 'motor' has no teeth"),
@@ -94,6 +98,33 @@ def test_mistakes_are_named_where_they_are(
     matching = [(where, text) for _, where, text, _ in found if where == path and message in text]
     assert matching, found
     assert all("\n" not in text and hint for _, _, text, hint in found)
+
+
+BETWEEN = [
+    ("rotors.pinion.profile_shift: [0.0, -3.0, 0.1]", "rotors.pinion.profile_shift = -3.0"),
+    ("rotors.pinion.profile_shift: {start: -1.5, stop: 1.5, num: 1001}", "rotors.pinion.profile_shift = "),
+    ("meshes.m.centre_distance: [67.5 mm, 80 mm, 67.2 mm]", "meshes.m.centre_distance = 0.08"),
+    ("rotors.pinion.teeth: [19, 3, 20]", "rotors.pinion.teeth = 3"),
+    ("meshes.m.epsilon: [0.1, 3.0, 0.2]", "meshes.m.epsilon = 3.0"),
+    ("ends: {targets: [meshes.m.epsilon, gears.addendum], values: [[0.1, 0.2, 0.1], [1.0, 3.0, 1.1]]}", "ends = "),
+]
+
+
+REST = "  mesh_frequency: [1000, 2000]\nmethods: {floquet: {}}\n"
+
+
+@pytest.mark.parametrize(("axis", "where"), BETWEEN, ids=[axis[:40] for axis, _ in BETWEEN])
+def test_trains_that_cannot_be_built_between_the_ends_of_an_axis(tmp_path: Path, axis: str, where: str) -> None:
+    ((_, path, message, _),) = problems(tmp_path, GOOD[GOOD.index("  input_speed") :], f"  {axis}\n{REST}")
+    assert path == "system.meshes.0"
+    assert f"(at {where}" in message
+
+
+def test_a_train_that_cannot_be_built_says_where() -> None:
+    """Where an axis is too long to look at every point, a sweep ends with this line."""
+    assert str(TrainError(("meshes", 0), "no involute", "change the teeth")) == (
+        "system.meshes.0: no involute; change the teeth"
+    )
 
 
 def test_lubricated_teeth_need_speed_and_load(tmp_path: Path) -> None:

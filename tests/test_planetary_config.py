@@ -94,6 +94,8 @@ WRONG = [
     (["meshes.sun.epsilon=2"], "mesh 'sun' has the softer level"),
     (["pressure_angles.sun=24.6"], "system.pressure_angles.sun: must be < 1.5"),
     (["motion=sideways"], "is no motion"),
+    (["supports.ring=1.0e+8"], "system.supports.ring: holds a rigid ring"),
+    (["supports.ring_rotation=1.0e+8"], "system.supports.ring_rotation: holds a rigid ring"),
 ]
 
 

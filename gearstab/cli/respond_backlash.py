@@ -72,7 +72,7 @@ def result(config: Config, wanted: Respond, system: GearSystem, found: BacklashR
     if system.load is not None:
         values["static_mesh_force"] = static_mesh_force(system)
     values |= spectral(wanted, system, found)
-    attributes = _attributes(found)
+    attributes = _attributes(system, found)
     if found.cycle is not None:
         cycle = found.cycle
         values |= {"peak_to_peak": cycle.peak_to_peak, "rms": cycle.rms}
@@ -82,7 +82,9 @@ def result(config: Config, wanted: Respond, system: GearSystem, found: BacklashR
     return ResultTree(Group((), root_attributes(config, "none")), groups)
 
 
-def _attributes(found: BacklashResponse) -> dict[str, Any]:
+def _attributes(system: GearSystem, found: BacklashResponse) -> dict[str, Any]:
+    from gearstab.results.units import in_brackets
+
     attributes: dict[str, Any] = {
         "status": found.status,
         "mesh_frequency": found.mesh_frequency,
@@ -90,8 +92,9 @@ def _attributes(found: BacklashResponse) -> dict[str, Any]:
         "growth_rate": found.growth_rate,
         "largest_multiplier": found.largest_multiplier,
         "comment": "response with loss of contact; growth_rate, largest_multiplier: of the linear system with teeth "
-        "in contact; settled: from settled_from to settled_until (s); period: number of common periods after which "
-        "the motion repeats itself, 0 if it does not, by section_difference, relative to the extent of the motion",
+        f"in contact; settled: from settled_from to settled_until{in_brackets(system, 's')}; period: number of "
+        "common periods after which the motion repeats itself, 0 if it does not, by section_difference, relative to "
+        "the extent of the motion",
     }
     if found.cycle is not None:
         attributes |= {"settled_from": found.cycle.begin, "settled_until": found.cycle.end}

@@ -60,10 +60,12 @@ def result(config: Config, wanted: Respond, system: GearSystem, found: Response,
 
 
 def _comment(wanted: Respond, system: GearSystem) -> str:
+    from gearstab.results.units import in_brackets
+
     kind = "periodic steady state" if wanted.steady_state else "driven response" if system.forced else "free response"
     return (
-        f"{kind}; growth_rate: largest real part of the characteristic exponents (1/s); "
-        "largest_multiplier: growth over a common_period (s) of all that varies and drives"
+        f"{kind}; growth_rate: largest real part of the characteristic exponents{in_brackets(system, '1/s')}; "
+        f"largest_multiplier: growth over a common_period{in_brackets(system, 's')} of all that varies and drives"
     )
 
 

@@ -22,9 +22,12 @@ def respond_pair(config: Config, wanted: PairRespond, out: Path) -> PairResponse
     """Compute the response and write the result file ``out``; raises ConfigError and OSError."""
     from gearstab.response.pair import Start, respond
     from gearstab.results import write_result
-    from gearstab.systems import gear_pair
+    from gearstab.rotating_pair import RotatingPair
+    from gearstab.systems import build
 
-    pair = gear_pair.of_gears(config.parameters)
+    pair = build(config.parameters)
+    if not isinstance(pair, RotatingPair):
+        raise TypeError("the section respond is that of a pair given by its gears")
     speed = wanted.speed * pair.numbers.teeth[0]
     step = tau / speed / wanted.samples_per_cycle
     _affordable(config, wanted, speed)
@@ -92,6 +95,7 @@ def response_group(wanted: PairRespond, pair: RotatingPair, found: PairResponse,
 
     from gearstab.response.pair import STATUS
     from gearstab.results import Group, fields_of
+    from gearstab.results.units import unit_of
     from gearstab.results.variables import PAIR_RESPONSE
 
     sections, events = found.sections, found.events
@@ -114,6 +118,7 @@ def response_group(wanted: PairRespond, pair: RotatingPair, found: PairResponse,
     if pair.numbers.lever is None:
         changed["mesh_force"] = {"units": "N m", "long_name": "elastic mesh force times half the module"}
     table = tuple(replace(v, **changed.get(v.name, {})) for v in PAIR_RESPONSE)
+    table = tuple(replace(v, units=unit_of(pair, v.units)) for v in table)
     return Group(fields_of(table, values | spectrum), _attributes(wanted, pair, found))
 
 
@@ -141,7 +146,10 @@ def _spectrum(wanted: PairRespond, pair: RotatingPair, found: PairResponse, step
 
 
 def _attributes(wanted: PairRespond, pair: RotatingPair, found: PairResponse) -> dict[str, Any]:
+    from gearstab.results.units import in_brackets
+
     numbers = pair.numbers
+    speed, angle, time = (in_brackets(pair, unit) for unit in ("rad/s", "rad", "s"))
     overdamped = "; from the damping ratio 1 on there is no w_d, and normalised frequencies are NaN"
     known = {
         "formulation": pair.formulation,
@@ -152,10 +160,10 @@ def _attributes(wanted: PairRespond, pair: RotatingPair, found: PairResponse) ->
         "natural_frequency": float(numbers.w0),
         "damped_natural_frequency": float(numbers.damped_frequency),
         "static_deflection": float(numbers.load),
-        "comment": "mesh_frequency: at the beginning (rad/s); natural_frequency: w0 = sqrt(M2 (k1 + k2)/2) (rad/s); "
-        "damped_natural_frequency: w_d (rad/s); static_deflection: T0/k0 (rad); end_time: when the run ended (s); "
+        "comment": f"mesh_frequency: at the beginning{speed}; natural_frequency: w0 = sqrt(M2 (k1 + k2)/2){speed}; "
+        f"damped_natural_frequency: w_d{speed}; static_deflection: T0/k0{angle}; end_time: when the run ended{time}; "
         "mesh_cycles: by how many theta has advanced then; predictable_until, where given: when rounding errors have "
-        "grown to 1 % of phi (s)" + overdamped * (not numbers.damped_frequency > 0),
+        f"grown to 1 % of phi{time}" + overdamped * (not numbers.damped_frequency > 0),
     }
     known |= {"stall_time": found.stalled} if found.stalled < inf else {}
     return known | ({"predictable_until": found.predictable} if found.predictable < inf else {})

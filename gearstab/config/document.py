@@ -3,20 +3,31 @@
 from __future__ import annotations
 
 import math
+import re
+import stat
 import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path as FilePath
 from typing import Any
 
+from gearstab.config.files import LARGEST_TEXT, NO_REGULAR
 from gearstab.config.problems import ConfigError, Path, Problem, dotted, shown
 
 Node = Any
 """A node of ruamel.yaml's, whose types leave out what its kinds have."""
 
+ESCAPE = re.compile(r"\\U(?!000|0010)[0-9a-fA-F]{8}")
+"""One that names no character."""
+NO_CHARACTER = re.compile("[\x00\ud800-\udfff]")
+"""What YAML can write and no file can hold: the end of a text, and halves of characters."""
 TAG = "tag:yaml.org,2002:"
+LONGEST_NUMBER = 400
+"""Digits; what has more is beyond double precision anyway, and beyond what Python prints of an integer."""
 MOST_COPIES = 1_000_000
 """Values that the aliases of a document may add to those it writes out."""
+TAGS = ("str", "null", "bool", "int", "float", "timestamp")
+"""Tags of scalars; what is no number stays the text it is."""
 DEEPEST = 200
 """Lists and mappings inside each other, aliases followed."""
 
@@ -52,13 +63,7 @@ class Document:
 
     def get(self, path: Path) -> Any:
         """The value at a path, None where there is none."""
-        value = self.data
-        for part in path:
-            try:
-                value = value[part]
-            except (KeyError, IndexError, TypeError):
-                return None
-        return value
+        return value_at(self.data, path)
 
     def problem(self, path: Path, message: str, hint: str = "", *, value: Any = None, at_key: bool = False) -> Problem:
         """A problem at a path; ``at_key`` when the key is what is wrong."""
@@ -96,6 +101,16 @@ def paths_below(value: Any, path: Path) -> Iterator[Path]:
         yield from paths_below(item, (*path, key))
 
 
+def value_at(raw: Any, path: Path) -> Any:
+    """The value at a path of nested mappings, lists and arrays; None where there is none."""
+    for part in path:
+        try:
+            raw = raw[part]
+        except (TypeError, LookupError):
+            return None
+    return raw
+
+
 def read(path: FilePath) -> Document:
     """Read a configuration file.
 
@@ -103,6 +118,12 @@ def read(path: FilePath) -> Document:
     """
     name = str(path)
     try:
+        state = path.stat()
+        if not stat.S_ISREG(state.st_mode) and not stat.S_ISDIR(state.st_mode):
+            raise _failed(name, None, NO_REGULAR, "save the configuration in a file")
+        if state.st_size > LARGEST_TEXT:
+            message = f"has {state.st_size / 1e6:,.0f} MB, more than the {LARGEST_TEXT / 1e6:.0f} MB of a configuration"
+            raise _failed(name, None, message, "keep matrices and samples in files of their own")
         raw = path.read_bytes()
     except FileNotFoundError:
         raise _failed(name, None, "there is no such file", "check the path") from None
@@ -168,6 +189,12 @@ def _compose(text: str, name: str) -> Node:
         raise _failed(name, row, message, _syntax_remedy(text, row, error.problem or "")) from None
     except RecursionError:
         raise _failed(name, None, "is nested too deeply", "write a flatter document") from None
+    except (ValueError, OverflowError, AttributeError, LookupError, TypeError) as error:
+        # Of the parser itself, on what it does not foresee.
+        found = ESCAPE.search(text)
+        row = text[: found.start()].count("\n") + 1 if found else None
+        message = f"{found[0]} names no character" if found else f"is no valid YAML: {error}"
+        raise _failed(name, row, message, "check quotes and escapes") from None
 
 
 def _check_aliases(root: Node, name: str) -> None:
@@ -211,6 +238,8 @@ def _syntax_remedy(text: str, line: int | None, problem: str) -> str:
         return "define it before with &"
     if "cannot start any token" in problem:
         return "put the text in quotes"
+    if re.search(r"(?m)^%", text) and ("directive" in problem or "document start" in problem):
+        return "remove the line that begins with %, or quote the text"
     return "check brackets, quotes and indentation here and in the line before"
 
 
@@ -227,6 +256,8 @@ class _Reader:
         # The mark of an empty value is that of whatever comes next.
         away = node.value == "" and not node.style if node.id == "scalar" else not node.flow_style
         self.document.values[path] = self.place(key if away and key is not None else node)
+        if node.id != "scalar" and str(node.tag) not in (TAG + "map", TAG + "seq"):
+            self.document.report(path, f"the tag {node.tag} is not known", "remove it")
         if node.id == "mapping":
             return self.mapping(node, path)
         if node.id == "sequence":
@@ -249,6 +280,9 @@ class _Reader:
         return {**merged, **result} if merged else result
 
     def entry(self, key: Node, item: Node, path: Path, result: dict[str, Any]) -> None:
+        if NO_CHARACTER.search(key.value):
+            self.problem(key, path, f"the key {key.value!a} holds what is no character", "remove it")
+            return
         here = (*path, key.value)
         if key.value in result:
             first = self.document.keys[here].line
@@ -281,20 +315,24 @@ class _Reader:
             return text.lower() == "true"
         if tag in (TAG + "int", TAG + "float"):
             return number(text)
-        if not tag.startswith(TAG) or tag == TAG + "binary":
+        if tag.removeprefix(TAG) not in TAGS or not tag.startswith(TAG):
             self.document.report(path, f"the tag {tag} is not known", "remove it", value=text)
-        return text
+        elif NO_CHARACTER.search(text):
+            self.document.report(path, "holds what is no character", "remove it", value=ascii(text))
+        return NO_CHARACTER.sub("", text)
 
 
 def number(text: str) -> int | float | str:
     """The number that YAML 1.2 reads in a text; the text itself where Python cannot."""
     plain = text.replace("_", "").lower()
+    if len(plain) > LONGEST_NUMBER:
+        return math.inf if plain.isalnum() else text
     try:
         if plain.lstrip("+-").startswith(("0o", "0x", "0b")):
             return int(plain, 0)
         if plain.lstrip("+-") in (".inf", ".nan"):
             return float(plain.replace(".", ""))
-        return int(plain) if plain.lstrip("+-").isdigit() else float(plain)
+        return int(plain) if plain.lstrip("+-").isdecimal() else float(plain)
     except ValueError:
         return text
 
@@ -310,6 +348,12 @@ def _represent_float(representer: Any, value: float) -> Node:
 
 def write(tree: dict[str, Any]) -> str:
     """Plain data as YAML 1.2, in the order given; short lists stay on one line."""
+    text = _written(tree, unicode=True)
+    # Other separators of lines are written as they are, and read as blanks.
+    return _written(tree, unicode=False) if re.search("[\x85\u2028\u2029]", text) else text
+
+
+def _written(tree: dict[str, Any], *, unicode: bool) -> str:
     from io import StringIO
 
     from ruamel.yaml import YAML
@@ -318,7 +362,7 @@ def write(tree: dict[str, Any]) -> str:
     yaml.default_flow_style = None
     yaml.sort_base_mapping_type_on_output = False
     yaml.width = 120
-    yaml.allow_unicode = True
+    yaml.allow_unicode = unicode
     yaml.representer.add_representer(float, _represent_float)
     text = StringIO()
     yaml.dump(tree, text)

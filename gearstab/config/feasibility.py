@@ -8,11 +8,10 @@ from typing import Any
 import numpy as np
 
 from gearstab.config.axes import Array, Config, parameters_at
-from gearstab.config.document import Document
+from gearstab.config.document import Document, value_at
 from gearstab.config.levels import LEVEL_KEYS, Selection, check_levels, extreme_points
 from gearstab.config.names import mesh_items
 from gearstab.config.problems import Path
-from gearstab.config.targets import value_at
 from gearstab.config.train import check_train
 from gearstab.modal import RIGID_TOLERANCE, eigenmodes
 from gearstab.systems import build

@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, GetJson
 from pydantic_core import PydanticCustomError, core_schema
 
 from gearstab.config.problems import nearest
-from gearstab.config.units import UnitError, to_si
+from gearstab.config.units import PER_CENT, DimensionError, UnitError, to_si
 
 LARGEST_DENOMINATOR = 1000
 """A decimal number is taken for an exact ratio up to this denominator: 0.6 is 3/5, but 0.6667 is hardly 6667/10000."""
@@ -42,13 +42,17 @@ class Section(BaseModel):
 
 @dataclass(frozen=True)
 class Quantity:
-    """A finite number; where it is dimensional also a text with a unit, converted to SI.
+    """A finite number; where it is dimensional also a text with a unit, converted to SI, else one with per cent.
 
     unit: the SI unit, "1" for a dimensionless number. others: further units that it has in other coordinates.
+    turns: whether it is a fraction of a turn, which may be given as an angle.
+    advice: what to give instead of a quantity of the wrong dimension.
     """
 
     unit: str = "1"
     others: tuple[str, ...] = ()
+    turns: bool = False
+    advice: str = ""
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
         return core_schema.no_info_before_validator_function(self.number, handler(source))
@@ -56,15 +60,11 @@ class Quantity:
     def __get_pydantic_json_schema__(
         self, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler
     ) -> dict[str, Any]:
-        plain = handler(schema)
-        if self.unit == "1":
-            return plain
-        text = {
-            "type": "string",
-            "pattern": r"^\s*[-+]?[0-9.]",
-            "description": f'a number and a unit, such as "2 {self.unit}"',
-        }
-        return {"anyOf": [plain, text]}
+        start = r"^\s*[-+]?[0-9.]"
+        pattern = start if self.units or self.turns else rf"{start}.*({'|'.join(PER_CENT)})\s*$"
+        example = "90 deg" if self.turns else "5 %" if self.unit == "1" else f"2 {self.unit}"
+        text = {"type": "string", "pattern": pattern, "description": f'a number and a unit, such as "{example}"'}
+        return {"anyOf": [handler(schema), text]}
 
     @property
     def units(self) -> tuple[str, ...]:
@@ -75,11 +75,12 @@ class Quantity:
         """The value as a finite float in SI units; raises a pydantic error."""
         if isinstance(value, bool) or not isinstance(value, int | float | str):
             article = "is empty" if value is None else "must be a number"
-            raise wrong("number", article, "write a number" if self.unit == "1" else f"write a number in {self.unit}")
+            raise wrong("number", article, f"write a number in {self.unit}" if self.units else "write a number")
         try:
-            result = to_si(value, self.units) if isinstance(value, str) else float(value)
+            result = to_si(value, self.units, self.turns) if isinstance(value, str) else float(value)
         except UnitError as error:
-            raise wrong("number", str(error), error.hint) from None
+            advice = f"; {self.advice}" if self.advice and isinstance(error, DimensionError) else ""
+            raise wrong("number", str(error), error.hint + advice) from None
         except OverflowError:
             result = math.inf
         if not math.isfinite(result):
@@ -87,6 +88,15 @@ class Quantity:
         if abs(result) > LARGEST_NUMBER:
             raise wrong("number", "is too large to compute with", f"stay below {LARGEST_NUMBER:g} by a choice of units")
         return result
+
+
+def _no_comma(value: Any) -> None:
+    """Raises a pydantic error for a text with a decimal comma."""
+    if isinstance(value, str) and "," in value:
+        try:
+            to_si(value, ())
+        except UnitError as error:
+            raise wrong("ratio", str(error), error.hint) from None
 
 
 @dataclass(frozen=True)
@@ -116,6 +126,7 @@ class Ratio:
     def decimal(value: Any) -> float:
         """The ratio as a float; raises a pydantic error."""
         remedy = "write a decimal such as 1.4142135623730951"
+        _no_comma(value)
         try:
             # The resolved configuration holds it as a text, as it does exact ratios.
             number = float(value) if isinstance(value, int | float | str) and not isinstance(value, bool) else math.nan
@@ -144,6 +155,7 @@ class Ratio:
         remedy = 'write an integer, a short decimal such as 0.6 or a fraction in quotes such as "3/5"'
         if isinstance(value, Fraction):
             return value
+        _no_comma(value)
         if isinstance(value, bool) or not isinstance(value, int | float | str):
             raise wrong("ratio", "must be a ratio", remedy)
         if isinstance(value, str):
@@ -184,8 +196,9 @@ class Count(Ratio):
     @staticmethod
     def fraction(value: Any) -> Fraction:
         """The whole number; raises a pydantic error."""
-        whole = isinstance(value, int | float | Fraction) and not isinstance(value, bool) and value == int(value)
-        if not whole or not FEWEST_TEETH <= value <= LARGEST_TERM:
+        number = isinstance(value, int | float | Fraction) and not isinstance(value, bool)
+        endless = isinstance(value, float) and not math.isfinite(value)
+        if not number or endless or value != int(value) or not FEWEST_TEETH <= value <= LARGEST_TERM:
             raise wrong("count", f"must be a whole number >= {FEWEST_TEETH}", "write a number of teeth")
         return Fraction(int(value))
 
@@ -257,6 +270,8 @@ NameText = Annotated[str, Name()]
 Positive = Annotated[float, Field(gt=0), Quantity()]
 NonNegative = Annotated[float, Field(ge=0), Quantity()]
 Number = Annotated[float, Quantity()]
+Turns = Annotated[float, Quantity(turns=True)]
+"""A fraction of a period: a phase, a lag, a phasing."""
 AngularFrequency = Annotated[float, Field(gt=0), Quantity("rad/s")]
 Time = Annotated[float, Field(gt=0), Quantity("s")]
 Inertia = Annotated[float, Field(gt=0), Quantity("kg m^2")]

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 from pydantic import Field, GetJsonSchemaHandler
 from pydantic_core import core_schema
 
-from gearstab.config.fields import ExactRatio, NameText, Number, Quantity, Section
+from gearstab.config.fields import ExactRatio, NameText, Number, Quantity, Section, Turns
 from gearstab.config.problems import Path
 
 Conflict = tuple[Path, str, str]
@@ -85,7 +85,7 @@ class Force(Section):
         validate_default=True,
         description='r, its frequency over the mesh frequency of the sweep, exact: 1, 0.5 or "1/2".',
     )
-    lag: Number = Field(
+    lag: Turns = Field(
         default=0.0, title="lag of the force", description="It begins this fraction of its own period late (1)."
     )
 

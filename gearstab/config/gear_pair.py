@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
+from gearstab.config.document import Document
 from gearstab.config.fields import Choice, Inertia, Length, Mass, NonNegative, Quantity, Section, Whole
 from gearstab.config.forcing import LoadOfOne, wrong_load
 from gearstab.config.mesh import Conflict, Mesh, exactly_one
@@ -48,6 +49,13 @@ class GearPair(System):
     @classmethod
     def size(cls, raw: dict[str, Any]) -> int:
         return 1
+
+    @classmethod
+    def complete(cls, document: Document, raw: dict[str, Any]) -> None:
+        """The load as a number by itself."""
+        if isinstance(raw.get("load"), int | float | str):
+            raw["load"] = [raw["load"]]
+            document.move(("system", "load"), ("system", "load", 0))
 
     @classmethod
     def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:

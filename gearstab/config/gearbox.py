@@ -183,6 +183,7 @@ class Gearbox(System):
     """A train of rotors, shafts and meshes: rotations, and displacements where rotors have a support."""
 
     mesh_model: ClassVar[type[ToothMesh]] = GearboxMesh
+    needs_units: ClassVar[bool] = True
 
     kind: Literal["gearbox"] = Field(title="kind of system", description="A multistage gearbox, from its teeth.")
     gears: Teeth = Field(
@@ -209,6 +210,11 @@ class Gearbox(System):
         return len(rotors) + 2 * sum(rotor.get("support") is not None for rotor in rotors)
 
     @classmethod
+    def turning(cls, raw: dict[str, Any]) -> list[bool] | None:
+        size, rotors = cls.size(raw), raw.get("rotors")
+        return None if size is None or not rotors else [k < len(rotors) for k in range(size)]
+
+    @classmethod
     def cycles_of_input(cls, raw: dict[str, Any]) -> float | None:
         """Teeth times speed of the first mesh's driver over that of the input."""
         from gearstab.systems.gearbox.build import Train
@@ -231,6 +237,8 @@ class Gearbox(System):
     def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
         """Names that exist, gears that can mesh, a train that hangs together and turns."""
         yield from super().conflicts(raw)
+        if raw.get("units") == "none":
+            yield ("units",), "a gearbox is computed from its teeth, in SI units", "remove it"
         gears = raw.get("gears")
         shared = {key for key, value in gears.items() if value is not None} if isinstance(gears, dict) else set()
         rotors = _mappings(raw.get("rotors"))

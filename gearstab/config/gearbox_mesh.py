@@ -8,7 +8,7 @@ from typing import Annotated, Any, ClassVar
 from pydantic import Field
 
 from gearstab.config.conflicts import Conflict, at_most_one
-from gearstab.config.fields import Choice, Length, NameText, NonNegative, Number, Quantity, Section
+from gearstab.config.fields import Choice, Length, NameText, NonNegative, Quantity, Section, Turns
 from gearstab.config.forcing import TransmissionError
 from gearstab.config.mesh import Mesh
 from gearstab.config.waveforms import Waveform, form_of, kind_of
@@ -72,7 +72,7 @@ class GearboxMesh(Mesh):
     centre_distance: Length | None = Field(
         default=None, title="centre distance", description="C (m); that of a mesh without backlash, if not given."
     )
-    lag: Number = Field(
+    lag: Turns = Field(
         default=0.0, title="mesh lag", description="A pair of teeth enters this fraction of the mesh period late (1)."
     )
     damping_ratio: NonNegative | None = Field(

@@ -117,15 +117,16 @@ def _find_model(document: Document) -> type[System] | None:
 def _read_system(document: Document, model: type[System], source: FilePath) -> _System | None:
     """The sections ``system`` and ``sweep``; None after reporting problems."""
     from gearstab.config import sweep
+    from gearstab.config.dimensions import check_units
+    from gearstab.config.document import value_at
     from gearstab.config.introspection import as_parameters
     from gearstab.config.samples import check_variation
-    from gearstab.config.targets import value_at
     from gearstab.config.validation import as_meant, validate
 
     raw = document.data["system"]
     _name_meshes(document, model)
-    _nest(document)
     contents = _read_matrices(document, source)
+    model.complete(document, raw)
     samples = _read_samples(document, source)
     from_file: dict[str, Any] = {k: v for k, v in contents.items() if k != "damping"}
     if "damping" in contents:
@@ -135,6 +136,7 @@ def _read_system(document: Document, model: type[System], source: FilePath) -> _
     known = set(sweep.base_values(document, layouts))
     for path, message, hint in model.conflicts(as_meant(raw | from_file, model)):
         document.report(("system", *path), message, hint)
+    known |= check_units(document, model, meant, "system", model, known)
     system = validate(document, model, ("system",), known)
     built = [(layout.name, sweep.build(document, layout)) for layout in layouts]
     if system is None:
@@ -158,28 +160,18 @@ def _name_meshes(document: Document, model: type[System]) -> None:
             document.put(("system", "meshes", i, "name"), name, document.where(("system", "meshes", i)))
 
 
-def _nest(document: Document) -> None:
-    """What may be written in short: ``damping`` of a model given as matrices, ``load`` of one coordinate."""
-    system = document.data["system"]
-    if system["kind"] == "gear_pair" and isinstance(system.get("load"), int | float | str):
-        system["load"] = [system["load"]]
-        document.move(("system", "load"), ("system", "load", 0))
-    if system["kind"] == "matrices" and isinstance(system.get("damping"), list):
-        system["damping"] = {"matrix": system["damping"]}
-        document.move(("system", "damping"), ("system", "damping", "matrix"))
-
-
 def _read_matrices(document: Document, source: FilePath) -> dict[str, Array]:
     """What ``system.file`` holds; problems are reported."""
     system = document.data["system"]
     name = system.get("file")
     if system["kind"] != "matrices" or not isinstance(name, str):
         return {}
-    from gearstab.config.model_file import ModelFileError, read_matrices
+    from gearstab.config.files import DataFileError
+    from gearstab.config.model_file import read_matrices
 
     try:
         contents = read_matrices(source.parent / name)
-    except ModelFileError as error:
+    except DataFileError as error:
         document.report(("system", "file"), str(error), error.hint, value=name)
         return {}
     for key in contents:
@@ -199,13 +191,13 @@ def _read_samples(document: Document, source: FilePath) -> dict[Path, Array]:
         name = waveform.get("file")
         if not isinstance(name, str):
             continue
-        from gearstab.config.model_file import ModelFileError
+        from gearstab.config.files import DataFileError
         from gearstab.config.sample_file import read_samples
 
         interpolation = waveform.get("interpolation") or "linear"
         try:
             found[path] = read_samples(source.parent / name, str(waveform.get("kind")), str(interpolation))
-        except ModelFileError as error:
+        except DataFileError as error:
             document.report(("system", *path, "file"), str(error), error.hint, value=name)
     return found
 
@@ -240,7 +232,8 @@ def _read_methods(document: Document) -> Methods | None:
 def _check_range(document: Document, axes: Sequence[Axis]) -> None:
     """Boundaries are sought over a range of the mesh frequency, so that one frequency alone holds none."""
     for axis in axes:
-        if axis.name in ("mesh_frequency", "input_speed") and axis.span[0] == axis.span[1]:
+        numbers = axis.name in ("mesh_frequency", "input_speed") and not isinstance(axis.values, list)
+        if numbers and axis.span[0] == axis.span[1]:
             path = ("sweep", axis.name)
             hint = "give two frequencies or more, or start and stop"
             document.report(path, "is no range, over which boundaries are sought", hint)
@@ -252,7 +245,8 @@ def _read_respond(
     if "respond" not in document.data:
         return None
     if model is not None and model.respond_model is not None:
-        return _read_pair_respond(document)
+        return _read_pair_respond(document, model)
+    from gearstab.config.dimensions import check_units
     from gearstab.config.respond import Initial, Respond, drives, may_part
     from gearstab.config.validation import as_meant, validate
 
@@ -264,7 +258,8 @@ def _read_respond(
         meant = as_meant(section, Respond)
         for path, message, hint in Respond.conflicts(meant, size, drives(known), may_part(known)):
             document.report(("respond", *path), message, hint)
-    respond = validate(document, Respond, ("respond",))
+    wrong = check_units(document, model, known, "respond", Respond) if model else set()
+    respond = validate(document, Respond, ("respond",), wrong)
     if respond is None or size is None:
         return None
     if respond.initial is None:
@@ -273,7 +268,8 @@ def _read_respond(
     return respond.model_copy(update={"initial": Initial(**state)})
 
 
-def _read_pair_respond(document: Document) -> PairRespond | None:
+def _read_pair_respond(document: Document, model: type[System]) -> PairRespond | None:
+    from gearstab.config.dimensions import check_units
     from gearstab.config.respond_pair import PairRespond
     from gearstab.config.validation import as_meant, validate
 
@@ -281,7 +277,8 @@ def _read_pair_respond(document: Document) -> PairRespond | None:
     if isinstance(section, dict):
         for path, message, hint in PairRespond.conflicts(as_meant(section, PairRespond), document.data["system"]):
             document.report(("respond", *path), message, hint)
-    return validate(document, PairRespond, ("respond",))
+    wrong = check_units(document, model, document.data["system"], "respond", PairRespond)
+    return validate(document, PairRespond, ("respond",), wrong)
 
 
 def _config(

@@ -6,17 +6,44 @@ from collections.abc import Iterator
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, StrictStr
+from pydantic import Field, GetCoreSchemaHandler, GetJsonSchemaHandler, StrictStr
+from pydantic_core import core_schema
 
 from gearstab.config.damping import not_square
-from gearstab.config.fields import NameText, Quantity
+from gearstab.config.document import Document, value_at
+from gearstab.config.fields import Choice, NameText, Quantity
 from gearstab.config.forcing import Force, Load, wrong_load
 from gearstab.config.mesh import Conflict, MatrixMesh
+from gearstab.config.problems import Path
 from gearstab.config.system import System
 from gearstab.config.terms import Term
+from gearstab.config.units import UnitError, to_si
 
+UNITS = ("m", "rad")
+TOLD = {"mass": "kg m^2", "stiffness": "N m"}
+"""Matrix -> unit of a diagonal entry that belongs to a rotation."""
 MassEntry = Annotated[float, Quantity("kg", ("kg m", "kg m^2"))]
 StiffnessEntry = Annotated[float, Quantity("N/m", ("N", "N m"))]
+
+
+
+
+class OneForAll:
+    """A list, or its one entry by itself."""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
+        return core_schema.no_info_before_validator_function(
+            lambda value: [value] if isinstance(value, str) else value, handler(source)
+        )
+
+    def __get_pydantic_json_schema__(
+        self, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        plain = handler(schema)
+        return {"anyOf": [plain["items"], plain]}
+
+
+CoordinateUnits = Annotated[list[Annotated[str, Choice("unit of a coordinate", UNITS)]], OneForAll()]
 
 
 class Matrices(System):
@@ -41,6 +68,16 @@ class Matrices(System):
     coordinates: list[NameText] | None = Field(
         default=None, title="coordinates", description="Names of the coordinates; q1, q2, ... without."
     )
+    coordinate_units: CoordinateUnits | None = Field(
+        default=None,
+        title="units of the coordinates",
+        description="m, or rad of rotations: one for all coordinates, or a list of them; m without.",
+    )
+    deflection_unit: Annotated[str, Choice("unit of a mesh deflection", UNITS)] = Field(
+        default="m",
+        title="unit of the mesh deflections",
+        description="m, or rad of meshes whose stiffness is in N m/rad.",
+    )
     meshes: list[MatrixMesh] = Field(title="meshes", min_length=1, description="At least one tooth mesh.")
     terms: list[Term] = Field(
         default=[],
@@ -56,6 +93,33 @@ class Matrices(System):
     def size(cls, raw: dict[str, Any]) -> int | None:
         mass: Any = raw.get("mass")
         return len(mass) or None if isinstance(mass, list | np.ndarray) else None
+
+    @classmethod
+    def turning(cls, raw: dict[str, Any]) -> list[bool] | None:
+        units, size = raw.get("coordinate_units"), cls.size(raw)
+        given = [units] if isinstance(units, str) else units if isinstance(units, list) else ["m"]
+        every = given * (size or 1) if len(given) == 1 else given
+        return [unit == "rad" for unit in every]
+
+    @classmethod
+    def turning_meshes(cls, raw: dict[str, Any]) -> bool:
+        return raw.get("deflection_unit") == "rad"
+
+    @classmethod
+    def complete(cls, document: Document, raw: dict[str, Any]) -> None:
+        """The damping matrix as nested lists by itself, and units of coordinates that those of their inertias tell."""
+        if isinstance(raw.get("damping"), list):
+            raw["damping"] = {"matrix": raw["damping"]}
+            document.move(("system", "damping"), ("system", "damping", "matrix"))
+        size = cls.size(raw) or 0
+        turning = [any(_told(raw.get(name), (k, k), unit) for name, unit in TOLD.items()) for k in range(size)]
+        if raw.get("coordinate_units") is None and any(turning):
+            units = ["rad" if turns else "m" for turns in turning]
+            document.put(("system", "coordinate_units"), units, document.where(("system", "mass")))
+        meshes = raw.get("meshes") if isinstance(raw.get("meshes"), list) else []
+        angles = [_told(mesh, (key,), "N m") for mesh in meshes or [] for key in ("mean_stiffness", "max_stiffness")]
+        if raw.get("deflection_unit") is None and all(cls.turning(raw) or [False]) and any(angles):
+            document.put(("system", "deflection_unit"), "rad", document.where(("system", "meshes")))
 
     @classmethod
     def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
@@ -79,6 +143,12 @@ class Matrices(System):
                 yield from not_square(rows, size, (name,))
         if size is not None:
             yield from _of_size(raw, size)
+        units = raw.get("coordinate_units")
+        if isinstance(units, list) and size is not None and len(units) not in (1, size):
+            yield ("coordinate_units",), f"has {len(units)} entries", f"give {size}, one a coordinate, or one for all"
+        for key in ("coordinate_units", "deflection_unit"):
+            if raw.get("units") == "none" and raw.get(key) not in (None, "m"):
+                yield (key,), "is given for a model without units", "remove it, or units: none"
         names = raw.get("coordinates")
         if isinstance(names, list) and len({str(n) for n in names}) < len(names):
             yield ("coordinates",), "two coordinates have the same name", "give each a name of its own"
@@ -94,6 +164,15 @@ def _terms(terms: Any, size: int | None) -> Iterator[Conflict]:
             yield ("terms", i, "name"), f"two terms are called '{name}'", "give each term a name of its own"
         elif isinstance(name, str):
             seen.add(name)
+
+
+def _told(raw: Any, path: Path, unit: str) -> bool:
+    """Whether the number at a path is a text with a unit of a kind."""
+    text = value_at(raw, path)
+    try:
+        return isinstance(text, str) and to_si(text, (unit,)) is not None
+    except UnitError:
+        return False
 
 
 def _of_size(raw: dict[str, Any], size: int) -> Iterator[Conflict]:

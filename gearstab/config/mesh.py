@@ -15,9 +15,9 @@ from gearstab.config.fields import (
     Flag,
     NameText,
     NonNegative,
-    Number,
     Quantity,
     Section,
+    Turns,
 )
 from gearstab.config.forcing import TransmissionError
 from gearstab.config.waveforms import Form, Waveform, form_of, has_own_mean, kind_of, shape_conflicts
@@ -127,7 +127,7 @@ class SecondMesh(Mesh):
 
     misplaced: ClassVar[dict[str, str]] = {"lag": "give a phasing, which is a lead: phasing = -lag"}
 
-    phasing: Number = Field(
+    phasing: Turns = Field(
         default=0.0,
         title="mesh phasing",
         description="h: this mesh leads the first one by h of its own period (1; Lin & Parker 2002).",
@@ -178,6 +178,6 @@ class MatrixMesh(Mesh):
         validate_default=True,
         description='Frequency of this mesh over that of the sweep, exact: 1, 0.5 or "1/2"; see exact.',
     )
-    lag: Number = Field(
+    lag: Turns = Field(
         default=0.0, title="mesh lag", description="The wave begins this fraction of its own period late (1)."
     )

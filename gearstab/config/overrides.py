@@ -89,12 +89,12 @@ def _names_parameters(path: Path) -> bool:
 
 
 def _index(entries: list[Any], key: str, option: str) -> int:
-    if key.isdigit() and int(key) < len(entries):
+    if key.isdecimal() and int(key) < len(entries):
         return int(key)
     names = [str(entry["name"]) for entry in entries if isinstance(entry, dict) and "name" in entry]
     if key in names:
         return next(i for i, e in enumerate(entries) if isinstance(e, dict) and str(e.get("name")) == key)
-    remedy = nearest(key, names) if names and not key.isdigit() else f"use an index from 0 to {len(entries) - 1}"
+    remedy = nearest(key, names) if names and not key.isdecimal() else f"use an index from 0 to {len(entries) - 1}"
     raise _wrong(option, f"there is no entry '{key}'", remedy)
 
 

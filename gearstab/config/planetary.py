@@ -7,7 +7,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
-from gearstab.config.fields import Choice, Mass, Number, Quantity, Section, Whole
+from gearstab.config.fields import Choice, Mass, Quantity, Section, Turns, Whole
 from gearstab.config.mesh import Conflict, ToothMesh
 from gearstab.config.system import System
 
@@ -86,6 +86,16 @@ class Supports(Section):
     sun_rotation: Support = Field(
         default=0.0, title="rotational support of the sun", description="k_su, torsional stiffness over r_s^2 (N/m)."
     )
+    ring: Support | None = Field(
+        default=None,
+        title="support of the ring",
+        description="k_r of a rigid ring, in every direction of the plane (N/m).",
+    )
+    ring_rotation: Support | None = Field(
+        default=None,
+        title="rotational support of the ring",
+        description="k_ru of a rigid ring, torsional stiffness over r_r^2 (N/m).",
+    )
     ring_radial: Support = Field(
         default=0.0,
         title="radial foundation of the ring",
@@ -140,12 +150,12 @@ class Meshes(Section):
 class Phases(Section):
     """Mesh phases, as lags in periods of the mesh."""
 
-    sun: list[Number] | None = Field(
+    sun: list[Turns] | None = Field(
         default=None,
         title="phase of a sun's mesh",
         description="gamma_sn, one a planet, of the waves of the sun's meshes (1); all 0, in phase, without.",
     )
-    sun_ring: Number | None = Field(
+    sun_ring: Turns | None = Field(
         default=None,
         title="phase of the ring's meshes",
         description="gamma_sr: the ring's mesh of a planet lags its sun's mesh by this (1); 0 or from teeth without.",
@@ -217,6 +227,12 @@ class Planetary(System):
         if isinstance(ring, dict) and ring.get("kind") == "elastic" and ring.get("bending_stiffness") is None:
             remedy = "add k_bend = E J/(R^3 (1 - nu^2)), or make the ring rigid"
             yield ("ring", "bending_stiffness"), "is missing", remedy
+        supports = raw.get("supports")
+        if isinstance(ring, dict) and ring.get("kind") == "elastic" and isinstance(supports, dict):
+            for key in ("ring", "ring_rotation"):
+                if supports.get(key) is not None:
+                    remedy = "give ring_radial and ring_tangential, or make the ring rigid"
+                    yield ("supports", key), "holds a rigid ring, and this one is elastic", remedy
         if raw.get("motion", "planar") == "planar":
             for section, keys in (("masses", ("carrier", "sun")), ("supports", ("planet",))):
                 inner = raw.get(section, {})

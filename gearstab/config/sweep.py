@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from fractions import Fraction
@@ -11,22 +12,18 @@ import numpy as np
 from pydantic import Field
 
 from gearstab.config.axes import Assignment, Axis
-from gearstab.config.document import Document
+from gearstab.config.document import Document, value_at
 from gearstab.config.expansion import Count, Edge, Expansion, Range, Spacing, expand, expand_list
 from gearstab.config.fields import Section
+from gearstab.config.methods import Methods
 from gearstab.config.problems import Path, dotted, nearest
 from gearstab.config.system import System
-from gearstab.config.targets import INPUT_SPEED, MESH_FREQUENCY, Target, TargetError, resolve, value_at
+from gearstab.config.targets import INPUT_SPEED, MESH_FREQUENCY, Target, TargetError, resolve
 
-RESERVED = frozenset(
-    (
-        *("tongue", "side", "mode", "mesh", "dof", "exponent", "mode_p", "mode_q", "harmonic", "kind", "label"),
-        *("growth_rate", "stable", "status", "exponent_real", "exponent_imag"),
-        *("growth_rate_mesh", "growth_rate_interval", "required_damping", "speed_exponent", "holding_torque"),
-        *("center_frequency", "half_width", "boundary_frequency"),
-    )
-)
-"""Names that dimensions and variables of a result have; an axis is a dimension beside them."""
+GROUPS = ("modes", "bench", *Methods.model_fields)
+"""Names of the groups of a result."""
+LONGEST_NAME = 100
+"""Characters of the name of an axis."""
 
 
 class Tie(Section):
@@ -175,9 +172,19 @@ def _report_teeth(document: Document, found: list[Layout]) -> None:
 
 
 def _named_freely(context: Context, name: str, path: Path) -> None:
-    if not name.strip() or "/" in name or name in RESERVED:
-        hint = "choose another name, without '/'"
+    """Report a name that HDF5 cannot hold, or that something else in a result has."""
+    from gearstab.results.variables import taken_names
+
+    plain = name.strip() == name and name not in ("", ".", "..") and not re.search(r"[/\x00-\x1f\x7f]", name)
+    if not plain or len(name) > LONGEST_NAME:
+        hint = f"choose another name, of at most {LONGEST_NAME} characters and without '/'"
         context.document.report(path, f"'{name}' cannot be the name of an axis", hint, at_key=True)
+    elif name in (MESH_FREQUENCY[0], INPUT_SPEED):
+        message = f"'{name}' is the name of an axis that sets this alone"
+        context.document.report(path, message, "choose another name, such as case", at_key=True)
+    elif name in taken_names() or name in GROUPS:
+        message = f"'{name}' cannot be the name of an axis: results hold something else of that name"
+        context.document.report(path, message, "choose another name", at_key=True)
 
 
 def _tie(context: Context, name: str, path: Path, spec: dict[str, Any]) -> Layout:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from pydantic import Field
 
 from gearstab.config.damping import Damping
-from gearstab.config.fields import Flag, NonNegative, Section
+from gearstab.config.document import Document
+from gearstab.config.fields import Choice, Flag, NonNegative, Section
 from gearstab.config.mesh import Conflict, ToothMesh
 from gearstab.config.names import mesh_items
 from gearstab.config.problems import Path
@@ -25,6 +26,8 @@ class System(Section):
 
     mesh_model: ClassVar[type[ToothMesh]] = ToothMesh
     """Whose rules the meshes follow."""
+    needs_units: ClassVar[bool] = False
+    """Whether numbers of its own, of materials say, are in SI units."""
     respond_model: ClassVar[type[Section] | None] = None
     """The section ``respond`` of this kind, None where it is that of linear systems."""
 
@@ -36,6 +39,11 @@ class System(Section):
     damping: Damping | None = Field(
         default=None, title="damping", description="Other forms of damping; or give damping_ratio."
     )
+    units: Annotated[str, Choice("system of units", ("SI", "none"))] = Field(
+        default="SI",
+        title="units",
+        description="SI, or none: the numbers have no units, and results say none.",
+    )
     allow_negative_stiffness: Flag = Field(
         default=False,
         title="negative stiffness allowed",
@@ -46,6 +54,20 @@ class System(Section):
     def size(cls, raw: dict[str, Any]) -> int | None:
         """Number of coordinates, None where it cannot be told."""
         raise NotImplementedError
+
+    @classmethod
+    def turning(cls, raw: dict[str, Any]) -> Sequence[bool] | None:
+        """Which coordinates are rotations in rad, the others displacements in m; None where it cannot be told."""
+        return [False] * (cls.size(raw) or 0)
+
+    @classmethod
+    def turning_meshes(cls, raw: dict[str, Any]) -> bool:
+        """Whether mesh deflections are angles, so that mesh stiffnesses are torsional."""
+        return False
+
+    @classmethod
+    def complete(cls, document: Document, raw: dict[str, Any]) -> None:
+        """Write out what may be written in short, in the section as written."""
 
     @classmethod
     def variant(cls, raw: dict[str, Any]) -> type[System]:

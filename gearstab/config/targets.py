@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Annotated, Any
+from dataclasses import dataclass, replace
+from typing import Annotated, Any, get_args
 
 import numpy as np
 from pydantic import TypeAdapter
 from pydantic.fields import FieldInfo
 
-from gearstab.config.fields import AngularFrequency, Ratio
+from gearstab.config.dimensions import quantity_at
+from gearstab.config.document import value_at
+from gearstab.config.fields import AngularFrequency, Quantity, Ratio
 from gearstab.config.introspection import axis_choice, entry_type, field_types, inner_type, is_model, number_kind
 from gearstab.config.mesh import Mesh, ToothMesh
 from gearstab.config.names import BUT_THE_FIRST, EVERY_MESH, RIVALS, mesh_items
@@ -79,6 +81,20 @@ def resolve(name: str, model: type[System], raw: dict[str, Any]) -> list[Target]
 
     Raises TargetError for a name that stands for none.
     """
+    return [_fitted(target, model, raw) for target in _named(name, model, raw)]
+
+
+def _fitted(target: Target, model: type[System], raw: dict[str, Any]) -> Target:
+    """With the units that the number has in this very system."""
+    kind = number_kind(target.annotation)
+    if not isinstance(kind, Quantity):
+        return target
+    wanted = quantity_at(model, raw, target.paths[0], kind)
+    parts = get_args(target.annotation)
+    return replace(target, annotation=Annotated[tuple(wanted if part is kind else part for part in parts)])
+
+
+def _named(name: str, model: type[System], raw: dict[str, Any]) -> list[Target]:
     if name == "mesh_frequency":
         return [Target((MESH_FREQUENCY,), AngularFrequency, "mesh frequency")]
     if name == INPUT_SPEED and (cycles := model.cycles_of_input(raw)) is not None:
@@ -87,7 +103,7 @@ def resolve(name: str, model: type[System], raw: dict[str, Any]) -> list[Target]
     if name in EVERY_MESH + BUT_THE_FIRST and name not in model.model_fields:
         return _of_meshes(name, model, raw)
     parts = name.split(".")
-    if model.__name__ == "Matrices" and parts[0] == "damping" and len(parts) == 3 and parts[1].isdigit():
+    if model.__name__ == "Matrices" and parts[0] == "damping" and len(parts) == 3 and parts[1].isdecimal():
         parts.insert(1, "matrix")
     return [_walk(name, parts, model, raw)]
 
@@ -180,14 +196,14 @@ def _default(field: FieldInfo, name: str) -> Any:
 
 def _index(name: str, part: str, path: Path, value: Any, entry: Any) -> int:
     entries = list(value) if isinstance(value, list | np.ndarray) else []
-    if not part.isdigit() and is_model(entry) and "name" in entry.model_fields:
+    if not part.isdecimal() and is_model(entry) and "name" in entry.model_fields:
         names = [mesh.get("name") if isinstance(mesh, dict) else None for mesh in entries]
         if part not in names:
             choices = [name.replace(part, str(known)) for known in names if known is not None]
             what = "mesh" if issubclass(entry, Mesh) else "entry"
             raise TargetError(f"there is no {what} '{part}'", nearest(name, choices))
         return names.index(part)
-    if not part.isdigit():
+    if not part.isdecimal():
         raise TargetError("unknown parameter", f"{dotted(path)} is a list: use an index from 0 on")
     if int(part) >= len(entries):
         if not entries:
@@ -203,16 +219,6 @@ def _mirrored(path: Path) -> tuple[Path, ...]:
     if path[0] not in ("mass", "stiffness", "damping") or row == column or not isinstance(row, int):
         return (path,)  # a number of other forms of damping stands below a name
     return (path, counterpart)
-
-
-def value_at(raw: Any, path: Path) -> Any:
-    """The value at a path of nested mappings, lists and arrays; None where there is none."""
-    for part in path:
-        try:
-            raw = raw[part]
-        except (TypeError, LookupError):
-            return None
-    return raw
 
 
 def candidates(model: type[System], raw: dict[str, Any]) -> list[str]:

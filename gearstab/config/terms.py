@@ -8,7 +8,7 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from gearstab.config.conflicts import Conflict
-from gearstab.config.fields import AnyRatio, ContactRatio, Flag, NameText, Number, Quantity, Section
+from gearstab.config.fields import AnyRatio, ContactRatio, Flag, NameText, Number, Quantity, Section, Turns
 from gearstab.config.waveforms import Waveform, form_of, kind_of, shape_conflicts
 
 OfStiffness = Annotated[float, Quantity("N/m", ("N", "N m"))]
@@ -94,7 +94,7 @@ class Term(Section):
         validate_default=True,
         description='Its frequency over the mesh frequency of the sweep, exact: 1, 0.5 or "1/2"; see exact.',
     )
-    lag: Number = Field(
+    lag: Turns = Field(
         default=0.0, title="lag of a term", description="It begins this fraction of its own period late (1)."
     )
 

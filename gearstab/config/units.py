@@ -10,17 +10,23 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     import pint
 
-NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*\Z", re.DOTALL)
+NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*\Z", re.DOTALL | re.ASCII)
+COMMAS = re.compile(r"\s*([-+]?)(\d[\d.]*|),(\d[\d.,]*)(.*)", re.DOTALL)
+"""A number with a comma: sign, what stands before and behind the comma, and the rest."""
 NEWTON_METRE = re.compile(r"\b([kM]?N)m\b")
 """pint reads "Nm" as number times metre."""
+PER_CENT = ("%", "percent", "per cent")
+ANGLES = ("radian", "degree", "turn", "grade", "arcminute", "arcsecond")
+"""Names of pint's, which have prefixes before them."""
+TURNING = (*ANGLES, "hertz", "revolutions_per_minute", "revolutions_per_second")
 
 MEANING = {
     "kg": "a mass",
     "kg m": "a mass times a length",
     "kg m^2": "a moment of inertia",
     "N/m": "a stiffness",
-    "N": "a stiffness between a rotation and a translation",
-    "N m": "a torsional stiffness (per rad)",
+    "N": "a force",
+    "N m": "a torque or torsional stiffness (per rad)",
     "N s/m": "a viscous damping",
     "N s": "a damping between a rotation and a translation",
     "N m s": "a torsional damping (per rad/s)",
@@ -30,6 +36,9 @@ MEANING = {
     "m": "a length",
     "rad": "an angle",
     "m/s": "a velocity",
+    "Pa": "a pressure",
+    "Pa s": "a viscosity",
+    "kg/m^3": "a density",
 }
 """The SI units of the fields and what they measure."""
 
@@ -42,6 +51,10 @@ class UnitError(ValueError):
         self.hint = hint
 
 
+class DimensionError(UnitError):
+    """The unit is known, and of something else."""
+
+
 @cache
 def _registry() -> pint.UnitRegistry[Any]:
     import pint
@@ -49,12 +62,15 @@ def _registry() -> pint.UnitRegistry[Any]:
     return pint.UnitRegistry()
 
 
-def to_si(text: str, units: tuple[str, ...]) -> float:
+def to_si(text: str, units: tuple[str, ...], turns: bool = False) -> float:
     """The number of a text such as ``"25 mm"`` in the first of ``units`` that fits.
 
-    units: SI units a field accepts, none for a dimensionless one. A frequency in Hz counts cycles: for a field in rad/s
-    it is multiplied by 2 pi, as rpm are by 2 pi/60. Raises UnitError.
+    units: SI units a field accepts, none for a dimensionless one, which takes per cent. turns: whether it is a fraction
+    of a turn and takes angles too. A frequency in Hz counts cycles: for a field in rad/s it is multiplied by 2 pi, as
+    rpm are by 2 pi/60; 1/s and 1/min say neither, and are refused. Raises UnitError.
     """
+    if found := COMMAS.match(text):
+        raise _comma(*found.groups())
     found = NUMBER.match(text)
     if not found:
         with_unit = f', or one with a unit such as "0.5 {units[0]}"' if units else ""
@@ -67,21 +83,53 @@ def to_si(text: str, units: tuple[str, ...]) -> float:
             "is a text without a unit", f'write {found[1]} without quotes, or add a unit: "{found[1]} {units[0]}"'
         )
     if not units:
-        raise UnitError("is dimensionless and takes no unit", f"write {found[1]}")
-    quantity = _quantity(value, unit, units)
+        return _dimensionless(value, unit, turns)
+    quantity = _quantity(value, unit, f'use a unit such as "{units[0]}"')
     for wanted in units:
-        if quantity.is_compatible_with(wanted):
+        if quantity.is_compatible_with(wanted) and _says_angles(quantity, wanted):
             return float(quantity.to(wanted).magnitude) * _turns(quantity, wanted)
+    if "rad/s" in units and quantity.is_compatible_with("rad/s"):
+        raise UnitError("does not say whether it counts radians or turns", 'use a unit such as "rad/s", "rpm" or "Hz"')
     expected = " or ".join(f"{MEANING[u]} in {u}" for u in units)
-    raise UnitError("has the wrong dimension", f"give {expected}, or another unit of it")
+    raise DimensionError("has the wrong dimension", f"give {expected}, or another unit of it")
 
 
-def _quantity(value: float, unit: str, units: tuple[str, ...]) -> Any:
+def _comma(sign: str, whole: str, fraction: str, rest: str) -> UnitError:
+    """What is said of a number with commas, of which some may separate thousands."""
+    if not fraction.isdecimal() or "." in whole:
+        return UnitError("has commas in a number", "use a decimal point, and no separators of thousands")
+    decimal = f"use a decimal point: {sign}{whole or 0}.{fraction}{rest.rstrip()}"
+    if len(fraction) == 3 and whole.strip("0"):
+        return UnitError("has a decimal comma", f"{decimal}, or {sign}{whole}{fraction} if it separates thousands")
+    return UnitError("has a decimal comma", decimal)
+
+
+def _dimensionless(value: float, unit: str, turns: bool) -> float:
+    """A number in per cent or, where it is a fraction of a turn, an angle."""
+    if unit in PER_CENT:
+        return value / 100
+    allowed = "a plain number, or per cent, or an angle" if turns else "a plain number, or per cent"
+    hint = f"write {allowed}{', of which 360 deg are 1' if turns else ''}"
+    quantity = _quantity(value, unit, hint)
+    if turns and quantity.is_compatible_with("rad") and _says_angles(quantity, "rad"):
+        return float(quantity.to("rad").magnitude) / (2 * math.pi)
+    raise DimensionError("is dimensionless" + (" but for an angle" if turns else "") + f" and takes no '{unit}'", hint)
+
+
+def _quantity(value: float, unit: str, hint: str) -> Any:
     registry = _registry()
     try:
         return registry.Quantity(value, registry.parse_units(NEWTON_METRE.sub(r"\1 m", unit)))
     except Exception:  # pint lets errors of its tokeniser and its arithmetic through
-        raise UnitError(f"has the unknown unit '{unit}'", f'use a unit such as "{units[0]}"') from None
+        raise UnitError(f"has the unknown unit '{unit}'", hint) from None
+
+
+def _says_angles(quantity: Any, wanted: str) -> bool:
+    """Whether a quantity in rad or rad/s counts angles; pint takes per cent for one and 1/min for the other."""
+    if wanted not in ("rad", "rad/s"):
+        return True
+    names = ANGLES if wanted == "rad" else TURNING
+    return any(str(name).endswith(names) for name, _ in quantity.unit_items())
 
 
 def _turns(quantity: Any, wanted: str) -> float:

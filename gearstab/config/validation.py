@@ -107,7 +107,11 @@ def _report_one(document: Document, detail: Any, model: Any, path: Path) -> None
         description = parent.model_fields[loc[-1]].description or ""
         document.report(here, "is missing", f"add {loc[-1]}: {description.rstrip('.')}")
     elif detail["type"] == "extra_forbidden":
-        document.report(here, "unknown key", _right_key(str(loc[-1]), parent), at_key=True)
+        key = str(loc[-1])
+        # In braces a comma begins the next entry: {start: 0,35} has the keys start and 35.
+        comma = key.isdecimal() and detail["input"] is None
+        hint = "write a decimal point if this follows a decimal comma" if comma else _right_key(key, parent)
+        document.report(here, "unknown key", hint, at_key=True)
     elif detail["type"] == "too_long" and not is_model(bare(type_at(model, loc))):
         _wrong_count(document, here, type_at(model, loc))
     else:

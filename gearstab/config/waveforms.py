@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from pydantic import Field, GetCoreSchemaHandler, GetJsonSchemaHandler, StrictStr
-from pydantic_core import core_schema
+from pydantic_core import PydanticCustomError, core_schema
 
 from gearstab.config.conflicts import Conflict, at_most_one, exactly_one
 from gearstab.config.fields import Choice, NonNegative, Number, Quantity, Section, Whole
@@ -20,11 +20,14 @@ NARROWEST = 1e-9
 """Distance of two samples; closer ones make slopes that double precision cannot hold."""
 
 
+POSITION = Quantity(turns=True)
+
+
 class Position:
-    """A finite number that no axis sets."""
+    """A fraction of a turn that no axis sets."""
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
-        return core_schema.no_info_before_validator_function(Quantity().number, handler(source))
+        return core_schema.no_info_before_validator_function(POSITION.number, handler(source))
 
     def __get_pydantic_json_schema__(
         self, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler
@@ -172,10 +175,11 @@ def _samples(raw: dict[str, Any], kind: str, form: Form) -> Iterator[Conflict]:
         yield ("phase",), "file is given already", "keep one of file, phase"
     elif stiffness is not None and phase is None:
         yield ("phase",), "is missing", "add phase: one number for each stiffness"
-    if isinstance(phase, list) and _numbers(phase) and isinstance(stiffness, list):
-        if len(phase) != len(stiffness):
-            yield ("stiffness",), f"has {len(stiffness)} entries", f"give {len(phase)}, one a phase"
-        elif found := wrong_phase(phase, kind, str(raw.get("interpolation") or "linear")):
+    positions = _positions(phase)
+    if positions is not None and isinstance(stiffness, list):
+        if len(positions) != len(stiffness):
+            yield ("stiffness",), f"has {len(stiffness)} entries", f"give {len(positions)}, one a phase"
+        elif found := wrong_phase(positions, kind, str(raw.get("interpolation") or "linear")):
             index, message, hint = found
             yield ("phase",) if index is None else ("phase", index), message, hint
 
@@ -210,10 +214,14 @@ def wrong_phase(phase: Sequence[float], kind: str, interpolation: str) -> tuple[
     return None
 
 
-def _numbers(values: list[Any]) -> bool:
-    """Whether these are plain numbers; what else they may be is reported value by value."""
-    plain = all(isinstance(v, int | float) and not isinstance(v, bool) for v in values)
-    return plain and all(v == v and abs(v) < float("inf") for v in values)
+def _positions(phase: Any) -> list[float] | None:
+    """The phases of samples; None where there is no list, or something in it that is reported value by value."""
+    if not isinstance(phase, list):
+        return None
+    try:
+        return [POSITION.number(value) for value in phase]
+    except PydanticCustomError:
+        return None
 
 
 def kind_of(waveform: Any) -> str:

@@ -75,7 +75,8 @@ def constant(part: Part, exponents: bool) -> Solution:
     rate = pattern.elastic.rate[:, None]
     if pattern.elastic.damping is None:
         frequency = np.sqrt(pattern.squared_frequency[:, 0])
-        values = 1j * np.concatenate([frequency, -frequency], axis=1) - pattern.elastic.shift[:, None]
+        # The sum has no negative zeros, as 1j times a negative number and the negative of no shift have.
+        values = (0.0 - pattern.elastic.shift[:, None]) + 1j * np.concatenate([frequency, -frequency], axis=1)
     else:
         values = damped.generators(pattern, pattern.elastic.damping).eigen[0][:, 0]
     growth = np.repeat(values.real.max(axis=1, initial=-np.inf)[:, None], part.omega.shape[1], axis=1)

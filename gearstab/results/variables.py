@@ -1,7 +1,7 @@
 """What a result file can hold: one line a variable, with its dimensions, type, units and long name.
 
-Units are SI, as everywhere inside the program: a configuration in plain numbers is read as if they were SI numbers, so
-that a dimensionless model's frequencies are marked ``rad/s`` and its times ``s``. ``1`` is dimensionless.
+Units are SI, as everywhere inside the program; :mod:`gearstab.results.units` replaces them by what the coordinates of
+a system have, and by 1 in a model without units (``system.units: none``). ``1`` is dimensionless.
 """
 
 from __future__ import annotations
@@ -350,3 +350,10 @@ PAIR_RESPONSE = (
     Variable("status", (), "i2", "1", "how the run went; 0: complete"),
 )  # fmt: skip
 """Of a gear pair whose mesh stiffness depends on its rotation."""
+
+
+def taken_names() -> frozenset[str]:
+    """Names of all variables and dimensions of this module: an axis of one of them could not stand beside it."""
+    tables = [table if isinstance(table, tuple) else (table,) for table in globals().values()]
+    known = [item for table in tables for item in table if isinstance(item, Variable)]
+    return frozenset(name for variable in known for name in (variable.name, *variable.dims))

@@ -69,7 +69,7 @@ def axis_fields(axis: Axis, config: Config) -> list[Field]:
 def units_and_name(name: str, config: Config) -> tuple[str, str]:
     """The unit of a parameter and what it is; a name that says nothing to the kind of system stands for itself."""
     try:
-        (target,) = resolve(name, KINDS[config.kind], config.parameters)
+        (target,) = resolve(name, KINDS[config.kind].variant(config.parameters), config.parameters)
     except TargetError:
         return "1", name
     return target.unit, target.title

@@ -5,6 +5,7 @@ array of batch shape, and uses array operations only, so that every number of a 
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 from gearstab.system import GearSystem
@@ -20,8 +21,12 @@ BUILDERS: dict[str, Callable[[dict[str, Any]], GearSystem]] = {
 
 
 def build(parameters: dict[str, Any]) -> GearSystem:
-    """Build the system of ``parameters["kind"]``; see the file of that kind for its parameters."""
-    return BUILDERS[parameters["kind"]](parameters)
+    """Build the system of ``parameters["kind"]``; see the file of that kind for its parameters.
+
+    With ``units: none`` nothing in it has a unit.
+    """
+    system = BUILDERS[parameters["kind"]](parameters)
+    return replace(system, dimensionless=("mass", "length", "time")) if parameters.get("units") == "none" else system
 
 
 __all__ = ["BUILDERS", "build"]

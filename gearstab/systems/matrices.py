@@ -17,7 +17,8 @@ def build(p: dict[str, Any]) -> GearSystem:
     Parameters: ``mass``, ``stiffness`` (K0, without meshes) as nested numbers or arrays, damping, ``meshes`` with
     ``direction`` g_i, ``frequency_ratio`` Omega_i/Omega (a Fraction) and ``lag`` (fraction of the mesh's own period),
     ``load`` and ``forces`` (:func:`~gearstab.systems.assembly.driven`) and ``terms``
-    (:func:`~gearstab.systems.terms.periodic_terms`).
+    (:func:`~gearstab.systems.terms.periodic_terms`); ``coordinate_units`` (one for all, or one a coordinate) and
+    ``deflection_unit``, m or rad.
     """
     mass = assembly.matrix(p["mass"])
     meshes = tuple(
@@ -26,5 +27,10 @@ def build(p: dict[str, Any]) -> GearSystem:
     )
     names = tuple(p.get("coordinates") or (f"q{i + 1}" for i in range(mass.shape[-1])))
     stiffness, terms = assembly.matrix(p["stiffness"]), periodic_terms(p)
-    system = GearSystem(mass, stiffness, meshes, coordinates=names, terms=terms)
+    units = tuple(p.get("coordinate_units") or ("m",))
+    units = units * len(names) if len(units) == 1 else units
+    deflection = p.get("deflection_unit", "m")
+    system = GearSystem(
+        mass, stiffness, meshes, coordinates=names, terms=terms, units=units, deflection_unit=deflection
+    )
     return assembly.driven(assembly.damped(system, p), p)

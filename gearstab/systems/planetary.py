@@ -40,7 +40,8 @@ def build(p: dict[str, Any]) -> GearSystem:
     the planets' centres move with the carrier: xi_n = 0, eta_n = u_c.
 
     Parameters: ``planets`` N, ``ring`` (``kind`` rigid or elastic, ``harmonics`` J, ``bending_stiffness``), ``motion``,
-    ``masses``, ``inertias`` (I/r^2; the ring's is m_r/cos^2 a_r of a thin rim unless given), ``supports``,
+    ``masses``, ``inertias`` (I/r^2; the ring's is m_r/cos^2 a_r of a thin rim unless given), ``supports`` (``ring`` and
+    ``ring_rotation``, k_r and k_ru of Lin & Parker 1999, hold a rigid ring only),
     ``pressure_angles``, ``meshes`` (``sun``, ``ring``), ``phases`` or ``teeth`` (:mod:`~gearstab.systems.phasing`),
     damping, ``load`` (torques over radii on ``ring``, ``carrier``, ``sun``). ``scaling: dimensionless`` refers masses
     to m_r, stiffnesses to the mean k_rp and so frequencies to sqrt(k_rp/m_r); lengths keep their scale.
@@ -155,15 +156,21 @@ def _of_body(body: str, translation: Any, rotation: Any) -> dict[str, Any]:
 def _stiffness(gear: _Gear, p: dict[str, Any], ring_angle: Array) -> Array:
     """K0: supports, the ring's bending and foundation, and the planet bearings between carrier and planets."""
     supports = p["supports"]
-    radial, tangential = (np.asarray(supports[f"ring_{way}"], dtype=float) for way in ("radial", "tangential"))
-    entries = _of_body("ring", np.pi * (radial + tangential), 2 * np.pi * tangential / np.cos(ring_angle) ** 2)
+    radial, tangential = (_spring(supports, f"ring_{way}") for way in ("radial", "tangential"))
+    moving = np.pi * (radial + tangential) + _spring(supports, "ring")
+    turning = 2 * np.pi * tangential / np.cos(ring_angle) ** 2 + _spring(supports, "ring_rotation")
+    entries = _of_body("ring", moving, turning)
     for body in ("carrier", "sun"):
         entries |= _of_body(body, supports[body], supports[f"{body}_rotation"])
     for m in gear.waves:
         bending = np.asarray(p["ring"]["bending_stiffness"], dtype=float) * (m * (m**2 - 1)) ** 2
         entries |= dict.fromkeys((f"ring_c{m}", f"ring_s{m}"), np.pi * (bending + tangential + m**2 * radial))
-    bearing = np.asarray(supports["planet"] if supports.get("planet") is not None else 0.0, dtype=float)
-    return gear.diagonal(entries) + bearing[..., None, None] * _bearings(gear)
+    return gear.diagonal(entries) + _spring(supports, "planet")[..., None, None] * _bearings(gear)
+
+
+def _spring(supports: dict[str, Any], key: str) -> Array:
+    """The stiffness of a support, 0 where there is none."""
+    return np.asarray(0.0 if supports.get(key) is None else supports[key], dtype=float)
 
 
 def _bearings(gear: _Gear) -> Array:
@@ -238,4 +245,4 @@ def _scaled(system: GearSystem, mass: Array, stiffness: Array) -> GearSystem:
     # All periodic terms of this kind are mesh dampings.
     terms = tuple(replace(term, left=term.left / np.sqrt(m * k)[..., 0]) for term in system.terms)
     scaled = replace(system, mass=system.mass / m, stiffness=system.stiffness / k, damping=damping)
-    return replace(scaled, meshes=tuple(meshes), terms=terms, load=load)
+    return replace(scaled, meshes=tuple(meshes), terms=terms, load=load, dimensionless=("mass", "time"))

@@ -83,6 +83,7 @@ title: Four mesh frequencies in a gearbox of 13 rotors, near twice its fourth na
 system:
   kind: matrices
   coordinates: [{", ".join(COORDINATES)}]
+  coordinate_units: rad
   mass:
 {rows(np.diag(inertia))}
   stiffness:

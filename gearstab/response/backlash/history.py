@@ -162,8 +162,11 @@ def _assembled(system: GearSystem, run: Run, start: tuple[Array, Array]) -> Back
     pushed = bool(unbalanced(motion.drive, next(bases(system)))[0])
     flags = (linear.flags & ~RESPONSE_FLAGS["separation"]) | run.flags | RESPONSE_FLAGS["unbalanced"] * pushed
     kept = len(linear.time)
+    shared = {name: getattr(linear, name) for name in Response.__dataclass_fields__ if name != "flags"}
+    # No stiffness times a negative deflection is a negative zero.
+    shared["mesh_force"] = np.where(contact[:kept] == APART, 0.0, linear.mesh_force)
     return BacklashResponse(
-        **{name: getattr(linear, name) for name in Response.__dataclass_fields__ if name != "flags"},
+        **shared,
         flags=flags,
         mesh_velocity=v[:kept] @ directions.T,
         contact=contact[:kept],

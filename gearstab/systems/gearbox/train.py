@@ -16,6 +16,9 @@ class TrainError(NotPossible):
         super().__init__(message, remedy)
         self.where = where
 
+    def __str__(self) -> str:
+        return f"{'.'.join(map(str, ('system', *self.where)))}: {super().__str__()}"
+
 
 @dataclass(frozen=True)
 class Link:
