@@ -30,7 +30,7 @@ from gearstab.config.mesh import Named, ToothMesh
 from gearstab.config.problems import Path
 from gearstab.config.system import System
 
-TorsionalStiffness = Annotated[float, Field(gt=0), Quantity("N m", ("N m/rad",))]
+TorsionalStiffness = Annotated[float, Field(gt=0), Quantity("N m")]
 Torque = Annotated[float, Field(gt=0), Quantity("N m")]
 PressureAngle = Annotated[float, Field(gt=0, lt=0.7853), Quantity("rad")]
 Pressure = Annotated[float, Field(gt=0), Quantity("Pa")]
@@ -262,7 +262,7 @@ def _mappings(entries: Any) -> list[tuple[int, dict[str, Any]]]:
 def _names(raw: dict[str, Any], rotors: dict[str, dict[str, Any]]) -> Iterator[Conflict]:
     """Each rotor and shaft has a name of its own; shafts, meshes, input and outputs name rotors that exist."""
     for section in ("rotors", "shafts"):
-        names = Counter(item.get("name") for _, item in _mappings(raw.get(section)))
+        names = Counter(str(item.get("name")) for _, item in _mappings(raw.get(section)))
         for i, item in _mappings(raw.get(section)):
             if isinstance(item.get("name"), str) and names[item["name"]] > 1:
                 names[item["name"]] = 0
@@ -323,7 +323,7 @@ def _torques(raw: dict[str, Any]) -> Iterator[Conflict]:
         message = "follows from the torques of the outputs"
         yield ("input", "torque"), message, "remove it, or the torques of the outputs"
     ends = [(("outputs", i, "rotor"), item.get("rotor")) for i, item in _mappings(raw.get("outputs"))]
-    seen = {raw["input"].get("rotor"): "the input"} if isinstance(raw.get("input"), dict) else {}
+    seen = {str(raw["input"].get("rotor")): "the input"} if isinstance(raw.get("input"), dict) else {}
     for path, name in ends:
         if isinstance(name, str) and name in seen:
             yield path, f"rotor '{name}' is {seen[name]} already", "name another rotor, or add the torques up"
