@@ -12,11 +12,13 @@ from gearstab.config.document import Document, value_at
 from gearstab.config.fields import SMALLEST_NUMBER
 from gearstab.config.levels import LEVEL_KEYS, Selection, check_levels, extreme_points
 from gearstab.config.names import mesh_items
-from gearstab.config.problems import Path
+from gearstab.config.plausibility import doubts
+from gearstab.config.problems import Path, Problem
 from gearstab.config.respond_pair import PairRespond
 from gearstab.config.targets import MESH_FREQUENCY
 from gearstab.config.train import check_train
 from gearstab.modal import RIGID_TOLERANCE, eigenmodes
+from gearstab.system import GearSystem
 from gearstab.systems import build
 from gearstab.systems.assembly import matrix
 
@@ -28,14 +30,20 @@ DEFINITE_TOLERANCE = 1e-14
 """A mass matrix, scaled to a diagonal of ones, with a lower eigenvalue has no inverse in double precision."""
 
 
-def check(document: Document, config: Config) -> None:
-    """Report what cannot exist anywhere on the grid, or at the base values where a response asks for them."""
+def check(document: Document, config: Config) -> list[Problem]:
+    """Report what cannot exist anywhere on the grid, or at the base values where a response asks for them.
+
+    Returns what can, and is hardly what was meant.
+    """
     if config.kind == "gearbox":
         check_train(document, config)
     else:
         _check_system(document, config)
-    if not document.problems:
-        _check_phases(document, config)
+    if document.problems:
+        return []
+    system = build(config.parameters)
+    _check_phases(document, config, system)
+    return doubts(document, config, system)
 
 
 def _check_system(document: Document, config: Config) -> None:
@@ -48,9 +56,8 @@ def _check_system(document: Document, config: Config) -> None:
         _check_definite(document, config)
 
 
-def _check_phases(document: Document, config: Config) -> None:
+def _check_phases(document: Document, config: Config, system: GearSystem) -> None:
     """Mesh frequencies so low that phase and decay of a vibration after a period are beyond double precision."""
-    system = build(config.parameters)
     if not system.commensurate:
         return
     found = [

@@ -27,7 +27,7 @@ from gearstab.config.fields import (
 from gearstab.config.gearbox_mesh import LUBRICATED, GearboxMesh
 from gearstab.config.gearbox_teeth import missing_of_teeth
 from gearstab.config.mesh import Named, ToothMesh
-from gearstab.config.problems import Path
+from gearstab.config.problems import Path, nearest
 from gearstab.config.system import System
 
 TorsionalStiffness = Annotated[float, Field(gt=0), Quantity("N m")]
@@ -248,7 +248,7 @@ class Gearbox(System):
         for i, shaft in _mappings(raw.get("shafts")):
             for path, message, hint in Shaft.conflicts(shaft):
                 yield ("shafts", i, *path), message, hint
-        named = {str(rotor.get("name")): rotor for _, rotor in rotors}
+        named = {rotor["name"]: rotor for _, rotor in rotors if isinstance(rotor.get("name"), str)}
         yield from _names(raw, named)
         yield from missing_of_teeth(raw, shared)
         yield from _lubricated(raw)
@@ -291,7 +291,7 @@ def _rotor(
     if not isinstance(name, str) or not rotors:
         return
     if name not in rotors:
-        yield path, f"there is no rotor '{name}'", f"name one of {', '.join(rotors)}"
+        yield path, f"there is no rotor '{name}'", nearest(name, rotors)
     elif geared and rotors[name].get("teeth") is None:
         yield path, f"rotor '{name}' has no teeth", "name a gear, or give the rotor teeth"
 
