@@ -136,3 +136,23 @@ def test_commands_say_it_on_standard_error(tmp_path, monkeypatch, command):
     if name in ("sweep", "respond"):
         quiet = CliRunner().invoke(group, [name, "scene.yaml", *rest, "-q"])
         assert "warning: scene" not in quiet.stderr
+
+
+EQUAL = [
+    "sweep.epsilon={start: 0.1, stop: 0.1, num: 3}",
+    "sweep.epsilon=[0.1, 0.2, 0.1]",
+    "sweep.mesh_frequency=[2, 2]",
+]
+
+
+@pytest.mark.parametrize("kind", [[], ["--kind", "map"], ["--kind", "curve"]], ids=["default", "map", "curve"])
+@pytest.mark.parametrize("override", EQUAL)
+def test_results_with_equal_values_on_an_axis_are_drawn(tmp_path, override, kind):
+    """A figure or a line that says what it needs; no warning of matplotlib's, which would be an error here."""
+    path, out = tmp_path / "scene.yaml", tmp_path / "out.h5"
+    path.write_text(PAIR)
+    done = CliRunner().invoke(group, ["sweep", str(path), "-o", str(out), "-j", "1", "--set", override])
+    assert done.exit_code == 0, done.output
+    drawn = CliRunner().invoke(group, ["plot", str(out), "-o", str(tmp_path / "a.png"), *kind])
+    assert drawn.exit_code in ((0, 2) if kind else (0,)), drawn.output
+    assert drawn.exception is None or isinstance(drawn.exception, SystemExit)
