@@ -454,7 +454,7 @@ def test_files_that_cannot_be_read(tmp_path) -> None:
     assert "entry 1 of stiffness is not finite" in found("k.h5")
     with h5py.File(tmp_path / "k.h5", "w") as file:
         file["phase"], file["stiffness"] = np.array([0, 0.3]), np.array([[1.0, 2.0]])
-    assert "phase has the shape (2,), stiffness (1, 2)" in found("k.h5")
+    assert "stiffness (1, 2)" in found("k.h5")
 
 
 def test_the_digest_is_that_of_the_content(tmp_path) -> None:

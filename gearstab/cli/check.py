@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gearstab.cli.errors import user_errors
+from gearstab.cli.errors import user_errors, warn
 
 if TYPE_CHECKING:
     from gearstab.config import Config
@@ -29,6 +29,7 @@ def command(config: Path, overrides: tuple[str, ...]) -> None:
             from gearstab.systems import build
 
             check(found, build(found.parameters))
+    warn(found)
     click.echo(f"{config}: {summary(found)}")
 
 

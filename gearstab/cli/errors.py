@@ -5,10 +5,14 @@ from __future__ import annotations
 import errno
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
 import click
 
 from gearstab.errors import FAILED, WRONG_INPUT, UserError
+
+if TYPE_CHECKING:
+    from gearstab.config import Config
 
 
 @contextmanager
@@ -39,3 +43,9 @@ def text(error: Exception) -> str:
     if isinstance(error, OSError) and error.filename is not None:
         return f"{error.filename}: {(error.strerror or 'cannot be used').lower()}"
     return str(error)
+
+
+def warn(config: Config) -> None:
+    """Print what is hardly meant in a configuration on standard error."""
+    for doubt in config.doubts:
+        click.echo(f"warning: {doubt}", err=True)

@@ -28,12 +28,13 @@ HARMONICS = 3
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def command(config: Path, overrides: tuple[str, ...], harmonics: int | None, as_json: bool) -> None:
     """Show natural frequencies, modes and the tongues that perturbation theory predicts for CONFIG."""
-    from gearstab.cli.errors import user_errors
+    from gearstab.cli.errors import user_errors, warn
 
     with user_errors():
         from gearstab.config import load
 
         loaded = load(config, overrides)
+    warn(loaded)
     facts = describe(loaded, harmonics)
     if as_json:
         import json

@@ -29,7 +29,7 @@ MOST_NUMBERS = 250_000_000
 @click.option("-q", "--quiet", is_flag=True, help="No messages but errors.")
 def command(config: Path, output: Path | None, overrides: tuple[str, ...], quiet: bool) -> None:
     """Compute the response that the section `respond` of CONFIG describes and write it to a file."""
-    from gearstab.cli.errors import user_errors
+    from gearstab.cli.errors import user_errors, warn
 
     with user_errors():
         from gearstab.config import load
@@ -39,6 +39,8 @@ def command(config: Path, output: Path | None, overrides: tuple[str, ...], quiet
         refuse_inputs(out, config)
         loaded = load(config, overrides, needs=("respond",))
         refuse_foreign(out)
+        if not quiet:
+            warn(loaded)
         found = respond(loaded, out)
     if not quiet:
         click.echo(summary(found, out), err=True)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gearstab.cli.errors import user_errors
+from gearstab.cli.errors import user_errors, warn
 
 if TYPE_CHECKING:
     from gearstab.config import Axis
@@ -58,6 +58,7 @@ def command(
         refuse_inputs(target, config)
         planned = plan(load(config, overrides, needs=("sweep", "methods")))
         if not quiet:
+            warn(planned.config)
             for note in notes(planned):
                 click.echo(f"note: {note}", err=True)
         if dry_run:

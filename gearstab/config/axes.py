@@ -78,6 +78,7 @@ class Config:
     axes: in the order of ``sweep``, none without that section; methods and respond: their sections.
     tree: the whole document as run, as plain data; contents: what referenced files hold, by name.
     document: the document as written, which knows where everything stands.
+    doubts: what is right and hardly meant, such as lengths without a unit; commands print it.
     """
 
     title: str
@@ -90,6 +91,7 @@ class Config:
     tree: dict[str, Any]
     contents: Mapping[str, Array]
     document: Document = field(repr=False, compare=False)
+    doubts: tuple[Problem, ...] = field(default=(), compare=False)
 
     def problem(self, path: Path, message: str, hint: str) -> Problem:
         """A mistake that shows only when the configuration is used, at its line, with the value given there."""

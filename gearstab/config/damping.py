@@ -10,7 +10,7 @@ from pydantic import Field
 from gearstab.config.fields import NonNegative, Quantity, Section
 from gearstab.config.mesh import Conflict, exactly_one
 
-MatrixEntry = Annotated[float, Quantity("N s/m", ("N s", "N m s"))]
+MatrixEntry = Annotated[float, Quantity("N s/m", ("N s", "N m s"), entry=True)]
 
 
 class Damping(Section):

@@ -9,25 +9,44 @@ import numpy as np
 
 from gearstab.config.axes import Array, Config, parameters_at
 from gearstab.config.document import Document, value_at
+from gearstab.config.fields import SMALLEST_NUMBER
 from gearstab.config.levels import LEVEL_KEYS, Selection, check_levels, extreme_points
 from gearstab.config.names import mesh_items
-from gearstab.config.problems import Path
+from gearstab.config.plausibility import doubts
+from gearstab.config.problems import Path, Problem
+from gearstab.config.respond_pair import PairRespond
+from gearstab.config.targets import MESH_FREQUENCY
 from gearstab.config.train import check_train
 from gearstab.modal import RIGID_TOLERANCE, eigenmodes
+from gearstab.system import GearSystem
 from gearstab.systems import build
 from gearstab.systems.assembly import matrix
 
 SYMMETRY_TOLERANCE = 1e-9
 """Asymmetry of a matrix, relative to its largest entry, that comes from writing it with few digits."""
+LARGEST_PHASE = 1e14
+"""Radians; of larger ones double precision does not hold a hundredth."""
 DEFINITE_TOLERANCE = 1e-14
 """A mass matrix, scaled to a diagonal of ones, with a lower eigenvalue has no inverse in double precision."""
 
 
-def check(document: Document, config: Config) -> None:
-    """Report what cannot exist anywhere on the grid, or at the base values where a response asks for them."""
+def check(document: Document, config: Config) -> list[Problem]:
+    """Report what cannot exist anywhere on the grid, or at the base values where a response asks for them.
+
+    Returns what can, and is hardly what was meant.
+    """
     if config.kind == "gearbox":
         check_train(document, config)
-        return
+    else:
+        _check_system(document, config)
+    if document.problems:
+        return []
+    system = build(config.parameters)
+    _check_phases(document, config, system)
+    return doubts(document, config, system)
+
+
+def _check_system(document: Document, config: Config) -> None:
     # Exact ratios play no part here, and would have to be the same at all points.
     axes = [replace(a, assignments=tuple(item for item in a.assignments if not item.structural)) for a in config.axes]
     config = replace(config, axes=tuple(axes))
@@ -35,6 +54,33 @@ def check(document: Document, config: Config) -> None:
         check_levels(document, config, key)
     if _symmetric(document, config.parameters) and config.kind == "matrices":
         _check_definite(document, config)
+
+
+def _check_phases(document: Document, config: Config, system: GearSystem) -> None:
+    """Mesh frequencies so low that phase and decay of a vibration after a period are beyond double precision."""
+    if not system.commensurate:
+        return
+    found = [
+        (("sweep", axis.name), float(np.min(item.values)))
+        for axis in config.axes
+        for item in axis.assignments
+        if item.path == MESH_FREQUENCY
+    ]
+    if config.respond is not None:
+        key = "speed" if isinstance(config.respond, PairRespond) else "mesh_frequency"
+        found.append((("respond", key), float(getattr(config.respond, key))))
+    factor = np.linalg.inv(np.linalg.cholesky(system.mass))
+    elastic = np.abs(np.linalg.eigvalsh(factor @ system.mean_stiffness_matrix() @ factor.T))
+    viscous = np.zeros(1) if system.damping is None else np.abs(np.linalg.eigvals(factor @ system.damping @ factor.T))
+    fastest = float(max(np.sqrt(elastic.max()), viscous.max()))
+    lowest = 2 * np.pi * float(system.common_period()[0]) * fastest / LARGEST_PHASE
+    for path, frequency in found:
+        if frequency < lowest:
+            message = (
+                f"is too low for double precision at {frequency:.6g}: the fastest vibration or decay, at the rate "
+                f"{fastest:.6g}, does not stand out from rounding over a period"
+            )
+            document.report(path, message, f"choose mesh frequencies above {lowest:.2g}")
 
 
 def _symmetric(document: Document, parameters: dict[str, Any]) -> bool:
@@ -76,6 +122,11 @@ def _check_definite(document: Document, config: Config) -> None:
     parameters = parameters_at(config, selection)
     bare = [{key: value for key, value in item.items() if key != "damping"} for item in parameters["meshes"]]
     system = build(parameters | {"meshes": bare, "damping": None, "damping_ratio": 0.0})
+    lightest = np.min(np.diagonal(system.mass, axis1=-2, axis2=-1))
+    if 0 < lightest < SMALLEST_NUMBER:
+        message = f"has the entry {lightest:.6g} on its diagonal, smaller than of any gear"
+        _report_matrix(document, ("system", "mass"), "mass", message, f"stay above {SMALLEST_NUMBER:g}")
+        return
     singular = _singular(system.mass)
     if np.any(singular):
         where = _axis_of(config, selection, "mass") if np.ndim(singular) else ""

@@ -17,8 +17,11 @@ from gearstab.config.units import PER_CENT, DimensionError, UnitError, to_si
 LARGEST_DENOMINATOR = 1000
 """A decimal number is taken for an exact ratio up to this denominator: 0.6 is 3/5, but 0.6667 is hardly 6667/10000."""
 
-LARGEST_NUMBER = 1e100
-"""Products of three numbers stay within double precision."""
+LARGEST_NUMBER, SMALLEST_NUMBER = 1e30, 1e-30
+"""Of a number, and of one that has a unit and is not zero. No gear is near them, whatever the system of units, and
+products of ten numbers stay within double precision."""
+LARGEST_RATIO = 10**4
+"""Of frequencies or tooth numbers; no train has one beyond it, nor beyond its inverse."""
 LARGEST_TERM = 10**9
 """Of an exact ratio; the common period of the meshes holds as many cycles."""
 
@@ -46,12 +49,14 @@ class Quantity:
 
     unit: the SI unit, "1" for a dimensionless number. others: further units that it has in other coordinates.
     turns: whether it is a fraction of a turn, which may be given as an angle.
+    entry: whether it is one of many, which may be no more than the rounding error of another program.
     advice: what to give instead of a quantity of the wrong dimension.
     """
 
     unit: str = "1"
     others: tuple[str, ...] = ()
     turns: bool = False
+    entry: bool = False
     advice: str = ""
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
@@ -86,7 +91,9 @@ class Quantity:
         if not math.isfinite(result):
             raise wrong("number", "must be a finite number", "write a number")
         if abs(result) > LARGEST_NUMBER:
-            raise wrong("number", "is too large to compute with", f"stay below {LARGEST_NUMBER:g} by a choice of units")
+            raise wrong("number", "is larger than of any gear", f"stay below {LARGEST_NUMBER:g}")
+        if 0 < abs(result) < SMALLEST_NUMBER and self.unit not in ("1", "rad") and not self.entry:
+            raise wrong("number", "is smaller than of any gear", f"stay above {SMALLEST_NUMBER:g}")
         return result
 
 
@@ -97,6 +104,13 @@ def _no_comma(value: Any) -> None:
             to_si(value, ())
         except UnitError as error:
             raise wrong("ratio", str(error), error.hint) from None
+
+
+def _usual_ratio(ratio: Fraction | float) -> None:
+    """Raises a pydantic error for a ratio that no train has."""
+    if not 1 / LARGEST_RATIO <= ratio <= LARGEST_RATIO:
+        limits = f"{1 / LARGEST_RATIO:g} and {LARGEST_RATIO:g}"
+        raise wrong("ratio", f"must lie between {limits}", "write a ratio of frequencies or tooth numbers")
 
 
 @dataclass(frozen=True)
@@ -136,8 +150,7 @@ class Ratio:
             raise wrong("ratio", "must be a number", remedy)
         if number <= 0:
             raise wrong("ratio", "must be > 0", remedy)
-        if not 1 / LARGEST_TERM <= number <= LARGEST_TERM:
-            raise wrong("ratio", f"must lie between {1 / LARGEST_TERM:g} and {LARGEST_TERM:g}", remedy)
+        _usual_ratio(number)
         return number
 
     def __get_pydantic_json_schema__(
@@ -170,6 +183,7 @@ class Ratio:
         if ratio <= 0:
             raise wrong("ratio", "must be > 0", remedy)
         otherwise = f", or {self.sibling}: false if it stands for an irrational number" if self.sibling else ""
+        _usual_ratio(ratio)
         if max(ratio.numerator, ratio.denominator) > LARGEST_TERM:
             raise wrong("ratio", "has too many digits", f"write a ratio of tooth numbers{otherwise}")
         if ratio.denominator > LARGEST_DENOMINATOR and not (isinstance(value, str) and "/" in value):

@@ -14,8 +14,8 @@ from gearstab.config.problems import Path
 Conflict = tuple[Path, str, str]
 """What contradicts itself: path below the section, message, remedy."""
 
-ErrorAmplitude = Annotated[float, Quantity("m", ("rad",))]
-ForceAmplitude = Annotated[float, Quantity("N", ("N m",))]
+ErrorAmplitude = Annotated[float, Quantity("m", ("rad",), entry=True)]
+ForceAmplitude = Annotated[float, Quantity("N", ("N m",), entry=True)]
 Load = list[ForceAmplitude]
 """Constant generalised forces, one a coordinate."""
 

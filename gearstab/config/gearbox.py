@@ -27,10 +27,10 @@ from gearstab.config.fields import (
 from gearstab.config.gearbox_mesh import LUBRICATED, GearboxMesh
 from gearstab.config.gearbox_teeth import missing_of_teeth
 from gearstab.config.mesh import Named, ToothMesh
-from gearstab.config.problems import Path
+from gearstab.config.problems import Path, nearest
 from gearstab.config.system import System
 
-TorsionalStiffness = Annotated[float, Field(gt=0), Quantity("N m", ("N m/rad",))]
+TorsionalStiffness = Annotated[float, Field(gt=0), Quantity("N m")]
 Torque = Annotated[float, Field(gt=0), Quantity("N m")]
 PressureAngle = Annotated[float, Field(gt=0, lt=0.7853), Quantity("rad")]
 Pressure = Annotated[float, Field(gt=0), Quantity("Pa")]
@@ -248,7 +248,7 @@ class Gearbox(System):
         for i, shaft in _mappings(raw.get("shafts")):
             for path, message, hint in Shaft.conflicts(shaft):
                 yield ("shafts", i, *path), message, hint
-        named = {str(rotor.get("name")): rotor for _, rotor in rotors}
+        named = {rotor["name"]: rotor for _, rotor in rotors if isinstance(rotor.get("name"), str)}
         yield from _names(raw, named)
         yield from missing_of_teeth(raw, shared)
         yield from _lubricated(raw)
@@ -262,7 +262,7 @@ def _mappings(entries: Any) -> list[tuple[int, dict[str, Any]]]:
 def _names(raw: dict[str, Any], rotors: dict[str, dict[str, Any]]) -> Iterator[Conflict]:
     """Each rotor and shaft has a name of its own; shafts, meshes, input and outputs name rotors that exist."""
     for section in ("rotors", "shafts"):
-        names = Counter(item.get("name") for _, item in _mappings(raw.get(section)))
+        names = Counter(str(item.get("name")) for _, item in _mappings(raw.get(section)))
         for i, item in _mappings(raw.get(section)):
             if isinstance(item.get("name"), str) and names[item["name"]] > 1:
                 names[item["name"]] = 0
@@ -291,7 +291,7 @@ def _rotor(
     if not isinstance(name, str) or not rotors:
         return
     if name not in rotors:
-        yield path, f"there is no rotor '{name}'", f"name one of {', '.join(rotors)}"
+        yield path, f"there is no rotor '{name}'", nearest(name, rotors)
     elif geared and rotors[name].get("teeth") is None:
         yield path, f"rotor '{name}' has no teeth", "name a gear, or give the rotor teeth"
 
@@ -323,7 +323,7 @@ def _torques(raw: dict[str, Any]) -> Iterator[Conflict]:
         message = "follows from the torques of the outputs"
         yield ("input", "torque"), message, "remove it, or the torques of the outputs"
     ends = [(("outputs", i, "rotor"), item.get("rotor")) for i, item in _mappings(raw.get("outputs"))]
-    seen = {raw["input"].get("rotor"): "the input"} if isinstance(raw.get("input"), dict) else {}
+    seen = {str(raw["input"].get("rotor")): "the input"} if isinstance(raw.get("input"), dict) else {}
     for path, name in ends:
         if isinstance(name, str) and name in seen:
             yield path, f"rotor '{name}' is {seen[name]} already", "name another rotor, or add the torques up"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
@@ -59,10 +59,10 @@ def load(path: str | FilePath, overrides: Sequence[str] = (), needs: Sequence[st
     config = _config(document, source, system, methods, respond)
     from gearstab.config import feasibility
 
-    feasibility.check(document, config)
+    doubts = feasibility.check(document, config)
     if document.problems:
         raise ConfigError(document.problems)
-    return config
+    return replace(config, doubts=tuple(doubts))
 
 
 @dataclass

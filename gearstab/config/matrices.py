@@ -22,8 +22,8 @@ from gearstab.config.units import UnitError, to_si
 UNITS = ("m", "rad")
 TOLD = {"mass": "kg m^2", "stiffness": "N m"}
 """Matrix -> unit of a diagonal entry that belongs to a rotation."""
-MassEntry = Annotated[float, Quantity("kg", ("kg m", "kg m^2"))]
-StiffnessEntry = Annotated[float, Quantity("N/m", ("N", "N m"))]
+MassEntry = Annotated[float, Quantity("kg", ("kg m", "kg m^2"), entry=True)]
+StiffnessEntry = Annotated[float, Quantity("N/m", ("N", "N m"), entry=True)]
 
 
 

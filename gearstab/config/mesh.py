@@ -162,7 +162,7 @@ class MatrixMesh(Mesh):
         title="backlash",
         description="2 b, the play of the mesh deflection (m, or rad of an angle), for respond; none without.",
     )
-    direction: list[Annotated[float, Quantity("m")]] = Field(
+    direction: list[Annotated[float, Quantity("m", entry=True)]] = Field(
         title="direction",
         min_length=1,
         description="g, the mesh deflection is g . q: 1 for a translation, a base radius (m) for a rotation.",

@@ -18,7 +18,7 @@ MOST_HARMONICS = 200
 MOST_PLANETS = 30
 
 Support = Annotated[float, Field(ge=0), Quantity("N/m")]
-BodyForce = Annotated[float, Quantity("N")]
+BodyForce = Annotated[float, Quantity("N", entry=True)]
 PressureAngle = Annotated[float, Field(gt=-1.5, lt=1.5), Quantity("rad")]
 
 

@@ -16,6 +16,8 @@ Path = tuple[str | int, ...]
 LONGEST_VALUE = 60
 """Characters of a wrong value that a message shows."""
 
+LONGEST_TEXT = 500
+"""Characters of the text and of the remedy of a mistake: names in them are as long as the user makes them."""
 LONGEST_LIST = 12
 """Names that a remedy lists."""
 
@@ -38,10 +40,10 @@ class Problem:
 
     def __str__(self) -> str:
         place = self.file if self.line is None else f"{self.file}:{self.line}"
-        subject = f"{self.path}: " if self.path else ""
+        subject = f"{short(self.path)}: " if self.path else ""
         got = f" (got {self.value})" if self.value else ""
-        remedy = f"; {self.hint}" if self.hint else ""
-        return " ".join(f"{place}: {subject}{self.message}{got}{remedy}".split())
+        remedy = f"; {short(self.hint)}" if self.hint else ""
+        return " ".join(f"{place}: {subject}{short(self.message)}{got}{remedy}".split())
 
 
 class ConfigError(UserError, ValueError):
@@ -56,6 +58,11 @@ class ConfigError(UserError, ValueError):
 def dotted(path: Path) -> str:
     """``("meshes", 0, "epsilon")`` as ``meshes.0.epsilon``."""
     return ".".join(map(str, path))
+
+
+def short(text: str) -> str:
+    """A text of a message that is not too long."""
+    return text if len(text) <= LONGEST_TEXT else text[: LONGEST_TEXT - 3] + "..."
 
 
 def shown(value: Any) -> str:

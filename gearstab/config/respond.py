@@ -15,12 +15,12 @@ from gearstab.config.names import mesh_items
 class Initial(Section):
     """The state at time zero."""
 
-    displacement: list[Annotated[float, Quantity("m", ("rad",))]] = Field(
+    displacement: list[Annotated[float, Quantity("m", ("rad",), entry=True)]] = Field(
         default=[],
         title="initial displacement",
         description="One number a coordinate (m, or rad of a rotation); zeros without.",
     )
-    velocity: list[Annotated[float, Quantity("m/s", ("rad/s",))]] = Field(
+    velocity: list[Annotated[float, Quantity("m/s", ("rad/s",), entry=True)]] = Field(
         default=[],
         title="initial velocity",
         description="One number a coordinate (m/s, or rad/s of a rotation); zeros without.",

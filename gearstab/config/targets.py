@@ -111,7 +111,7 @@ def _named(name: str, model: type[System], raw: dict[str, Any]) -> list[Target]:
 def _of_meshes(name: str, model: type[System], raw: dict[str, Any]) -> list[Target]:
     found = []
     for i, mesh in mesh_items(raw.get("meshes")):
-        kind = inner_type(field_types(model)["meshes"], i)
+        kind = inner_type(field_types(model).get("meshes"), i)
         has_it = isinstance(mesh, dict) and kind is not None and name in field_types(kind)
         if not has_it or mesh.get(RIVALS.get(name, "")) is not None or (i == 0 and name in BUT_THE_FIRST):
             continue

@@ -11,8 +11,8 @@ from gearstab.config.conflicts import Conflict
 from gearstab.config.fields import AnyRatio, ContactRatio, Flag, NameText, Number, Quantity, Section, Turns
 from gearstab.config.waveforms import Waveform, form_of, kind_of, shape_conflicts
 
-OfStiffness = Annotated[float, Quantity("N/m", ("N", "N m"))]
-OfDamping = Annotated[float, Quantity("N s/m", ("N s", "N m s"))]
+OfStiffness = Annotated[float, Quantity("N/m", ("N", "N m"), entry=True)]
+OfDamping = Annotated[float, Quantity("N s/m", ("N s", "N m s"), entry=True)]
 
 
 class Part(Section):

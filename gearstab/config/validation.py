@@ -9,7 +9,7 @@ from pydantic import BaseModel, ValidationError
 
 from gearstab.config.document import Document
 from gearstab.config.fields import Section
-from gearstab.config.introspection import bare, entry_type, field_types, is_model, type_at
+from gearstab.config.introspection import bare, entry_type, field_types, is_model, number_kind, type_at
 from gearstab.config.problems import Path, closest, nearest
 
 Model = TypeVar("Model", bound=BaseModel)
@@ -117,6 +117,9 @@ def _report_one(document: Document, detail: Any, model: Any, path: Path) -> None
     else:
         message, hint = explain(detail)
         value = detail["input"]
+        kind = number_kind(type_at(model, loc))
+        if detail["type"] in SIGNS and kind is not None and kind.unit == "rad" and isinstance(value, int | float):
+            hint += f', or "{value:g} deg"'
         document.report(here, message, hint, value=None if isinstance(value, list | dict) and not value else value)
 
 

@@ -60,13 +60,14 @@ def draw(
     Returns the figure and its artists by name (see the kinds). Without a kind a figure of too much shows a part of it:
     ``left_out`` among the artists says so. Raises PlotError for what the result cannot give.
     """
-    from gearstab.plots.axes import Request
+    from gearstab.plots.axes import Request, distinct
     from gearstab.plots.errors import PlotError, listed
     from gearstab.plots.style import style
 
     wanted = request or Request(**options)
     if kind is None:
         wanted = replace(wanted, partial=True)
+    tree = distinct(tree)
     name = kind or default_kind(tree, wanted)
     if name not in KINDS:
         raise PlotError(f"no kind {name!r}; the kinds: {listed(KINDS)}")

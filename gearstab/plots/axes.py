@@ -177,6 +177,17 @@ def sweep_axes(tree: xr.DataTree) -> dict[str, Axis]:
     return axes
 
 
+def distinct(tree: xr.DataTree) -> xr.DataTree:
+    """The result with the first of points of equal value along each axis: a figure has one place for all of them."""
+    firsts = {
+        str(name): np.sort(np.unique(axis.values, return_index=True)[1])
+        for name, axis in tree.to_dataset().coords.items()
+        if axis.dims == (name,) and axis.dtype.kind in "fiu"
+    }
+    repeated = {name: first for name, first in firsts.items() if len(first) < tree.sizes[name]}
+    return tree.isel(repeated) if repeated else tree
+
+
 def joined(axis: Axis, other: Axis) -> Axis:
     """The axis of two groups: the same in both, but for the tongues, of which the exact boundaries know more."""
     if axis.name != "tongue" or axis.numeric or other.numeric:
