@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import click
@@ -30,12 +29,11 @@ from gearstab.cli.errors import user_errors
 def command(result: Path, output: Path, group: str | None, over: str | None) -> None:
     """Write the file RESULT as tidy CSV: one row a grid point, one column an axis or variable."""
     with user_errors():
-        from gearstab.results import export
+        from gearstab.results.export import export
 
-        if str(output) == "-":
-            export.to_stream(result, sys.stdout, group, over)
-        else:
-            rows = export.export_csv(result, output, group, over)
-            click.echo(f"{output}: {rows:,} rows", err=True)
-        if note := export.left_out(result, group, over):
+        out = None if str(output) == "-" else output
+        rows, note = export(result, out, group, over)
+        if out is not None:
+            click.echo(f"{out}: {rows:,} rows", err=True)
+        if note:
             click.echo(f"note: {note}", err=True)

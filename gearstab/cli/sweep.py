@@ -52,10 +52,10 @@ def command(
     target = output or Path("results") / f"{config.stem}.h5"
     with user_errors():
         from gearstab.config import load
-        from gearstab.results.guard import refuse_inputs
+        from gearstab.results.guard import SWEEP, result_of
         from gearstab.sweep import plan, run
 
-        refuse_inputs(target, config)
+        result_of(SWEEP).refuse(target, config)
         planned = plan(load(config, overrides, needs=("sweep", "methods")))
         if not quiet:
             for note in notes(planned):

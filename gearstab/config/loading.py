@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
@@ -56,7 +56,7 @@ def load(path: str | FilePath, overrides: Sequence[str] = (), needs: Sequence[st
             document.report(("methods", *name), message, hint, at_key=True)
     if document.problems or system is None or methods is None:
         raise ConfigError(document.problems)
-    config = _config(document, source, system, methods, respond)
+    config = replace(_config(document, source, system, methods, respond), overrides=tuple(overrides))
     from gearstab.config import feasibility
 
     feasibility.check(document, config)

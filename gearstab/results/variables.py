@@ -352,8 +352,24 @@ PAIR_RESPONSE = (
 """Of a gear pair whose mesh stiffness depends on its rotation."""
 
 
+BENCH = (
+    coordinate("method", "setting", TEXT, "1", "method"),
+    coordinate("tolerance", "setting", "f8", "1", "relative tolerance asked for (NaN: an exact method)"),
+    Variable("seconds", ("setting",), "f8", "s", "median time a point"),
+    Variable("error", ("setting",), "f8", "1", "largest error of the growth over one common period"),
+    Variable("wrong_flags", ("setting",), "i4", "1", "reference points with a wrong stability flag"),
+)
+"""Of a benchmark."""
+
+
+def every_variable() -> tuple[Variable, ...]:
+    """Return all variables of this module, those of the sections of a table once for each table."""
+    found: list[Variable] = []
+    for table in globals().copy().values():
+        found += [item for item in (table if isinstance(table, tuple) else (table,)) if isinstance(item, Variable)]
+    return tuple(found)
+
+
 def taken_names() -> frozenset[str]:
     """Names of all variables and dimensions of this module: an axis of one of them could not stand beside it."""
-    tables = [table if isinstance(table, tuple) else (table,) for table in globals().values()]
-    known = [item for table in tables for item in table if isinstance(item, Variable)]
-    return frozenset(name for variable in known for name in (variable.name, *variable.dims))
+    return frozenset(name for variable in every_variable() for name in (variable.name, *variable.dims))
