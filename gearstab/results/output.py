@@ -11,6 +11,7 @@ import errno
 import io
 import os
 import re
+import shutil
 import stat
 import sys
 import time
@@ -88,15 +89,25 @@ class Content:
 def prepare(out: Path) -> None:
     """See that files can be written where an output is to be that will take a while. Raises OutputError."""
     try:
-        folder = Path(os.path.realpath(out)).parent
-        while not folder.exists():
-            folder = folder.parent
-        probe = _temporary(folder / out.name)
+        probe = _temporary(_standing_folder(out) / out.name)
         with open(probe, "xb"):
             pass
         probe.unlink()
     except OSError as error:
         raise OutputError(f"{out}: cannot be written: {(error.strerror or str(error)).lower()}") from None
+
+
+def free_bytes(out: Path) -> int:
+    """Return how much room there is for an output on its disk. Raises OSError."""
+    return shutil.disk_usage(_standing_folder(out)).free
+
+
+def _standing_folder(out: Path) -> Path:
+    """The folder of an output, or the nearest one above that exists."""
+    folder = Path(os.path.realpath(out)).parent
+    while not folder.exists():
+        folder = folder.parent
+    return folder
 
 
 @contextmanager

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import errno
 import os
-import shutil
 from collections import Counter
 from collections.abc import Mapping
 from contextlib import closing, suppress
@@ -13,7 +12,7 @@ from pathlib import Path
 
 from gearstab import ckernel, interrupts
 from gearstab.results.errors import OutputError
-from gearstab.results.output import prepare
+from gearstab.results.output import free_bytes, prepare
 from gearstab.sweep import earlier, merge
 from gearstab.sweep.compute import results_of
 from gearstab.sweep.errors import Interrupted, SweepError
@@ -177,8 +176,7 @@ def _finish(plan: Plan, store: Store, out: Path, before: earlier.Identity | None
     """Write the result file. Raises SweepError, with the parts kept, if it cannot be written or must not be."""
     size = sum(part.size() for part in store.finished.values())
     try:
-        free = shutil.disk_usage(os.path.dirname(os.path.realpath(out))).free
-        if free < size:
+        if free_bytes(out) < size:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(out))
         if size >= merge.IN_MEMORY:
             store.open_folder()
