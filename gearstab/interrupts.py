@@ -2,19 +2,25 @@
 
 A command ends at once (:func:`leave`): whatever it does, there is nothing to save but temporary files, which are
 removed. A sweep has finished blocks to save and lets the signals raise KeyboardInterrupt (:func:`raised`).
+
+This is the first module that the command line imports, and it imports little: signals that come before it is there end
+in a traceback of Python.
 """
 
 from __future__ import annotations
 
+import atexit
 import os
 import signal
 import time
-from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from threading import Thread, current_thread, main_thread
-from typing import Any
 
 from gearstab.errors import INTERRUPTED
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+    from typing import Any
 
 SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
 
@@ -41,10 +47,19 @@ def install() -> None:
     for number in SIGNALS:
         if signal.getsignal(number) != signal.SIG_IGN:
             signal.signal(number, leave)
+    # Registered first, and so called last: all is done, and Python's own end would let a signal change the exit code.
+    atexit.register(_ignore)
+
+
+def _ignore() -> None:
+    for number in SIGNALS:
+        signal.signal(number, signal.SIG_IGN)
 
 
 def end_with(parent: int) -> None:
     """End this process, a child that has nobody else to report to, when its parent has ended."""
+
+    from threading import Thread
 
     def watch() -> None:
         while os.getppid() == parent:
@@ -62,6 +77,8 @@ def raised(late: Callable[[], bool]) -> Iterator[None]:
 
     late: whether it is too late for that; then they are ignored.
     """
+    from threading import current_thread, main_thread
+
     if current_thread() is not main_thread():
         yield
         return

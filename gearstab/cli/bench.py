@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from gearstab.cli.console import say, tell
+
 if TYPE_CHECKING:
     from gearstab.bench import Scene
     from gearstab.config import Config
@@ -55,12 +57,12 @@ def command(
 
     with kernel.recorded() as ran:
         found = measure(scene, points, seconds, (lambda text: None) if quiet else _say)
-    click.echo(table(found, points))
+    say(table(found, points))
     with user_errors():
         groups = {"modes": modes_group(build(loaded.parameters)), "bench": bench_group(scene, points, found)}
         write_result(target, ResultTree(Group((), root_attributes(BENCH, loaded, kernel.said(ran))), groups))
         if not quiet:
-            click.echo(f"written: {target}", err=True)
+            tell(f"written: {target}")
         if not no_plot:
             _draw(target, quiet)
 
@@ -107,7 +109,7 @@ def _scene(loaded: Config) -> Scene:
 
 
 def _say(text: str) -> None:
-    click.echo(f"measuring: {text}", err=True)
+    tell(f"measuring: {text}")
 
 
 def _draw(target: Path, quiet: bool) -> None:
@@ -120,4 +122,4 @@ def _draw(target: Path, quiet: bool) -> None:
         figure, _ = draw(tree, "work-precision")
         save(figure, picture, title=str(tree.attrs["title"]))
     if not quiet:
-        click.echo(f"drawn: {picture}", err=True)
+        tell(f"drawn: {picture}")

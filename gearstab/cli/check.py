@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from gearstab.cli.console import say
 from gearstab.cli.errors import user_errors
 
 if TYPE_CHECKING:
@@ -29,7 +30,7 @@ def command(config: Path, overrides: tuple[str, ...]) -> None:
             from gearstab.systems import build
 
             check(found, build(found.parameters))
-    click.echo(f"{config}: {summary(found)}")
+    say(f"{config}: {summary(found)}")
 
 
 def summary(config: Config) -> str:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from gearstab.cli.console import Output, tell
 from gearstab.cli.errors import user_errors
 
 
@@ -32,8 +33,8 @@ def command(result: Path, output: Path, group: str | None, over: str | None) -> 
         from gearstab.results.export import export
 
         out = None if str(output) == "-" else output
-        rows, note = export(result, out, group, over)
+        rows, note = export(result, out, Output(), group, over)
         if out is not None:
-            click.echo(f"{out}: {rows:,} rows", err=True)
+            tell(f"{out}: {rows:,} rows")
         if note:
-            click.echo(f"note: {note}", err=True)
+            tell(f"note: {note}")

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gearstab.cli import info_train, periods
+from gearstab.cli.console import say
 from gearstab.cli.info_text import report
 
 if TYPE_CHECKING:
@@ -38,9 +39,9 @@ def command(config: Path, overrides: tuple[str, ...], harmonics: int | None, as_
     if as_json:
         import json
 
-        click.echo(json.dumps(facts, indent=2, allow_nan=False))
+        say(json.dumps(facts, indent=2, allow_nan=False))
     else:
-        click.echo(report(facts))
+        say(report(facts))
 
 
 def describe(config: Config, harmonics: int | None = None) -> dict[str, Any]:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from gearstab.cli.console import tell
 from gearstab.plots import KINDS
 
 KINDS_HELP = "; ".join(f"{name}: {kind.summary}" for name, kind in KINDS.items())
@@ -49,9 +50,9 @@ def command(
         with reading(result) as tree:
             figure, artists = draw(tree, kind, request)
             save(figure, target, title_of(tree))
-    click.echo(f"figure: {target}", err=True)
+    tell(f"figure: {target}")
     if artists.get("left_out"):
-        click.echo(f"note: {artists['left_out']}", err=True)
+        tell(f"note: {artists['left_out']}")
 
 
 def selections(texts: tuple[str, ...]) -> dict[str, str]:

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, NoReturn
 
 import click
 
+from gearstab.cli.console import tell
+
 if TYPE_CHECKING:
     from gearstab.config import Config
     from gearstab.config.respond import Respond
@@ -42,7 +44,7 @@ def command(config: Path, output: Path | None, overrides: tuple[str, ...], quiet
         prepare(out)
         found = respond(loaded, out)
     if not quiet:
-        click.echo(summary(found, out), err=True)
+        tell(summary(found, out))
 
 
 def respond(config: Config, out: Path) -> Response | PairResponse:

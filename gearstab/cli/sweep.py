@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from gearstab.cli.console import say, tell
 from gearstab.cli.errors import user_errors
 
 if TYPE_CHECKING:
@@ -37,6 +38,7 @@ SLOW_KERNEL = "note: the compiled kernel was not built; sweeps run on the slower
     "--resume/--overwrite", default=None, help="Go on with what an interrupted run finished (default), or start anew."
 )
 @click.option("--dry-run", is_flag=True, help="Print size, time, memory and file size; compute and write nothing.")
+@click.option("--yes", is_flag=True, help="Begin a sweep of very many points, hours or gigabytes, too.")
 @click.option("-q", "--quiet", is_flag=True, help="Print errors only.")
 def command(
     config: Path,
@@ -45,6 +47,7 @@ def command(
     overrides: tuple[str, ...],
     resume: bool | None,
     dry_run: bool,
+    yes: bool,
     quiet: bool,
 ) -> None:
     """Compute stability over the grid of CONFIG with all its methods."""
@@ -59,19 +62,21 @@ def command(
         planned = plan(load(config, overrides, needs=("sweep", "methods")))
         if not quiet:
             for note in notes(planned):
-                click.echo(f"note: {note}", err=True)
+                tell(f"note: {note}")
         if dry_run:
             from gearstab.sweep.estimate import estimate
 
-            click.echo(forecast(planned, estimate(planned, jobs), target))
+            say(forecast(planned, estimate(planned, jobs), target))
             return
         from gearstab.cli.progress import reporter
+        from gearstab.sweep import limits
 
+        limits.refuse(planned, target, jobs, yes)
         summary = run(planned, target, jobs, resume is True, resume is False, reporter(quiet))
     if not quiet:
-        click.echo(final_line(target, summary, time.perf_counter() - start), err=True)
+        tell(final_line(target, summary, time.perf_counter() - start))
         if slow_kernel(planned, summary):
-            click.echo(SLOW_KERNEL, err=True)
+            tell(SLOW_KERNEL)
 
 
 def notes(plan: Plan) -> list[str]:

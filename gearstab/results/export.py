@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import csv
 import io
-import sys
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from itertools import product
@@ -30,8 +29,10 @@ PREFERRED = ("floquet", "boundaries", "perturbation", "uncoupled", "response", "
 ROWS_AT_ONCE = 1 << 16
 
 
-def export(path: Path, out: Path | None, group: str | None = None, over: str | None = None) -> tuple[int, str]:
-    """Write a group of the result at ``path`` to ``out``, or to standard output, as UTF-8.
+def export(
+    path: Path, out: Path | None, stream: io.RawIOBase, group: str | None = None, over: str | None = None
+) -> tuple[int, str]:
+    """Write a group of the result at ``path`` to ``out``, without it to ``stream``, as UTF-8.
 
     group: default ``floquet``, else the first other one that there is.
     over: the dimensions of the rows, ``time,mesh`` or one of them, for groups whose variables lie across one another (a
@@ -47,7 +48,7 @@ def export(path: Path, out: Path | None, group: str | None = None, over: str | N
         dataset = tree[chosen_group(tree, group, path)].to_dataset()
         table = led_by(dataset, over, path)
         if out is None:
-            rows = write_rows(table, sys.stdout.buffer)
+            rows = write_rows(table, stream)
         else:
             with writing(out, TABLE.refuse) as file:
                 rows = write_rows(table, file)
