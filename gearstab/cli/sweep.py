@@ -68,6 +68,7 @@ def command(
 
             say(forecast(planned, estimate(planned, jobs), target))
             return
+        from gearstab.cli import sweep_notes
         from gearstab.cli.progress import reporter
         from gearstab.sweep import limits
 
@@ -75,6 +76,8 @@ def command(
         summary = run(planned, target, jobs, resume is True, resume is False, reporter(quiet))
     if not quiet:
         tell(final_line(target, summary, time.perf_counter() - start))
+        for note in [] if summary.complete else sweep_notes.notes(planned, summary):
+            tell(f"note: {note}")
         if slow_kernel(planned, summary):
             tell(SLOW_KERNEL)
 

@@ -51,9 +51,9 @@ class Variable:
 
 
 def flagged(variables: Sequence[Variable], flags: Mapping[str, int]) -> tuple[Variable, ...]:
-    """The variables of a table, the one called ``status`` with the names and bits of its flags."""
+    """The variables of a table, those of flags (``status``, ``notices``) with their names and bits."""
     said = {"flag_masks": list(flags.values()), "flag_meanings": " ".join(flags)}
-    return tuple(replace(v, attributes=said) if v.name == "status" else v for v in variables)
+    return tuple(replace(v, attributes=said) if v.name in ("status", "notices") else v for v in variables)
 
 
 def coordinate(name: str, dim: str, dtype: str, units: str, long_name: str) -> Variable:
@@ -351,6 +351,11 @@ PAIR_RESPONSE = (
 )  # fmt: skip
 """Of a gear pair whose mesh stiffness depends on its rotation."""
 
+TEETH = (
+    coordinate("mesh", "mesh", TEXT, "1", "tooth mesh"),
+    Variable("notices", (ROWS, "mesh"), "i2", "1", "what is wrong with the teeth; 0: nothing"),
+)
+"""Of a gearbox, over the axes on which its teeth depend."""
 
 BENCH = (
     coordinate("method", "setting", TEXT, "1", "method"),

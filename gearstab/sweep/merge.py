@@ -26,6 +26,7 @@ from gearstab.results.tree import Chunked, Field, Group, Offset, ResultTree
 from gearstab.results.units import in_units_of
 from gearstab.results.variables import TEXT, Variable, coordinate
 from gearstab.results.write import write_on_disk, write_result
+from gearstab.sweep import teeth
 from gearstab.sweep.compute import HOLDER, moved
 from gearstab.sweep.earlier import origin
 from gearstab.sweep.methods import Key, tongue_coordinates
@@ -48,6 +49,8 @@ def result_tree(plan: Plan, finished: Mapping[str, Finished], out: Path) -> Resu
             field for axis in plan.config.axes if axis.name in names for field in axis_fields(axis, plan.config)[1:]
         ]
         groups[layout.method.name] = _method_group(plan, layout, finished, beside)
+    if plan.teeth is not None:
+        groups[teeth.NAME] = teeth.group(plan.teeth)
     return ResultTree(root, groups)
 
 
