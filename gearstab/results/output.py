@@ -126,15 +126,25 @@ def writing(out: Path, look: Look | None = None) -> Iterator[Writer]:
         with Writer(_stream, out, out) as file:
             yield file
         return
-    with _named(out):
+    with temporary_file(out) as temporary:
+        with Writer(_new, temporary, out) as file:
+            yield file
+            with naming(out):
+                os.fsync(file.fileno())
+        move(temporary, out, look)
+
+
+@contextmanager
+def temporary_file(out: Path) -> Iterator[Path]:
+    """Give a name beside an output for a file that is to get its name; whatever is left there is removed.
+
+    Raises OSError with the name ``out`` if there is no place for it.
+    """
+    with naming(out):
         temporary = _temporary(_place(out))
     interrupts.temporary.add(str(temporary))
     try:
-        with Writer(_new, temporary, out) as file:
-            yield file
-            with _named(out):
-                os.fsync(file.fileno())
-        move(temporary, out, look)
+        yield temporary
     finally:
         with suppress(OSError):
             temporary.unlink()
@@ -146,9 +156,9 @@ def move(temporary: Path, out: Path, look: Look | None = None) -> None:
 
     Raises what ``look`` raises, and OSError with the name ``out``.
     """
-    with _named(out):
+    with naming(out):
         place = _place(out)
-    with _named(out), _alone(place.parent):
+    with naming(out), _alone(place.parent):
         if look is not None:
             look(out)
         with suppress(OSError):
@@ -229,7 +239,7 @@ class Writer(io.RawIOBase):
 
     def __init__(self, opened: Callable[[Path], int], path: Path, out: Path) -> None:
         self._out = out
-        with _named(out):
+        with naming(out):
             self._handle = opened(path)
 
     def writable(self) -> bool:
@@ -241,7 +251,7 @@ class Writer(io.RawIOBase):
     def write(self, data: bytes | bytearray | memoryview) -> int:  # type: ignore[override]
         rest = memoryview(data).cast("B")
         count = len(rest)
-        with _named(self._out):
+        with naming(self._out):
             while rest:
                 rest = rest[os.write(self._handle, rest) :]
         return count
@@ -249,12 +259,12 @@ class Writer(io.RawIOBase):
     def close(self) -> None:
         if not self.closed:
             super().close()
-            with _named(self._out):
+            with naming(self._out):
                 os.close(self._handle)
 
 
 @contextmanager
-def _named(out: Path) -> Iterator[None]:
+def naming(out: Path) -> Iterator[None]:
     """Let errors of the system carry the name that the user knows."""
     try:
         yield

@@ -7,6 +7,7 @@ process of its own.
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Mapping
 from math import prod
 from pathlib import Path
@@ -17,7 +18,7 @@ import numpy as np
 
 from gearstab.results.chunks import decode
 from gearstab.results.guard import result_of
-from gearstab.results.output import Look, sync, writing
+from gearstab.results.output import Look, move, naming, sync, temporary_file, writing
 from gearstab.results.seal import append_seal, seal
 from gearstab.results.tree import FORMAT, NO_VARIABLE, Chunked, Field, Group, ResultTree
 from gearstab.results.variables import TEXT
@@ -63,6 +64,22 @@ def write_on_disk(path: Path, tree: ResultTree) -> None:
         fill(file, tree)
     append_seal(path)
     sync(path)
+
+
+def rewrite_attributes(path: Path, attributes: Mapping[str, Any], look: Look | None = None) -> None:
+    """Change attributes of a result's root in a copy that then takes its place.
+
+    look: as in :func:`gearstab.results.output.writing`. Raises what it raises, and OSError.
+    """
+    import h5py
+
+    with naming(path), temporary_file(path) as temporary:
+        shutil.copyfile(path, temporary)
+        with h5py.File(temporary, "r+") as file:
+            file.attrs.update(attributes)
+        append_seal(temporary)
+        sync(temporary)
+        move(temporary, path, look)
 
 
 def fill(file: h5py.File, tree: ResultTree) -> None:

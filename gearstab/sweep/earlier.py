@@ -26,10 +26,12 @@ Identity = tuple[int, int]
 class Earlier:
     """The file at the output.
 
-    complete: whether it is the result of the very plan, whole. note: why it is replaced; "" where that needs no word.
+    complete: whether it is the result of the very plan, whole. retitled: whether only its title is another one.
+    note: why it is replaced; "" where that needs no word.
     """
 
     complete: bool = False
+    retitled: bool = False
     note: str = ""
 
 
@@ -59,7 +61,7 @@ def look(plan: Plan, out: Path, overwrite: bool = False) -> Earlier:
         return Earlier(note=f"{what}: it is computed again, and replaced when the sweep is complete")
     if (found["gearstab_version"], found["format_version"]) != (__version__, str(FORMAT)):
         return Earlier(note=f"was computed by gearstab {found['gearstab_version']}: it is computed again")
-    return Earlier(complete=True)
+    return Earlier(complete=True, retitled=found.get("title") != plan.config.title)
 
 
 def look_again(plan: Plan, out: Path, before: Identity | None) -> None:

@@ -12,7 +12,9 @@ from pathlib import Path
 
 from gearstab import ckernel, interrupts
 from gearstab.results.errors import OutputError
+from gearstab.results.guard import SWEEP, result_of
 from gearstab.results.output import free_bytes, prepare
+from gearstab.results.write import rewrite_attributes
 from gearstab.sweep import earlier, merge
 from gearstab.sweep.compute import results_of
 from gearstab.sweep.errors import Interrupted, SweepError
@@ -71,8 +73,7 @@ def run(
     before = earlier.identity(out)
     found = earlier.look(plan, out, overwrite)
     if found.complete:
-        with suppress(PermissionError):
-            os.utime(out)
+        _refresh(plan, out, found)
         return Summary(plan.points, plan.blocks, complete=True)
     folder = PartFolder(out, plan.digest)
     folder.check()
@@ -108,6 +109,15 @@ def _run(
     except KeyboardInterrupt:
         kept = store.rescue()
         raise Interrupted(_interrupted(kept, plan.blocks, store.folder)) from None
+
+
+def _refresh(plan: Plan, out: Path, found: earlier.Earlier) -> None:
+    """Give a result that is still right the title of the configuration, and a new time stamp."""
+    if found.retitled:
+        rewrite_attributes(out, {"title": plan.config.title, "config": plan.config.resolved}, result_of(SWEEP).refuse)
+    else:
+        with suppress(PermissionError):
+            os.utime(out)
 
 
 def _others(folder: PartFolder, others: list[Path]) -> str:
