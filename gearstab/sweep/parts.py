@@ -206,6 +206,8 @@ class PartFolder:
         """Write a part file. Raises OSError."""
         path = self.path / f"{part.key}.part"
         data = to_bytes(part, self.digest)
+        if path.is_symlink() or path.is_fifo():
+            path.unlink()  # which nothing here made, and would be written through
         write_bytes(path, data)
         stored = from_bytes(data, path, self.digest)
         if stored is None:
