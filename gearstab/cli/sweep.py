@@ -118,6 +118,7 @@ def final_line(target: Path, summary: Summary, seconds: float) -> str:
 def forecast(plan: Plan, found: Estimate, target: Path) -> str:
     """What ``--dry-run`` prints."""
     from gearstab.cli.progress import duration
+    from gearstab.sweep.limits import large
 
     axes = [[axis.name, f"{axis.size:,}", extent(axis)] for axis in plan.config.axes]
     methods = [
@@ -136,6 +137,8 @@ def forecast(plan: Plan, found: Estimate, target: Path) -> str:
     )
     lines.append(f"memory        {size(found.memory)}")
     lines.append(f"file          {size(found.file_size)}, {target}")
+    if reasons := large(plan, found):
+        lines.append(f"begin         with --yes only: {', '.join(reasons)}")
     return "\n".join(lines)
 
 

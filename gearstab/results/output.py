@@ -16,7 +16,7 @@ import stat
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from uuid import uuid4
@@ -158,7 +158,8 @@ def move(temporary: Path, out: Path, look: Look | None = None) -> None:
     """
     with naming(out):
         place = _place(out)
-    with naming(out), _alone(place.parent):
+    # Where nothing is looked at there is nothing to be alone for.
+    with naming(out), _alone(place.parent) if look is not None else nullcontext():
         if look is not None:
             look(out)
         with suppress(OSError):

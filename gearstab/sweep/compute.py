@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from math import prod
 
@@ -162,13 +162,19 @@ def _flags(plan: Plan, layout: Layout, values: dict[str, Array]) -> dict[str, in
     for variable in results_of(plan, layout):
         if variable.name == "status" and GRID in variable.dims:
             names = str(variable.attributes.get("flag_meanings", "")).split()
-            status = values["status"].astype(int)
-            counts = {
-                name: int(np.count_nonzero(status & mask))
-                for name, mask in zip(names, variable.attributes.get("flag_masks", ()), strict=True)
-            }
-            return {name: count for name, count in counts.items() if count}
+            flags = dict(zip(names, variable.attributes.get("flag_masks", ()), strict=True))
+            return _counted(np.ravel(values["status"]), flags)
     return {}
+
+
+def _counted(status: Array, flags: Mapping[str, int]) -> dict[str, int]:
+    """How often each flag is set. Most are set nowhere or everywhere, which two passes tell."""
+    anywhere, everywhere = int(np.bitwise_or.reduce(status)), int(np.bitwise_and.reduce(status))
+    return {
+        name: len(status) if everywhere & mask else int(np.count_nonzero(status & status.dtype.type(mask)))
+        for name, mask in flags.items()
+        if anywhere & mask
+    }
 
 
 def fits(plan: Plan, block: Block, part: Finished) -> bool:

@@ -155,8 +155,8 @@ def _compute(plan: Plan, store: Store, jobs: int, reporter: Reporter) -> None:
 
 
 def _note(failure: Failure, store: Store, failures: list[Failure]) -> None:
-    """Keep a failure for the end, unless it concerns more than its block."""
-    if isinstance(failure.error, OSError):
+    """Keep a failure for the end, unless it is of the disk and concerns more than its block."""
+    if isinstance(failure.error, OSError) and str(failure.error.filename).startswith(str(store.folder.every)):
         raise failure.error
     failures.append(failure)
     if len(failures) == MOST_FAILURES:
