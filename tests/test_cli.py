@@ -135,4 +135,4 @@ def test_numbers_as_people_read_them() -> None:
 
 def test_an_entry_point_is_declared() -> None:
     text = (Path(__file__).parent.parent / "pyproject.toml").read_text()
-    assert 'gearstab = "gearstab.cli:main"' in text
+    assert 'gearstab = "gearstab.__main__:main"' in text

@@ -266,7 +266,8 @@ def test_a_picture_replaces_neither_configuration_nor_result(folder: Path, capsy
     assert capsys.readouterr().err.startswith("train.png: is the input itself")
     assert called("bench", "train.yaml", "-o", "other.png") == 2
     assert capsys.readouterr().err.startswith("other.png: is the name of the picture too")
-    assert called("sweep", "train.yaml", "-o", "map.png", "-q") == 0
+    assert called("sweep", "train.yaml", "-o", "map.h5", "-q") == 0
+    (folder / "map.h5").rename("map.png")
     before = (folder / "map.png").read_bytes()
     assert called("plot", "map.png") == 2
     assert capsys.readouterr().err.startswith("map.png: is the input itself")

@@ -28,7 +28,8 @@ from gearstab.results import (
 )
 from gearstab.results import variables as table
 from gearstab.results.chunks import decode, encode
-from gearstab.results.write import write_bytes, write_on_disk
+from gearstab.results.output import write_bytes
+from gearstab.results.write import write_on_disk
 
 RNG = np.random.default_rng(1)
 GROWTH = RNG.normal(size=(2, 10))

@@ -18,8 +18,8 @@ import numpy as np
 import pytest
 from sweep_faults import CONFIG, FOLDER, faulty, value
 
-from gearstab.results import ResultError, open_result
-from gearstab.sweep import Interrupted, Reporter, RequestError, SweepError, merge, pool, run, store
+from gearstab.results import OutputError, open_result
+from gearstab.sweep import Interrupted, Reporter, SweepError, merge, pool, run, store
 from gearstab.sweep.parts import PartFolder, read_part
 
 SCRIPT = Path(__file__).with_name("sweep_faults.py")
@@ -425,13 +425,14 @@ def test_threads_compute_the_same(scene: Scene, monkeypatch: pytest.MonkeyPatch)
     scene.check()
 
 
-def test_a_complete_result_is_left_alone(scene: Scene) -> None:
+def test_a_complete_result_is_left_alone_but_for_its_time_stamp(scene: Scene) -> None:
     scene.run()
     scene.log()
-    before = scene.out.stat().st_mtime_ns
+    before, data = scene.out.stat().st_mtime_ns, scene.out.read_bytes()
     assert run(faulty(scene.config), scene.out).complete
     assert scene.log() == []
-    assert scene.out.stat().st_mtime_ns == before
+    assert scene.out.stat().st_mtime_ns > before
+    assert scene.out.read_bytes() == data
     scene.run(overwrite=True)
     assert scene.log() == ROWS
 
@@ -449,17 +450,21 @@ def test_overwrite_starts_anew(scene: Scene) -> None:
 
 def test_what_is_something_else_is_not_overwritten(scene: Scene) -> None:
     scene.out.write_text("my notes")
-    with pytest.raises(RequestError, match="choose another output or remove it"):
-        scene.run()
-    with pytest.raises(ResultError, match="choose another output or remove it"):
-        scene.run(overwrite=True)
+    for overwrite in (False, True):
+        with pytest.raises(OutputError, match="choose another output or remove it"):
+            scene.run(overwrite=overwrite)
     assert scene.out.read_text() == "my notes"
     scene.out.unlink()
     scene.run()
-    scene.config.write_text(CONFIG.replace("epsilon: 0.3", "epsilon: 0.2"))
-    with pytest.raises(RequestError, match="another configuration"):
-        scene.run()
-    assert sorted(p.name for p in scene.folder.iterdir()) == ["log", "out.h5", "processes", "train.yaml"]
+    before = scene.out.read_bytes()
+    other = scene.folder / "other.yaml"
+    other.write_text(CONFIG.replace("epsilon: 0.3", "epsilon: 0.2"))
+    with pytest.raises(OutputError, match=r"another configuration, train\.yaml"):
+        run(faulty(other), scene.out)
+    assert scene.out.read_bytes() == before
+    assert sorted(p.name for p in scene.folder.iterdir()) == ["log", "other.yaml", "out.h5", "processes", "train.yaml"]
+    run(faulty(other), scene.out, overwrite=True)
+    assert scene.out.read_bytes() != before
 
 
 @pytest.mark.parametrize("where", ["folder", "below a file", "read-only"])
@@ -473,7 +478,7 @@ def test_an_impossible_output_is_refused_before_anything_is_computed(scene: Scen
         if os.geteuid() == 0:
             pytest.skip("nothing is read-only for root")
         out.parent.mkdir(mode=0o500)
-    with pytest.raises(RequestError) as raised:
+    with pytest.raises(OutputError) as raised:
         run(faulty(scene.config), out)
     assert str(raised.value).startswith(str(out))
     assert scene.log() == []

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, NoReturn
 
 import click
 
+from gearstab.cli.console import tell
+
 if TYPE_CHECKING:
     from gearstab.config import Config
     from gearstab.config.respond import Respond
@@ -33,17 +35,18 @@ def command(config: Path, output: Path | None, overrides: tuple[str, ...], quiet
 
     with user_errors():
         from gearstab.config import load
-        from gearstab.results.guard import refuse_foreign, refuse_inputs
+        from gearstab.results.guard import RESPOND, result_of
+        from gearstab.results.output import prepare
 
         out = output or Path("results") / f"{config.stem}.response.h5"
-        refuse_inputs(out, config)
+        result_of(RESPOND).refuse(out, config)
         loaded = load(config, overrides, needs=("respond",))
-        refuse_foreign(out)
+        prepare(out)
         if not quiet:
             warn(loaded)
         found = respond(loaded, out)
     if not quiet:
-        click.echo(summary(found, out), err=True)
+        tell(summary(found, out))
 
 
 def respond(config: Config, out: Path) -> Response | PairResponse:
@@ -71,7 +74,6 @@ def respond(config: Config, out: Path) -> Response | PairResponse:
             found = _steady(wanted, system) if wanted.steady_state else _history(wanted, system)
     except NotPossible as error:
         _refuse(config, ("respond",), error.message, error.remedy)
-    out.parent.mkdir(parents=True, exist_ok=True)
     write_result(out, result(config, wanted, system, found, kernel.said(ran)))
     return found
 

@@ -23,6 +23,7 @@ def result(config: Config, wanted: Respond, system: GearSystem, found: Response,
     from gearstab.response import RESPONSE_FLAGS
     from gearstab.response.equilibrium import static_mesh_force
     from gearstab.results import Group, ResultTree, fields_of
+    from gearstab.results.guard import RESPOND
     from gearstab.results.provenance import modes_group, root_attributes
     from gearstab.results.units import in_units_of
     from gearstab.results.variables import RESPONSE, TOOTH_LOADS, flagged
@@ -56,7 +57,7 @@ def result(config: Config, wanted: Respond, system: GearSystem, found: Response,
     table = (*RESPONSE, *(TOOTH_LOADS if loads else ()))
     fields = fields_of(in_units_of(system, flagged(table, RESPONSE_FLAGS)), values)
     groups = {"modes": modes_group(system), "response": Group(fields, attributes)}
-    return ResultTree(Group((), root_attributes(config, kernel)), groups)
+    return ResultTree(Group((), root_attributes(RESPOND, config, kernel)), groups)
 
 
 def _comment(wanted: Respond, system: GearSystem) -> str:

@@ -44,7 +44,6 @@ def respond_pair(config: Config, wanted: PairRespond, out: Path) -> PairResponse
         MOST_SAMPLES,
         drive,
     )
-    out.parent.mkdir(parents=True, exist_ok=True)
     tree = result(config, wanted, pair, found, step)
     if wanted.hold_speed:
         group = tree.groups["response"]
@@ -83,10 +82,11 @@ def _affordable(config: Config, wanted: PairRespond, speed: float) -> None:
 def result(config: Config, wanted: PairRespond, pair: RotatingPair, found: PairResponse, step: float) -> ResultTree:
     """The response as a result: its root, ``/modes`` and ``/response``."""
     from gearstab.results import Group, ResultTree
+    from gearstab.results.guard import RESPOND
     from gearstab.results.provenance import modes_group, root_attributes
 
     groups = {"modes": modes_group(pair), "response": response_group(wanted, pair, found, step)}
-    return ResultTree(Group((), root_attributes(config, "none")), groups)
+    return ResultTree(Group((), root_attributes(RESPOND, config, "none")), groups)
 
 
 def response_group(wanted: PairRespond, pair: RotatingPair, found: PairResponse, step: float) -> Group:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import click
 
+from gearstab.cli.console import say
+
 
 @click.command(name="schema", short_help="Print the JSON schema of the configuration.")
 def command() -> None:
@@ -12,4 +14,4 @@ def command() -> None:
 
     from gearstab.config.schema import schema
 
-    click.echo(json.dumps(schema(), indent=2, ensure_ascii=False))
+    say(json.dumps(schema(), indent=2, ensure_ascii=False))

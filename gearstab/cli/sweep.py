@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from gearstab.cli.console import say, tell
 from gearstab.cli.errors import user_errors, warn
 
 if TYPE_CHECKING:
@@ -37,6 +38,7 @@ SLOW_KERNEL = "note: the compiled kernel was not built; sweeps run on the slower
     "--resume/--overwrite", default=None, help="Go on with what an interrupted run finished (default), or start anew."
 )
 @click.option("--dry-run", is_flag=True, help="Print size, time, memory and file size; compute and write nothing.")
+@click.option("--yes", is_flag=True, help="Begin a sweep of very many points, hours or gigabytes, too.")
 @click.option("-q", "--quiet", is_flag=True, help="Print errors only.")
 def command(
     config: Path,
@@ -45,6 +47,7 @@ def command(
     overrides: tuple[str, ...],
     resume: bool | None,
     dry_run: bool,
+    yes: bool,
     quiet: bool,
 ) -> None:
     """Compute stability over the grid of CONFIG with all its methods."""
@@ -52,27 +55,32 @@ def command(
     target = output or Path("results") / f"{config.stem}.h5"
     with user_errors():
         from gearstab.config import load
-        from gearstab.results.guard import refuse_inputs
+        from gearstab.results.guard import SWEEP, result_of
         from gearstab.sweep import plan, run
 
-        refuse_inputs(target, config)
+        result_of(SWEEP).refuse(target, config)
         planned = plan(load(config, overrides, needs=("sweep", "methods")))
         if not quiet:
             warn(planned.config)
             for note in notes(planned):
-                click.echo(f"note: {note}", err=True)
+                tell(f"note: {note}")
         if dry_run:
             from gearstab.sweep.estimate import estimate
 
-            click.echo(forecast(planned, estimate(planned, jobs), target))
+            say(forecast(planned, estimate(planned, jobs), target))
             return
+        from gearstab.cli import sweep_notes
         from gearstab.cli.progress import reporter
+        from gearstab.sweep import limits
 
+        limits.refuse(planned, target, jobs, yes)
         summary = run(planned, target, jobs, resume is True, resume is False, reporter(quiet))
     if not quiet:
-        click.echo(final_line(target, summary, time.perf_counter() - start), err=True)
+        tell(final_line(target, summary, time.perf_counter() - start))
+        for note in [] if summary.complete else sweep_notes.notes(planned, summary):
+            tell(f"note: {note}")
         if slow_kernel(planned, summary):
-            click.echo(SLOW_KERNEL, err=True)
+            tell(SLOW_KERNEL)
 
 
 def notes(plan: Plan) -> list[str]:
@@ -111,6 +119,7 @@ def final_line(target: Path, summary: Summary, seconds: float) -> str:
 def forecast(plan: Plan, found: Estimate, target: Path) -> str:
     """What ``--dry-run`` prints."""
     from gearstab.cli.progress import duration
+    from gearstab.sweep.limits import large
 
     axes = [[axis.name, f"{axis.size:,}", extent(axis)] for axis in plan.config.axes]
     methods = [
@@ -129,6 +138,8 @@ def forecast(plan: Plan, found: Estimate, target: Path) -> str:
     )
     lines.append(f"memory        {size(found.memory)}")
     lines.append(f"file          {size(found.file_size)}, {target}")
+    if reasons := large(plan, found):
+        lines.append(f"begin         with --yes only: {', '.join(reasons)}")
     return "\n".join(lines)
 
 

@@ -77,6 +77,7 @@ class Config:
     parameters: the section ``system``, ready for ``gearstab.systems.build``; SI numbers, exact ratios as Fraction.
     axes: in the order of ``sweep``, none without that section; methods and respond: their sections.
     tree: the whole document as run, as plain data; contents: what referenced files hold, by name.
+    overrides: the ``PATH=VALUE`` texts that were applied.
     document: the document as written, which knows where everything stands.
     doubts: what is right and hardly meant, such as lengths without a unit; commands print it.
     """
@@ -91,6 +92,7 @@ class Config:
     tree: dict[str, Any]
     contents: Mapping[str, Array]
     document: Document = field(repr=False, compare=False)
+    overrides: tuple[str, ...] = ()
     doubts: tuple[Problem, ...] = field(default=(), compare=False)
 
     def problem(self, path: Path, message: str, hint: str) -> Problem:

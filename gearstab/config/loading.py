@@ -56,7 +56,7 @@ def load(path: str | FilePath, overrides: Sequence[str] = (), needs: Sequence[st
             document.report(("methods", *name), message, hint, at_key=True)
     if document.problems or system is None or methods is None:
         raise ConfigError(document.problems)
-    config = _config(document, source, system, methods, respond)
+    config = replace(_config(document, source, system, methods, respond), overrides=tuple(overrides))
     from gearstab.config import feasibility
 
     doubts = feasibility.check(document, config)

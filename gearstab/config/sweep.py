@@ -20,7 +20,7 @@ from gearstab.config.problems import Path, dotted, nearest
 from gearstab.config.system import System
 from gearstab.config.targets import INPUT_SPEED, MESH_FREQUENCY, Target, TargetError, resolve
 
-GROUPS = ("modes", "bench", *Methods.model_fields)
+GROUPS = ("modes", "bench", "teeth", *Methods.model_fields)
 """Names of the groups of a result."""
 LONGEST_NAME = 100
 """Characters of the name of an axis."""

@@ -15,9 +15,8 @@ from matplotlib.patches import Patch
 from gearstab.plots import grid, names, tongues
 from gearstab.plots.axes import FREQUENCY, SPEEDS, Request, View, swept_groups, view_of
 from gearstab.plots.cases import caption, some
-from gearstab.plots.curve import write_legend
 from gearstab.plots.errors import PlotError
-from gearstab.plots.heading import write_title
+from gearstab.plots.heading import write_legend, write_title
 from gearstab.plots.style import CASES, DASHES, LINE, SHADE, new_figure
 from gearstab.plots.tongues import Tongues
 

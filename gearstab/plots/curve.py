@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-from math import ceil
 from typing import Any
 
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.legend import Legend
 from matplotlib.lines import Line2D
 
-from gearstab.plots import grid, names, tongues
+from gearstab.plots import doubt, grid, names, tongues
 from gearstab.plots.axes import SPEEDS, Request, View, view_of
 from gearstab.plots.cases import caption, some
-from gearstab.plots.heading import write_title
+from gearstab.plots.heading import write_legend, write_title
 from gearstab.plots.stability_map import GROWTH_RATE, colour_label, default_variable, find_variable
 from gearstab.plots.style import CASES, DASHES, SHADE, new_figure
-from gearstab.plots.text import fitted, printed_text
+from gearstab.plots.text import fitted
 
 Array = np.ndarray
 Artists = dict[str, Any]
@@ -57,15 +55,6 @@ def draw_bands(tree: xr.DataTree, ax: Axes, view: View) -> tuple[tongues.Tongues
     )  # fmt: skip
 
 
-def write_legend(figure: Figure, handles: list[Any]) -> Legend:
-    """A legend under the figure with as many columns as its width holds, the rows about equally full."""
-    # The handle and its gaps take about 4.5 letters of size 7.5.
-    letters = max(printed_text(str(handle.get_label())) for handle in handles) + 9
-    most = max(1, int(figure.get_figwidth() * 72 / (0.45 * 7.5) / letters))
-    columns = ceil(len(handles) / ceil(len(handles) / most))
-    return figure.legend(handles=handles, loc="outside lower center", ncols=columns)
-
-
 def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     """The whole figure: ``lines``, and for one case over the mesh frequency ``bands`` and ``names`` of the tongues."""
     variable = request.variable or default_variable(tree)
@@ -77,6 +66,9 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     figure = new_figure(request.size or "single", 0.62, request.dpi)
     ax = figure.add_subplot()
     lines = [draw_curve(ax, data, view.at(**c), k, caption(view.free, c)) for k, c in enumerate(cases)]
+    doubted = []
+    for line, case in zip(lines, cases, strict=True):
+        doubted += doubt.halo(ax, line, doubt.doubtful(tree, dataset, view.at(**case), view.x.name))
     low, high = grid.limits(view.x) if view.x.size == 1 else view.x.positions[view.x.order][[0, -1]]
     ax.set_xscale("log" if view.x.logarithmic else "linear")
     ax.set_xlim(low, high)
@@ -87,8 +79,7 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     if variable == GROWTH_RATE:
         ax.axhline(0.0, color="#8a8a8a", linewidth=0.4, zorder=0.8)
     found, bands = draw_bands(tree, ax, view) if len(cases) == 1 else (None, None)
-    if len(cases) > 1:
-        write_legend(figure, lines)
+    write_legend(figure, [*(lines if len(cases) > 1 else []), *doubt.legend_of_curves(doubted)])
     write_title(figure, tree, request, view)
     names.settle(figure)
     named = names.name_tongues(ax, found, True) if found is not None else None

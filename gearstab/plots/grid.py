@@ -51,21 +51,27 @@ def resolved(values: Array, width: float, height: float) -> tuple[Array, bool]:
 
 
 def draw_failed(ax: Axes, x: Axis, y: Axis, failed: Array) -> PolyCollection | None:
-    """Hatch the cells without a value in grey: one polygon for each run of them along x; None if there are none."""
+    """Hatch the cells without a value in grey; None if there are none."""
     if not failed.any():
         return None
+    patches = runs(x, y, failed)
+    patches.set(
+        facecolor=FAILED, edgecolor="#707070", linewidth=0, hatch="/" * 6, zorder=1.5, rasterized=True
+    )  # fmt: skip
+    ax.add_collection(patches, autolim=False)
+    return patches
+
+
+def runs(x: Axis, y: Axis, cells: Array) -> PolyCollection:
+    """Return one polygon for each run of chosen cells along x; ``cells``: ``(y.size, x.size)`` over ascending axes."""
     columns, rows = x.edges(), y.edges()
-    padded = np.zeros((failed.shape[0], failed.shape[1] + 2), dtype=np.int8)
-    padded[:, 1:-1] = failed
+    padded = np.zeros((cells.shape[0], cells.shape[1] + 2), dtype=np.int8)
+    padded[:, 1:-1] = cells
     change = np.diff(padded, axis=1)
     (row, start), (_, stop) = np.nonzero(change == 1), np.nonzero(change == -1)
     left, right, bottom, top = columns[start], columns[stop], rows[row], rows[row + 1]
     corners = np.stack([left, bottom, right, bottom, right, top, left, top], axis=-1).reshape(-1, 4, 2)
-    patches = PolyCollection(
-        list(corners), facecolors=FAILED, edgecolors="#707070", linewidths=0, hatch="/" * 6, zorder=1.5, rasterized=True
-    )
-    ax.add_collection(patches, autolim=False)
-    return patches
+    return PolyCollection(list(corners))
 
 
 def frame(ax: Axes, x: Axis, y: Axis) -> None:

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from gearstab.plots.axes import Request
 from gearstab.plots.errors import PlotError
 from gearstab.plots.heading import write_title
-from gearstab.plots.response import LONG
+from gearstab.plots.response import LONG, refuse_a_moment
 from gearstab.plots.spectrum import FLOOR, largest
 from gearstab.plots.style import CASES, SHADE, new_figure
 
@@ -30,6 +30,7 @@ def read_pair(tree: xr.DataTree) -> xr.Dataset:
     dataset = tree["response"].to_dataset() if "response" in tree.children else xr.Dataset()
     if "phi" not in dataset or "energy" not in dataset:
         raise PlotError("this result holds no response of a gear pair with phi and energy")
+    refuse_a_moment(dataset)
     return dataset
 
 

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from gearstab.plots.axes import Request
 from gearstab.plots.errors import PlotError, listed
 from gearstab.plots.heading import write_title
-from gearstab.plots.response import LONG
+from gearstab.plots.response import LONG, refuse_a_moment
 from gearstab.plots.style import CASES, SHADE, new_figure
 from gearstab.plots.text import fitted, plain, unit_text
 
@@ -28,6 +28,7 @@ def read_backlash(tree: xr.DataTree) -> xr.Dataset:
     dataset = tree["response"].to_dataset() if "response" in tree.children else xr.Dataset()
     if not {"mesh_deflection", "mesh_velocity", "play"} <= set(map(str, dataset.data_vars)):
         raise PlotError("this result holds no response with backlash, with mesh_deflection, mesh_velocity and play")
+    refuse_a_moment(dataset)
     return dataset
 
 

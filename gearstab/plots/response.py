@@ -39,7 +39,15 @@ def read_response(tree: xr.DataTree) -> xr.Dataset:
     if not any("time" in data.dims for data in dataset.data_vars.values()):
         held = listed(map(str, dataset.data_vars))
         raise PlotError(f"this response holds no histories over time; it holds {held}")
+    refuse_a_moment(dataset)
     return dataset
+
+
+def refuse_a_moment(dataset: xr.Dataset) -> None:
+    """Raise PlotError for a response that ends as it begins: one sample is no history."""
+    if dataset.sizes.get("time", 2) < 2:
+        status = str(dataset.attrs.get("status", "")) or "complete"
+        raise PlotError(f"this response ends as it begins ({status}): there is nothing to draw over time")
 
 
 def histories(dataset: xr.Dataset, request: Request) -> tuple[list[tuple[str, xr.DataArray]], str]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from math import ceil
+from collections.abc import Sequence
+from math import ceil, prod
 from typing import Any
 
 import numpy as np
@@ -10,10 +11,10 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from gearstab.plots import names, stability_map
+from gearstab.plots import doubt, names, stability_map
 from gearstab.plots.axes import Request, View, view_of
-from gearstab.plots.cases import caption, some
-from gearstab.plots.heading import write_title
+from gearstab.plots.cases import Index, caption, some
+from gearstab.plots.heading import write_legend, write_title
 from gearstab.plots.stability_map import colour_label, default_variable, find_variable
 from gearstab.plots.style import new_figure
 from gearstab.plots.text import fitted
@@ -24,12 +25,12 @@ MOST = 12
 """More panels than this are too small to read on a page."""
 
 
-def arrangement(view: View) -> tuple[int, int]:
-    """(rows, columns) of the panels: the axes themselves if two are left over and short enough, else about a square."""
-    sizes = [axis.size for axis in view.free]
-    if len(sizes) == 2 and max(sizes) <= 4:
+def arrangement(panels: Sequence[Index]) -> tuple[int, int]:
+    """(rows, columns) of the panels: values of the two axes left over if these are few, else about a square."""
+    sizes = [len({panel[name] for panel in panels}) for name in panels[0]]
+    count = len(panels)
+    if len(sizes) == 2 and max(sizes) <= 4 and prod(sizes) == count:
         return sizes[0], sizes[1]
-    count = int(np.prod(sizes)) if sizes else 1
     columns = {1: 1, 2: 2, 3: 3, 4: 2}.get(count, 3 if count <= 9 else 4)
     return ceil(count / columns), columns
 
@@ -54,7 +55,7 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     view = view_of(tree, map(str, data.dims), request, dataset)
     chosen, note = some(view.free, MOST, "panels", request.partial)
     views = [view.at(**panel) for panel in chosen]
-    rows, columns = arrangement(view)
+    rows, columns = arrangement(chosen)
     figure = new_figure(request.size or "double", min(1.25, 0.12 + 0.88 * rows / columns), request.dpi)
     grid = np.ravel(figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False))
     values = np.ma.stack([stability_map.read_cells(tree, item, variable)[0] for item in views])
@@ -65,9 +66,14 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
         panels.append(draw_panel(tree, ax, item, variable, norm, text))
     for ax in grid[len(views) :]:
         ax.remove()
+    for ax in grid[max(0, len(views) - columns) : len(views)]:
+        ax.tick_params(labelbottom=True)  # the lowest of its column, whether or not that ends above the others
     bar = figure.colorbar(panels[0]["cells"], ax=list(grid[: len(views)]), pad=0.015, aspect=18 * rows)
     bar.set_label(fitted(colour_label(tree, variable), 1.8 * rows, 8.5))
     bar.outline.set_linewidth(0.5)
+    doubtful = {words: patches for panel in panels for words, patches in panel["doubtful"].items()}
+    # The name of the axis stands in the middle.
+    write_legend(figure, doubt.legend_of_map(doubtful), "outside lower right")
     figure.supxlabel(view.x.label, fontsize=8.5)
     figure.supylabel(view.y.label, fontsize=8.5)  # type: ignore[union-attr]
     write_title(figure, tree, request, view)

@@ -10,12 +10,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from gearstab.plots import grid, names, tongues
+from gearstab.plots import doubt, grid, names, tongues
 from gearstab.plots.axes import SPEEDS, Request, View, view_of
 from gearstab.plots.cases import caption, some
-from gearstab.plots.curve import peak, write_legend
+from gearstab.plots.curve import peak
 from gearstab.plots.errors import PlotError, listed
-from gearstab.plots.heading import write_title
+from gearstab.plots.heading import write_legend, write_title
 from gearstab.plots.stability_map import colour_label, find_variable
 from gearstab.plots.style import CASES, DASHES, SHADE, new_figure
 from gearstab.plots.text import fitted
@@ -104,6 +104,9 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
         values = view.at(**case).cut(data, view.x.name).astype(float)
         repelling = np.zeros((0, 2)) if attracts else ranges[k]
         lines.append(draw_case(ax, x, values, repelling, k, caption(view.free, case)))
+    doubted = []
+    for line, case in zip(lines, cases, strict=True):
+        doubted += doubt.halo(ax, line, doubt.doubtful(tree, own, view.at(**case), view.x.name))
     low, high = grid.limits(view.x)
     ax.set_xlim(low, high)
     scale(ax, [np.asarray(line.get_ydata(), dtype=float) for line in lines])
@@ -116,8 +119,7 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     handles = lines if len(cases) > 1 else []
     if bands is not None:
         handles = [*handles, Patch(facecolor=SHADE, label="unstable")]
-    if handles:
-        write_legend(figure, handles)
+    write_legend(figure, [*handles, *doubt.legend_of_curves(doubted)])
     write_title(figure, tree, request, view)
     names.settle(figure)
     names.freeze(figure)

@@ -10,10 +10,10 @@ from matplotlib.axes import Axes
 from matplotlib.colors import Colormap, LogNorm, Normalize
 from matplotlib.figure import Figure
 
-from gearstab.plots import grid, names, tongues
+from gearstab.plots import doubt, grid, names, tongues
 from gearstab.plots.axes import Request, View, swept_groups, two_axes_only, view_of
 from gearstab.plots.errors import PlotError, listed
-from gearstab.plots.heading import write_title
+from gearstab.plots.heading import write_legend, write_title
 from gearstab.plots.style import GROWTH, LINE, new_figure
 from gearstab.plots.text import axis_label, fitted
 
@@ -97,7 +97,8 @@ def draw_map(
 
     Returns the artists, None where there is no such thing: ``cells`` (values of unstable points; stable ones masked),
     ``failed`` (hatched), ``note`` (if all is stable), ``neutral`` (the line growth_rate = 0 of a damped system),
-    ``perturbation`` (lines), ``boundaries`` and ``thin`` (see ``tongues.exact_lines``).
+    ``perturbation`` (lines), ``boundaries`` and ``thin`` (see ``tongues.exact_lines``), ``doubtful`` (hatchings by
+    their words, see :mod:`gearstab.plots.doubt`).
     """
     assert view.y is not None
     values, failed = read_cells(tree, view, variable)
@@ -112,6 +113,8 @@ def draw_map(
         artists["note"] = ax.text(
             0.5, 0.5, "stable at every point", transform=ax.transAxes, ha="center", color="#6e6e6e"
         )
+    dataset = find_variable(tree, variable)[0]
+    artists["doubtful"] = doubt.hatch(ax, view, doubt.doubtful(tree, dataset, view, view.y.name, view.x.name))
     grid.frame(ax, view.x, view.y)
     overlaid = variable in (GROWTH_RATE, "stable") or "mesh" in find_variable(tree, variable)[1].dims
     return {**artists, **draw_boundaries(tree, ax, view if overlaid else None, artists["neutral"] is not None)}
@@ -180,6 +183,7 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     )
     bar.outline.set_linewidth(0.5)
     artists["colour_bar"] = bar
+    write_legend(figure, doubt.legend_of_map(artists["doubtful"]))
     write_title(figure, tree, request, view)
     names.settle(figure)
     artists["names"] = names.name_view(tree, ax, view)

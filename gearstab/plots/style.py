@@ -6,8 +6,7 @@ that the same result gives the same bytes everywhere.
 
 from __future__ import annotations
 
-import os
-import tempfile
+import io
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -21,6 +20,7 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from gearstab.plots.errors import PlotError, listed
+from gearstab.results.output import Content, write_bytes
 
 WIDTHS = {"single": 3.46, "double": 7.09}
 """Width in inches of one column (88 mm) and of two (180 mm)."""
@@ -132,18 +132,23 @@ def checked_extension(path: Path) -> str:
 
 
 def save(figure: Figure, path: Path, title: str = "") -> None:
-    """Write a figure under a temporary name beside ``path`` and put it in place: never half a file.
+    """Write a figure, whole or not at all.
 
-    Raises PlotError for an unknown extension and OSError if the folder cannot be written.
+    Raises PlotError for an unknown extension, OutputError where ``path`` is no figure to replace, and OSError where it
+    cannot be written.
     """
     extension = checked_extension(path)
-    handle, name = tempfile.mkstemp(prefix=f".{path.stem}-", suffix=extension, dir=path.parent)
-    os.close(handle)
-    temporary = Path(name)
-    try:
-        with style():
-            figure.savefig(temporary, dpi=figure.dpi, metadata=metadata(extension, title))
-        temporary.chmod(0o644)
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    data = io.BytesIO()
+    with style():
+        figure.savefig(data, format=extension[1:], dpi=figure.dpi, metadata=metadata(extension, title))
+    write_bytes(path, data.getbuffer(), FIGURE.refuse)
+
+
+def no_figure(path: Path) -> str:
+    """Return what a file is instead of a figure of any kind, "" for one."""
+    with open(path, "rb") as file:
+        head = file.read(4096)
+    return "" if head.startswith((b"\x89PNG", b"%PDF-")) or b"<svg" in head else "is no figure"
+
+
+FIGURE = Content("a figure", "/".join(EXTENSIONS), no_figure, (), streams=True)

@@ -21,7 +21,7 @@ class SweepError(UserError, RuntimeError):
 
 
 class RequestError(UserError, ValueError):
-    """What was asked for cannot be done: no place for the result, no such kernel. Nothing was computed."""
+    """What was asked for is too large. Nothing was computed."""
 
 
 class Interrupted(UserError, RuntimeError):
