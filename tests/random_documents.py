@@ -19,6 +19,11 @@ INTERPOLATIONS = st.sampled_from([{"interpolation": "linear"}, {"interpolation":
 COEFFICIENTS = st.lists(st.sampled_from([0.0, 0.5, -0.5]) | st.floats(-0.5, 0.5), min_size=1, max_size=3)
 
 
+def amounts(largest: float) -> st.SearchStrategy[float]:
+    """Of damping: none, or more than what is refused as smaller than of any gear."""
+    return st.just(0.0) | st.floats(1e-12, largest)
+
+
 @st.composite
 def waveforms(draw: st.DrawFn) -> Document:
     """What of a mesh says how its stiffness varies."""
@@ -56,7 +61,7 @@ def meshes(draw: st.DrawFn, name: str) -> Document:
     """One mesh."""
     found = {"name": name, "mean_stiffness": draw(SIZES), **draw(waveforms())}
     if draw(st.integers(0, 4)) == 0:
-        found["damping"] = draw(st.floats(0.0, 0.3))
+        found["damping"] = draw(amounts(0.3))
     return found
 
 
@@ -70,14 +75,14 @@ def dampings(draw: st.DrawFn, size: int) -> Document:
     if kind == "modal":
         return {"damping": {"modal": [draw(ratio) for _ in range(size)]}}
     if kind == "rayleigh":
-        return {"damping": {"rayleigh": [draw(st.floats(0.0, 0.2)), draw(st.floats(0.0, 0.05))]}}
+        return {"damping": {"rayleigh": [draw(amounts(0.2)), draw(amounts(0.05))]}}
     return {"damping": {"matrix": draw(symmetric(size, 0.05))}} if kind == "matrix" else {}
 
 
 @st.composite
 def symmetric(draw: st.DrawFn, size: int, scale: float) -> list[list[float]]:
     """Any symmetric matrix, definite or not."""
-    entry = st.sampled_from([0.0, scale]) | st.floats(-scale, scale)
+    entry = st.just(scale) | st.floats(-scale, -1e-12) | amounts(scale)
     found = [[0.0] * size for _ in range(size)]
     for i in range(size):
         for j in range(i + 1):
