@@ -49,7 +49,7 @@ def command(
         prepare(target)
     from gearstab.bench import measure
     from gearstab.bench.output import bench_group, table
-    from gearstab.floquet import kernel
+    from gearstab.floquet.kernel import choice as kernel
     from gearstab.results import Group, ResultTree, write_result
     from gearstab.results.guard import BENCH
     from gearstab.results.provenance import modes_group, root_attributes
@@ -69,7 +69,7 @@ def command(
 
 def _guard(config: Path, target: Path, plot: bool) -> None:
     """Raise OutputError if the result or its picture would replace the configuration, each other or something else."""
-    from gearstab.plots.style import FIGURE
+    from gearstab.plots.drawing.style import FIGURE
     from gearstab.results import OutputError
     from gearstab.results.guard import BENCH, result_of
 
@@ -114,7 +114,7 @@ def _say(text: str) -> None:
 
 def _draw(target: Path, quiet: bool) -> None:
     from gearstab.plots import draw
-    from gearstab.plots.style import save
+    from gearstab.plots.drawing.style import save
     from gearstab.results.read import reading
 
     picture = target.with_suffix(".png")

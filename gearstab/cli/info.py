@@ -146,8 +146,8 @@ def _reductions(system: GearSystem) -> dict[str, Any]:
     """How exact Floquet analysis takes the system apart."""
     from dataclasses import asdict
 
-    from gearstab.floquet.reduction import reduce
     from gearstab.floquet.report import reduction
+    from gearstab.floquet.segments.reduction import reduce
 
     found = reduction(system)
     blocks = [{name: list(v) if isinstance(v, tuple) else v for name, v in asdict(p).items()} for p in found.parts]

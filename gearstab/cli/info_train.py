@@ -32,7 +32,7 @@ def facts(config: Config, system: GearSystem) -> dict[str, Any] | None:
         return None
     import numpy as np
 
-    from gearstab.response.equilibrium import static_mesh_force
+    from gearstab.response.linear.equilibrium import static_mesh_force
     from gearstab.systems.gearbox.build import Train, torques
 
     train = Train(config.parameters)

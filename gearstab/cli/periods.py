@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 def common_period(system: GearSystem) -> dict[str, Any] | None:
     """What the common period of all meshes consists of; None where there is none."""
     from gearstab.floquet.frequencies import choice
-    from gearstab.floquet.segments import prepare
+    from gearstab.floquet.segments.pattern import prepare
 
     period = choice.common_period(system)
     if period is None:
@@ -35,7 +35,7 @@ def frequencies(config: Config, system: GearSystem) -> dict[str, Any] | None:
 
     import numpy as np
 
-    from gearstab.config.methods import FloquetOptions
+    from gearstab.config.sections.methods import FloquetOptions
     from gearstab.floquet import solve
     from gearstab.modal import mean_modes
     from gearstab.sweep.methods import frequencies as ways

@@ -38,8 +38,8 @@ def command(
     from gearstab.cli.errors import user_errors
     from gearstab.plots import draw
     from gearstab.plots.axes import Request
-    from gearstab.plots.heading import title_of
-    from gearstab.plots.style import FIGURE, checked_extension, save
+    from gearstab.plots.drawing.heading import title_of
+    from gearstab.plots.drawing.style import FIGURE, checked_extension, save
     from gearstab.results.read import reading
 
     target = output or result.with_suffix(".png")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from gearstab.config import Config
-    from gearstab.config.respond import Respond
+    from gearstab.config.sections.respond import Respond
     from gearstab.response.backlash import BacklashResponse
     from gearstab.results import ResultTree
     from gearstab.system import GearSystem
@@ -44,7 +44,7 @@ def result(config: Config, wanted: Respond, system: GearSystem, found: BacklashR
 
     from gearstab.cli.respond_linear import spectral
     from gearstab.response.backlash import BACKLASH_FLAGS, KINDS
-    from gearstab.response.equilibrium import static_mesh_force
+    from gearstab.response.linear.equilibrium import static_mesh_force
     from gearstab.results import Group, ResultTree, fields_of
     from gearstab.results.guard import RESPOND
     from gearstab.results.provenance import modes_group, root_attributes

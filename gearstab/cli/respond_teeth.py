@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from gearstab.config import Config
-    from gearstab.config.respond import Respond
+    from gearstab.config.sections.respond import Respond
     from gearstab.response import Response
-    from gearstab.response.tooth_loads import Teeth
+    from gearstab.response.measures.tooth_loads import Teeth
     from gearstab.system import GearSystem
 
 
@@ -16,8 +16,8 @@ def values(config: Config, wanted: Respond, system: GearSystem, found: Response)
     """The variables of TOOTH_LOADS, none where no teeth are known, nothing is loaded or a history begins anywhere."""
     import numpy as np
 
-    from gearstab.response.equilibrium import static_mesh_force
-    from gearstab.response.tooth_loads import MOST_POINTS, phases, positions, tooth_loads
+    from gearstab.response.linear.equilibrium import static_mesh_force
+    from gearstab.response.measures.tooth_loads import MOST_POINTS, phases, positions, tooth_loads
 
     if config.kind != "gearbox" or system.load is None or not wanted.steady_state or found.status == "failed":
         return {}
@@ -41,7 +41,7 @@ def values(config: Config, wanted: Respond, system: GearSystem, found: Response)
 
 def teeth(config: Config) -> list[Teeth]:
     """Of all meshes of a gearbox."""
-    from gearstab.response.tooth_loads import Teeth
+    from gearstab.response.measures.tooth_loads import Teeth
     from gearstab.systems import gearbox
 
     meshes = config.parameters["meshes"]

@@ -94,7 +94,7 @@ def slow_kernel(plan: Plan, summary: Summary) -> bool:
 
     Systems with periodic terms have no faster one.
     """
-    from gearstab.floquet import kernel
+    from gearstab.floquet.kernel import choice as kernel
 
     chosen = os.environ.get("GEARSTAB_KERNEL") or "c" in kernel.available()
     return "numpy" in summary.kernels and not chosen and not plan.base.terms

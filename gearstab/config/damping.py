@@ -7,8 +7,8 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
-from gearstab.config.fields import NonNegative, Quantity, Section
 from gearstab.config.mesh import Conflict, exactly_one
+from gearstab.config.model.fields import NonNegative, Quantity, Section
 
 MatrixEntry = Annotated[float, Quantity("N s/m", ("N s", "N m s"), entry=True)]
 

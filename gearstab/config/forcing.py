@@ -8,8 +8,15 @@ from typing import Annotated, Any
 from pydantic import Field, GetJsonSchemaHandler
 from pydantic_core import core_schema
 
-from gearstab.config.fields import ExactRatio, NameText, Number, Quantity, Section, Turns
-from gearstab.config.problems import Path
+from gearstab.config.document.problems import Path
+from gearstab.config.model.fields import (
+    ExactRatio,
+    NameText,
+    Number,
+    Quantity,
+    Section,
+    Turns,
+)
 
 Conflict = tuple[Path, str, str]
 """What contradicts itself: path below the section, message, remedy."""

@@ -8,16 +8,25 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
-from gearstab.config.document import Document
-from gearstab.config.fields import Choice, Inertia, Length, Mass, NonNegative, Quantity, Section, Whole
+from gearstab.config.document.yaml import Document
 from gearstab.config.forcing import LoadOfOne, wrong_load
 from gearstab.config.mesh import Conflict, Mesh, exactly_one
-from gearstab.config.respond_pair import PairRespond
+from gearstab.config.model.fields import (
+    Choice,
+    Inertia,
+    Length,
+    Mass,
+    NonNegative,
+    Quantity,
+    Section,
+    Whole,
+)
+from gearstab.config.sections.respond_pair import PairRespond
 from gearstab.config.system import System
 from gearstab.rotating_pair import CLASSICAL, FORMULATIONS
 
 if TYPE_CHECKING:
-    from gearstab.config.axes import Axis
+    from gearstab.config.sections.axes import Axis
 
 OF_GEARS = ("teeth", "inertias", "torsional_stiffness", "single_contact_angle", "torque", "module", "radii")
 """Keys of a pair that is given by its gears, and not by an equivalent mass and a mesh."""

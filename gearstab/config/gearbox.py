@@ -8,8 +8,12 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
-from gearstab.config.conflicts import Conflict
-from gearstab.config.fields import (
+from gearstab.config.document.problems import Path, nearest
+from gearstab.config.gearbox_mesh import LUBRICATED, GearboxMesh
+from gearstab.config.gearbox_teeth import missing_of_teeth
+from gearstab.config.mesh import Named, ToothMesh
+from gearstab.config.model.conflicts import Conflict
+from gearstab.config.model.fields import (
     AngularFrequency,
     Choice,
     Flag,
@@ -24,10 +28,6 @@ from gearstab.config.fields import (
     Section,
     ToothCount,
 )
-from gearstab.config.gearbox_mesh import LUBRICATED, GearboxMesh
-from gearstab.config.gearbox_teeth import missing_of_teeth
-from gearstab.config.mesh import Named, ToothMesh
-from gearstab.config.problems import Path, nearest
 from gearstab.config.system import System
 
 TorsionalStiffness = Annotated[float, Field(gt=0), Quantity("N m")]

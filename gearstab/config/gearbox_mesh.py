@@ -7,10 +7,18 @@ from typing import Annotated, Any, ClassVar
 
 from pydantic import Field
 
-from gearstab.config.conflicts import Conflict, at_most_one
-from gearstab.config.fields import Choice, Length, NameText, NonNegative, Quantity, Section, Turns
 from gearstab.config.forcing import TransmissionError
 from gearstab.config.mesh import Mesh
+from gearstab.config.model.conflicts import Conflict, at_most_one
+from gearstab.config.model.fields import (
+    Choice,
+    Length,
+    NameText,
+    NonNegative,
+    Quantity,
+    Section,
+    Turns,
+)
 from gearstab.config.waveforms import Waveform, form_of, kind_of
 
 FRICTIONS = {

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from gearstab.config.conflicts import Conflict
+from gearstab.config.model.conflicts import Conflict
 
 MOST = 4
 """Things that a message lists."""

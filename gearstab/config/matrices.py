@@ -10,22 +10,20 @@ from pydantic import Field, GetCoreSchemaHandler, GetJsonSchemaHandler, StrictSt
 from pydantic_core import core_schema
 
 from gearstab.config.damping import not_square
-from gearstab.config.document import Document, value_at
-from gearstab.config.fields import Choice, NameText, Quantity
+from gearstab.config.document.problems import Path
+from gearstab.config.document.yaml import Document, value_at
 from gearstab.config.forcing import Force, Load, wrong_load
 from gearstab.config.mesh import Conflict, MatrixMesh
-from gearstab.config.problems import Path
+from gearstab.config.model.fields import Choice, NameText, Quantity
+from gearstab.config.model.units import UnitError, to_si
 from gearstab.config.system import System
 from gearstab.config.terms import Term
-from gearstab.config.units import UnitError, to_si
 
 UNITS = ("m", "rad")
 TOLD = {"mass": "kg m^2", "stiffness": "N m"}
 """Matrix -> unit of a diagonal entry that belongs to a rotation."""
 MassEntry = Annotated[float, Quantity("kg", ("kg m", "kg m^2"), entry=True)]
 StiffnessEntry = Annotated[float, Quantity("N/m", ("N", "N m"), entry=True)]
-
-
 
 
 class OneForAll:

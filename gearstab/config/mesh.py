@@ -7,8 +7,9 @@ from typing import Annotated, Any, ClassVar
 
 from pydantic import Field
 
-from gearstab.config.conflicts import Conflict, at_most_one, exactly_one
-from gearstab.config.fields import (
+from gearstab.config.forcing import TransmissionError
+from gearstab.config.model.conflicts import Conflict, at_most_one, exactly_one
+from gearstab.config.model.fields import (
     AnyRatio,
     Choice,
     ContactRatio,
@@ -19,7 +20,6 @@ from gearstab.config.fields import (
     Section,
     Turns,
 )
-from gearstab.config.forcing import TransmissionError
 from gearstab.config.waveforms import Form, Waveform, form_of, has_own_mean, kind_of, shape_conflicts
 
 MeshStiffness = Annotated[float, Field(gt=0), Quantity("N/m", ("N m",))]

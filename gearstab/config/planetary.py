@@ -7,8 +7,15 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
-from gearstab.config.fields import Choice, Mass, Quantity, Section, Turns, Whole
 from gearstab.config.mesh import Conflict, ToothMesh
+from gearstab.config.model.fields import (
+    Choice,
+    Mass,
+    Quantity,
+    Section,
+    Turns,
+    Whole,
+)
 from gearstab.config.system import System
 
 HARMONICS = 12

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 from pydantic import Field
 
 from gearstab.config.damping import Damping
-from gearstab.config.document import Document
-from gearstab.config.fields import Choice, Flag, NonNegative, Section
+from gearstab.config.document.problems import Path
+from gearstab.config.document.yaml import Document
 from gearstab.config.mesh import Conflict, ToothMesh
-from gearstab.config.names import mesh_items
-from gearstab.config.problems import Path
+from gearstab.config.model.fields import Choice, Flag, NonNegative, Section
+from gearstab.config.sections.names import mesh_items
 
 if TYPE_CHECKING:
-    from gearstab.config.axes import Axis
+    from gearstab.config.sections.axes import Axis
 
 
 class System(Section):

@@ -7,8 +7,17 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
-from gearstab.config.conflicts import Conflict
-from gearstab.config.fields import AnyRatio, ContactRatio, Flag, NameText, Number, Quantity, Section, Turns
+from gearstab.config.model.conflicts import Conflict
+from gearstab.config.model.fields import (
+    AnyRatio,
+    ContactRatio,
+    Flag,
+    NameText,
+    Number,
+    Quantity,
+    Section,
+    Turns,
+)
 from gearstab.config.waveforms import Waveform, form_of, kind_of, shape_conflicts
 
 OfStiffness = Annotated[float, Quantity("N/m", ("N", "N m"), entry=True)]

@@ -8,9 +8,9 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
-from gearstab.config.fields import ExactRatio, Mass, Quantity
 from gearstab.config.forcing import Load, wrong_load
 from gearstab.config.mesh import Conflict, Mesh, SecondMesh
+from gearstab.config.model.fields import ExactRatio, Mass, Quantity
 from gearstab.config.system import System
 
 

@@ -20,13 +20,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gearstab.floquet import damped, kernel
-from gearstab.floquet.blocks import Block, split
-from gearstab.floquet.magnus.schemes import CF6_5
-from gearstab.floquet.magnus.solve import split_pattern, within
-from gearstab.floquet.magnus.steps import Division, divisions
-from gearstab.floquet.reduction import Elastic, reduce
-from gearstab.floquet.segments import Pattern, prepare
+from gearstab.floquet.kernel import choice as kernel
+from gearstab.floquet.kernel import damped
+from gearstab.floquet.segments.blocks import Block, split
+from gearstab.floquet.segments.pattern import Pattern, prepare
+from gearstab.floquet.segments.reduction import Elastic, reduce
+from gearstab.floquet.smooth.schemes import CF6_5
+from gearstab.floquet.smooth.solve import split_pattern, within
+from gearstab.floquet.smooth.steps import Division, divisions
 from gearstab.floquet.solution import DAMPED_ON_CIRCLE, Part, solved
 from gearstab.modal import modal_damping_matrix
 from gearstab.system import Array, GearSystem

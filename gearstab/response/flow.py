@@ -1,7 +1,8 @@
 """Motion through any interval of time with mesh stiffnesses that someone else decides, contact lost among them.
 
-Where :mod:`~gearstab.response.intervals` follows the mesh stiffnesses as functions of time, here they are given: the
-motion is exact as long as they stay, whatever ends the interval (a jump of the stiffness, teeth that part or meet).
+Where :mod:`~gearstab.response.linear.intervals` follows the mesh stiffnesses as functions of time, here they are
+given: the motion is exact as long as they stay, whatever ends the interval (a jump of the stiffness, teeth that part
+or meet).
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gearstab.floquet.general.exponential import expm
-from gearstab.response.driven import Driven
+from gearstab.response.linear.driven import Driven
 from gearstab.system import Array
 
 AT_ONCE = 2**18
@@ -20,7 +21,8 @@ AT_ONCE = 2**18
 
 @dataclass(frozen=True)
 class Flow:
-    """x' = A x + B z, z' = R z with constant A, B, R, per unit of time; see :class:`~gearstab.response.driven.Driven`.
+    """x' = A x + B z, z' = R z with constant A, B, R, per unit of time; see
+    :class:`~gearstab.response.linear.driven.Driven`.
 
     motion: what it is a flow of, with z(tau) and the common period.
     generator: ``(m + L, m + L)``, [[A, B], [0, R]];  size: m;  scale: what z is multiplied by in it.
@@ -56,7 +58,7 @@ def flow(motion: Driven, stiffness: Array, tau: float, force: Array | None = Non
 
     Parameters
     ----------
-    motion: the system and its mesh frequency (:func:`gearstab.response.driven.driven`).
+    motion: the system and its mesh frequency (:func:`gearstab.response.linear.driven.driven`).
     stiffness: ``(meshes,)``, k_i; a mesh whose teeth are apart has 0, and then neither its transmission error acts.
     tau: a time within the interval, in parts of the common period, for what else depends on time (terms, other forces).
     force: ``(n,)``, a further constant generalised force, such as k_i b_i g_i of a backlash b_i.

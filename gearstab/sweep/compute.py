@@ -9,7 +9,7 @@ from math import prod
 import numpy as np
 
 from gearstab.config import Axis, parameters_at
-from gearstab.floquet import kernel
+from gearstab.floquet.kernel import choice as kernel
 from gearstab.results.chunks import encode, holds
 from gearstab.results.variables import GRID, Variable
 from gearstab.sweep.methods import POINTS, RANGE, Key, Outcome

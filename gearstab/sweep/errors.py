@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gearstab.config.problems import Path
+from gearstab.config.document.problems import Path
 from gearstab.errors import FAILED, INTERRUPTED, UserError
 
 

@@ -16,8 +16,8 @@ import numpy as np
 from gearstab import interrupts
 from gearstab.config import Axis, Config
 from gearstab.config.kinds import KINDS
-from gearstab.config.targets import INPUT_SPEED, MESH_FREQUENCY, TargetError, resolve
-from gearstab.floquet import kernel
+from gearstab.config.sections.targets import INPUT_SPEED, MESH_FREQUENCY, TargetError, resolve
+from gearstab.floquet.kernel import choice as kernel
 from gearstab.results.chunks import decode, encode
 from gearstab.results.guard import SWEEP
 from gearstab.results.output import Look, move

@@ -20,7 +20,7 @@ import numpy as np
 
 from gearstab import __version__
 from gearstab.config import Axis, Config, ConfigError
-from gearstab.floquet import kernel
+from gearstab.floquet.kernel import choice as kernel
 from gearstab.sweep import teeth
 from gearstab.sweep.errors import OptionError
 from gearstab.sweep.methods import POINTS, Method, chosen

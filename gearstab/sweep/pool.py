@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from itertools import islice
 from typing import Any
 
-from gearstab.floquet import kernel
+from gearstab.floquet.kernel import choice as kernel
 from gearstab.interrupts import end_with
 from gearstab.sweep.compute import compute
 from gearstab.sweep.parts import Finished, Part, PartFolder, StoredPart

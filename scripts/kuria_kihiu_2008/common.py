@@ -14,8 +14,8 @@ import numpy as np
 from gearstab.config import load
 from gearstab.floquet.frequencies import groups, per_mesh
 from gearstab.gears import Pair, mesh_root_stress
-from gearstab.response.equilibrium import static_mesh_force
-from gearstab.response.speeds import SpeedResponse, speed_response
+from gearstab.response.linear.equilibrium import static_mesh_force
+from gearstab.response.linear.speeds import SpeedResponse, speed_response
 from gearstab.systems import build
 from gearstab.systems.gearbox import teeth
 from statements import CONFIGS

@@ -17,13 +17,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from gearstab.floquet import damped as general
-from gearstab.floquet import kernel
 from gearstab.floquet.boundaries import search as undamped
 from gearstab.floquet.boundaries.krein import spectrum
 from gearstab.floquet.boundaries.points import exact, propagate
 from gearstab.floquet.boundaries.search import Interval, Search
-from gearstab.floquet.segments import Pattern
+from gearstab.floquet.kernel import choice as kernel
+from gearstab.floquet.kernel import damped as general
+from gearstab.floquet.segments.pattern import Pattern
 from gearstab.floquet.solution import DAMPED_ON_CIRCLE
 from gearstab.system import Array
 

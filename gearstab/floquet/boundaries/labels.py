@@ -25,7 +25,7 @@ import numpy as np
 
 from gearstab.floquet.boundaries.krein import spectrum
 from gearstab.floquet.boundaries.points import first_modes, propagate
-from gearstab.floquet.segments import Pattern
+from gearstab.floquet.segments.pattern import Pattern
 from gearstab.system import Array
 
 BAND = 1.5

@@ -1,7 +1,7 @@
 """Monodromy matrices and Morse indices at scattered points (row, mesh frequency) of one pattern.
 
 The search asks for a handful of points of every row at a time, so that here the points, not the frequencies of one
-row, run along the arrays. The product of segments is the one of :mod:`gearstab.floquet.numpy_kernel`.
+row, run along the arrays. The product of segments is the one of :mod:`gearstab.floquet.kernel.numpy_kernel`.
 
 The *Morse index* N(theta) is the number of negative eigenvalues of the quadratic form int |u'|^2 - u^H K(t) u dt over
 one common period T with u(T) = exp(i theta) u(0). It is an exact integer of the path of matrices over the period,
@@ -23,8 +23,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gearstab.floquet import kernel
-from gearstab.floquet.segments import Pattern
+from gearstab.floquet.kernel import choice as kernel
+from gearstab.floquet.segments.pattern import Pattern
 from gearstab.system import Array
 
 LARGEST = 1e6

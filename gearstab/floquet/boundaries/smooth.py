@@ -22,11 +22,11 @@ from gearstab.floquet.boundaries import damped
 from gearstab.floquet.boundaries.krein import evaluate
 from gearstab.floquet.boundaries.points import Resolved
 from gearstab.floquet.boundaries.search import Interval, Search, search
-from gearstab.floquet.magnus.compare import difference, scan
-from gearstab.floquet.magnus.control import SAFETY, Ladder, first
-from gearstab.floquet.magnus.schemes import CF4_2, CF6_5
-from gearstab.floquet.magnus.steps import Division, divisions
-from gearstab.floquet.segments import Pattern
+from gearstab.floquet.segments.pattern import Pattern
+from gearstab.floquet.smooth.compare import difference, scan
+from gearstab.floquet.smooth.control import SAFETY, Ladder, first
+from gearstab.floquet.smooth.schemes import CF4_2, CF6_5
+from gearstab.floquet.smooth.steps import Division, divisions
 from gearstab.system import Array, GearSystem
 
 PILOTS = 9

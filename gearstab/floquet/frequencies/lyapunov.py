@@ -20,13 +20,14 @@ from itertools import pairwise
 
 import numpy as np
 
-from gearstab.floquet import damped, kernel
-from gearstab.floquet.blocks import split
 from gearstab.floquet.frequencies.propagation import growths
 from gearstab.floquet.frequencies.result import ManyFrequencies
 from gearstab.floquet.frequencies.smooth import windows
-from gearstab.floquet.reduction import Elastic
-from gearstab.floquet.segments import Pattern, window
+from gearstab.floquet.kernel import choice as kernel
+from gearstab.floquet.kernel import damped
+from gearstab.floquet.segments.blocks import split
+from gearstab.floquet.segments.pattern import Pattern, window
+from gearstab.floquet.segments.reduction import Elastic
 from gearstab.floquet.status import STATUS_FLAGS
 from gearstab.system import Array, GearSystem
 

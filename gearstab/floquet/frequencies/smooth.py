@@ -1,7 +1,7 @@
 """Windows of time over mesh stiffness that is not piecewise constant, cut into Magnus steps.
 
 Between the jumps and kinks of all meshes the window is cut into steps of about equal length; each is a product of a few
-exponentials, which are segments of constant stiffness (:mod:`~gearstab.floquet.magnus.schemes`), so that vectors are
+exponentials, which are segments of constant stiffness (:mod:`~gearstab.floquet.smooth.schemes`), so that vectors are
 carried through them as through any others.
 """
 
@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gearstab.floquet.magnus.schemes import CF6_5
-from gearstab.floquet.reduction import Elastic, reduce
-from gearstab.floquet.segments import CONSTANT, PROBES, SHORTEST, Pattern
+from gearstab.floquet.segments.pattern import CONSTANT, PROBES, SHORTEST, Pattern
+from gearstab.floquet.segments.reduction import Elastic, reduce
+from gearstab.floquet.smooth.schemes import CF6_5
 from gearstab.system import Array, GearSystem, Mesh
 
 

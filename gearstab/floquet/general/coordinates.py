@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gearstab.floquet.reduction import rigid_modes
+from gearstab.floquet.segments.reduction import rigid_modes
 from gearstab.modal import mean_modes
 from gearstab.system import Array, GearSystem
 
