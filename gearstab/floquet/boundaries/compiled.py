@@ -1,4 +1,5 @@
-"""The search of :mod:`~gearstab.floquet.boundaries.search` in the compiled kernel: the same intervals, many times faster.
+"""The search of :mod:`~gearstab.floquet.boundaries.search` in the compiled kernel: the same intervals in a fraction of
+the time.
 
 The same counts of collisions decide, from the same points of view; what differs is how they are come by. Krein signs
 and speeds of multipliers are told by a second monodromy matrix a tiny step in the period later instead of by
@@ -9,9 +10,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from gearstab.floquet.kernel import c_kernel
 from gearstab.floquet.boundaries.points import exact
 from gearstab.floquet.boundaries.search import Interval, Search
+from gearstab.floquet.kernel import c_kernel
 from gearstab.floquet.segments.pattern import Pattern
 from gearstab.system import Array
 
@@ -27,50 +28,39 @@ def search(pattern: Pattern, first: Array, last: Array, tolerance: float, floor:
         # Constant stiffness: multipliers only pass through each other.
         return Search([], *np.zeros((2, len(first)), dtype=np.int64))
     edges, reach = c_kernel.edges(exact(pattern), pattern, first, last, tolerance, floor, DENSITY)
-    intervals: list[Interval] = []
-    begins = np.searchsorted(edges["row"], np.arange(len(first) + 1))
+    ends = _ends(edges, reach, first, last)
+    begin = np.flatnonzero((ends["enters"][:-1] == 1) & (ends["enters"][1:] == 0) & (np.diff(ends["row"]) == 0))
+    begin = begin[ends["cycle"][begin + 1] - ends["cycle"][begin] > floor * ends["cycle"][begin]]
+    start, stop = ends[begin], ends[begin + 1]
+    # Counts at an end of the range where growth is strong are not known: none are reported there.
+    meetings = np.maximum(stop["passed"] - start["passed"], 0)
     contacts = reach["passed"][:, 1] - reach["passed"][:, 0]
-    for row in range(len(first)):
-        own = _intervals(edges[begins[row] : begins[row + 1]], reach[row], row, float(first[row]), float(last[row]))
-        kept = [i for i in own if i.stop - i.start > floor * i.start]
-        intervals += kept
-        contacts[row] -= np.sum([i.meetings for i in kept], axis=0, dtype=np.int64)
+    np.subtract.at(contacts, start["row"], meetings)
+    columns = (
+        start["row"].tolist(),
+        start["cycle"].tolist(),
+        stop["cycle"].tolist(),
+        map(tuple, start["passed"].tolist()),
+        map(tuple, meetings.tolist()),
+        zip(start["error"].tolist(), stop["error"].tolist(), strict=True),
+        zip((start["cut"] == 1).tolist(), (stop["cut"] == 1).tolist(), strict=True),
+    )
+    intervals = list(map(Interval, *columns))
     # A collision beside +-1 is one of the complex conjugates too.
     return Search(intervals, np.maximum(contacts, 0) @ [1, 1, 2], reach["evaluations"].copy())
 
 
-def _intervals(edges: Array, reach: Array, row: int, first: float, last: float) -> list[Interval]:
-    """Pair entrances with exits; a region that reaches an end of the range is cut there."""
-    cycle, error, enters = edges["cycle"].tolist(), edges["error"].tolist(), edges["enters"].tolist()
-    passed, ends = edges["passed"].tolist(), reach["passed"].tolist()
-    result: list[Interval] = []
-    start = None if reach["stable"][0] else (first, 0.0, ends[0], True)
-    for k in range(len(edges)):
-        here = cycle[k], error[k], passed[k], False
-        if enters[k]:
-            start = here
-        elif start is not None:
-            result.append(_interval(row, start, here))
-            start = None
-    if start is not None:
-        result.append(_interval(row, start, (last, 0.0, ends[1], True)))
-    return result
-
-
-End = tuple[float, float, list[int], bool]
-
-
-def _interval(row: int, start: End, stop: End) -> Interval:
-    """From (cycle, error, collisions passed, whether the range ends there) of both ends."""
-    # Counts at an end of the range where growth is strong are not known: none are reported there.
-    meetings = [max(0, b - a) for a, b in zip(start[2], stop[2], strict=True)]
-    passed = (start[2][0], start[2][1], start[2][2])
-    return Interval(
-        row,
-        start[0],
-        stop[0],
-        passed,
-        (meetings[0], meetings[1], meetings[2]),
-        (start[1], stop[1]),
-        (start[3], stop[3]),
-    )
+def _ends(edges: Array, reach: Array, first: Array, last: Array) -> Array:
+    """The edges and, where a range begins or ends in a region, its ends, by row and place."""
+    fields = [*c_kernel.EDGE.descr, ("cut", "i8")]
+    parts = [np.zeros(len(edges), dtype=fields)]
+    for name in c_kernel.EDGE.names or ():
+        parts[0][name] = edges[name]
+    for side, cycle in enumerate((first, last)):
+        rows = np.flatnonzero(reach["stable"][:, side] == 0)
+        cut = np.zeros(len(rows), dtype=fields)
+        cut["row"], cut["cycle"], cut["passed"] = rows, cycle[rows], reach["passed"][rows, side]
+        cut["enters"], cut["cut"] = 1 - side, 1
+        parts.append(cut)
+    ends = np.concatenate(parts)
+    return ends[np.lexsort((ends["cycle"], ends["row"]))]

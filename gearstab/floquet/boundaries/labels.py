@@ -127,7 +127,7 @@ def assign(regions: list[Unnamed], frequency: Array, cycles: float) -> list[tupl
     sure = [lead for lead, known in zip(leading, plain, strict=True) if known]
     left = [k for k, lead in enumerate(leading) if not plain[k] or sure.count(lead) > 1]
     taken = {root for k, root in enumerate(leading) if root is not None and k not in left}
-    result = [() if root is None else (root,) for root in leading]
+    result: list[tuple[Root, ...]] = [() if root is None else (root,) for root in leading]
     found = _distributed([regions[k] for k in left], [classes[k] for k in left], taken, frequency, cycles)
     for k, own in zip(left, found, strict=True):
         result[k] = own

@@ -7,11 +7,11 @@ from __future__ import annotations
 import numpy as np
 
 from gearstab.ckernel import in_use
-from gearstab.floquet.kernel import c_kernel
 from gearstab.floquet.boundaries import labels
 from gearstab.floquet.boundaries.labels import Root, Shares, Unnamed
 from gearstab.floquet.boundaries.points import exact, first_modes
 from gearstab.floquet.boundaries.search import Interval, by_row
+from gearstab.floquet.kernel import c_kernel
 from gearstab.floquet.segments.pattern import Pattern
 from gearstab.system import Array
 

@@ -207,15 +207,14 @@ class _Collected:
         """Of a mode from 0."""
         return self.tongues.setdefault((mode + 1, mode + 1, 0), self_excited(self.system, mode + 1))
 
-    def _tongue(self, root: labels.Root, numbers: Array) -> Tongue:
-        key = int(numbers[root.p]) + 1, int(numbers[root.q]) + 1, root.cycles
+    def _tongue(self, root: labels.Root, numbers: list[int]) -> Tongue:
+        key = numbers[root.p] + 1, numbers[root.q] + 1, root.cycles
         if key not in self.tongues:
             self.tongues[key] = tongue_of(self.system, key[0], key[1], Fraction(root.cycles) / self.period)
         return self.tongues[key]
 
     def _keep(self, part: Part, interval: Interval, roots: tuple[labels.Root, ...], growing: int = -1) -> None:
         """growing: the coordinate that grows by itself, after the elastic ones for rigid-body modes; -1 for none."""
-        pattern = part.pattern
         row, rate, numbers = self._row(part, interval.row)
         cut_upper, cut_lower = interval.cut
         # The ends of the range itself, not what two divisions make of them.
@@ -224,7 +223,7 @@ class _Collected:
         error = interval.error[1] / interval.stop, interval.error[0] / interval.start
         members = tuple(self._tongue(root, numbers) for root in roots)
         if growing >= 0:
-            mode = int(numbers[growing]) if growing < len(numbers) else self._rigid(row, part.whole)
+            mode = numbers[growing] if growing < len(numbers) else self._rigid(row, part.whole)
             members = (self._self_excited(mode), *members)
         self.regions.append(Region(row, (lower, upper), error, (cut_lower, cut_upper), members))
 

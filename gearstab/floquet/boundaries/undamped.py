@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from gearstab.ckernel import in_use
-from gearstab.floquet.kernel import choice as kernel
 from gearstab.floquet.boundaries import compiled
 from gearstab.floquet.boundaries import search as reference
 from gearstab.floquet.boundaries.search import Search
+from gearstab.floquet.kernel import choice as kernel
 from gearstab.floquet.segments.pattern import Pattern
 from gearstab.system import Array
 

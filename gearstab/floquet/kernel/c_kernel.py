@@ -231,7 +231,8 @@ def shares(pattern: Pattern, coarse: Pattern, turn: Array, row: Array, cycle: Ar
         given = _arguments(pattern, rows)
         other = given if coarse is pattern else _arguments(coarse, rows)
         arguments = (*given, *other[0][1:3], *other[1:])
-        points = (_contiguous(coarse.modes[rows]), _contiguous(turn[rows]), index[low:high] - rows.start, place[low:high])
+        bases = _contiguous(coarse.modes[rows]), _contiguous(turn[rows])
+        points = (*bases, index[low:high] - rows.start, place[low:high])
 
         def part(first: int, last: int, all_of: tuple[Any, ...] = (arguments, points), base: int = int(low)) -> None:
             raw = _library().shares(ckernel.simd(), *all_of[0], first, last, len(all_of[1][2]), *all_of[1])
@@ -254,8 +255,8 @@ def names(
     count, (rows, n) = len(row), frequency.shape
     whole = (np.ascontiguousarray(part, dtype=np.int64) for part in (passed, meetings))
     index, known = np.ascontiguousarray(row, dtype=np.int64), np.ascontiguousarray(found).view(np.int8)
-    raw = _library().names(count, rows, n, float(cycles), _contiguous(frequency), index, _contiguous(cycle), *whole, known)
-    return np.frombuffer(raw, dtype=NAME)
+    given = (_contiguous(frequency), index, _contiguous(cycle), *whole, known)
+    return np.frombuffer(_library().names(count, rows, n, float(cycles), *given), dtype=NAME)
 
 
 def _left_over(generator: Generators, growth: Array) -> list[int]:
