@@ -123,6 +123,7 @@ void sample_read(struct sample *s, int64_t n, double step, const double *angle, 
     s->letters = s->offs = 0;
     s->indexed = 0;
     s->known = s->stable = size < LARGEST;
+    s->noise = ROUNDING * (size > 1.0 ? size : 1.0);
     if (!s->known)
         return;
     sort_items(now, n, angle, growth);

@@ -289,11 +289,13 @@ static struct finding classify(const struct window *w, const struct bracket *b) 
     return found;
 }
 
-static int add_edge(struct window *w, const struct bracket *b, double cycle, double error) {
+static int add_edge(struct window *w, const struct bracket *b, const struct finding *found, double cycle, double error) {
     const struct sample *left = at(w, b->left), *right = at(w, b->right);
     if (grow(&w->edge, &w->edge_room, w->edges + 1, sizeof *w->edge))
         return -1;
     struct edge *edge = &w->edge[w->edges++];
+    double blur = 2.0 * blurred(left, right, found);
+    error = blur > error ? blur : error;
     *edge = (struct edge){.row = w->row, .cycle = cycle, .error = error, .enters = left->stable};
     collisions_of(left->stable ? left : right, w->n, 1, w->phase, edge->passed);
     return 0;
@@ -314,7 +316,7 @@ static int advance(struct window *w, const struct bracket *b, struct finding *fo
     if (found->kind == NOTHING)
         return 0;
     if (width <= (is_edge ? tolerance : w->order->floor * left->cycle) || b->failures >= ATTEMPTS)
-        return is_edge ? add_edge(w, b, 0.5 * (left->cycle + right->cycle), width) : 0;
+        return is_edge ? add_edge(w, b, found, 0.5 * (left->cycle + right->cycle), width) : 0;
     *cycle = somewhere(b, left->cycle, right->cycle);
     if (b->failures > 0 || b->age >= PATIENCE)
         return 1;
@@ -322,7 +324,7 @@ static int advance(struct window *w, const struct bracket *b, struct finding *fo
         double distance, edge = edge_between(left, right, found, &distance);
         if (distance < ACCURATE * tolerance) {
             if (!found->doubtful)
-                return add_edge(w, b, edge, 2.0 * distance);
+                return add_edge(w, b, found, edge, 2.0 * distance);
             /* Enclose it, so that the counts can exclude everything else. */
             int near_left = edge - left->cycle < right->cycle - edge;
             double beyond = near_left ? edge + ldexp(0.4 * tolerance, b->age) : edge - ldexp(0.4 * tolerance, b->age);

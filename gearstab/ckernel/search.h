@@ -41,7 +41,7 @@ struct off {
    not where M is too large or where signs are lost in rounding. index: N(0), the number of times that a multiplier has passed
    1; indexed: whether it is known. */
 struct sample {
-    double cycle;
+    double cycle, noise; /* noise: rounding errors of rho = lambda + 1/lambda */
     int64_t index;
     int stable, known, indexed;
     int letters, offs;
@@ -58,6 +58,7 @@ struct item {
 #define UNSETTLED INT64_MIN           /* answers of index_between */
 #define CONTRADICTION (INT64_MIN + 1)
 
+#define ROUNDING 0x1p-46 /* 64 eps: errors of rho per size of M, see spectra.h */
 #define LARGEST 1e6 /* entries of M above this leave less than ten digits to multipliers on the unit circle */
 
 void sample_read(struct sample *sample, int64_t n, double step, const double *angle, const double *growth, double size,
@@ -93,5 +94,6 @@ double propose(const struct sample *left, const struct sample *right, const stru
                double floor);
 int as_foreseen(const struct sample *left, const struct sample *right, const struct finding *found, const struct sample *between);
 double edge_between(const struct sample *left, const struct sample *right, const struct finding *found, double *distance);
+double blurred(const struct sample *left, const struct sample *right, const struct finding *found);
 
 #endif

@@ -82,6 +82,17 @@ double edge_between(const struct sample *left, const struct sample *right, const
     return from_left < from_right ? left->cycle + width * from_left : right->cycle - width * from_right;
 }
 
+/* How far rounding errors may have moved an edge at 1 or -1: there F = 4 (2 -+ rho) but for higher terms, so that their share
+   in it does not fall with F, as elsewhere, while its slope is that of a narrow tongue. */
+double blurred(const struct sample *left, const struct sample *right, const struct finding *found) {
+    if (found->left < 0 || found->right < 0)
+        return 0.0;
+    const struct off *off = left->stable ? right->off + found->right : left->off + found->left;
+    const struct gap *gap = left->stable ? left->gap + found->left : right->gap + found->right;
+    double slope = fabs(off->slope) < fabs(gap->slope) ? fabs(off->slope) : fabs(gap->slope);
+    return off->place == ELSEWHERE ? 0.0 : 4.0 * (left->stable ? left : right)->noise / slope;
+}
+
 /* A bracket with one tongue between stable points: its middle, or beside it where it is likely to be closed. */
 static double into_tongue(const struct sample *left, const struct sample *right, const struct finding *found, double floor) {
     struct cubic c = course(left, right, found);
