@@ -10,7 +10,6 @@ from gearstab.floquet.kernel import choice as kernel
 from gearstab.floquet.segments.pattern import Pattern
 from gearstab.system import Array
 
-
 FINEST = 5e-12
 """Tolerances below are the reference's: eigenvectors tell a pair on the circle from one off it in the last digits."""
 
