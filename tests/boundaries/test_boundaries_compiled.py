@@ -149,17 +149,18 @@ def test_results_do_not_depend_on_threads_or_instructions(monkeypatch: pytest.Mo
         assert (np.abs(other["cycle"] - edges["cycle"]) < bracket).all()
 
 
-@pytest.mark.parametrize("density", [0.5, 0.75, 1.4, 2.0])
-def test_regions_do_not_depend_on_the_density_of_the_scan(density: float) -> None:
-    """A tongue that a third multiplier overtakes counts for nothing: only counts at each angle see it."""
+@pytest.mark.parametrize("density", [0.6, 0.8, 1.3])
+def test_regions_do_not_depend_on_the_density_of_the_scan(density: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A tongue that a third multiplier overtakes may count for nothing: neither search may pass over its gaps."""
     epsilon = np.linspace(0.02, 0.5, 26)
     item = train(contact_ratio=(1.5, 1.7), tooth_ratio="3/5", epsilon=(epsilon, epsilon))
     ((pattern, first, last),) = patterns(item, 0.35, 7.0)
     known = compiled.search(pattern, first, last, TOLERANCE, FLOOR)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(compiled, "DENSITY", density)
-        found = compiled.search(pattern, first, last, TOLERANCE, FLOOR)
-    assert check(found, known, len(first)) > 4000
+    points = reference.collisions
+    monkeypatch.setattr(compiled, "DENSITY", density)
+    monkeypatch.setattr(reference, "collisions", lambda *given: np.ceil(density * points(*given)).astype(int))
+    assert check(compiled.search(pattern, first, last, TOLERANCE, FLOOR), known, len(first)) > 4000
+    assert check(reference.search(pattern, first, last, TOLERANCE, FLOOR), known, len(first)) > 4000
 
 
 def test_no_rows_and_no_regions() -> None:
