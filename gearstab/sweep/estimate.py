@@ -16,8 +16,8 @@ from typing import TypeVar
 
 import numpy as np
 
-from gearstab.config import parameters_at
 from gearstab import ckernel
+from gearstab.config import parameters_at
 from gearstab.results.variables import GRID
 from gearstab.sweep import merge
 from gearstab.sweep.clock import within
@@ -34,8 +34,12 @@ ROWS = 5
 """Rows that are asked where they differ in structure, as trains of other tooth ratios do."""
 GROWTH = 2.0, 16.0
 """Least and greatest ratio of a sample's size to that before."""
-ENOUGH = 0.2
-"""Part of the time of a method that its largest sample should take."""
+PART = 0.25
+"""Of the time that is left, what a sample may take: there are two of its size to come."""
+BRIEF = 1e-4
+"""Seconds below which a sample is not told from no work at all."""
+APART = 4
+"""Least ratio of the sizes of two samples whose difference tells what a further point takes."""
 PLACES = (1 / 6, 5 / 6)
 """Where else on the grid a sample is taken, in parts of each axis; the others lie in the middle."""
 SPREAD = 30.0
@@ -44,6 +48,8 @@ UNIT = 3e-8
 """Seconds of a unit of a method's cost, about."""
 OVERHEAD = 2.5
 """Arrays of a block's size that a method holds at once besides its results, roughly."""
+MANY = 1000
+"""Points of which each takes as long as in a sweep."""
 LONG = 120.0
 """Seconds of a method that are worth a word before it starts."""
 
@@ -114,12 +120,30 @@ def estimate(plan: Plan, jobs: int | None = None, budget: float = BUDGET) -> Est
     workers = jobs or ckernel.threads()
     clock, methods = Clock(budget), []
     with ckernel.using(plan.kernel, threads=1):
+        for layout in plan.layouts[:-1]:
+            # What is called for the first time imports and allocates: that is no part of a method's share.
+            if layout.method.effort is None:
+                _sample(plan, layout, clock, 1.0)
         for k, layout in enumerate(plan.layouts):
             share = Clock(clock.left / (len(plan.layouts) - k))
             methods.append(_method(plan, layout, workers, share))
     file_size = sum(m.file_size for m in methods)
     memory = max(m.memory * min(workers, m.blocks) for m in methods) + min(file_size, merge.IN_MEMORY)
     return Estimate(tuple(methods), workers, sum(m.seconds for m in methods), file_size, memory)
+
+
+def seconds_per_point(work: Callable[[int], object], most: int = MANY, budget: float = BUDGET) -> float | None:
+    """Seconds on one processor of each of many points that ``work`` is called with; None where not one ends in time."""
+    clock = Clock(budget)
+
+    def sample(wanted: float) -> Sample | None:
+        points = min(most, max(1, round(wanted)))
+        found = clock.run(lambda: work(points))
+        return None if found is None else Sample(points, found[1], 0.0)
+
+    with ckernel.using(threads=1):
+        samples = _samples(sample, most, clock)
+    return samples[-1].seconds / samples[-1].points if samples else None
 
 
 def long_runs(plan: Plan, jobs: int | None = None) -> list[str]:
@@ -151,7 +175,7 @@ def _method(plan: Plan, layout: Layout, workers: int, clock: Clock) -> MethodEst
 
 def _points(plan: Plan, layout: Layout, clock: Clock) -> tuple[float | None, float]:
     """Seconds on one processor, None where not even one point is done in time, and bytes in the file."""
-    samples = _samples(plan, layout, clock)
+    samples = _samples(lambda wanted: _sample(plan, layout, clock, wanted), prod(layout.chunk), clock)
     if not samples:
         return None, 0.0
     work, size = (_scaled(layout, [getattr(s, name) for s in samples], samples) for name in ("seconds", "size"))
@@ -162,9 +186,9 @@ def _ranges(plan: Plan, layout: Layout, clock: Clock) -> tuple[float | None, flo
     """The same where a point is a whole range: by the method's own account, corrected by what some rows take."""
     work = _by_effort(plan, layout, clock)
     one = None if work is None else _effort(plan, layout, clock, 0.5)
-    if work is None or one is None or one.seconds(1) > ENOUGH * clock.left:
+    if work is None or one is None or one.seconds(1) > PART * clock.left:
         return work, 0.0
-    wanted = min(prod(layout.chunk), int(ENOUGH * clock.left / one.seconds(1)))
+    wanted = min(prod(layout.chunk), int(PART * clock.left / one.seconds(1)))
     first, last = (_sample(plan, layout, clock, w) for w in (1.0, max(1.0, wanted)))
     if first is None or last is None:
         return work, 0.0
@@ -194,23 +218,29 @@ def _effort(plan: Plan, layout: Layout, clock: Clock, place: float) -> Effort | 
     return None if found is None else found[0]
 
 
-def _samples(plan: Plan, layout: Layout, clock: Clock) -> list[Sample]:
-    """Samples of ascending size, the last two of which tell most; none where not even a point is done in time."""
-    most, wanted = prod(layout.chunk), 1.0
-    samples: list[Sample] = []
-    while (found := _sample(plan, layout, clock, wanted)) is not None:
-        if found.seconds < ENOUGH * clock.total or most == 1:
-            # What is called for the first time imports and allocates as well.
-            again = _sample(plan, layout, clock, wanted)
-            found = found if again is None or again.seconds > found.seconds else again
-        samples = [s for s in samples if s.points < found.points] + [found]
-        if found.seconds > 0.5 * ENOUGH * clock.total or found.points >= most:
+def _samples(sample: Callable[[float], Sample | None], most: int, clock: Clock) -> list[Sample]:
+    """Samples of ascending size up to ``most`` points; none where not even a point is done in time.
+
+    sample: computes one of about so many points.
+    """
+    wanted, first = 1.0, sample(1.0)
+    if first is None:
+        return []
+    # What is called for the first time imports and allocates as well.
+    again = sample(wanted)
+    samples = [first if again is None else min(first, again, key=lambda s: s.seconds)]
+    while (last := samples[-1]).points < most:
+        room = clock.left / max(last.seconds, BRIEF)
+        # Much of what a single point takes may be shared.
+        growth = APART if len(samples) == 1 and room > APART else 0
+        growth = max(growth, min(PART * room, GROWTH[1]))
+        if growth < GROWTH[0]:
             break
-        wanted = found.points * min(max(ENOUGH * clock.total / max(found.seconds, 1e-4), GROWTH[0]), GROWTH[1])
-    if len(samples) == 1 and samples[0].points < most:
-        points = samples[0].points
-        other = _sample(plan, layout, clock, 2.0 if points == 1 else points / GROWTH[1])
-        samples = sorted([*samples, *([other] if other else [])], key=lambda s: s.points)
+        wanted = max(wanted, last.points) * growth
+        found = sample(wanted)
+        if found is None:
+            break
+        samples = [s for s in samples if s.points < found.points] + [found]
     return samples
 
 
@@ -219,7 +249,9 @@ def _scaled(layout: Layout, values: list[float], samples: list[Sample]) -> float
     points, total = samples[-1].points, values[-1]
     if points >= prod(layout.chunk) or len(samples) == 1:
         return total * layout.points / points
-    further = (total - values[-2]) / (points - samples[-2].points)
+    # The difference of two that are hardly different is rounding.
+    other = max((k for k, s in enumerate(samples[:-1]) if APART * s.points <= points), default=0)
+    further = (total - values[other]) / (points - samples[other].points)
     further = min(max(further, 0.0), total / points)
     return (total - further * points) * layout.count + further * layout.points
 
