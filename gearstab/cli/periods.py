@@ -30,8 +30,8 @@ def common_period(system: GearSystem) -> dict[str, Any] | None:
 
 
 def frequencies(config: Config, system: GearSystem) -> dict[str, Any] | None:
-    """How exact stability goes through several mesh frequencies, and how long a sweep takes per point, in seconds on one
-    processor, None where that is more than a second; None for a single mesh frequency.
+    """How exact stability goes through several mesh frequencies, and the seconds per point of a sweep on one processor,
+    None where they are more than one; None for a single mesh frequency.
     """
     import numpy as np
 
