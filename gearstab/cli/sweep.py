@@ -72,10 +72,6 @@ def command(
         from gearstab.cli import sweep_notes
         from gearstab.cli.progress import reporter
         from gearstab.sweep import limits
-        from gearstab.sweep.estimate import long_runs
-
-        for warning in long_runs(planned, jobs):
-            tell(f"warning: {warning}")
         limits.refuse(planned, target, jobs, yes)
         summary = run(planned, target, jobs, resume is True, resume is False, reporter(quiet))
     if not quiet:

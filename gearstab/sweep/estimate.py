@@ -38,7 +38,7 @@ PART = 0.25
 """Of the time that is left, what a sample may take: there are two of its size to come."""
 BRIEF = 1e-4
 """Seconds below which a sample is not told from no work at all."""
-APART = 4
+APART = 4.0
 """Least ratio of the sizes of two samples whose difference tells what a further point takes."""
 PLACES = (1 / 6, 5 / 6)
 """Where else on the grid a sample is taken, in parts of each axis; the others lie in the middle."""
@@ -152,13 +152,18 @@ def long_runs(plan: Plan, jobs: int | None = None) -> list[str]:
     for layout in plan.layouts:
         if layout.method.effort is None:
             continue
-        work = _by_effort(plan, layout, Clock(WORD))
-        seconds = np.inf if work is None else work / min(jobs or ckernel.threads(), layout.count)
+        seconds = by_effort(plan, layout, jobs or ckernel.threads())
         if seconds > LONG:
             text = f"{seconds / 60:.0f} minutes" if seconds < 5400 else f"{seconds / 3600:,.0f} hours"
             text = f"will take some {text}" if np.isfinite(seconds) else "may take very long"
             found.append(f"methods.{layout.method.name} {text}; {layout.method.relief}")
     return found
+
+
+def by_effort(plan: Plan, layout: Layout, workers: int) -> float:
+    """Seconds on all processors by a method's own account; infinite where it is not given at once."""
+    work = _by_effort(plan, layout, Clock(WORD))
+    return np.inf if work is None else work / min(workers, layout.count)
 
 
 def _method(plan: Plan, layout: Layout, workers: int, clock: Clock) -> MethodEstimate:
@@ -232,7 +237,7 @@ def _samples(sample: Callable[[float], Sample | None], most: int, clock: Clock) 
     while (last := samples[-1]).points < most:
         room = clock.left / max(last.seconds, BRIEF)
         # Much of what a single point takes may be shared.
-        growth = APART if len(samples) == 1 and room > APART else 0
+        growth = APART if len(samples) == 1 and room > APART else 0.0
         growth = max(growth, min(PART * room, GROWTH[1]))
         if growth < GROWTH[0]:
             break
