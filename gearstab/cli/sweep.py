@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from gearstab.sweep.estimate import Estimate
 
 
+DRY_RUN, LEAST = 1.6, 0.4
+"""Seconds of a dry run, and how many of them it samples at least."""
 SLOW_KERNEL = "note: the compiled kernel was not built; sweeps run on the slower NumPy kernel"
 
 
@@ -67,7 +69,8 @@ def command(
         if dry_run:
             from gearstab.sweep.estimate import estimate
 
-            say(forecast(planned, estimate(planned, jobs), target))
+            left = max(DRY_RUN - (time.perf_counter() - start), LEAST)
+            say(forecast(planned, estimate(planned, jobs, left), target))
             return
         from gearstab.cli import sweep_notes
         from gearstab.cli.progress import reporter
