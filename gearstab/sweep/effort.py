@@ -13,14 +13,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gearstab.floquet.blocks import split
 from gearstab.floquet.boundaries.krein import evaluate
 from gearstab.floquet.boundaries.labels import solution_actions
 from gearstab.floquet.boundaries.parts import without_damping
 from gearstab.floquet.boundaries.points import Resolved
 from gearstab.floquet.boundaries.search import collisions
 from gearstab.floquet.boundaries.smooth import undamped_patterns
-from gearstab.floquet.segments import Pattern, prepare
+from gearstab.floquet.segments.blocks import split
+from gearstab.floquet.segments.pattern import Pattern, prepare
 from gearstab.system import GearSystem
 
 EVALUATIONS, DAMPED_EVALUATIONS = 13.5, 25.0
