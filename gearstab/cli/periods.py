@@ -35,19 +35,18 @@ def frequencies(config: Config, system: GearSystem) -> dict[str, Any] | None:
 
     import numpy as np
 
-    from gearstab.config.sections.methods import FloquetOptions
-    from gearstab.floquet import solve
+    from gearstab.methods.floquet import Floquet, FloquetOptions
     from gearstab.modal import mean_modes
-    from gearstab.sweep.methods import frequencies as ways
 
     if len(set(system.frequency_ratios)) < 2:
         return None
     options = config.methods.floquet or FloquetOptions()
+    whole = Floquet(options.model_copy(update={"modes": None, "block": None, "exponents": False}), system)
     # One point, where stability is most often asked for: twice the highest natural frequency with a mesh deflection.
     omega = np.array([2 * float(np.nanmax(mean_modes(system).natural_frequency))])
     start = time.perf_counter()
-    ways.solved(options, system, omega, solve)
-    return {"chosen": ways.outlook(options, system), "seconds_a_point": time.perf_counter() - start}
+    whole.solved(omega)
+    return {"chosen": whole.outlook(), "seconds_a_point": time.perf_counter() - start}
 
 
 def text(period: dict[str, Any] | None) -> str:

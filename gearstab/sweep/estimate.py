@@ -11,7 +11,7 @@ import numpy as np
 from gearstab import ckernel
 from gearstab.results.variables import GRID
 from gearstab.sweep import merge
-from gearstab.sweep.compute import compute, results_of
+from gearstab.sweep.compute import compute
 from gearstab.sweep.plan import Block, Layout, Plan
 
 SECONDS = 0.4
@@ -101,8 +101,8 @@ def _shared(plan: Plan, layout: Layout, points: int, spent: float) -> float:
 
 
 def _bytes_a_point(plan: Plan, layout: Layout, encoded: float) -> float:
-    total, constants = 0.0, layout.method.constants(layout.options, plan.base)
-    for variable in results_of(plan, layout):
+    total, constants = 0.0, layout.method.constants()
+    for variable in layout.method.results:
         if GRID in variable.dims:
             along = prod(len(constants[dim]) for dim in variable.dims if dim in constants)
             total += np.dtype(variable.dtype).itemsize * along

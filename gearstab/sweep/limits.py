@@ -9,7 +9,6 @@ import numpy as np
 
 from gearstab import ckernel
 from gearstab.results.output import free_bytes
-from gearstab.sweep.compute import results_of
 from gearstab.sweep.errors import RequestError
 from gearstab.sweep.estimate import Estimate, estimate
 from gearstab.sweep.parts import PartFolder
@@ -49,7 +48,7 @@ def refuse(plan: Plan, out: Path, jobs: int | None, confirmed: bool) -> None:
 
 def plainly_small(plan: Plan, jobs: int | None, free: float) -> bool:
     """Whether nothing can make a sweep large, by numbers that cost nothing."""
-    seconds = sum(layout.points * layout.method.cost(layout.options, plan.base) for layout in plan.layouts)
+    seconds = sum(layout.points * layout.method.cost() for layout in plan.layouts)
     seconds *= SECONDS_OF_COST / (jobs or ckernel.threads())
     size = 2 * sum(_bytes(plan, layout) for layout in plan.layouts)
     return plan.points <= MOST_POINTS and seconds < SHORT and size < min(free, MOST_BYTES)
@@ -69,9 +68,9 @@ def large(plan: Plan, found: Estimate) -> list[str]:
 
 def _bytes(plan: Plan, layout: Layout) -> int:
     """Of a method's results over the grid, not compressed; lists of tongues, of unknown length, as if they had ten."""
-    constants = layout.method.constants(layout.options, plan.base)
+    constants = layout.method.constants()
     total = 0
-    for variable in results_of(plan, layout):
+    for variable in layout.method.results:
         inner = prod(len(constants[dim]) for dim in variable.dims if dim in constants)
         tongues = 10 if "tongue" in variable.dims else 1
         total += np.dtype(variable.dtype).itemsize * inner * tongues * layout.points
