@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from gearstab.methods.base import POINTS, RANGE, Key, Method, OptionError, Outcome
+from gearstab.methods.base import POINTS, RANGE, Effort, Key, Method, OptionError, Outcome
 from gearstab.methods.boundaries import Boundaries
 from gearstab.methods.floquet import Floquet
 from gearstab.methods.perturbation import Perturbation, Uncoupled
@@ -28,4 +28,4 @@ def chosen(methods: Any, system: GearSystem) -> list[Method]:
     return sorted(found, key=lambda method: not method.cheap)
 
 
-__all__ = ["METHODS", "POINTS", "RANGE", "Key", "Method", "OptionError", "Outcome", "chosen"]
+__all__ = ["METHODS", "POINTS", "RANGE", "Effort", "Key", "Method", "OptionError", "Outcome", "chosen"]

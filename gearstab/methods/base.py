@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Protocol
 
 from pydantic import Field
 
@@ -49,6 +49,14 @@ class Outcome:
     tongues: tuple[Key, ...] = ()
 
 
+class Effort(Protocol):
+    """What one system takes."""
+
+    def seconds(self, rows: float, batches: float = 1.0) -> float:
+        """Of so many like it, in so many batches."""
+        ...
+
+
 class Method(ABC):
     """A method, for its options and a system.
 
@@ -61,6 +69,7 @@ class Method(ABC):
         the mesh frequency. A method with RANGE gets it as an array of the two ends.
     cheap: whether it runs before the others. fewest: the least number of points of its own in a block.
     singly: whether it runs on one system at a time, with all its mesh frequencies, as it goes from one to the next.
+    relief: what to do where it takes very long.
     """
 
     name: ClassVar[str]
@@ -68,6 +77,7 @@ class Method(ABC):
     frequency: ClassVar[str | None] = POINTS
     cheap: ClassVar[bool] = False
     singly: ClassVar[bool] = False
+    relief: ClassVar[str] = ""
 
     def __init__(self, options: Any, system: GearSystem) -> None:
         self.options, self.system = options, system
@@ -92,6 +102,13 @@ class Method(ABC):
     @abstractmethod
     def cost(self) -> float:
         """Return about how many points of an undamped system of three coordinates and four segments a point takes."""
+
+    def effort(self, mesh_frequency: Array) -> Effort:
+        """Return what one system takes between the ends of a range, of a method with RANGE.
+
+        To such a method a point is a whole range of mesh frequencies, so that not even a single one can be tried.
+        """
+        raise NotImplementedError(f"{self.name} does not say what a range of mesh frequencies takes")
 
     def constants(self) -> Mapping[str, Any]:
         """Return the values of those coordinates that are the same everywhere."""

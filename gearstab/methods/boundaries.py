@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from pydantic import Field
 
 from gearstab.config.model.fields import Section
-from gearstab.methods.base import RANGE, Key, Outcome, Tolerance, TongueMethod
+from gearstab.methods.base import RANGE, Effort, Key, Outcome, Tolerance, TongueMethod
 from gearstab.results.variables import EXACT, OCCURRENCE, TONGUE, Variable, flagged
 from gearstab.system import Array
 
@@ -31,6 +31,10 @@ class Boundaries(TongueMethod):
     name = "boundaries"
     Options = BoundariesOptions
     frequency = RANGE
+    relief = (
+        "narrow the range of mesh_frequency, take ratios of smaller numbers, or remove it: floquet on a fine grid "
+        "shows the regions that damping leaves"
+    )
 
     def variables(self) -> tuple[Variable, ...]:
         from gearstab.floquet.boundaries import BOUNDARY_FLAGS
@@ -58,6 +62,12 @@ class Boundaries(TongueMethod):
     def check(self) -> None:
         self.needs_common_period("remove it, or give exact ratios")
         self.only_mesh_stiffness()
+
+    def effort(self, mesh_frequency: Array) -> Effort:
+        from gearstab.floquet.boundaries.effort import effort
+
+        start, stop = (float(end) for end in mesh_frequency)
+        return effort(self.system, start, stop)
 
     def cost(self) -> float:
         return 4000 * max(1.0, 2 * sum(self.system.common_period()[1]) * self.system.size**3 / 108)
