@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from gearstab import ckernel
+from gearstab.methods import RANGE
 from gearstab.results.output import free_bytes
-from gearstab.sweep.compute import results_of
 from gearstab.sweep.errors import RequestError
-from gearstab.sweep.estimate import Estimate, estimate
+from gearstab.sweep.estimate import LONG, Estimate, by_effort, estimate
 from gearstab.sweep.parts import PartFolder
 from gearstab.sweep.plan import Layout, Plan
 
@@ -44,15 +44,29 @@ def refuse(plan: Plan, out: Path, jobs: int | None, confirmed: bool) -> None:
             f"{_gigabytes(free)} are free; make room or choose an output on another disk"
         )
     if not confirmed and (reasons := large(plan, found)):
-        raise RequestError(f"the sweep is large: {', '.join(reasons)}; add --yes to begin it, or try --dry-run")
+        costly = [m.name for m in found.methods if m.seconds > LONG]
+        remedies = [
+            f"; methods.{layout.method.name}: {layout.method.relief}"
+            for layout in plan.layouts
+            if layout.method.relief and layout.method.name in costly
+        ]
+        raise RequestError(
+            f"the sweep is large: {', '.join(reasons)}; add --yes to begin it, or try --dry-run{''.join(remedies)}"
+        )
 
 
 def plainly_small(plan: Plan, jobs: int | None, free: float) -> bool:
     """Whether nothing can make a sweep large, by numbers that cost nothing."""
-    seconds = sum(layout.points * layout.method.cost(layout.options, plan.base) for layout in plan.layouts)
-    seconds *= SECONDS_OF_COST / (jobs or ckernel.threads())
+    seconds = sum(_roughly(plan, layout, jobs or ckernel.threads()) for layout in plan.layouts)
     size = 2 * sum(_bytes(plan, layout) for layout in plan.layouts)
     return plan.points <= MOST_POINTS and seconds < SHORT and size < min(free, MOST_BYTES)
+
+
+def _roughly(plan: Plan, layout: Layout, workers: int) -> float:
+    """Seconds of a method; infinite where that is not found out at once."""
+    if layout.method.frequency == RANGE:
+        return by_effort(plan, layout, workers)
+    return layout.points * layout.method.cost() * SECONDS_OF_COST / workers
 
 
 def large(plan: Plan, found: Estimate) -> list[str]:
@@ -69,9 +83,9 @@ def large(plan: Plan, found: Estimate) -> list[str]:
 
 def _bytes(plan: Plan, layout: Layout) -> int:
     """Of a method's results over the grid, not compressed; lists of tongues, of unknown length, as if they had ten."""
-    constants = layout.method.constants(layout.options, plan.base)
+    constants = layout.method.constants()
     total = 0
-    for variable in results_of(plan, layout):
+    for variable in layout.method.results:
         inner = prod(len(constants[dim]) for dim in variable.dims if dim in constants)
         tongues = 10 if "tongue" in variable.dims else 1
         total += np.dtype(variable.dtype).itemsize * inner * tongues * layout.points
