@@ -25,9 +25,10 @@ PRAGMA_TARGET(TARGET)
 #include "conservative.h"
 #include "moduli.h"
 #include "damped.h"
+#include "lyapunov.h"
 #include "symmetric.h"
 
-const struct level LEVEL = {LEVEL_NAME, scan, monodromy, traces, scan_damped, symmetric};
+const struct level LEVEL = {LEVEL_NAME, scan, monodromy, traces, scan_damped, symmetric, moduli, radii};
 
 #if defined(TARGET) && defined(__clang__)
 #pragma clang attribute pop

@@ -40,7 +40,7 @@ static const struct level *level_named(const char *name) {
     return NULL;
 }
 
-enum { MOST_BUFFERS = 9 };
+enum { MOST_BUFFERS = 11 };
 
 struct buffers {
     Py_buffer view[MOST_BUFFERS];
@@ -229,34 +229,97 @@ static PyObject *py_traces(PyObject *self, PyObject *arguments) {
     return finish(&b, fit, failed);
 }
 
+/* The arguments of every function of damped patterns: level, numbers, then the objects of the pattern. */
+#define DAMPED "s(nnnnnd)OOOOOO"
+#define DAMPED_ARGUMENTS                                                                                                  \
+    &name, &rows, &segments, &states, &changes, &m, &p.cycles, &o[0], &o[1], &o[2], &o[3], &o[4], &o[5]
+#define DAMPED_TYPES "dddiid"
+
+static int set_damped(struct damped *p, Py_ssize_t rows, Py_ssize_t segments, Py_ssize_t states, Py_ssize_t changes,
+                      Py_ssize_t m, const Py_buffer *view) {
+    p->rows = rows, p->segments = segments, p->states = states, p->changes = changes, p->m = m;
+    p->decay = view[0].buf, p->frequency = view[1].buf, p->fractions = view[2].buf;
+    p->state = view[3].buf, p->follows = view[4].buf, p->change = view[5].buf;
+    int fit = m > 0 && segments > 0 && FITS(&view[0], 8, rows, states, m) && FITS(&view[1], 8, rows, states, m) &&
+              FITS(&view[2], 8, rows, segments) && FITS(&view[3], 8, segments) && FITS(&view[4], 8, segments) &&
+              FITS(&view[5], 8, rows, changes, m, m) && indices_within(&view[3], segments, states) &&
+              indices_within(&view[4], segments, changes);
+    for (int64_t i = 0; fit && i < rows * states; i++)
+        fit = in_pairs(p->frequency + i * m, m);
+    return fit;
+}
+
 static PyObject *py_scan_damped(PyObject *self, PyObject *arguments) {
     (void)self;
     struct buffers b = {0};
     PyObject *o[MOST_BUFFERS] = {0};
     struct damped p;
     const char *name;
-    Py_ssize_t rows, segments, states, m, first, last, points;
-    Py_buffer *view = b.view;
-    if (!PyArg_ParseTuple(arguments, "s(nnnnd)OOOOOnnnOOO|O", &name, &rows, &segments, &states, &m, &p.cycles, &o[0], &o[1],
-                          &o[2], &o[3], &o[4], &first, &last, &points, &o[5], &o[6], &o[7], &o[8]) ||
-        !take(&b, o, "dddiddDDZ"))
+    Py_ssize_t rows, segments, states, changes, m, first, last, points;
+    const Py_buffer *view = b.view + 6;
+    if (!PyArg_ParseTuple(arguments, DAMPED "nnnOOO|O", DAMPED_ARGUMENTS, &first, &last, &points, &o[6], &o[7], &o[8],
+                          &o[9]) ||
+        !take(&b, o, DAMPED_TYPES "dDDZ"))
         return finish(&b, 1, 0);
     const struct level *level = level_named(name);
-    p.rows = rows, p.segments = segments, p.states = states, p.m = m;
-    p.decay = view[0].buf, p.frequency = view[1].buf, p.fractions = view[2].buf;
-    p.state = view[3].buf, p.change = view[4].buf;
-    int failed = 0, fit = level && m > 0 && segments > 0 && first >= 0 && last <= rows &&
-                          FITS(&view[0], 8, rows, states, m) && FITS(&view[1], 8, rows, states, m) &&
-                          FITS(&view[2], 8, rows, segments) && FITS(&view[3], 8, segments) &&
-                          FITS(&view[4], 8, rows, segments, m, m) && FITS(&view[5], 8, rows, points) &&
-                          FITS(&view[6], 8, rows, points) && FITS(&view[7], 8, rows, points) &&
-                          (view[8].len == 0 || FITS(&view[8], 16, rows, points, m)) &&
-                          indices_within(&view[3], segments, states);
-    for (int64_t i = 0; fit && i < rows * states; i++)
-        fit = in_pairs(p.frequency + i * m, m);
+    int failed = 0, fit = level && set_damped(&p, rows, segments, states, changes, m, b.view) && first >= 0 &&
+                          last <= rows && FITS(&view[0], 8, rows, points) && FITS(&view[1], 8, rows, points) &&
+                          FITS(&view[2], 8, rows, points) && (view[3].len == 0 || FITS(&view[3], 16, rows, points, m));
     if (fit) {
         Py_BEGIN_ALLOW_THREADS
-        failed = level->scan_damped(&p, first, last, points, view[5].buf, view[6].buf, view[7].buf, wanted(&view[8]));
+        failed = level->scan_damped(&p, first, last, points, view[0].buf, view[1].buf, view[2].buf, wanted(&view[3]));
+        Py_END_ALLOW_THREADS
+    }
+    return finish(&b, fit, failed);
+}
+
+static PyObject *py_moduli(PyObject *self, PyObject *arguments) {
+    (void)self;
+    struct buffers b = {0};
+    PyObject *o[MOST_BUFFERS] = {0};
+    struct damped p;
+    const char *name;
+    Py_ssize_t rows, segments, states, changes, m, first, last, points;
+    const Py_buffer *view = b.view + 6;
+    if (!PyArg_ParseTuple(arguments, DAMPED "nnnOOO", DAMPED_ARGUMENTS, &first, &last, &points, &o[6], &o[7], &o[8]) ||
+        !take(&b, o, DAMPED_TYPES "idD"))
+        return finish(&b, 1, 0);
+    const struct level *level = level_named(name);
+    int failed = 0, fit = level && set_damped(&p, rows, segments, states, changes, m, b.view) && first >= 0 &&
+                          last <= points && FITS(&view[0], 8, points) && FITS(&view[1], 8, points) &&
+                          FITS(&view[2], 8, points, m) && indices_within(&view[0], points, rows);
+    if (fit) {
+        Py_BEGIN_ALLOW_THREADS
+        failed = level->moduli(&p, first, last, view[0].buf, view[1].buf, view[2].buf);
+        Py_END_ALLOW_THREADS
+    }
+    return finish(&b, fit, failed);
+}
+
+static PyObject *py_radii(PyObject *self, PyObject *arguments) {
+    (void)self;
+    struct buffers b = {0};
+    PyObject *o[MOST_BUFFERS] = {0};
+    struct damped p;
+    struct lyapunov set;
+    const char *name;
+    Py_ssize_t rows, segments, states, changes, m, first, last, points, bisections, doublings, unknowns;
+    const Py_buffer *view = b.view + 6;
+    if (!PyArg_ParseTuple(arguments, DAMPED "O(dddddddnnn)nnnOOOO", DAMPED_ARGUMENTS, &o[6], &set.part, &set.longest,
+                          &set.pieces, &set.rounding, &set.largest, &set.least, &set.negligible, &bisections, &doublings,
+                          &unknowns, &first, &last, &points, &o[7], &o[8], &o[9], &o[10]) ||
+        !take(&b, o, DAMPED_TYPES "diddD"))
+        return finish(&b, 1, 0);
+    const struct level *level = level_named(name);
+    set.bisections = bisections, set.doublings = doublings, set.unknowns = unknowns;
+    int failed = 0, fit = level && set_damped(&p, rows, segments, states, changes, m, b.view) && first >= 0 &&
+                          last <= points && set.longest > 0 && set.pieces >= 1 && set.pieces < 1e6 &&
+                          FITS(&view[0], 8, rows, states, m, m) && FITS(&view[1], 8, points) &&
+                          FITS(&view[2], 8, points) && FITS(&view[3], 8, points) && FITS(&view[4], 8, points, 2) &&
+                          indices_within(&view[1], points, rows);
+    if (fit) {
+        Py_BEGIN_ALLOW_THREADS
+        failed = level->radii(&p, view[0].buf, &set, first, last, view[1].buf, view[2].buf, view[3].buf, view[4].buf);
         Py_END_ALLOW_THREADS
     }
     return finish(&b, fit, failed);
@@ -328,8 +391,15 @@ static PyMethodDef METHODS[] = {
      "traces(level, (rows, segments, states, n, cycles, limits), squared, fractions, state, change, first, last, points, bound, "
      "omega, rho)"},
     {"scan_damped", py_scan_damped, METH_VARARGS,
-     "scan_damped(level, (rows, segments, states, m, cycles), decay, frequency, fractions, state, change, first, last, "
-     "points, omega, growth, scale, multipliers=)"},
+     "scan_damped(level, (rows, segments, states, changes, m, cycles), decay, frequency, fractions, state, follows, change, "
+     "first, last, points, omega, growth, scale, multipliers=)"},
+    {"moduli", py_moduli, METH_VARARGS,
+     "moduli(level, (rows, segments, states, changes, m, cycles), decay, frequency, fractions, state, follows, change, "
+     "first, last, points, row, cycle, logs)"},
+    {"radii", py_radii, METH_VARARGS,
+     "radii(level, (rows, segments, states, changes, m, cycles), decay, frequency, fractions, state, follows, change, "
+     "weight, (part, longest, pieces, rounding, largest, least, negligible, bisections, doublings, unknowns), first, last, "
+     "points, row, cycle, growth, radius)"},
     {"trace_change", py_trace_change, METH_VARARGS, "trace_change(count, n, weight, fine, coarse, change, largest)"},
     {"trace_condition", py_trace_condition, METH_VARARGS, "trace_condition(count, n, rho, least, moved, apart)"},
     {"symmetric", py_symmetric, METH_VARARGS, "symmetric(level, count, n, matrix, values, vectors)"},

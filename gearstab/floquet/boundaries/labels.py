@@ -72,12 +72,12 @@ def shares(pattern: Pattern, row: Array, cycle: Array) -> list[Shares]:
     vectors = np.concatenate([np.einsum("pij,pj->pi", turn, part) for part in np.split(vectors, 2, axis=1)], axis=1)
     action = _actions(pattern, row[point], cycle[point], vectors, logs)
     for k, p in enumerate(point):
-        for root, share in _roots(action[k]).items():
+        for root, share in leading_roots(action[k]).items():
             result[p][root] = max(share, result[p].get(root, 0.0))
     return result
 
 
-def _roots(action: Array) -> Shares:
+def leading_roots(action: Array) -> Shares:
     """Pairs of the leading positive and negative parts of ``(n, K)``; the share is the smaller one of the two."""
     found: Shares = {}
     flat = action.ravel()

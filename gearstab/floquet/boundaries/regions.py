@@ -29,7 +29,10 @@ class Boundaries:
     tongues of each region, the one that accounts for most of the growing motion first; more than one where
         tongues have merged.
     contacts ``(rows,)``: collisions of multipliers that open no region as wide as ``width_floor`` (relative to Omega).
-    evaluations ``(rows,)``: monodromy matrices computed.
+    evaluations ``(rows,)``: monodromy matrices computed, and proofs tried.
+    proved: of each row, ``(K, 2)`` stretches of Omega, disjoint and ascending, that are proved stable (in floating
+        point, see :mod:`gearstab.floquet.lyapunov`). counted: those stable ones that are not, but where a count of
+        collisions, or a scan with the step that damping sets, has found nothing.
     """
 
     rows: int
@@ -42,6 +45,18 @@ class Boundaries:
     contacts: Array
     evaluations: Array
     width_floor: float
+    proved: tuple[Array, ...]
+    counted: tuple[Array, ...]
+
+    def stable_share(self, stretches: tuple[Array, ...], start: float, stop: float) -> Array:
+        """``(rows,)``: which part of the stable mesh frequencies between start and stop these stretches make up; NaN
+        where there are none.
+        """
+        unstable = np.bincount(self.row, self.upper - self.lower, minlength=self.rows)
+        length = np.array([np.ptp(parts, axis=1).sum() for parts in stretches])
+        stable = stop - start - unstable
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where(stable > 1e-12 * stop, np.minimum(length / stable, 1.0), np.nan)
 
     def labels(self) -> list[str]:
         """Of each region; the tongues of a merged one are joined by " & "."""
