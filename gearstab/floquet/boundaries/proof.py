@@ -38,6 +38,8 @@ REACH = 2.6
 """Distance of points between two gaps in radii of the smaller neighbour; two are the least that may do."""
 AT_ONCE = 8
 """Points of one gap in one round, at most."""
+BEYOND = 0.5
+"""Part of a radius beyond a stretch up to which what ends it is expected."""
 SAFETY = 0.99
 """Part of a radius that is used."""
 CAUTION = 0.9
@@ -238,7 +240,10 @@ class Cover:
         number = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
         add(owner, gaps.left[owner] + width[owner] * (number + 0.5) / np.repeat(count, count))
         near = np.flatnonzero(both & (width <= REACH * larger) & (width > floor))
-        add(near, gaps.left[near] + width[near] * radius[0][near] / (radius[0] + radius[1])[near])
+        # Both radii point to what is narrow inside; where they reach over it there is nothing.
+        one, two, whole = radius[0][near], radius[1][near], width[near]
+        inner = whole - BEYOND * (one + two)
+        add(near, gaps.left[near] + np.where(inner > 0, BEYOND * one + 0.5 * inner, whole * one / (one + two)))
         for own, other, end, sign, size in (
             (left, right, gaps.right, -1.0, radius[0]), (right, left, gaps.left, 1.0, radius[1])
         ):
