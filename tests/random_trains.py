@@ -20,8 +20,8 @@ ROUNDS = 40
 def random_train(seed: int, proportional: bool | None = None) -> tuple[GearSystem, float, float]:
     """A train of one to six coordinates and one to three meshes, with the range of mesh frequencies to look at.
 
-    Ratios of the mesh frequencies have denominators to 7, damping ratios are 0.002 to 0.05. proportional: modal damping, or
-    a random positive definite matrix; None for one or the other.
+    Ratios of the mesh frequencies have denominators to 7, damping ratios are 0.002 to 0.05. proportional: modal
+    damping, or a random positive definite matrix; None for one or the other.
     """
     rng = np.random.default_rng([4711, seed])
     n, count = int(rng.integers(1, 7)), int(rng.integers(1, 4))

@@ -5,11 +5,9 @@ outside the unit circle does not change. Points are added where stretches leave 
 floor or the budget is spent:
 
 * between two stretches of equal number, where stretches of the size of their neighbours would meet, in the proportion
-of
-  their radii: a gap that shrinks from both sides closes in on what is narrow inside;
+  of their radii: a gap that shrinks from both sides closes in on what is narrow inside;
 * where the numbers differ a multiplier crosses the circle: the zero of its ln |lambda| is found with Chandrupatla's
-method
-  (1997, Adv. Eng. Softw. 28, 145-149), inverse quadratic interpolation and bisection;
+  method (1997, Adv. Eng. Softw. 28, 145-149), inverse quadratic interpolation and bisection;
 * towards an edge so found in a geometric sequence, as radii shrink with the distance to it: about ten to one a point.
 
 All is done in x = ln(1/Omega), for all rows at once. Nothing can be hidden in a stretch. What is left is *open*.
