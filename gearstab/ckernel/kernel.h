@@ -71,6 +71,9 @@ struct level {
        descending; NaN where they are not found. */
     int (*moduli)(const struct damped *pattern, int64_t first, int64_t last, const int64_t *row, const double *cycle,
                   double *logs);
+    /* The same points: product of all segments times exp(-scale), (points, m, m), in the coordinates of the states. */
+    int (*products)(const struct damped *pattern, int64_t first, int64_t last, const int64_t *row, const double *cycle,
+                    double *matrix, double *scale);
     /* The same points with the growth = ln max |lambda| of each: by which part all lengths may grow, and shrink, so that no
        multiplier crosses the unit circle, (points, 2); NaN where a multiplier is outside and m is large. weight (r, D, m,
        m): what damping takes from the square of the length. */

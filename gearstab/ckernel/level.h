@@ -25,10 +25,11 @@ PRAGMA_TARGET(TARGET)
 #include "conservative.h"
 #include "moduli.h"
 #include "damped.h"
+#include "scattered.h"
 #include "lyapunov.h"
 #include "symmetric.h"
 
-const struct level LEVEL = {LEVEL_NAME, scan, monodromy, traces, scan_damped, symmetric, moduli, radii};
+const struct level LEVEL = {LEVEL_NAME, scan, monodromy, traces, scan_damped, symmetric, moduli, products, radii};
 
 #if defined(TARGET) && defined(__clang__)
 #pragma clang attribute pop

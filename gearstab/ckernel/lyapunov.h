@@ -1,4 +1,4 @@
-/* Moduli of multipliers, and Lyapunov functions with a radius, at scattered points of damped patterns.
+/* Lyapunov functions with a radius at scattered points of damped patterns.
 
    The mathematics stands in gearstab/floquet/lyapunov.py. Symmetric matrices are held whole; every point has a lane of its
    own, and what comes out does not depend on its neighbours. */
@@ -371,14 +371,6 @@ INLINE void radii_of(const struct damped *pattern, const double *weight, int64_t
     backwards(pattern, weight, m, r, period, rate, settings, room, radius);
 }
 
-/* The number of points from `first` on, LANES at most, that belong to one row. */
-INLINE int64_t together(const int64_t *row, int64_t first, int64_t last) {
-    int64_t count = 1;
-    while (count < LANES && first + count < last && row[first + count] == row[first])
-        count++;
-    return count;
-}
-
 static int radii(const struct damped *pattern, const double *weight, const struct lyapunov *settings, int64_t first,
                  int64_t last, const int64_t *row, const double *cycle, const double *growth, double *radius) {
     struct lyapunov_room room;
@@ -397,47 +389,6 @@ static int radii(const struct damped *pattern, const double *weight, const struc
     }
     lyapunov_room_free(&room);
     return failed;
-}
-
-/* ln |lambda| of the multipliers of LANES points, descending; x (m, m), work (m + 4, m). */
-INLINE void logs_of(const struct damped *pattern, int64_t m, int paired, int64_t r, vec period, int64_t count, vec *x,
-                    vec *work, double *logs) {
-    vec *real = work + 2 * m, *imaginary = work + 3 * m, scale = propagate_damped(pattern, m, paired, r, period, x, work);
-    normalise(x, m, &scale);
-    reduce_to_hessenberg(x, m, work);
-    hessenberg_eigenvalues(x, m, real, imaginary);
-    for (int64_t i = 0; i < m; i++) {
-        vec square = real[i] * real[i] + imaginary[i] * imaginary[i];
-        vec value = 0.5 * logarithm(larger(all(DBL_MIN), square)) + scale;
-        for (int64_t lane = 0; lane < count; lane++) {
-            double *of = logs + lane * m, own = square[lane] == square[lane] ? value[lane] : NAN;
-            int64_t place = i;
-            for (; place > 0 && !(of[place - 1] >= own); place--)
-                of[place] = of[place - 1];
-            of[place] = own;
-        }
-    }
-}
-
-static int moduli(const struct damped *pattern, int64_t first, int64_t last, const int64_t *row, const double *cycle,
-                  double *logs) {
-    const int64_t m = pattern->m;
-    void *memory;
-    vec *x = vectors(m * m + m * (m + 4), &memory);
-    if (!x)
-        return -1;
-    for (int64_t k = first, count; k < last; k += count) {
-        count = together(row, k, last);
-        vec period = pattern->cycles * load_part(cycle + k, 0, count), *work = x + m * m;
-        switch (goes_in_pairs(pattern, row[k]) ? m : 0) {
-#define CASE(m) case m: logs_of(pattern, m, 1, row[k], period, count, x, work, logs + k * m); break;
-        CASE(2) CASE(4) CASE(6)
-#undef CASE
-        default: logs_of(pattern, m, 0, row[k], period, count, x, work, logs + k * m);
-        }
-    }
-    free(memory);
-    return 0;
 }
 
 #endif

@@ -207,9 +207,25 @@ def moduli(chain: Chain, row: Array, cycle: Array, limit: int | None = None) -> 
         _library().moduli(ckernel.simd(), *given, first, last, len(row), *where, logs)
 
     _in_threads(part, len(row), float(len(chain.states) * chain.size**3), limit)
-    left = np.isnan(logs).any(axis=1) | ~chain.sound[row]
-    logs[left] = lyapunov.moduli(chain, row[left], cycle[left])
+    left = np.flatnonzero(np.isnan(logs).any(axis=1) | ~chain.sound[row])
+    if len(left):
+        logs[left] = lyapunov.moduli(chain, row[left], cycle[left])
     return logs
+
+
+def products(chain: Chain, row: Array, cycle: Array, limit: int | None = None) -> tuple[Array, Array]:
+    """What :func:`gearstab.floquet.lyapunov.products` says."""
+    matrix, scale = np.empty((len(row), chain.size, chain.size)), np.empty(len(row))
+    given, where = _of_chain(chain), (_whole(row), _contiguous(cycle))
+
+    def part(first: int, last: int) -> None:
+        _library().products(ckernel.simd(), *given, first, last, len(row), *where, matrix, scale)
+
+    _in_threads(part, len(row), float(len(chain.states) * chain.size**3), limit)
+    left = np.flatnonzero(~chain.sound[row])
+    if len(left):
+        matrix[left], scale[left] = lyapunov.products(chain, row[left], cycle[left])
+    return matrix, scale
 
 
 def radii(chain: Chain, row: Array, cycle: Array, growth: Array, limit: int | None = None) -> Array:
@@ -222,8 +238,9 @@ def radii(chain: Chain, row: Array, cycle: Array, growth: Array, limit: int | No
         _library().radii(ckernel.simd(), *given, first, last, len(row), *where, radius)
 
     _in_threads(part, len(row), 10.0 * len(chain.states) * chain.size**3, limit)
-    left = np.isnan(radius).any(axis=1) | ~chain.sound[row]
-    radius[left] = lyapunov.radii(chain, row[left], cycle[left], growth[left])
+    left = np.flatnonzero(np.isnan(radius).any(axis=1) | ~chain.sound[row])
+    if len(left):
+        radius[left] = lyapunov.radii(chain, row[left], cycle[left], growth[left])
     return radius
 
 

@@ -61,6 +61,12 @@ class Chain:
         """T at 1/Omega = ``cycle``."""
         return 2 * np.pi * self.cycles * cycle
 
+    def part(self, segments: slice) -> Chain:
+        """Some segments in a row: no period."""
+        return replace(
+            self, fractions=self.fractions[:, segments], states=self.states[segments], index=self.index[segments]
+        )
+
 
 def chain(pattern: Pattern) -> Chain:
     """The chain of a pattern, with the uniform damping that was taken out of its stiffness put back."""

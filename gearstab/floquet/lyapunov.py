@@ -63,9 +63,9 @@ UNKNOWNS = 80
 
 def moduli(chain: Chain, row: Array, cycle: Array) -> Array:
     """ln |lambda| of all multipliers, descending, ``(P, m)``, at points (row, 1/Omega) ``(P,)``."""
-    first, second, scale = halves(chain, row, cycle)
+    product, scale = products(chain, row, cycle)
     with np.errstate(divide="ignore"):
-        logs = np.log(np.abs(np.linalg.eigvals(second @ first))) + scale[:, None]
+        logs = np.log(np.abs(np.linalg.eigvals(product))) + scale[:, None]
     return -np.sort(-logs, axis=1)
 
 
@@ -75,20 +75,15 @@ def settings(chain: Chain) -> tuple[float | int, ...]:
     return (*numbers, BISECTIONS, DOUBLINGS, UNKNOWNS)
 
 
-def halves(chain: Chain, row: Array, cycle: Array) -> tuple[Array, Array, Array]:
-    """The products of the first and the second half of the segments ``(P, m, m)`` in the coordinates of the states,
-    over exp(scale) together, and scale ``(P,)``.
-    """
-    period, m, middle = chain.period(cycle), chain.size, len(chain.states) // 2
-    found, scale = [], np.zeros(len(row))
-    for part in (range(middle), range(middle, len(chain.states))):
-        product = np.broadcast_to(np.eye(m), (len(row), m, m))
-        for s in part:
-            product = _step(chain, s, row, chain.fractions[row, s] * period) @ product
-            size = np.maximum(np.abs(product).max(axis=(1, 2)), np.finfo(float).tiny)
-            product, scale = product / size[:, None, None], scale + np.log(size)
-        found.append(product)
-    return found[0], found[1], scale
+def products(chain: Chain, row: Array, cycle: Array) -> tuple[Array, Array]:
+    """The product of all segments ``(P, m, m)`` in the coordinates of the states, over exp(scale), and scale ``(P,)``."""
+    period, m, scale = chain.period(cycle), chain.size, np.zeros(len(row))
+    product = np.tile(np.eye(m), (len(row), 1, 1))
+    for s in range(len(chain.states)):
+        product = _step(chain, s, row, chain.fractions[row, s] * period) @ product
+        size = np.maximum(np.abs(product).max(axis=(1, 2)), np.finfo(float).tiny)
+        product, scale = product / size[:, None, None], scale + np.log(size)
+    return product, scale
 
 
 def _step(chain: Chain, segment: int, row: Array, duration: Array) -> Array:

@@ -27,7 +27,7 @@ CHUNK = 1024
 LARGE = 2.0**200
 """Entries above this are scaled down, so that a product of any length stays finite."""
 
-moduli, radii = lyapunov.moduli, lyapunov.radii
+products, moduli, radii = lyapunov.products, lyapunov.moduli, lyapunov.radii
 
 
 def propagate(pattern: Pattern, row: int, omega: Array) -> tuple[Array, Array]:

@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from gearstab.floquet.boundaries.halves import halves
 from gearstab.floquet.boundaries.labels import BAND, Root, Shares, leading_roots
 from gearstab.floquet.boundaries.search import Interval, by_row
 from gearstab.floquet.chain import Chain
-from gearstab.floquet.lyapunov import halves
 from gearstab.system import Array
 
 PEAKS = 6
@@ -27,7 +27,7 @@ REPEATED = 0.75
 too."""
 SAMPLES = 4
 """A period of the fastest harmonic that counts."""
-ENTRIES_AT_ONCE = 2**21
+ENTRIES_AT_ONCE = 2**22
 LONGEST = 2**18
 """Samples of a period, at most: what is faster is left out."""
 
@@ -112,7 +112,7 @@ def shares(chain: Chain, row: Array, cycle: Array) -> list[Shares]:
     count = np.minimum(count, LONGEST)
     for number in np.unique(count[chain.sound[row]]):
         members = np.flatnonzero((count == number) & chain.sound[row])
-        step = max(1, ENTRIES_AT_ONCE // (number * chain.size**2))
+        step = max(1, ENTRIES_AT_ONCE // (number * chain.size))
         for begin in range(0, len(members), step):
             part = members[begin : begin + step]
             for k, found in zip(*_solutions(chain, row[part], cycle[part], int(number)), strict=True):

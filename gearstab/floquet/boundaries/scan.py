@@ -15,9 +15,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from gearstab.floquet.boundaries.halves import halves
 from gearstab.floquet.boundaries.proof import Cover, Gaps, Samples
 from gearstab.floquet.chain import Chain
-from gearstab.floquet.lyapunov import halves
 from gearstab.floquet.solution import DAMPED_ON_CIRCLE
 from gearstab.system import Array
 
