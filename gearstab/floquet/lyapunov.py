@@ -76,7 +76,7 @@ def settings(chain: Chain) -> tuple[float | int, ...]:
 
 
 def products(chain: Chain, row: Array, cycle: Array) -> tuple[Array, Array]:
-    """The product of all segments ``(P, m, m)`` in the coordinates of the states, over exp(scale), and scale ``(P,)``."""
+    """The product of all segments ``(P, m, m)`` in the coordinates of the states, over exp(scale); scale ``(P,)``."""
     period, m, scale = chain.period(cycle), chain.size, np.zeros(len(row))
     product = np.tile(np.eye(m), (len(row), 1, 1))
     for s in range(len(chain.states)):
