@@ -170,7 +170,7 @@ def contradictions(seed: int, raster: int, points: int) -> tuple[list[float], li
     system, start, stop = random_train(seed)
     found = boundaries(system, start, stop)
     inside = unstable_inside(system, found.proved[0], points, seed) if len(found.proved[0]) else np.empty(0)
-    share = float(found.stable_share(found.proved, start, stop)[0])
+    share = float(found.stable_share(found.proved)[0])
     return missed(system, found, start, stop, raster), inside.tolist(), share
 
 
@@ -199,7 +199,7 @@ def test_what_is_proved_counted_and_unstable_is_the_whole_range() -> None:
     epsilon = np.array([0.05, 0.3, 0.5])
     system = train((1.37, 1.62), 0.2, "3/5", (epsilon, epsilon), damping_ratio=0.01)
     found = boundaries(system, 1.0, 7.0)
-    proved, counted = (found.stable_share(parts, 1.0, 7.0) for parts in (found.proved, found.counted))
+    proved, counted = (found.stable_share(parts) for parts in (found.proved, found.counted))
     assert (proved > 0.9999).all()
     # What is left lies beside edges, within the width floor and the rounding of what is near.
     assert (proved + counted > 1 - 2e-5).all()
@@ -214,16 +214,16 @@ def test_what_is_proved_counted_and_unstable_is_the_whole_range() -> None:
 def test_without_damping_everything_is_counted_and_nothing_proved() -> None:
     found = boundaries(train((1.37, 1.62), 0.2, 1, (0.3, 0.3)), 1.0, 7.0)
     assert [len(parts) for parts in found.proved] == [0]
-    np.testing.assert_allclose(found.stable_share(found.counted, 1.0, 7.0), 1.0, rtol=1e-12)
+    np.testing.assert_allclose(found.stable_share(found.counted), 1.0, rtol=1e-12)
 
 
 def test_a_small_budget_proves_less_and_says_so() -> None:
     system = train((1.37, 1.62), 0.2, "49/50", (0.3, 0.3), damping_ratio=0.01)
     full, half = boundaries(system, 1.0, 7.0), boundaries(system, 1.0, 7.0, budget=1e7)
-    shares = [found.stable_share(found.proved, 1.0, 7.0)[0] for found in (full, half)]
+    shares = [found.stable_share(found.proved)[0] for found in (full, half)]
     assert shares[0] > 0.999
     assert shares[1] < 0.9
-    assert half.stable_share(half.counted, 1.0, 7.0)[0] < 1 - shares[1] + 1e-12
+    assert half.stable_share(half.counted)[0] < 1 - shares[1] + 1e-12
     assert half.evaluations[0] < full.evaluations[0]
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from gearstab.config import Axis, parameters_at
 from gearstab.floquet import kernel
 from gearstab.results.chunks import encode
-from gearstab.results.variables import GRID, Variable
+from gearstab.results.variables import GRID, STRETCH, Variable
 from gearstab.sweep.methods import POINTS, RANGE, Key, Outcome
 from gearstab.sweep.methods.base import Run
 from gearstab.sweep.parts import Part
@@ -108,11 +108,15 @@ def joined(
     place = {tongue: k for k, tongue in enumerate(tongues)}
     values = {}
     for variable in results_of(plan, layout):
-        over = (len(tongues),) * ("tongue" in variable.dims) + (2,) * ("side" in variable.dims)
+        listed = len(tongues) if "tongue" in variable.dims else None
+        if STRETCH in variable.dims:
+            listed = max((len(outcome.values[variable.name]) for _, outcome in outcomes), default=0)
+        over = (() if listed is None else (listed,)) + (2,) * ("side" in variable.dims)
         values[variable.name] = np.full((*over, count), variable.fill, dtype=variable.dtype)
         for members, outcome in outcomes:
-            index = np.array([place[tongue] for tongue in outcome.tongues], dtype=int)
             part = outcome.values[variable.name]
+            index = np.array([place[tongue] for tongue in outcome.tongues], dtype=int)
+            index = np.arange(len(part)) if STRETCH in variable.dims else index
             if variable.name == HOLDER:
                 part = moved(part, index)
             where = [index, *(np.arange(n) for n in over[1:]), members] if over else [members]
@@ -143,7 +147,7 @@ def _part(plan: Plan, layout: Layout, block: Block, values: dict[str, Array], to
         if GRID in variable.dims:
             whole = _in_place(plan, layout, block, data)
             chunks[variable.name] = [encode(whole, layout.chunk + whole.shape[len(layout.chunk) :])]
-        elif "tongue" not in variable.dims:
+        elif not {"tongue", STRETCH} & set(variable.dims):
             chunks[variable.name] = [encode(data.reshape(block.shape), layout.chunk)]
         else:
             # One chunk a tongue: lists of tongues that differ between blocks are brought together by moving chunks.

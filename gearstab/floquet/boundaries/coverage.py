@@ -30,8 +30,13 @@ class Coverage:
 
     def __init__(self, rows: int, start: float, stop: float) -> None:
         self.start, self.stop = start, stop
+        self.bare = np.zeros(rows, dtype=bool)
         self.unproved: list[list[Array]] = [[] for _ in range(rows)]
         self.uncounted: list[list[Array]] = [[] for _ in range(rows)]
+
+    def count(self, rows: Array) -> None:
+        """Of a part of the systems of some rows, all is counted and nothing proved."""
+        self.bare[rows] = True
 
     def add(self, row: int, proved: Array, counted: Array) -> None:
         """What is proved, and what else is counted, of a part of a row's system: ``(K, 2)`` mesh frequencies each."""
@@ -43,6 +48,8 @@ class Coverage:
 
     def of(self, row: int, unstable: Array) -> tuple[Array, Array]:
         """(proved, counted) of what is stable, given the unstable intervals ``(K, 2)``: disjoint and ascending each."""
-        proved = complement(np.concatenate([unstable, *self.unproved[row]]), self.start, self.stop)
+        proved = np.empty((0, 2))
+        if not self.bare[row]:
+            proved = complement(np.concatenate([unstable, *self.unproved[row]]), self.start, self.stop)
         counted = complement(np.concatenate([unstable, proved, *self.uncounted[row]]), self.start, self.stop)
         return proved, counted

@@ -146,9 +146,7 @@ class _Collected:
         names = self._named(part, part.pattern, found.intervals)
         for interval, roots in zip(found.intervals, names, strict=True):
             self._keep(part, interval, roots)
-        every, none = np.array([[self.start, self.stop]]), np.empty((0, 2))
-        for row in part.pattern.rows:
-            self.coverage.add(int(row), none, every)
+        self.coverage.count(part.pattern.rows)
 
     def damped(self, part: Part, flow: Chain, found: Found) -> None:
         """The same of a damped part."""
@@ -270,6 +268,7 @@ class _Collected:
             self.floor,
             tuple(proved for proved, _ in covered),
             tuple(counted for _, counted in covered),
+            (self.start, self.stop),
         )
 
 

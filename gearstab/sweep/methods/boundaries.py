@@ -29,6 +29,8 @@ def _boundaries(system: GearSystem, mesh_frequency: Array, options: Any) -> Outc
     values = {
         "boundary_frequency": edges.boundary_frequency, "tolerance": edges.tolerance, "status": edges.flags,
         "holder": edges.holder, "contacts": found.contacts, "evaluations": found.evaluations,
+        "proved_share": found.stable_share(found.proved), "counted_share": found.stable_share(found.counted),
+        "proved_frequency": found.stretches(found.proved),
     }  # fmt: skip
     return Outcome(values, edges.index)
 
