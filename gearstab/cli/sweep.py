@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import time
+from math import floor
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -71,6 +72,8 @@ def command(
         summary = run(planned, target, jobs, resume is True, resume is False, reporter(quiet))
     if not quiet:
         click.echo(final_line(target, summary, time.perf_counter() - start), err=True)
+        if summary.proved:
+            click.echo(proof_line(summary.proved, summary.counted or 0.0), err=True)
         if slow_kernel(planned, summary):
             click.echo(SLOW_KERNEL, err=True)
 
@@ -106,6 +109,23 @@ def final_line(target: Path, summary: Summary, seconds: float) -> str:
     if summary.failed:
         parts.append(f"{summary.failed:,} could not be computed (see status)")
     return f"{target}: {', '.join(parts)}"
+
+
+def proof_line(proved: float, counted: float) -> str:
+    """What the boundaries of a damped system rest on: which share of the stable mesh frequencies is proved stable."""
+    parts = [f"{percent(proved)} proved stable (in floating point)"]
+    parts += [f"{percent(share)} {word}" for share, word in ((counted, "counted"), (1 - proved - counted, "neither"))
+              if share >= HUNDREDTH]  # fmt: skip
+    return f"stable mesh frequencies: {', '.join(parts)}"
+
+
+HUNDREDTH = 1e-4
+"""Of a per cent: what is less is not told."""
+
+
+def percent(share: float) -> str:
+    """A share in hundredths of a per cent, rounded down: all is all."""
+    return f"{floor(share / HUNDREDTH + 1e-6) / 100:g} %"
 
 
 def forecast(plan: Plan, found: Estimate, target: Path) -> str:

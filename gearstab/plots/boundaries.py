@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from gearstab.plots import grid, names, tongues
+from gearstab.plots import grid, names, proved, tongues
 from gearstab.plots.axes import FREQUENCY, SPEEDS, Request, View, swept_groups, view_of
 from gearstab.plots.cases import caption, some
 from gearstab.plots.curve import write_legend
@@ -38,7 +38,7 @@ def view_boundaries(tree: xr.DataTree, request: Request) -> View:
     if "side" not in dims:
         raise PlotError("this result holds no boundaries (methods.perturbation, uncoupled or boundaries was not run)")
     speed = next((name for name in SPEEDS if name in dims), FREQUENCY)
-    kept = dict.fromkeys([speed, *(name for name in dims if name not in ("tongue", "side", "exponent", "mesh"))])
+    kept = dict.fromkeys([speed, *(name for name in dims if name not in ("tongue", "side", "stretch", "exponent", "mesh"))])
     view = view_of(tree, kept, request)
     if tongues.parameter_axis(view) is None:
         names = " and ".join(axis.name for axis in (view.x, view.y) if axis is not None)
@@ -85,11 +85,11 @@ def draw_marks(ax: Axes, exact: Tongues, frequency_on_x: bool, colour: str) -> t
 def draw_case(
     tree: xr.DataTree, ax: Axes, view: View, number: int = 0, fill: Any = SHADE, marks: bool = True
 ) -> Artists:
-    """Draw one case into a frame: ``regions``, ``perturbation``, ``uncoupled``, ``boundaries`` and ``thin`` (see
-    :func:`draw_marks`), None where the result does not hold them.
+    """Draw one case into a frame: ``regions``, ``perturbation``, ``uncoupled``, ``boundaries``, ``thin`` (see
+    :func:`draw_marks`) and ``proved``, None where the result does not hold them.
 
     number: which colour and line style; fill: the colour of the unstable regions; marks: whether the exact boundaries
-    are marked even where the regions show them.
+    are marked even where the regions show them, and what is proved stable is tinted.
     """
     found = tongues.parameter_axis(view)
     assert found is not None
@@ -99,7 +99,9 @@ def draw_case(
     regions = draw_regions(tree, ax, view, fill)
     grid.frame(ax, view.x, view.y)
     limits = ax.get_xlim() if frequency_on_x else ax.get_ylim()
-    artists: Artists = {"regions": regions, "perturbation": None, "uncoupled": None, "boundaries": None, "thin": None}
+    names = ("perturbation", "uncoupled", "boundaries", "thin", "proved")
+    artists: Artists = {"regions": regions, **dict.fromkeys(names)}
+    artists["proved"] = proved.draw_proved(tree, ax, view, parameter, frequency_on_x) if marks else None
     for group, pattern in (("perturbation", dash), ("uncoupled", DOTTED)):
         lines = tongues.read_tongues(tree, group, view, parameter)
         if lines is not None:
@@ -135,7 +137,7 @@ def legend_handles(cases: list[Artists], captions: list[str]) -> list[Any]:
             handles.append(Line2D([], [], color=LINE, linestyle="", markersize=2.2, label=LEGEND[name], **CIRCLE))
         elif name == "regions":
             handles.append(Patch(facecolor=SHADE if len(cases) == 1 else "#d9d9d9", label=LEGEND[name]))
-    return handles
+    return [*handles, proved.handle()] if cases[0]["proved"] is not None else handles
 
 
 def named_cases(tree: xr.DataTree, ax: Axes, views: list[View]) -> names.NamedTongues:

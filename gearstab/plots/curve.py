@@ -16,6 +16,7 @@ from gearstab.plots import grid, names, tongues
 from gearstab.plots.axes import SPEEDS, Request, View, view_of
 from gearstab.plots.cases import caption, some
 from gearstab.plots.heading import write_title
+from gearstab.plots.proved import draw_proved, handle
 from gearstab.plots.stability_map import GROWTH_RATE, colour_label, default_variable, find_variable
 from gearstab.plots.style import CASES, DASHES, SHADE, new_figure
 from gearstab.plots.text import fitted, printed_text
@@ -67,7 +68,9 @@ def write_legend(figure: Figure, handles: list[Any]) -> Legend:
 
 
 def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
-    """The whole figure: ``lines``, and for one case over the mesh frequency ``bands`` and ``names`` of the tongues."""
+    """The whole figure: ``lines``, and for one case over the mesh frequency ``bands`` and ``names`` of the tongues, and
+    ``proved``, what is proved stable.
+    """
     variable = request.variable or default_variable(tree)
     dataset, data = find_variable(tree, variable)
     view = view_of(tree, map(str, data.dims), request, dataset, two=False)
@@ -87,10 +90,13 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     if variable == GROWTH_RATE:
         ax.axhline(0.0, color="#8a8a8a", linewidth=0.4, zorder=0.8)
     found, bands = draw_bands(tree, ax, view) if len(cases) == 1 else (None, None)
+    tint = draw_proved(tree, ax, view, None) if len(cases) == 1 else None
     if len(cases) > 1:
         write_legend(figure, lines)
+    elif tint is not None:
+        write_legend(figure, [handle()])
     write_title(figure, tree, request, view)
     names.settle(figure)
     named = names.name_tongues(ax, found, True) if found is not None else None
     names.freeze(figure)
-    return figure, {"lines": lines, "bands": bands, "names": named, "left_out": note}
+    return figure, {"lines": lines, "bands": bands, "proved": tint, "names": named, "left_out": note}

@@ -14,6 +14,7 @@ from gearstab.plots import grid, names, tongues
 from gearstab.plots.axes import Request, View, swept_groups, two_axes_only, view_of
 from gearstab.plots.errors import PlotError, listed
 from gearstab.plots.heading import write_title
+from gearstab.plots.proved import LABEL, draw_proved
 from gearstab.plots.style import GROWTH, LINE, new_figure
 from gearstab.plots.text import axis_label, fitted
 
@@ -97,7 +98,7 @@ def draw_map(
 
     Returns the artists, None where there is no such thing: ``cells`` (values of unstable points; stable ones masked),
     ``failed`` (hatched), ``note`` (if all is stable), ``neutral`` (the line growth_rate = 0 of a damped system),
-    ``perturbation`` (lines), ``boundaries`` and ``thin`` (see ``tongues.exact_lines``).
+    ``perturbation`` (lines), ``boundaries`` and ``thin`` (see ``tongues.exact_lines``), ``proved`` (a tint of what is proved stable).
     """
     assert view.y is not None
     values, failed = read_cells(tree, view, variable)
@@ -138,7 +139,7 @@ def draw_neutral(tree: xr.DataTree, ax: Axes, view: View) -> object | None:
 
 def draw_boundaries(tree: xr.DataTree, ax: Axes, view: View | None, dashed: bool) -> Artists:
     """Exact boundaries (solid) and those of perturbation theory (dashed next to another line) of the view, if any."""
-    artists: Artists = {"perturbation": None, "boundaries": None, "thin": None}
+    artists: Artists = {"perturbation": None, "boundaries": None, "thin": None, "proved": None}
     found = tongues.parameter_axis(view) if view is not None else None
     if view is None or found is None:
         return artists
@@ -147,6 +148,7 @@ def draw_boundaries(tree: xr.DataTree, ax: Axes, view: View | None, dashed: bool
     exact = tongues.read_tongues(tree, "boundaries", view, parameter)
     if exact is not None:
         artists["boundaries"], artists["thin"] = tongues.exact_lines(ax, exact, frequency_on_x)
+    artists["proved"] = draw_proved(tree, ax, view, parameter, frequency_on_x)
     first = tongues.read_tongues(tree, "perturbation", view, parameter)
     if first is not None:
         seen = tongues.widest(first, low, high) > tongues.INVISIBLE

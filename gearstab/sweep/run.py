@@ -13,7 +13,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from gearstab import __version__, ckernel
+from gearstab.results.chunks import decode
 from gearstab.results.errors import ResultError
 from gearstab.results.guard import refuse_foreign
 from gearstab.results.read import attributes
@@ -37,6 +40,8 @@ class Summary:
     points: of the grid. blocks, reused: blocks of all methods, and how many of them an earlier run had finished.
     unstable, failed: points that are unstable (None without a method that tells), and that could not be computed.
     complete: whether the result was there already. kernels: which ones computed it.
+    proved, counted: which share of the stable mesh frequencies is proved stable, and which is searched by counting only,
+        means of all rows; None without boundaries, or where nothing is stable.
     """
 
     points: int
@@ -46,6 +51,8 @@ class Summary:
     failed: int = 0
     complete: bool = False
     kernels: tuple[str, ...] = ()
+    proved: float | None = None
+    counted: float | None = None
 
 
 def run(
@@ -88,9 +95,10 @@ def run(
         # From the moment the result has its name there is nothing left to interrupt.
         with interrupts(lambda: _identity(out) != before):
             _compute(plan, store, workers, reporter)
+            summary = _summary(plan, store, reused)
             _finish(plan, store, out)
             folder.remove()
-            return _summary(plan, store, reused)
+            return summary
     except KeyboardInterrupt:
         kept = store.rescue()
         raise Interrupted(_interrupted(kept, plan.blocks, folder)) from None
@@ -244,6 +252,7 @@ def _interrupted(kept: int, total: int, folder: PartFolder) -> str:
 
 
 def _summary(plan: Plan, store: Store, reused: int) -> Summary:
+    """What was done, from the finished blocks."""
     tells = [
         store.finished[block.key]
         for layout in plan.layouts
@@ -252,4 +261,19 @@ def _summary(plan: Plan, store: Store, reused: int) -> Summary:
     ]
     unstable = sum(part.unstable for part in tells) if tells else None
     failed, kernels = sum(part.failed for part in tells), {k for part in store.finished.values() for k in part.kernels}
-    return Summary(plan.points, plan.blocks, reused, unstable, failed, kernels=tuple(sorted(kernels)))
+    proved, counted = (_mean(plan, store, name) for name in ("proved_share", "counted_share"))
+    ran = tuple(sorted(kernels))
+    return Summary(plan.points, plan.blocks, reused, unstable, failed, kernels=ran, proved=proved, counted=counted)
+
+
+def _mean(plan: Plan, store: Store, name: str) -> float | None:
+    """The mean of a variable of one value a row over all rows that have one; None where there is none."""
+    total, count = 0.0, 0
+    for layout in plan.layouts:
+        if not any(variable.name == name for variable in results_of(plan, layout)):
+            continue
+        for block in layout.blocks():
+            (data,) = store.finished[block.key].pieces(name)
+            values = decode(data, layout.chunk, "f8")[tuple(slice(0, size) for size in block.shape)]
+            total, count = total + float(np.nansum(values)), count + int(np.isfinite(values).sum())
+    return total / count if count else None
