@@ -38,7 +38,8 @@ def view_boundaries(tree: xr.DataTree, request: Request) -> View:
     if "side" not in dims:
         raise PlotError("this result holds no boundaries (methods.perturbation, uncoupled or boundaries was not run)")
     speed = next((name for name in SPEEDS if name in dims), FREQUENCY)
-    kept = dict.fromkeys([speed, *(name for name in dims if name not in ("tongue", "side", "stretch", "exponent", "mesh"))])
+    inner = ("tongue", "side", "stretch", "exponent", "mesh")
+    kept = dict.fromkeys([speed, *(name for name in dims if name not in inner)])
     view = view_of(tree, kept, request)
     if tongues.parameter_axis(view) is None:
         names = " and ".join(axis.name for axis in (view.x, view.y) if axis is not None)

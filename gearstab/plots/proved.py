@@ -47,8 +47,10 @@ def draw_proved(
     corners = np.stack([low, near, high, near, high, far, low, far], axis=-1).reshape(-1, 4, 2)
     if not frequency_on_x:
         corners = corners[..., ::-1]
-    across = {"transform": ax.get_xaxis_transform()} if parameter is None else {}
-    tint = PolyCollection(list(corners), facecolors=PROVED, linewidths=0, zorder=0.4, antialiaseds=False, **across)
+    across = ax.transData if parameter is not None else ax.get_xaxis_transform()
+    tint = PolyCollection(
+        list(corners), facecolors=PROVED, linewidths=0, zorder=0.4, antialiaseds=False, transform=across
+    )
     ax.add_collection(tint, autolim=False)
     return tint
 

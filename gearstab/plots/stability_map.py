@@ -98,7 +98,8 @@ def draw_map(
 
     Returns the artists, None where there is no such thing: ``cells`` (values of unstable points; stable ones masked),
     ``failed`` (hatched), ``note`` (if all is stable), ``neutral`` (the line growth_rate = 0 of a damped system),
-    ``perturbation`` (lines), ``boundaries`` and ``thin`` (see ``tongues.exact_lines``), ``proved`` (a tint of what is proved stable).
+    ``perturbation`` (lines), ``boundaries`` and ``thin`` (see ``tongues.exact_lines``), ``proved`` (a tint of what is
+    proved stable).
     """
     assert view.y is not None
     values, failed = read_cells(tree, view, variable)
@@ -177,9 +178,9 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     ax = figure.add_subplot()
     artists = draw_map(tree, ax, view, variable)
     white = ", white where unstable" if LOAD_FACTOR in dataset and artists["cells"].get_array().mask.any() else ""
-    bar = figure.colorbar(
-        artists["cells"], ax=ax, label=fitted(colour_label(tree, variable) + white, 1.8, 8.5), pad=0.02, aspect=28
-    )
+    tinted = f", green where {LABEL}" if artists["proved"] is not None else ""
+    said = fitted(colour_label(tree, variable) + white + tinted, 1.8, 8.5)
+    bar = figure.colorbar(artists["cells"], ax=ax, label=said, pad=0.02, aspect=28)
     bar.outline.set_linewidth(0.5)
     artists["colour_bar"] = bar
     write_title(figure, tree, request, view)

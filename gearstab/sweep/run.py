@@ -40,8 +40,8 @@ class Summary:
     points: of the grid. blocks, reused: blocks of all methods, and how many of them an earlier run had finished.
     unstable, failed: points that are unstable (None without a method that tells), and that could not be computed.
     complete: whether the result was there already. kernels: which ones computed it.
-    proved, counted: which share of the stable mesh frequencies is proved stable, and which is searched by counting only,
-        means of all rows; None without boundaries, or where nothing is stable.
+    proved, counted: shares of the stable mesh frequencies that are proved stable, and that are searched by counting
+        only, means of all rows; None without boundaries, or where nothing is stable.
     """
 
     points: int

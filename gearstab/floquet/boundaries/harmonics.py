@@ -8,6 +8,8 @@ not vanish, but positive and negative actions still have their leading parts at 
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from gearstab.floquet.boundaries.halves import halves
@@ -22,6 +24,8 @@ ASIDE = 0.03
 """How near its ends, as a part of the width."""
 PRESENT = 0.4
 """The share that the leading root needs somewhere for a tongue to be named as part of a region."""
+CLEAR = 0.5
+"""The share of the action that no two roots can have at once."""
 REPEATED = 0.75
 """By how much of a share a root may lead another one to be that of a region though it is that of another region,
 too."""
@@ -32,15 +36,22 @@ LONGEST = 2**18
 """Samples of a period, at most: what is faster is left out."""
 
 
-def named(
-    chain: Chain, intervals: list[Interval], peaks: list[Array], allowed: list[set[Root]]
-) -> list[tuple[Root, ...]]:
-    """The roots of each interval, that with the largest share first; the nearest one where a growing solution has no
-    harmonics of both signs.
+@dataclass(frozen=True)
+class Seen:
+    """The shares of the roots at some places in an interval, the middle first."""
 
-    peaks: cycles inside of each, at which its tongues are strongest; those that lead somewhere are named. allowed: the
-    roots that come into question; where it is empty, all do.
-    """
+    places: list[Shares]
+
+    @property
+    def plain(self) -> Root | None:
+        """The root that leads everywhere, with more than half of the action in the middle; None where there is none."""
+        leading = {max(there, key=there.__getitem__, default=None) for there in self.places}
+        root = leading.pop() if len(leading) == 1 else None
+        return root if root is not None and self.places[0][root] > CLEAR else None
+
+
+def seen(chain: Chain, intervals: list[Interval], peaks: list[Array]) -> list[Seen]:
+    """What is seen in each interval; peaks: cycles inside of each, at which its tongues are strongest."""
     owner, cycle = [], []
     for k, (i, summits) in enumerate(zip(intervals, peaks, strict=True)):
         width = i.stop - i.start
@@ -49,24 +60,54 @@ def named(
         cycle += places
     row = np.array([intervals[k].row for k in owner], dtype=int)
     order = np.argsort(row, kind="stable")
-    found = shares(chain, row[order], np.array(cycle)[order]) if owner else []
+    found: list[Shares] = [{} for _ in owner]
+    for position, there in zip(order, shares(chain, row[order], np.array(cycle)[order]) if owner else [], strict=True):
+        found[position] = there
+    result: list[Seen] = [Seen([]) for _ in intervals]
+    for k, there in zip(owner, found, strict=True):
+        result[k].places.append(there)
+    return result
+
+
+def plain(intervals: list[Interval], found: list[Seen]) -> list[Root | None]:
+    """The roots of the intervals of those rows in which every interval has a plain one, and each another one."""
+    roots = [own.plain for own in found]
+    result: list[Root | None] = [None] * len(intervals)
+    rows = np.array([i.row for i in intervals], dtype=int)
+    for mine in by_row(rows, int(rows.max(initial=-1)) + 1):
+        own = [roots[k] for k in mine]
+        if None not in own and len(set(own)) == len(own):
+            for k in mine:
+                result[k] = roots[k]
+    return result
+
+
+def named(
+    chain: Chain, intervals: list[Interval], found: list[Seen], allowed: list[set[Root]]
+) -> list[tuple[Root, ...]]:
+    """The roots of each interval, that with the largest share first; the nearest one where a growing solution has no
+    harmonics of both signs.
+
+    Roots that lead somewhere in an interval are named. allowed: the roots that come into question; where it is empty,
+    all do.
+    """
     best: list[Shares] = [{} for _ in intervals]
     present: list[set[Root]] = [set() for _ in intervals]
-    for position, there in zip(order, found, strict=True):
-        k = owner[position]
-        chosen = {root: share for root, share in there.items() if not allowed[k] or root in allowed[k]}
-        for root, share in chosen.items():
-            best[k][root] = max(share, best[k].get(root, 0.0))
-        leads = max(chosen.values(), default=0.0)
-        present[k] |= {r for r, share in chosen.items() if share > PRESENT and (allowed[k] or share == leads)}
+    for k, own in enumerate(found):
+        for there in own.places:
+            chosen = {root: share for root, share in there.items() if not allowed[k] or root in allowed[k]}
+            for root, share in chosen.items():
+                best[k][root] = max(share, best[k].get(root, 0.0))
+            leads = max(chosen.values(), default=0.0)
+            present[k] |= {r for r, share in chosen.items() if share > PRESENT and (allowed[k] or share == leads)}
     result: list[tuple[Root, ...]] = [()] * len(intervals)
     for mine in by_row(np.array([i.row for i in intervals], dtype=int), len(chain.fractions)):
         every = [best[k] or dict.fromkeys(sorted(allowed[k]) or [_nearest(chain, intervals[k])], 0.0) for k in mine]
         # Undamped regions have each root once already.
         free = [not allowed[k] for k in mine]
-        own = _distributed(every) if all(free) else [_ranked(shares)[0] for shares in every]
-        for k, root in zip(mine, own, strict=True):
-            elsewhere = () if allowed[k] else own
+        leading = _distributed(every) if all(free) else [_ranked(shares)[0] for shares in every]
+        for k, root in zip(mine, leading, strict=True):
+            elsewhere = () if allowed[k] else leading
             others = [r for r in _ranked(best[k]) if r in present[k] and r != root and r not in elsewhere]
             result[k] = (root, *others)
     return result

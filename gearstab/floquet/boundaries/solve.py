@@ -152,8 +152,7 @@ class _Collected:
         """The same of a damped part."""
         pattern = part.pattern
         self.evaluations[pattern.rows] += found.evaluations
-        allowed = self._of_undamped(part, flow, found.intervals)
-        names = harmonics.named(flow, found.intervals, found.peaks, allowed)
+        names = self._of_damped(part, flow, found)
         driven = growing(pattern)
         for interval, roots in zip(found.intervals, names, strict=True):
             coupled = _coupled(pattern.elastic.directions[interval.row])
@@ -167,29 +166,43 @@ class _Collected:
                 ranges.append(np.clip(pattern.elastic.rate[k] / cycles, self.start, self.stop))
             self.coverage.add(int(row), *ranges)
 
+    def _of_damped(self, part: Part, flow: Chain, found: Found) -> list[tuple[labels.Root, ...]]:
+        """The roots of each damped region; where harmonics leave doubts in a row, with the help of undamped ones."""
+        seen = harmonics.seen(flow, found.intervals, found.peaks)
+        plain = harmonics.plain(found.intervals, seen)
+        names: list[tuple[labels.Root, ...]] = [() if root is None else (root,) for root in plain]
+        doubtful = [k for k, root in enumerate(plain) if root is None]
+        intervals = [found.intervals[k] for k in doubtful]
+        allowed = self._of_undamped(part, flow, intervals)
+        for k, own in zip(
+            doubtful, harmonics.named(flow, intervals, [seen[k] for k in doubtful], allowed), strict=True
+        ):
+            names[k] = own
+        return names
+
     def _of_undamped(self, part: Part, flow: Chain, intervals: list[Interval]) -> list[set[labels.Root]]:
         """The roots of those regions of the system without damping that each damped one overlaps, or of the nearest;
         none where the common period is so long that there are too many.
         """
         limits = Limits(self.start, self.stop, 0.1 * self.floor, self.floor, 0.0)
-        found: list[set[labels.Root]] = [set() for _ in intervals]
         owner = np.array([i.row for i in intervals], dtype=int)
         few = collisions(flow, *limits.cycles(part.pattern)) <= FEW
         rows = np.unique(owner[few[owner]])
         if len(rows) == 0:
-            return found
+            return [set() for _ in intervals]
         own = part.subset(rows)
         pattern = without_damping(own.pattern)
         free = limits.undamped(pattern)
-        names = self._named(own, pattern, free.intervals)
         self.evaluations[pattern.rows] += free.evaluations
         of_row = by_row(np.array([g.row for g in free.intervals], dtype=int), len(rows))
+        near: list[list[int]] = [[] for _ in intervals]
         for k, interval in enumerate(intervals):
             place = np.searchsorted(rows, interval.row)
             if place < len(rows) and rows[place] == interval.row:
-                guides = [(free.intervals[j], names[j]) for j in of_row[place]]
-                found[k] = {root for roots in _near(interval, guides) for root in roots}
-        return found
+                near[k] = _near(interval, free.intervals, of_row[place])
+        wanted = sorted({j for own_guides in near for j in own_guides})
+        names = dict(zip(wanted, self._named(own, pattern, [free.intervals[j] for j in wanted]), strict=True))
+        return [{root for j in own_guides for root in names[j]} for own_guides in near]
 
     def _named(self, part: Part, pattern: Pattern, intervals: list[Interval]) -> list[tuple[labels.Root, ...]]:
         """The roots of each region of a part's undamped pattern, modes counted from 0 in the part."""
@@ -272,15 +285,13 @@ class _Collected:
         )
 
 
-def _near(
-    interval: Interval, guides: list[tuple[Interval, tuple[labels.Root, ...]]]
-) -> list[tuple[labels.Root, ...]]:
-    """Of the undamped regions that an interval overlaps, or of the nearest."""
-    found = [roots for g, roots in guides if max(g.start, interval.start) < min(g.stop, interval.stop)]
-    if found or not guides:
+def _near(interval: Interval, guides: list[Interval], among: Array) -> list[int]:
+    """Positions of the undamped regions of a row that an interval overlaps, or of the nearest."""
+    found = [int(j) for j in among if max(guides[j].start, interval.start) < min(guides[j].stop, interval.stop)]
+    if found or len(among) == 0:
         return found
     middle = 0.5 * (interval.start + interval.stop)
-    return [min(guides, key=lambda item: max(item[0].start - middle, middle - item[0].stop))[1]]
+    return [min((int(j) for j in among), key=lambda j: max(guides[j].start - middle, middle - guides[j].stop))]
 
 
 def _coupled(directions: Array) -> Array:
