@@ -18,7 +18,8 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from gearstab.config import load, parameters_at
-from gearstab.floquet import kernel, solve
+from gearstab.floquet import solve
+from gearstab.floquet.kernel import choice as kernel
 from gearstab.modal import eigenmodes
 from gearstab.system import Array, GearSystem
 from gearstab.systems import build

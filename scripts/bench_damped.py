@@ -13,7 +13,7 @@ from rich.table import Table
 from gearstab.config import load
 from gearstab.floquet import solve
 from gearstab.floquet.boundaries import boundaries
-from gearstab.floquet.segments import prepare
+from gearstab.floquet.segments.pattern import prepare
 from gearstab.sweep import plan
 from gearstab.system import GearSystem
 from gearstab.systems import build

@@ -25,8 +25,10 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from gearstab import ckernel
-from gearstab.floquet import c_kernel, damped, kernel, numpy_kernel, solve
-from gearstab.floquet.segments import Pattern, prepare
+from gearstab.floquet import solve
+from gearstab.floquet.kernel import c_kernel, damped, numpy_kernel
+from gearstab.floquet.kernel import choice as kernel
+from gearstab.floquet.segments.pattern import Pattern, prepare
 from gearstab.system import Array, GearSystem, Mesh
 from gearstab.systems import build
 from gearstab.waveforms import Rectangular

@@ -20,7 +20,8 @@ from gearstab.bench import reference
 from gearstab.bench.scene import Scene
 from gearstab.bench.smooth_methods import integration, periods
 from gearstab.config import load
-from gearstab.floquet import kernel, solve
+from gearstab.floquet import solve
+from gearstab.floquet.kernel import choice as kernel
 from gearstab.system import Array
 from gearstab.systems import build
 

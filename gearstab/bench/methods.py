@@ -15,8 +15,10 @@ from scipy.linalg import expm
 
 from gearstab.bench import smooth_methods as smooth
 from gearstab.bench.scene import Scene
-from gearstab.floquet import kernel, numpy_kernel, solve
-from gearstab.floquet.segments import prepare
+from gearstab.floquet import solve
+from gearstab.floquet.kernel import choice as kernel
+from gearstab.floquet.kernel import numpy_kernel
+from gearstab.floquet.segments.pattern import prepare
 from gearstab.system import Array
 
 Method = Callable[[Scene, Array, float], Array]

@@ -8,15 +8,8 @@ import numpy as np
 
 from gearstab.bench.scene import Scene
 from gearstab.bench.work_precision import Measurement
-from gearstab.results import Group, Variable, coordinate, fields_of
-
-VARIABLES = (
-    coordinate("method", "setting", "text", "1", "method"),
-    coordinate("tolerance", "setting", "f8", "1", "relative tolerance asked for (NaN: an exact method)"),
-    Variable("seconds", ("setting",), "f8", "s", "median time a point"),
-    Variable("error", ("setting",), "f8", "1", "largest error of the growth over one common period"),
-    Variable("wrong_flags", ("setting",), "i4", "1", "reference points with a wrong stability flag"),
-)
+from gearstab.results import Group, fields_of
+from gearstab.results.variables import BENCH
 
 
 def bench_group(scene: Scene, points: int, found: Sequence[Measurement]) -> Group:
@@ -34,7 +27,7 @@ def bench_group(scene: Scene, points: int, found: Sequence[Measurement]) -> Grou
         "reference_points": points,
         "mesh_frequency_range": [scene.start, scene.stop],
     }
-    return Group(fields_of(VARIABLES, values), attributes)
+    return Group(fields_of(BENCH, values), attributes)
 
 
 def table(found: Sequence[Measurement], points: int) -> str:

@@ -13,7 +13,8 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from gearstab.bench.scene import Scene
-from gearstab.floquet import kernel, solve
+from gearstab.floquet import solve
+from gearstab.floquet.kernel import choice as kernel
 from gearstab.system import Array
 
 Method = Callable[[Scene, Array, float], Array]

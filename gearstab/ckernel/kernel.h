@@ -39,7 +39,7 @@ struct damped {
     const double *change;    /* (r, changes, m, m), from the coordinates of a segment to those of the next */
 };
 
-/* What the search for Lyapunov functions goes by: the names are those of gearstab/floquet/lyapunov.py. */
+/* What the search for Lyapunov functions goes by: the names are those of gearstab/floquet/kernel/lyapunov.py. */
 struct lyapunov {
     double part, longest, pieces, rounding, largest, least, negligible;
     int64_t bisections, doublings, unknowns;

@@ -1,7 +1,7 @@
 /* Lyapunov functions with a radius at scattered points of damped patterns.
 
-   The mathematics stands in gearstab/floquet/lyapunov.py. Symmetric matrices are held whole; every point has a lane of its
-   own, and what comes out does not depend on its neighbours. */
+   The mathematics stands in gearstab/floquet/kernel/lyapunov.py. Symmetric matrices are held whole; every point has a
+   lane of its own, and what comes out does not depend on its neighbours. */
 
 #ifndef GEARSTAB_LYAPUNOV_H
 #define GEARSTAB_LYAPUNOV_H

@@ -1,6 +1,6 @@
 /* gearstab.ckernel._kernel: the compiled kernel as Python functions over contiguous buffers.
 
-   Shapes and meanings stand in kernel.h, the Python side in gearstab/floquet/c_kernel.py. Every function checks that its
+   Shapes and meanings stand in kernel.h, the Python side in gearstab/floquet/kernel/c_kernel.py. Every function checks that its
    buffers have the sizes that its numbers promise, releases the interpreter's lock while it computes, and runs
    at the level of vector instructions whose name it is given (see levels()). */
 
@@ -328,7 +328,7 @@ static PyModuleDef_Slot SLOTS[] = {
 };
 
 static struct PyModuleDef MODULE = {
-    PyModuleDef_HEAD_INIT, "_kernel", "The compiled kernel; see gearstab.floquet.c_kernel.", 0, METHODS, SLOTS, NULL, NULL, NULL,
+    PyModuleDef_HEAD_INIT, "_kernel", "The compiled kernel; see gearstab.floquet.kernel.c_kernel.", 0, METHODS, SLOTS, NULL, NULL, NULL,
 };
 
 PyMODINIT_FUNC PyInit__kernel(void) { return PyModuleDef_Init(&MODULE); }

@@ -6,11 +6,13 @@ import os
 import sys
 from collections.abc import Sequence
 from importlib import import_module
+from io import TextIOWrapper
 from typing import Any, NoReturn
 
 import click
 
 from gearstab import __version__
+from gearstab.cli.console import tell
 from gearstab.errors import INTERRUPTED
 
 BLAS_THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
@@ -19,7 +21,7 @@ BLAS_THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "V
 COMMANDS = {
     "sweep": ("gearstab.cli.sweep:command", "Compute stability over the grid of a configuration."),
     "plot": ("gearstab.cli.plot:command", "Draw a figure from a result file."),
-    "info": ("gearstab.cli.info:command", "Show modes and predicted instability tongues."),
+    "info": ("gearstab.cli.info:command", "Show modes and tongues, or what a result holds."),
     "check": ("gearstab.cli.check:command", "Validate a configuration; list every mistake."),
     "respond": ("gearstab.cli.respond:command", "Compute a time response."),
     "bench": ("gearstab.cli.bench:command", "Compare speed and error of the methods."),
@@ -79,12 +81,17 @@ def main(args: Sequence[str] | None = None) -> NoReturn:
     # a busy machine they were seen to take 200 times as long. Read when NumPy is imported; the user's choice stands.
     for variable in BLAS_THREADS:
         os.environ.setdefault(variable, "1")
+    # Figures go to files: which backend the user prefers for windows does not matter, even if there is no such one.
+    os.environ["MPLBACKEND"] = "agg"
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")  # letters that a terminal does not have
     try:
         code = group.main(args=args, prog_name="gearstab", standalone_mode=False)
     except click.ClickException as error:
         error.show()
         code = error.exit_code
     except click.Abort:
-        click.echo("interrupted", err=True)
+        tell("interrupted")
         code = INTERRUPTED
     sys.exit(code if isinstance(code, int) else 0)

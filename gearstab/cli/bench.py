@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from gearstab.cli.console import say, tell
+
 if TYPE_CHECKING:
     from gearstab.bench import Scene
     from gearstab.config import Config
@@ -38,43 +40,45 @@ def command(
 
     with user_errors():
         from gearstab.config import load
+        from gearstab.results.output import prepare
 
         target = output or Path("results") / f"{config.stem}.bench.h5"
         _guard(config, target, not no_plot)
         loaded = load(config, overrides)
         scene = _scene(loaded)
-        target.parent.mkdir(parents=True, exist_ok=True)
+        prepare(target)
     from gearstab.bench import measure
     from gearstab.bench.output import bench_group, table
-    from gearstab.floquet import kernel
+    from gearstab.floquet.kernel import choice as kernel
     from gearstab.results import Group, ResultTree, write_result
+    from gearstab.results.guard import BENCH
     from gearstab.results.provenance import modes_group, root_attributes
     from gearstab.systems import build
 
     with kernel.recorded() as ran:
         found = measure(scene, points, seconds, (lambda text: None) if quiet else _say)
-    click.echo(table(found, points))
+    say(table(found, points))
     with user_errors():
         groups = {"modes": modes_group(build(loaded.parameters)), "bench": bench_group(scene, points, found)}
-        write_result(target, ResultTree(Group((), root_attributes(loaded, kernel.said(ran))), groups))
+        write_result(target, ResultTree(Group((), root_attributes(BENCH, loaded, kernel.said(ran))), groups))
         if not quiet:
-            click.echo(f"written: {target}", err=True)
+            tell(f"written: {target}")
         if not no_plot:
             _draw(target, quiet)
 
 
 def _guard(config: Path, target: Path, plot: bool) -> None:
-    """Raise ResultError if the result or its picture would replace the configuration, each other or a foreign file."""
-    from gearstab.results import ResultError
-    from gearstab.results.guard import refuse_foreign, refuse_inputs
+    """Raise OutputError if the result or its picture would replace the configuration, each other or something else."""
+    from gearstab.plots.drawing.style import FIGURE
+    from gearstab.results import OutputError
+    from gearstab.results.guard import BENCH, result_of
 
     picture = target.with_suffix(".png")
-    refuse_inputs(target, config)
     if plot:
-        refuse_inputs(picture, config, target)
         if picture == target:
-            raise ResultError(f"{target}: is the name of the picture too; choose another output or use --no-plot")
-    refuse_foreign(target)
+            raise OutputError(f"{target}: is the name of the picture too; choose another output or use --no-plot")
+        FIGURE.refuse(picture, config)
+    result_of(BENCH).refuse(target, config)
 
 
 def _scene(loaded: Config) -> Scene:
@@ -105,17 +109,17 @@ def _scene(loaded: Config) -> Scene:
 
 
 def _say(text: str) -> None:
-    click.echo(f"measuring: {text}", err=True)
+    tell(f"measuring: {text}")
 
 
 def _draw(target: Path, quiet: bool) -> None:
     from gearstab.plots import draw
-    from gearstab.plots.style import save
-    from gearstab.results import open_result
+    from gearstab.plots.drawing.style import save
+    from gearstab.results.read import reading
 
     picture = target.with_suffix(".png")
-    with open_result(target) as tree:
+    with reading(target) as tree:
         figure, _ = draw(tree, "work-precision")
         save(figure, picture, title=str(tree.attrs["title"]))
     if not quiet:
-        click.echo(f"drawn: {picture}", err=True)
+        tell(f"drawn: {picture}")

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from gearstab.cli.console import say
 from gearstab.cli.errors import user_errors, warn
 
 if TYPE_CHECKING:
@@ -30,7 +31,7 @@ def command(config: Path, overrides: tuple[str, ...]) -> None:
 
             check(found, build(found.parameters))
     warn(found)
-    click.echo(f"{config}: {summary(found)}")
+    say(f"{config}: {summary(found)}")
 
 
 def summary(config: Config) -> str:

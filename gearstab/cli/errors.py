@@ -9,10 +9,14 @@ from typing import TYPE_CHECKING
 
 import click
 
+from gearstab.cli.console import STANDARD_OUTPUT, lost, tell
 from gearstab.errors import FAILED, WRONG_INPUT, UserError
 
 if TYPE_CHECKING:
     from gearstab.config import Config
+
+FAILURES = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EPIPE)
+"""What may happen to an output however right the input is."""
 
 
 @contextmanager
@@ -21,11 +25,13 @@ def user_errors() -> Iterator[None]:
     try:
         yield
     except Exception as error:
+        if isinstance(error, OSError) and error.filename == STANDARD_OUTPUT:
+            lost(error)
         code = exit_code(error)
         if code is None:
             raise
         for line in text(error).splitlines():
-            click.echo(line, err=True)
+            tell(line)
         raise click.exceptions.Exit(code) from error
 
 
@@ -34,7 +40,9 @@ def exit_code(error: Exception) -> int | None:
     if isinstance(error, UserError):
         return error.exit_code
     if isinstance(error, OSError) and error.filename is not None:
-        return FAILED if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO) else WRONG_INPUT
+        return FAILED if error.errno in FAILURES else WRONG_INPUT
+    if isinstance(error, MemoryError):
+        return FAILED
     return None
 
 
@@ -42,10 +50,12 @@ def text(error: Exception) -> str:
     """What the user reads."""
     if isinstance(error, OSError) and error.filename is not None:
         return f"{error.filename}: {(error.strerror or 'cannot be used').lower()}"
+    if isinstance(error, MemoryError):
+        return f"not enough memory{': ' if str(error) else ''}{error}"
     return str(error)
 
 
 def warn(config: Config) -> None:
     """Print what is hardly meant in a configuration on standard error."""
     for doubt in config.doubts:
-        click.echo(f"warning: {doubt}", err=True)
+        tell(f"warning: {doubt}")

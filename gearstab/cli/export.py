@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import click
 
+from gearstab.cli.console import Output, tell
 from gearstab.cli.errors import user_errors
 
 
@@ -30,12 +30,11 @@ from gearstab.cli.errors import user_errors
 def command(result: Path, output: Path, group: str | None, over: str | None) -> None:
     """Write the file RESULT as tidy CSV: one row a grid point, one column an axis or variable."""
     with user_errors():
-        from gearstab.results import export
+        from gearstab.results.export import export
 
-        if str(output) == "-":
-            export.to_stream(result, sys.stdout, group, over)
-        else:
-            rows = export.export_csv(result, output, group, over)
-            click.echo(f"{output}: {rows:,} rows", err=True)
-        if note := export.left_out(result, group, over):
-            click.echo(f"note: {note}", err=True)
+        out = None if str(output) == "-" else output
+        rows, note = export(result, out, Output(), group, over)
+        if out is not None:
+            tell(f"{out}: {rows:,} rows")
+        if note:
+            tell(f"note: {note}")

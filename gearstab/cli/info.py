@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from gearstab.cli import info_train, periods
+from gearstab.cli.console import say
 from gearstab.cli.info_text import report
 
 if TYPE_CHECKING:
@@ -20,28 +22,36 @@ HARMONICS = 3
 
 
 @click.command()
-@click.argument("config", type=click.Path(path_type=Path))
+@click.argument("config", metavar="CONFIG|RESULT", type=click.Path(path_type=Path))
 @click.option("--set", "overrides", multiple=True, metavar="PATH=VALUE", help="Override a value of CONFIG; repeatable.")
 @click.option(
     "--harmonics", type=click.IntRange(1, 50), help="List tongues up to this harmonic [default: as in CONFIG]."
 )
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def command(config: Path, overrides: tuple[str, ...], harmonics: int | None, as_json: bool) -> None:
-    """Show natural frequencies, modes and the tongues that perturbation theory predicts for CONFIG."""
+    """Show natural frequencies, modes and the tongues that perturbation theory predicts for CONFIG.
+
+    Of a file RESULT: where it comes from, its groups, axes and variables.
+    """
+    from gearstab.cli import info_result
     from gearstab.cli.errors import user_errors, warn
 
     with user_errors():
+        if info_result.is_result(config):
+            if overrides or harmonics:
+                raise click.UsageError(f"{config} is a result, which --set and --harmonics do not change")
+            known = info_result.describe(config)
+            say(json.dumps(known, indent=2, allow_nan=False) if as_json else info_result.report(known))
+            return
         from gearstab.config import load
 
         loaded = load(config, overrides)
     warn(loaded)
     facts = describe(loaded, harmonics)
     if as_json:
-        import json
-
-        click.echo(json.dumps(facts, indent=2, allow_nan=False))
+        say(json.dumps(facts, indent=2, allow_nan=False))
     else:
-        click.echo(report(facts))
+        say(report(facts))
 
 
 def describe(config: Config, harmonics: int | None = None) -> dict[str, Any]:
@@ -136,15 +146,15 @@ def _reductions(system: GearSystem) -> dict[str, Any]:
     """How exact Floquet analysis takes the system apart."""
     from dataclasses import asdict
 
-    from gearstab.floquet.reduction import reduce
     from gearstab.floquet.report import reduction
+    from gearstab.floquet.segments.reduction import reduce
 
     found = reduction(system)
     blocks = [{name: list(v) if isinstance(v, tuple) else v for name, v in asdict(p).items()} for p in found.parts]
     return {
         "summary": found.text(),
         "rigid_modes": list(found.rigid),
-        "rigid_driven": bool(any(part.rigid_driven.any() for part in reduce(system, 1))),
+        "rigid_driven": bool(any(part.rigid_driven.any() for part in reduce(system))),
         "dropped_modes": list(found.dropped),
         "blocks": blocks,
         "saving": _number(found.saving),

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from gearstab.cli.console import tell
 from gearstab.plots import KINDS
 
 KINDS_HELP = "; ".join(f"{name}: {kind.summary}" for name, kind in KINDS.items())
@@ -37,23 +38,21 @@ def command(
     from gearstab.cli.errors import user_errors
     from gearstab.plots import draw
     from gearstab.plots.axes import Request
-    from gearstab.plots.heading import title_of
-    from gearstab.plots.style import checked_extension, save
-    from gearstab.results import open_result
-    from gearstab.results.guard import refuse_inputs
+    from gearstab.plots.drawing.heading import title_of
+    from gearstab.plots.drawing.style import FIGURE, checked_extension, save
+    from gearstab.results.read import reading
 
     target = output or result.with_suffix(".png")
     with user_errors():
         checked_extension(target)
-        refuse_inputs(target, result)
+        FIGURE.refuse(target, result)
         request = Request(x, y, selections(select), variable, size, title, dpi)
-        with open_result(result) as tree:
+        with reading(result) as tree:
             figure, artists = draw(tree, kind, request)
-            target.parent.mkdir(parents=True, exist_ok=True)
             save(figure, target, title_of(tree))
-    click.echo(f"figure: {target}", err=True)
+    tell(f"figure: {target}")
     if artists.get("left_out"):
-        click.echo(f"note: {artists['left_out']}", err=True)
+        tell(f"note: {artists['left_out']}")
 
 
 def selections(texts: tuple[str, ...]) -> dict[str, str]:

@@ -5,8 +5,7 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING
 
-import click
-
+from gearstab.cli.console import tell
 from gearstab.sweep import Reporter
 
 if TYPE_CHECKING:
@@ -21,7 +20,7 @@ class Messages(Reporter):
 
     def message(self, text: str) -> None:
         if not self.quiet:
-            click.echo(text, err=True)
+            tell(text)
 
 
 class Bar(Messages):

@@ -7,11 +7,13 @@ from typing import TYPE_CHECKING, NoReturn
 
 import click
 
+from gearstab.cli.console import tell
+
 if TYPE_CHECKING:
     from gearstab.config import Config
-    from gearstab.config.respond import Respond
+    from gearstab.config.sections.respond import Respond
     from gearstab.response import Response
-    from gearstab.response.pair import PairResponse
+    from gearstab.response.rotating_pair import PairResponse
     from gearstab.system import GearSystem
 
 MOST_NUMBERS = 250_000_000
@@ -33,17 +35,18 @@ def command(config: Path, output: Path | None, overrides: tuple[str, ...], quiet
 
     with user_errors():
         from gearstab.config import load
-        from gearstab.results.guard import refuse_foreign, refuse_inputs
+        from gearstab.results.guard import RESPOND, result_of
+        from gearstab.results.output import prepare
 
         out = output or Path("results") / f"{config.stem}.response.h5"
-        refuse_inputs(out, config)
+        result_of(RESPOND).refuse(out, config)
         loaded = load(config, overrides, needs=("respond",))
-        refuse_foreign(out)
+        prepare(out)
         if not quiet:
             warn(loaded)
         found = respond(loaded, out)
     if not quiet:
-        click.echo(summary(found, out), err=True)
+        tell(summary(found, out))
 
 
 def respond(config: Config, out: Path) -> Response | PairResponse:
@@ -51,9 +54,9 @@ def respond(config: Config, out: Path) -> Response | PairResponse:
     from gearstab.cli.respond_backlash import respond_backlash
     from gearstab.cli.respond_linear import result
     from gearstab.cli.respond_pair import respond_pair
-    from gearstab.config.respond_pair import PairRespond
+    from gearstab.config.sections.respond_pair import PairRespond
     from gearstab.errors import NotPossible
-    from gearstab.floquet import kernel
+    from gearstab.floquet.kernel import choice as kernel
     from gearstab.response.backlash import has_backlash
     from gearstab.results import write_result
     from gearstab.systems import build
@@ -71,7 +74,6 @@ def respond(config: Config, out: Path) -> Response | PairResponse:
             found = _steady(wanted, system) if wanted.steady_state else _history(wanted, system)
     except NotPossible as error:
         _refuse(config, ("respond",), error.message, error.remedy)
-    out.parent.mkdir(parents=True, exist_ok=True)
     write_result(out, result(config, wanted, system, found, kernel.said(ran)))
     return found
 
@@ -86,7 +88,7 @@ def _history(wanted: Respond, system: GearSystem) -> Response:
     import numpy as np
 
     from gearstab.response import driven_response, free_response
-    from gearstab.response.equilibrium import static_equilibrium
+    from gearstab.response.linear.equilibrium import static_equilibrium
 
     follow = driven_response if system.forced else free_response
     if wanted.initial is None:
@@ -142,7 +144,7 @@ def summary(found: Response | PairResponse, out: Path) -> str:
     from gearstab.cli.respond_backlash import summary as backlash_summary
     from gearstab.cli.respond_pair import summary as pair_summary
     from gearstab.response.backlash import BacklashResponse
-    from gearstab.response.pair import PairResponse
+    from gearstab.response.rotating_pair import PairResponse
 
     if isinstance(found, PairResponse):
         return pair_summary(found, out)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from gearstab.config import Config
-    from gearstab.config.respond import Respond
+    from gearstab.config.sections.respond import Respond
     from gearstab.response.backlash import BacklashResponse
     from gearstab.results import ResultTree
     from gearstab.system import GearSystem
@@ -34,7 +34,6 @@ def respond_backlash(
     if wanted.discard is not None:
         discard = wanted.discard * tau / (wanted.mesh_frequency * float(system.meshes[0].frequency_ratio))
     found = backlash_response(system, wanted.mesh_frequency, duration, start, wanted.samples_per_cycle, discard)
-    out.parent.mkdir(parents=True, exist_ok=True)
     write_result(out, result(config, wanted, system, found))
     return found
 
@@ -45,8 +44,9 @@ def result(config: Config, wanted: Respond, system: GearSystem, found: BacklashR
 
     from gearstab.cli.respond_linear import spectral
     from gearstab.response.backlash import BACKLASH_FLAGS, KINDS
-    from gearstab.response.equilibrium import static_mesh_force
+    from gearstab.response.linear.equilibrium import static_mesh_force
     from gearstab.results import Group, ResultTree, fields_of
+    from gearstab.results.guard import RESPOND
     from gearstab.results.provenance import modes_group, root_attributes
     from gearstab.results.units import in_units_of
     from gearstab.results.variables import BACKLASH_RESPONSE, flagged
@@ -79,7 +79,7 @@ def result(config: Config, wanted: Respond, system: GearSystem, found: BacklashR
         values |= {"mesh_force_peak": cycle.force_peak, "contact_loss_ratio": cycle.contact_loss}
     fields = fields_of(in_units_of(system, flagged(BACKLASH_RESPONSE, BACKLASH_FLAGS)), values)
     groups = {"modes": modes_group(system), "response": Group(fields, attributes)}
-    return ResultTree(Group((), root_attributes(config, "none")), groups)
+    return ResultTree(Group((), root_attributes(RESPOND, config, "none")), groups)
 
 
 def _attributes(system: GearSystem, found: BacklashResponse) -> dict[str, Any]:

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from gearstab.config import Config
-    from gearstab.config.respond import Respond
+    from gearstab.config.sections.respond import Respond
     from gearstab.response import Response
-    from gearstab.response.spectra import Spectra
+    from gearstab.response.measures.spectra import Spectra
     from gearstab.results import ResultTree
     from gearstab.system import GearSystem
 
@@ -21,8 +21,9 @@ def result(config: Config, wanted: Respond, system: GearSystem, found: Response,
     """The response as a result: its root, ``/modes`` and ``/response``; ``kernel``: the one that ran."""
     from gearstab.cli import respond_teeth
     from gearstab.response import RESPONSE_FLAGS
-    from gearstab.response.equilibrium import static_mesh_force
+    from gearstab.response.linear.equilibrium import static_mesh_force
     from gearstab.results import Group, ResultTree, fields_of
+    from gearstab.results.guard import RESPOND
     from gearstab.results.provenance import modes_group, root_attributes
     from gearstab.results.units import in_units_of
     from gearstab.results.variables import RESPONSE, TOOTH_LOADS, flagged
@@ -56,7 +57,7 @@ def result(config: Config, wanted: Respond, system: GearSystem, found: Response,
     table = (*RESPONSE, *(TOOTH_LOADS if loads else ()))
     fields = fields_of(in_units_of(system, flagged(table, RESPONSE_FLAGS)), values)
     groups = {"modes": modes_group(system), "response": Group(fields, attributes)}
-    return ResultTree(Group((), root_attributes(config, kernel)), groups)
+    return ResultTree(Group((), root_attributes(RESPOND, config, kernel)), groups)
 
 
 def _comment(wanted: Respond, system: GearSystem) -> str:
@@ -72,7 +73,7 @@ def _comment(wanted: Respond, system: GearSystem) -> str:
 def spectral(wanted: Respond, system: GearSystem, found: Response) -> dict[str, Any]:
     """Amplitudes of the harmonics of a steady state, else power spectral densities of the history."""
     from gearstab.response import harmonics
-    from gearstab.response.spectra import amplitudes, densities
+    from gearstab.response.measures.spectra import amplitudes, densities
 
     if not wanted.steady_state:
         spectra = densities(found)

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from gearstab.config import Config
-    from gearstab.config.respond_pair import PairRespond
-    from gearstab.response.pair import PairResponse, Start
+    from gearstab.config.sections.respond_pair import PairRespond
+    from gearstab.response.rotating_pair import PairResponse, Start
     from gearstab.results import Group, ResultTree
     from gearstab.rotating_pair import RotatingPair
 
@@ -20,7 +20,7 @@ MOST_SAMPLES, BYTES = 20_000_000, 64
 
 def respond_pair(config: Config, wanted: PairRespond, out: Path) -> PairResponse:
     """Compute the response and write the result file ``out``; raises ConfigError and OSError."""
-    from gearstab.response.pair import Start, respond
+    from gearstab.response.rotating_pair import Start, respond
     from gearstab.results import write_result
     from gearstab.rotating_pair import RotatingPair
     from gearstab.systems import build
@@ -44,7 +44,6 @@ def respond_pair(config: Config, wanted: PairRespond, out: Path) -> PairResponse
         MOST_SAMPLES,
         drive,
     )
-    out.parent.mkdir(parents=True, exist_ok=True)
     tree = result(config, wanted, pair, found, step)
     if wanted.hold_speed:
         group = tree.groups["response"]
@@ -58,7 +57,7 @@ def _held(config: Config, pair: RotatingPair, mesh_frequency: float) -> tuple[St
     """State and torque on the periodic orbit; raises ConfigError where there is none."""
     from gearstab.config import ConfigError
     from gearstab.errors import NotPossible
-    from gearstab.response.pair import held
+    from gearstab.response.rotating_pair import held
 
     try:
         return held(pair, mesh_frequency)
@@ -83,17 +82,18 @@ def _affordable(config: Config, wanted: PairRespond, speed: float) -> None:
 def result(config: Config, wanted: PairRespond, pair: RotatingPair, found: PairResponse, step: float) -> ResultTree:
     """The response as a result: its root, ``/modes`` and ``/response``."""
     from gearstab.results import Group, ResultTree
+    from gearstab.results.guard import RESPOND
     from gearstab.results.provenance import modes_group, root_attributes
 
     groups = {"modes": modes_group(pair), "response": response_group(wanted, pair, found, step)}
-    return ResultTree(Group((), root_attributes(config, "none")), groups)
+    return ResultTree(Group((), root_attributes(RESPOND, config, "none")), groups)
 
 
 def response_group(wanted: PairRespond, pair: RotatingPair, found: PairResponse, step: float) -> Group:
     """The group ``/response``."""
     import numpy as np
 
-    from gearstab.response.pair import STATUS
+    from gearstab.response.rotating_pair import STATUS
     from gearstab.results import Group, fields_of
     from gearstab.results.units import unit_of
     from gearstab.results.variables import PAIR_RESPONSE
@@ -126,7 +126,7 @@ def _spectrum(wanted: PairRespond, pair: RotatingPair, found: PairResponse, step
     """Spectrum and peaks of phi; nothing for a response that is too short."""
     import numpy as np
 
-    from gearstab.response.pair import SHORTEST, spectrum
+    from gearstab.response.rotating_pair import SHORTEST, spectrum
 
     # The last sample is where the next period of a response that repeats itself begins.
     history = found.phi[round(wanted.spectrum.discard * wanted.samples_per_cycle) : -1]

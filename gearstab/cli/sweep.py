@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import os
 import time
-from math import floor
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
+from gearstab.cli.console import say, tell
 from gearstab.cli.errors import user_errors, warn
 
 if TYPE_CHECKING:
@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from gearstab.sweep.estimate import Estimate
 
 
+DRY_RUN, LEAST = 1.6, 0.4
+"""Seconds of a dry run, and how many of them it samples at least."""
 SLOW_KERNEL = "note: the compiled kernel was not built; sweeps run on the slower NumPy kernel"
 
 
@@ -38,6 +40,7 @@ SLOW_KERNEL = "note: the compiled kernel was not built; sweeps run on the slower
     "--resume/--overwrite", default=None, help="Go on with what an interrupted run finished (default), or start anew."
 )
 @click.option("--dry-run", is_flag=True, help="Print size, time, memory and file size; compute and write nothing.")
+@click.option("--yes", is_flag=True, help="Begin a sweep of very many points, hours or gigabytes, too.")
 @click.option("-q", "--quiet", is_flag=True, help="Print errors only.")
 def command(
     config: Path,
@@ -46,6 +49,7 @@ def command(
     overrides: tuple[str, ...],
     resume: bool | None,
     dry_run: bool,
+    yes: bool,
     quiet: bool,
 ) -> None:
     """Compute stability over the grid of CONFIG with all its methods."""
@@ -53,29 +57,34 @@ def command(
     target = output or Path("results") / f"{config.stem}.h5"
     with user_errors():
         from gearstab.config import load
-        from gearstab.results.guard import refuse_inputs
+        from gearstab.results.guard import SWEEP, result_of
         from gearstab.sweep import plan, run
 
-        refuse_inputs(target, config)
+        result_of(SWEEP).refuse(target, config)
         planned = plan(load(config, overrides, needs=("sweep", "methods")))
         if not quiet:
             warn(planned.config)
             for note in notes(planned):
-                click.echo(f"note: {note}", err=True)
+                tell(f"note: {note}")
         if dry_run:
             from gearstab.sweep.estimate import estimate
 
-            click.echo(forecast(planned, estimate(planned, jobs), target))
+            left = max(DRY_RUN - (time.perf_counter() - start), LEAST)
+            say(forecast(planned, estimate(planned, jobs, left), target))
             return
+        from gearstab.cli import sweep_notes
         from gearstab.cli.progress import reporter
-
+        from gearstab.sweep import limits
+        limits.refuse(planned, target, jobs, yes)
         summary = run(planned, target, jobs, resume is True, resume is False, reporter(quiet))
     if not quiet:
-        click.echo(final_line(target, summary, time.perf_counter() - start), err=True)
+        tell(final_line(target, summary, time.perf_counter() - start))
         if summary.proved:
-            click.echo(proof_line(summary.proved, summary.counted or 0.0), err=True)
+            tell(sweep_notes.proof(summary.proved, summary.counted or 0.0))
+        for note in [] if summary.complete else sweep_notes.notes(planned, summary):
+            tell(f"note: {note}")
         if slow_kernel(planned, summary):
-            click.echo(SLOW_KERNEL, err=True)
+            tell(SLOW_KERNEL)
 
 
 def notes(plan: Plan) -> list[str]:
@@ -89,7 +98,7 @@ def slow_kernel(plan: Plan, summary: Summary) -> bool:
 
     Systems with periodic terms have no faster one.
     """
-    from gearstab.floquet import kernel
+    from gearstab.floquet.kernel import choice as kernel
 
     chosen = os.environ.get("GEARSTAB_KERNEL") or "c" in kernel.available()
     return "numpy" in summary.kernels and not chosen and not plan.base.terms
@@ -111,30 +120,15 @@ def final_line(target: Path, summary: Summary, seconds: float) -> str:
     return f"{target}: {', '.join(parts)}"
 
 
-def proof_line(proved: float, counted: float) -> str:
-    """What the boundaries of a damped system rest on: which share of the stable mesh frequencies is proved stable."""
-    parts = [f"{percent(proved)} proved stable (in floating point)"]
-    parts += [f"{percent(share)} {word}" for share, word in ((counted, "counted"), (1 - proved - counted, "neither"))
-              if share >= HUNDREDTH]  # fmt: skip
-    return f"stable mesh frequencies: {', '.join(parts)}"
-
-
-HUNDREDTH = 1e-4
-"""Of a per cent: what is less is not told."""
-
-
-def percent(share: float) -> str:
-    """A share in hundredths of a per cent, rounded down: all is all."""
-    return f"{floor(share / HUNDREDTH + 1e-6) / 100:g} %"
-
-
 def forecast(plan: Plan, found: Estimate, target: Path) -> str:
     """What ``--dry-run`` prints."""
     from gearstab.cli.progress import duration
+    from gearstab.sweep.limits import large
 
-    axes = [[axis.name, f"{axis.size:,}", extent(axis)] for axis in plan.config.axes]
+    axes, more = [[axis.name, f"{axis.size:,}", extent(axis)] for axis in plan.config.axes], "more than "
     methods = [
-        [m.name, f"{m.points:,}", f"{m.blocks:,}", duration(m.seconds), size(m.file_size)] for m in found.methods
+        [m.name, f"{m.points:,}", f"{m.blocks:,}", f"{more * m.at_least}{duration(m.seconds)}", size(m.file_size)]
+        for m in found.methods
     ]
     lines = [plan.config.title, ""]
     lines += [*table(["axis", "values", "from .. to"], axes), ""]
@@ -143,12 +137,12 @@ def forecast(plan: Plan, found: Estimate, target: Path) -> str:
     said = [f"{name}: {text}" for name, text in outlooks if text is not None]
     lines += [*said, ""] if said else []
     lines.append(f"points        {plan.points:,} of {plan.systems:,} system{'s' * (plan.systems != 1)}")
-    lines.append(
-        f"time          {duration(found.seconds)} on {found.jobs} processor{'s' * (found.jobs != 1)} "
-        f"({plan.kernel} kernel)"
-    )
+    total = f"{more * found.at_least}{duration(found.seconds)}"
+    lines.append(f"time          {total} on {found.jobs} processor{'s' * (found.jobs != 1)} ({plan.kernel} kernel)")
     lines.append(f"memory        {size(found.memory)}")
     lines.append(f"file          {size(found.file_size)}, {target}")
+    if reasons := large(plan, found):
+        lines.append(f"begin         with --yes only: {', '.join(reasons)}")
     return "\n".join(lines)
 
 

@@ -7,17 +7,17 @@ from dataclasses import dataclass, replace
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
-from gearstab.config import overrides as override
-from gearstab.config.axes import Array, Axis, Config
-from gearstab.config.document import Document, read
-from gearstab.config.names import TOP_LEVEL
-from gearstab.config.problems import ConfigError, Path, dotted, nearest
+from gearstab.config.document import overrides as override
+from gearstab.config.document.problems import ConfigError, Path, dotted, nearest
+from gearstab.config.document.yaml import Document, read
+from gearstab.config.sections.axes import Array, Axis, Config
+from gearstab.config.sections.names import TOP_LEVEL
 
 if TYPE_CHECKING:
-    from gearstab.config.methods import Methods
-    from gearstab.config.respond import Respond
-    from gearstab.config.respond_pair import PairRespond
-    from gearstab.config.system import System
+    from gearstab.config.sections.methods import Methods
+    from gearstab.config.sections.respond import Respond
+    from gearstab.config.sections.respond_pair import PairRespond
+    from gearstab.systems.base import System
 
 PLANNED_SECTIONS = ("design",)
 WITHIN = {
@@ -31,7 +31,7 @@ WITHIN = {
 def load(path: str | FilePath, overrides: Sequence[str] = (), needs: Sequence[str] = ()) -> Config:
     """Read and check a configuration.
 
-    overrides: ``PATH=VALUE`` texts, see :func:`gearstab.config.overrides.apply`.
+    overrides: ``PATH=VALUE`` texts, see :func:`gearstab.config.document.overrides.apply`.
     needs: sections that the caller cannot do without, such as ``("sweep", "methods")``.
 
     Raises ConfigError with every problem found.
@@ -56,8 +56,8 @@ def load(path: str | FilePath, overrides: Sequence[str] = (), needs: Sequence[st
             document.report(("methods", *name), message, hint, at_key=True)
     if document.problems or system is None or methods is None:
         raise ConfigError(document.problems)
-    config = _config(document, source, system, methods, respond)
-    from gearstab.config import feasibility
+    config = replace(_config(document, source, system, methods, respond), overrides=tuple(overrides))
+    from gearstab.config.checks import feasibility
 
     doubts = feasibility.check(document, config)
     if document.problems:
@@ -95,7 +95,7 @@ def _check_top_level(document: Document, needs: Sequence[str]) -> None:
 
 def _find_model(document: Document) -> type[System] | None:
     """The model of ``system.kind``; None after reporting that there is none."""
-    from gearstab.config.kinds import KINDS
+    from gearstab.systems import KINDS
 
     if "system" not in document.data:
         return None
@@ -116,16 +116,16 @@ def _find_model(document: Document) -> type[System] | None:
 
 def _read_system(document: Document, model: type[System], source: FilePath) -> _System | None:
     """The sections ``system`` and ``sweep``; None after reporting problems."""
-    from gearstab.config import sweep
-    from gearstab.config.dimensions import check_units
-    from gearstab.config.document import value_at
-    from gearstab.config.introspection import as_parameters
-    from gearstab.config.samples import check_variation
-    from gearstab.config.validation import as_meant, validate
+    from gearstab.config.checks.samples import check_variation
+    from gearstab.config.document.yaml import value_at
+    from gearstab.config.model.dimensions import check_units
+    from gearstab.config.model.introspection import as_parameters
+    from gearstab.config.model.validation import as_meant, validate
+    from gearstab.config.sections import sweep
 
     raw = document.data["system"]
     _name_meshes(document, model)
-    contents = _read_matrices(document, source)
+    contents = model.read_files(document, source)
     model.complete(document, raw)
     samples = _read_samples(document, source)
     from_file: dict[str, Any] = {k: v for k, v in contents.items() if k != "damping"}
@@ -160,39 +160,17 @@ def _name_meshes(document: Document, model: type[System]) -> None:
             document.put(("system", "meshes", i, "name"), name, document.where(("system", "meshes", i)))
 
 
-def _read_matrices(document: Document, source: FilePath) -> dict[str, Array]:
-    """What ``system.file`` holds; problems are reported."""
-    system = document.data["system"]
-    name = system.get("file")
-    if system["kind"] != "matrices" or not isinstance(name, str):
-        return {}
-    from gearstab.config.files import DataFileError
-    from gearstab.config.model_file import read_matrices
-
-    try:
-        contents = read_matrices(source.parent / name)
-    except DataFileError as error:
-        document.report(("system", "file"), str(error), error.hint, value=name)
-        return {}
-    for key in contents:
-        if system.get(key) is not None:
-            document.report(("system", key), f"the file {name} has {key} already", "keep one of the two")
-    if "damping" in contents and system.get("damping_ratio") is not None:
-        document.report(("system", "damping_ratio"), f"the file {name} has damping already", "keep one of the two")
-    return contents
-
-
 def _read_samples(document: Document, source: FilePath) -> dict[Path, Array]:
     """What the files of waveforms hold, by the place of the waveform below ``system``; problems are reported."""
-    from gearstab.config.samples import waveforms
+    from gearstab.config.checks.samples import waveforms
 
     found: dict[Path, Array] = {}
     for path, waveform in waveforms(document.data["system"], ()):
         name = waveform.get("file")
         if not isinstance(name, str):
             continue
-        from gearstab.config.files import DataFileError
-        from gearstab.config.sample_file import read_samples
+        from gearstab.config.checks.sample_file import read_samples
+        from gearstab.config.document.files import DataFileError
 
         interpolation = waveform.get("interpolation") or "linear"
         try:
@@ -203,9 +181,9 @@ def _read_samples(document: Document, source: FilePath) -> dict[Path, Array]:
 
 
 def _read_methods(document: Document) -> Methods | None:
-    from gearstab.config.methods import Methods
-    from gearstab.config.sweep import sets_mesh_frequency
-    from gearstab.config.validation import validate
+    from gearstab.config.model.validation import validate
+    from gearstab.config.sections.methods import Methods
+    from gearstab.config.sections.sweep import sets_mesh_frequency
 
     data = document.data
     if "methods" not in data:
@@ -246,9 +224,9 @@ def _read_respond(
         return None
     if model is not None and model.respond_model is not None:
         return _read_pair_respond(document, model)
-    from gearstab.config.dimensions import check_units
-    from gearstab.config.respond import Initial, Respond, drives, may_part
-    from gearstab.config.validation import as_meant, validate
+    from gearstab.config.model.dimensions import check_units
+    from gearstab.config.model.validation import as_meant, validate
+    from gearstab.config.sections.respond import Initial, Respond, drives, may_part
 
     raw = document.data.get("system")
     known = as_meant(raw, model) | (system.contents if system else {}) if isinstance(raw, dict) else {}
@@ -269,9 +247,9 @@ def _read_respond(
 
 
 def _read_pair_respond(document: Document, model: type[System]) -> PairRespond | None:
-    from gearstab.config.dimensions import check_units
-    from gearstab.config.respond_pair import PairRespond
-    from gearstab.config.validation import as_meant, validate
+    from gearstab.config.model.dimensions import check_units
+    from gearstab.config.model.validation import as_meant, validate
+    from gearstab.config.sections.respond_pair import PairRespond
 
     section = document.data["respond"]
     if isinstance(section, dict):

@@ -9,8 +9,15 @@ from typing import Annotated, Any
 from pydantic import Field, GetCoreSchemaHandler, GetJsonSchemaHandler, StrictStr
 from pydantic_core import PydanticCustomError, core_schema
 
-from gearstab.config.conflicts import Conflict, at_most_one, exactly_one
-from gearstab.config.fields import Choice, NonNegative, Number, Quantity, Section, Whole
+from gearstab.config.model.conflicts import Conflict, at_most_one, exactly_one
+from gearstab.config.model.fields import (
+    Choice,
+    NonNegative,
+    Number,
+    Quantity,
+    Section,
+    Whole,
+)
 from gearstab.waveforms.splines import FEWEST
 
 MOST_HARMONICS = 200

@@ -20,13 +20,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gearstab.floquet import damped, kernel
-from gearstab.floquet.blocks import Block, split
-from gearstab.floquet.magnus.schemes import CF6_5
-from gearstab.floquet.magnus.solve import split_pattern, within
-from gearstab.floquet.magnus.steps import Division, divisions
-from gearstab.floquet.reduction import Elastic, reduce
-from gearstab.floquet.segments import Pattern, prepare
+from gearstab.floquet.kernel import choice as kernel
+from gearstab.floquet.kernel import damped
+from gearstab.floquet.segments.blocks import Block, split
+from gearstab.floquet.segments.pattern import Pattern, prepare
+from gearstab.floquet.segments.reduction import Elastic, reduce
+from gearstab.floquet.smooth.schemes import CF6_5
+from gearstab.floquet.smooth.solve import split_pattern, within
+from gearstab.floquet.smooth.steps import Division, divisions
 from gearstab.floquet.solution import DAMPED_ON_CIRCLE, Part, solved
 from gearstab.modal import modal_damping_matrix
 from gearstab.system import Array, GearSystem
@@ -85,9 +86,7 @@ def required_damping(
     """
     if system.terms:
         raise ValueError("periodic terms beside the mesh stiffness are not supported here")
-    rows = int(np.prod(system.batch, dtype=int))
-    omega = np.atleast_1d(np.asarray(mesh_frequency, dtype=float))
-    omega = np.broadcast_to(omega, (rows, omega.shape[-1]))
+    omega = system.operating_points(mesh_frequency)
     value, status = np.zeros(omega.shape), np.zeros(omega.shape, dtype=np.int16)
     levels = np.append(0.0, (largest or LARGEST[of]) * 0.5 ** np.arange(LEVELS - 1, -1, -1))
     for block in (_exact if system.piecewise_constant else _smooth)(unit(system, of), omega, levels[1]):
@@ -106,10 +105,9 @@ def required_damping(
 
 def _driven(system: GearSystem) -> Array:
     """``(rows,)`` bool: where the damping of the system feeds a rigid-body mode."""
-    rows = int(np.prod(system.batch, dtype=int))
-    result = np.zeros(rows, dtype=bool)
+    result = np.zeros(system.rows, dtype=bool)
     if system.damping is not None:
-        for elastic in reduce(system, rows):
+        for elastic in reduce(system):
             result[elastic.rows] = elastic.rigid_driven
     return result
 

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gearstab.floquet import damped, decision, graded, kernel, numpy_kernel
-from gearstab.floquet.blocks import Block
-from gearstab.floquet.invariants import DOUBTFUL, STABLE
-from gearstab.floquet.segments import Pattern
+from gearstab.floquet.kernel import choice as kernel
+from gearstab.floquet.kernel import damped, decision, graded, numpy_kernel
+from gearstab.floquet.kernel.invariants import DOUBTFUL, STABLE
+from gearstab.floquet.segments.blocks import Block
+from gearstab.floquet.segments.pattern import Pattern
 from gearstab.floquet.status import STATUS_FLAGS
 from gearstab.system import Array
 

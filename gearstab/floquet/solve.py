@@ -7,9 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gearstab.floquet import general, kernel, magnus
-from gearstab.floquet.blocks import Block, split, whole
-from gearstab.floquet.segments import prepare
+from gearstab.floquet import general
+from gearstab.floquet import smooth as magnus
+from gearstab.floquet.kernel import choice as kernel
+from gearstab.floquet.segments.blocks import Block, split, whole
+from gearstab.floquet.segments.pattern import prepare
 from gearstab.floquet.solution import DAMPED_ON_CIRCLE, Part, Solution, solved
 from gearstab.floquet.status import STATUS_FLAGS
 from gearstab.system import Array, GearSystem
@@ -51,12 +53,12 @@ def solve(
 
     * Piecewise constant mesh stiffness: the monodromy matrix over the common period of all meshes is the exact product
       of the segments' propagators.
-    * Mesh stiffness that is smooth somewhere: the same with Magnus steps (:mod:`~gearstab.floquet.magnus`), as many as
+    * Mesh stiffness that is smooth somewhere: the same with Magnus steps (:mod:`~gearstab.floquet.smooth`), as many as
       the tolerance needs.
     * Further terms of K(t) and C(t), which need not be symmetric: :mod:`~gearstab.floquet.general`.
 
-    Points are decided as :mod:`~gearstab.floquet.invariants` and :mod:`~gearstab.floquet.decision` say. Parts of the
-    system that the meshes do not couple are solved one by one (:mod:`~gearstab.floquet.blocks`).
+    Points are decided as :mod:`~gearstab.floquet.kernel.invariants` and :mod:`~gearstab.floquet.kernel.decision` say.
+    Parts of the system that the meshes do not couple are solved one by one (:mod:`~gearstab.floquet.segments.blocks`).
 
     Parameters
     ----------
@@ -69,9 +71,7 @@ def solve(
 
     Raises ValueError where the mesh frequencies have no common period.
     """
-    rows = int(np.prod(system.batch, dtype=int))
-    omega = np.atleast_1d(np.asarray(mesh_frequency, dtype=float))
-    omega = np.broadcast_to(omega, (rows, omega.shape[-1]))
+    omega = system.operating_points(mesh_frequency)
     if system.terms:
         return _general(system, omega, exponents, tolerance)
     growth = np.full(omega.shape, -np.inf)

@@ -25,19 +25,29 @@ class Kind:
 
 
 KINDS: dict[str, Kind] = {
-    "map": Kind("gearstab.plots.stability_map", "growth rate over two axes with boundaries and names of the tongues"),
-    "boundaries": Kind("gearstab.plots.boundaries", "boundaries of several theories or cases over one parameter"),
-    "required-damping": Kind("gearstab.plots.required_damping", "damping that suppresses instability, over two axes"),
-    "slices": Kind("gearstab.plots.slices", "maps over a third axis, one panel a value"),
-    "curve": Kind("gearstab.plots.curve", "growth rate over one axis"),
-    "surface": Kind("gearstab.plots.surface", "boundaries of one tongue over two amplitudes"),
+    "map": Kind(
+        "gearstab.plots.maps.stability_map", "growth rate over two axes with boundaries and names of the tongues"
+    ),
+    "boundaries": Kind("gearstab.plots.maps.boundaries", "boundaries of several theories or cases over one parameter"),
+    "required-damping": Kind(
+        "gearstab.plots.maps.required_damping", "damping that suppresses instability, over two axes"
+    ),
+    "slices": Kind("gearstab.plots.maps.slices", "maps over a third axis, one panel a value"),
+    "curve": Kind("gearstab.plots.maps.curve", "growth rate over one axis"),
+    "surface": Kind("gearstab.plots.maps.surface", "boundaries of one tongue over two amplitudes"),
     "modes": Kind("gearstab.plots.modes", "modes: bodies of a planetary gear displaced, charts of other systems"),
-    "speeds": Kind("gearstab.plots.speeds", "load factor or mesh force of the steady state over the mesh frequency"),
-    "spectrum": Kind("gearstab.plots.spectrum", "spectra of a response"),
-    "pair": Kind("gearstab.plots.pair", "deflection, energy and spectrum of a gear pair given by its gears"),
-    "teeth": Kind("gearstab.plots.teeth", "load or root stress of teeth along their contact, static and dynamic"),
-    "response": Kind("gearstab.plots.response", "displacements and mesh forces over time"),
-    "phase-plane": Kind("gearstab.plots.phase_plane", "mesh deflections with backlash, over time and as orbits"),
+    "speeds": Kind(
+        "gearstab.plots.motions.speeds", "load factor or mesh force of the steady state over the mesh frequency"
+    ),
+    "spectrum": Kind("gearstab.plots.motions.spectrum", "spectra of a response"),
+    "pair": Kind("gearstab.plots.motions.pair", "deflection, energy and spectrum of a gear pair given by its gears"),
+    "teeth": Kind(
+        "gearstab.plots.motions.teeth", "load or root stress of teeth along their contact, static and dynamic"
+    ),
+    "response": Kind("gearstab.plots.motions.response", "displacements and mesh forces over time"),
+    "phase-plane": Kind(
+        "gearstab.plots.motions.phase_plane", "mesh deflections with backlash, over time and as orbits"
+    ),
     "work-precision": Kind("gearstab.plots.work_precision", "time against error of the methods of a benchmark"),
 }
 
@@ -61,8 +71,8 @@ def draw(
     ``left_out`` among the artists says so. Raises PlotError for what the result cannot give.
     """
     from gearstab.plots.axes import Request, distinct
+    from gearstab.plots.drawing.style import style
     from gearstab.plots.errors import PlotError, listed
-    from gearstab.plots.style import style
 
     wanted = request or Request(**options)
     if kind is None:

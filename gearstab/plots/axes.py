@@ -8,8 +8,15 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import xarray as xr
 
+from gearstab.plots.drawing.text import (
+    axis_label,
+    number_text,
+    plain,
+    short_label,
+    tongue_label,
+    unit_text,
+)
 from gearstab.plots.errors import PlotError, listed
-from gearstab.plots.text import axis_label, number_text, plain, short_label, tongue_label, unit_text
 
 Array = np.ndarray
 

@@ -7,8 +7,8 @@ from math import prod
 import xarray as xr
 
 from gearstab.plots.axes import SPEEDS, Axis, Request, find_axis, sweep_axes
-from gearstab.plots.stability_map import find_variable
-from gearstab.plots.style import CASES
+from gearstab.plots.drawing.style import CASES
+from gearstab.plots.maps.stability_map import find_variable
 
 LONG = 6
 """A surface wants more values than this on both of its axes."""

@@ -19,7 +19,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_rgba
 from matplotlib.lines import Line2D
 
-from gearstab.plots.style import CASES
+from gearstab.plots.drawing.style import CASES
 
 Array = np.ndarray
 

@@ -15,10 +15,10 @@ from matplotlib.lines import Line2D
 
 from gearstab.plots import gear_bodies
 from gearstab.plots.axes import Request
+from gearstab.plots.drawing.heading import write_title
+from gearstab.plots.drawing.style import CASES, LINE, WIDTHS, new_figure
+from gearstab.plots.drawing.text import fitted, number_text, plain, unit_text
 from gearstab.plots.errors import PlotError, listed
-from gearstab.plots.heading import write_title
-from gearstab.plots.style import CASES, LINE, WIDTHS, new_figure
-from gearstab.plots.text import fitted, number_text, plain, unit_text
 
 Array = np.ndarray
 Artists = dict[str, Any]

@@ -10,9 +10,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from gearstab.plots.axes import Request
+from gearstab.plots.drawing.heading import write_title
+from gearstab.plots.drawing.style import CASES, new_figure
 from gearstab.plots.errors import PlotError, listed
-from gearstab.plots.heading import write_title
-from gearstab.plots.style import CASES, new_figure
 
 Artists = dict[str, Any]
 

@@ -1,7 +1,7 @@
 """Time response: histories and steady states of linear systems, exact between the jumps of the mesh stiffness."""
 
-from gearstab.response.linear import RESPONSE_FLAGS, Response, driven_response, free_response
-from gearstab.response.periodic import Harmonics, harmonics, steady_state
+from gearstab.response.linear.history import RESPONSE_FLAGS, Response, driven_response, free_response
+from gearstab.response.linear.periodic import Harmonics, harmonics, steady_state
 
 __all__ = [
     "RESPONSE_FLAGS",

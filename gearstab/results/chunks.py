@@ -28,6 +28,15 @@ def encode(values: Array, chunk: tuple[int, ...]) -> bytes:
     return zlib.compress(octets.data, LEVEL)
 
 
+def holds(data: bytes, size: int) -> bool:
+    """Whether an encoded chunk is sound and holds ``size`` bytes; never takes much more memory than that."""
+    try:
+        inflate = zlib.decompressobj()
+        return len(inflate.decompress(data, size + 1)) == size and inflate.eof and not inflate.unused_data
+    except zlib.error:
+        return False
+
+
 def decode(data: bytes, chunk: tuple[int, ...], dtype: str) -> Array:
     """The inverse of :func:`encode`, filled up as it is."""
     kind = np.dtype(dtype)

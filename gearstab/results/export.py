@@ -6,17 +6,19 @@ Numbers are written with the fewest digits that give the same double again, miss
 from __future__ import annotations
 
 import csv
-import os
+import io
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from gearstab.results.errors import ResultError
-from gearstab.results.read import open_result
+from gearstab.results.output import FIGURES, OTHERS, RESULTS, Content, writing
+from gearstab.results.read import reading
+from gearstab.results.variables import every_variable
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -27,39 +29,36 @@ PREFERRED = ("floquet", "boundaries", "perturbation", "uncoupled", "response", "
 ROWS_AT_ONCE = 1 << 16
 
 
-def export_csv(path: Path, out: Path, group: str | None = None, over: str | None = None) -> int:
-    """Write a group of the result at ``path`` to ``out``, which gets its name when complete; the number of rows.
+def export(
+    path: Path, out: Path | None, stream: io.RawIOBase, group: str | None = None, over: str | None = None
+) -> tuple[int, str]:
+    """Write a group of the result at ``path`` to ``out``, without it to ``stream``, as UTF-8.
 
     group: default ``floquet``, else the first other one that there is.
     over: the dimensions of the rows, ``time,mesh`` or one of them, for groups whose variables lie across one another (a
         response has coordinates and mesh forces over ``time`` and spectra over ``frequency``), see :func:`led_by`.
 
-    Raises ResultError for a file, a group or a dimension that is not there, OSError if ``out`` cannot be written.
+    Returns the number of rows, and what the group holds besides (:func:`left_out`).
+    Raises ResultError for a file, a group or a dimension that is not there, OutputError where ``out`` must not be
+    written and OSError where it cannot be.
     """
-    if out.exists() and out.samefile(path):
-        raise ResultError(f"{out}: is the result itself; choose another output")
-    temporary = out.with_name(f".{out.name}.{os.getpid()}.tmp")
-    out.parent.mkdir(parents=True, exist_ok=True)
+    if out is not None:
+        TABLE.refuse(out, path)
+    with reading(path) as tree:
+        dataset = tree[chosen_group(tree, group, path)].to_dataset()
+        table = led_by(dataset, over, path)
+        if out is None:
+            rows = write_rows(table, stream)
+        else:
+            with writing(out, TABLE.refuse) as file:
+                rows = write_rows(table, file)
+        return rows, left_out(dataset, table)
+
+
+def write_rows(dataset: xr.Dataset, file: Any) -> int:
+    """Write the table to a binary file; the number of rows."""
+    stream = io.TextIOWrapper(file, encoding="utf-8", newline="", write_through=False)
     try:
-        with open(temporary, "w", newline="", encoding="utf-8") as file:
-            rows = to_stream(path, file, group, over)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(temporary, out)
-    except BaseException as error:
-        with suppress(OSError):
-            temporary.unlink()
-        if isinstance(error, OSError) and error.filename in (None, str(temporary)):
-            # The user knows the name of the output only.
-            raise OSError(error.errno, error.strerror, str(out)) from error
-        raise
-    return rows
-
-
-def to_stream(path: Path, stream: TextIO, group: str | None = None, over: str | None = None) -> int:
-    """Write a group of the result at ``path`` to a text stream; the number of rows."""
-    with open_result(path) as tree:
-        dataset = led_by(tree[chosen_group(tree, group, path)].to_dataset(), over, path)
         writer = csv.writer(stream, lineterminator="\n")
         dims = dimensions(dataset)
         columns = column_names(dataset, dims)
@@ -70,7 +69,28 @@ def to_stream(path: Path, stream: TextIO, group: str | None = None, over: str | 
             cells = [flat(part, dims, name) for name in columns]
             writer.writerows(zip(*cells, strict=True))
             rows += len(cells[0]) if cells else 0
+        stream.flush()
+    finally:
+        # The file is closed by whoever opened it.
+        with suppress(OSError):
+            stream.detach()
     return rows
+
+
+def no_table(path: Path) -> str:
+    """Return what a file is instead of a table of results, "" for one: the names of its columns tell."""
+    with open(path, "rb") as file:
+        head = file.read(HEAD).decode("utf-8", errors="replace").split("\n")[0]
+    try:
+        names = next(csv.reader([head]), [])
+    except csv.Error:
+        names = []
+    known = {variable.name for variable in every_variable() if not variable.coordinate}
+    return "" if known.intersection(names) else "is no table that gearstab wrote"
+
+
+HEAD = 1 << 14
+TABLE = Content("a table", ".csv", no_table, (*RESULTS, *FIGURES, *OTHERS), streams=True)
 
 
 def chosen_group(tree: xr.DataTree, group: str | None, path: Path) -> str:
@@ -118,13 +138,10 @@ def widest_sets(dataset: xr.Dataset) -> dict[tuple[str, ...], int]:
     return {dims: n for dims, n in counts.items() if not any(set(dims) < set(other) for other in counts)}
 
 
-def left_out(path: Path, group: str | None = None, over: str | None = None) -> str:
-    """What the group holds beside the table, and how to get it; empty if the table holds everything."""
-    with open_result(path) as tree:
-        dataset = tree[chosen_group(tree, group, path)].to_dataset()
-        missing = dataset.drop_vars(list(led_by(dataset, over, path).data_vars))
-        sets = widest_sets(missing)
-        parts = [f"{names_over(missing, dims)} (--over {','.join(dims)})" for dims in sets if dims]
+def left_out(dataset: xr.Dataset, table: xr.Dataset) -> str:
+    """What a group holds beside the table, and how to get it; empty if the table holds everything."""
+    missing = dataset.drop_vars(list(table.data_vars))
+    parts = [f"{names_over(missing, dims)} (--over {','.join(dims)})" for dims in widest_sets(missing) if dims]
     return "not in the table: " + "; ".join(parts) if parts else ""
 
 

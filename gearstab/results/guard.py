@@ -2,24 +2,27 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 from gearstab.results.errors import ResultError
-from gearstab.results.read import check
+from gearstab.results.output import FIGURES, OTHERS, TABLES, Content
+from gearstab.results.read import attributes
+
+SWEEP, RESPOND, BENCH = "sweep", "respond", "bench"
+"""The commands that write results; a result names its own in the attribute ``command``."""
 
 
-def refuse_inputs(out: Path, *inputs: Path) -> None:
-    """Raise ResultError if ``out`` is one of the files that are read, under whatever name."""
-    for path in inputs:
-        if out.exists() and path.exists() and out.samefile(path):
-            raise ResultError(f"{out}: is the input itself; choose another output")
-
-
-def refuse_foreign(out: Path) -> None:
-    """Raise ResultError if ``out`` is there and is no result: then nobody meant to replace it."""
-    if not out.exists():
-        return
+def fault(command: str | None, path: Path) -> str:
+    """Return what is wrong with a file that a result of ``command`` (None: of any) is to replace, "" for nothing."""
     try:
-        check(out)
+        found = attributes(path)
     except ResultError as error:
-        raise ResultError(f"{error}; it is not overwritten: choose another output or remove it") from None
+        return str(error).removeprefix(f"{path}: ")
+    other = found["command"]
+    return f"is a result of gearstab {other}" if command not in (None, other) else ""
+
+
+def result_of(command: str | None) -> Content:
+    """Return what a command writes as its result, which may replace an earlier one of the same command only."""
+    return Content("a result", ".h5", partial(fault, command), (*TABLES, *FIGURES, *OTHERS), streams=False)

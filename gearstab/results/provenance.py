@@ -20,13 +20,17 @@ if TYPE_CHECKING:
     from gearstab.config import Config
 
 
-def root_attributes(config: Config, kernel: str) -> dict[str, Any]:
-    """Title, configuration as run, versions, time; ``kernel``: the one that ran, :func:`gearstab.ckernel.said`."""
+def root_attributes(command: str, config: Config, kernel: str) -> dict[str, Any]:
+    """Title, configuration as run, versions, time.
+
+    command: that writes the result. kernel: the one that ran, :func:`gearstab.ckernel.said`.
+    """
     import h5py
 
     return {
         "Conventions": "CF-1.11",
         "title": config.title,
+        "command": command,
         "source": f"gearstab {__version__}",
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
         "gearstab_version": __version__,

@@ -2,15 +2,26 @@
 
 from __future__ import annotations
 
+import stat
+from collections.abc import Iterator
+from contextlib import contextmanager
+from math import ceil, prod
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+from gearstab.errors import UserError
 from gearstab.results.errors import ResultError
+from gearstab.results.seal import intact
+from gearstab.results.tree import FORMAT, NO_VARIABLE
 
 if TYPE_CHECKING:
+    import h5py
     import xarray as xr
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
+
+MOST_COMPRESSED = 1100
+"""No data are deflated by more: 1032 at best."""
 
 
 def open_result(path: str | Path) -> xr.DataTree:
@@ -18,47 +29,133 @@ def open_result(path: str | Path) -> xr.DataTree:
 
     The file is not locked: it can be read while another process reads or replaces it.
 
-    Raises ResultError, with one line, for a file that is missing, no HDF5, cut short, or written by another program.
+    Raises ResultError, with one line, for a file that is missing, no HDF5, cut short, damaged, of another version of
+    the format, or written by another program.
     """
-    check(path)
+    if is_sealed(path) is False:
+        raise ResultError(f"{path}: is damaged, it does not match its checksum; compute it again or restore a copy")
+    found = attributes(path)
+    if found["format_version"] != str(FORMAT):
+        raise ResultError(
+            f"{path}: has version {found['format_version']} of the format of results, written by gearstab "
+            f"{found['gearstab_version']}; this gearstab reads version {FORMAT}: compute it again"
+        )
+    _refuse_hollow(path)
     import xarray as xr
 
     try:
         return xr.open_datatree(path, engine="h5netcdf", driver_kwds={"locking": False})
-    except (OSError, ValueError, KeyError) as error:
+    except Exception as error:
         raise ResultError(f"{path}: cannot be read as a result: {one_line(error)}") from error
 
 
-def check(path: str | Path) -> None:
-    """Raise ResultError unless the file is a complete result of this program."""
-    attributes(path)
+@contextmanager
+def reading(path: str | Path) -> Iterator[xr.DataTree]:
+    """Open a result for a command, and blame the file for what goes wrong with it if it is not as gearstab wrote it.
+
+    A file whose seal fits is right, and an exception is a fault of the program. Anything may be missing in another one,
+    which somebody changed: then it is a ResultError.
+    """
+    with open_result(path) as tree:
+        try:
+            yield tree
+        except UserError:
+            raise
+        except OSError as error:
+            # With a name it is about another file.
+            if error.filename is not None:
+                raise
+            raise ResultError(f"{path}: cannot be read: {one_line(error)}") from error
+        except Exception as error:
+            if intact(path):
+                raise
+            said = f"{type(error).__name__}: {one_line(error)}"
+            raise ResultError(f"{path}: was changed after it was written and cannot be used ({said})") from error
+
+
+def is_sealed(path: str | Path) -> bool | None:
+    """Return whether the seal of an HDF5 file fits, None without one. Raises ResultError for what is no such file."""
+    _refuse_other_files(path)
+    try:
+        return intact(path)
+    except OSError as error:
+        raise ResultError(f"{path}: cannot be read: {error.strerror}") from None
+
+
+def _refuse_other_files(path: str | Path) -> None:
+    """Raise ResultError unless a file begins as HDF5 does; a pipe is not even opened."""
+    try:
+        if not stat.S_ISREG(Path(path).stat().st_mode):
+            raise ResultError(f"{path}: is {'a folder' if Path(path).is_dir() else 'no regular file'}")
+        with open(path, "rb") as file:
+            start = file.read(len(SIGNATURE))
+        if start != SIGNATURE:
+            raise ResultError(f"{path}: is no result file (netCDF-4/HDF5)")
+    except FileNotFoundError:
+        raise ResultError(f"{path}: there is no such file") from None
+    except OSError as error:
+        raise ResultError(f"{path}: cannot be read: {error.strerror}") from None
 
 
 def attributes(path: str | Path) -> dict[str, str]:
-    """The attributes of a result's root, as texts. Raises ResultError as :func:`open_result` does."""
-    try:
-        with open(path, "rb") as file:
-            start = file.read(len(SIGNATURE))
-    except FileNotFoundError:
-        raise ResultError(f"{path}: there is no such file") from None
-    except IsADirectoryError:
-        raise ResultError(f"{path}: is a folder") from None
-    except OSError as error:
-        raise ResultError(f"{path}: cannot be read: {error.strerror}") from None
-    if start != SIGNATURE:
-        raise ResultError(f"{path}: is no result file (netCDF-4/HDF5)")
+    """Return the attributes of a result's root, as texts, ``command`` and ``format_version`` always among them.
+
+    The file may be a damaged one. Raises ResultError, where this does not show, as :func:`open_result` does.
+    """
     import h5py
 
+    _refuse_other_files(path)
     try:
         with h5py.File(path, "r", locking=False) as file:
             found = {name: str(value) for name, value in file.attrs.items()}
-    except OSError as error:
+            command = _command(file)
+    except Exception as error:
         raise ResultError(f"{path}: is damaged or incomplete: {one_line(error)}") from None
     if "gearstab_version" not in found:
         raise ResultError(f"{path}: was not written by gearstab")
-    return found
+    return {"command": command, "format_version": str(FORMAT)} | found
+
+
+def _command(file: h5py.File) -> str:
+    """The command that wrote a result without saying so."""
+    if "bench" in file:
+        return "bench"
+    return "respond" if "response" in file and "time" in file["response"] else "sweep"
+
+
+def _refuse_hollow(path: str | Path) -> None:
+    """Raise ResultError if a variable is declared far larger than what is stored of it.
+
+    To read one would take memory that no value needs, terabytes perhaps.
+    """
+    import h5py
+
+    hollow: list[str] = []
+
+    def look(name: str, item: Any) -> None:
+        if not isinstance(item, h5py.Dataset) or NO_VARIABLE in str(item.attrs.get("NAME", "")):
+            return
+        declared = item.size * item.id.get_type().get_size() if item.size else 0
+        stored = item.id.get_storage_size()
+        if declared > MOST_COMPRESSED * stored * _blocks(item):
+            hollow.append(f"{name} declares {declared:.3g} bytes and holds {stored:.3g}")
+
+    try:
+        with h5py.File(path, "r", locking=False) as file:
+            file.visititems(look)
+    except Exception as error:
+        raise ResultError(f"{path}: is damaged or incomplete: {one_line(error)}") from None
+    if hollow:
+        raise ResultError(f"{path}: is damaged or incomplete: {hollow[0]}")
+
+
+def _blocks(item: h5py.Dataset) -> int:
+    """In how many blocks of a sweep a tongue may be missing: they then hold nothing of it. At least one has it."""
+    if item.chunks is None or item.ndim < 2 or item.chunks[0] != 1:
+        return 1
+    return max(1, prod(ceil(n / c) for n, c in zip(item.shape[1:], item.chunks[1:], strict=True)))
 
 
 def one_line(error: Exception) -> str:
-    """An exception's text without line breaks."""
+    """Return an exception's text without line breaks."""
     return " ".join(str(error).split())

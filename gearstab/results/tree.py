@@ -14,6 +14,14 @@ Array = np.ndarray
 
 Offset = tuple[int, ...]
 
+FORMAT = 1
+"""Version of the layout of result files, the attribute ``format_version`` of the root (1 in files that lack it).
+
+To be raised whenever older programs would misread what newer ones write."""
+
+NO_VARIABLE = "This is a netCDF dimension but not a netCDF variable"
+"""How netCDF-4 marks a dimension without coordinate."""
+
 
 @dataclass(frozen=True)
 class Chunked:

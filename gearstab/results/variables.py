@@ -54,9 +54,9 @@ class Variable:
 
 
 def flagged(variables: Sequence[Variable], flags: Mapping[str, int]) -> tuple[Variable, ...]:
-    """The variables of a table, the one called ``status`` with the names and bits of its flags."""
+    """The variables of a table, those of flags (``status``, ``notices``) with their names and bits."""
     said = {"flag_masks": list(flags.values()), "flag_meanings": " ".join(flags)}
-    return tuple(replace(v, attributes=said) if v.name == "status" else v for v in variables)
+    return tuple(replace(v, attributes=said) if v.name in ("status", "notices") else v for v in variables)
 
 
 def coordinate(name: str, dim: str, dtype: str, units: str, long_name: str) -> Variable:
@@ -366,9 +366,30 @@ PAIR_RESPONSE = (
 )  # fmt: skip
 """Of a gear pair whose mesh stiffness depends on its rotation."""
 
+TEETH = (
+    coordinate("mesh", "mesh", TEXT, "1", "tooth mesh"),
+    Variable("notices", (ROWS, "mesh"), "i2", "1", "what is wrong with the teeth; 0: nothing"),
+)
+"""Of a gearbox, over the axes on which its teeth depend."""
+
+BENCH = (
+    coordinate("method", "setting", TEXT, "1", "method"),
+    coordinate("tolerance", "setting", "f8", "1", "relative tolerance asked for (NaN: an exact method)"),
+    Variable("seconds", ("setting",), "f8", "s", "median time a point"),
+    Variable("error", ("setting",), "f8", "1", "largest error of the growth over one common period"),
+    Variable("wrong_flags", ("setting",), "i4", "1", "reference points with a wrong stability flag"),
+)
+"""Of a benchmark."""
+
+
+def every_variable() -> tuple[Variable, ...]:
+    """Return all variables of this module, those of the sections of a table once for each table."""
+    found: list[Variable] = []
+    for table in globals().copy().values():
+        found += [item for item in (table if isinstance(table, tuple) else (table,)) if isinstance(item, Variable)]
+    return tuple(found)
+
 
 def taken_names() -> frozenset[str]:
     """Names of all variables and dimensions of this module: an axis of one of them could not stand beside it."""
-    tables = [table if isinstance(table, tuple) else (table,) for table in globals().values()]
-    known = [item for table in tables for item in table if isinstance(item, Variable)]
-    return frozenset(name for variable in known for name in (variable.name, *variable.dims))
+    return frozenset(name for variable in every_variable() for name in (variable.name, *variable.dims))

@@ -7,9 +7,8 @@ process of its own.
 
 from __future__ import annotations
 
-import os
+import shutil
 from collections.abc import Mapping
-from contextlib import suppress
 from math import prod
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,7 +17,10 @@ from uuid import uuid4
 import numpy as np
 
 from gearstab.results.chunks import decode
-from gearstab.results.tree import Chunked, Field, Group, ResultTree
+from gearstab.results.guard import result_of
+from gearstab.results.output import Look, move, naming, sync, temporary_file, writing
+from gearstab.results.seal import append_seal, seal
+from gearstab.results.tree import FORMAT, NO_VARIABLE, Chunked, Field, Group, ResultTree
 from gearstab.results.variables import TEXT
 
 if TYPE_CHECKING:
@@ -28,13 +30,19 @@ COMPRESSED_FROM = 1 << 16
 """Arrays of more bytes than this are compressed."""
 OF_THE_VARIABLES_TYPE = ("flag_values", "flag_masks")
 """Attributes that the conventions want in the type of their variable."""
-DIMENSION_ONLY = "This is a netCDF dimension but not a netCDF variable.%10d"
-"""How netCDF-4 marks a dimension without coordinate."""
 
 
-def write_result(path: Path, tree: ResultTree) -> None:
-    """Write a result; ``path`` then holds all of it, or what it held before. Raises OSError."""
-    write_bytes(path, image(tree))
+def write_result(path: Path, tree: ResultTree, look: Look | None = None) -> None:
+    """Write a result; ``path`` then holds all of it, or what it held before.
+
+    look: as in :func:`gearstab.results.output.writing`, default: a result replaces one of the same command only.
+    Raises what it raises, and OSError with the name ``path``.
+    """
+    look = look or result_of(tree.root.attributes.get("command")).refuse
+    data = image(tree)
+    with writing(path, look) as file:
+        file.write(data)
+        file.write(seal(data))
 
 
 def image(tree: ResultTree) -> memoryview:
@@ -54,37 +62,29 @@ def write_on_disk(path: Path, tree: ResultTree) -> None:
 
     with h5py.File(path, "w", track_order=True) as file:
         fill(file, tree)
+    append_seal(path)
     sync(path)
 
 
-def write_bytes(path: Path, data: bytes | memoryview) -> None:
-    """Write a file under a temporary name, have the disk keep it, and give it its name. Raises OSError."""
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        with open(temporary, "wb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(temporary, path)
-    except BaseException:
-        with suppress(OSError):
-            temporary.unlink()
-        raise
-    sync(path.parent)
+def rewrite_attributes(path: Path, attributes: Mapping[str, Any], look: Look | None = None) -> None:
+    """Change attributes of a result's root in a copy that then takes its place.
 
+    look: as in :func:`gearstab.results.output.writing`. Raises what it raises, and OSError.
+    """
+    import h5py
 
-def sync(path: Path) -> None:
-    """Have the disk keep a file, or the names in a folder (where the system can do that)."""
-    with suppress(PermissionError):
-        handle = os.open(path, os.O_RDONLY)
-        try:
-            os.fsync(handle)
-        finally:
-            os.close(handle)
+    with naming(path), temporary_file(path) as temporary:
+        shutil.copyfile(path, temporary)
+        with h5py.File(temporary, "r+") as file:
+            file.attrs.update(attributes)
+        append_seal(temporary)
+        sync(temporary)
+        move(temporary, path, look)
 
 
 def fill(file: h5py.File, tree: ResultTree) -> None:
     """Write all groups of a result into an empty file."""
+    file.attrs["format_version"] = FORMAT
     scales = _fill_group(file, tree.root, {})
     for name, group in tree.groups.items():
         _fill_group(file.create_group(name, track_order=True), group, scales)
@@ -98,7 +98,7 @@ def _fill_group(target: h5py.Group, group: Group, inherited: Mapping[str, Any]) 
     for dim, size in sizes.items():
         if dim not in inherited and dim not in own:
             scales[dim] = target.create_dataset(dim, shape=(size,), dtype=">f4")
-            scales[dim].make_scale(DIMENSION_ONLY % size)
+            scales[dim].make_scale(f"{NO_VARIABLE}.{size:10d}")
             _write_attributes(scales[dim], {"long_name": f"number along the dimension {dim}", "units": "1"})
     # Coordinates first: they are the scales of all others.
     for item in sorted(group.fields, key=lambda item: item.variable.name not in own):

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from math import prod
 
 import numpy as np
 
 from gearstab.config import Axis, parameters_at
-from gearstab.floquet import kernel
-from gearstab.results.chunks import encode
+from gearstab.floquet.kernel import choice as kernel
+from gearstab.results.chunks import encode, holds
 from gearstab.results.variables import GRID, STRETCH, Variable
 from gearstab.sweep.methods import POINTS, RANGE, Key, Outcome
 from gearstab.sweep.methods.base import Run
-from gearstab.sweep.parts import Part
+from gearstab.sweep.parts import Finished, Part
 from gearstab.sweep.plan import Block, Layout, Plan
 from gearstab.system import Array
 from gearstab.systems import build
@@ -156,7 +157,47 @@ def _part(plan: Plan, layout: Layout, block: Block, values: dict[str, Array], to
                 encode(item, item.shape[: item.ndim - len(block.shape)] + layout.chunk) for item in apart
             ]
     stable = values.get("stable", np.zeros(0))
-    return Part(block.key, tongues, chunks, block.points, int(np.sum(stable == 0)), int(np.sum(stable < 0)))
+    unstable, failed = int(np.sum(stable == 0)), int(np.sum(stable < 0))
+    return Part(block.key, tongues, chunks, block.points, unstable, failed, _flags(plan, layout, values))
+
+
+def _flags(plan: Plan, layout: Layout, values: dict[str, Array]) -> dict[str, int]:
+    """How many points of a grid carry each flag of ``status``; nothing of flags that none carries."""
+    for variable in results_of(plan, layout):
+        if variable.name == "status" and GRID in variable.dims:
+            names = str(variable.attributes.get("flag_meanings", "")).split()
+            flags = dict(zip(names, variable.attributes.get("flag_masks", ()), strict=True))
+            return _counted(np.ravel(values["status"]), flags)
+    return {}
+
+
+def _counted(status: Array, flags: Mapping[str, int]) -> dict[str, int]:
+    """How often each flag is set. Most are set nowhere or everywhere, which two passes tell."""
+    anywhere, everywhere = int(np.bitwise_or.reduce(status)), int(np.bitwise_and.reduce(status))
+    return {
+        name: len(status) if everywhere & mask else int(np.count_nonzero(status & status.dtype.type(mask)))
+        for name, mask in flags.items()
+        if anywhere & mask
+    }
+
+
+def fits(plan: Plan, block: Block, part: Finished) -> bool:
+    """Whether a finished block from elsewhere has the variables and the sizes that this one must have."""
+    layout = plan.layout(block.method)
+    constants = layout.method.constants(layout.options, plan.base)
+    table = {variable.name: variable for variable in results_of(plan, layout)}
+    if part.points != block.points or set(part.variables) != set(table):
+        return False
+    for name, variable in table.items():
+        inner = prod(len(constants[dim]) for dim in variable.dims if dim in constants and dim != "tongue")
+        size = np.dtype(variable.dtype).itemsize * prod(layout.chunk) * inner
+        pieces = part.pieces(name)
+        listed = len(part.tongues) if "tongue" in variable.dims else len(pieces) if STRETCH in variable.dims else 1
+        if len(pieces) != listed:
+            return False
+        if not all(holds(data, size) for data in pieces):
+            return False
+    return True
 
 
 def _in_place(plan: Plan, layout: Layout, block: Block, data: Array) -> Array:

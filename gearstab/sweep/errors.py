@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gearstab.config.problems import Path
+from gearstab.config.document.problems import Path
 from gearstab.errors import FAILED, INTERRUPTED, UserError
 
 
@@ -21,7 +21,7 @@ class SweepError(UserError, RuntimeError):
 
 
 class RequestError(UserError, ValueError):
-    """What was asked for cannot be done: no place for the result, no such kernel. Nothing was computed."""
+    """What was asked for is too large. Nothing was computed."""
 
 
 class Interrupted(UserError, RuntimeError):

@@ -13,31 +13,36 @@ from pathlib import Path
 
 import numpy as np
 
+from gearstab import interrupts
 from gearstab.config import Axis, Config
-from gearstab.config.kinds import KINDS
-from gearstab.config.targets import INPUT_SPEED, MESH_FREQUENCY, TargetError, resolve
-from gearstab.floquet import kernel
+from gearstab.config.sections.targets import INPUT_SPEED, MESH_FREQUENCY, TargetError, resolve
+from gearstab.floquet.kernel import choice as kernel
 from gearstab.results.chunks import decode, encode
+from gearstab.results.guard import SWEEP
+from gearstab.results.output import Look, move
 from gearstab.results.provenance import modes_group, root_attributes
 from gearstab.results.tree import Chunked, Field, Group, Offset, ResultTree
 from gearstab.results.units import in_units_of
 from gearstab.results.variables import STRETCH, TEXT, Variable, coordinate
-from gearstab.results.write import sync, write_on_disk, write_result
+from gearstab.results.write import write_on_disk, write_result
+from gearstab.sweep import teeth
 from gearstab.sweep.compute import HOLDER, moved
+from gearstab.sweep.earlier import origin
 from gearstab.sweep.methods import Key, tongue_coordinates
 from gearstab.sweep.parts import Finished
 from gearstab.sweep.plan import Layout, Plan
 from gearstab.system import Array
+from gearstab.systems import model_of
 
 IN_MEMORY = 1 << 28
 """Results of fewer bytes are built in memory."""
 
 
-def result_tree(plan: Plan, finished: Mapping[str, Finished]) -> ResultTree:
-    """The whole result; ``finished`` has all blocks by key."""
+def result_tree(plan: Plan, finished: Mapping[str, Finished], out: Path) -> ResultTree:
+    """The whole result, which is to stand at ``out``; ``finished`` has all blocks by key."""
     axes = [field for axis in plan.config.axes for field in axis_fields(axis, plan.config)]
     ran = {name for part in finished.values() for name in part.kernels}
-    root = Group(tuple(axes), root_attributes(plan.config, kernel.said(ran)))
+    root = Group(tuple(axes), root_attributes(SWEEP, plan.config, kernel.said(ran)) | origin(plan.config, out))
     groups = {"modes": modes_group(plan.base)}
     for layout in plan.layouts:
         names = set(layout.dims)
@@ -45,6 +50,8 @@ def result_tree(plan: Plan, finished: Mapping[str, Finished]) -> ResultTree:
             field for axis in plan.config.axes if axis.name in names for field in axis_fields(axis, plan.config)[1:]
         ]
         groups[layout.method.name] = _method_group(plan, layout, finished, beside)
+    if plan.teeth is not None:
+        groups[teeth.NAME] = teeth.group(plan.teeth)
     return ResultTree(root, groups)
 
 
@@ -70,7 +77,7 @@ def axis_fields(axis: Axis, config: Config) -> list[Field]:
 def units_and_name(name: str, config: Config) -> tuple[str, str]:
     """The unit of a parameter and what it is; a name that says nothing to the kind of system stands for itself."""
     try:
-        (target,) = resolve(name, KINDS[config.kind].variant(config.parameters), config.parameters)
+        (target,) = resolve(name, model_of(config.parameters), config.parameters)
     except TargetError:
         return "1", name
     return target.unit, target.title
@@ -147,46 +154,54 @@ def _listed(
     return Chunked((count, *sides, *layout.shape), shape, pieces, size)
 
 
-def write(plan: Plan, finished: Mapping[str, Finished], out: Path, folder: Path) -> None:
-    """Write the result to ``out``; ``folder`` holds the part files. Raises OSError, whatever is in the way."""
-    tree = result_tree(plan, finished)
+def write(plan: Plan, finished: Mapping[str, Finished], out: Path, folder: Path, look: Look) -> None:
+    """Write the result to ``out``; ``folder`` holds the part files.
+
+    look: raises where ``out`` must not be replaced any more. Raises OSError, whatever else is in the way.
+    """
+    tree = result_tree(plan, finished, out)
     if tree.size < IN_MEMORY:
-        write_result(out, tree)
+        write_result(out, tree, look)
         return
-    temporary = folder / "result.tmp"
-    _write_apart(plan, finished, temporary)
-    os.replace(temporary, out)
-    sync(out.parent)
+    temporary = folder / f"result-{os.getpid()}.tmp"
+    interrupts.temporary.add(str(temporary))
+    try:
+        _write_apart(plan, finished, out, temporary)
+        move(temporary, out, look)
+    finally:
+        temporary.unlink(missing_ok=True)
+        interrupts.temporary.discard(str(temporary))
 
 
-def _write_apart(plan: Plan, finished: Mapping[str, Finished], path: Path) -> None:
+def _write_apart(plan: Plan, finished: Mapping[str, Finished], out: Path, path: Path) -> None:
     """Write a large result in a process of its own: on a full disk HDF5 may crash even if the error is caught."""
     command = [sys.executable, "-c", "from gearstab.sweep.merge import main; main()", str(path)]
     # Its own session: an interrupt from the terminal is handled here.
     child = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True)
     try:
-        _, said = child.communicate(pickle.dumps((plan, dict(finished))))
+        _, said = child.communicate(pickle.dumps((plan, dict(finished), out)))
     except BaseException:
         child.kill()
         child.wait()
         raise
     if child.returncode == 0:
         return
-    path.unlink(missing_ok=True)
     last = said.decode(errors="replace").strip().rpartition("\n")[2]
     number, _, message = last.partition(" ") if child.returncode == 1 else ("", "", "")
     raise OSError(
         int(number) if number.isdigit() else errno.EIO,
-        message or "the process that writes it ended unexpectedly",
-        str(path),
+        os.strerror(int(number)) if number.isdigit() else message or "the process that writes it ended unexpectedly",
+        str(out),
     )
 
 
 def main() -> None:
     """In a process of its own: write the plan and the parts that standard input names to the path in the arguments."""
-    plan, finished = pickle.load(sys.stdin.buffer)
+    parent = os.getppid()
+    plan, finished, out = pickle.load(sys.stdin.buffer)
+    interrupts.end_with(parent)
     try:
-        write_on_disk(Path(sys.argv[1]), result_tree(plan, finished))
+        write_on_disk(Path(sys.argv[1]), result_tree(plan, finished, out))
     except OSError as error:
         sys.stderr.write(f"\n{error.errno or errno.EIO} {' '.join(str(error).split())}\n")
         sys.stderr.flush()

@@ -11,18 +11,20 @@ from __future__ import annotations
 import hashlib
 import json
 import shutil
-from collections.abc import Mapping
+import stat
+from collections.abc import Collection, Mapping
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from itertools import accumulate
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 from gearstab.perturbation import Tongue
-from gearstab.results.write import write_bytes
+from gearstab.results.errors import OutputError
+from gearstab.results.output import write_bytes
 from gearstab.sweep.methods import Key
 
-MAGIC = b"gearstab part 1\n"
+MAGIC = b"gearstab part 2\n"
 CHECKSUM = 32
 
 
@@ -47,6 +49,12 @@ class Finished(Protocol):
     @property
     def kernels(self) -> tuple[str, ...]: ...
 
+    @property
+    def flags(self) -> Mapping[str, int]: ...
+
+    @property
+    def variables(self) -> Collection[str]: ...
+
     def size(self, variable: str | None = None) -> int:
         """Bytes of a variable's chunks, of all variables without a name."""
 
@@ -59,7 +67,8 @@ class Part:
     """A finished block in memory.
 
     key: of the block. tongues: of the dimension ``tongue`` of this block. chunks: by variable, one, or one a tongue.
-    points: how many it holds; unstable, failed: how many of them are. kernels: which ones computed it.
+    points: how many it holds; unstable, failed: how many of them are; flags: how many carry each flag of ``status``.
+    kernels: which ones computed it.
     """
 
     key: str
@@ -68,7 +77,13 @@ class Part:
     points: int
     unstable: int
     failed: int
+    flags: Mapping[str, int]
     kernels: tuple[str, ...] = ()
+
+    @property
+    def variables(self) -> Collection[str]:
+        """Names of its variables."""
+        return self.chunks.keys()
 
     def size(self, variable: str | None = None) -> int:
         """Bytes of a variable's chunks, of all variables without a name."""
@@ -90,7 +105,13 @@ class StoredPart:
     points: int
     unstable: int
     failed: int
+    flags: Mapping[str, int]
     kernels: tuple[str, ...] = ()
+
+    @property
+    def variables(self) -> Collection[str]:
+        """Names of its variables."""
+        return self.places.keys()
 
     def size(self, variable: str | None = None) -> int:
         """Bytes of a variable's chunks, of all variables without a name."""
@@ -112,7 +133,8 @@ def to_bytes(part: Part, digest: str) -> bytes:
         "digest": digest, "key": part.key,
         "tongues": [[asdict(tongue), occurrence] for tongue, occurrence in part.tongues],
         "chunks": {name: [len(chunk) for chunk in chunks] for name, chunks in part.chunks.items()},
-        "points": part.points, "unstable": part.unstable, "failed": part.failed, "kernels": part.kernels,
+        "points": part.points, "unstable": part.unstable, "failed": part.failed, "flags": dict(part.flags),
+        "kernels": part.kernels,
     }  # fmt: skip
     text = json.dumps(header).encode()
     payload = [chunk for chunks in part.chunks.values() for chunk in chunks]
@@ -125,8 +147,16 @@ def from_bytes(data: bytes, path: Path, digest: str) -> StoredPart | None:
     body = memoryview(data)[:-CHECKSUM]
     if not data.startswith(MAGIC) or hashlib.sha256(body).digest() != data[-CHECKSUM:]:
         return None
+    try:
+        part = _from_body(body, path, digest)
+    except (ValueError, KeyError, TypeError, AttributeError):
+        return None  # somebody made it, with the right checksum
+    return part
+
+
+def _from_body(body: memoryview, path: Path, digest: str) -> StoredPart | None:
     start = len(MAGIC) + 8
-    offset = start + int.from_bytes(data[len(MAGIC) : start], "little")
+    offset = start + int.from_bytes(body[len(MAGIC) : start], "little")
     header = json.loads(bytes(body[start:offset]))
     if header["digest"] != digest or header["key"] != path.stem:
         return None
@@ -135,15 +165,24 @@ def from_bytes(data: bytes, path: Path, digest: str) -> StoredPart | None:
         ends = list(accumulate(lengths, initial=offset))
         places[name] = list(zip(ends[:-1], lengths, strict=True))
         offset = ends[-1]
-    tongues = tuple((Tongue(**tongue), occurrence) for tongue, occurrence in header["tongues"])
-    counts = (header["points"], header["unstable"], header["failed"])
-    return StoredPart(path, header["key"], tongues, places, *counts, tuple(header.get("kernels", ())))
+    tongues = tuple((_tongue(tongue), int(occurrence)) for tongue, occurrence in header["tongues"])
+    points, unstable, failed = (int(header[name]) for name in ("points", "unstable", "failed"))
+    flags = {str(name): int(count) for name, count in header["flags"].items()}
+    kernels = tuple(str(name) for name in header["kernels"])
+    if offset != len(body):
+        return None
+    return StoredPart(path, header["key"], tongues, places, points, unstable, failed, flags, kernels)
+
+
+def _tongue(entries: Mapping[str, Any]) -> Tongue:
+    kinds = {"int": int, "float": float, "str": str}
+    return Tongue(**{item.name: kinds[str(item.type)](entries[item.name]) for item in fields(Tongue)})
 
 
 def read_part(path: Path, digest: str) -> StoredPart | None:
-    """The part file at a path, None where there is no valid one."""
+    """The part file at a path, None where there is no valid one; a link or a pipe is none."""
     try:
-        return from_bytes(path.read_bytes(), path, digest)
+        return from_bytes(path.read_bytes(), path, digest) if stat.S_ISREG(path.lstat().st_mode) else None
     except OSError:
         return None
 
@@ -156,11 +195,19 @@ class PartFolder:
         self.path = self.every / digest[:32]
         self.digest = digest
 
+    def check(self) -> None:
+        """Raise OutputError if something that is no folder, or a link to one, has the name of the folder."""
+        for path in (self.every, self.path):
+            if path.is_symlink() or (path.exists() and not path.is_dir()):
+                what = "a link" if path.is_symlink() else "no folder"
+                raise OutputError(f"{path}: is {what}, but finished blocks go there; remove it or choose another -o")
+
     def write(self, part: Part) -> StoredPart:
         """Write a part file. Raises OSError."""
-        self.path.mkdir(parents=True, exist_ok=True)
         path = self.path / f"{part.key}.part"
         data = to_bytes(part, self.digest)
+        if path.is_symlink() or path.is_fifo():
+            path.unlink()  # which nothing here made, and would be written through
         write_bytes(path, data)
         stored = from_bytes(data, path, self.digest)
         if stored is None:
@@ -185,6 +232,8 @@ class PartFolder:
         with suppress(OSError):
             self.every.rmdir()
 
-    def remove_all(self) -> None:
-        """Remove the part files of every sweep of this output."""
-        shutil.rmtree(self.every, ignore_errors=True)
+    def others(self) -> list[Path]:
+        """The folders with parts of other sweeps of this output: of earlier states of its configuration, mostly."""
+        if not self.every.is_dir():
+            return []
+        return [path for path in sorted(self.every.iterdir()) if path.is_dir() and path != self.path]

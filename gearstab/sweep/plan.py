@@ -20,7 +20,8 @@ import numpy as np
 
 from gearstab import __version__
 from gearstab.config import Axis, Config, ConfigError
-from gearstab.floquet import kernel
+from gearstab.floquet.kernel import choice as kernel
+from gearstab.sweep import teeth
 from gearstab.sweep.errors import OptionError
 from gearstab.sweep.methods import POINTS, Method, chosen
 from gearstab.system import Array, GearSystem
@@ -137,6 +138,11 @@ class Plan:
         division = [[layout.method.name, layout.chunk] for layout in self.layouts]
         text = json.dumps([self.config.digest, division, __version__, self.kernel])
         return hashlib.sha256(text.encode()).hexdigest()
+
+    @cached_property
+    def teeth(self) -> teeth.Teeth | None:
+        """What is wrong with the teeth of a gearbox, over its grid; None for other systems."""
+        return teeth.over_grid(self)
 
     @property
     def mesh_frequency_range(self) -> tuple[float, float]:

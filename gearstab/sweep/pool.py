@@ -15,12 +15,13 @@ import threading
 import time
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from itertools import islice
 from typing import Any
 
-from gearstab.floquet import kernel
+from gearstab.floquet.kernel import choice as kernel
+from gearstab.interrupts import end_with
 from gearstab.sweep.compute import compute
 from gearstab.sweep.parts import Finished, Part, PartFolder, StoredPart
 from gearstab.sweep.plan import Block, Plan
@@ -173,8 +174,18 @@ def _pooled(
     except BrokenProcessPool:
         finished = True
     finally:
+        _wake()
         if not finished:
             _end(running, pool, reporter)
+
+
+def _wake() -> None:
+    """Let processes that somebody stopped go on: they would never end, nor whoever waits for them."""
+    if hasattr(signal, "SIGCONT"):
+        for child in multiprocessing.active_children():
+            with suppress(OSError):
+                if child.pid is not None:
+                    os.kill(child.pid, signal.SIGCONT)
 
 
 @contextmanager
@@ -250,10 +261,4 @@ def _prepare(parent: int) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if hasattr(signal, "pthread_sigmask"):
         signal.pthread_sigmask(signal.SIG_SETMASK, [])
-
-    def watch() -> None:
-        while os.getppid() == parent:
-            time.sleep(0.5)
-        os._exit(1)
-
-    threading.Thread(target=watch, daemon=True).start()
+    end_with(parent)

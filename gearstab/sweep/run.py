@@ -4,25 +4,24 @@ from __future__ import annotations
 
 import errno
 import os
-import shutil
-import signal
-import threading
-from collections.abc import Callable, Iterator
-from contextlib import closing, contextmanager
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Mapping
+from contextlib import closing, suppress
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from gearstab import __version__, ckernel
+from gearstab import ckernel, interrupts
 from gearstab.results.chunks import decode
-from gearstab.results.errors import ResultError
-from gearstab.results.guard import refuse_foreign
-from gearstab.results.read import attributes
-from gearstab.sweep import merge
+from gearstab.results.errors import OutputError
+from gearstab.results.guard import SWEEP, result_of
+from gearstab.results.output import free_bytes, prepare
+from gearstab.results.write import rewrite_attributes
+from gearstab.sweep import earlier, merge
 from gearstab.sweep.compute import results_of
-from gearstab.sweep.errors import Interrupted, RequestError, SweepError
+from gearstab.sweep.errors import Interrupted, SweepError
+from gearstab.sweep.estimate import long_runs
 from gearstab.sweep.parts import PartFolder
 from gearstab.sweep.plan import Plan
 from gearstab.sweep.pool import Failure, run_blocks
@@ -39,9 +38,9 @@ class Summary:
 
     points: of the grid. blocks, reused: blocks of all methods, and how many of them an earlier run had finished.
     unstable, failed: points that are unstable (None without a method that tells), and that could not be computed.
-    complete: whether the result was there already. kernels: which ones computed it.
-    proved, counted: shares of the stable mesh frequencies that are proved stable, and that are searched by counting
-        only, means of all rows; None without boundaries, or where nothing is stable.
+    flags: by method, how many points carry each flag of ``status``. complete: whether the result was there already.
+    kernels: which ones computed it. proved, counted: shares of the stable mesh frequencies that are proved stable, and
+    that are searched by counting only, means of all rows; None without boundaries, or where nothing is stable.
     """
 
     points: int
@@ -49,6 +48,7 @@ class Summary:
     reused: int = 0
     unstable: int | None = None
     failed: int = 0
+    flags: Mapping[str, Mapping[str, int]] = field(default_factory=dict)
     complete: bool = False
     kernels: tuple[str, ...] = ()
     proved: float | None = None
@@ -66,109 +66,78 @@ def run(
     """Compute a plan and write the result file ``out``, which has its name only when it is complete.
 
     What an earlier run of the same plan finished (``OUT.parts``) is used, unless ``overwrite``; ``resume`` only states
-    that this is meant. A result of the same configuration is left as it is.
+    that this is meant. A result of the same configuration that is whole is left as it is, but for its time stamp, as
+    ``make`` goes by that. One of an earlier state of the configuration file is replaced when the new one is complete.
 
     jobs: threads or processes, default one a processor.
 
-    Raises RequestError, before anything is computed, if ``out`` holds something else and ``overwrite`` is not given, or
-    if it cannot be written; ResultError if ``overwrite`` is given and ``out`` is there and no result at all; SweepError
-    if the disk is full or a block failed; Interrupted after SIGINT or SIGTERM. What is finished is kept.
+    Raises OutputError, before anything is computed, if ``out`` holds something else (the result of another
+    configuration is replaced with ``overwrite``), or if it cannot be written; SweepError if the disk is full, a block
+    failed, or another process put something else at ``out`` meanwhile; Interrupted after SIGINT, SIGTERM or SIGHUP.
+    What is finished is kept.
     """
     out, reporter = Path(out), progress or Reporter()
-    workers = jobs or ckernel.threads()
-    if not overwrite and is_complete(plan, out):
+    before = earlier.identity(out)
+    found = earlier.look(plan, out, overwrite)
+    if found.complete:
+        _refresh(plan, out, found)
         return Summary(plan.points, plan.blocks, complete=True)
-    prepare(out)
-    if overwrite:
-        refuse_foreign(out)
     folder = PartFolder(out, plan.digest)
-    if overwrite:
-        folder.remove_all()
-    store = Store(folder, folder.find({block.key for layout in plan.layouts for block in layout.blocks()}))
-    reused = len(store.finished)
-    if reused:
-        reporter.message(f"going on with {reused} of {plan.blocks} blocks that are finished in {folder.every}")
-    elif resume:
-        reporter.message("nothing to go on with: starting anew")
-    before = _identity(out)
+    folder.check()
+    prepare(out)
+    if found.note:
+        reporter.message(f"{out}: {found.note}")
+    if others := folder.others():
+        reporter.message(_others(folder, others))
+    with closing(Store(folder)) as store:
+        if not overwrite:
+            store.find(plan)
+        if store.finished:
+            kept = f"{len(store.finished)} of {plan.blocks} blocks"
+            reporter.message(f"going on with {kept} that are finished in {folder.every}")
+        elif resume:
+            reporter.message("nothing to go on with: starting anew")
+        for text in long_runs(plan, jobs):
+            reporter.message(f"warning: {text}")
+        return _run(plan, store, out, before, jobs or ckernel.threads(), reporter)
+
+
+def _run(
+    plan: Plan, store: Store, out: Path, before: earlier.Identity | None, jobs: int, reporter: Reporter
+) -> Summary:
+    """Compute what is missing and write the result; raises SweepError and Interrupted."""
+    reused, computed = len(store.finished), False
     try:
         # From the moment the result has its name there is nothing left to interrupt.
-        with interrupts(lambda: _identity(out) != before):
-            _compute(plan, store, workers, reporter)
+        with interrupts.raised(lambda: computed and earlier.identity(out) != before):
+            _compute(plan, store, jobs, reporter)
+            computed = True
             summary = _summary(plan, store, reused)
-            _finish(plan, store, out)
-            folder.remove()
+            _finish(plan, store, out, before)
+            store.remove()
             return summary
     except KeyboardInterrupt:
         kept = store.rescue()
-        raise Interrupted(_interrupted(kept, plan.blocks, folder)) from None
+        raise Interrupted(_interrupted(kept, plan.blocks, store.folder)) from None
 
 
-def _identity(path: Path) -> tuple[int, int] | None:
-    """What tells a file from the one that was there before; None where there is none."""
-    try:
-        found = path.stat()
-    except OSError:
-        return None
-    return found.st_ino, found.st_mtime_ns
+def _refresh(plan: Plan, out: Path, found: earlier.Earlier) -> None:
+    """Give a result that is still right the title of the configuration, and a new time stamp."""
+    if found.retitled:
+        rewrite_attributes(out, {"title": plan.config.title, "config": plan.config.resolved}, result_of(SWEEP).refuse)
+    else:
+        with suppress(PermissionError):
+            os.utime(out)
 
 
-def is_complete(plan: Plan, out: Path) -> bool:
-    """Whether ``out`` is the result of this plan. Raises RequestError if it is anything else."""
-    if not out.exists():
-        return False
-    try:
-        found = attributes(out)
-    except ResultError as error:
-        raise RequestError(f"{error}; choose another output or remove it") from None
-    if found.get("config_digest") != plan.config.digest:
-        raise RequestError(f"{out}: is the result of another configuration; choose another output or use --overwrite")
-    if found["gearstab_version"] != __version__:
-        raise RequestError(
-            f"{out}: was computed by gearstab {found['gearstab_version']}; use --overwrite to compute it again"
-        )
-    return True
-
-
-def prepare(out: Path) -> None:
-    """Make the output's folder and see that files can be written there. Raises RequestError."""
-    if out.is_dir():
-        raise RequestError(f"{out}: is a folder")
-    probe = out.with_name(f".{out.name}.{os.getpid()}.tmp")
-    try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        probe.write_bytes(b"")
-        probe.unlink()
-    except OSError as error:
-        raise RequestError(f"{out}: cannot be written: {(error.strerror or str(error)).lower()}") from None
-
-
-@contextmanager
-def interrupts(late: Callable[[], bool]) -> Iterator[None]:
-    """Let SIGTERM and SIGHUP interrupt as Ctrl-C does (where signals can be handled: in the main thread).
-
-    late: whether it is too late for that; then interrupts are ignored.
-    """
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-
-    def interrupt(number: int, frame: Any) -> None:
-        if not late():
-            raise KeyboardInterrupt
-
-    numbers = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
-    # What is ignored (nohup) stays so, and so does an application's own treatment of Ctrl-C.
-    before = {number: signal.getsignal(number) for number in numbers if signal.getsignal(number) != signal.SIG_IGN}
-    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
-        before[signal.SIGINT] = signal.default_int_handler
-    for number in before:
-        signal.signal(number, interrupt)
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+def _others(folder: PartFolder, others: list[Path]) -> str:
+    """What the user should know of finished blocks that nothing will use unless the configuration is changed back."""
+    size = sum(file.stat().st_size for path in others for file in path.rglob("*") if file.is_file())
+    number = f"{len(others)} earlier state{'s' * (len(others) > 1)}"
+    return (
+        f"note: {folder.every} also holds finished blocks of {number} of the configuration ({size / 1e6:.3g} MB); "
+        "remove the folder if you do not go back to them"
+    )
 
 
 def _compute(plan: Plan, store: Store, jobs: int, reporter: Reporter) -> None:
@@ -180,7 +149,7 @@ def _compute(plan: Plan, store: Store, jobs: int, reporter: Reporter) -> None:
             there = [part for block in layout.blocks() if (part := store.finished.get(block.key))]
             reporter.begin(layout.method.name, layout.points, sum(part.points for part in there))
             reporter.advance(0, sum(part.unstable for part in there), sum(part.failed for part in there))
-            with closing(run_blocks(plan, missing, store.folder, jobs, store.flush, reporter)) as results:
+            with closing(run_blocks(plan, missing, store.folder, jobs, store.open_folder, reporter)) as results:
                 for result in results:
                     if isinstance(result, Failure):
                         _note(result, store, failures)
@@ -196,8 +165,8 @@ def _compute(plan: Plan, store: Store, jobs: int, reporter: Reporter) -> None:
 
 
 def _note(failure: Failure, store: Store, failures: list[Failure]) -> None:
-    """Keep a failure for the end, unless it concerns more than its block."""
-    if isinstance(failure.error, OSError):
+    """Keep a failure for the end, unless it is of the disk and concerns more than its block."""
+    if isinstance(failure.error, OSError) and str(failure.error.filename).startswith(str(store.folder.every)):
         raise failure.error
     failures.append(failure)
     if len(failures) == MOST_FAILURES:
@@ -206,7 +175,7 @@ def _note(failure: Failure, store: Store, failures: list[Failure]) -> None:
 
 def _failed(failures: list[Failure], store: Store) -> BaseException:
     """What to raise: an unexpected exception itself, else one line."""
-    kept = f"{store.rescue()} finished blocks are kept in {store.folder.every}"
+    kept = _kept(store)
     for failure in failures:
         if failure.error is not None and not isinstance(failure.error, MemoryError):
             failure.error.add_note(f"in {_where(failure)}; {kept}")
@@ -223,24 +192,29 @@ def _where(failure: Failure) -> str:
     return f"block {block.key} (points {place})" if place else f"block {block.key}"
 
 
-def _finish(plan: Plan, store: Store, out: Path) -> None:
-    """Write the result file. Raises SweepError, with the parts kept, if the disk is full."""
+def _finish(plan: Plan, store: Store, out: Path, before: earlier.Identity | None) -> None:
+    """Write the result file. Raises SweepError, with the parts kept, if it cannot be written or must not be."""
     size = sum(part.size() for part in store.finished.values())
     try:
-        free = shutil.disk_usage(out.parent).free
-        if free < size:
+        if free_bytes(out) < size:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(out))
         if size >= merge.IN_MEMORY:
-            store.flush()
-        merge.write(plan, store.finished, out, store.folder.path)
+            store.open_folder()
+        merge.write(plan, store.finished, out, store.folder.path, lambda path: earlier.look_again(plan, path, before))
     except OSError as error:
         raise _unwritable(error, store) from error
+    except OutputError as error:
+        raise SweepError(f"{error}; {_kept(store)}") from error
 
 
 def _unwritable(error: OSError, store: Store) -> SweepError:
     reason = (error.strerror or str(error)).lower()
     place = f"{error.filename}: " if error.filename else ""
-    return SweepError(f"{place}{reason}; {store.rescue()} finished blocks are kept in {store.folder.every}")
+    return SweepError(f"{place}{reason}; {_kept(store)}")
+
+
+def _kept(store: Store) -> str:
+    return f"{store.rescue()} finished blocks are kept in {store.folder.every}"
 
 
 def _interrupted(kept: int, total: int, folder: PartFolder) -> str:
@@ -252,7 +226,6 @@ def _interrupted(kept: int, total: int, folder: PartFolder) -> str:
 
 
 def _summary(plan: Plan, store: Store, reused: int) -> Summary:
-    """What was done, from the finished blocks."""
     tells = [
         store.finished[block.key]
         for layout in plan.layouts
@@ -261,9 +234,15 @@ def _summary(plan: Plan, store: Store, reused: int) -> Summary:
     ]
     unstable = sum(part.unstable for part in tells) if tells else None
     failed, kernels = sum(part.failed for part in tells), {k for part in store.finished.values() for k in part.kernels}
+    flags = {}
+    for layout in plan.layouts:
+        total: Counter[str] = Counter()
+        for block in layout.blocks():
+            total.update(store.finished[block.key].flags)
+        flags[layout.method.name] = dict(total)
     proved, counted = (_mean(plan, store, name) for name in ("proved_share", "counted_share"))
     ran = tuple(sorted(kernels))
-    return Summary(plan.points, plan.blocks, reused, unstable, failed, kernels=ran, proved=proved, counted=counted)
+    return Summary(plan.points, plan.blocks, reused, unstable, failed, flags, False, ran, proved, counted)
 
 
 def _mean(plan: Plan, store: Store, name: str) -> float | None:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from contextlib import suppress
 from time import monotonic
 
+from gearstab.sweep.compute import fits
+from gearstab.sweep.hold import Hold
 from gearstab.sweep.parts import Finished, Part, PartFolder
+from gearstab.sweep.plan import Plan
 
 MOST_SECONDS, MOST_BYTES = 2.0, 1 << 26
 """How much work, and how much memory, an unforeseen end of the process may cost."""
@@ -15,15 +17,34 @@ MOST_SECONDS, MOST_BYTES = 2.0, 1 << 26
 class Store:
     """All finished blocks of a sweep, by key."""
 
-    def __init__(self, folder: PartFolder, found: Mapping[str, Finished]) -> None:
+    def __init__(self, folder: PartFolder) -> None:
         self.folder = folder
-        self.finished: dict[str, Finished] = dict(found)
+        self.finished: dict[str, Finished] = {}
+        self._hold = Hold(folder.path)
         self._start = monotonic()
         self._waiting: dict[str, Part] = {}
         self._size = 0
 
     def __contains__(self, key: str) -> bool:
         return key in self.finished
+
+    def find(self, plan: Plan) -> None:
+        """Take what an earlier run of the plan finished, and remove what it left half-written. Raises OSError."""
+        if not self.folder.path.is_dir():
+            return
+        self._hold.take()
+        if self._hold.alone():
+            for path in self.folder.path.glob("*.tmp"):
+                path.unlink(missing_ok=True)
+            self._hold.share()
+        blocks = {block.key: block for layout in plan.layouts for block in layout.blocks()}
+        found = self.folder.find(set(blocks))
+        self.finished |= {key: part for key, part in found.items() if fits(plan, blocks[key], part)}
+
+    def open_folder(self) -> None:
+        """Make the folder, for other processes to write to, and write what is in memory. Raises OSError."""
+        self._hold.take()
+        self.flush()
 
     def add(self, part: Finished) -> None:
         """Take a finished block. Raises OSError if it had to be written and could not be."""
@@ -36,6 +57,8 @@ class Store:
 
     def flush(self) -> None:
         """Write what is in memory only to part files. Raises OSError."""
+        if self._waiting:
+            self._hold.take()
         for key in list(self._waiting):
             self.finished[key] = self.folder.write(self._waiting[key])
             del self._waiting[key]
@@ -46,3 +69,12 @@ class Store:
         with suppress(OSError):
             self.flush()
         return self.folder.count()
+
+    def remove(self) -> None:
+        """Remove the part files, unless another process that computes the same plan needs them: it then will."""
+        if self._hold.alone():
+            self.folder.remove()
+
+    def close(self) -> None:
+        """Leave the part files to other processes."""
+        self._hold.drop()

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from gearstab.system import Array
-from gearstab.systems.arrays import series, vector
+from gearstab.systems.parts.arrays import series, vector
 from gearstab.waveforms import Pair, Rectangular, Sampled, Trapezoidal, Waveform
-from gearstab.waveforms import pair as shapes
+from gearstab.waveforms import tooth_pair as shapes
 from gearstab.waveforms.splines import Pieces, interpolate
 
 

@@ -5,11 +5,11 @@ A waveform is one small file with one frozen class that follows :class:`Waveform
 
 from gearstab.waveforms.base import Profile, Waveform
 from gearstab.waveforms.fourier import Fourier
-from gearstab.waveforms.pair import Pair
 from gearstab.waveforms.profile import Constant, Product, Scaled
 from gearstab.waveforms.rectangular import Rectangular
 from gearstab.waveforms.sampled import Sampled
 from gearstab.waveforms.tooth import Tooth
+from gearstab.waveforms.tooth_pair import Pair
 from gearstab.waveforms.trapezoidal import Trapezoidal
 
 WAVEFORMS: dict[str, type[Waveform]] = {

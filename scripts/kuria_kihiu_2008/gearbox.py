@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from gearstab.floquet import solve
-from gearstab.gears import load_shares, mesh_root_stress
+from gearstab.gears.stress import load_shares, mesh_root_stress
 from gearstab.modal import mean_modes
-from gearstab.response.speeds import speed_response
+from gearstab.response.linear.speeds import speed_response
 from gearstab.systems import build
 from kuria_kihiu_2008.common import SPEED, Design, pairs, parameters, static_forces
 from statements import Runs, Statement, numbers

@@ -18,7 +18,7 @@ import numpy as np
 from gearstab.config import load
 from gearstab.floquet import solve
 from gearstab.floquet.frequencies import common_period, groups, lyapunov, per_mesh
-from gearstab.floquet.segments import prepare
+from gearstab.floquet.segments.pattern import prepare
 from gearstab.system import GearSystem
 from gearstab.systems import build
 

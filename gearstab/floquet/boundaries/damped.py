@@ -17,14 +17,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gearstab.floquet import damped as general
 from gearstab.floquet.boundaries import search as undamped
 from gearstab.floquet.boundaries.proof import MODULI, PROVED, Cover, cover, damping_ratio
 from gearstab.floquet.boundaries.roots import Brackets, narrowed
 from gearstab.floquet.boundaries.scan import STEP, Scan
 from gearstab.floquet.boundaries.search import Interval, Search
-from gearstab.floquet.chain import Chain
-from gearstab.floquet.segments import Pattern
+from gearstab.floquet.kernel import damped as general
+from gearstab.floquet.kernel.chain import Chain
+from gearstab.floquet.segments.pattern import Pattern
 from gearstab.system import Array
 
 COARSEST, FINEST = 200, 50_000

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from gearstab.floquet import kernel
-from gearstab.floquet.chain import Chain
+from gearstab.floquet.kernel import choice as kernel
+from gearstab.floquet.kernel.chain import Chain
 from gearstab.system import Array
 
 

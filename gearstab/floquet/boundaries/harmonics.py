@@ -15,7 +15,7 @@ import numpy as np
 from gearstab.floquet.boundaries.halves import halves
 from gearstab.floquet.boundaries.labels import BAND, Root, Shares, leading_roots
 from gearstab.floquet.boundaries.search import Interval, by_row
-from gearstab.floquet.chain import Chain
+from gearstab.floquet.kernel.chain import Chain
 from gearstab.system import Array
 
 PEAKS = 6

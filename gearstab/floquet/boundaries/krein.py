@@ -49,8 +49,8 @@ import numpy as np
 from gearstab.floquet.boundaries import pairs
 from gearstab.floquet.boundaries.pairs import Pair
 from gearstab.floquet.boundaries.points import Points, propagate
-from gearstab.floquet.decision import ON_CIRCLE
-from gearstab.floquet.segments import Pattern
+from gearstab.floquet.kernel.decision import ON_CIRCLE
+from gearstab.floquet.segments.pattern import Pattern
 from gearstab.system import Array
 
 ROUNDING = 1e-14
@@ -109,8 +109,8 @@ def spectrum(matrix: Array) -> Spectrum:
     A pair that is off the circle by rounding alone and one that truly is are told apart by the distance to the mirror
     image 1/conj(lambda): the truly unstable pair are mirror images of each other, while the error of a nearly double
     multiplier on the circle is far smaller than the distance of the two. This agrees with
-    :mod:`gearstab.floquet.decision` and resolves the last 1e-10 around an edge, where the definiteness of a nearly
-    defective pair is below that rule's threshold.
+    :mod:`gearstab.floquet.kernel.decision` and resolves the last 1e-10 around an edge, where the definiteness of a
+    nearly defective pair is below that rule's threshold.
     """
     values, vectors = np.linalg.eig(matrix)
     values, vectors = values.astype(complex), vectors.astype(complex)

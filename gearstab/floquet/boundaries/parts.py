@@ -1,8 +1,8 @@
 """Exact block reduction of the search: what the meshes never couple is searched apart, and the regions are united.
 
-A block of few coordinates (:mod:`~gearstab.floquet.blocks`) costs a small part of the whole, and multipliers of
-different blocks pass each other without a collision that would have to be looked into. A point is unstable where any
-block is.
+A block of few coordinates (:mod:`~gearstab.floquet.segments.blocks`) costs a small part of the whole, and multipliers
+of different blocks pass each other without a collision that would have to be looked into. A point is unstable where
+any block is.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gearstab.floquet.blocks import split, whole
-from gearstab.floquet.segments import Pattern
+from gearstab.floquet.segments.blocks import split, whole
+from gearstab.floquet.segments.pattern import Pattern
 from gearstab.perturbation.tongues import Tongue
 from gearstab.system import Array
 

@@ -1,8 +1,8 @@
 """Covering the range of mesh frequencies by stretches on which the number of multipliers outside is proved constant.
 
-A Lyapunov function comes with a radius (:mod:`~gearstab.floquet.lyapunov`): around its point the number of multipliers
-outside the unit circle does not change. Points are added where stretches leave gaps, until these are narrower than a
-floor or the budget is spent:
+A Lyapunov function comes with a radius (:mod:`~gearstab.floquet.kernel.lyapunov`): around its point the number of
+multipliers outside the unit circle does not change. Points are added where stretches leave gaps, until these are
+narrower than a floor or the budget is spent:
 
 * between two stretches of equal number, where stretches of the size of their neighbours would meet, in the proportion
   of their radii: a gap that shrinks from both sides closes in on what is narrow inside;
@@ -19,9 +19,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gearstab.floquet import kernel
 from gearstab.floquet.boundaries.roots import Brackets, narrowed
-from gearstab.floquet.chain import Chain
+from gearstab.floquet.kernel import choice as kernel
+from gearstab.floquet.kernel.chain import Chain
 from gearstab.system import Array
 
 PROVED, FAILED, EDGE = range(3)

@@ -35,8 +35,8 @@ class Boundaries:
     contacts ``(rows,)``: collisions of multipliers that open no region as wide as ``width_floor`` (relative to Omega).
     evaluations ``(rows,)``: monodromy matrices computed, and proofs tried.
     proved: of each row, ``(K, 2)`` stretches of Omega, disjoint and ascending, that are proved stable (in floating
-        point, see :mod:`gearstab.floquet.lyapunov`). counted: those stable ones that are not, but where a count of
-        collisions, or a scan with the step that damping sets, has found nothing.
+        point, see :mod:`gearstab.floquet.kernel.lyapunov`). counted: those stable ones that are not, but where a count
+        of collisions, or a scan with the step that damping sets, has found nothing.
     """
 
     rows: int

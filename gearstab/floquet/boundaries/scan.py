@@ -17,7 +17,7 @@ import numpy as np
 
 from gearstab.floquet.boundaries.halves import halves
 from gearstab.floquet.boundaries.proof import Cover, Gaps, Samples
-from gearstab.floquet.chain import Chain
+from gearstab.floquet.kernel.chain import Chain
 from gearstab.floquet.solution import DAMPED_ON_CIRCLE
 from gearstab.system import Array
 

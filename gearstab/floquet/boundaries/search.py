@@ -22,7 +22,7 @@ import numpy as np
 
 from gearstab.floquet.boundaries.krein import evaluate
 from gearstab.floquet.boundaries.pairs import COMBINATION, SELF
-from gearstab.floquet.segments import Pattern
+from gearstab.floquet.segments.pattern import Pattern
 from gearstab.system import Array
 
 NOTHING, ENTRANCE, EXIT, NARROW, OPEN = range(5)

@@ -18,17 +18,17 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from gearstab.floquet import kernel
 from gearstab.floquet.boundaries.damped import Found, Limits
 from gearstab.floquet.boundaries.krein import evaluate
 from gearstab.floquet.boundaries.points import Resolved, exact
 from gearstab.floquet.boundaries.search import Interval, Search
-from gearstab.floquet.chain import ROUNDING, Chain, chain
-from gearstab.floquet.magnus.compare import difference, scan
-from gearstab.floquet.magnus.control import SAFETY, Ladder, first
-from gearstab.floquet.magnus.schemes import CF4_2, CF6_5
-from gearstab.floquet.magnus.steps import Division, divisions
-from gearstab.floquet.segments import Pattern
+from gearstab.floquet.kernel import choice as kernel
+from gearstab.floquet.kernel.chain import ROUNDING, Chain, chain
+from gearstab.floquet.segments.pattern import Pattern
+from gearstab.floquet.smooth.compare import difference, scan
+from gearstab.floquet.smooth.control import SAFETY, Ladder, first
+from gearstab.floquet.smooth.schemes import CF4_2, CF6_5
+from gearstab.floquet.smooth.steps import Division, divisions
 from gearstab.system import Array, GearSystem
 
 PILOTS = 9
@@ -92,6 +92,12 @@ def _damped(division: Division, plain: Division, limits: Limits) -> tuple[Patter
 
     pattern, found, error = _controlled(division, limits, run, lambda f: f.intervals, stable)
     return pattern, (chain(pattern), replace(found, intervals=_widened(found.intervals, error)))
+
+
+def patterns(system: GearSystem, limits: Limits) -> Iterator[Pattern]:
+    """Patterns of all rows, in steps as a search begins with."""
+    for division in _pieces(system):
+        yield _resolved(division, _resolution(division, limits), limits)
 
 
 def _pieces(system: GearSystem) -> Iterator[Division]:

@@ -15,8 +15,8 @@ from gearstab.floquet.boundaries.labels import Unnamed
 from gearstab.floquet.boundaries.parts import Part, Region, separated, united, without_damping
 from gearstab.floquet.boundaries.regions import Boundaries, tongue_of
 from gearstab.floquet.boundaries.search import Interval, Search, by_row
-from gearstab.floquet.chain import Chain, chain
-from gearstab.floquet.segments import Pattern, prepare
+from gearstab.floquet.kernel.chain import Chain, chain
+from gearstab.floquet.segments.pattern import Pattern, prepare
 from gearstab.modal import mean_modes
 from gearstab.perturbation.tongues import Tongue, self_excited
 from gearstab.system import Array, GearSystem

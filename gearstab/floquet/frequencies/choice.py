@@ -8,8 +8,8 @@ from fractions import Fraction
 import numpy as np
 
 from gearstab.errors import NotPossible
-from gearstab.floquet.magnus import sampled
-from gearstab.floquet.segments import Pattern, prepare, window
+from gearstab.floquet.segments.pattern import Pattern, prepare, window
+from gearstab.floquet.smooth import sampled
 from gearstab.system import GearSystem
 from gearstab.waveforms import Profile
 

@@ -11,9 +11,9 @@ from typing import Protocol
 
 import numpy as np
 
-from gearstab.floquet import damped
-from gearstab.floquet.numpy_kernel import rotation
-from gearstab.floquet.segments import Pattern
+from gearstab.floquet.kernel import damped
+from gearstab.floquet.kernel.numpy_kernel import rotation
+from gearstab.floquet.segments.pattern import Pattern
 from gearstab.system import Array
 
 SOFTEST = 1e-6

@@ -19,7 +19,7 @@ from gearstab.floquet.general.coordinates import Generator, generators
 from gearstab.floquet.general.exponential import expm
 from gearstab.floquet.general.magnus import NODES, ORDER, exponent, polynomial
 from gearstab.floquet.general.schedule import Schedule, schedule
-from gearstab.floquet.segments import CONSTANT, PROBES
+from gearstab.floquet.segments.pattern import CONSTANT, PROBES
 from gearstab.system import Array, GearSystem
 
 FINEST = 14

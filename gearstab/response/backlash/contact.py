@@ -8,7 +8,7 @@ import numpy as np
 
 from gearstab.errors import NotPossible
 from gearstab.modal import mean_modes
-from gearstab.response.equilibrium import static_equilibrium, static_mesh_force
+from gearstab.response.linear.equilibrium import static_equilibrium, static_mesh_force
 from gearstab.system import Array, GearSystem
 
 UPPER, APART, LOWER = 1, 0, -1
@@ -77,7 +77,8 @@ def resting(system: GearSystem, teeth: Play) -> Array:
     """q ``(n,)`` of the static equilibrium under the constant load, at the mean stiffness, on the flanks.
 
     K0 q + sum_i k_gi g_i (g_i^T q - offset_i) = f0 with the sum over the meshes in contact, sought from that of teeth
-    without play on. Rigid-body motion is left out, as in :func:`~gearstab.response.equilibrium.static_equilibrium`.
+    without play on. Rigid-body motion is left out, as in
+    :func:`~gearstab.response.linear.equilibrium.static_equilibrium`.
 
     Raises NotPossible where there is none, or none is found.
     """

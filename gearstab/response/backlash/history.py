@@ -10,11 +10,10 @@ from gearstab.response.backlash.contact import APART, Play, play, resting
 from gearstab.response.backlash.dynamics import Dynamics, dynamics
 from gearstab.response.backlash.follow import Chatter, Event, Stretch, follow
 from gearstab.response.backlash.measure import LimitCycle, Meter
-from gearstab.response.basis import bases
-from gearstab.response.driven import driven
-from gearstab.response.linear import RESPONSE_FLAGS, Response, assembled, checked, samples_until
-from gearstab.response.sampling import ON_A_JUMP
-from gearstab.response.steady import unbalanced
+from gearstab.response.linear.basis import bases
+from gearstab.response.linear.driven import ON_A_JUMP, driven
+from gearstab.response.linear.history import RESPONSE_FLAGS, Response, assembled, checked, samples_until
+from gearstab.response.linear.steady import unbalanced
 from gearstab.system import Array, GearSystem
 
 BACKLASH_FLAGS = RESPONSE_FLAGS | {"chatter": 256, "grazing": 512}
@@ -26,8 +25,9 @@ of too many events; ``grazing`` where a flank is hardly touched or missed, so th
 class BacklashResponse(Response):
     """The history of a vibration with loss of contact.
 
-    What :class:`~gearstab.response.linear.Response` has, but for: mesh_force, 0 while the teeth are apart; energy, with
-    k_i (x_i - offset_i)^2/2 of the teeth in contact; growth_rate and ``unstable`` of the teeth that stay in contact.
+    What :class:`~gearstab.response.linear.history.Response` has, but for: mesh_force, 0 while the teeth are apart;
+    energy, with k_i (x_i - offset_i)^2/2 of the teeth in contact; growth_rate and ``unstable`` of the teeth that stay
+    in contact.
 
     mesh_velocity: ``(samples, meshes)``, g_i^T dq/dt.
     contact: ``(samples, meshes)``, 1 above, 0 within and -1 below the play.

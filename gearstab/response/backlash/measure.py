@@ -10,7 +10,7 @@ import numpy as np
 from gearstab.response.backlash.contact import APART
 from gearstab.response.backlash.dynamics import Dynamics
 from gearstab.response.backlash.follow import Stretch
-from gearstab.response.basis import STILL
+from gearstab.response.linear.basis import STILL
 from gearstab.system import Array
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)

@@ -12,12 +12,12 @@ from gearstab.response.backlash.contact import play, resting
 from gearstab.response.backlash.dynamics import dynamics
 from gearstab.response.backlash.history import BACKLASH_FLAGS, Run
 from gearstab.response.backlash.measure import LimitCycle, Meter
-from gearstab.response.basis import bases
-from gearstab.response.driven import driven
-from gearstab.response.equilibrium import static_mesh_force
-from gearstab.response.linear import at_rest
-from gearstab.response.periodic import balanced
-from gearstab.response.steady import unbalanced
+from gearstab.response.linear.basis import bases
+from gearstab.response.linear.driven import driven
+from gearstab.response.linear.equilibrium import static_mesh_force
+from gearstab.response.linear.history import at_rest
+from gearstab.response.linear.periodic import balanced
+from gearstab.response.linear.steady import unbalanced
 from gearstab.system import Array, GearSystem
 
 FAILED = BACKLASH_FLAGS["chatter"] | BACKLASH_FLAGS["overflow"]

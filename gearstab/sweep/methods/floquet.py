@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from gearstab.errors import NotPossible
-from gearstab.floquet import STATUS_FLAGS, Floquet, kernel, solve
+from gearstab.floquet import STATUS_FLAGS, Floquet, solve
 from gearstab.floquet.frequencies import choice
+from gearstab.floquet.kernel import choice as kernel
 from gearstab.floquet.report import reduction
 from gearstab.floquet.truncation import modes_basis, neglected, restricted, torn, type_basis
 from gearstab.results.variables import ERROR_ESTIMATE, EXPONENTS, FLOQUET, Variable

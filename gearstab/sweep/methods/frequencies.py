@@ -9,8 +9,8 @@ import numpy as np
 
 from gearstab.floquet import Floquet
 from gearstab.floquet.frequencies import ManyFrequencies, choice, groups, lyapunov, per_mesh
-from gearstab.floquet.magnus.schemes import CF6_5
 from gearstab.floquet.report import reduction
+from gearstab.floquet.smooth.schemes import CF6_5
 from gearstab.results.variables import BY_MESH, INTERVAL, Variable
 from gearstab.system import Array, GearSystem
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from gearstab.floquet import kernel
+from gearstab.floquet.kernel import choice as kernel
 from gearstab.results.variables import ORBITS, Variable
 from gearstab.rotating_pair import RotatingPair
 from gearstab.sweep.errors import OptionError
@@ -75,7 +75,7 @@ def _flagged(variable: Variable) -> Variable:
     """The variable; ``status`` with the bits of orbits."""
     if variable.name != "status":
         return variable
-    from gearstab.response.pair.stability import FLAGS
+    from gearstab.response.rotating_pair.stability import FLAGS
 
     attributes = dict(variable.attributes)
     masks = [*attributes["flag_masks"], *FLAGS.values()]
@@ -84,7 +84,7 @@ def _flagged(variable: Variable) -> Variable:
 
 
 def _orbits(pair: RotatingPair, mesh_frequency: Array, options: Any) -> Outcome:
-    from gearstab.response.pair.stability import stability
+    from gearstab.response.rotating_pair.stability import stability
 
     kernel.record("numpy")
     found = stability(pair, mesh_frequency)

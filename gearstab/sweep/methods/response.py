@@ -18,7 +18,7 @@ def _response_variables(options: Any, system: GearSystem) -> tuple[Variable, ...
         from gearstab.response.backlash import BACKLASH_FLAGS
 
         return flagged(BACKLASH_SPEED_RESPONSE, BACKLASH_FLAGS)
-    from gearstab.response.steady import STATUS_FLAGS as flags
+    from gearstab.response.linear.steady import STATUS_FLAGS as flags
 
     return flagged(SPEED_RESPONSE, flags)
 
@@ -28,7 +28,7 @@ def _mesh_names(options: Any, system: GearSystem) -> dict[str, Any]:
 
 
 def _response(system: GearSystem, mesh_frequency: Array, options: Any) -> Outcome:
-    from gearstab.response.speeds import speed_response
+    from gearstab.response.linear.speeds import speed_response
 
     found = speed_response(system, mesh_frequency, options.samples_per_cycle, options.tolerance)
     return Outcome(vars(found))

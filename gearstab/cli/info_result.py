@@ -1,0 +1,157 @@
+"""What ``gearstab info`` says of a result: where it comes from, its axes, groups and variables."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from gearstab.cli.sweep import table
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+PROVENANCE = (
+    ("command", "command"), ("config_file", "configuration"), ("config_overrides", "with --set"),
+    ("created", "created"), ("gearstab_version", "gearstab"), ("format_version", "format of the file"),
+    ("kernel", "kernel"), ("numpy_version", "NumPy"), ("h5py_version", "h5py"), ("hdf5_version", "HDF5"),
+    ("python_version", "Python"), ("config_digest", "digest"),
+)  # fmt: skip
+"""Attributes of the root, and what they are called here."""
+
+
+def is_result(path: Path) -> bool:
+    """Return whether a file is meant as a result rather than as a configuration: it begins as HDF5 does."""
+    from gearstab.results.read import SIGNATURE
+
+    try:
+        if not path.is_file():
+            return False
+        with open(path, "rb") as file:
+            return file.read(len(SIGNATURE)) == SIGNATURE
+    except OSError:
+        return False
+
+
+def describe(path: Path) -> dict[str, Any]:
+    """Return all that is shown, as plain numbers, texts and lists. Raises ResultError."""
+    from gearstab.results.read import attributes, is_sealed, reading
+
+    with reading(path) as tree:
+        root = attributes(path)
+        return {
+            "title": root.get("title", ""),
+            "provenance": {name: root[name] for name, _ in PROVENANCE if name in root},
+            "unchanged": bool(is_sealed(path)),
+            "axes": _coordinates(tree.to_dataset()),
+            "groups": [_group(str(name), node.to_dataset(inherit=False)) for name, node in tree.children.items()],
+        }
+
+
+def _group(name: str, dataset: xr.Dataset) -> dict[str, Any]:
+    """A group with what it has besides the axes of the sweep."""
+    return {
+        "name": name,
+        "dimensions": {str(dim): int(size) for dim, size in dataset.sizes.items()},
+        "coordinates": _coordinates(dataset),
+        "variables": [_variable(item) for item in dataset.data_vars.values()],
+        "attributes": {str(key): _plain(value) for key, value in dataset.attrs.items() if key != "coordinates"},
+    }
+
+
+def _coordinates(dataset: xr.Dataset) -> list[dict[str, Any]]:
+    return [_coordinate(item) for item in dataset.coords.values() if item.ndim == 1]
+
+
+def _coordinate(item: xr.DataArray) -> dict[str, Any]:
+    """A coordinate: its extent if it is numeric, else the first of its different values."""
+    import numpy as np
+
+    values = item.values
+    found = _variable(item) | {"size": int(item.size)}
+    if values.dtype.kind in "fiu":
+        finite = values[np.isfinite(values)]
+        ends = [finite.min(), finite.max()] if finite.size else [None, None]
+        return found | {"extent": [_plain(end) for end in ends]}
+    return found | {"values": list(dict.fromkeys(str(value) for value in values))[: SHOWN + 1]}
+
+
+SHOWN = 4
+"""Labels of an axis that are listed."""
+
+
+def _variable(item: xr.DataArray) -> dict[str, Any]:
+    flags = str(item.attrs.get("flag_meanings", "")).split()
+    return {
+        "name": str(item.name),
+        "dimensions": [str(dim) for dim in item.dims],
+        "units": str(item.attrs.get("units", "")),
+        "long_name": str(item.attrs.get("long_name", "")),
+    } | ({"flags": flags} if flags else {})
+
+
+def _plain(value: Any) -> Any:
+    """A value for JSON: no NaN, no types of NumPy."""
+    import numpy as np
+
+    if isinstance(value, np.ndarray):
+        return [_plain(item) for item in value.tolist()]
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, bytes):
+        return value.decode(errors="replace")
+    return str(value) if isinstance(value, float) and not np.isfinite(value) else value
+
+
+def report(facts: dict[str, Any]) -> str:
+    """Return the text for a reader."""
+    lines = [facts["title"], ""]
+    known = facts["provenance"]
+    width = max(len(text) for _, text in PROVENANCE)
+    lines += [f"{text:<{width}}  {' '.join(known[name].split())}" for name, text in PROVENANCE if known.get(name)]
+    if not facts["unchanged"]:
+        lines.append(f"{'checksum':<{width}}  none: the file was changed after it was written, or is an old one")
+    lines += _listed("axes of the sweep", {}, facts["axes"], [])
+    for group in facts["groups"]:
+        sizes = ", ".join(f"{name} {size:,}" for name, size in group["dimensions"].items())
+        title = f"/{group['name']}" + (f" ({sizes})" if sizes else "")
+        lines += _listed(title, group["attributes"], group["coordinates"], group["variables"])
+    return "\n".join(lines)
+
+
+def _listed(
+    title: str, attributes: dict[str, Any], coordinates: list[dict[str, Any]], variables: list[dict[str, Any]]
+) -> list[str]:
+    """A title and what is below it, nothing where nothing is."""
+    lines = [f"{name}: {_short(value)}" for name, value in attributes.items()]
+    if coordinates:
+        rows = [[item["name"], _over(item), _extent(item), _unit(item), item["long_name"]] for item in coordinates]
+        lines += ["", *table(["coordinate", "over", "from .. to", "unit", "long name"], rows)]
+    if variables:
+        rows = [[item["name"], _over(item), _unit(item), _meaning(item)] for item in variables]
+        lines += ["", *table(["variable", "over", "unit", "long name"], rows)]
+    return ["", title, *lines] if lines else []
+
+
+def _over(item: dict[str, Any]) -> str:
+    return ", ".join(item["dimensions"]) or "-"
+
+
+def _unit(item: dict[str, Any]) -> str:
+    return "" if item["units"] == "1" else item["units"]
+
+
+def _meaning(item: dict[str, Any]) -> str:
+    return item["long_name"] + (f": {', '.join(item['flags'])}" if "flags" in item else "")
+
+
+def _extent(item: dict[str, Any]) -> str:
+    if "values" in item:
+        return "; ".join(item["values"][:SHOWN]) + ("; ..." if len(item["values"]) > SHOWN else "")
+    low, high = (end if end is None else f"{end:.6g}" for end in item["extent"])
+    if low is None:
+        return "-"
+    return low if low == high else f"{low} .. {high}"
+
+
+def _short(value: Any) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,260 @@
+"""Numbers that are no mistakes, and hardly what was meant: a unit forgotten, an axis written as a list of its ends.
+
+What is found is said in one line each, and changes nothing else.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from gearstab.config.document.problems import Path, Problem
+from gearstab.config.document.yaml import Document, value_at
+from gearstab.config.model.fields import Quantity
+from gearstab.config.model.introspection import number_kind, type_at
+from gearstab.config.model.units import to_si
+from gearstab.config.sections.axes import Axis, Config
+from gearstab.config.sections.targets import INPUT_SPEED, MESH_FREQUENCY
+from gearstab.system import GearSystem
+from gearstab.systems import model_of, train_of
+
+if TYPE_CHECKING:
+    from gearstab.systems.gearbox.build import Train
+
+USUAL: dict[tuple[str, str], tuple[float, float, str]] = {
+    ("module", "m"): (2e-5, 0.2, "mm"),
+    ("face_width", "m"): (1e-4, 3.0, "mm"),
+    ("centre_distance", "m"): (1e-3, 20.0, "mm"),
+    ("body_radius", "m"): (1e-4, 10.0, "mm"),
+    ("bore_radius", "m"): (0.0, 10.0, "mm"),
+    ("radii", "m"): (1e-4, 10.0, "mm"),
+    ("diameter", "m"): (1e-4, 5.0, "mm"),
+    ("bore", "m"): (0.0, 5.0, "mm"),
+    ("length", "m"): (1e-4, 50.0, "mm"),
+    ("backlash", "m"): (0.0, 0.01, "um"),
+    ("transmission_error", "m"): (0.0, 1e-3, "um"),
+    ("roughness", "m"): (0.0, 1e-4, "um"),
+    ("inertia", "kg m^2"): (1e-10, 1e6, "kg mm^2"),
+    ("inertias", "kg m^2"): (1e-10, 1e6, "kg mm^2"),
+    ("inertias", "kg"): (1e-7, 1e6, "g"),
+    ("mass", "kg"): (1e-7, 1e6, "g"),
+    ("masses", "kg"): (1e-7, 1e6, "g"),
+    ("equivalent_mass", "kg"): (1e-7, 1e6, "g"),
+    ("speed", "rad/s"): (0.0, 4e3, "rpm"),
+    (INPUT_SPEED, "rad/s"): (0.0, 4e3, "rpm"),
+    ("mesh_frequency", "rad/s"): (0.0, 1e6, "rpm"),
+    ("young", "Pa"): (1e8, 2e12, "GPa"),
+    ("shear", "Pa"): (1e7, 1e12, "GPa"),
+    ("density", "kg/m^3"): (1e2, 3e4, "g/cm^3"),
+    ("viscosity", "Pa s"): (1e-5, 10.0, "mPa s"),
+    ("position", "rad"): (0.0, 2 * math.pi + 1e-9, "deg"),
+    ("damping_ratio", "1"): (0.0, 2.0, "%"),
+}
+"""Key and unit of a number -> the least and greatest magnitude that gears have, and the unit that was likely meant."""
+
+ALWAYS = ("1", "rad")
+"""Units of numbers that models without units have as well."""
+SOFTEST = 1e5
+"""N/m, and N m/rad over a square metre: models whose meshes are all softer are taken to have units of their own."""
+SOFTEST_TORSION = 10.0
+"""N m/rad."""
+FASTEST = 250.0
+"""m/s: pitch line velocities of the fastest turbo gears."""
+ROTARY = re.compile(r"[0-9.]\s*(rpm|rps|revolutions?_per_\w+)\s*\Z")
+MOST_COMPARED = 1_000_000
+"""Values of an axis that are compared."""
+OUT_OF_PROPORTION = 1e3
+"""Of an inertia or mass and that of a disc as large as the gear."""
+
+
+def doubts(document: Document, config: Config, system: GearSystem) -> list[Problem]:
+    """What in a valid configuration is hardly meant as it stands. system: that of the base values."""
+    found = [*_axes(document, config)]
+    known = {*ALWAYS} if not _in_si(document, config, system) else None
+    found += _numbers(document, config, known)
+    if known is None and not found and (train := train_of(config.parameters)) is not None:
+        found += _gears(document, config, train)
+    return list(dict.fromkeys(found))
+
+
+def _in_si(document: Document, config: Config, system: GearSystem) -> bool:
+    """Whether the numbers of a model are in SI units, told from stiffnesses that only they have, or from a unit."""
+    if "length" in system.dimensionless:
+        return False
+    least = SOFTEST_TORSION if system.deflection_unit == "rad" else SOFTEST
+    stiff = any(np.max(np.abs(mesh.mean_stiffness)) >= least for mesh in system.meshes)
+    return stiff or model_of(config.parameters).needs_units
+
+
+# ---- numbers
+
+
+def _numbers(document: Document, config: Config, units: set[str] | None) -> Iterator[Problem]:
+    """Numbers of the system, of its axes and of ``respond`` far outside of what gears have.
+
+    units: those of the numbers that are looked at, None for all.
+    """
+    model = model_of(document.data["system"])
+    swept = {item.path for axis in config.axes for item in axis.assignments}
+    for path, value in _leaves(config.parameters, ()):
+        kind = number_kind(type_at(model, path))
+        if isinstance(kind, Quantity) and path not in swept:
+            place: Path = ("system", *path)
+            yield from _unusual(document, place, _key(path), kind.unit, value, value, units)
+    for axis in config.axes:
+        for item in axis.assignments:
+            if isinstance(item.values, list):
+                continue
+            kind = number_kind(type_at(model, item.path))
+            key = INPUT_SPEED if axis.name == INPUT_SPEED else _key(item.path)
+            unit = "rad/s" if item.path == MESH_FREQUENCY else kind.unit if isinstance(kind, Quantity) else ""
+            ends = np.abs(item.values) / item.factor
+            yield from _unusual(document, ("sweep", axis.name), key, unit, ends.min(), ends.max(), units)
+            if item.path == MESH_FREQUENCY and axis.name != INPUT_SPEED:
+                yield from _shaft_speed(document, ("sweep", axis.name))
+    if config.respond is not None:
+        for key in ("mesh_frequency", "speed"):
+            if (value := getattr(config.respond, key, None)) is not None:
+                yield from _unusual(document, ("respond", key), key, "rad/s", value, value, units)
+        yield from _shaft_speed(document, ("respond", "mesh_frequency"))
+
+
+def _unusual(
+    document: Document, place: Path, key: str, unit: str, low: float, high: float, units: set[str] | None
+) -> Iterator[Problem]:
+    """A doubt where magnitudes from low to high leave what is usual for a key."""
+    if (key, unit) not in USUAL or (units is not None and unit not in units):
+        return
+    least, most, likely = USUAL[key, unit]
+    wrong = [value for value in (abs(high), abs(low)) if value > most or 0 < value < least]
+    if not wrong:
+        return
+    value, given = float(wrong[0]), document.get(place)
+    shown = "" if unit == "1" else f" {unit}"
+    shown += f" ({value * 30 / math.pi:,.0f} rpm)" if unit == "rad/s" else ""
+    texts = [text for _, text in _leaves(given, ()) if isinstance(text, str)]
+    hint = _meant(value, unit, likely, (least, most))
+    if any(text.strip()[:1] in "+-.0123456789" for text in texts):
+        hint = "check the unit"
+    message = f"{value:.6g}{shown} is far from what gears have"
+    yield document.problem(place, message, hint, value=None if isinstance(given, dict | list) else given)
+
+
+def _meant(value: float, unit: str, likely: str, usual: tuple[float, float]) -> str:
+    """What was likely meant by a plain number."""
+    units = () if unit == "1" else (unit,)
+    said = f"plain numbers are {'ratios' if unit == '1' else f'in {unit}'}"
+    fits = usual[0] <= to_si(f"{value!r} {likely}", units) <= usual[1]
+    return f'{said}: was "{value:.6g} {likely}" meant?' if fits else said
+
+
+def _shaft_speed(document: Document, place: Path) -> Iterator[Problem]:
+    """A doubt where revolutions stand for a mesh frequency, which is as many times that as the gear has teeth."""
+    if any(isinstance(text, str) and ROTARY.search(text) for _, text in _leaves(document.get(place), ())):
+        message = "is in revolutions, and a mesh frequency counts teeth"
+        remedy = "multiply the speed by the number of teeth, or give input_speed of a gearbox"
+        yield document.problem(place, message, remedy)
+
+
+def _key(path: Path) -> str:
+    """The name that says what a number is: of the transmission error, or the last one."""
+    names = [part for part in path if isinstance(part, str)]
+    if "transmission_error" in names:
+        return "transmission_error"
+    return "masses" if names[0] == "masses" else "inertias" if names[0] == "inertias" else names[-1]
+
+
+def _leaves(value: Any, path: Path) -> Iterator[tuple[Path, Any]]:
+    """All numbers and texts below a value, with their paths."""
+    items: Any = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else None
+    if items is None:
+        if isinstance(value, int | float | str) and not isinstance(value, bool):
+            yield path, value
+        return
+    for key, item in items:
+        yield from _leaves(item, (*path, key))
+
+
+# ---- gears
+
+
+def _gears(document: Document, config: Config, train: Train) -> Iterator[Problem]:
+    """Gears of a gearbox whose inertia or mass does not fit their size, and gears that turn too fast for it."""
+    from gearstab.systems.gearbox.rotors import pitch_radius
+
+    fastest = _fastest(config, train)
+    for k, rotor in enumerate(train.rotors):
+        if rotor.get("teeth") is None:
+            continue
+        radius = float(pitch_radius(rotor))
+        body = float(rotor.get("body_radius") or radius)
+        disc = math.pi * body**2 * float(rotor.get("face_width") or 10 * rotor["module"]) * train.material["density"]
+        for key, usual, unit, likely in (
+            ("inertia", disc * body**2 / 2, "kg m^2", "kg mm^2"),
+            ("mass", disc, "kg", "g"),
+        ):
+            value = value_at(config.parameters, ("rotors", k, key))
+            if value is not None and not 1 / OUT_OF_PROPORTION < value / usual < OUT_OF_PROPORTION:
+                place: Path = ("system", "rotors", k, key)
+                message = f"is {value / usual:.2g} times that of a disc of its size, {usual:.2g} {unit}"
+                hint = _meant(value, unit, likely, (usual / OUT_OF_PROPORTION, usual * OUT_OF_PROPORTION))
+                yield document.problem(place, message, hint, value=document.get(place))
+        if fastest is None:
+            continue
+        place, speed = fastest
+        velocity = speed * float(abs(train.speeds[k])) * radius
+        if velocity > FASTEST:
+            message = f"the teeth of {rotor['name']} run at {velocity:,.0f} m/s at {speed:.6g} rad/s of the input"
+            yield document.problem(place, message, f'plain numbers are in rad/s: was "{speed:.6g} rpm" meant?')
+            fastest = None
+
+
+def _fastest(config: Config, train: Any) -> tuple[Path, float] | None:
+    """Where the highest speed of the input stands, and the speed (rad/s)."""
+    found: list[tuple[float, Path]] = []
+    cycles = train.teeth(train.meshes[0][0]) * float(abs(train.speeds[train.meshes[0][0]]))
+    for axis in config.axes:
+        for item in axis.assignments:
+            if item.path == MESH_FREQUENCY:
+                found.append((float(np.max(item.values)) / cycles, ("sweep", axis.name)))
+    speed = (config.parameters.get("input") or {}).get("speed")
+    if speed is not None:
+        found.append((float(speed), ("system", "input", "speed")))
+    if not found:
+        return None
+    highest, place = max(found)
+    return place, highest
+
+
+# ---- axes
+
+
+def _axes(document: Document, config: Config) -> Iterator[Problem]:
+    """Axes with equal values, and lists that look like start, stop and number of values."""
+    for axis in config.axes:
+        place: Path = ("sweep", axis.name)
+        values = axis.values if isinstance(axis.values, list) else list(map(float, axis.values[:MOST_COMPARED]))
+        if len(set(values)) < len(values):
+            again = next(value for k, value in enumerate(values) if value in values[:k])
+            shown = f"{again:.6g}" if isinstance(again, float) else again
+            message = f"has the value {shown} more than once, and points of equal value cannot be told apart"
+            yield document.problem(place, message, "give each value once")
+        yield from _ends_and_number(document, axis, place)
+
+
+def _ends_and_number(document: Document, axis: Axis, place: Path) -> Iterator[Problem]:
+    given = document.get(place)
+    plain = isinstance(given, list) and len(given) == 3 and all(type(value) in (int, float) for value in given)
+    if not plain:
+        return
+    start, stop, count = given
+    number = float(count).is_integer() and count >= 3
+    apart = abs(count - stop) > 10 * abs(stop - start) if (stop - start) * (count - stop) > 0 else start != stop
+    if number and apart and count not in (start, stop):
+        message = f"has three values, the last of which, {count:g}, looks like a number of values"
+        remedy = f"for a range write {{start: {start:g}, stop: {stop:g}, num: {count:g}}}"
+        yield document.problem(place, message, remedy, value=given)

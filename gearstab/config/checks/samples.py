@@ -1,0 +1,58 @@
+"""Samples of a stiffness that cannot vary as much as the mesh says."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from gearstab.config.document.problems import Path
+from gearstab.config.document.yaml import Document
+from gearstab.config.sections.axes import Array, Axis
+
+HINT = "leave it out, or check the samples"
+
+
+def check_variation(document: Document, samples: Mapping[Path, Array], axes: Sequence[Axis]) -> None:
+    """Report variations of constant samples, which no factor makes vary, in the sections or along the axes.
+
+    samples: contents of files, (2, N), by the place of the waveform below ``system``.
+    """
+    for path, waveform in waveforms(document.data["system"], ()):
+        values = samples[path][1] if path in samples else waveform.get("stiffness")
+        swept = [(axis, item) for axis in axes for item in axis.assignments if item.path[: len(path) - 1] == path[:-1]]
+        if (
+            waveform.get("kind") != "sampled"
+            or not _constant(values)
+            or any(i.path[: len(path)] == path for _, i in swept)
+        ):
+            continue
+        for key in ("epsilon", "amplitude"):
+            place: Path = (*path[:-1], key)
+            axis = next(
+                (axis for axis, item in swept if item.path == place and np.any(np.asarray(item.values) > 0)), None
+            )
+            value = document.get(("system", *place))
+            message = f"the samples of the stiffness are constant, and no {key} makes them vary"
+            if axis is not None:
+                document.report(("sweep", axis.name), message, "remove the axis, or check the samples", at_key=True)
+            elif isinstance(value, int | float) and value > 0:
+                document.report(("system", *place), message, HINT, value=value)
+
+
+def _constant(values: Any) -> bool:
+    known = isinstance(values, np.ndarray) or (
+        isinstance(values, list) and all(isinstance(v, int | float) and not isinstance(v, bool) for v in values)
+    )
+    return known and len(values) > 1 and bool(np.ptp(np.asarray(values, dtype=float)) == 0)
+
+
+def waveforms(value: Any, path: Path) -> Iterator[tuple[Path, dict[str, Any]]]:
+    """The sections ``waveform`` below a value, with their paths."""
+    items: Any = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    for key, inner in items:
+        if key == "waveform" and isinstance(inner, dict):
+            yield (*path, key), inner
+        else:
+            yield from waveforms(inner, (*path, key))

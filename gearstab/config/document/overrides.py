@@ -1,0 +1,106 @@
+"""``--set PATH=VALUE``: changes to a configuration for one run."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from gearstab.config.document.problems import ConfigError, Path, Problem, nearest, shown
+from gearstab.config.document.yaml import Document, Where, parse_value
+from gearstab.config.sections.names import BUT_THE_FIRST, EVERY_MESH, RIVALS, TOP_LEVEL, mesh_items
+
+
+def apply(document: Document, override: str) -> None:
+    """Put the value of an override where its path points to; what is wrong with it is reported to the document.
+
+    The path begins at the top of the document or, if its first key is none of the top level, at ``system``; short
+    names mean every mesh that has one. Mappings that do not exist yet are made.
+    """
+    name, equals, text = override.partition("=")
+    name = name.strip()
+    option = f"--set {name or override}"
+    try:
+        if not equals or not name:
+            raise _wrong(option, "is no PATH=VALUE", "write for example --set system.damping_ratio=0.02")
+        value = parse_value(text, option)
+        for path in _places(document, name, option):
+            _put(document, path, value, option)
+    except ConfigError as error:
+        document.problems += error.problems
+
+
+def _wrong(option: str, message: str, hint: str, value: Any = None) -> ConfigError:
+    return ConfigError([Problem(option, None, "", shown(value), message, hint)])
+
+
+def _places(document: Document, name: str, option: str) -> list[Path]:
+    keys = name.split(".")
+    if not isinstance(document.data, dict):
+        raise _wrong(option, "the configuration is no mapping", "write keys and values")
+    if keys[0] in TOP_LEVEL:
+        return [_path(document, keys, option)]
+    if name == "mesh_frequency":
+        raise _wrong(option, "is no part of the system", "set sweep.mesh_frequency or respond.mesh_frequency")
+    meshes = document.get(("system", "meshes"))
+    if name in EVERY_MESH + BUT_THE_FIRST and isinstance(meshes, list | dict):
+        return _of_meshes(meshes, name, option)
+    return [_path(document, ["system", *keys], option)]
+
+
+def _of_meshes(meshes: list[Any] | dict[str, Any], name: str, option: str) -> list[Path]:
+    from gearstab.config.waveforms import has_no_ratio
+
+    rival = RIVALS.get(name, "")
+    found: list[Path] = []
+    for i, mesh in mesh_items(meshes):
+        without = (name == "contact_ratio" and has_no_ratio(mesh)) or (i == 0 and name in BUT_THE_FIRST)
+        if isinstance(mesh, dict) and mesh.get(rival) is None and not without:
+            found.append(("system", "meshes", i, name))
+    if not found:
+        remedy = f"the meshes give {rival}: set that" if rival else "see `gearstab schema`"
+        raise _wrong(option, f"no mesh has {name}", remedy)
+    return found
+
+
+def _path(document: Document, keys: list[str], option: str) -> Path:
+    """Keys and indices of a dotted path. Keys of ``sweep`` hold dots themselves: the longest one that exists counts."""
+    path: Path = ()
+    container: Any = document.data
+    while keys:
+        if isinstance(container, list):
+            part: str | int = _index(container, keys.pop(0), option)
+            inner = container[int(part)]
+        elif isinstance(container, dict) or container is None:
+            known = container or {}
+            lengths = [n for n in range(len(keys), 0, -1) if ".".join(keys[:n]) in known]
+            # A new key of a sweep or of a case is the name of a parameter, dots and all.
+            new = len(keys) if path[:1] == ("sweep",) and _names_parameters(path) else 1
+            count = lengths[0] if lengths else new
+            part, keys = ".".join(keys[:count]), keys[count:]
+            inner = known.get(part)
+        else:
+            where = ".".join(map(str, path))
+            raise _wrong(option, f"{where} is a single value", f"set {where} itself", container)
+        path, container = (*path, part), inner
+    return path
+
+
+def _names_parameters(path: Path) -> bool:
+    return len(path) == 1 or (len(path) == 3 and isinstance(path[2], int))
+
+
+def _index(entries: list[Any], key: str, option: str) -> int:
+    if key.isdecimal() and int(key) < len(entries):
+        return int(key)
+    names = [str(entry["name"]) for entry in entries if isinstance(entry, dict) and "name" in entry]
+    if key in names:
+        return next(i for i, e in enumerate(entries) if isinstance(e, dict) and str(e.get("name")) == key)
+    remedy = nearest(key, names) if names and not key.isdecimal() else f"use an index from 0 to {len(entries) - 1}"
+    raise _wrong(option, f"there is no entry '{key}'", remedy)
+
+
+def _put(document: Document, path: Path, value: Any, option: str) -> None:
+    place = Where(option)
+    for length in range(1, len(path)):
+        if document.get(path[:length]) is None:
+            document.put(path[:length], {}, place)
+    document.put(path, value, place)

@@ -1,0 +1,119 @@
+"""Units that depend on the rest of the model: on which coordinates turn, or on whether it has units at all."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from pydantic import BaseModel
+from pydantic_core import PydanticCustomError
+
+from gearstab.config.document.problems import Path
+from gearstab.config.document.yaml import Document
+from gearstab.config.model.fields import Quantity
+from gearstab.config.model.introspection import number_kind, type_at
+
+if TYPE_CHECKING:
+    from gearstab.systems.base import System
+
+TURNED = {
+    "m": ("m", "rad"),
+    "m/s": ("m/s", "rad/s"),
+    "N": ("N", "N m"),
+    "kg": ("kg", "kg m", "kg m^2"),
+    "N/m": ("N/m", "N", "N m"),
+    "N s/m": ("N s/m", "N s", "N m s"),
+}
+"""Unit of displacements -> units where none, one or both of the coordinates that it belongs to are rotations in rad."""
+
+NO_UNITS = "the model has none (system.units: none)"
+SCALED = "times are in sqrt(m_r/k_rp) with scaling: dimensionless"
+OF_A_TORQUE = "of a torque, give the force that it is over the base radius"
+
+
+def quantity_at(model: type[System], raw: dict[str, Any], path: Path, declared: Quantity) -> Quantity:
+    """What the number at a path may be, which its field declares, in a section ``system`` as written.
+
+    path: below ``system``, or beginning with ``mesh_frequency`` or ``respond``.
+    """
+    if declared.unit in ("1", "rad"):
+        return declared
+    if raw.get("units") == "none" and not model.needs_units:
+        return Quantity(advice=NO_UNITS)
+    if path[0] in ("mesh_frequency", "respond") and raw.get("scaling") == "dimensionless" and declared.unit != "m":
+        return Quantity(advice=SCALED)
+    turning, angle = model.turning(raw), model.turning_meshes(raw)
+    if path[0] == "meshes" and path[2:3] == ("direction",):
+        known = turning is not None and path[-1] in range(len(turning))
+        lever = not known or (turning[path[-1]] and not angle)  # type: ignore[index]
+        return declared if lever else Quantity(advice="the mesh deflection is this times the coordinate")
+    units = TURNED.get(declared.unit)
+    found = set(_rotations(raw, path, turning, angle)) if declared.others and units else set()
+    if not units or len(found) != 1:
+        return declared
+    unit = units[found.pop()]
+    return replace(declared, unit=unit, others=(), advice=OF_A_TORQUE if unit == "N" and path[0] == "load" else "")
+
+
+def _rotations(raw: dict[str, Any], path: Path, turning: Sequence[bool] | None, angle: bool) -> Iterator[int]:
+    """How many of the coordinates that a number belongs to are rotations; several answers where it belongs to many."""
+    if path[0] == "meshes":
+        stiffness = path[2] not in ("backlash", "transmission_error")
+        yield (2 if stiffness else 1) * angle
+        return
+    groups: list[Sequence[Any]] = []
+    if path[0] in ("forces", "terms"):
+        item = raw[path[0]][path[1]]
+        vectors = [item.get(key) for key in (("direction",) if path[0] == "forces" else ("left", "right"))]
+        groups = [_places(vector) for vector in vectors]
+    elif path[0] in ("mass", "stiffness", "damping"):
+        groups = [[path[-2]], [path[-1]]]
+    elif path[0] in ("load", "respond"):
+        groups = [[path[-1]]]
+    if turning is None or any(not isinstance(k, int) or k >= len(turning) for group in groups for k in group):
+        return
+    first, second = groups if len(groups) == 2 else (groups[0], None)
+    for i in first:
+        for also in [0] if second is None else [int(turning[j]) for j in second]:
+            yield int(turning[i]) + also
+
+
+def _places(vector: Any) -> list[int]:
+    """Where a vector as written is not zero."""
+    return [k for k, value in enumerate(vector) if value != 0] if isinstance(vector, list) else []
+
+
+def check_units(
+    document: Document, model: type[System], raw: dict[str, Any], top: str, section: type[BaseModel],
+    ignore: Collection[Path] = (),
+) -> set[Path]:  # fmt: skip
+    """Report texts in a section whose unit does not fit the model; returns where they stand.
+
+    top, section: the key of the section and its model. ignore: paths in the document that are left alone.
+    """
+    found: set[Path] = set()
+    for path, text in _texts(document.data.get(top), ()):
+        declared = number_kind(type_at(section, path))
+        place = (top, *path)
+        if not isinstance(declared, Quantity) or place in ignore:
+            continue
+        wanted = quantity_at(model, raw, path if top == "system" else place, declared)
+        if wanted == declared:
+            continue
+        try:
+            wanted.number(text)
+        except PydanticCustomError as error:
+            context = error.context or {}
+            document.report(place, str(context["message"]), str(context["hint"]), value=text)
+            found.add(place)
+    return found
+
+
+def _texts(value: Any, path: Path) -> Iterator[tuple[Path, str]]:
+    if isinstance(value, str):
+        yield path, value
+        return
+    items: Any = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    for key, item in items:
+        yield from _texts(item, (*path, key))

@@ -1,0 +1,298 @@
+"""The kinds of values that the models of a configuration are made of."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Annotated, Any, ClassVar
+
+from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, GetJsonSchemaHandler, StrictBool
+from pydantic_core import PydanticCustomError, core_schema
+
+from gearstab.config.document.problems import nearest
+from gearstab.config.model.units import PER_CENT, DimensionError, UnitError, to_si
+
+LARGEST_DENOMINATOR = 1000
+"""A decimal number is taken for an exact ratio up to this denominator: 0.6 is 3/5, but 0.6667 is hardly 6667/10000."""
+
+LARGEST_NUMBER, SMALLEST_NUMBER = 1e30, 1e-30
+"""Of a number, and of one that has a unit and is not zero. No gear is near them, whatever the system of units, and
+products of ten numbers stay within double precision."""
+LARGEST_RATIO = 10**4
+"""Of frequencies or tooth numbers; no train has one beyond it, nor beyond its inverse."""
+LARGEST_TERM = 10**9
+"""Of an exact ratio; the common period of the meshes holds as many cycles."""
+
+
+FEWEST_TEETH = 3
+
+
+def wrong(kind: str, message: str, hint: str) -> PydanticCustomError:
+    """An error whose remedy travels in its context."""
+    return PydanticCustomError(kind, "{message}", {"message": message, "hint": hint})
+
+
+class Section(BaseModel):
+    """A mapping of a configuration: no unknown keys, unchangeable once read."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
+
+    misplaced: ClassVar[dict[str, str]] = {}
+    """Unknown keys that stand elsewhere, and the remedy for each."""
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A finite number; where it is dimensional also a text with a unit, converted to SI, else one with per cent.
+
+    unit: the SI unit, "1" for a dimensionless number. others: further units that it has in other coordinates.
+    turns: whether it is a fraction of a turn, which may be given as an angle.
+    entry: whether it is one of many, which may be no more than the rounding error of another program.
+    advice: what to give instead of a quantity of the wrong dimension.
+    """
+
+    unit: str = "1"
+    others: tuple[str, ...] = ()
+    turns: bool = False
+    entry: bool = False
+    advice: str = ""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
+        return core_schema.no_info_before_validator_function(self.number, handler(source))
+
+    def __get_pydantic_json_schema__(
+        self, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        start = r"^\s*[-+]?[0-9.]"
+        pattern = start if self.units or self.turns else rf"{start}.*({'|'.join(PER_CENT)})\s*$"
+        example = "90 deg" if self.turns else "5 %" if self.unit == "1" else f"2 {self.unit}"
+        text = {"type": "string", "pattern": pattern, "description": f'a number and a unit, such as "{example}"'}
+        return {"anyOf": [handler(schema), text]}
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """All units it may have, none for a dimensionless number."""
+        return () if self.unit == "1" else (self.unit, *self.others)
+
+    def number(self, value: Any) -> float:
+        """The value as a finite float in SI units; raises a pydantic error."""
+        if isinstance(value, bool) or not isinstance(value, int | float | str):
+            article = "is empty" if value is None else "must be a number"
+            raise wrong("number", article, f"write a number in {self.unit}" if self.units else "write a number")
+        try:
+            result = to_si(value, self.units, self.turns) if isinstance(value, str) else float(value)
+        except UnitError as error:
+            advice = f"; {self.advice}" if self.advice and isinstance(error, DimensionError) else ""
+            raise wrong("number", str(error), error.hint + advice) from None
+        except OverflowError:
+            result = math.inf
+        if not math.isfinite(result):
+            raise wrong("number", "must be a finite number", "write a number")
+        if abs(result) > LARGEST_NUMBER:
+            raise wrong("number", "is larger than of any gear", f"stay below {LARGEST_NUMBER:g}")
+        if 0 < abs(result) < SMALLEST_NUMBER and self.unit not in ("1", "rad") and not self.entry:
+            raise wrong("number", "is smaller than of any gear", f"stay above {SMALLEST_NUMBER:g}")
+        return result
+
+
+def _no_comma(value: Any) -> None:
+    """Raises a pydantic error for a text with a decimal comma."""
+    if isinstance(value, str) and "," in value:
+        try:
+            to_si(value, ())
+        except UnitError as error:
+            raise wrong("ratio", str(error), error.hint) from None
+
+
+def _usual_ratio(ratio: Fraction | float) -> None:
+    """Raises a pydantic error for a ratio that no train has."""
+    if not 1 / LARGEST_RATIO <= ratio <= LARGEST_RATIO:
+        limits = f"{1 / LARGEST_RATIO:g} and {LARGEST_RATIO:g}"
+        raise wrong("ratio", f"must lie between {limits}", "write a ratio of frequencies or tooth numbers")
+
+
+@dataclass(frozen=True)
+class Ratio:
+    """A positive ratio of tooth numbers or frequencies, kept exact: 1, 0.6 or "3/5".
+
+    exact: false for one that stands for an irrational number, a float.
+    sibling: the flag before it in the section that says which of the two it is.
+    """
+
+    unit: ClassVar[str] = "1"
+
+    exact: bool = True
+    sibling: str = ""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
+        return core_schema.with_info_plain_validator_function(
+            self.number, serialization=core_schema.to_string_ser_schema()
+        )
+
+    def number(self, value: Any, info: core_schema.ValidationInfo) -> Fraction | float:
+        """The ratio, of the kind that the section asks for; raises a pydantic error."""
+        exact = (info.data or {}).get(self.sibling, True) if self.sibling else self.exact
+        return self.fraction(value) if exact else self.decimal(value)
+
+    @staticmethod
+    def decimal(value: Any) -> float:
+        """The ratio as a float; raises a pydantic error."""
+        remedy = "write a decimal such as 1.4142135623730951"
+        _no_comma(value)
+        try:
+            # The resolved configuration holds it as a text, as it does exact ratios.
+            number = float(value) if isinstance(value, int | float | str) and not isinstance(value, bool) else math.nan
+        except (ValueError, OverflowError):
+            number = math.nan
+        if not math.isfinite(number):
+            raise wrong("ratio", "must be a number", remedy)
+        if number <= 0:
+            raise wrong("ratio", "must be > 0", remedy)
+        _usual_ratio(number)
+        return number
+
+    def __get_pydantic_json_schema__(
+        self, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        return {
+            "anyOf": [
+                {"type": "number", "exclusiveMinimum": 0},
+                {"type": "string", "pattern": r"^\s*[0-9]+(\.[0-9]+)?(e[-+]?[0-9]+)?\s*(/\s*[0-9]+\s*)?$"},
+            ]
+        }
+
+    def fraction(self, value: Any) -> Fraction:
+        """The exact ratio; raises a pydantic error."""
+        remedy = 'write an integer, a short decimal such as 0.6 or a fraction in quotes such as "3/5"'
+        if isinstance(value, Fraction):
+            return value
+        _no_comma(value)
+        if isinstance(value, bool) or not isinstance(value, int | float | str):
+            raise wrong("ratio", "must be a ratio", remedy)
+        if isinstance(value, str):
+            found = re.fullmatch(r"\s*(\d{1,12}(?:\.\d{1,12})?)\s*(?:/\s*(\d{1,12})\s*)?", value)
+            if not found or (found[2] and ("." in found[1] or int(found[2]) == 0)):
+                raise wrong("ratio", "must be a ratio of two integers", remedy)
+            ratio = Fraction(int(found[1]), int(found[2])) if found[2] else Fraction(found[1])
+        elif isinstance(value, int) or math.isfinite(value):
+            ratio = Fraction(value if isinstance(value, int) else repr(value))
+        else:
+            raise wrong("ratio", "must be a finite ratio", remedy)
+        if ratio <= 0:
+            raise wrong("ratio", "must be > 0", remedy)
+        otherwise = f", or {self.sibling}: false if it stands for an irrational number" if self.sibling else ""
+        _usual_ratio(ratio)
+        if max(ratio.numerator, ratio.denominator) > LARGEST_TERM:
+            raise wrong("ratio", "has too many digits", f"write a ratio of tooth numbers{otherwise}")
+        if ratio.denominator > LARGEST_DENOMINATOR and not (isinstance(value, str) and "/" in value):
+            near = ratio.limit_denominator(100)
+            remedy = f'write a fraction such as "{near}"{otherwise}'
+            raise wrong("ratio", "is no short decimal, and the ratio must be exact", remedy)
+        return ratio
+
+
+@dataclass(frozen=True)
+class Count(Ratio):
+    """A number of teeth: a whole number that an axis may set, and exact, because ratios follow from it."""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
+        return core_schema.no_info_plain_validator_function(
+            self.fraction, serialization=core_schema.plain_serializer_function_ser_schema(int)
+        )
+
+    def __get_pydantic_json_schema__(
+        self, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        return {"type": "integer", "minimum": FEWEST_TEETH}
+
+    @staticmethod
+    def fraction(value: Any) -> Fraction:
+        """The whole number; raises a pydantic error."""
+        number = isinstance(value, int | float | Fraction) and not isinstance(value, bool)
+        endless = isinstance(value, float) and not math.isfinite(value)
+        if not number or endless or value != int(value) or not FEWEST_TEETH <= value <= LARGEST_TERM:
+            raise wrong("count", f"must be a whole number >= {FEWEST_TEETH}", "write a number of teeth")
+        return Fraction(int(value))
+
+
+@dataclass(frozen=True)
+class Choice:
+    """One of the words that this version knows; ``planned`` are known ones of which it has nothing yet.
+
+    axis: whether a sweep may set it: where all other keys mean the same under each of the words.
+    """
+
+    what: str
+    available: tuple[str | int, ...]
+    planned: tuple[str | int, ...] = ()
+    axis: bool = False
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
+        return core_schema.no_info_plain_validator_function(self.choose)
+
+    def __get_pydantic_json_schema__(
+        self, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        return {"enum": list(self.available)}
+
+    def choose(self, value: Any) -> str | int:
+        """The value itself if it is available; raises a pydantic error."""
+        if type(value) in (str, int) and value in self.available:
+            return value
+        names = ", ".join(map(str, self.available))
+        if type(value) in (str, int) and value in self.planned:
+            raise wrong("unavailable", f"{self.what} '{value}' is not available in this version", f"available: {names}")
+        hint = nearest(str(value), map(str, self.available)) if isinstance(value, str) else f"available: {names}"
+        raise wrong("choice", f"is no {self.what}", hint if hint.endswith(names) else f"{hint} (available: {names})")
+
+
+def _whole(value: Any) -> Any:
+    """``1e3`` is 1000; a truth value, a text or 2.5 is no count."""
+    if isinstance(value, float) and value.is_integer():
+        return int(value)
+    if isinstance(value, bool) or not isinstance(value, int):
+        raise wrong("whole", "must be a whole number", "write a number without a decimal point")
+    return value
+
+
+class Whole:
+    """A whole number."""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
+        return core_schema.no_info_before_validator_function(_whole, handler(source))
+
+
+def _name(value: Any) -> str:
+    if not isinstance(value, str):
+        raise wrong("name", "must be a text", "put it in quotes")
+    if not value.strip() or value.isdigit() or re.search(r"[./\\\x00-\x1f]", value):
+        raise wrong("name", "cannot be used in a path", "choose a name with a letter and without '.', '/' and '\\'")
+    return value
+
+
+class Name:
+    """The name of a mesh or coordinate, usable in dotted paths."""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
+        return core_schema.no_info_before_validator_function(_name, handler(source))
+
+
+Flag = StrictBool
+NameText = Annotated[str, Name()]
+Positive = Annotated[float, Field(gt=0), Quantity()]
+NonNegative = Annotated[float, Field(ge=0), Quantity()]
+Number = Annotated[float, Quantity()]
+Turns = Annotated[float, Quantity(turns=True)]
+"""A fraction of a period: a phase, a lag, a phasing."""
+AngularFrequency = Annotated[float, Field(gt=0), Quantity("rad/s")]
+Time = Annotated[float, Field(gt=0), Quantity("s")]
+Inertia = Annotated[float, Field(gt=0), Quantity("kg m^2")]
+Length = Annotated[float, Field(gt=0), Quantity("m")]
+Mass = Annotated[float, Field(gt=0), Quantity("kg")]
+ContactRatio = Annotated[float, Field(ge=1, le=1000), Quantity()]
+ExactRatio = Annotated[Fraction, Ratio()]
+AnyRatio = Annotated[Fraction | float, Ratio(sibling="exact")]
+"""Exact unless the flag ``exact`` before it says that it is not."""
+ToothCount = Annotated[Fraction, Count()]

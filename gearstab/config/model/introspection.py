@@ -1,0 +1,84 @@
+"""What the models of a configuration say about their fields."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+from types import NoneType, UnionType
+from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
+
+from pydantic import BaseModel
+
+from gearstab.config.document.problems import Path
+from gearstab.config.model.fields import Choice, Quantity, Ratio
+
+
+@cache
+def field_types(model: type[BaseModel]) -> Mapping[str, Any]:
+    """Field name -> its annotation, with units and constraints, without "or None"."""
+    hints = get_type_hints(model, include_extras=True)
+    return {name: without_none(hints[name]) for name in model.model_fields}
+
+
+def without_none(annotation: Any) -> Any:
+    """``X`` of ``X | None``."""
+    if get_origin(annotation) in (Union, UnionType):
+        return next(a for a in get_args(annotation) if a is not NoneType)
+    return annotation
+
+
+def bare(annotation: Any) -> Any:
+    """``X`` of ``Annotated[X, ...]``."""
+    return get_args(annotation)[0] if get_origin(annotation) is Annotated else annotation
+
+
+def is_model(annotation: Any) -> bool:
+    """Whether a field holds a mapping with a model of its own."""
+    return isinstance(annotation, type) and issubclass(annotation, BaseModel)
+
+
+def entry_type(annotation: Any, index: int) -> Any:
+    """The annotation of an entry of a list or tuple; None where there is none."""
+    kind, entries = get_origin(bare(annotation)), get_args(bare(annotation))
+    if kind is list:
+        return entries[0]
+    if kind is tuple and index < len(entries):
+        return entries[index]
+    return None
+
+
+def number_kind(annotation: Any) -> Quantity | Ratio | None:
+    """What kind of number a field is, None for other fields."""
+    if get_origin(annotation) is not Annotated:
+        return None
+    return next((m for m in get_args(annotation)[1:] if isinstance(m, Quantity | Ratio)), None)
+
+
+def axis_choice(annotation: Any) -> Choice | None:
+    """The words that an axis can give a field, None for other fields."""
+    if get_origin(annotation) is not Annotated:
+        return None
+    return next((m for m in get_args(annotation)[1:] if isinstance(m, Choice) and m.axis), None)
+
+
+def inner_type(annotation: Any, part: str | int) -> Any:
+    """The annotation one key or index further down; None where the model has no such thing."""
+    if is_model(annotation):
+        return field_types(annotation).get(str(part))
+    return entry_type(annotation, part) if isinstance(part, int) else None
+
+
+def type_at(model: type[BaseModel], path: Path) -> Any:
+    """The annotation at a path below a model; None where the model has no such thing."""
+    annotation: Any = model
+    for part in path:
+        annotation = inner_type(annotation, part) if annotation is not None else None
+    return annotation
+
+
+def as_parameters(value: Any) -> Any:
+    """A model as nested dicts and lists of what its fields hold, without those that hold nothing."""
+    if isinstance(value, BaseModel):
+        fields = {name: getattr(value, name) for name in type(value).model_fields}
+        return {name: as_parameters(item) for name, item in fields.items() if item is not None}
+    return [as_parameters(item) for item in value] if isinstance(value, list | tuple) else value

@@ -1,0 +1,143 @@
+"""From pydantic's errors to problems that name place, value and remedy."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from typing import Any, TypeVar, get_args
+
+from pydantic import BaseModel, ValidationError
+
+from gearstab.config.document.problems import Path, closest, nearest
+from gearstab.config.document.yaml import Document
+from gearstab.config.model.fields import Section
+from gearstab.config.model.introspection import (
+    bare,
+    entry_type,
+    field_types,
+    is_model,
+    number_kind,
+    type_at,
+)
+
+Model = TypeVar("Model", bound=BaseModel)
+
+SIGNS = {"greater_than": ">", "greater_than_equal": ">=", "less_than": "<", "less_than_equal": "<="}
+SHAPES = {
+    "list_type": ("must be a list", "write [ ... ]"),
+    "tuple_type": ("must be a list", "write [ ... ]"),
+    "model_type": ("must be a mapping", "write keys and values below it, or { ... }"),
+    "dict_type": ("must be a mapping", "write keys and values below it, or { ... }"),
+    "bool_type": ("must be true or false", "write true or false, without quotes"),
+    "string_type": ("must be a text", "put it in quotes"),
+}
+
+
+def validate(document: Document, model: type[Model], path: Path, ignore: Collection[Path] = ()) -> Model | None:
+    """The section at ``path`` as its model, or None after reporting what is wrong with it.
+
+    ignore: paths in the document whose problems are known already.
+    """
+    try:
+        return model.model_validate(document.get(path))
+    except ValidationError as error:
+        report(document, error, model, path, ignore)
+        return None
+
+
+def report(document: Document, error: ValidationError, model: Any, path: Path, ignore: Collection[Path] = ()) -> None:
+    """Report every error but those that follow from another one.
+
+    These stand beside an option that does not exist yet, or miss a key that is there but misspelt.
+    """
+    details = error.errors(include_url=False)
+    misspelt = [(*d["loc"][:-1], _meant(d["loc"], model)) for d in details if d["type"] == "extra_forbidden"]
+    unavailable = [d["loc"] for d in details if d["type"] == "unavailable"]
+    for detail in details:
+        loc = detail["loc"]
+        follows = (detail["type"] == "missing" and loc in misspelt) or any(
+            loc != other and loc[: len(other) - 1] == other[:-1] for other in unavailable
+        )
+        if (*path, *loc) not in ignore and not follows:
+            _report_one(document, detail, model, path)
+
+
+def as_meant(value: Any, annotation: Any) -> Any:
+    """A section as written, in which misspelt keys are read as what they were meant to be.
+
+    So what is said about the section as a whole does not miss a key whose spelling is reported.
+    """
+    if isinstance(value, list):
+        return [as_meant(item, entry_type(annotation, i)) for i, item in enumerate(value)]
+    if not isinstance(value, dict) or not is_model(annotation):
+        return value
+    known = field_types(annotation)
+    right = {key: key if key in known else _right_name(key, annotation) for key in value}
+    names = {key: key if name is None or (name != key and name in value) else name for key, name in right.items()}
+    return {names[key]: as_meant(item, known.get(names[key])) for key, item in value.items()}
+
+
+def _meant(loc: Path, model: Any) -> str | None:
+    """The key that an unknown one was meant to be, None where none is like it."""
+    return _right_name(str(loc[-1]), type_at(model, loc[:-1]))
+
+
+def _right_name(key: str, model: Any) -> str | None:
+    if not is_model(model) or key in getattr(model, "misplaced", ()):
+        return None
+    return closest(key, model.model_fields)
+
+
+def explain(detail: Any) -> tuple[str, str]:
+    """Message and remedy of an error that concerns a value alone."""
+    kind, context = detail["type"], detail.get("ctx", {})
+    if kind in SIGNS:
+        bound = f"{SIGNS[kind]} {next(iter(context.values())):g}"
+        return f"must be {bound}", f"choose a value {bound}"
+    if kind in SHAPES:
+        return SHAPES[kind]
+    if kind in ("too_short", "too_long"):
+        wanted = context.get("min_length", context.get("max_length"))
+        return (
+            f"has {context['actual_length']} entries",
+            f"give {'at least' if kind == 'too_short' else 'at most'} {wanted}",
+        )
+    return detail["msg"], context.get("hint", "")
+
+
+def _report_one(document: Document, detail: Any, model: Any, path: Path) -> None:
+    loc: Path = detail["loc"]
+    here = (*path, *loc)
+    parent = type_at(model, loc[:-1])
+    if detail["type"] == "missing" and isinstance(loc[-1], int):
+        _wrong_count(document, here[:-1], parent)
+    elif detail["type"] == "missing":
+        description = parent.model_fields[loc[-1]].description or ""
+        document.report(here, "is missing", f"add {loc[-1]}: {description.rstrip('.')}")
+    elif detail["type"] == "extra_forbidden":
+        key = str(loc[-1])
+        # In braces a comma begins the next entry: {start: 0,35} has the keys start and 35.
+        comma = key.isdecimal() and detail["input"] is None
+        hint = "write a decimal point if this follows a decimal comma" if comma else _right_key(key, parent)
+        document.report(here, "unknown key", hint, at_key=True)
+    elif detail["type"] == "too_long" and not is_model(bare(type_at(model, loc))):
+        _wrong_count(document, here, type_at(model, loc))
+    else:
+        message, hint = explain(detail)
+        value = detail["input"]
+        kind = number_kind(type_at(model, loc))
+        if detail["type"] in SIGNS and kind is not None and kind.unit == "rad" and isinstance(value, int | float):
+            hint += f', or "{value:g} deg"'
+        document.report(here, message, hint, value=None if isinstance(value, list | dict) and not value else value)
+
+
+def _wrong_count(document: Document, path: Path, annotation: Any) -> None:
+    count = len(get_args(bare(annotation)))
+    given = len(document.get(path))
+    if not any(p.path == ".".join(map(str, path)) and p.message.startswith("has ") for p in document.problems):
+        document.report(path, f"has {given} entr{'y' if given == 1 else 'ies'}", f"give exactly {count}")
+
+
+def _right_key(key: str, model: type[BaseModel]) -> str:
+    if issubclass(model, Section) and key in model.misplaced:
+        return model.misplaced[key]
+    return nearest(key, model.model_fields)

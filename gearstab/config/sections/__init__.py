@@ -1,0 +1,1 @@
+"""The sections ``sweep``, ``methods`` and ``respond``, and the axes and targets that a sweep sets."""

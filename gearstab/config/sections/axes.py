@@ -1,0 +1,174 @@
+"""Axes of a grid, the configuration as a whole, and the parameters at chosen points of the grid."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from gearstab.config.document.problems import Path, Problem
+
+if TYPE_CHECKING:
+    from gearstab.config.document.yaml import Document
+    from gearstab.config.sections.methods import Methods
+    from gearstab.config.sections.respond import Respond
+    from gearstab.config.sections.respond_pair import PairRespond
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Assignment:
+    """One parameter that an axis sets.
+
+    path: keys and indices into ``Config.parameters``; ``("mesh_frequency",)`` is the mesh frequency itself.
+    values: one a point of the axis: a float array, or a list where the parameter is no plain number (an exact ratio).
+    factor: of the values over those of the axis.
+    """
+
+    path: Path
+    values: Array | list[Any]
+    factor: float = 1.0
+
+    @property
+    def structural(self) -> bool:
+        """Whether points of different value cannot be computed together."""
+        return isinstance(self.values, list)
+
+
+@dataclass(frozen=True)
+class Axis:
+    """One dimension of the grid.
+
+    name: the key in ``sweep``; size: number of points.
+    values: the coordinate, ``(size,)`` floats, or texts: labels of cases, exact ratios.
+    units: SI unit of the values, "1" without one; long_name: what they are.
+    assignments: all parameters that the axis sets.
+    ends: start and stop where the values are given as a range; None where they are listed.
+    """
+
+    name: str
+    size: int
+    values: Array | list[str]
+    units: str
+    long_name: str
+    assignments: tuple[Assignment, ...]
+    ends: tuple[float, float] | None = None
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """The least and the greatest number that the axis covers, a range from end to end even with few points."""
+        if self.ends is not None:
+            return min(self.ends), max(self.ends)
+        values = np.asarray(self.values, dtype=float)
+        return float(values.min()), float(values.max())
+
+
+@dataclass(frozen=True)
+class Config:
+    """A configuration that was read and found right.
+
+    parameters: the section ``system``, ready for ``gearstab.systems.build``; SI numbers, exact ratios as Fraction.
+    axes: in the order of ``sweep``, none without that section; methods and respond: their sections.
+    tree: the whole document as run, as plain data; contents: what referenced files hold, by name.
+    overrides: the ``PATH=VALUE`` texts that were applied.
+    document: the document as written, which knows where everything stands.
+    doubts: what is right and hardly meant, such as lengths without a unit; commands print it.
+    """
+
+    title: str
+    kind: str
+    parameters: dict[str, Any]
+    axes: tuple[Axis, ...]
+    methods: Methods
+    respond: Respond | PairRespond | None
+    source: FilePath
+    tree: dict[str, Any]
+    contents: Mapping[str, Array]
+    document: Document = field(repr=False, compare=False)
+    overrides: tuple[str, ...] = ()
+    doubts: tuple[Problem, ...] = field(default=(), compare=False)
+
+    def problem(self, path: Path, message: str, hint: str) -> Problem:
+        """A mistake that shows only when the configuration is used, at its line, with the value given there."""
+        value = self.document.get(path)
+        return self.document.problem(path, message, hint, value=None if isinstance(value, dict) else value)
+
+    @cached_property
+    def resolved(self) -> str:
+        """The configuration as run, as YAML: overrides applied, defaults filled in, SI numbers."""
+        from gearstab.config.document.yaml import write
+
+        return write(self.tree)
+
+    @cached_property
+    def digest(self) -> str:
+        """SHA-256, in hexadecimal digits, over everything that numbers depend on; not over the title."""
+        relevant = {key: value for key, value in self.tree.items() if key != "title"}
+        relevant["system"] = _without_files(self.tree["system"])
+        # The order of the axes is that of the result's dimensions; the order of other keys is nothing.
+        relevant["sweep"] = [[name, spec] for name, spec in self.tree.get("sweep", {}).items()]
+        total = hashlib.sha256(json.dumps(relevant, sort_keys=True, allow_nan=False).encode())
+        for name, values in sorted(self.contents.items()):
+            data = np.ascontiguousarray(values, dtype="<f8")
+            total.update(f"{name}{data.shape}".encode() + data.tobytes())
+        return total.hexdigest()
+
+
+def _without_files(tree: Any) -> Any:
+    """Plain data without the names of files, whose contents count."""
+    if isinstance(tree, dict):
+        return {key: _without_files(value) for key, value in tree.items() if key != "file"}
+    return [_without_files(item) for item in tree] if isinstance(tree, list) else tree
+
+
+def parameters_at(config: Config, selection: Mapping[str, Array]) -> dict[str, Any]:
+    """The parameters at points of the grid.
+
+    selection: axis name -> index into its points, integer arrays of one shape (rows,). Axes that are not named keep the
+    base values, and the mesh frequency is no parameter of a system.
+
+    Returns ``config.parameters`` with what the axes set replaced by arrays (rows,); entries of a matrix from a file by
+    a matrix of shape (rows, n, n). A parameter that is no plain number must be the same in all rows, else
+    ValueError: such rows are different systems.
+    """
+    parameters: Any = config.parameters
+    for axis in config.axes:
+        if axis.name not in selection:
+            continue
+        rows = np.asarray(selection[axis.name])
+        for item in axis.assignments:
+            if item.path != ("mesh_frequency",):
+                parameters = _replaced(parameters, item.path, _values(axis, item, rows))
+    return dict(parameters)
+
+
+def _values(axis: Axis, item: Assignment, rows: Array) -> Any:
+    if isinstance(item.values, np.ndarray):
+        return item.values[rows]
+    values = [item.values[i] for i in np.unique(rows)]
+    if any(value != values[0] for value in values[1:]):
+        raise ValueError(f"axis '{axis.name}' must be constant over the rows that are built together")
+    return values[0]
+
+
+def _replaced(container: Any, path: Sequence[str | int], value: Any) -> Any:
+    """A copy of nested containers in which one entry is replaced; everything else is shared."""
+    if not path:
+        return value
+    key = path[0]
+    if isinstance(container, np.ndarray):
+        row, column = (int(part) for part in path)
+        copy = np.array(np.broadcast_to(container, np.shape(value) + container.shape[-2:]))
+        copy[..., row, column] = value
+        return copy
+    copied: Any = dict(container) if isinstance(container, dict) else list(container)
+    inner = container.get(key) if isinstance(container, dict) else container[key]
+    copied[key] = _replaced(inner, path[1:], value)
+    return copied

@@ -1,0 +1,185 @@
+"""The forms in which an axis gives its values, and the values."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import Field, GetCoreSchemaHandler, GetJsonSchemaHandler, TypeAdapter, ValidationError
+from pydantic_core import core_schema
+
+from gearstab.config.document.problems import Path
+from gearstab.config.document.yaml import Document
+from gearstab.config.model.fields import Choice, Section, Whole
+from gearstab.config.model.introspection import axis_choice, number_kind
+from gearstab.config.model.validation import explain, validate
+from gearstab.config.sections.axes import Array
+from gearstab.config.sections.targets import Target
+
+LARGEST_AXIS = 100_000_000
+STEP_TOLERANCE = 1e-9
+"""How far from the last step, in steps, the stop still counts as hit: (stop - start)/step carries a few roundings."""
+
+
+class Edge:
+    """A number, where the parameter has a unit also a text with one; the parameter itself says which are allowed."""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
+        return core_schema.any_schema()
+
+    def __get_pydantic_json_schema__(
+        self, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        return {"type": ["number", "string"]}
+
+
+Count = Annotated[int, Field(ge=1, le=LARGEST_AXIS), Whole()]
+Spacing = Annotated[str, Choice("spacing", ("linear", "log"))]
+
+
+class Range(Section):
+    """Equally spaced values, both ends included."""
+
+    start: Annotated[Any, Edge()] = Field(title="start", description="The first value.")
+    stop: Annotated[Any, Edge()] = Field(title="stop", description="The last value.")
+    num: Count | None = Field(default=None, title="number of values", description="How many values; or give step.")
+    step: Annotated[Any, Edge()] | None = Field(
+        default=None,
+        title="step",
+        description="From value to value; the stop is included when a step hits it. Or give num.",
+    )
+    spacing: Spacing = Field(
+        default="linear", title="spacing", description="log: equal ratios instead of equal differences, with num."
+    )
+
+
+class Expansion:
+    """The values of one parameter along an axis.
+
+    values: a float array, or a list of exact ratios; None after problems. spec: the same as plain data, resolved.
+    ends: start and stop of a range, whichever values lie between them; None where the values are given one by one.
+    """
+
+    def __init__(self, values: Array | list[Any] | None, spec: Any, ends: tuple[float, float] | None = None) -> None:
+        self.values = values
+        self.spec = spec
+        self.ends = ends
+
+    @property
+    def size(self) -> int:
+        return 0 if self.values is None else len(self.values)
+
+
+FAILED = Expansion(None, None)
+
+
+def expand(document: Document, path: Path, target: Target) -> Expansion:
+    """The values at ``path`` (a number, a list or a range) for a parameter; reports problems to the document."""
+    spec = document.get(path)
+    if isinstance(spec, list):
+        return expand_list(document, spec, [(*path, i) for i in range(len(spec))], target, path)
+    if not isinstance(spec, dict):
+        return expand_list(document, [spec], [path], target, path)
+    if target.exact and not target.decimal:
+        words = axis_choice(target.annotation)
+        remedy = (
+            'give a list such as [1, "3/5"]'
+            if words is None
+            else f"give a list of {', '.join(map(str, words.available))}"
+        )
+        document.report(path, f"{target.title} {'is exact and ' if words is None else ''}has no range", remedy)
+        return FAILED
+    given = validate(document, Range, path)
+    ends = {name: _number(document, path, name, target, ranged=name != "step") for name in ("start", "stop", "step")}
+    if given is None or any(ends[name] is None for name in ends if spec.get(name) is not None):
+        return FAILED
+    found = _expand_range(document, path, given, ends)
+    if target.exact and found.values is not None:
+        return Expansion(list(map(float, found.values)), found.spec, found.ends)
+    return found
+
+
+def expand_list(document: Document, items: list[Any], places: list[Path], target: Target, path: Path) -> Expansion:
+    """Values given one by one, which stand at ``places``."""
+    if not items:
+        document.report(path, "an axis without values", "give at least one value")
+        return FAILED
+    try:
+        values = target.adapter.validate_python(items)
+    except ValidationError as error:
+        for detail in error.errors(include_url=False):
+            message, hint = explain(detail)
+            document.report(places[int(detail["loc"][0])], message, hint, value=detail["input"])
+        return FAILED
+    if target.exact:
+        return Expansion(values, [str(v) for v in values])
+    return Expansion(np.array(values, dtype=float), values)
+
+
+def _number(document: Document, path: Path, name: str, target: Target, *, ranged: bool) -> float | None:
+    """An end within the range of the parameter, or a step in its unit; None where there is none or it is wrong."""
+    raw = document.get((*path, name))
+    if raw is None:
+        return None
+    annotation: Any = target.annotation if ranged else Annotated[float, number_kind(target.annotation)]
+    try:
+        return float(TypeAdapter(annotation).validate_python(raw))
+    except ValidationError as error:
+        message, hint = explain(error.errors(include_url=False)[0])
+        document.report((*path, name), message, hint, value=raw)
+        return None
+
+
+def _expand_range(document: Document, path: Path, given: Range, ends: dict[str, float | None]) -> Expansion:
+    start, stop, step = ends["start"], ends["stop"], ends["step"]
+    if start is None or stop is None:
+        for name in ("start", "stop"):
+            if ends[name] is None:
+                document.report((*path, name), "is empty", "write a number")
+        return FAILED
+    if (given.num is None) == (step is None):
+        message = "num or step is missing" if step is None else "num and step are given"
+        document.report(path, message, "give num, the number of values, or step")
+        return FAILED
+    spec: dict[str, Any] = {"start": start, "stop": stop}
+    if step is not None:
+        values = _stepped(
+            start,
+            stop,
+            step,
+            given.spacing,
+            lambda key, text, hint: document.report((*path, key), text, hint, value=document.get((*path, key))),
+        )
+        return FAILED if values is None else Expansion(values, spec | {"step": step}, (start, stop))
+    spec["num"] = given.num
+    if given.spacing == "linear":
+        return Expansion(np.linspace(start, stop, given.num or 1), spec, (start, stop))
+    for name, value in (("start", start), ("stop", stop)):
+        if value <= 0:
+            document.report(
+                (*path, name), "must be > 0 with log spacing", "choose a value > 0, or spacing: linear", value=value
+            )
+            return FAILED
+    return Expansion(np.geomspace(start, stop, given.num or 1), spec | {"spacing": "log"}, (start, stop))
+
+
+def _stepped(
+    start: float, stop: float, step: float, spacing: str, report: Callable[[str, str, str], None]
+) -> Array | None:
+    if spacing == "log":
+        report("step", "log spacing takes no step", "give num, the number of values")
+    elif step == 0 or (stop - start) / step < 0:
+        sign = "positive" if stop >= start else "negative"
+        report("step", f"must lead from {start:g} to {stop:g}", f"choose a {sign} step")
+    elif (stop - start) / step >= LARGEST_AXIS:
+        report("step", f"gives more than {LARGEST_AXIS} values", "choose a larger step")
+    else:
+        steps = (stop - start) / step
+        count = math.floor(steps + STEP_TOLERANCE)
+        values = start + step * np.arange(count + 1)
+        if abs(steps - count) <= STEP_TOLERANCE:
+            values[-1] = stop  # hit to rounding: the end is what the user wrote
+        return values
+    return None

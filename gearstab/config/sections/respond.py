@@ -1,0 +1,130 @@
+"""The section ``respond``."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated, Any
+
+from pydantic import Field
+
+from gearstab.config.model.conflicts import Conflict, exactly_one
+from gearstab.config.model.fields import (
+    AngularFrequency,
+    Flag,
+    NonNegative,
+    Quantity,
+    Section,
+    Time,
+    Whole,
+)
+from gearstab.config.sections.names import mesh_items
+
+
+class Initial(Section):
+    """The state at time zero."""
+
+    displacement: list[Annotated[float, Quantity("m", ("rad",), entry=True)]] = Field(
+        default=[],
+        title="initial displacement",
+        description="One number a coordinate (m, or rad of a rotation); zeros without.",
+    )
+    velocity: list[Annotated[float, Quantity("m/s", ("rad/s",), entry=True)]] = Field(
+        default=[],
+        title="initial velocity",
+        description="One number a coordinate (m/s, or rad/s of a rotation); zeros without.",
+    )
+
+
+class Respond(Section):
+    """The response of a linear system, for ``gearstab respond``: from an initial state or periodic."""
+
+    mesh_frequency: AngularFrequency = Field(title="mesh frequency", description="Of the first mesh (rad/s).")
+    initial: Initial | None = Field(
+        default=None,
+        title="initial state",
+        description="Displacement and velocity; a driven system begins in static equilibrium without.",
+    )
+    steady_state: Flag = Field(
+        default=False,
+        title="steady state",
+        description="The periodic response of a driven system, over one period common to all that varies and drives.",
+    )
+    duration: Time | None = Field(default=None, title="duration", description="How long (s); or give cycles.")
+    cycles: Annotated[float, Field(gt=0), Quantity()] | None = Field(
+        default=None, title="cycles", description="How long, in periods of the first mesh (1); or give duration."
+    )
+    stored_cycles: Annotated[float, Field(gt=0), Quantity()] | None = Field(
+        default=None,
+        title="stored cycles",
+        description="Of a steady state: how much of the histories is stored, in periods of the first mesh (1); the "
+        "whole common period without.",
+    )
+    samples_per_cycle: Annotated[int, Field(ge=2, le=1_000_000), Whole()] = Field(
+        default=200, title="samples per cycle", description="Stored samples in a period of the first mesh."
+    )
+    discard: NonNegative | None = Field(
+        default=None,
+        title="cycles left out",
+        description="With backlash: how long, in periods of the first mesh, the motion settles before it is summed up.",
+    )
+
+    @classmethod
+    def conflicts(
+        cls, raw: dict[str, Any], size: int | None, driven: bool = False, parting: bool = False
+    ) -> Iterator[Conflict]:
+        """One length of time and an initial state of the system's size, or neither for the steady state.
+
+        driven: whether something drives the system; parting: whether its teeth may lose contact.
+        """
+        if raw.get("discard") is not None and not parting:
+            yield ("discard",), "no mesh has backlash", "remove it, or give a mesh backlash"
+        discard, cycles = raw.get("discard"), raw.get("cycles")
+        if isinstance(discard, int | float) and isinstance(cycles, int | float) and discard >= cycles > 0:
+            yield ("discard",), f"leaves nothing of {cycles:g} cycles", "give more cycles, or discard less"
+        if raw.get("steady_state") is True and parting:
+            remedy = "give cycles, long enough for the motion to settle, and discard"
+            yield ("steady_state",), "teeth with backlash may have several", remedy
+            return
+        if raw.get("steady_state") is True:
+            yield from _of_steady_state(raw, driven)
+            return
+        if raw.get("stored_cycles") is not None:
+            yield ("stored_cycles",), "belongs to a steady state", "give cycles instead, or steady_state: true"
+        yield from exactly_one(raw, ("duration", "cycles"))
+        initial = raw.get("initial")
+        if initial is None and not driven:
+            yield (), "initial is missing", "add initial: {displacement: [..]}, or a load to the system"
+        if not isinstance(initial, dict):
+            return
+        states = {name: initial.get(name) for name in ("displacement", "velocity")}
+        for name, values in states.items():
+            if isinstance(values, list) and size is not None and len(values) != size:
+                yield ("initial", name), f"has {len(values)} entries", f"give {size}, one a coordinate"
+        if not driven and all(v is None or (isinstance(v, list) and all(x == 0 for x in v)) for v in states.values()):
+            yield ("initial",), "the system stays at rest", "give a displacement or a velocity that is not zero"
+
+
+def _of_steady_state(raw: dict[str, Any], driven: bool) -> Iterator[Conflict]:
+    if not driven:
+        remedy = "give a load (a gearbox: torques of input or outputs), a mesh's transmission_error or forces"
+        yield ("steady_state",), "nothing drives the system", remedy
+        return
+    for key in ("duration", "cycles", "initial"):
+        if raw.get(key) is not None:
+            yield (key,), "has no place beside steady_state", "remove it, or set steady_state: false"
+
+
+def may_part(system: dict[str, Any]) -> bool:
+    """Whether the section ``system``, as written, has a mesh with backlash."""
+    given = [mesh.get("backlash") for _, mesh in mesh_items(system.get("meshes")) if isinstance(mesh, dict)]
+    return any(value not in (None, 0, 0.0) for value in given)
+
+
+def drives(system: dict[str, Any]) -> bool:
+    """Whether the section ``system``, as written, has something that drives it."""
+    meshes = [mesh for _, mesh in mesh_items(system.get("meshes"))]
+    ends = [system.get("input"), *(system["outputs"] if isinstance(system.get("outputs"), list) else [])]
+    if any(isinstance(end, dict) and end.get("torque") is not None for end in ends):
+        return True
+    errors = any(isinstance(mesh, dict) and mesh.get("transmission_error") is not None for mesh in meshes)
+    return errors or bool(system.get("load")) or bool(system.get("forces"))

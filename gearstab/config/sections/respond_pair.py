@@ -1,0 +1,115 @@
+"""The section ``respond`` of a gear pair that is given by its gears."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated, Any, ClassVar
+
+from pydantic import Field
+
+from gearstab.config.model.conflicts import Conflict, exactly_one
+from gearstab.config.model.fields import (
+    AngularFrequency,
+    Choice,
+    Flag,
+    NonNegative,
+    Quantity,
+    Section,
+    Time,
+    Whole,
+)
+
+LENGTHS = ("cycles", "duration", "until")
+"""Ways to say how long a response is."""
+
+
+class PairInitial(Section):
+    """The state at time zero; theta' comes from the speed."""
+
+    misplaced: ClassVar[dict[str, str]] = {"theta_dot": "give respond.speed, of the driving gear"}
+
+    phi: Annotated[float, Quantity("rad")] | None = Field(
+        default=None,
+        title="initial deflection",
+        description="phi = (N1 theta1 - N2 theta2)/2 (rad); the static deflection T0/k without.",
+    )
+    phi_dot: Annotated[float, Quantity("rad/s")] = Field(
+        default=0.0, title="initial rate of deflection", description="d phi/dt (rad/s)."
+    )
+    theta: Annotated[float, Quantity("rad")] = Field(
+        default=0.0, title="initial rotation", description="theta = (N1 theta1 + N2 theta2)/2, 2 pi a mesh cycle (rad)."
+    )
+
+
+class PairSpectrum(Section):
+    """How the power spectral density of phi is made."""
+
+    discard: NonNegative = Field(
+        default=0.0, title="discarded cycles", description="Mesh cycles at the initial speed left out at the beginning."
+    )
+    window: Annotated[str, Choice("window", ("hann", "boxcar"))] = Field(
+        default="hann", title="window", description="hann, or boxcar for a response that repeats itself exactly."
+    )
+    peaks: Annotated[int, Field(ge=1, le=1000), Whole()] = Field(
+        default=20, title="number of peaks", description="How many of the largest peaks are listed."
+    )
+
+
+class PairRespond(Section):
+    """The response of a gear pair from an initial state, for ``gearstab respond``."""
+
+    misplaced: ClassVar[dict[str, str]] = {
+        "mesh_frequency": "give speed, of the driving gear: its mesh frequency is N1 times that"
+    }
+
+    speed: AngularFrequency = Field(
+        title="initial speed", description='Of the driving gear (rad/s, or "600 rpm"); theta\' = N1 times that.'
+    )
+    cycles: Annotated[float, Field(gt=0), Quantity()] | None = Field(
+        default=None, title="cycles", description="How long, in mesh cycles, 2 pi of theta each; or give duration."
+    )
+    duration: Time | None = Field(default=None, title="duration", description="How long (s); or give cycles.")
+    until: Annotated[str, Choice("end", ("stalled",))] | None = Field(
+        default=None, title="until", description="stalled: until the gears are trapped with one pair in contact."
+    )
+    initial: PairInitial = Field(
+        default=PairInitial(), title="initial state", description="phi, phi_dot and theta; default static deflection."
+    )
+    hold_speed: Flag = Field(
+        default=False,
+        title="speed held",
+        description="Begin on the periodic orbit of the mean speed given, which an unbalanced torque then holds.",
+    )
+    samples_per_cycle: Annotated[int, Field(ge=2, le=1_000_000), Whole()] = Field(
+        default=200, title="samples per cycle", description="Stored samples in a mesh cycle at the initial speed."
+    )
+    spectrum: PairSpectrum = Field(
+        default=PairSpectrum(),
+        title="spectrum",
+        description="discard, window and peaks of the power spectral density of phi.",
+    )
+
+    @classmethod
+    def conflicts(cls, raw: dict[str, Any], system: dict[str, Any]) -> Iterator[Conflict]:
+        """One length of time; only what loses energy can stall, and only what may change its speed can be held."""
+        yield from exactly_one(raw, LENGTHS)
+        if raw.get("hold_speed"):
+            yield from cls._held(raw, system)
+        if raw.get("until") is None:
+            return
+        if system.get("formulation", "classical") != "energy_conserving":
+            yield ("until",), "only the energy_conserving formulation stalls", "give cycles or duration"
+        elif not system.get("damping_ratio"):
+            yield ("until",), "without damping the energy is constant", "give a damping_ratio, or cycles or duration"
+
+    @staticmethod
+    def _held(raw: dict[str, Any], system: dict[str, Any]) -> Iterator[Conflict]:
+        """What contradicts a held speed."""
+        if system.get("formulation", "classical") == "classical":
+            yield ("hold_speed",), "the classical formulation keeps its speed by itself", "remove it"
+        initial = raw.get("initial")
+        # A configuration as resolved names the zeros that were not given.
+        if isinstance(initial, dict) and any(value not in (None, 0) for value in initial.values()):
+            yield ("initial",), "hold_speed begins on the periodic orbit", "remove initial or hold_speed"
+        if raw.get("until") is not None:
+            yield ("until",), "with hold_speed the gears never stall", "give cycles or duration"

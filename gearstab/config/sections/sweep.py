@@ -1,0 +1,375 @@
+"""The section ``sweep``: what each axis sets, and to which values."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from fractions import Fraction
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import Field
+
+from gearstab.config.document.problems import Path, dotted, nearest
+from gearstab.config.document.yaml import Document, value_at
+from gearstab.config.model.fields import Section
+from gearstab.config.sections.axes import Assignment, Axis
+from gearstab.config.sections.expansion import (
+    Count,
+    Edge,
+    Expansion,
+    Range,
+    Spacing,
+    expand,
+    expand_list,
+)
+from gearstab.config.sections.methods import Methods
+from gearstab.config.sections.targets import INPUT_SPEED, MESH_FREQUENCY, Target, TargetError, resolve
+from gearstab.systems.base import System
+
+GROUPS = ("modes", "bench", "teeth", *Methods.model_fields)
+"""Names of the groups of a result."""
+LONGEST_NAME = 100
+"""Characters of the name of an axis."""
+
+
+class Tie(Section):
+    """Several parameters on one axis."""
+
+    targets: list[str] = Field(title="targets", min_length=1, description="Names of the parameters that vary together.")
+    values: Annotated[Any, Edge()] | None = Field(
+        default=None,
+        title="values",
+        description="One list or range for all targets, or a list of them, one for each target.",
+    )
+    start: Annotated[Any, Edge()] | None = Field(
+        default=None, title="start", description="The first value, of all targets."
+    )
+    stop: Annotated[Any, Edge()] | None = Field(
+        default=None, title="stop", description="The last value, of all targets."
+    )
+    num: Count | None = Field(default=None, title="number of values", description="How many values; or give step.")
+    step: Annotated[Any, Edge()] | None = Field(
+        default=None, title="step", description="From value to value; or give num."
+    )
+    spacing: Spacing | None = Field(default=None, title="spacing", description="linear or log.")
+
+
+@dataclass
+class Column:
+    """Parameters that take the same values along an axis.
+
+    items: values written one by one (cases), with the place of each; without them the values stand at ``path``.
+    base: the value of cases that do not set it, None where all do.
+    """
+
+    path: Path
+    targets: list[Target]
+    items: list[Any] = field(default_factory=list)
+    places: list[Path] = field(default_factory=list)
+    base: Any = None
+
+    def first(self, document: Document) -> Any:
+        """The value at the first point, as written, to be the base value of a parameter that has none."""
+        if self.base is not None:
+            return self.base
+        spec = self.items or document.get(self.path)
+        if isinstance(spec, list):
+            return spec[0] if spec else 0.0
+        return spec.get("start") if isinstance(spec, dict) else spec
+
+    def expand(self, document: Document, target: Target) -> Expansion:
+        if self.items:
+            return expand_list(document, self.items, self.places, target, self.path)
+        return expand(document, self.path, target)
+
+
+@dataclass
+class Layout:
+    """An axis before its values are known.
+
+    sound: whether every name in it stands for something. labels, cases and tie: of axes in these forms, as written.
+    """
+
+    name: str
+    columns: list[Column]
+    sound: bool = True
+    labels: list[str] | None = None
+    tie: dict[str, Any] | None = None
+    cases: list[dict[str, Any]] | None = None
+
+
+@dataclass(frozen=True)
+class Context:
+    """What the names in ``sweep`` refer to. raw: the section ``system`` as written, with the matrices of its file."""
+
+    document: Document
+    model: type[System]
+    raw: dict[str, Any]
+
+    def resolve(self, name: str, path: Path) -> list[Target]:
+        """The targets of a name that stands at ``path``; reports a name that has none."""
+        try:
+            return resolve(name, self.model, self.raw)
+        except TargetError as error:
+            self.document.report(path, str(error), error.hint, at_key=True)
+            return []
+
+
+def sets_mesh_frequency(section: dict[str, Any]) -> bool:
+    """Whether an axis of a ``sweep`` section, in whichever form, sets the mesh frequency."""
+    names = {MESH_FREQUENCY[0], INPUT_SPEED}
+    for key, spec in section.items():
+        tied = spec.get("targets") if isinstance(spec, dict) else None
+        cases = spec if isinstance(spec, list) else []
+        if key in names or (isinstance(tied, list) and any(name in names for name in tied if isinstance(name, str))):
+            return True
+        if any(isinstance(case, dict) and names & case.keys() for case in cases):
+            return True
+    return False
+
+
+def layouts(context: Context) -> list[Layout]:
+    """What each axis sets; reports unknown names, and parameters that two axes set."""
+    document = context.document
+    section = document.get(("sweep",))
+    if not isinstance(section, dict) or not section:
+        shown = None if section in (None, {}, []) else section
+        document.report(
+            ("sweep",), "has no axes", "add one, such as mesh_frequency: {start: 1, stop: 5, num: 200}", value=shown
+        )
+        return []
+    found = []
+    for name, spec in section.items():
+        path = ("sweep", name)
+        if spec is None or spec in ([], {}):
+            document.report(path, "an axis without values", "give a list, or {start: .., stop: .., num: ..}")
+        elif isinstance(spec, list) and all(isinstance(entry, dict) for entry in spec):
+            found.append(_cases(context, name, path, spec))
+        elif isinstance(spec, dict) and ("targets" in spec or "values" in spec):
+            found.append(_tie(context, name, path, spec))
+        else:
+            found.append(Layout(name, [Column(path, context.resolve(name, path))]))
+    _report_rivals(document, found)
+    _report_teeth(document, found)
+    return found
+
+
+def _report_rivals(document: Document, found: list[Layout]) -> None:
+    """A parameter can be set by one axis only, and by one name only."""
+    owners: dict[Path, Path] = {}
+    for layout in found:
+        for column in layout.columns:
+            for path in (p for target in column.targets for p in target.paths):
+                owner = owners.setdefault(path, column.path)
+                if owner != column.path:
+                    message = f"sets {dotted(path)}, as {dotted(owner)} does"
+                    document.report(column.path, message, "let one of the two set it", at_key=True)
+                    break
+
+
+def _report_teeth(document: Document, found: list[Layout]) -> None:
+    """How many cycles of a mesh are in a turn of the input must not change from point to point."""
+    columns = [column for layout in found for column in layout.columns]
+    teeth = any(path[-1] == "teeth" for c in columns for target in c.targets for path in target.paths)
+    for column in columns:
+        if teeth and any(target.factor != 1 for target in column.targets):
+            message = "numbers of teeth vary too, which set how many mesh cycles a turn has"
+            document.report(column.path, message, "sweep mesh_frequency instead", at_key=True)
+
+
+def _named_freely(context: Context, name: str, path: Path) -> None:
+    """Report a name that HDF5 cannot hold, or that something else in a result has."""
+    from gearstab.results.variables import taken_names
+
+    plain = name.strip() == name and name not in ("", ".", "..") and not re.search(r"[/\x00-\x1f\x7f]", name)
+    if not plain or len(name) > LONGEST_NAME:
+        hint = f"choose another name, of at most {LONGEST_NAME} characters and without '/'"
+        context.document.report(path, f"'{name}' cannot be the name of an axis", hint, at_key=True)
+    elif name in (MESH_FREQUENCY[0], INPUT_SPEED):
+        message = f"'{name}' is the name of an axis that sets this alone"
+        context.document.report(path, message, "choose another name, such as case", at_key=True)
+    elif name in taken_names() or name in GROUPS:
+        message = f"'{name}' cannot be the name of an axis: results hold something else of that name"
+        context.document.report(path, message, "choose another name", at_key=True)
+
+
+def _tie(context: Context, name: str, path: Path, spec: dict[str, Any]) -> Layout:
+    document = context.document
+    _named_freely(context, name, path)
+    for key in spec:
+        if key not in Tie.model_fields:
+            document.report((*path, key), "unknown key", nearest(key, Tie.model_fields), at_key=True)
+    names = spec.get("targets")
+    if not isinstance(names, list) or not names or not all(isinstance(n, str) for n in names):
+        where = (*path, "targets")
+        document.report(where, "must be a list of parameter names", "write targets: [name, name]", value=names)
+        return Layout(name, [])
+    targets = [context.resolve(n, (*path, "targets", i)) for i, n in enumerate(names)]
+    values: Any = spec.get("values")
+    apart = isinstance(values, list) and any(isinstance(v, list | dict) for v in values)
+    if not apart:
+        return Layout(name, [_shared(document, path, [t for found in targets for t in found])], all(targets), tie=spec)
+    if len(values) != len(names):
+        given = f"{len(names)} targets, but values for {len(values)}"
+        document.report((*path, "values"), given, "give one list for each target, or one list of numbers for all")
+        return Layout(name, [])
+    columns = [Column((*path, "values", i), found) for i, found in enumerate(targets)]
+    return Layout(name, columns, all(targets), tie=spec)
+
+
+def _shared(document: Document, path: Path, targets: list[Target]) -> Column:
+    """The column of a tie whose targets all take the same values."""
+    spec = document.get(path)
+    if spec.get("values") is not None:
+        for key in ("start", "stop", "num", "step", "spacing"):
+            if key in spec:
+                document.report((*path, key), "values are given already", f"remove {key} or values", at_key=True)
+        return Column((*path, "values"), targets)
+    inner = (*path, "values")
+    plain = {key: value for key, value in spec.items() if key in Range.model_fields}
+    document.move(path, inner)
+    spec["values"] = plain
+    for key in plain:
+        del spec[key]
+    return Column(inner, targets)
+
+
+def _cases(context: Context, name: str, path: Path, entries: list[dict[str, Any]]) -> Layout:
+    document = context.document
+    _named_freely(context, name, path)
+    labels = _labels(document, path, entries)
+    columns, sound = _case_columns(context, path, entries)
+    if not any(key != "label" for entry in entries for key in entry):
+        document.report(path, "the cases set nothing", "let each set parameters, such as contact_ratio: 1.5")
+        sound = False
+    return Layout(name, columns, sound, labels, cases=entries)
+
+
+def _case_columns(context: Context, path: Path, entries: list[dict[str, Any]]) -> tuple[list[Column], bool]:
+    """A column for each parameter that a case sets, under whichever name; and whether every name stands for some."""
+    targets: dict[str, list[Target]] = {}
+    found: dict[frozenset[Path], tuple[Target, dict[int, str]]] = {}
+    for i, entry in enumerate(entries):
+        for key in entry:
+            if key == "label":
+                continue
+            if key not in targets:
+                targets[key] = context.resolve(key, (*path, i, key))
+            for target in targets[key]:
+                names = found.setdefault(frozenset(target.paths), (target, {}))[1]
+                if i in names:
+                    message = f"sets {dotted(target.paths[0])}, as {dotted((*path, i, names[i]))} does"
+                    context.document.report((*path, i, key), message, "let one of the two set it", at_key=True)
+                else:
+                    names[i] = key
+    columns = [_case_column(context, path, entries, target, names) for target, names in found.values()]
+    return columns, bool(targets) and all(targets.values())
+
+
+def _case_column(
+    context: Context, path: Path, entries: list[dict[str, Any]], target: Target, names: dict[int, str]
+) -> Column:
+    """The values of a parameter along cases, with its base value in those that do not set it.
+
+    names: index of a case -> the key by which it sets the parameter.
+    """
+    first = next(iter(names))
+    where = (*path, first, names[first])
+    base = _base(context, target)
+    for i in range(len(entries)):
+        if i not in names and base is None:
+            name = dotted(target.paths[0])
+            message = f"does not set {name}, which has no base value"
+            remedy = f"add {name} to this case, or to the system"
+            context.document.report((*path, i), message, remedy)
+    fill = entries[first][names[first]] if base is None else base
+    items = [entry[names[i]] if i in names else fill for i, entry in enumerate(entries)]
+    places = [(*path, i, names[i]) if i in names else where for i in range(len(entries))]
+    return Column(where, [target], items, places, None if len(names) == len(entries) else base)
+
+
+def _base(context: Context, target: Target) -> Any:
+    value = value_at(context.raw, target.paths[0])
+    if value is None and isinstance(target.default, Fraction):
+        return str(target.default)
+    return target.default if value is None else value
+
+
+def _labels(document: Document, path: Path, entries: list[dict[str, Any]]) -> list[str]:
+    labels: list[str] = []
+    for i, entry in enumerate(entries):
+        label = entry.get("label", ", ".join(f"{key} = {value}" for key, value in entry.items()))
+        if isinstance(label, bool | list | dict) or label is None:
+            document.report((*path, i, "label"), "must be a text", "put it in quotes", value=label)
+        elif str(label) in labels:
+            message = f"the label '{label}' is used twice"
+            document.report((*path, i, "label"), message, "give each case a label of its own")
+        labels.append(str(label))
+    return labels
+
+
+def base_values(document: Document, found: list[Layout]) -> Iterator[Path]:
+    """Give every parameter that an axis sets and the system does not the axis' first value; yields where."""
+    for layout in found:
+        for column in layout.columns:
+            for target in column.targets:
+                path = ("system", *target.paths[0])
+                container = document.get(path[:-1])
+                if target.paths[0] == MESH_FREQUENCY or not isinstance(container, dict):
+                    continue
+                if container.get(str(path[-1])) is None:
+                    first = column.first(document)
+                    document.put(path, 0.0 if first is None else first, document.where(column.path))
+                    yield path
+
+
+def build(document: Document, layout: Layout) -> tuple[Axis, Any] | None:
+    """The axis and its resolved specification; None after reporting problems."""
+    expansions = [[column.expand(document, t) for t in column.targets] for column in layout.columns]
+    flat = [e for found in expansions for e in found]
+    if not layout.sound or not flat or any(e.values is None for e in flat):
+        return None
+    sizes = [found[0].size for found in expansions]
+    if len(set(sizes)) > 1:
+        path = ("sweep", layout.name, "values")
+        document.report(path, f"the targets have {', '.join(map(str, sizes))} values", "give all of them as many")
+        return None
+    targets = [target for column in layout.columns for target in column.targets]
+    assignments = tuple(
+        Assignment(path, e.values if target.factor == 1 else np.asarray(e.values) * target.factor, target.factor)
+        for target, e in zip(targets, flat, strict=True)
+        for path in target.paths
+        if e.values is not None
+    )
+    values, units, title = _coordinate(layout, targets, flat[0])
+    axis = Axis(layout.name, flat[0].size, values, units, title, assignments, flat[0].ends)
+    return axis, _spec(layout, expansions)
+
+
+def _coordinate(layout: Layout, targets: list[Target], first: Expansion) -> tuple[Any, str, str]:
+    if layout.labels is not None:
+        return layout.labels, "1", layout.name
+    values = [str(v) for v in first.values] if isinstance(first.values, list) else first.values
+    units = targets[0].unit if len({t.unit for t in targets}) == 1 else "1"
+    titles = list(dict.fromkeys(t.title for t in targets))
+    return values, units, layout.name if layout.tie and len(titles) > 1 else titles[0]
+
+
+def _spec(layout: Layout, expansions: list[list[Expansion]]) -> Any:
+    if layout.cases is not None:
+        given = {
+            place[-2:]: value
+            for column, found in zip(layout.columns, expansions, strict=True)
+            for i, (place, value) in enumerate(zip(column.places, found[0].spec, strict=True))
+            if place[-2] == i
+        }
+        return [
+            {"label": label} | {key: given[i, key] for key in entry if key != "label"}
+            for i, (label, entry) in enumerate(zip(layout.labels or [], layout.cases, strict=True))
+        ]
+    if layout.tie is not None:
+        specs = [found[0].spec for found in expansions]
+        return {"targets": layout.tie["targets"], "values": specs[0] if len(specs) == 1 else specs}
+    return expansions[0][0].spec

@@ -1,0 +1,251 @@
+"""From a parameter's name to what it stands for: ``epsilon``, ``meshes.second.contact_ratio``, ``mass.0.1``."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Annotated, Any, get_args
+
+import numpy as np
+from pydantic import TypeAdapter
+from pydantic.fields import FieldInfo
+
+from gearstab.config.document.problems import Path, dotted, nearest
+from gearstab.config.document.yaml import value_at
+from gearstab.config.model.dimensions import quantity_at
+from gearstab.config.model.fields import AngularFrequency, Quantity, Ratio
+from gearstab.config.model.introspection import (
+    axis_choice,
+    entry_type,
+    field_types,
+    inner_type,
+    is_model,
+    number_kind,
+)
+from gearstab.config.sections.names import BUT_THE_FIRST, EVERY_MESH, RIVALS, mesh_items
+from gearstab.config.waveforms import FORMS, Waveform, has_no_ratio, kind_of
+from gearstab.systems.base import System
+from gearstab.systems.parts.mesh import Mesh, ToothMesh
+
+MESH_FREQUENCY: Path = ("mesh_frequency",)
+"""Where the mesh frequency stands, which no system has."""
+INPUT_SPEED = "input_speed"
+"""Short name of the speed of a gearbox's input, which sets the mesh frequency."""
+
+
+NOT_GIVEN = {"damping_ratio": 0.0, "damping": 0.0}
+"""What numbers amount to that may be left out, where the model has None for that."""
+
+
+class TargetError(ValueError):
+    """A name stands for no number of the system; ``hint`` says what would."""
+
+    def __init__(self, message: str, hint: str) -> None:
+        super().__init__(message)
+        self.hint = hint
+
+
+@dataclass(frozen=True)
+class Target:
+    """A number of the system.
+
+    paths: where it stands below ``system``; two places for an entry of a symmetric matrix, the named one first.
+    annotation: its type with unit and range; title: what it is; default: its value when not given.
+    factor: of what stands there over the number that is given.
+    """
+
+    paths: tuple[Path, ...]
+    annotation: Any
+    title: str
+    default: Any = None
+    factor: float = 1.0
+
+    @property
+    def unit(self) -> str:
+        """SI unit, "1" without one."""
+        kind = number_kind(self.annotation)
+        return kind.unit if kind else "1"
+
+    @property
+    def adapter(self) -> TypeAdapter[list[Any]]:
+        """What checks and converts a list of values."""
+        return TypeAdapter(list[self.annotation])  # type: ignore[name-defined]
+
+    @property
+    def exact(self) -> bool:
+        """Whether it is an exact ratio or a word, which changes the structure of the problem."""
+        return isinstance(number_kind(self.annotation), Ratio) or axis_choice(self.annotation) is not None
+
+    @property
+    def decimal(self) -> bool:
+        """Whether it is a ratio that stands for an irrational number, which changes the structure as well."""
+        kind = number_kind(self.annotation)
+        return isinstance(kind, Ratio) and not kind.exact
+
+
+def resolve(name: str, model: type[System], raw: dict[str, Any]) -> list[Target]:
+    """All numbers that a parameter name stands for, in a system section as written.
+
+    Raises TargetError for a name that stands for none.
+    """
+    return [_fitted(target, model, raw) for target in _named(name, model, raw)]
+
+
+def _fitted(target: Target, model: type[System], raw: dict[str, Any]) -> Target:
+    """With the units that the number has in this very system."""
+    kind = number_kind(target.annotation)
+    if not isinstance(kind, Quantity):
+        return target
+    wanted = quantity_at(model, raw, target.paths[0], kind)
+    parts = get_args(target.annotation)
+    return replace(target, annotation=Annotated[tuple(wanted if part is kind else part for part in parts)])
+
+
+def _named(name: str, model: type[System], raw: dict[str, Any]) -> list[Target]:
+    if name == "mesh_frequency":
+        return [Target((MESH_FREQUENCY,), AngularFrequency, "mesh frequency")]
+    if name == INPUT_SPEED and (cycles := model.cycles_of_input(raw)) is not None:
+        own = [Target((path,), AngularFrequency, "input speed") for path in model.follow_speed(raw)]
+        return [Target((MESH_FREQUENCY,), AngularFrequency, "input speed", None, cycles), *own]
+    if name in EVERY_MESH + BUT_THE_FIRST and name not in model.model_fields:
+        return _of_meshes(name, model, raw)
+    return [_walk(name, model.expand_path(name.split(".")), model, raw)]
+
+
+def _of_meshes(name: str, model: type[System], raw: dict[str, Any]) -> list[Target]:
+    found = []
+    for i, mesh in mesh_items(raw.get("meshes")):
+        kind = inner_type(field_types(model).get("meshes"), i)
+        has_it = isinstance(mesh, dict) and kind is not None and name in field_types(kind)
+        if not has_it or mesh.get(RIVALS.get(name, "")) is not None or (i == 0 and name in BUT_THE_FIRST):
+            continue
+        if name == "contact_ratio" and has_no_ratio(mesh):
+            continue
+        field = kind.model_fields[name]
+        found.append(Target((("meshes", i, name),), field_types(kind)[name], field.title, _default(field, name)))
+    if found:
+        return found
+    if name in RIVALS:
+        raise TargetError(f"no mesh has {name}", f"the meshes give {RIVALS[name]}: use that, or give them {name}")
+    raise TargetError(
+        f"no mesh but the first has {name}" if name in BUT_THE_FIRST else f"no mesh has {name}",
+        {
+            "phasing": "two_stage has a phasing of its second mesh, matrices have lags, planetary has phases",
+            "lag": "matrices have lags, two_stage has a phasing of its second mesh, planetary has phases",
+            "contact_ratio": "their waveforms have none",
+        }.get(name, "list the meshes under system.meshes"),
+    )
+
+
+def _walk(name: str, parts: list[str], model: type[System], raw: dict[str, Any]) -> Target:
+    annotation: Any = model
+    value: Any = raw
+    path: Path = ()
+    title, owner, default = "", "", None
+    step: str | int
+    for part in parts:
+        if annotation is Waveform and part in field_types(annotation):
+            _check_waveform(part, value, dotted(("system", *path, part)))
+        if is_model(annotation) and part in field_types(annotation):
+            field = annotation.model_fields[part]
+            title, default = field.title or part, _default(field, part)
+            annotation, step = _of_its_kind(field_types(annotation)[part], value), part
+            if isinstance(annotation, type) and issubclass(annotation, ToothMesh):
+                owner = f" of {part}"
+        elif entry_type(annotation, 0) is not None:
+            step = index = _index(name, part, path, value, entry_type(annotation, 0))
+            annotation, default = entry_type(annotation, index), None
+            title = f"{title}[{index}]"
+            if is_model(annotation):
+                owner = f" of {value_at(value, (index, 'name'))}"
+        else:
+            raise TargetError("unknown parameter", nearest(name, candidates(model, raw)))
+        value, path = value_at(value, (step,)), (*path, step)
+        if value is None and default is None and is_model(annotation) and part != parts[-1]:
+            where = dotted(("system", *path))
+            raise TargetError(f"there is no {part} here", f"add {where}, of which the axis sets a number")
+    if number_kind(entry_type(annotation, 0)) is not None:
+        raise TargetError("is a list, and an axis sets a number", f"name an entry, such as {name}.0")
+    if number_kind(annotation) is None and axis_choice(annotation) is None:
+        remedy = f"run a sweep for each, with --set {dotted(('system', *path))}=.."
+        raise TargetError("is not a number that an axis can set", remedy)
+    return Target(_mirrored(path), annotation, title + owner, default)
+
+
+def _check_waveform(key: str, waveform: Any, where: str) -> None:
+    """A wave varies with the keys of its own kind only. where: path of the key in the document."""
+    if key == "kind":
+        raise TargetError("is a word, and an axis sets a number", f"run a sweep for each, with --set {where}=..")
+    kind = kind_of(waveform)
+    if kind and key in FORMS[kind].keys:
+        return
+    owners = ", ".join(other for other, form in FORMS.items() if key in form.keys)
+    message = f"a {kind} wave takes no {key}" if kind else "unknown waveform"
+    raise TargetError(message, f"choose waveform kind: {owners}")
+
+
+def _of_its_kind(annotation: Any, section: Any) -> Any:
+    """The annotation of a ratio that its section declares not to be exact; others as they are."""
+    kind = number_kind(annotation)
+    if isinstance(kind, Ratio) and kind.sibling and value_at(section, (kind.sibling,)) is False:
+        return Annotated[float, Ratio(exact=False)]
+    return annotation
+
+
+def _default(field: FieldInfo, name: str) -> Any:
+    """The value of a field that is not given; None where it must be."""
+    default = None if field.is_required() else field.get_default()
+    return NOT_GIVEN.get(name) if default is None else default
+
+
+def _index(name: str, part: str, path: Path, value: Any, entry: Any) -> int:
+    entries = list(value) if isinstance(value, list | np.ndarray) else []
+    if not part.isdecimal() and is_model(entry) and "name" in entry.model_fields:
+        names = [mesh.get("name") if isinstance(mesh, dict) else None for mesh in entries]
+        if part not in names:
+            choices = [name.replace(part, str(known)) for known in names if known is not None]
+            what = "mesh" if issubclass(entry, Mesh) else "entry"
+            raise TargetError(f"there is no {what} '{part}'", nearest(name, choices))
+        return names.index(part)
+    if not part.isdecimal():
+        raise TargetError("unknown parameter", f"{dotted(path)} is a list: use an index from 0 on")
+    if int(part) >= len(entries):
+        if not entries:
+            raise TargetError("there is no such entry", f"give {dotted(path)} a base value under system")
+        raise TargetError(f"there is no entry {part}", f"{dotted(path)} has entries 0 to {len(entries) - 1}")
+    return int(part)
+
+
+def _mirrored(path: Path) -> tuple[Path, ...]:
+    """An entry of a symmetric matrix together with its counterpart."""
+    row, column = path[-2:] if len(path) > 2 else (0, 0)
+    counterpart = (*path[:-2], column, row)
+    if path[0] not in ("mass", "stiffness", "damping") or row == column or not isinstance(row, int):
+        return (path,)  # a number of other forms of damping stands below a name
+    return (path, counterpart)
+
+
+def candidates(model: type[System], raw: dict[str, Any]) -> list[str]:
+    """Names that an axis may have in this system, without the entries of matrices."""
+    names = ["mesh_frequency", *([INPUT_SPEED] if model.cycles_of_input(raw) is not None else [])]
+    for short in EVERY_MESH + BUT_THE_FIRST:
+        try:
+            _of_meshes(short, model, raw)
+        except TargetError:
+            continue
+        names.append(short)
+    return names + list(_numbers(model, raw, ()))
+
+
+def _numbers(annotation: Any, raw: Any, path: Path) -> Iterator[str]:
+    if number_kind(annotation):
+        if raw is not None or not isinstance(path[-1], int):
+            yield dotted(path)
+    elif is_model(annotation) and (isinstance(raw, dict) or not path):
+        for key, inner in field_types(annotation).items():
+            yield from _numbers(inner, raw.get(key), (*path, key))
+    elif isinstance(raw, list):
+        for i, item in enumerate(raw):
+            if not isinstance(item, list):
+                name = item.get("name", i) if isinstance(item, dict) else i
+                yield from _numbers(entry_type(annotation, i), item, (*path, name))

@@ -1,0 +1,290 @@
+"""The compiled kernel behind the interface of the NumPy kernel (:mod:`gearstab.floquet.kernel.choice`).
+
+The same mathematics and the same rules; mesh frequencies run side by side in vector registers, rows in threads. What
+the C side leaves in doubt is the same that the NumPy kernel leaves, and for n > 3 much less.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+
+from gearstab import ckernel
+from gearstab.ckernel import threads
+from gearstab.floquet.kernel import invariants, lyapunov, numpy_kernel
+from gearstab.floquet.kernel.chain import Chain
+from gearstab.floquet.kernel.damped import Generators
+from gearstab.floquet.segments.pattern import Pattern
+from gearstab.system import Array
+
+WORTH_A_THREAD = 2e5
+"""Operations of a chunk of rows (segments times coordinates cubed) below which a thread costs more than it gains."""
+CHUNKS_A_THREAD = 4
+"""Rows are handed out in so many pieces at least, so that a thread whose rows are quick takes more of them."""
+LARGEST_PIECE = 2e7
+"""Operations of a piece, if a row is not more: the milliseconds for which the last one may keep a thread alone."""
+LIMITS = (
+    invariants.EDGE_NOISE,
+    invariants.DISCRIMINANT_NOISE,
+    invariants.GROWTH_NOISE,
+    invariants.LARGEST,
+    numpy_kernel.LARGE,
+)
+"""Thresholds of verdicts, the same as in the NumPy kernel: ``struct limits`` of kernel.h."""
+ENTRIES_AT_ONCE = 1 << 23
+"""Of the changes of modes of all segments: 64 MB. Common periods may have thousands of segments."""
+
+
+def scan(pattern: Pattern, omega: Array, limit: int | None = None) -> tuple[Array, Array]:
+    """Verdict (int8) and growth a period of every point, ``(r, P)`` each; mesh frequencies ``(r, P)``.
+
+    limit: the number of threads, by default :func:`gearstab.ckernel.threads`; the results do not depend on it.
+    """
+    return _scan(pattern, omega, np.empty((len(omega), 0), dtype=complex), limit)
+
+
+def scan_traces(
+    pattern: Pattern, omega: Array, interpolate: bool = False, limit: int | None = None
+) -> tuple[Array, Array, Array, Array]:
+    """:func:`scan`, rho = lambda + 1/lambda ``(r, P, n)`` complex, as of :func:`traces`, from one propagation, and by
+    how much the rounding errors ``(r, P)`` exceed those of propagation.
+
+    interpolate: whether matrices may be interpolated between those of other mesh frequencies, where that pays; the
+    interpolation is exact within rounding errors, but these are those of the largest matrix nearby.
+    """
+    rho, magnified = np.empty((*omega.shape, pattern.size), dtype=complex), np.ones(omega.shape)
+    return *_scan(pattern, omega, rho, limit, magnified if interpolate else None), rho, magnified
+
+
+def _scan(
+    pattern: Pattern, omega: Array, rho: Array, limit: int | None, magnified: Array | None = None
+) -> tuple[Array, Array]:
+    asked = _contiguous(omega)
+    verdict, growth = np.empty(asked.shape, dtype=np.int8), np.empty(asked.shape)
+    for rows in _portions(len(asked), len(pattern.states), pattern.size):
+        arguments = _arguments(pattern, rows)
+        own = [asked.shape[1], asked[rows], verdict[rows], growth[rows], rho[rows]]
+        if magnified is not None:
+            own.append(magnified[rows])
+
+        def part(first: int, last: int, given: tuple[Any, ...] = (arguments, own)) -> None:
+            _library().scan(ckernel.simd(), *given[0], first, last, *given[1])
+
+        _in_threads(part, rows.stop - rows.start, asked.shape[1] * _cost(pattern), limit)
+    return verdict, growth
+
+
+def monodromy(pattern: Pattern, row: int | Array, omega: Array) -> tuple[Array, Array]:
+    """(M exp(-scale) as ``(P, 2n, 2n)``, scale ``(P,)``) at ``(P,)`` frequencies of one row or of a row each."""
+    asked = _contiguous(omega)
+    index = np.ascontiguousarray(np.broadcast_to(row, asked.shape), dtype=np.int64)
+    size = 2 * pattern.size
+    matrix, scale = np.empty((len(asked), size, size)), np.empty(len(asked))
+    for rows in _portions(len(pattern.rows), len(pattern.states), pattern.size):
+        members = np.flatnonzero((index >= rows.start) & (index < rows.stop))
+        if len(members) == 0:
+            continue
+        points, arguments = len(members), _arguments(pattern, rows)
+        found, size_of = np.empty((points, size, size)), np.empty(points)
+        own = (index[members] - rows.start, asked[members], found, size_of)
+        _library().monodromy(ckernel.simd(), *arguments, 0, points, points, *own)
+        matrix[members], scale[members] = found, size_of
+    return matrix, scale
+
+
+def traces(pattern: Pattern, omega: Array, bound: float = np.inf, limit: int | None = None) -> Array:
+    """rho = lambda + 1/lambda of the n pairs of multipliers ``(r, P, n)`` complex, in no order; any n.
+
+    From the Paige-Van Loan reduction of M + M^-1, right to eps times the largest entry of M; NaN where that exceeds
+    the bound or the product had to be scaled down.
+    """
+    asked = _contiguous(omega)
+    rho = np.empty((*asked.shape, pattern.size), dtype=complex)
+    for rows in _portions(len(asked), len(pattern.states), pattern.size):
+        arguments = _arguments(pattern, rows)
+        own = (asked.shape[1], float(bound), asked[rows], rho[rows])
+
+        def part(first: int, last: int, given: tuple[Any, ...] = (arguments, own)) -> None:
+            _library().traces(ckernel.simd(), *given[0], first, last, *given[1])
+
+        _in_threads(part, rows.stop - rows.start, asked.shape[1] * _cost(pattern), limit)
+    return rho
+
+
+def trace_change(rho: Array, other: Array, weight: float) -> tuple[Array, Array]:
+    """(change, largest) of traces, as of the NumPy kernel."""
+    fine, coarse = np.ascontiguousarray(rho), np.ascontiguousarray(other)
+    change, largest = np.empty(rho.shape[:-1]), np.empty(rho.shape[:-1])
+    _library().trace_change(change.size, rho.shape[-1], weight, fine, coarse, change, largest)
+    return change, largest
+
+
+def trace_condition(rho: Array, least: Array) -> tuple[Array, Array]:
+    """(moved, apart) of traces, as of the NumPy kernel."""
+    given, noise = np.ascontiguousarray(rho, dtype=complex), _contiguous(least)
+    moved, apart = np.empty(noise.shape), np.empty(noise.shape)
+    _library().trace_condition(noise.size, rho.shape[-1], given, noise, moved, apart)
+    return moved, apart
+
+
+def log_multipliers(pattern: Pattern, omega: Array, bound: float) -> Array:
+    """ln lambda ``(r, P, 2n)``, imaginary parts in (-pi, pi]; NaN where an entry of M exceeds the bound."""
+    with np.errstate(invalid="ignore"):
+        half = np.arccosh(0.5 * traces(pattern, omega, bound))
+    logs = np.concatenate([half, -half], axis=-1)
+    logs.imag[logs.imag == -np.pi] = np.pi
+    return logs
+
+
+def scan_damped(pattern: Pattern, generator: Generators, omega: Array, limit: int | None = None) -> tuple[Array, Array]:
+    """ln max |lambda| and, roughly, ln of the size of M, ``(r, P)`` each; NaN where M is not finite.
+
+    Rows with a state that cannot be diagonalised safely go the way of the NumPy kernel.
+    """
+    growth, scale = _scan_modes(pattern, generator, _contiguous(omega), np.empty((len(omega), 0), dtype=complex), limit)
+    for row in _left_over(generator, growth):
+        found = numpy_kernel.scan_damped(pattern.row(row), generator.row(row), omega[row : row + 1])
+        growth[row], scale[row] = found[0][0], found[1][0]
+    return growth, scale
+
+
+def multipliers_damped(
+    pattern: Pattern, generator: Generators, omega: Array, limit: int | None = None
+) -> tuple[Array, Array, Array]:
+    """:func:`scan_damped` and all multipliers over exp(scale), ``(r, P, m)`` complex."""
+    values = np.empty((*omega.shape, generator.matrix.shape[-1]), dtype=complex)
+    growth, scale = _scan_modes(pattern, generator, _contiguous(omega), values, limit)
+    for row in _left_over(generator, growth):
+        found = numpy_kernel.multipliers_damped(pattern.row(row), generator.row(row), omega[row : row + 1])
+        growth[row], scale[row], values[row] = (part[0] for part in found)
+    return growth, scale, values
+
+
+def _left_over(generator: Generators, growth: Array) -> list[int]:
+    """Rows for the NumPy kernel: not safe to diagonalise, or without a result somewhere."""
+    return [int(row) for row in np.flatnonzero(~generator.well_conditioned | np.isnan(growth).any(axis=1))]
+
+
+def _scan_modes(
+    pattern: Pattern, generator: Generators, omega: Array, multipliers: Array, limit: int | None
+) -> tuple[Array, Array]:
+    """:func:`scan_damped` in the real modal coordinates of the states, meaningless where they are ill-conditioned."""
+    values, basis, inverse = generator.real_modes
+    given = _damped(pattern.cycles, values, pattern.fractions, pattern.states, *pattern.pairs(inverse, basis))
+    growth, scale = np.empty(omega.shape), np.empty(omega.shape)
+    own = (omega.shape[1], omega, growth, scale, multipliers)
+
+    def part(first: int, last: int) -> None:
+        _library().scan_damped(ckernel.simd(), *given, first, last, *own)
+
+    _in_threads(part, len(omega), omega.shape[1] * _cost(pattern), limit)
+    return growth, scale
+
+
+def _damped(
+    cycles: float, values: Array, fractions: Array, states: Array, change: Array, index: Array
+) -> tuple[Any, ...]:
+    """A damped pattern as the C functions take it."""
+    rows, count, size = values.shape
+    numbers = (rows, len(states), count, change.shape[1], size, float(cycles))
+    indices = (np.ascontiguousarray(part, dtype=np.int64) for part in (states, index))
+    return (numbers, *map(_contiguous, (values.real, values.imag, fractions)), *indices, _contiguous(change))
+
+
+def _of_chain(chain: Chain) -> tuple[Any, ...]:
+    return _damped(chain.cycles, chain.values, chain.fractions, chain.states, chain.change, chain.index)
+
+
+def moduli(chain: Chain, row: Array, cycle: Array, limit: int | None = None) -> Array:
+    """What :func:`gearstab.floquet.kernel.lyapunov.moduli` says."""
+    logs = np.empty((len(row), chain.size))
+    given, where = _of_chain(chain), (_whole(row), _contiguous(cycle))
+
+    def part(first: int, last: int) -> None:
+        _library().moduli(ckernel.simd(), *given, first, last, len(row), *where, logs)
+
+    _in_threads(part, len(row), float(len(chain.states) * chain.size**3), limit)
+    left = np.flatnonzero(np.isnan(logs).any(axis=1) | ~chain.sound[row])
+    if len(left):
+        logs[left] = lyapunov.moduli(chain, row[left], cycle[left])
+    return logs
+
+
+def products(chain: Chain, row: Array, cycle: Array, limit: int | None = None) -> tuple[Array, Array]:
+    """What :func:`gearstab.floquet.kernel.lyapunov.products` says."""
+    matrix, scale = np.empty((len(row), chain.size, chain.size)), np.empty(len(row))
+    given, where = _of_chain(chain), (_whole(row), _contiguous(cycle))
+
+    def part(first: int, last: int) -> None:
+        _library().products(ckernel.simd(), *given, first, last, len(row), *where, matrix, scale)
+
+    _in_threads(part, len(row), float(len(chain.states) * chain.size**3), limit)
+    left = np.flatnonzero(~chain.sound[row])
+    if len(left):
+        matrix[left], scale[left] = lyapunov.products(chain, row[left], cycle[left])
+    return matrix, scale
+
+
+def radii(chain: Chain, row: Array, cycle: Array, growth: Array, limit: int | None = None) -> Array:
+    """What :func:`gearstab.floquet.kernel.lyapunov.radii` says."""
+    radius = np.empty((len(row), 2))
+    given = (*_of_chain(chain), _contiguous(chain.weight), lyapunov.settings(chain))
+    where = (_whole(row), _contiguous(cycle), _contiguous(growth))
+
+    def part(first: int, last: int) -> None:
+        _library().radii(ckernel.simd(), *given, first, last, len(row), *where, radius)
+
+    _in_threads(part, len(row), 10.0 * len(chain.states) * chain.size**3, limit)
+    left = np.flatnonzero(np.isnan(radius).any(axis=1) | ~chain.sound[row])
+    if len(left):
+        radius[left] = lyapunov.radii(chain, row[left], cycle[left], growth[left])
+    return radius
+
+
+def _whole(values: Array) -> Array:
+    return np.ascontiguousarray(values, dtype=np.int64)
+
+
+def _library() -> Any:
+    if ckernel.library is None:
+        raise ValueError("the compiled kernel was not built")
+    return ckernel.library
+
+
+def _contiguous(values: Array) -> Array:
+    return np.ascontiguousarray(values, dtype=float)
+
+
+def _portions(rows: int, segments: int, size: int) -> Iterator[slice]:
+    """Rows in pieces whose changes of modes fit in memory."""
+    step = max(1, ENTRIES_AT_ONCE // (segments * size**2)) if size else max(1, rows)
+    for first in range(0, rows, step):
+        yield slice(first, min(rows, first + step))
+
+
+def _arguments(pattern: Pattern, rows: slice = slice(None)) -> tuple[Any, ...]:
+    """Rows of a conservative pattern as the C functions take it."""
+    squared = pattern.squared_frequency[rows]
+    numbers = (len(squared), len(pattern.states), *squared.shape[1:], float(pattern.cycles), LIMITS)
+    state = np.ascontiguousarray(pattern.states, dtype=np.int64)
+    change = _contiguous(pattern.changes(rows))
+    return numbers, _contiguous(squared), _contiguous(pattern.fractions[rows]), state, change
+
+
+def _cost(pattern: Pattern) -> float:
+    return float(len(pattern.states) * pattern.size**3)
+
+
+def _in_threads(part: Callable[[int, int], None], rows: int, cost_of_row: float, limit: int | None) -> None:
+    """Call part(first, last) on pieces of the rows, in as many threads as pay."""
+    workers = min(limit or threads(), rows, int(rows * cost_of_row / WORTH_A_THREAD))
+    if workers <= 1:
+        part(0, rows)
+        return
+    pieces = min(rows, max(CHUNKS_A_THREAD * workers, int(rows * cost_of_row / LARGEST_PIECE)))
+    edges = [rows * k // pieces for k in range(pieces + 1)]
+    with ThreadPoolExecutor(workers) as pool:
+        list(pool.map(part, edges[:-1], edges[1:]))

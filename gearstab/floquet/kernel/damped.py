@@ -1,0 +1,154 @@
+"""General damping: propagation in the complex modes of each state.
+
+With the state vector x = (w u, u', r') -- elastic coordinates, their velocities, and the velocities of rigid
+coordinates that damping couples to them -- each segment has a constant generator A_d, x' = A_d x. It is
+diagonalised once a state, A_d = X L X^-1, and serves all mesh frequencies: exp(A_d t) = X exp(L t) X^-1. Where X is
+nearly singular (critical damping) the exponential is formed by scaling and squaring instead.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from gearstab.floquet.segments.pattern import Pattern
+from gearstab.system import Array
+
+ILL_CONDITIONED = 1e4
+"""cond(X) above which diagonalisation would cost more than four of sixteen digits."""
+
+
+@dataclass(frozen=True)
+class Generators:
+    """The generators of a damped pattern, ``(r, D, m, m)`` with m = 2 n + (number of coupled rigid velocities)."""
+
+    matrix: Array
+
+    @cached_property
+    def _diagonal(self) -> tuple[Array, Array, Array, Array]:
+        """:attr:`eigen`, and which states ``(r, D)`` may be diagonalised."""
+        values, vectors = np.linalg.eig(self.matrix)
+        values, vectors = values.astype(complex), vectors.astype(complex)
+        try:
+            inverse = np.linalg.inv(vectors)
+        except np.linalg.LinAlgError:
+            sound = self._invertible(vectors)
+            inverse = np.linalg.inv(np.where(sound[..., None, None], vectors, np.eye(vectors.shape[-1])))
+            return values, vectors, inverse, sound
+        # The condition number in the Frobenius norm, which is never below the one that counts and far cheaper.
+        size = np.linalg.norm(vectors, axis=(-2, -1)) * np.linalg.norm(inverse, axis=(-2, -1))
+        sound = size < ILL_CONDITIONED
+        sound[~sound] = self._invertible(vectors[~sound])
+        return values, vectors, inverse, sound
+
+    @property
+    def eigen(self) -> tuple[Array, Array, Array]:
+        """(values ``(r, D, m)``, X, X^-1) of each state; X^-1 is meaningless where X is ill-conditioned."""
+        return self._diagonal[:3]
+
+    @property
+    def well_conditioned(self) -> Array:
+        """``(r,)``: whether all states of a row may be diagonalised."""
+        return np.asarray(np.all(self._diagonal[3], axis=-1))
+
+    @property
+    def real_modes(self) -> tuple[Array, Array, Array]:
+        """(values ``(r, D, m)`` complex, V, V^-1 real), real eigenvalues first.
+
+        A real eigenvalue has its eigenvector as a column of V, a pair a +- ib of eigenvectors u +- iv, the member of
+        positive imaginary part first, has the columns u, v: A_d u = a u - b v, A_d v = b u + a v.
+        """
+        values, vectors, inverse = self.eigen
+        if np.any(values.imag == 0):
+            # Then pairs begin at even places where m is even, as the fast path of the compiled kernel wants them.
+            order = np.argsort(values.imag != 0, axis=-1, kind="stable")
+            values = np.take_along_axis(values, order, axis=-1)
+            vectors = np.take_along_axis(vectors, order[..., None, :], axis=-1)
+            inverse = np.take_along_axis(inverse, order[..., None], axis=-2)
+        second = (values.imag < 0)[..., None, :]
+        basis = np.where(second, -vectors.imag, vectors.real)
+        inner = np.swapaxes(second, -1, -2)
+        paired = np.where((values.imag == 0)[..., None], inverse.real, 2 * inverse.real)
+        # With X^-1 x = (z, conj z) on a pair, x = 2 Re(z) u - 2 Im(z) v.
+        return values, basis, np.where(inner, 2 * inverse.imag, paired)
+
+    def row(self, index: int) -> Generators:
+        """One of the rows."""
+        return Generators(self.matrix[index : index + 1])
+
+    @staticmethod
+    def _invertible(vectors: Array) -> Array:
+        singular = np.linalg.svd(vectors, compute_uv=False)
+        return singular[..., 0] < ILL_CONDITIONED * singular[..., -1]
+
+
+def generators(pattern: Pattern, damping: Array) -> Generators:
+    """x = (w u, u', r'): u'' = -K u - C u' - C_er r', r'' = -C_re u' - C_rr r'; w = 1 in the pattern's units.
+
+    damping: ``(r, n, n)``, C of the elastic coordinates.
+    """
+    elastic, n = pattern.elastic, pattern.size
+    rows, states = pattern.stiffness.shape[:2]
+    extra = 0 if elastic.rigid_damping is None else elastic.rigid_damping.shape[1]
+    a = np.zeros((rows, states, 2 * n + extra, 2 * n + extra))
+    a[..., :n, n : 2 * n] = np.eye(n)
+    a[..., n : 2 * n, :n] = -pattern.stiffness
+    a[..., n : 2 * n, n : 2 * n] = -damping[:, None]
+    if elastic.rigid_damping is not None:
+        a[..., 2 * n :, n:] = -elastic.rigid_damping[:, None]
+        a[..., n : 2 * n, 2 * n :] = -np.swapaxes(elastic.rigid_damping[..., :n], -1, -2)[:, None]
+    return Generators(a)
+
+
+def factors(
+    generator: Generators, pattern: Pattern, row: int, omega: Array, spread: float = np.inf
+) -> tuple[list[Array], Array]:
+    """exp(A_s t_s) of one row, first segment first, without their growth.
+
+    With a finite ``spread`` segments are subdivided until their growth and decay differ by at most exp(spread).
+    Returns: the factors, ``(P, m, m)`` each and of size one, and the logarithm ``(P,)`` of what was taken out of all.
+    """
+    result, scale = [], np.zeros(len(omega))
+    for factor, pieces, growth in _chain(generator, pattern, row, omega, spread):
+        result += [factor] * pieces
+        scale += growth
+    return result, scale
+
+
+def _chain(
+    generator: Generators, pattern: Pattern, row: int, omega: Array, spread: float
+) -> Iterator[tuple[Array, int, Array]]:
+    """Segment by segment: the factor of a piece, how many pieces the segment has, the growth taken out of them all."""
+    values = generator.eigen[0][row]
+    durations = pattern.durations(row, omega)
+    for s, state in enumerate(pattern.states):
+        real = values[state].real
+        pieces = max(1, int(np.ceil((real.max() - real.min()) * durations[s].max(initial=0.0) / spread)))
+        yield exponential(generator, row, int(state), durations[s] / pieces), pieces, real.max() * durations[s]
+
+
+def exponential(generator: Generators, row: int, state: int, duration: Array) -> Array:
+    """exp((A_d - a) t) ``(P, m, m)`` for durations ``(P,)``; a is the largest real part of an eigenvalue of A_d."""
+    values, vectors, inverse = (part[row, state] for part in generator.eigen)
+    values = values - values.real.max()
+    if not generator.well_conditioned[row]:
+        shifted = generator.matrix[row, state] - generator.eigen[0][row, state].real.max() * np.eye(len(values))
+        from scipy.linalg import expm  # takes as long to load as a small sweep to run
+
+        return expm(shifted * duration[:, None, None])
+    return ((vectors * np.exp(values * duration[:, None])[:, None, :]) @ inverse).real
+
+
+def monodromy(generator: Generators, pattern: Pattern, row: int, omega: Array) -> tuple[Array, Array]:
+    """(M exp(-scale) ``(P, m, m)``, scale ``(P,)``); M is right to eps times its largest entry."""
+    product: Array = np.eye(generator.matrix.shape[-1])[None]
+    scale = np.zeros(len(omega))
+    for factor, _, growth in _chain(generator, pattern, row, omega, np.inf):
+        product = factor @ product
+        size = np.abs(product).max(axis=(1, 2))
+        product = product / size[:, None, None]
+        scale += growth + np.log(size)
+    return product, scale

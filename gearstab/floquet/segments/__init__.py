@@ -1,0 +1,1 @@
+"""From gear systems to patterns of constant stiffness: reduction, decoupling, blocks."""

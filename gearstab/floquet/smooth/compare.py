@@ -1,0 +1,116 @@
+"""Two resolutions of one system: by how much their multipliers differ, and what rounding may have done to them.
+
+The error of a set of multipliers is the largest of all, relative to the largest multiplier or 1,
+
+    max_j |lambda_j - lambda_j*| / max(1, max_k |lambda_k|).
+
+The logarithm of the largest multiplier, and so the growth a period, is wrong by no more than that.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gearstab.floquet.kernel import choice as kernel
+from gearstab.floquet.kernel import damped
+from gearstab.floquet.kernel.damped import Generators
+from gearstab.floquet.segments.pattern import Pattern
+from gearstab.system import Array
+
+EPSILON = float(np.finfo(float).eps)
+DRIFT = 5.0
+"""Rounding error of a product of S propagators: this times eps sqrt(S) + eps phase."""
+WEIGHT = 1.5
+"""The size of a multiplier on the unit circle, taken as (|rho| + |rho^2 - 4|^(1/2))/2, is between 1 and 1.42."""
+
+NEAR = 4.0
+"""Multipliers within this many times their error may have met: each moves by the error, and a trace near 2 twice."""
+VISIBLE = 1e6
+"""Differences larger than this times the rounding error are not of rounding."""
+
+
+@dataclass(frozen=True)
+class Scan:
+    """What a kernel says of points ``(r, P)``.
+
+    growth: ln max |lambda| a period before any uniform decay. verdict: int8 as of the kernels, or None with damping.
+    values: rho ``(r, P, n)`` of a conservative pattern, multipliers over exp(scale) ``(r, P, m)`` with damping. scale:
+    ``(r, P)``, 0 if conservative. rounding ``(r, P)``: relative rounding error of the monodromy matrix.
+    """
+
+    growth: Array
+    verdict: Array | None
+    values: Array
+    scale: Array
+    rounding: Array
+
+
+def rounding(pattern: Pattern, omega: Array) -> Array:
+    """``(r, P)``, the relative rounding error of a monodromy matrix."""
+    squared = pattern.squared_frequency  # ascending
+    highest = np.sqrt(np.maximum(np.abs(squared[..., 0]), np.abs(squared[..., -1]))).take(pattern.states, axis=1)
+    phase = 2 * np.pi * pattern.cycles * (highest * np.abs(pattern.fractions)).sum(axis=1)[:, None] / omega
+    return np.asarray(DRIFT * EPSILON * (np.sqrt(len(pattern.states)) + phase))
+
+
+def scan(pattern: Pattern, omega: Array, interpolate: bool = False) -> Scan:
+    """All points of a pattern; interpolate: whether over mesh frequency, where that pays."""
+    noise = rounding(pattern, omega)
+    if pattern.elastic.damping is None:
+        verdict, growth, rho, magnified = kernel.current().scan_traces(pattern, omega, interpolate)
+        return Scan(growth, verdict, rho, np.zeros(omega.shape), noise * magnified)
+    generator: Generators = damped.generators(pattern, pattern.elastic.damping)
+    growth, scale, values = kernel.current().multipliers_damped(pattern, generator, omega)
+    return Scan(growth, None, values, scale, noise)
+
+
+def difference(fine: Scan, coarse: Scan, decay: Array) -> tuple[Array, Array]:
+    """By how much the multipliers differ, and what rounding may have made of those of ``fine``, ``(r, P)`` each.
+
+    decay ``(r, P)``: uniform decay a period that the multipliers do not contain.
+    """
+    if fine.verdict is None:
+        return _difference_damped(fine, coarse)
+    found, noise = _difference_conservative(fine, coarse)
+    size = np.exp(np.minimum(fine.growth - decay, 0.0))
+    lost = ~np.isfinite(found)
+    # Growth beyond 2^200 a period: only the logarithm of the largest multiplier is at hand.
+    found[lost] = np.abs(fine.growth - coarse.growth)[lost]
+    noise[lost] = fine.rounding[lost]
+    return found * size, noise * size
+
+
+def _difference_conservative(fine: Scan, coarse: Scan) -> tuple[Array, Array]:
+    with np.errstate(invalid="ignore", over="ignore"):
+        change, largest = kernel.current().trace_change(fine.values, coarse.values, WEIGHT)
+    close = change < VISIBLE * fine.rounding
+    noise = fine.rounding.copy()
+    if close.any():
+        noise[close] = _noise(fine.values[close], fine.rounding[close], largest[close])
+    return change, noise
+
+
+def _noise(rho: Array, rounding: Array, largest: Array) -> Array:
+    """What rounding errors of the matrix make of the multipliers ``(P,)``: more where two of them nearly coincide.
+
+    rho ``(P, n)``. Multipliers that coincide without acting on each other do not show it.
+    """
+    least = rounding * largest
+    return np.asarray(np.maximum(kernel.current().trace_condition(rho, least)[0], least) / largest)
+
+
+def colliding(rho: Array, error: Array) -> Array:
+    """``(P,)``: whether two multipliers, of traces ``(P, n)``, may in truth have met, or not have met."""
+    return np.asarray(kernel.current().trace_condition(rho, error)[1] <= NEAR * error)
+
+
+def _difference_damped(fine: Scan, coarse: Scan) -> tuple[Array, Array]:
+    with np.errstate(over="ignore", invalid="ignore"):
+        other = coarse.values * np.exp(coarse.scale - fine.scale)[..., None]
+        gap = np.abs(fine.values[..., :, None] - other[..., None, :]).min(axis=-1).max(axis=-1, initial=0.0)
+        largest = np.maximum(np.abs(fine.values).max(axis=-1, initial=0.0), np.exp(np.minimum(-fine.scale, 700.0)))
+        found = gap / largest
+    found = np.where(np.isfinite(found), found, np.abs(fine.growth - coarse.growth))
+    return found, np.minimum(fine.rounding, 1.0) + 0.0 * found

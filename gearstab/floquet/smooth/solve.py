@@ -1,0 +1,177 @@
+"""Floquet analysis of systems whose mesh stiffness is smooth somewhere, block by block."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from gearstab.floquet.kernel.invariants import DOUBTFUL, STABLE
+from gearstab.floquet.segments.blocks import Block, split, whole
+from gearstab.floquet.segments.pattern import Pattern
+from gearstab.floquet.smooth.compare import rounding
+from gearstab.floquet.smooth.control import Estimates, Ladder, estimates, first, rectangles
+from gearstab.floquet.smooth.schemes import CF4_2, CF6_5, Scheme
+from gearstab.floquet.smooth.steps import Division, divisions
+from gearstab.floquet.solution import (
+    DAMPED_ON_CIRCLE,
+    Part,
+    Solution,
+    conservative_exponents,
+    damped_exponents,
+    pieces,
+    settle,
+    solved,
+)
+from gearstab.floquet.status import STATUS_FLAGS
+from gearstab.system import Array, GearSystem
+
+ENTRIES_AT_ONCE = 2**20
+"""Of the stiffness matrices of the rows that are treated together, at TYPICAL segments a common period."""
+TYPICAL = 512
+WASTED = -1.0
+"""A resolution of sixth order below which half of the points would do: the least one, 2, then leaves an error at most a
+thousandth of what is asked for, and fourth order may take less."""
+SMALL = 3
+"""Coordinates of a system whose points take so little that finding out would take more."""
+COARSE = 4
+"""Resolution at which blocks are told apart: of CF4:2, in general position."""
+SAMPLES = Scheme("samples", 0, CF6_5.nodes, np.diag(CF6_5.weights.sum(axis=0)))
+"""Not a scheme: the stiffness at the nodes themselves."""
+
+
+def solutions(
+    system: GearSystem, omega: Array, exponents: bool, reduction: bool, tolerance: float
+) -> Iterator[tuple[Block, Solution]]:
+    """All blocks of all rows at mesh frequencies ``(rows, P)``, rad per unit time."""
+    for division in divisions(system):
+        step = max(1, ENTRIES_AT_ONCE // (TYPICAL * max(1, division.elastic.static.shape[-1]) ** 2))
+        for begin in range(0, len(division.rows), step):
+            part = division.subset(np.arange(begin, min(begin + step, len(division.rows))))
+            negative = _negative(part)
+            coarse = split_pattern(part)
+            for block in split(coarse) if reduction else [whole(coarse)]:
+                own = omega[block.pattern.rows] / block.pattern.elastic.rate[:, None]
+                if block.constant or part.constant.all():
+                    exact = solved(Part(block.pattern, own), block, exponents)
+                    yield block, replace(exact, error=rounding(block.pattern, own))
+                    continue
+                found = _varying(within(part, block), own, exponents, tolerance)
+                rows = negative[np.searchsorted(part.rows, block.pattern.rows)]
+                found.status[rows] |= STATUS_FLAGS["negative_stiffness"]
+                yield block, found
+
+
+def split_pattern(division: Division) -> Pattern:
+    """The rows at a low resolution, with the mean stiffness exactly as it is: for the separation into blocks.
+
+    A mean that is wrong by a quadrature error would not be diagonal in the modes of the mean system.
+    """
+    pattern = division.pattern(CF4_2, COARSE)
+    if division.constant.all():
+        return pattern
+    wrong = np.einsum("rs,rsm->rm", pattern.fractions, pattern.levels) - division.sampler.mean(division.rows)
+    levels = pattern.levels - wrong[:, None]
+    return replace(pattern, levels=levels, stiffness=pattern.elastic.stiffness_of(levels))
+
+
+def within(division: Division, block: Block) -> Division:
+    """The division of a block's rows, in the block's coordinates."""
+    part = division.subset(np.searchsorted(division.rows, block.pattern.rows))
+    return replace(part, elastic=block.pattern.elastic)
+
+
+def _negative(division: Division) -> Array:
+    """``(r,)``: whether K(t) has a negative eigenvalue at some time."""
+    lowest = division.elastic.stiffness_of(division.sampler.lowest(division.rows)[:, None])
+    shift = division.elastic.shift[:, None] ** 2
+    below = np.any(np.linalg.eigvalsh(lowest[:, 0]) + shift < 0, axis=1)
+    rows = np.flatnonzero(below)
+    if len(rows):
+        below[rows] = np.any(division.subset(rows).pattern(SAMPLES, COARSE).stiffness_below_zero, axis=(1, 2))
+    return below
+
+
+def ladder(division: Division, omega: Array, decay: Array, tolerance: float) -> tuple[Ladder, Array]:
+    """The scheme that takes least, and the resolution ``(r, P)`` that each point is likely to need.
+
+    Sixth order nearly always; where it does not get by with fewer than two steps between kinks, or for a low accuracy,
+    fourth order may do with less, which counts for large systems.
+    """
+    best = Ladder(division, CF6_5)
+    wanted, enough = first(best, omega, decay, tolerance)
+    if enough < WASTED and division.elastic.static.shape[-1] > SMALL:
+        other = Ladder(division, CF4_2)
+        others, _ = first(other, omega, decay, tolerance)
+        if _work(other, others) < _work(best, wanted):
+            return other, others
+    return best, wanted
+
+
+def _work(choice: Ladder, resolution: Array) -> float:
+    """Segments of all points."""
+    found, count = np.unique(resolution, return_counts=True)
+    return float(sum(choice.segments(int(k)) * n for k, n in zip(found, count, strict=True)))
+
+
+def _varying(division: Division, omega: Array, exponents: bool, tolerance: float) -> Solution:
+    """A block whose stiffness varies, at ``omega`` in its own units."""
+    elastic = division.elastic
+    period = 2 * np.pi * division.cycles / omega
+    decay = elastic.shift[:, None] * period
+    chosen, wanted = ladder(division, omega, decay, tolerance)
+    found = estimates(chosen, omega, decay, tolerance, wanted)
+    status = np.zeros(omega.shape, dtype=np.int16)
+    size = 2 * elastic.static.shape[-1] + (0 if elastic.rigid_damping is None else elastic.rigid_damping.shape[1])
+    table = np.full((*omega.shape, size), np.nan, dtype=complex) if exponents else None
+    if elastic.damping is None:
+        for rows, points, pattern in _at_resolutions(chosen, found, found.verdict == DOUBTFUL):
+            _settled(found, status, pattern, rows, points, omega)
+    if table is not None:
+        for rows, points, pattern in _at_resolutions(chosen, found, np.ones(omega.shape, dtype=bool)):
+            own = omega[rows[:, None], points]
+            if elastic.damping is None:
+                stable = found.verdict[rows[:, None], points] == STABLE
+                table[rows[:, None], points] = conservative_exponents(pattern, own, stable)
+            else:
+                table[rows[:, None], points] = damped_exponents(pattern, elastic.damping[rows], own)
+    growth = found.growth - decay
+    if elastic.damping is None:
+        stable = np.where(decay == 0, found.verdict == STABLE, growth <= 0)
+        near = np.where(decay == 0, found.changed | (~stable & (growth <= found.error)), np.abs(growth) <= found.error)
+    else:
+        stable = growth <= DAMPED_ON_CIRCLE
+        near = np.abs(growth) <= found.error
+    status[near] |= STATUS_FLAGS["near_boundary"]
+    status[~(found.error <= tolerance)] |= STATUS_FLAGS["not_converged"]
+    rate = elastic.rate[:, None]
+    return Solution(
+        growth / period * rate,
+        stable.astype(np.int8),
+        status,
+        None if table is None else table * rate[..., None],
+        found.error,
+    )
+
+
+def _at_resolutions(chosen: Ladder, found: Estimates, asked: Array) -> Iterator[tuple[Array, Array, Pattern]]:
+    """(rows, points ``(q, c)``, pattern of these rows) that together are the points ``asked`` (r, P) for."""
+    for resolution in np.unique(found.resolution[asked]):
+        for rows, points, _ in rectangles(asked & (found.resolution == resolution)):
+            yield rows, points, chosen.pattern(int(resolution), rows)
+
+
+def _settled(found: Estimates, status: Array, pattern: Pattern, rows: Array, points: Array, omega: Array) -> None:
+    """Decide the points in doubt among those of a pattern."""
+    doubtful = found.verdict[rows[:, None], points] == DOUBTFUL
+    for row, column in pieces(doubtful, pattern.size):
+        target = rows[row], points[row, column]
+        verdict, growth, bits = settle(pattern, row, omega[target])
+        found.verdict[target], found.growth[target] = verdict, growth
+        status[target] |= bits
+
+
+def sampled(system: GearSystem) -> Pattern:
+    """A single system over its common period at a low resolution, as good as any to tell its blocks apart."""
+    return split_pattern(next(divisions(system)))

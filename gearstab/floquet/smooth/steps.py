@@ -1,0 +1,227 @@
+"""Common periods cut into Magnus steps: from a gear system to patterns of any resolution.
+
+A common period is cut at all jumps and kinks of all meshes. The *pieces* between them are either constant, and then one
+exact segment, or cut into steps of equal length, the more the faster the stiffness varies; every exponential of a step
+is a segment with a stiffness of its own (:mod:`~gearstab.floquet.smooth.schemes`). None of this depends on the mesh
+frequency, so that the eigenproblems of the many stiffness matrices serve the whole frequency axis.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from gearstab.floquet.segments.grouping import equal_rows
+from gearstab.floquet.segments.pattern import CONSTANT, PROBES, SHORTEST, Pattern
+from gearstab.floquet.segments.reduction import Elastic, reduce
+from gearstab.floquet.smooth.schemes import CF6_5, Scheme
+from gearstab.system import Array, GearSystem
+
+BASE = 4
+"""Steps a common period of the coarsest resolution, unless there are more pieces or steps fail to resolve K(t)."""
+FOLLOWED = 0.008
+"""A stiffness counts as resolved where the parabola through its values at the nodes is right within this part of its
+variation: below that errors do not yet fall as they should, and estimates may be far too low."""
+MOST = 4096
+"""Steps of the coarsest resolution."""
+HALFWAY = np.sqrt(2.0)
+"""Resolutions lie a factor sqrt(2) apart, so that every second one halves the steps."""
+EVENNESS = 1 / 7
+"""Steps are denser by this power of the slope: where errors of seventh order a step are to be equally large."""
+
+
+NODES = CF6_5.nodes
+CHECKS = np.array([0.02, 0.3, 0.7, 0.98])
+PARABOLA = np.linalg.solve(np.vander(NODES, 3).T, np.vander(CHECKS, 3).T).T
+"""``(4, 3)``: from the values of a parabola at the nodes to those at the checks."""
+
+LEFT_OUT, VARYING, STILL, JOINED = range(4)
+"""Kinds of pieces: of no length; to be cut into steps; constant; constant and equal to the one before."""
+
+
+@dataclass(frozen=True)
+class Sampler:
+    """The mesh stiffnesses of a system's rows anywhere in the common period."""
+
+    system: GearSystem
+
+    @cached_property
+    def cycles(self) -> tuple[int, ...]:
+        """Of each mesh in a common period."""
+        return self.system.common_period()[1][: len(self.system.meshes)]
+
+    @cached_property
+    def _rows(self) -> tuple[Array, Array, Array, Array]:
+        """Mean stiffness, amplitude, lag and epsilon of each mesh, ``(meshes, rows)``."""
+        meshes = self.system.meshes
+        table = [(mesh.mean_stiffness, mesh.amplitude, mesh.lag, mesh.epsilon) for mesh in meshes]
+        mean, amplitude, lag, epsilon = (np.array([*map(self.system.flat, part)]) for part in zip(*table, strict=True))
+        return mean, amplitude, lag, epsilon
+
+    def edges(self) -> Array:
+        """``(rows, Q)``: jumps and kinks in parts of the common period, ascending from [0, 1) on.
+
+        Rows with fewer of them than others have the end of the period for the rest; without any, 0 is one.
+        """
+        count, found = self.system.rows, []
+        _, _, lag, epsilon = self._rows
+        for i, (mesh, turns) in enumerate(zip(self.system.meshes, self.cycles, strict=True)):
+            points = self.system.flat(mesh.waveform.breakpoints(), 1) + lag[i][:, None]
+            each = ((points[:, :, None] + np.arange(turns)) / turns).reshape(count, -1)
+            # A mesh whose stiffness does not vary has no jumps; another one's edge stands for its.
+            found.append(np.where(epsilon[i][:, None] != 0, each, np.nan))
+        every = np.concatenate([*found, np.full((count, 1), np.nan)], axis=1)
+        every = every - np.floor(every)
+        every = np.sort(np.where(every >= 1.0, 0.0, every), axis=1)
+        every[:, 0] = np.where(np.isnan(every[:, 0]), 0.0, every[:, 0])
+        return np.where(np.isnan(every), every[:, :1] + 1.0, every)
+
+    def mean(self, rows: Array) -> Array:
+        """``(r, meshes)``, mean mesh stiffnesses."""
+        return np.asarray(self._rows[0].T[rows])
+
+    def lowest(self, rows: Array) -> Array:
+        """``(r, meshes)``, the least mesh stiffnesses."""
+        return np.stack([self.system.flat(mesh.lowest_stiffness)[rows] for mesh in self.system.meshes], axis=-1)
+
+    def __call__(self, rows: Array, place: Array) -> Array:
+        """``(r, Q, meshes)``, mesh stiffnesses of ``rows`` (r,) at the places ``(r, Q)``, parts of the period."""
+        result = np.empty((*place.shape, len(self.system.meshes)))
+        alike = len(place) == 1 or bool(np.all(place == place[:1]))
+        means, amplitudes, lags, _ = self._rows
+        for i, (mesh, turns) in enumerate(zip(self.system.meshes, self.cycles, strict=True)):
+            lag = lags[i][rows, None]
+            x = turns * place - lag
+            if mesh.waveform.batch == ():
+                # Often the same times and the same wave for all rows.
+                value = mesh.waveform.value(x[:1] if alike and np.all(lag == lag[0]) else x)
+            else:
+                every = np.zeros((place.shape[1], self.system.rows))
+                every[:, rows] = x.T
+                every = mesh.waveform.value(every.reshape(-1, *self.system.batch)).reshape(every.shape)
+                value = every[:, rows].T
+            result[..., i] = means[i][rows, None] + 2 * amplitudes[i][rows, None] * value
+        return result
+
+
+@dataclass(frozen=True)
+class Division:
+    """Rows whose common periods are cut into the same sequence of pieces.
+
+    rows ``(r,)``: positions in the flattened batch, as those of ``elastic``. start, length ``(r, Q)``: of the pieces,
+    in parts of the common period. constant ``(Q,)`` bool. density ``(Q,)``: shares of the steps, 0 where constant.
+    base: about the steps of the coarsest resolution.
+    """
+
+    sampler: Sampler
+    elastic: Elastic
+    cycles: float
+    start: Array
+    length: Array
+    constant: Array
+    density: Array
+    base: int = BASE
+
+    @property
+    def rows(self) -> Array:
+        """``(r,)``, positions in the flattened batch."""
+        return self.elastic.rows
+
+    def subset(self, index: Array) -> Division:
+        """Some of the rows, by position."""
+        return replace(self, elastic=self.elastic.subset(index), start=self.start[index], length=self.length[index])
+
+    def counts(self, resolution: int) -> Array:
+        """``(Q,)``: steps of each piece. Two resolutions further on there are twice as many."""
+        steps = self.base * (HALFWAY if resolution % 2 else 1.0) * self.density
+        steps = np.maximum(1, np.rint(steps).astype(int)) * 2 ** (resolution // 2)
+        return np.where(self.constant, 1, steps)
+
+    def _steps(self, resolution: int) -> tuple[Array, Array, Array]:
+        """(start, length ``(r, S)``, piece ``(S,)``) of all steps."""
+        counts = self.counts(resolution)
+        piece = np.repeat(np.arange(len(counts)), counts)
+        number = np.arange(len(piece)) - np.repeat(np.cumsum(counts) - counts, counts)
+        length = self.length[:, piece] / counts[piece]
+        return self.start[:, piece] + number * length, length, piece
+
+    def missed(self) -> float:
+        """By how much the coarsest steps fail to resolve the stiffness, over FOLLOWED: 1 or less is enough."""
+        start, length, piece = self._steps(0)
+        moving = ~self.constant[piece]
+        if not moving.any():
+            return 0.0
+        place = start[:, moving, None] + length[:, moving, None] * np.append(NODES, CHECKS)
+        known = self.sampler(self.rows, place.reshape(len(place), -1)).reshape(*place.shape, -1)
+        span = np.maximum(np.ptp(known, axis=(1, 2)), np.finfo(float).tiny)[:, None, None]
+        missed = np.abs(known[:, :, len(NODES) :] - PARABOLA @ known[:, :, : len(NODES)])
+        # Of a mesh that varies little or not at all there is only rounding to see.
+        noise = CONSTANT * np.abs(known).max(axis=(1, 2))[:, None, None]
+        return float(np.max(np.maximum(missed - noise, 0.0) / span)) / FOLLOWED
+
+    def pattern(self, scheme: Scheme, resolution: int) -> Pattern:
+        """The rows as a pattern: a segment a constant piece and an exponential elsewhere, all with their own state."""
+        start, length, piece = self._steps(resolution)
+        place = start[:, :, None] + length[:, :, None] * scheme.nodes
+        rows = len(self.rows)
+        known = self.sampler(self.rows, place.reshape(rows, -1)).reshape(*place.shape, -1)
+        middle = known[:, :, len(scheme.nodes) // 2, None]
+        levels = scheme.mixture @ known
+        still = self.constant[piece]
+        levels[:, still] = middle[:, still]
+        fractions = length[:, :, None] * np.where(still[:, None], 1.0, scheme.durations)
+        kept = ~still[:, None] | (np.arange(scheme.exponentials) == 0)
+        levels, fractions = levels[:, kept], np.ascontiguousarray(fractions[:, kept])
+        states = np.arange(fractions.shape[1])
+        elastic = self.elastic
+        stiffness = elastic.stiffness_of(levels)
+        return Pattern(self.rows, self.cycles, fractions, self.start[:, 0], states, levels, elastic, stiffness)
+
+
+def divisions(system: GearSystem) -> Iterator[Division]:
+    """All rows, grouped; every row occurs exactly once."""
+    sampler = Sampler(system)
+    cycles = float(system.common_period()[0])
+    edges = sampler.edges()
+    length = np.diff(edges, axis=1, append=edges[:, :1] + 1)
+    span, code = _kinds(sampler, edges, length)
+    for elastic in reduce(system):
+        for index, key in equal_rows(code[elastic.rows]):
+            members = elastic.rows[index]
+            own = (key == VARYING) | (key == STILL)
+            owner, kept = np.cumsum(own) - 1, np.flatnonzero(own)
+            start, parts = edges[members][:, kept], np.zeros((len(members), len(kept)))
+            np.add.at(parts.T, owner[key > 0], length[members].T[key > 0])
+            constant = key[kept] == STILL
+            slope = span[members][:, kept] / parts
+            wanted = np.mean(parts * slope**EVENNESS, axis=0) * ~constant
+            density = wanted / max(float(wanted.sum()), np.finfo(float).tiny)
+            found = Division(sampler, elastic.subset(index), cycles, start, parts, constant, density)
+            while found.base < MOST and (missed := found.missed()) > 1.0:
+                # What a parabola misses falls as the cube of the step, so that some choices need not be tried.
+                hopeless, base = min(found.base * np.cbrt(missed) / HALFWAY, MOST), found.base
+                while base == found.base or base < hopeless:
+                    base = int(np.ceil(HALFWAY * base))
+                found = replace(found, base=base)
+            yield found
+
+
+def _kinds(sampler: Sampler, edges: Array, length: Array) -> tuple[Array, Array]:
+    """By how much the stiffness varies (relative) on each piece ``(rows, Q)``, and the kind of the piece."""
+    place = edges[:, :, None] + length[:, :, None] * PROBES
+    known = sampler(np.arange(sampler.system.rows), place.reshape(len(place), -1)).reshape(*place.shape, -1)
+    size = np.maximum(np.abs(known).max(axis=(1, 2)), np.finfo(float).tiny)
+    span = ((known.max(axis=2) - known.min(axis=2)) / size[:, None]).max(axis=2, initial=0.0)
+    kind = np.where(length > SHORTEST, np.where(span > CONSTANT, VARYING, STILL), LEFT_OUT)
+    each = np.arange(len(edges))
+    before = np.full(len(edges), -1)
+    for q in range(edges.shape[1]):
+        step = np.abs(known[:, q, 0] - known[each, np.maximum(before, 0), 0]) / size
+        same = (before >= 0) & (step <= CONSTANT).all(axis=-1)
+        same &= (kind[:, q] == STILL) & (kind[each, np.maximum(before, 0)] >= STILL)
+        before = np.where(kind[:, q] != LEFT_OUT, q, before)
+        kind[same, q] = JOINED
+    return span, kind

@@ -1,0 +1,103 @@
+"""What SIGINT, SIGTERM and SIGHUP do: end the program with exit code 130, leaving no half-written file behind.
+
+A command ends at once (:func:`leave`): whatever it does, there is nothing to save but temporary files, which are
+removed. A sweep has finished blocks to save and lets the signals raise KeyboardInterrupt (:func:`raised`).
+
+This is the first module that the command line imports, and it imports little: signals that come before it is there end
+in a traceback of Python.
+"""
+
+from __future__ import annotations
+
+import atexit
+import os
+import signal
+import time
+from contextlib import contextmanager, suppress
+
+from gearstab.errors import INTERRUPTED
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+    from typing import Any
+
+SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
+
+temporary: set[str] = set()
+"""Files that are being written and have no final name yet."""
+
+
+def leave(number: int, frame: Any) -> None:
+    """End the process at once, with one line on standard error; a signal handler.
+
+    Not by an exception: that might surface anywhere, half-way through the import of a library among other places, as a
+    traceback.
+    """
+    for path in list(temporary):
+        with suppress(OSError):
+            os.unlink(path)
+    with suppress(OSError):
+        os.write(2, b"interrupted\n")
+    os._exit(INTERRUPTED)
+
+
+def install() -> None:
+    """Let the signals end this process by :func:`leave`; those that are ignored (``nohup``) stay so."""
+    for number in SIGNALS:
+        if signal.getsignal(number) != signal.SIG_IGN:
+            signal.signal(number, leave)
+    # Registered first, and so called last: all is done, and Python's own end would let a signal change the exit code.
+    atexit.register(_ignore)
+
+
+def _ignore() -> None:
+    for number in SIGNALS:
+        signal.signal(number, signal.SIG_IGN)
+
+
+def end_with(parent: int) -> None:
+    """End this process, a child that has nobody else to report to, when its parent has ended."""
+
+    from threading import Thread
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(0.5)
+        os._exit(1)
+
+    Thread(target=watch, daemon=True).start()
+
+
+@contextmanager
+def raised(late: Callable[[], bool]) -> Iterator[None]:
+    """Let the signals raise KeyboardInterrupt (where signals can be handled: in the main thread).
+
+    What is ignored stays so, and so does an application's own treatment of Ctrl-C.
+
+    late: whether it is too late for that; then they are ignored.
+    """
+    from threading import current_thread, main_thread
+
+    if current_thread() is not main_thread():
+        yield
+        return
+
+    def interrupt(number: int, frame: Any) -> None:
+        if not late():
+            raise KeyboardInterrupt
+
+    before = {number: signal.getsignal(number) for number in SIGNALS}
+    ours = {signal.SIGINT: (signal.default_int_handler, leave)}
+    changed = [
+        number
+        for number, handler in before.items()
+        if handler != signal.SIG_IGN and (number not in ours or handler in ours[number])
+    ]
+    for number in changed:
+        signal.signal(number, interrupt)
+    try:
+        yield
+    finally:
+        for number in changed:
+            signal.signal(number, before[number])

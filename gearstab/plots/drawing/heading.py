@@ -1,0 +1,48 @@
+"""The title over a figure and the legend under it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import ceil
+from typing import Any, Literal
+
+import xarray as xr
+from matplotlib.figure import Figure
+from matplotlib.legend import Legend
+
+from gearstab.plots.axes import Request, View
+from gearstab.plots.drawing.text import fitted, plain, printed_text
+
+
+def title_of(tree: xr.DataTree) -> str:
+    """The title of the result, empty if it has none."""
+    return str(tree.attrs.get("title", "") or "")
+
+
+def write_title(figure: Figure, tree: xr.DataTree, request: Request, view: View | None = None) -> None:
+    """Write the result's title, and what was selected, over the figure; nothing if the user wants no title."""
+    if not request.title:
+        return
+    title = fitted(plain(title_of(tree)), figure.get_figwidth(), 9)
+    lines = [title] if title else []
+    if view is not None and view.chosen:
+        lines.append(",  ".join(view.chosen))
+    if lines:
+        figure.suptitle("\n".join(lines), linespacing=1.1)
+
+
+Place = Literal["outside lower center", "outside lower right"]
+
+
+def write_legend(figure: Figure, handles: Sequence[Any], place: Place = "outside lower center") -> Legend | None:
+    """A legend under the figure with as many columns as its width holds, the rows about equally full.
+
+    None without handles.
+    """
+    if not handles:
+        return None
+    # The handle and its gaps take about 4.5 letters of size 7.5.
+    letters = max(printed_text(str(handle.get_label())) for handle in handles) + 9
+    most = max(1, int(figure.get_figwidth() * 72 / (0.45 * 7.5) / letters))
+    columns = ceil(len(handles) / ceil(len(handles) / most))
+    return figure.legend(handles=list(handles), loc=place, ncols=columns)

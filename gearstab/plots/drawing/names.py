@@ -1,0 +1,201 @@
+"""Names of the tongues beside the frame, with leader lines, none over another."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.text import Text
+from matplotlib.transforms import (
+    Affine2D,
+    Bbox,
+    ScaledTranslation,
+    Transform,
+    blended_transform_factory,
+)
+
+from gearstab.plots.axes import View
+from gearstab.plots.drawing.placement import Placed, place
+from gearstab.plots.drawing.text import tongue_label
+from gearstab.plots.drawing.tongues import INVISIBLE, Tongues, parameter_axis, read_tongues, widest
+
+Array = np.ndarray
+
+SIZE = 7.5
+"""Points of a name."""
+GAP, ROW_GAP, SPACE, LEADER = 5.5, 4.0, 3.4, 3.0
+"""Points: from the frame to the first row, from row to row, between neighbours in a row, around a leader in a row."""
+
+
+@dataclass(frozen=True)
+class NamedTongues:
+    """The names that were drawn, their leaders outside the frame, and those that go on inside it to a tongue's end."""
+
+    texts: tuple[Text, ...] = ()
+    leaders: tuple[Line2D, ...] = ()
+    inner: tuple[Line2D, ...] = ()
+
+
+def anchors(tongues: Tongues, low: float, high: float, logarithmic: bool = False) -> tuple[Array, Array, Array]:
+    """Where each tongue meets the end of its parameter axis.
+
+    Returns (middle of the tongue as a part of the frame, position along the parameter axis, weight) for every tongue:
+    at the last row where it is visible. The weight is its greatest width; tongues not worth a name have 0.
+    """
+    if logarithmic:
+        tongues = Tongues(np.log(tongues.edges), tongues.labels, tongues.parameter)
+        low, high = np.log(low), np.log(high)
+    part = tongues.inside(low, high)
+    width = np.nan_to_num(part[:, 1] - part[:, 0])
+    weight = width.max(axis=-1)
+    seen = width > 0.5 * INVISIBLE
+    last = seen.shape[1] - 1 - np.argmax(seen[:, ::-1], axis=1)
+    rows = np.arange(len(last))
+    middle = part[rows, :, last].mean(axis=-1)
+    return middle, tongues.positions[last], np.where(seen.any(axis=1) & (weight > INVISIBLE), weight, 0.0)
+
+
+def name_view(tree: xr.DataTree, ax: Axes, view: View, rows: int = 3) -> NamedTongues:
+    """Name the tongues of a view whose frame has settled: by exact boundaries, or else by predicted ones."""
+    found = parameter_axis(view)
+    if found is None:
+        return NamedTongues()
+    parameter, frequency_on_x = found
+    limits = ax.get_xlim() if frequency_on_x else ax.get_ylim()
+    groups = [read_tongues(tree, group, view, parameter) for group in ("boundaries", "perturbation")]
+    lines = merged([group for group in groups if group is not None], *limits)
+    return name_tongues(ax, lines, frequency_on_x, rows) if lines is not None else NamedTongues()
+
+
+def merged(groups: list[Tongues], low: float, high: float) -> Tongues | None:
+    """The labelled tongues of all groups that can be seen, from the first group that shows each; None without any."""
+    edges: dict[str, Array] = {}
+    for group in groups:
+        seen = widest(group, low, high) > INVISIBLE
+        for i in np.flatnonzero(seen):
+            edges.setdefault(group.labels[i], group.edges[i])
+    edges.pop("", None)
+    return Tongues(np.stack(list(edges.values())), tuple(edges), groups[0].parameter) if edges else None
+
+
+def name_tongues(ax: Axes, tongues: Tongues, frequency_on_x: bool, rows: int = 3) -> NamedTongues:
+    """Write the tongues' names beyond the far end of the parameter axis, with leaders to where they belong.
+
+    The frame must have its final length along the frequency axis; names stand above it, or right of it if the
+    frequency is on y. Tongues too thin to be seen, and the thinnest where not all names fit, are left out.
+    """
+    low, high = sorted(ax.get_xlim() if frequency_on_x else ax.get_ylim())
+    scale = ax.get_xscale() if frequency_on_x else ax.get_yscale()
+    middle, depth, weight = anchors(tongues, low, high, scale == "log")
+    chosen = np.array([i for i in np.flatnonzero(weight) if tongues.labels[i]], dtype=int)
+    if not chosen.size:
+        return NamedTongues()
+    words = [tongue_label(tongues.labels[i], tongues.parameter.meshes) for i in chosen]
+    spans, thickness = measured(ax, words, frequency_on_x)
+    box = ax.get_window_extent()
+    length = (box.width if frequency_on_x else box.height) * 72 / ax.figure.dpi
+    edge = 0.3 * SIZE
+    placed = place(middle[chosen] * length, spans + SPACE, -edge, length + edge, weight[chosen], rows, LEADER)
+    outside = beyond(ax, frequency_on_x)
+    texts, leaders, inner = [], [], []
+    for item in placed:
+        start, end = float(middle[chosen[item.index]]), float(depth[chosen[item.index]])
+        texts.append(write_name(ax, words[item.index], item, length, thickness, outside, frequency_on_x))
+        points = leader_points(item, start * length, thickness) / (length, 1.0)
+        leaders.append(thin_line(ax, points, outside, frequency_on_x))
+        if tongues.parameter.name and not reaches_end(ax, end, frequency_on_x):
+            inner.append(inner_leader(ax, start, end, frequency_on_x))
+    return NamedTongues(tuple(texts), tuple(leaders), tuple(inner))
+
+
+def measured(ax: Axes, words: list[str], frequency_on_x: bool) -> tuple[Array, float]:
+    """In points: the length of each name along the frequency axis, and the greatest across it."""
+    points = 72 / ax.figure.dpi
+    boxes: list[Bbox] = []
+    for word in words:
+        text = ax.text(0.5, 0.5, word, fontsize=SIZE)
+        boxes.append(text.get_window_extent())
+        text.remove()
+    widths, heights = np.array([(box.width, box.height) for box in boxes]).T * points
+    along, across = (widths, heights) if frequency_on_x else (heights, widths)
+    return along, float(across.max())
+
+
+def beyond(ax: Axes, frequency_on_x: bool) -> Transform:
+    """From (part of the frame along the frequency axis, points beyond its far end) to the figure.
+
+    The distances stay what they are when the layout gives the frame another height.
+    """
+    points = Affine2D().scale(1 / 72) + ax.figure.dpi_scale_trans
+    if frequency_on_x:
+        return blended_transform_factory(ax.transAxes, points + ScaledTranslation(0, 1, ax.transAxes))  # type: ignore[arg-type]
+    return blended_transform_factory(points + ScaledTranslation(1, 0, ax.transAxes), ax.transAxes)  # type: ignore[arg-type]
+
+
+def write_name(
+    ax: Axes, words: str, item: Placed, length: float, thickness: float, outside: Transform, frequency_on_x: bool
+) -> Text:
+    """Write one name at its place."""
+    at = item.position / length, row_start(item.row, thickness)
+    horizontal, vertical = ("center", "bottom") if frequency_on_x else ("left", "center")
+    return ax.text(
+        *(at if frequency_on_x else at[::-1]), words, transform=outside, ha=horizontal, va=vertical, fontsize=SIZE,
+        clip_on=False,
+    )  # fmt: skip
+
+
+def row_start(row: int, thickness: float) -> float:
+    """Points from the frame to the near side of a row of names."""
+    return GAP + row * (thickness + ROW_GAP)
+
+
+def leader_points(item: Placed, start: float, thickness: float) -> Array:
+    """``(points, 2)``, in points along and beyond the frame: upright through the rows, slanting in the gaps between."""
+    points = [(start, 0.5)]
+    for row, along in enumerate(item.path):
+        near = row_start(row, thickness)
+        points.append((along, near - 0.5))
+        if row < item.row:
+            points.append((along, near + thickness + 0.3))
+    return np.array(points)
+
+
+def reaches_end(ax: Axes, position: float, frequency_on_x: bool) -> bool:
+    """Whether a position on the parameter axis lies within a twentieth of its far end."""
+    point = ax.transData.transform((ax.get_xlim()[0], position) if frequency_on_x else (position, ax.get_ylim()[0]))
+    return bool(ax.transAxes.inverted().transform(point)[1 if frequency_on_x else 0] > 0.95)
+
+
+def inner_leader(ax: Axes, start: float, end: float, frequency_on_x: bool) -> Line2D:
+    """The part of a leader inside the frame, from the last visible row of a tongue to the far end."""
+    if frequency_on_x:
+        inside = blended_transform_factory(ax.transAxes, ax.transData)
+        far = ax.get_ylim()[1]
+    else:
+        inside = blended_transform_factory(ax.transData, ax.transAxes)
+        far = ax.get_xlim()[1]
+    return thin_line(ax, np.array([(start, end), (start, far)]), inside, frequency_on_x)
+
+
+def thin_line(ax: Axes, points: Array, transform: Transform, frequency_on_x: bool) -> Line2D:
+    """One thin grey line that may leave the frame; ``points`` are (along the frequency axis, across)."""
+    x, y = points.T if frequency_on_x else points.T[::-1]
+    line = Line2D(x, y, transform=transform, color="#6e6e6e", linewidth=0.4)
+    ax.add_artist(line)
+    line.set_clip_on(False)
+    return line
+
+
+def settle(figure: Figure) -> None:
+    """Run the layout, so that frames have their lengths and text can be measured against them."""
+    figure.draw_without_rendering()
+
+
+def freeze(figure: Figure) -> None:
+    """Run the layout a last time, now with the names, and keep it: every output format then shows the same figure."""
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")

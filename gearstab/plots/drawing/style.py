@@ -1,0 +1,156 @@
+"""How every figure looks: one journal column or two, Times-like mathematics, nothing that depends on the machine.
+
+The fonts (STIX) come with matplotlib, the user's own matplotlibrc is set aside, and files carry no time stamp, so
+that the same result gives the same bytes everywhere.
+"""
+
+from __future__ import annotations
+
+import io
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
+
+from gearstab.plots.errors import PlotError, listed
+from gearstab.results.output import Content, write_bytes
+
+WIDTHS = {"single": 3.46, "double": 7.09}
+"""Width in inches of one column (88 mm) and of two (180 mm)."""
+
+EXTENSIONS = (".png", ".pdf", ".svg")
+
+RESOLUTION = 300
+"""Dots per inch of a PNG file and of the rasterised parts of a PDF or SVG file."""
+
+LINE = "#1a1a1a"
+FAILED = "#b9b9b9"
+SHADE = "#d3dbe6"
+PROVED = "#e4f1e6"
+"""Lighter than anything that means instability."""
+CASES = ("#1a1a1a", "#c1440e", "#0b6fa4", "#7a3b8f", "#00755e", "#a0761a")
+"""Colours of overlaid cases; they differ in lightness too, and every case has a line style of its own."""
+DASHES: tuple[Any, ...] = ("-", *((0, p) for p in ((5, 1.6), (5, 1.5, 1, 1.5), (1.2, 1.2), (8, 2), (3, 1, 1, 1, 1, 1))))
+
+# Lightness falls steadily from 86 to 17, hue from straw through red to violet-black: the least growth is told from the
+# white of the stable regions, the order survives grey printing, and no step relies on telling red from green.
+GROWTH = LinearSegmentedColormap.from_list(
+    "growth", ["#f6d68a", "#f3b35f", "#e98a4b", "#d5634a", "#b64354", "#8d2d5c", "#61215a", "#381848", "#1c0f2e"]
+)
+
+RC: dict[str, Any] = {
+    # The second one for letters of titles and names that the first one lacks.
+    "font.family": ["STIXGeneral", "DejaVu Sans"],
+    "mathtext.fontset": "stix",
+    "font.size": 8,
+    "axes.labelsize": 8.5,
+    "axes.titlesize": 8,
+    "figure.titlesize": 9,
+    "xtick.labelsize": 7.5,
+    "ytick.labelsize": 7.5,
+    "legend.fontsize": 7.5,
+    "legend.frameon": False,
+    "legend.handlelength": 2.6,
+    "axes.linewidth": 0.6,
+    "axes.labelpad": 3,
+    "axes.axisbelow": False,
+    "axes.formatter.use_mathtext": True,
+    "axes.formatter.limits": (-3, 4),
+    "lines.linewidth": 0.8,
+    "hatch.linewidth": 0.4,
+    "xtick.direction": "in",
+    "ytick.direction": "in",
+    "xtick.top": True,
+    "ytick.right": True,
+    "xtick.minor.visible": True,
+    "ytick.minor.visible": True,
+    "xtick.major.size": 3.2,
+    "ytick.major.size": 3.2,
+    "xtick.minor.size": 1.7,
+    "ytick.minor.size": 1.7,
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+    "xtick.minor.width": 0.4,
+    "ytick.minor.width": 0.4,
+    "figure.dpi": RESOLUTION,
+    "savefig.dpi": RESOLUTION,
+    "savefig.facecolor": "white",
+    "pdf.fonttype": 42,
+    "svg.fonttype": "path",
+    "svg.hashsalt": "gearstab",
+    "agg.path.chunksize": 10000,
+}
+
+
+@contextmanager
+def style() -> Iterator[None]:
+    """Matplotlib's defaults plus ``RC``; the parameters found on entry come back on exit.
+
+    A letter that no font has is drawn as a box, without a warning.
+    """
+    with mpl.rc_context(), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message=r"Glyph .* missing from", category=UserWarning)
+        mpl.rcdefaults()
+        mpl.rcParams.update(RC)  # type: ignore[arg-type]  # the stubs want the keys as literals
+        yield
+
+
+def new_figure(size: str, aspect: float, dpi: int | None = None) -> Figure:
+    """An empty figure of a column width and of height ``aspect`` times that, on a canvas that can measure text.
+
+    Raises PlotError for an unknown size.
+    """
+    if size not in WIDTHS:
+        raise PlotError(f"size {size!r} is not known; use {listed(WIDTHS)}")
+    width = WIDTHS[size]
+    layout = ConstrainedLayoutEngine(w_pad=0.03, h_pad=0.03, wspace=0.03, hspace=0.03)
+    figure = Figure(figsize=(width, aspect * width), layout=layout, dpi=dpi or RESOLUTION)
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def metadata(extension: str, title: str) -> dict[str, Any]:
+    """What a file says about itself: never the time, so that two runs give the same bytes."""
+    if extension == ".png":
+        return {"Software": "gearstab", "Title": title}
+    if extension == ".pdf":
+        return {"Creator": "gearstab", "Producer": "gearstab", "CreationDate": None, "Title": title}
+    return {"Creator": "gearstab", "Date": None, "Title": title}
+
+
+def checked_extension(path: Path) -> str:
+    """The extension of a figure file. Raises PlotError if it is none of ``EXTENSIONS``."""
+    extension = path.suffix.lower()
+    if extension not in EXTENSIONS:
+        raise PlotError(f"{path}: extension {extension or 'missing'!r} is not known; use {listed(EXTENSIONS)}")
+    return extension
+
+
+def save(figure: Figure, path: Path, title: str = "") -> None:
+    """Write a figure, whole or not at all.
+
+    Raises PlotError for an unknown extension, OutputError where ``path`` is no figure to replace, and OSError where it
+    cannot be written.
+    """
+    extension = checked_extension(path)
+    data = io.BytesIO()
+    with style():
+        figure.savefig(data, format=extension[1:], dpi=figure.dpi, metadata=metadata(extension, title))
+    write_bytes(path, data.getbuffer(), FIGURE.refuse)
+
+
+def no_figure(path: Path) -> str:
+    """Return what a file is instead of a figure of any kind, "" for one."""
+    with open(path, "rb") as file:
+        head = file.read(4096)
+    return "" if head.startswith((b"\x89PNG", b"%PDF-")) or b"<svg" in head else "is no figure"
+
+
+FIGURE = Content("a figure", "/".join(EXTENSIONS), no_figure, (), streams=True)

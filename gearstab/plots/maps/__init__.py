@@ -1,0 +1,1 @@
+"""Figures over the axes of a sweep: maps, boundaries, surfaces, curves, slices."""

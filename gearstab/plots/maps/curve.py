@@ -1,0 +1,92 @@
+"""A variable over one axis, for results with one axis (or one left): growth rate over mesh frequency."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from gearstab.plots.axes import SPEEDS, Request, View, view_of
+from gearstab.plots.cases import caption, some
+from gearstab.plots.drawing import grid, names, tongues
+from gearstab.plots.drawing.heading import write_legend, write_title
+from gearstab.plots.drawing.style import CASES, DASHES, SHADE, new_figure
+from gearstab.plots.drawing.text import fitted
+from gearstab.plots.maps import doubt, proved
+from gearstab.plots.maps.stability_map import GROWTH_RATE, colour_label, default_variable, find_variable
+
+Array = np.ndarray
+Artists = dict[str, Any]
+
+
+def draw_curve(ax: Axes, data: xr.DataArray, view: View, number: int, label: str) -> Line2D:
+    """One line over x; gaps where there is no value."""
+    (line,) = ax.plot(
+        view.x.positions[view.x.order], view.cut(data, view.x.name), color=CASES[number], linestyle=DASHES[number],
+        label=label, marker="o" if view.x.size == 1 else "", markersize=2.5,
+    )  # fmt: skip
+    return line
+
+
+def peak(values: Array) -> float:
+    """The largest magnitude; NaN where there is none."""
+    finite = np.abs(values[np.isfinite(values)])
+    return float(finite.max()) if finite.size else float("nan")
+
+
+def draw_bands(tree: xr.DataTree, ax: Axes, view: View) -> tuple[tongues.Tongues | None, object | None]:
+    """Shade the unstable mesh frequencies, between exact boundaries or else as perturbation theory predicts them.
+
+    Returns the tongues and the bands.
+    """
+    groups = ("boundaries", "perturbation") if view.x.name in SPEEDS else ()
+    known = (tongues.read_tongues(tree, group, view, None) for group in groups)
+    lines = next((found for found in known if found is not None), None)
+    if lines is None:
+        return None, None
+    edges = lines.edges[..., 0]
+    edges = edges[np.isfinite(edges).all(axis=1) & (edges[:, 1] > edges[:, 0])]
+    return lines, ax.broken_barh(
+        list(zip(edges[:, 0], edges[:, 1] - edges[:, 0], strict=True)), (0, 1), transform=ax.get_xaxis_transform(),
+        facecolors=SHADE, linewidth=0, zorder=0.5,
+    )  # fmt: skip
+
+
+def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
+    """The whole figure: ``lines``, and for one case over the mesh frequency ``bands`` and ``names`` of the tongues,
+    and ``proved``, what is proved stable.
+    """
+    variable = request.variable or default_variable(tree)
+    dataset, data = find_variable(tree, variable)
+    view = view_of(tree, map(str, data.dims), request, dataset, two=False)
+    cases, note = some(
+        view.free, len(CASES), "curves", request.partial, lambda c: peak(view.at(**c).cut(data, view.x.name))
+    )
+    figure = new_figure(request.size or "single", 0.62, request.dpi)
+    ax = figure.add_subplot()
+    lines = [draw_curve(ax, data, view.at(**c), k, caption(view.free, c)) for k, c in enumerate(cases)]
+    doubted = []
+    for line, case in zip(lines, cases, strict=True):
+        doubted += doubt.halo(ax, line, doubt.doubtful(tree, dataset, view.at(**case), view.x.name))
+    low, high = grid.limits(view.x) if view.x.size == 1 else view.x.positions[view.x.order][[0, -1]]
+    ax.set_xscale("log" if view.x.logarithmic else "linear")
+    ax.set_xlim(low, high)
+    if view.x.logarithmic:
+        grid.number_decades(ax.xaxis)
+    ax.set_xlabel(view.x.label)
+    ax.set_ylabel(fitted(colour_label(tree, variable), 1.8, 8.5))
+    if variable == GROWTH_RATE:
+        ax.axhline(0.0, color="#8a8a8a", linewidth=0.4, zorder=0.8)
+    found, bands = draw_bands(tree, ax, view) if len(cases) == 1 else (None, None)
+    tint = proved.draw_proved(tree, ax, view, None) if len(cases) == 1 else None
+    handles = [*(lines if len(cases) > 1 else []), *proved.legend_of(tint), *doubt.legend_of_curves(doubted)]
+    write_legend(figure, handles)
+    write_title(figure, tree, request, view)
+    names.settle(figure)
+    named = names.name_tongues(ax, found, True) if found is not None else None
+    names.freeze(figure)
+    return figure, {"lines": lines, "bands": bands, "proved": tint, "names": named, "left_out": note}

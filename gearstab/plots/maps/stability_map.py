@@ -1,0 +1,193 @@
+"""The stability map: growth rate over two axes, instability boundaries and the names of the tongues."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.colors import Colormap, LogNorm, Normalize
+from matplotlib.figure import Figure
+
+from gearstab.plots.axes import Request, View, swept_groups, two_axes_only, view_of
+from gearstab.plots.drawing import grid, names, tongues
+from gearstab.plots.drawing.heading import write_legend, write_title
+from gearstab.plots.drawing.style import GROWTH, LINE, new_figure
+from gearstab.plots.drawing.text import axis_label, fitted
+from gearstab.plots.errors import PlotError, listed
+from gearstab.plots.maps import doubt, proved
+
+Array = np.ndarray
+Artists = dict[str, Any]
+
+GROWTH_RATE = "growth_rate"
+LOAD_FACTOR = "dynamic_load_factor"
+FORCE = "mesh_force_peak"
+REQUIRED = "required_damping"
+WIDE = 30
+"""Values that differ by more than this factor are coloured by their logarithms."""
+MOST = 1000
+"""Larger ones, beside a single point of resonance, share the last colour."""
+
+
+def find_variable(tree: xr.DataTree, name: str) -> tuple[xr.Dataset, xr.DataArray]:
+    """A numeric variable over the axes of the sweep, Floquet's first. Raises PlotError naming those there are."""
+    known: list[str] = []
+    for group in swept_groups(tree):
+        dataset = tree[group].to_dataset()
+        if name in dataset.data_vars and dataset[name].dtype.kind in "fiu":
+            return dataset, dataset[name]
+        known += [str(v) for v in dataset.data_vars if dataset[v].dtype.kind in "fiu" and dataset[v].ndim > 1]
+    if name == GROWTH_RATE and known:
+        raise PlotError(
+            f"this result has no growth rates (methods.floquet was not run); --variable: {listed(dict.fromkeys(known))}"
+        )
+    raise PlotError(f"no variable {name!r} to draw in this result; there is {listed(dict.fromkeys(known))}")
+
+
+def default_variable(tree: xr.DataTree) -> str:
+    """Growth rates; where there are none the load factor of steady states, else the required damping."""
+    held = swept_groups(tree)
+    if "floquet" in held or not {"response", REQUIRED} & set(held):
+        return GROWTH_RATE
+    if "response" not in held:
+        return REQUIRED
+    dataset = tree["response"].to_dataset()
+    return LOAD_FACTOR if LOAD_FACTOR in dataset and np.isfinite(dataset[LOAD_FACTOR].values).any() else FORCE
+
+
+def read_cells(tree: xr.DataTree, view: View, variable: str) -> tuple[Array, Array]:
+    """(values, failed), both ``(y.size, x.size)``.
+
+    Masked are the values of stable points in a map of growth rates, and of unstable ones in one of steady states.
+    """
+    assert view.y is not None
+    dataset, data = find_variable(tree, variable)
+    dims = view.y.name, view.x.name
+    values = view.cut(data, *dims).astype(float)
+    failed = ~np.isfinite(values) if data.dims == dataset.get("status", data).dims else np.zeros(values.shape, bool)
+    if LOAD_FACTOR in dataset.data_vars and variable != "status":
+        # Of all meshes at once, which may be an axis of the map.
+        repels = view.cut(xr.broadcast(dataset["status"], data)[0], *dims).astype(int) & 1 != 0
+        return np.ma.masked_where(repels | ~np.isfinite(values), values), ~np.isfinite(values) & ~repels
+    if variable != GROWTH_RATE:
+        return np.ma.masked_invalid(values), failed
+    stable = values <= 0
+    if "stable" in dataset.data_vars:
+        flag = view.cut(dataset["stable"], *dims)
+        stable, failed = flag == 1, failed | (flag < 0)
+    return np.ma.masked_where(stable | failed, values), failed
+
+
+def colours(values: Array, variable: str) -> tuple[Colormap, Normalize]:
+    """The colour map of a variable and its range over all ``values`` shown; growth rates start at zero."""
+    shown = np.ma.compressed(values) if isinstance(values, np.ma.MaskedArray) else values[np.isfinite(values)]
+    low, high = (float(shown.min()), float(shown.max())) if shown.size else (0.0, 0.0)
+    if variable == GROWTH_RATE:
+        low = 0.0
+    elif low > 0 and high > WIDE * low:
+        return GROWTH, LogNorm(low, min(high, MOST * low))
+    return GROWTH, Normalize(low, high if high > low else low + 1.0)
+
+
+def draw_map(
+    tree: xr.DataTree, ax: Axes, view: View, variable: str = GROWTH_RATE, norm: Normalize | None = None
+) -> Artists:
+    """Draw one map into a frame.
+
+    Returns the artists, None where there is no such thing: ``cells`` (values of unstable points; stable ones masked),
+    ``failed`` (hatched), ``note`` (if all is stable), ``neutral`` (the line growth_rate = 0 of a damped system),
+    ``perturbation`` (lines), ``boundaries`` and ``thin`` (see ``tongues.exact_lines``), ``doubtful`` (hatchings by
+    their words, see :mod:`gearstab.plots.maps.doubt`), ``proved`` (a tint of what is proved stable).
+    """
+    assert view.y is not None
+    values, failed = read_cells(tree, view, variable)
+    cmap, own = colours(values, variable)
+    artists: Artists = {
+        "cells": grid.draw_cells(ax, view.x, view.y, values, cmap, norm or own),
+        "failed": grid.draw_failed(ax, view.x, view.y, failed),
+        "neutral": draw_neutral(tree, ax, view) if variable == GROWTH_RATE else None,
+        "note": None,
+    }
+    if variable == GROWTH_RATE and np.ma.getmaskarray(values).all() and not failed.any():
+        artists["note"] = ax.text(
+            0.5, 0.5, "stable at every point", transform=ax.transAxes, ha="center", color="#6e6e6e"
+        )
+    dataset = find_variable(tree, variable)[0]
+    artists["doubtful"] = doubt.hatch(ax, view, doubt.doubtful(tree, dataset, view, view.y.name, view.x.name))
+    grid.frame(ax, view.x, view.y)
+    overlaid = variable in (GROWTH_RATE, "stable") or "mesh" in find_variable(tree, variable)[1].dims
+    return {**artists, **draw_boundaries(tree, ax, view if overlaid else None, artists["neutral"] is not None)}
+
+
+def draw_neutral(tree: xr.DataTree, ax: Axes, view: View) -> object | None:
+    """The contour growth_rate = 0 where damping makes stable points decay; None without such points.
+
+    There is none across an axis of labels, between which nothing lies.
+    """
+    assert view.y is not None
+    if not (view.x.numeric and view.y.numeric):
+        return None
+    data = find_variable(tree, GROWTH_RATE)[1]
+    values = view.cut(data, view.y.name, view.x.name).astype(float)
+    finite = values[np.isfinite(values)]
+    # Rounding leaves +-1e-10 on an undamped system's zero: a millionth of the range is far above and draws nothing new.
+    decays = finite.size and finite.min() < -1e-6 * np.abs(finite).max() and finite.max() > 0
+    if not decays or min(values.shape) < 2:
+        return None
+    x, y = (axis.positions[axis.order] for axis in (view.x, view.y))
+    return ax.contour(x, y, np.ma.masked_invalid(values), levels=[0.0], colors=LINE, linewidths=0.5, zorder=2)
+
+
+def draw_boundaries(tree: xr.DataTree, ax: Axes, view: View | None, dashed: bool) -> Artists:
+    """Exact boundaries (solid) and those of perturbation theory (dashed next to another line) of the view, if any."""
+    artists: Artists = {"perturbation": None, "boundaries": None, "thin": None, "proved": None}
+    found = tongues.parameter_axis(view) if view is not None else None
+    if view is None or found is None:
+        return artists
+    parameter, frequency_on_x = found
+    low, high = ax.get_xlim() if frequency_on_x else ax.get_ylim()
+    exact = tongues.read_tongues(tree, "boundaries", view, parameter)
+    if exact is not None:
+        artists["boundaries"], artists["thin"] = tongues.exact_lines(ax, exact, frequency_on_x)
+    artists["proved"] = proved.draw_proved(tree, ax, view, parameter, frequency_on_x)
+    first = tongues.read_tongues(tree, "perturbation", view, parameter)
+    if first is not None:
+        seen = tongues.widest(first, low, high) > tongues.INVISIBLE
+        dashes = {"linestyles": [(0, (4, 2))]} if dashed or exact is not None else {}
+        artists["perturbation"] = tongues.boundary_lines(ax, first, frequency_on_x, seen, zorder=2.4, **dashes)
+    return artists
+
+
+def colour_label(tree: xr.DataTree, variable: str) -> str:
+    """What stands beside the colour bar."""
+    attributes = find_variable(tree, variable)[1].attrs
+    words = "growth rate" if variable == GROWTH_RATE else str(attributes.get("long_name", ""))
+    return axis_label(variable, words, str(attributes.get("units", "1")))
+
+
+def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
+    """The whole figure; its artists are those of :func:`draw_map`, ``names`` and ``colour_bar``.
+
+    Raises PlotError if an axis is left over, naming it and its values.
+    """
+    variable = request.variable or default_variable(tree)
+    dataset, data = find_variable(tree, variable)
+    view = view_of(tree, map(str, data.dims), request, dataset)
+    two_axes_only(view, ", or --kind slices")
+    figure = new_figure(request.size or "single", 0.78 if (request.size or "single") == "single" else 0.52, request.dpi)
+    ax = figure.add_subplot()
+    artists = draw_map(tree, ax, view, variable)
+    white = ", white where unstable" if LOAD_FACTOR in dataset and artists["cells"].get_array().mask.any() else ""
+    bar = figure.colorbar(
+        artists["cells"], ax=ax, label=fitted(colour_label(tree, variable) + white, 1.8, 8.5), pad=0.02, aspect=28
+    )
+    bar.outline.set_linewidth(0.5)
+    artists["colour_bar"] = bar
+    write_legend(figure, [*proved.legend_of(artists["proved"]), *doubt.legend_of_map(artists["doubtful"])])
+    write_title(figure, tree, request, view)
+    names.settle(figure)
+    artists["names"] = names.name_view(tree, ax, view)
+    names.freeze(figure)
+    return figure, artists

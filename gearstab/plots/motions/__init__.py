@@ -1,0 +1,1 @@
+"""Figures of responses: histories, spectra, phase planes, steady states over speed."""

@@ -1,0 +1,202 @@
+"""Time histories: displacement of every coordinate and dynamic mesh forces (as in Lin & Parker 2002, Fig. 9)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import NullLocator
+
+from gearstab.plots.axes import Request
+from gearstab.plots.drawing.heading import write_title
+from gearstab.plots.drawing.style import CASES, new_figure
+from gearstab.plots.drawing.text import fitted, plain, unit_text
+from gearstab.plots.errors import PlotError, listed
+
+Array = np.ndarray
+Artists = dict[str, Any]
+
+MOST_PANELS = 12
+GROWN = 1000
+"""A history that outgrows its first twentieth by this factor is drawn over asinh, which shows its beginning too."""
+
+TURNING = {"rad": "rotation", "rad/s": "angular velocity"}
+"""What displacements and velocities in these units are called."""
+
+LONG = 20_000
+"""Histories with more samples are stored as pixels inside a PDF or SVG file: as lines they would take megabytes."""
+
+
+def read_response(tree: xr.DataTree) -> xr.Dataset:
+    """The group ``response``. Raises PlotError if the result holds none with histories over time."""
+    if "response" not in tree.children:
+        raise PlotError(f"this result holds no time response; it holds {listed(tree.children)}")
+    dataset = tree["response"].to_dataset()
+    if not any("time" in data.dims for data in dataset.data_vars.values()):
+        held = listed(map(str, dataset.data_vars))
+        raise PlotError(f"this response holds no histories over time; it holds {held}")
+    refuse_a_moment(dataset)
+    return dataset
+
+
+def refuse_a_moment(dataset: xr.Dataset) -> None:
+    """Raise PlotError for a response that ends as it begins: one sample is no history."""
+    if dataset.sizes.get("time", 2) < 2:
+        status = str(dataset.attrs.get("status", "")) or "complete"
+        raise PlotError(f"this response ends as it begins ({status}): there is nothing to draw over time")
+
+
+def histories(dataset: xr.Dataset, request: Request) -> tuple[list[tuple[str, xr.DataArray]], str]:
+    """(label, history) of every panel: each coordinate's displacement (or --variable), then each mesh's force.
+
+    Where these are too many and a part will do, it is the forces and the energy, then histories by their size; a
+    sentence says so.
+
+    Raises PlotError for a variable that is not over time and for a selection of anything but ``dof`` or ``mesh``.
+    """
+    shown = ("displacement", "mesh_force") if "displacement" in dataset else ("phi", "energy")
+    names = [request.variable] if request.variable else list(shown)
+    known = [str(name) for name, data in dataset.data_vars.items() if "time" in data.dims and data.dtype.kind in "fiu"]
+    panels: list[tuple[str, xr.DataArray]] = []
+    for name in names:
+        if name in known:
+            panels += columns(dataset[name], request)
+        elif request.variable:
+            raise PlotError(f"no variable {name!r} over time in this response; there is {listed(known)}")
+    for axis in request.select:
+        if not any(axis in dataset[name].dims for name in names if name in known):
+            raise PlotError(f"no axis {axis!r} to select in these histories; use dof or mesh")
+    if len(panels) > MOST_PANELS and request.partial:
+        return some_histories(dataset, request, panels)
+    if len(panels) > MOST_PANELS:
+        many = f"{len(panels)} histories are too many (at most {MOST_PANELS})"
+        raise PlotError(f"{many}: choose with --variable or --select dof=NAME")
+    return panels, ""
+
+
+def some_histories(
+    dataset: xr.Dataset, request: Request, panels: list[tuple[str, xr.DataArray]]
+) -> tuple[list[tuple[str, xr.DataArray]], str]:
+    """At most MOST_PANELS of the histories, and which."""
+    how = "choose with --variable NAME and --select dof=NAME or mesh=NAME"
+    forces = [panel for panel in panels if panel[1].name == "mesh_force"]
+    if not request.variable and forces and len(forces) < MOST_PANELS and "energy" in dataset:
+        kept = forces + columns(dataset["energy"], request)
+        return kept, f"shows the mesh forces and the energy, not the {len(panels) - len(forces)} displacements; {how}"
+    among = forces or panels
+    sizes = [float(np.nanmax(np.abs(data.values), initial=0.0)) for _, data in among]
+    largest = np.sort(np.argsort([-size for size in sizes], kind="stable")[:MOST_PANELS])
+    return [among[k] for k in largest], f"shows the {MOST_PANELS} largest of {len(panels)} histories; {how}"
+
+
+def columns(data: xr.DataArray, request: Request, along: str = "time") -> list[tuple[str, xr.DataArray]]:
+    """A variable's histories or spectra, one for each coordinate or mesh (or the one selected), with their labels."""
+    across = [str(dim) for dim in data.dims if dim != along]
+    if not across:
+        return [(label_of(data, ""), data)]
+    dim = across[0]
+    labels = [str(v) for v in (data.coords[dim].values if dim in data.coords else range(1, data.sizes[dim] + 1))]
+    wanted = request.select.get(dim)
+    if wanted is not None and wanted not in labels:
+        raise PlotError(f"{dim} has no value {wanted!r}; its values: {listed(labels)}")
+    chosen = range(len(labels)) if wanted is None else [labels.index(wanted)]
+    parts = [(labels[i], data.isel({dim: i})) for i in chosen]
+    return [(label_of(part, label), part) for label, part in parts]
+
+
+def label_of(data: xr.DataArray, element: str) -> str:
+    r"""``$x_1$ (m)``, ``mesh force first (N)``: a coordinate by its symbol, anything else by name."""
+    units = units_of(data)
+    unit = unit_text(units)
+    letters, digits = element.rstrip("0123456789"), element[len(element.rstrip("0123456789")) :]
+    if data.name == "displacement" and len(letters) == 1 and digits:
+        words = f"${letters}_{{{digits}}}$"
+    else:
+        name = TURNING.get(units) if data.name in ("displacement", "velocity") else None
+        # What the energy consists of would be too long beside a panel.
+        name = name or (data.attrs.get("long_name") if data.name != "energy" else None)
+        name = name or str(data.name).replace("_", " ")
+        words = plain(f"{name}{', ' if element else ''}{element}")
+    return words + (f" ({unit})" if unit else "")
+
+
+def units_of(data: xr.DataArray) -> str:
+    """The unit of a variable; of one coordinate's values where coordinates have different units."""
+    units = str(data.attrs.get("units", "1"))
+    if "dof_units" in data.coords and data.coords["dof_units"].ndim == 0:
+        return str(data.attrs.get(f"units_of_{data.coords['dof_units'].item()}", units))
+    return units
+
+
+def draw_history(ax: Axes, label: str, data: xr.DataArray, colour: str) -> Any:
+    """One history over time with a thin line at zero."""
+    time = data.coords["time"].values if "time" in data.coords else np.arange(data.sizes["time"])
+    ax.axhline(0.0, color="#8a8a8a", linewidth=0.4, zorder=0.5)
+    (line,) = ax.plot(time, data.values, color=colour, linewidth=0.6, rasterized=time.size > LONG)
+    ax.set_xlim(time[0], time[-1])
+    ax.set_ylabel(label, linespacing=0.95)
+    ax.margins(y=0.08)
+    show_growth(ax, data.values)
+    return line
+
+
+def show_growth(ax: Axes, values: Array) -> None:
+    """Draw a history that outgrows its beginning over asinh: linear up to the beginning's size, then by decades."""
+    start, peak = np.abs(values[: max(values.size // 20, 2)]).max(), np.abs(values).max()
+    if not 0 < GROWN * start < peak < np.inf:
+        return
+    ax.set_yscale("asinh", linear_width=start)
+    last = int(np.floor(np.log10(peak)))
+    step = max(1, round((last - np.log10(start)) / 2))
+    sizes = [10.0**power for power in range(last, int(np.ceil(np.log10(start))), -step)]
+    ticks = [*(-size for size in sizes), 0.0, *reversed(sizes)]
+    ax.set_yticks(ticks, [tick_text(tick) for tick in ticks])
+    ax.yaxis.set_minor_locator(NullLocator())
+
+
+def tick_text(value: float) -> str:
+    """A signed power of ten, or 0."""
+    sign = "-" if value < 0 else ""
+    return f"${sign}10^{{{round(np.log10(abs(value)))}}}$" if value else "0"
+
+
+def fit_labels(axes: Sequence[Axes]) -> None:
+    """Break the labels at the left of panels over one another so that none is longer than its panel is high.
+
+    A label of a word that is longer still is written smaller, as far as it can be read.
+    """
+    figure = axes[0].get_figure(root=True)
+    assert figure is not None
+    figure.draw_without_rendering()
+    for ax in axes:
+        ax.set_ylabel(fitted(ax.get_ylabel(), 0.95 * ax.get_window_extent().height / figure.dpi, 8.5))
+    for size in (8.5, 7.5, 6.5, 5.5, 4.5):
+        figure.draw_without_rendering()
+        long = [ax for ax in axes if ax.yaxis.label.get_window_extent().height > ax.get_window_extent().height]
+        for ax in long:
+            ax.yaxis.label.set_fontsize(size - 1)
+        if not long:
+            break
+
+
+def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
+    """The whole figure, panels over one another on a common time axis; its artists are ``lines``."""
+    panels, note = histories(read_response(tree), request)
+    size = request.size or "single"
+    height = (0.28 if size == "single" else 0.14) * len(panels) + (0.2 if size == "single" else 0.1)
+    figure = new_figure(size, height, request.dpi)
+    axes = np.ravel(figure.subplots(len(panels), 1, sharex=True, squeeze=False))
+    lines = []
+    for ax, (label, data) in zip(axes, panels, strict=True):
+        lines.append(draw_history(ax, label, data, CASES[2] if data.name == "mesh_force" else CASES[0]))
+    time = panels[0][1].coords.get("time")
+    units = unit_text(str(time.attrs.get("units", "1"))) if time is not None else ""
+    axes[-1].set_xlabel("time $t$" + (f" ({units})" if units else ""))
+    figure.align_ylabels(list(axes))
+    write_title(figure, tree, request)
+    fit_labels(list(axes))
+    return figure, {"lines": lines, "left_out": note}

@@ -1,0 +1,122 @@
+"""Spectra of a response: power spectral densities or amplitudes of harmonics, one panel a mesh."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from gearstab.plots.axes import Request
+from gearstab.plots.drawing.heading import write_title
+from gearstab.plots.drawing.style import CASES, new_figure
+from gearstab.plots.drawing.text import unit_text
+from gearstab.plots.errors import PlotError, listed
+from gearstab.plots.motions.response import MOST_PANELS, columns, fit_labels
+
+Array = np.ndarray
+Artists = dict[str, Any]
+
+FIRST = ("mesh_force_amplitude", "mesh_force_density", "power_spectral_density")
+"""What is drawn without --variable."""
+FLOOR = 1e-7
+"""A density below this part of the largest one, an amplitude below its square root, is not shown."""
+SHOWN = 1e-4
+"""The frequency axis ends where nothing above this part of the largest density follows."""
+
+
+def read_spectra(tree: xr.DataTree, wanted: str | None) -> xr.DataArray:
+    """The variable over the frequency. Raises PlotError if the result holds none, or not that one."""
+    dataset = tree["response"].to_dataset() if "response" in tree.children else xr.Dataset()
+    known = [str(name) for name, data in dataset.data_vars.items() if "frequency" in data.dims]
+    if not known:
+        raise PlotError("this result holds no spectra of a response")
+    if wanted is not None and wanted not in known:
+        raise PlotError(f"no variable {wanted!r} over the frequency in this response; there is {listed(known)}")
+    return dataset[wanted or next((name for name in FIRST if name in known), known[0])]
+
+
+def horizontal(data: xr.DataArray) -> tuple[Array, str]:
+    """Frequencies and the label of their axis: over w_d where the response knows it."""
+    if "normalised_frequency" in data.coords:
+        return data.coords["normalised_frequency"].values, r"frequency over $\omega_d$"
+    frequency = data.coords["frequency"]
+    unit = unit_text(str(frequency.attrs.get("units", "1")))
+    return frequency.values, r"frequency $\omega$" + (f" ({unit})" if unit else "")
+
+
+def draw_spectrum(ax: Axes, x: Array, values: Array, harmonics: bool) -> Any:
+    """A line, or a stem for each harmonic but the mean, over a logarithmic axis."""
+    floor = largest(values[x > 0]) * (FLOOR**0.5 if harmonics else FLOOR)
+    ax.set_yscale("log")
+    ax.set_ylim(floor, 3 * largest(values[x > 0]))
+    if not harmonics:
+        return ax.plot(x, np.maximum(values, 0.1 * floor), color=CASES[0], linewidth=0.6)[0]
+    shown = (values > floor) & (x > 0)
+    ax.vlines(x[shown], floor, values[shown], color=CASES[0], linewidth=0.7)
+    return ax.plot(x[shown], values[shown], color=CASES[0], linestyle="", marker="o", markersize=2.2)[0]
+
+
+def largest(values: Array) -> float:
+    """The greatest value, 1 where there is none above zero."""
+    positive = values[np.isfinite(values) & (values > 0)]
+    return float(positive.max()) if positive.size else 1.0
+
+
+def reach(x: Array, columns: list[Array], harmonics: bool) -> float:
+    """Where the frequency axis ends."""
+    part = SHOWN**0.5 if harmonics else SHOWN
+    last = max(int(np.flatnonzero(values >= part * largest(values)).max(initial=1)) for values in columns)
+    return float(x[min(last + max(1, last // 20), len(x) - 1)])
+
+
+def mark_modes(tree: xr.DataTree, axes: list[Axes], end: float) -> list[Any]:
+    """Dotted lines at the natural frequencies of the mean system, named over the first panel."""
+    if "modes" not in tree.children or "natural_frequency" not in tree["modes"].data_vars:
+        return []
+    found, last = [], -np.inf
+    frequencies = tree["modes"].to_dataset()["natural_frequency"].values
+    for number, frequency in enumerate(frequencies, start=1):
+        if not 0 < frequency < end:
+            continue
+        for ax in axes:
+            found.append(ax.axvline(frequency, color="#8a8a8a", linewidth=0.5, linestyle=(0, (1, 2)), zorder=0.5))
+        if frequency - last > 0.05 * end:
+            axes[0].annotate(
+                rf"$\omega_{{{number}}}$", (frequency, 1.0), xycoords=("data", "axes fraction"), xytext=(0, 2),
+                textcoords="offset points", ha="center", fontsize=7,
+            )  # fmt: skip
+            last = frequency
+    return found
+
+
+def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
+    """The whole figure, panels over one another: ``lines`` and ``modes``."""
+    data = read_spectra(tree, request.variable)
+    for axis in request.select:
+        if axis not in data.dims:
+            raise PlotError(f"no axis {axis!r} to select in these spectra; use mesh")
+    panels = columns(data, request, along="frequency")
+    if len(panels) > MOST_PANELS:
+        raise PlotError(f"{len(panels)} spectra are too many (at most {MOST_PANELS}): choose with --select mesh=NAME")
+    x, label = horizontal(data)
+    harmonics = str(data.name).endswith("amplitude")
+    values = [np.asarray(panel.values, dtype=float) for _, panel in panels]
+    end = reach(x, values, harmonics)
+    height = {1: 0.62}.get(len(panels), 0.4 * len(panels) + 0.15)
+    size = request.size or "single"
+    figure = new_figure(size, height * (1.0 if size == "single" else 0.55), request.dpi)
+    axes = list(np.ravel(figure.subplots(len(panels), 1, sharex=True, squeeze=False)))
+    lines = []
+    for ax, (name, _), part in zip(axes, panels, values, strict=True):
+        lines.append(draw_spectrum(ax, x, part, harmonics))
+        ax.set_ylabel(name, linespacing=0.95)
+    axes[0].set_xlim(0.0, 1.015 * end if harmonics else end)
+    modes = mark_modes(tree, axes, end) if "normalised_frequency" not in data.coords else []
+    axes[-1].set_xlabel(label)
+    figure.align_ylabels(axes)
+    write_title(figure, tree, request)
+    fit_labels(axes)
+    return figure, {"lines": lines, "modes": modes}

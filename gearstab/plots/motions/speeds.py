@@ -1,0 +1,142 @@
+"""Response curves: measures of the steady state over the mesh frequency, unstable ranges shaded."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+
+from gearstab.plots.axes import SPEEDS, Request, View, view_of
+from gearstab.plots.cases import caption, some
+from gearstab.plots.drawing import grid, names, tongues
+from gearstab.plots.drawing.heading import write_legend, write_title
+from gearstab.plots.drawing.style import CASES, DASHES, SHADE, new_figure
+from gearstab.plots.drawing.text import fitted
+from gearstab.plots.errors import PlotError, listed
+from gearstab.plots.maps import doubt
+from gearstab.plots.maps.curve import peak
+from gearstab.plots.maps.stability_map import colour_label, find_variable
+
+Array = np.ndarray
+Artists = dict[str, Any]
+
+MEASURES = ("dynamic_load_factor", "mesh_force_peak", "transmission_error_peak_to_peak")
+"""What is drawn without --variable: the first of these that has values."""
+DECADES = 1.5
+"""A curve that spans more decades than this is drawn over a logarithmic axis."""
+
+
+def read_speeds(tree: xr.DataTree) -> xr.Dataset:
+    """The group ``response`` of a sweep. Raises PlotError if the result holds none."""
+    if "response" not in tree.children:
+        raise PlotError(f"this result holds no responses over speed; it holds {listed(tree.children)}")
+    dataset = tree["response"].to_dataset()
+    if "mesh_force_peak" not in dataset.data_vars:
+        raise PlotError("this response is a history, not one over speed; use --kind response")
+    return dataset
+
+
+def measure(dataset: xr.Dataset, wanted: str | None) -> str:
+    """The variable to draw."""
+    found = (name for name in MEASURES if np.isfinite(dataset[name].values).any())
+    return wanted or next(found, MEASURES[0])
+
+
+def unstable_ranges(tree: xr.DataTree, view: View) -> Array:
+    """``(ranges, 2)``, mesh frequencies between which the view's system is unstable.
+
+    From exact boundaries, else from Floquet's grid, else from the flags of the response itself (then half-way to the
+    stable neighbours).
+    """
+    exact = tongues.read_tongues(tree, "boundaries", view, None)
+    if exact is not None:
+        edges = exact.edges[..., 0]
+        return edges[np.isfinite(edges).all(axis=1) & (edges[:, 1] > edges[:, 0])]
+    if "floquet" in tree.children and "stable" in tree["floquet"].data_vars:
+        unstable = view.cut(tree["floquet"].to_dataset()["stable"], view.x.name) == 0
+    else:
+        unstable = view.cut(tree["response"].to_dataset()["status"], view.x.name).astype(int) & 1 != 0
+    edges = view.x.edges()
+    change = np.diff(np.concatenate([[0], unstable.astype(int), [0]]))
+    return np.stack([edges[:-1][change[:-1] == 1], edges[1:][change[1:] == -1]], axis=-1)
+
+
+def shade(ax: Axes, ranges: Array, unit: float) -> Any:
+    """One band for each range; those narrower than a line keep a line's width, ``unit`` of the frequency."""
+    middle, half = ranges.mean(axis=1), np.maximum(np.diff(ranges, axis=1)[:, 0] / 2, 0.5 * unit)
+    spans = list(zip(middle - half, 2 * half, strict=True))
+    return ax.broken_barh(spans, (0, 1), transform=ax.get_xaxis_transform(), facecolors=SHADE, linewidth=0, zorder=0.5)
+
+
+def draw_case(ax: Axes, x: Array, values: Array, ranges: Array, number: int, label: str) -> Any:
+    """One curve: solid where the steady state attracts, thin and faint where it repels."""
+    inside = np.any((x[:, None] >= ranges[:, 0]) & (x[:, None] <= ranges[:, 1]), axis=1)
+    if inside.any():
+        ax.plot(x, values, color=CASES[number], linewidth=0.4, alpha=0.45, zorder=1.5)
+    steady = np.where(inside, np.nan, values)
+    (line,) = ax.plot(x, steady, color=CASES[number], linestyle=DASHES[number], label=label, zorder=2)
+    return line
+
+
+def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
+    """The whole figure: ``lines``, and ``bands`` of the unstable ranges where all curves belong to one system."""
+    dataset = read_speeds(tree)
+    variable = measure(dataset, request.variable)
+    own, data = find_variable(tree, variable)
+    view = view_of(tree, map(str, data.dims), request, own, two=False)
+    if view.x.name not in SPEEDS:
+        raise PlotError(f"response curves are drawn over {SPEEDS[0]}, not over {view.x.name}; use --kind curve")
+    cases, note = some(
+        view.free, len(CASES), "curves", request.partial, lambda c: peak(view.at(**c).cut(data, view.x.name))
+    )
+    figure = new_figure(request.size or "single", 0.66 if (request.size or "single") == "single" else 0.4, request.dpi)
+    ax = figure.add_subplot()
+    x = view.x.positions[view.x.order]
+    others = [axis for axis in view.free if axis.name != "mesh"]
+    ranges = [unstable_ranges(tree, view.at(**case)) for case in cases]
+    # Motions with backlash are those that are seen, whatever the linear system does.
+    attracts = "contact_loss_ratio" in dataset
+    lines = []
+    for k, case in enumerate(cases):
+        values = view.at(**case).cut(data, view.x.name).astype(float)
+        repelling = np.zeros((0, 2)) if attracts else ranges[k]
+        lines.append(draw_case(ax, x, values, repelling, k, caption(view.free, case)))
+    doubted = []
+    for line, case in zip(lines, cases, strict=True):
+        doubted += doubt.halo(ax, line, doubt.doubtful(tree, own, view.at(**case), view.x.name))
+    low, high = grid.limits(view.x)
+    ax.set_xlim(low, high)
+    scale(ax, [np.asarray(line.get_ydata(), dtype=float) for line in lines])
+    bands = shade(ax, ranges[0], (high - low) / 900) if not others and len(ranges[0]) else None
+    ax.set_xscale("log" if view.x.logarithmic else "linear")
+    if view.x.logarithmic:
+        grid.number_decades(ax.xaxis)
+    ax.set_xlabel(view.x.label)
+    ax.set_ylabel(fitted(colour_label(tree, variable), 1.8, 8.5))
+    handles = lines if len(cases) > 1 else []
+    if bands is not None:
+        handles = [*handles, Patch(facecolor=SHADE, label="unstable")]
+    write_legend(figure, [*handles, *doubt.legend_of_curves(doubted)])
+    write_title(figure, tree, request, view)
+    names.settle(figure)
+    names.freeze(figure)
+    return figure, {"lines": lines, "bands": bands, "left_out": note}
+
+
+def scale(ax: Axes, curves: list[Array]) -> None:
+    """A logarithmic axis where the stable parts span decades; limits from them, with some air."""
+    values = np.concatenate([curve[np.isfinite(curve)] for curve in curves]) if curves else np.zeros(0)
+    if not values.size:
+        return
+    low, high = float(values.min()), float(values.max())
+    if low > 0 and np.log10(high / low) > DECADES:
+        ax.set_yscale("log")
+        air = (high / low) ** 0.06
+        ax.set_ylim(low / air, high * air)
+        grid.number_decades(ax.yaxis)
+    elif high > low:
+        ax.set_ylim(max(low - 0.06 * (high - low), 0.0 if low >= 0 else -np.inf), high + 0.08 * (high - low))

@@ -1,0 +1,60 @@
+"""Load or root stress of a tooth along its contact, static and dynamic (as in Kuria & Kihiu 2008, Figs. 6 to 8)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from matplotlib.figure import Figure
+
+from gearstab.plots.axes import Request
+from gearstab.plots.drawing.heading import write_title
+from gearstab.plots.drawing.style import CASES, new_figure
+from gearstab.plots.drawing.text import plain
+from gearstab.plots.errors import PlotError, listed
+from gearstab.plots.motions.response import MOST_PANELS, columns, read_response
+
+Artists = dict[str, Any]
+
+DYNAMIC = ("tooth_load", "root_stress")
+"""What can be drawn; the static one has ``static_`` before its name."""
+
+
+def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
+    """One panel a mesh (or a gear, of ``--variable root_stress``); its artists are ``lines`` and ``static``."""
+    dataset = read_response(tree)
+    name = request.variable or DYNAMIC[0]
+    if name not in DYNAMIC:
+        raise PlotError(f"no variable {name!r} along the contact of teeth; there is {listed(DYNAMIC)}")
+    if name not in dataset:
+        raise PlotError("this response holds no loads of teeth: they come with steady states of kind gearbox")
+    both = [columns(dataset[which], request, "contact") for which in (name, f"static_{name}")]
+    panels = [(label, data, rest) for (label, data), (_, rest) in zip(*both, strict=True) if not data.isnull().all()]
+    if len(panels) > MOST_PANELS:
+        raise PlotError(f"{len(panels)} panels are too many (at most {MOST_PANELS}): choose with --select")
+    stress = name == "root_stress"
+    size = request.size or "double"
+    across = 2 if len(panels) > 1 else 1
+    down = -(-len(panels) // across)
+    figure = new_figure(size, 0.28 * down + 0.08, request.dpi)
+    axes = np.ravel(figure.subplots(down, across, sharex=True, squeeze=False))
+    lines, still = [], []
+    for ax, (label, data, rest) in zip(axes, panels, strict=False):
+        scale = 1e-6 if stress else 1.0
+        where = dataset["contact"].values
+        still += ax.plot(where, scale * rest.values, color="#8a8a8a", linewidth=0.9, label="static")
+        lines += ax.plot(where, scale * data.values, color=CASES[0], linewidth=0.9, label="dynamic, largest")
+        words = label.split(", ", 1)[1].rsplit(" (", 1)[0]
+        ax.set_title(plain(words if stress else f"mesh {words}"), fontsize="small")
+        ax.set_ylabel("root stress (MPa)" if stress else "load (N)")
+        ax.set_ylim(bottom=0)
+        ax.set_xlim(0, 1)
+    for ax in axes[len(panels) :]:
+        ax.set_visible(False)
+    for ax in axes[max(0, len(panels) - across) : len(panels)]:
+        ax.xaxis.set_tick_params(labelbottom=True)
+        ax.set_xlabel("contact, from first to last point")
+    axes[0].legend(loc="lower center", fontsize="small", frameon=False)
+    write_title(figure, tree, request)
+    return figure, {"lines": lines, "static": still}

@@ -1,0 +1,1 @@
+"""Histories and periodic steady states of linear systems."""

@@ -1,0 +1,113 @@
+"""Histories of systems that are driven, or whose stiffness and damping vary in any way: period by period.
+
+The states at the beginning of all common periods follow from x -> M x + b; then every interval between edges is treated
+for all periods at once, with the maps from its beginning to the samples in it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gearstab.response.linear.basis import Basis, bases
+from gearstab.response.linear.excitation import Excitation, excitation
+from gearstab.response.linear.intervals import Points, intervals, occupied
+from gearstab.response.linear.steady import period_map, resolution
+from gearstab.system import Array, GearSystem
+
+FEW = 4
+"""Periods that are followed one by one, state by state, instead of by the map to each sample."""
+ON_A_JUMP = 1e-9
+"""A sample closer to a jump than this part of the sampling step is taken as lying on it, with the stiffness just after;
+position and velocity do not jump, so that only the force and the energy depend on it."""
+
+
+@dataclass(frozen=True)
+class Driven:
+    """A single system at one mesh frequency, ready to be followed.
+
+    drive: what varies and drives; basis: all modes, rigid-body ones included; points: the operating point.
+    """
+
+    drive: Excitation
+    basis: Basis
+    points: Points
+
+    @property
+    def period(self) -> float:
+        """The common period."""
+        return float(2 * np.pi * self.drive.cycles / self.points.omega[0])
+
+    def state(self, displacement: Array, velocity: Array) -> Array:
+        """x ``(m,)`` from q and dq/dt ``(n,)``."""
+        n = self.basis.size // 2
+        # The modal matrix is square: all modes are there.
+        position = np.linalg.solve(self.basis.outlet[0, :, :n], displacement)
+        return np.concatenate([position, np.linalg.solve(self.basis.speed[0, :, n:], velocity)])
+
+    def physical(self, x: Array) -> tuple[Array, Array]:
+        """q and dq/dt ``(..., n)``."""
+        return x @ self.basis.outlet[0].T, x @ self.basis.speed[0].T
+
+    def history(self, start: Array, samples: int, grid: int) -> Array:
+        """x at all samples, ``(samples, m)``, ``grid`` of them in a common period; start: x at t = 0."""
+        edges, periods = self.points.edges[0] * grid, max(1, -(-samples // grid))
+        columns = np.empty((len(start), periods))
+        columns[:, 0] = start
+        if periods > 1:
+            matrix, shift = (part[0] for part in period_map(self.points))
+            for k in range(1, periods):
+                columns[:, k] = matrix @ columns[:, k - 1] + shift
+        first = first_sample(edges)
+        table = np.full((grid, len(start), periods), np.nan)
+        for q, interval in zip(occupied(self.points), intervals(self.points), strict=True):
+            if first[q] >= samples:
+                break
+            inside = np.arange(first[q], min(first[q + 1], samples))
+            fractions = np.clip((inside - edges[q]) / (edges[q + 1] - edges[q]), 0.0, 1.0)
+            if periods <= FEW:
+                for k in range(periods):
+                    states = interval.through(columns[None, :, k], fractions)
+                    table[inside, :, k] = [x[0] for x in states] if len(inside) else 0.0
+            else:
+                for sample, (p, push) in zip(inside, interval.at(fractions), strict=True):
+                    table[sample] = p[0] @ columns + push[0][:, None]
+            p, push = interval.across()
+            columns = p[0] @ columns + push[0][:, None]
+        return np.moveaxis(table, -1, 0).reshape(grid * periods, -1)[:samples]
+
+    def stiffness(self, grid: int) -> Array:
+        """``(grid, meshes)``: the mesh stiffnesses at the samples of a common period, just after a jump on one."""
+        edges = self.points.edges[0]
+        first = first_sample(edges * grid)
+        tau = np.arange(grid) / grid
+        for q in occupied(self.points):
+            inside = slice(first[q], first[q + 1])
+            width = edges[q + 1] - edges[q]
+            if self.drive.exact:
+                tau[inside] = 0.5 * (edges[q] + edges[q + 1])
+            else:
+                tau[inside] = np.clip(tau[inside], edges[q] + 1e-9 * width, edges[q + 1] - 1e-9 * width)
+        return np.asarray(self.drive.split(self.drive.varying(tau[None])[0])[0])
+
+    def momentary(self, grid: int) -> tuple[Array, Array]:
+        """``(grid, meshes)``, the mesh stiffnesses and the transmission errors at the samples of a common period."""
+        return self.stiffness(grid), self.drive.z(np.arange(grid) / grid) @ self.drive.errors[0].T
+
+
+def driven(system: GearSystem, mesh_frequency: float, tolerance: float = 1e-9) -> Driven:
+    """Prepare a single system. tolerance: where functions vary smoothly, of the map over a period, relative.
+
+    Raises ValueError without a common period.
+    """
+    drive = excitation(system)
+    (basis,) = bases(system, whole=True)
+    at, omega = np.zeros(1, dtype=int), np.array([float(mesh_frequency)])
+    steps = 1 if drive.exact else resolution(drive, basis, at, omega, tolerance)
+    return Driven(drive, basis, Points(drive, basis, at, omega, steps))
+
+
+def first_sample(edges: Array) -> Array:
+    """The first sample at or after each edge; both in sampling steps."""
+    return np.ceil(edges - ON_A_JUMP).astype(int)

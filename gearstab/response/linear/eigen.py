@@ -1,0 +1,74 @@
+"""Exponentials of generators that occur again and again, by their eigenvectors.
+
+A generator A does not depend on the mesh frequency: diagonalised once, A = X L X^-1, it gives exp(A t) and the response
+to harmonics for every time and speed,
+
+    int_0^t exp(l (t - s)) exp(i nu s) ds = t [exp(i nu t) - exp(l t)]/(i nu t - l t),
+
+a difference quotient that is evaluated without cancellation, at resonance too. Where eigenvectors are nearly parallel
+(critical damping) the exponential of the whole matrix is needed instead (:mod:`~gearstab.response.linear.intervals`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gearstab.system import Array
+
+ILL_CONDITIONED = 1e4
+"""cond(X) beyond which diagonalisation would cost more than four of sixteen digits."""
+NOTHING = 1e-200
+"""Exponents closer than this are equal; complex division by much smaller numbers overflows."""
+
+
+@dataclass(frozen=True)
+class Eigen:
+    """values ``(r, m)``, vectors ``(r, m, m)`` and their inverses, complex."""
+
+    values: Array
+    vectors: Array
+    inverse: Array
+
+    def propagators(self, at: Array, duration: Array, drive: Array, turn: Array) -> tuple[Array, Array]:
+        """P ``(K, m, m)`` and F ``(K, m, L)`` with x(t) = P x(0) + F z(0).
+
+        at: ``(K,)``, rows;  duration: ``(K,)``, t;  drive: ``(K, m, L)``, B of x' = A x + B z;
+        turn: ``(K, H)``, by which the harmonics of z = (1, cos, sin, ...) turn meanwhile, in radians.
+        """
+        vectors, inverse = self.vectors[at], self.inverse[at]
+        growth = self.values[at] * duration[:, None]
+        p = ((vectors * np.exp(growth)[:, None, :]) @ inverse).real
+        # c cos + s sin = Re[(c - i s) exp(i phi)], phi = nu t from the phase at the beginning on.
+        inner = np.concatenate([drive[:, :, :1], drive[:, :, 1::2] - 1j * drive[:, :, 2::2]], axis=2)
+        rotation = np.concatenate([np.zeros((len(at), 1)), turn], axis=1)
+        quotient = divided_exponential(growth[:, :, None], 1j * rotation[:, None, :]) * duration[:, None, None]
+        f = vectors @ (quotient * (inverse @ inner))
+        result = np.empty_like(drive)
+        result[:, :, 0] = f[:, :, 0].real
+        result[:, :, 1::2], result[:, :, 2::2] = f[:, :, 1:].real, -f[:, :, 1:].imag
+        return p, result
+
+
+def diagonalised(generators: Array) -> Eigen | None:
+    """The eigenvectors of generators ``(r, m, m)``; None where those of a row are too nearly parallel."""
+    values, vectors = np.linalg.eig(generators)
+    if generators.shape[-1] == 0:
+        return Eigen(values.astype(complex), vectors.astype(complex), vectors.astype(complex))
+    singular = np.linalg.svd(vectors, compute_uv=False)
+    if not np.all(singular[:, 0] < ILL_CONDITIONED * singular[:, -1]):
+        return None
+    vectors = vectors.astype(complex)
+    return Eigen(values.astype(complex), vectors, np.linalg.inv(vectors))
+
+
+def divided_exponential(a: Array, b: Array) -> Array:
+    """(exp b - exp a)/(b - a), exp a where they are equal."""
+    difference = b - a
+    # From the smaller exponential to the larger one nothing overflows that the result does not.
+    forward = difference.real <= 0
+    base, step = np.where(forward, a, b), np.where(forward, difference, -difference)
+    nothing = np.abs(step) < NOTHING
+    safe = np.where(nothing, 1.0, step)
+    return np.asarray(np.exp(base) * np.where(nothing, 1.0, np.expm1(safe) / safe))

@@ -1,0 +1,245 @@
+"""Maps of the state over intervals of time, x -> P x + p, for many points at once.
+
+Where everything is constant between jumps the equation x' = A x + B z(t), z' = R z with R the rotations of the
+harmonics, is linear with constant coefficients: the exponential of [[A, B], [0, R]] is exact, at resonance too. It is
+formed from the eigenvectors of A, which serve all mesh frequencies, or as a whole where these are ill-conditioned.
+Smooth functions are taken in steps of the sixth-order Magnus expansion of [[A(t), B(t) z(t)], [0, 0]] (Blanes, Casas,
+Oteo & Ros 2009, section 5).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from gearstab.floquet.general import magnus
+from gearstab.floquet.general.exponential import expm
+from gearstab.response.linear.basis import Basis
+from gearstab.response.linear.eigen import Eigen, diagonalised
+from gearstab.response.linear.excitation import Excitation
+from gearstab.system import Array
+
+ENTRIES = 2**17
+"""Of the matrices that are treated at once."""
+
+Map = tuple[Array, Array]
+"""P ``(K, m, m)`` and p ``(K, m)``."""
+
+
+@dataclass(frozen=True)
+class Points:
+    """K operating points: rows of a basis and mesh frequencies.
+
+    excitation: of all rows of the system; basis: of some of them.
+    at: ``(K,)``, positions among the basis's rows;  omega: ``(K,)``, Omega.
+    steps: Magnus steps in an interval between edges (of no effect where all is piecewise constant).
+    known: eigenvectors that were found already, for all points of a basis.
+    """
+
+    excitation: Excitation
+    basis: Basis
+    at: Array
+    omega: Array
+    steps: int = 1
+    known: dict[bytes, Eigen | None] = field(default_factory=dict, repr=False)
+
+    def eigen(self, values: Array, generators: Array) -> Eigen | None:
+        """The eigenvectors of the generators ``(r, m, m)`` that belong to values ``(r, J)``, found once for all."""
+        key = self.excitation.split(values)[1].tobytes()
+        if key not in self.known:
+            self.known[key] = diagonalised(generators)
+        return self.known[key]
+
+    @cached_property
+    def middles(self) -> Array:
+        """``(Q, r, J)``, the varying functions in the middle of every interval."""
+        return self.values(0.5 * (self.edges[:, 1:] + self.edges[:, :-1]).T)
+
+    @property
+    def edges(self) -> Array:
+        """``(r, Q + 1)``, between which everything is smooth, in parts of the common period."""
+        return self.excitation.schedule.edges[self.basis.rows]
+
+    @property
+    def period(self) -> Array:
+        """``(K,)``, the common period in units of 1/rate."""
+        return 2 * np.pi * self.excitation.cycles / self.omega * self.basis.rate[self.at]
+
+    def values(self, tau: Array) -> Array:
+        """``(X, r, J)``, the varying functions at the times ``(X, r)``."""
+        excitation = self.excitation
+        every = np.zeros((len(excitation.schedule.edges), len(tau)))
+        every[self.basis.rows] = tau.T
+        return np.swapaxes(excitation.varying(every)[self.basis.rows], 0, 1)
+
+    def inputs(self, values: Array) -> tuple[Array, Array, Array]:
+        """A ``(X, r, m, m)``, and B = B_0 + Omega B_1, ``(X, r, m, L)`` and ``(r, m, L)``, for values ``(X, r, J)``."""
+        excitation, rows = self.excitation, self.basis.rows
+        every = np.zeros((len(values), len(excitation.schedule.edges), values.shape[-1]))
+        every[:, rows] = values
+        force = excitation.force(every)[:, rows]
+        inner = excitation.split(values)[1]
+        inlet = self.basis.inlet
+        return self.basis.generator(inner), inlet @ force, inlet @ excitation.force_of_rates[rows]
+
+
+class Exact:
+    """Propagation through one interval ``q`` between neighbouring edges, everything constant."""
+
+    def __init__(self, points: Points, q: int) -> None:
+        begin, end = points.edges[:, q], points.edges[:, q + 1]
+        values = points.middles[q, None]
+        a, constant, rates = points.inputs(values)
+        at = points.at
+        self.points, self.a = points, a[0]
+        self.begin, self.length = begin[at], (end - begin)[at]
+        self.duration = self.length * points.period
+        self.drive = constant[0][at] + points.omega[:, None, None] * rates[at]
+        self.turn = 2 * np.pi * self.length[:, None] * points.excitation.harmonics
+        self.eigen = points.eigen(values[0], self.a)
+
+    @cached_property
+    def _generator(self) -> tuple[Array, Array]:
+        """[[A, B], [0, R]] times the duration ``(K, m + L, m + L)``, B divided by the numbers ``(K, 1)``."""
+        size, m, width = _size(self.drive), self.a.shape[-1], self.drive.shape[-1]
+        whole = np.zeros((len(size), m + width, m + width))
+        whole[:, :m, :m] = self.a[self.points.at] * self.duration[:, None, None]
+        whole[:, :m, m:] = self.drive * self.duration[:, None, None] / size[:, :, None]
+        cosine = m + 1 + 2 * np.arange(self.turn.shape[1])
+        whole[:, cosine, cosine + 1], whole[:, cosine + 1, cosine] = -self.turn, self.turn
+        return whole, size
+
+    def _propagators(self, fractions: Array) -> Iterator[tuple[Array, Array]]:
+        """(P, F) over parts of the interval, x -> P x + F z."""
+        if self.eigen is not None:
+            for part in fractions:
+                yield self.eigen.propagators(self.points.at, part * self.duration, self.drive, part * self.turn)
+            return
+        generator, size = self._generator
+        m, count = self.a.shape[-1], max(1, ENTRIES // generator.size)
+        for i in range(0, len(fractions), count):
+            some = fractions[i : i + count, None, None, None] * generator
+            for e in expm(some.reshape(-1, *some.shape[2:])).reshape(some.shape):
+                yield e[:, :m, :m], e[:, :m, m:] * size[:, :, None]
+
+    def across(self) -> Map:
+        """The map over the whole interval."""
+        return next(self.at(np.ones(1)))
+
+    def at(self, fractions: Array) -> Iterator[Map]:
+        """The maps from the beginning to the given fractions (X,) of the interval."""
+        start = self.points.excitation.z(self.begin)
+        for p, f in self._propagators(fractions):
+            yield p, np.einsum("kil,kl->ki", f, start)
+
+    def through(self, x: Array, fractions: Array) -> Iterator[Array]:
+        """The states x ``(K, m)`` at ascending fractions of the interval, from the one at its beginning."""
+        known: dict[float, tuple[Array, Array]] = {}
+        steps = np.diff(fractions, prepend=0.0)
+        drives = self.points.excitation.z(self.begin + (fractions - steps)[:, None] * self.length)
+        for step, z in zip(steps, drives, strict=True):
+            if step > 0:
+                key = round(float(step), 14)
+                if key not in known:
+                    known[key] = next(self._propagators(np.array([step])))
+                p, f = known[key]
+                x = np.einsum("kij,kj->ki", p, x) + np.einsum("kil,kl->ki", f, z)
+            yield x
+
+
+class Stepped:
+    """The same where functions vary smoothly, in Magnus steps."""
+
+    def __init__(self, points: Points, q: int) -> None:
+        self.points = points
+        self.begin, self.end = points.edges[:, q], points.edges[:, q + 1]
+
+    def across(self) -> Map:
+        """The map over the whole interval."""
+        return next(self._steps(np.ones(1)))
+
+    def at(self, fractions: Array) -> Iterator[Map]:
+        """The maps from the beginning to the given ascending fractions (X,) of the interval."""
+        m, count = self.points.basis.size, len(self.points.at)
+        p, shift = np.broadcast_to(np.eye(m), (count, m, m)), np.zeros((count, m))
+        for e, push in self._steps(fractions):
+            p, shift = e @ p, np.einsum("kij,kj->ki", e, shift) + push
+            yield p, shift
+
+    def through(self, x: Array, fractions: Array) -> Iterator[Array]:
+        """The states x ``(K, m)`` at ascending fractions of the interval, from the one at its beginning."""
+        for e, push in self._steps(fractions):
+            x = np.einsum("kij,kj->ki", e, x) + push
+            yield x
+
+    def _steps(self, fractions: Array) -> Iterator[Map]:
+        """The maps from each fraction to the next, the first from 0."""
+        points, m = self.points, self.points.basis.size
+        whole = np.diff(fractions, prepend=0.0)
+        counts = np.where(whole > 0, np.maximum(1, np.ceil(points.steps * whole - 1e-9)), 0).astype(int)
+        width = np.repeat(whole / np.maximum(counts, 1), counts)
+        before = np.arange(len(width)) - np.repeat(np.cumsum(counts) - counts, counts)
+        maps = self._maps(np.repeat(fractions - whole, counts) + before * width, width)
+        for count in counts:
+            p, shift = np.broadcast_to(np.eye(m), (len(points.at), m, m)), np.zeros((len(points.at), m))
+            for _ in range(count):
+                e, push = next(maps)
+                p, shift = e @ p, np.einsum("kij,kj->ki", e, shift) + push
+            yield p, shift
+
+    def _maps(self, begin: Array, width: Array) -> Iterator[Map]:
+        """Of the Magnus steps that begin at fractions ``(S,)`` and have widths ``(S,)``, many prepared at once."""
+        points, m = self.points, self.points.basis.size
+        count = max(1, ENTRIES // (8 * len(points.at) * (m + 2) ** 2))
+        for i in range(0, len(begin), count):
+            part = slice(i, i + count)
+            nodes = (begin[part, None] + magnus.NODES * width[part, None]).ravel()
+            tau = self.begin + nodes[:, None] * (self.end - self.begin)
+            exponents, sizes = self._exponents(tau, width[part])
+            maps = expm(exponents.reshape(-1, m + 2, m + 2)).reshape(exponents.shape)
+            for e, size in zip(maps, sizes, strict=True):
+                yield e[:, :m, :m], size * (e[:, :m, m] + points.omega[:, None] * e[:, :m, m + 1])
+
+    def _exponents(self, tau: Array, width: Array) -> tuple[Array, Array]:
+        """``(S, K, m + 2, m + 2)``, and ``(S, K, 1)``, what their last two columns are to be multiplied by.
+
+        These are the forces without and with the factor Omega. tau: ``(3 S, r)``, three nodes a step.
+        """
+        points, m = self.points, self.points.basis.size
+        a, constant, rates = points.inputs(points.values(tau))
+        z = points.excitation.z(tau)
+        whole = np.zeros((*tau.shape, m + 2, m + 2))
+        whole[:, :, :m, :m] = a
+        whole[:, :, :m, m] = np.einsum("xril,xrl->xri", constant, z)
+        whole[:, :, :m, m + 1] = np.einsum("ril,xrl->xri", rates, z)
+        whole = np.moveaxis(whole.reshape(len(width), 3, *whole.shape[1:]), 1, 2)
+        size = _size(whole[..., :m, m:].reshape(-1, 3 * m, 2)).reshape(*whole.shape[:2], 1)
+        whole[..., :m, m:] /= size[..., None, None]
+        coefficients = magnus.polynomial(whole)[:, points.at]
+        length = width[:, None] * (self.end - self.begin)[points.at] * points.period
+        powers = length[..., None] ** np.arange(1, 6)
+        return np.einsum("skp,skpij->skij", powers, coefficients), size[:, points.at]
+
+
+def _size(drive: Array) -> Array:
+    """``(K, 1)``, what forces are divided by in an exponential, whose accuracy and cost go with its largest entry."""
+    largest = np.abs(drive).max(axis=(1, 2), initial=0.0)
+    return np.where(largest > 0, largest, 1.0)[:, None]
+
+
+Interval = Exact | Stepped
+
+
+def intervals(points: Points) -> Iterator[Interval]:
+    """All intervals of a common period that are not empty in every row."""
+    kind = Exact if points.excitation.exact else Stepped
+    for q in occupied(points):
+        yield kind(points, q)
+
+
+def occupied(points: Points) -> list[int]:
+    """The intervals that some row has."""
+    return [int(q) for q in np.flatnonzero(np.any(np.diff(points.edges, axis=1) > 0, axis=0))]

@@ -1,0 +1,1 @@
+"""What is measured on a motion: extremes, spectra, panels, loads of teeth."""

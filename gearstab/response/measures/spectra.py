@@ -1,0 +1,61 @@
+"""Spectra of mesh forces and deflections, and their largest peaks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gearstab.response.linear.history import Response
+from gearstab.response.linear.periodic import Harmonics
+from gearstab.response.rotating_pair.spectrum import spectrum
+from gearstab.system import Array
+
+FEWEST_SAMPLES = 8
+MOST_PEAKS = 20
+LARGEST = 1e140
+"""Histories beyond this have no finite power spectral density."""
+
+
+@dataclass(frozen=True)
+class Spectra:
+    """Values of all meshes over the frequency: power spectral densities, or amplitudes of harmonics.
+
+    frequency: ``(F,)`` rad/s. force, deflection: ``(F, meshes)``.
+    peak_index, peak_mesh: ``(peaks,)``, where the largest local maxima of ``force`` are, the largest first.
+    """
+
+    frequency: Array
+    force: Array
+    deflection: Array
+    peak_index: Array
+    peak_mesh: Array
+
+
+def densities(found: Response) -> Spectra | None:
+    """One-sided power spectral densities of a history without its mean, per rad/s (periodogram with a Hann window).
+
+    None for fewer than 8 samples and for histories that grow beyond what can be squared.
+    """
+    if len(found.time) < FEWEST_SAMPLES or not np.abs(found.mesh_force).max() < LARGEST:
+        return None
+    step = float(found.time[1] - found.time[0])
+    columns = [[spectrum(part, step) for part in values.T] for values in (found.mesh_force, found.mesh_deflection)]
+    force, deflection = (np.stack([each.density for each in part], axis=-1) for part in columns)
+    places = [(index, mesh) for mesh, each in enumerate(columns[0]) for index in each.peaks]
+    return _ordered(columns[0][0].frequency, force, deflection, places)
+
+
+def amplitudes(found: Harmonics) -> Spectra:
+    """Amplitudes of the harmonics of a steady state; the mean stands at frequency 0."""
+    force, deflection = np.abs(found.mesh_force), np.abs(found.mesh_deflection)
+    places = [
+        (index, mesh) for mesh in range(force.shape[1]) for index in range(1, len(force)) if force[index, mesh] > 0
+    ]
+    return _ordered(found.frequency, force, deflection, places)
+
+
+def _ordered(frequency: Array, force: Array, deflection: Array, places: list[tuple[int, int]]) -> Spectra:
+    index, mesh = np.array(places, dtype=int).reshape(-1, 2).T
+    largest = np.argsort(-force[index, mesh], kind="stable")[:MOST_PEAKS]
+    return Spectra(frequency, force, deflection, index[largest], mesh[largest])

@@ -1,0 +1,11 @@
+"""A gear pair whose mesh stiffness depends on its rotation, with and without the conservation of energy.
+
+Source: Oh, Grosh & Barber, "Energy conserving equations of motion for gear systems", J. Vib. Acoust. 127 (2005).
+"""
+
+from gearstab.response.rotating_pair.held import held
+from gearstab.response.rotating_pair.history import PairResponse, Start, respond
+from gearstab.response.rotating_pair.integrate import STATUS
+from gearstab.response.rotating_pair.spectrum import SHORTEST, Spectrum, spectrum
+
+__all__ = ["SHORTEST", "STATUS", "PairResponse", "Spectrum", "Start", "held", "respond", "spectrum"]

@@ -1,0 +1,105 @@
+"""What an earlier run left at the output of a sweep, and whether the new result may take its place.
+
+A sweep replaces results of sweeps of the same configuration file (with the same ``--set``), whatever that file said
+then, when the new result is complete. What is something else is refused: the result of another configuration unless
+``--overwrite`` is given, everything else always.
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+from gearstab import __version__
+from gearstab.config import Config
+from gearstab.results.errors import OutputError
+from gearstab.results.guard import SWEEP, result_of
+from gearstab.results.read import attributes, is_sealed
+from gearstab.results.tree import FORMAT
+from gearstab.sweep.plan import Plan
+
+Identity = tuple[int, int]
+
+
+@dataclass(frozen=True)
+class Earlier:
+    """The file at the output.
+
+    complete: whether it is the result of the very plan, whole. retitled: whether only its title is another one.
+    note: why it is replaced; "" where that needs no word.
+    """
+
+    complete: bool = False
+    retitled: bool = False
+    note: str = ""
+
+
+def look(plan: Plan, out: Path, overwrite: bool = False) -> Earlier:
+    """Look at the output before anything is computed.
+
+    Raises OutputError if it holds something that a sweep of this configuration must not replace.
+    """
+    result_of(SWEEP).refuse(out, plan.config.source)
+    if not out.exists() or not out.stat().st_size:
+        return Earlier()
+    found = attributes(out)
+    same = found.get("config_digest") == plan.config.digest
+    if not same and not overwrite and not same_origin(found, plan.config, out):
+        origin = f", {found['config_file']}" if "config_file" in found else ""
+        raise OutputError(
+            f"{out}: is the result of another configuration{origin} ('{found.get('title', '')}'); "
+            "choose another output, or use --overwrite"
+        )
+    if overwrite:
+        return Earlier()
+    if not same:
+        return Earlier(note="is of an earlier state of the configuration, and is replaced when the sweep is complete")
+    whole = is_sealed(out)
+    if not whole:
+        what = "is damaged" if whole is False else "was changed after it was written"
+        return Earlier(note=f"{what}: it is computed again, and replaced when the sweep is complete")
+    if (found["gearstab_version"], found["format_version"]) != (__version__, str(FORMAT)):
+        return Earlier(note=f"was computed by gearstab {found['gearstab_version']}: it is computed again")
+    return Earlier(complete=True, retitled=found.get("title") != plan.config.title)
+
+
+def look_again(plan: Plan, out: Path, before: Identity | None) -> None:
+    """Look at the output when the new result is to take its name; ``before``: its identity when the sweep started.
+
+    Raises OutputError if another process has put something else there; an equal sweep may have.
+    """
+    now = identity(out)
+    if now in (None, before):
+        return
+    result_of(SWEEP).refuse(out)
+    if attributes(out).get("config_digest") != plan.config.digest:
+        raise OutputError(f"{out}: meanwhile another sweep has put its result there; choose another output")
+
+
+def identity(path: Path) -> Identity | None:
+    """What tells a file from one that was there before; None where there is none."""
+    try:
+        found = path.stat()
+    except OSError:
+        return None
+    return found.st_ino, found.st_size
+
+
+def origin(config: Config, out: Path) -> dict[str, str]:
+    """What a result says of where its configuration stands, as attributes: relative to its own folder."""
+    return {"config_file": _relative(config.source, out), "config_overrides": "\n".join(config.overrides)}
+
+
+def same_origin(found: dict[str, str], config: Config, out: Path) -> bool:
+    """Whether a result with these attributes comes from the file of a configuration, with the same overrides."""
+    mine = origin(config, out)
+    return all(found.get(name) == value for name, value in mine.items())
+
+
+def _relative(path: Path, out: Path) -> str:
+    folder = os.path.dirname(os.path.realpath(out))
+    try:
+        return Path(os.path.relpath(os.path.realpath(path), folder)).as_posix()
+    except ValueError:  # another drive
+        return path.name

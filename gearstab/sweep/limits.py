@@ -1,0 +1,102 @@
+"""What a sweep must not begin unasked: more points, time or disk than anyone asks for by mistake."""
+
+from __future__ import annotations
+
+from math import prod
+from pathlib import Path
+
+import numpy as np
+
+from gearstab import ckernel
+from gearstab.results.output import free_bytes
+from gearstab.sweep.compute import results_of
+from gearstab.sweep.errors import RequestError
+from gearstab.sweep.estimate import LONG, Estimate, by_effort, estimate
+from gearstab.sweep.parts import PartFolder
+from gearstab.sweep.plan import Layout, Plan
+
+MOST_POINTS = 1_000_000_000
+MOST_SECONDS = 8 * 3600.0
+MOST_BYTES = 10e9
+"""Beyond these a sweep is begun with ``--yes`` only: a thousand maps of a thousand by a thousand points, a working day,
+and what takes minutes to copy."""
+
+SECONDS_OF_COST = 1e-7
+"""Of a unit of a method's cost, roughly."""
+SHORT = 60.0
+"""Seconds of a sweep, roughly estimated, that is begun without a closer look at them."""
+
+
+def refuse(plan: Plan, out: Path, jobs: int | None, confirmed: bool) -> None:
+    """Raise RequestError for a sweep that is large and not ``confirmed``, or that does not fit on the disk.
+
+    A sweep that is plainly small is not looked at closely, as that takes time itself.
+    """
+    free = free_bytes(out)
+    if plainly_small(plan, jobs, free):
+        return
+    found = estimate(plan, jobs)
+    # Finished blocks and the result are there at the same time.
+    needed = 2 * found.file_size - _kept(plan, out)
+    if needed > free:
+        raise RequestError(
+            f"{out}: the sweep needs about {_gigabytes(needed)} of disk for finished blocks and the result, and "
+            f"{_gigabytes(free)} are free; make room or choose an output on another disk"
+        )
+    if not confirmed and (reasons := large(plan, found)):
+        costly = [m.name for m in found.methods if m.seconds > LONG]
+        remedies = [
+            f"; methods.{layout.method.name}: {layout.method.relief}"
+            for layout in plan.layouts
+            if layout.method.relief and layout.method.name in costly
+        ]
+        raise RequestError(
+            f"the sweep is large: {', '.join(reasons)}; add --yes to begin it, or try --dry-run{''.join(remedies)}"
+        )
+
+
+def plainly_small(plan: Plan, jobs: int | None, free: float) -> bool:
+    """Whether nothing can make a sweep large, by numbers that cost nothing."""
+    seconds = sum(_roughly(plan, layout, jobs or ckernel.threads()) for layout in plan.layouts)
+    size = 2 * sum(_bytes(plan, layout) for layout in plan.layouts)
+    return plan.points <= MOST_POINTS and seconds < SHORT and size < min(free, MOST_BYTES)
+
+
+def _roughly(plan: Plan, layout: Layout, workers: int) -> float:
+    """Seconds of a method; infinite where that is not found out at once."""
+    if layout.method.effort is not None:
+        return by_effort(plan, layout, workers)
+    return layout.points * layout.method.cost(layout.options, plan.base) * SECONDS_OF_COST / workers
+
+
+def large(plan: Plan, found: Estimate) -> list[str]:
+    """In which respects a sweep is large, for the user; empty for none."""
+    reasons = []
+    if plan.points > MOST_POINTS:
+        reasons.append(f"{plan.points:,} points")
+    if found.seconds > MOST_SECONDS:
+        reasons.append(f"about {found.seconds / 3600:.3g} hours on {found.jobs} processors")
+    if found.file_size > MOST_BYTES:
+        reasons.append(f"a result of about {_gigabytes(found.file_size)}")
+    return reasons
+
+
+def _bytes(plan: Plan, layout: Layout) -> int:
+    """Of a method's results over the grid, not compressed; lists of tongues, of unknown length, as if they had ten."""
+    constants = layout.method.constants(layout.options, plan.base)
+    total = 0
+    for variable in results_of(plan, layout):
+        inner = prod(len(constants[dim]) for dim in variable.dims if dim in constants)
+        tongues = 10 if "tongue" in variable.dims else 1
+        total += np.dtype(variable.dtype).itemsize * inner * tongues * layout.points
+    return total
+
+
+def _kept(plan: Plan, out: Path) -> int:
+    """Bytes of finished blocks of an earlier run."""
+    folder = PartFolder(out, plan.digest).path
+    return sum(path.stat().st_size for path in folder.glob("*.part")) if folder.is_dir() else 0
+
+
+def _gigabytes(size: float) -> str:
+    return f"{size / 1e9:.3g} GB"

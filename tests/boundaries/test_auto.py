@@ -1,0 +1,54 @@
+"""Edges of instability regions against those that AUTO found by collocation and continuation (docs/auto.md)."""
+
+from __future__ import annotations
+
+import json
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from places import DATA
+
+from gearstab.floquet.boundaries import boundaries
+from gearstab.systems import build
+
+AUTO = json.loads((DATA / "auto.json").read_text())
+
+
+def cosine(name: str, epsilon: float) -> dict:
+    return {"name": name, "mean_stiffness": 1.0, "epsilon": epsilon, "waveform": {"kind": "fourier", "cos": [1.0]}}
+
+
+def system(scene: str, epsilon: float):
+    if scene == "pair":
+        return build(
+            {"kind": "gear_pair", "equivalent_mass": 1.0, "damping_ratio": 0.02, "meshes": [cosine("mesh", epsilon)]}
+        )
+    return build(
+        {
+            "kind": "two_stage", "inertias": [1.0, 0.3, 4.0], "input_shaft_stiffness": 0.5, "tooth_ratio": Fraction(1),
+            "damping": {"rayleigh": [0.02, 0.01]},
+            "meshes": [cosine("first", epsilon), cosine("second", epsilon) | {"phasing": -0.25}],
+        }
+    )  # fmt: skip
+
+
+SCENES = [(scene, epsilon) for scene in ("pair", "three_gears") for epsilon in AUTO[scene]]
+
+
+@pytest.mark.parametrize(("scene", "epsilon"), SCENES)
+def test_edges_are_those_of_auto(scene: str, epsilon: str) -> None:
+    start, stop = {"pair": (0.55, 3.2), "three_gears": (0.9, 8.0)}[scene]
+    found = boundaries(system(scene, float(epsilon)), start, stop, tolerance=1e-12)
+    assert not found.cut.any()
+    expected = np.array(AUTO[scene][epsilon], dtype=object)
+    order = np.argsort(expected[:, 1].astype(float))
+    kind, place = expected[order, 0], expected[order, 1].astype(float)
+    ours = np.sort(np.concatenate([found.lower, found.upper]))
+    assert len(ours) == len(place)
+    # AUTO's tolerance for special points, 1e-10 of its continuation parameter.
+    np.testing.assert_allclose(ours, place, rtol=2e-10)
+    # A torus bifurcation is the edge of a combination instability, and no other is.
+    combination = [any("combination" in t.kind for t in members) for members in found.members]
+    sides = np.argsort(np.concatenate([found.lower, found.upper]))
+    np.testing.assert_array_equal(np.array(combination * 2)[sides], kind == "TR")

@@ -1,0 +1,138 @@
+"""The command line: what it imports, its exit codes, one line for a mistake, a traceback for a bug."""
+
+from __future__ import annotations
+
+import errno
+import subprocess
+import sys
+
+import click
+import pytest
+from places import ROOT
+
+from gearstab import __version__
+from gearstab.cli import COMMANDS, errors, group, main
+from gearstab.cli.progress import duration, quantity
+
+HEAVY = {"numpy", "scipy", "pydantic", "h5py", "xarray", "matplotlib", "rich", "pint", "joblib", "ruamel", "h5netcdf"}
+
+
+def called(*args: str) -> int:
+    """The exit code of a command line in this process."""
+    with pytest.raises(SystemExit) as raised:
+        main(args)
+    assert isinstance(raised.value.code, int)
+    return raised.value.code
+
+
+SHOW_MODULES = """
+import sys
+from gearstab.cli import main
+try:
+    main(sys.argv[1:])
+except SystemExit as end:
+    assert not end.code
+sys.stderr.write(" ".join({name.split(".")[0] for name in sys.modules}))
+"""
+
+
+@pytest.mark.parametrize("args", [["--help"], ["-h"], ["--version"], ["sweep", "--help"], ["export", "--help"]])
+def test_help_imports_nothing_but_click(args: list[str]) -> None:
+    command = [sys.executable, "-c", SHOW_MODULES, *args]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert "gearstab" in done.stdout
+    assert not HEAVY & set(done.stderr.split())
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_is_there_and_helps(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    context = click.Context(group)
+    command = group.get_command(context, name)
+    assert isinstance(command, click.Command)
+    assert command.help
+    assert called(name, "--help") == 0
+    assert name in capsys.readouterr().out
+
+
+def test_help_lists_all_commands(capsys: pytest.CaptureFixture[str]) -> None:
+    assert called("--help") == 0
+    shown = capsys.readouterr().out
+    assert all(name in shown and summary in shown for name, (_, summary) in COMMANDS.items())
+
+
+def test_version(capsys: pytest.CaptureFixture[str]) -> None:
+    assert called("--version") == 0
+    assert __version__ in capsys.readouterr().out
+
+
+def test_a_misspelt_command_is_corrected(capsys: pytest.CaptureFixture[str]) -> None:
+    assert called("swep") == 2
+    assert "did you mean 'sweep'?" in capsys.readouterr().err
+
+
+def test_an_unknown_option_is_wrong_input(capsys: pytest.CaptureFixture[str]) -> None:
+    assert called("sweep", "x.yaml", "--fast") == 2
+    assert "--fast" in capsys.readouterr().err
+
+
+def test_the_module_is_the_command() -> None:
+    done = subprocess.run([sys.executable, "-m", "gearstab", "--version"], capture_output=True, text=True, check=True)
+    assert __version__ in done.stdout
+
+
+def test_an_interrupt_is_130(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    @click.command()
+    def command() -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(group, "get_command", lambda context, name: command)
+    assert called("check") == 130
+    assert "interrupted" in capsys.readouterr().err
+
+
+def test_our_own_errors_keep_their_traceback(monkeypatch: pytest.MonkeyPatch) -> None:
+    @click.command()
+    def command() -> None:
+        with errors.user_errors():
+            raise ZeroDivisionError
+
+    monkeypatch.setattr(group, "get_command", lambda context, name: command)
+    with pytest.raises(ZeroDivisionError):
+        main(["check"])
+
+
+def expected() -> list[tuple[Exception, int]]:
+    from gearstab.config import ConfigError, Problem
+    from gearstab.plots.errors import PlotError
+    from gearstab.results import ResultError
+    from gearstab.sweep import Interrupted, RequestError, SweepError
+
+    problem = Problem("a.yaml", 1, "system", "", "is missing", "add it")
+    return [
+        (ConfigError([problem]), 2), (PlotError("no axis"), 2), (ResultError("a.h5: no"), 2), (RequestError("no"), 2),
+        (SweepError("killed"), 1), (Interrupted("stopped"), 130),
+        (PermissionError(errno.EACCES, "Permission denied", "f"), 2),
+        (OSError(errno.ENOSPC, "No space left on device", "f"), 1),
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(("error", "code"), expected(), ids=lambda value: type(value).__name__)
+def test_expected_errors_are_a_line_and_a_code(error: Exception, code: int, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(click.exceptions.Exit) as raised, errors.user_errors():
+        raise error
+    assert raised.value.exit_code == code
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_numbers_as_people_read_them() -> None:
+    assert [quantity(v) for v in (0, 12.34, 999.6, 1234, 999_600, 45.6e6, 2e9)] == [
+        "0", "12.3", "1 k", "1.23 k", "1 M", "45.6 M", "2 G",
+    ]  # fmt: skip
+    assert [duration(v) for v in (0.0123, 9.96, 59.4, 60, 200, 3599.7, 18720, 183_600)] == [
+        "0.012 s", "10 s", "59 s", "1 min", "3 min 20 s", "1 h", "5 h 12 min", "2 d 3 h",
+    ]  # fmt: skip
+
+
+def test_an_entry_point_is_declared() -> None:
+    text = (ROOT / "pyproject.toml").read_text()
+    assert 'gearstab = "gearstab.__main__:main"' in text

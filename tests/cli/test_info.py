@@ -1,0 +1,202 @@
+"""``gearstab info``: what it prints, as a user sees it."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+from numpy.testing import assert_allclose
+from places import CONFIGS, DATA
+from tongue_edges import train
+
+from gearstab.cli.info import command
+from gearstab.cli.info_text import table
+from gearstab.modal import mean_modes, mesh_energy_shares, modal_damping_ratios, mode_types
+from gearstab.system import GearSystem, Mesh
+from gearstab.waveforms import Rectangular
+
+REFERENCE = json.loads((DATA / "lin_parker_2002.json").read_text())
+
+TWINS = """\
+title: Twins
+system:
+  kind: matrices
+  mass: [[2, 0, 0], [0, 1, 0], [0, 0, 1]]
+  stiffness: [[0.4, 0, 0], [0, 0.7, 0], [0, 0, 0.7]]
+  meshes:
+    - {name: left, direction: [1, -1, 0], mean_stiffness: 1.0, epsilon: 0.1, contact_ratio: 1.4}
+    - {name: right, direction: [1, 0, -1], mean_stiffness: 1.0, epsilon: 0.1, contact_ratio: 1.4, lag: 0.25}
+"""
+
+
+def info(config: Path | str, *options: str) -> Result:
+    return CliRunner().invoke(command, [str(config), *options])
+
+
+def facts(config: Path | str, *options: str) -> dict:
+    result = info(config, "--json", *options)
+    assert result.exit_code == 0, result.output
+    return json.loads(result.stdout)
+
+
+@pytest.fixture
+def fig3(root: Path) -> Path:
+    return root / "configs" / "lin_parker_2002" / "fig3.yaml"
+
+
+def test_json_holds_the_reference_numbers(fig3: Path) -> None:
+    found = facts(fig3)
+    assert [mode["natural_frequency"] for mode in found["modes"]] == pytest.approx(REFERENCE["natural_frequencies"])
+    first = [abs(mode["mesh_deflection"]["first"]) for mode in found["modes"]]
+    assert first == pytest.approx(REFERENCE["mesh_deflection_abs"][0])
+    assert found["common_period"] == {
+        "in_periods_of_omega": 1.0,
+        "mesh_cycles": {"first": 1, "second": 1},
+        "segments": 2,
+        "distinct_stiffness_states": 2,
+    }
+    wanted = {(t["p"], t["q"], t["harmonic"]): t for t in REFERENCE["first_order"][0]["tongues"]}
+    assert len(found["tongues"]) == len(wanted) == 18
+    epsilon = found["meshes"][0]["epsilon"]
+    for tongue in found["tongues"]:
+        reference = wanted[tongue["mode_p"], tongue["mode_q"], tongue["harmonic"]]
+        half = epsilon * reference["half_width_per_eps"]
+        assert tongue["center_frequency"] == pytest.approx(reference["center"])
+        assert tongue["half_width"] == pytest.approx(half, abs=1e-14)
+        edges = [reference["center"] - half, reference["center"] + half]
+        assert tongue["boundary_frequency"] == pytest.approx(edges)
+    centers = [tongue["center_frequency"] for tongue in found["tongues"]]
+    assert centers == sorted(centers)
+
+
+def test_text_names_every_tongue_and_mode(fig3: Path) -> None:
+    result = info(fig3)
+    assert result.exit_code == 0
+    assert result.stderr == ""
+    text = result.stdout
+    assert "\x1b" not in text
+    assert text.startswith("Instability regions of a three-gear train")
+    for label in ("2w3", "w2+w3", "(w1+w2)/2", "2w1/3", "primary", "secondary", "higher combination", "first+second"):
+        assert re.search(rf"(^|\s){re.escape(label)}(\s|$)", text, re.MULTILINE), label
+    assert "2.71172" in text
+    assert "not excited to first order" in text
+    assert max(map(len, text.splitlines())) <= 140
+
+
+def test_overrides_and_harmonics(fig3: Path) -> None:
+    found = facts(fig3, "--set", "tooth_ratio=3/5", "--set", "system.meshes.0.epsilon=0.1", "--harmonics", "1")
+    assert [mesh["frequency_ratio"] for mesh in found["meshes"]] == ["1", "5/3"]
+    assert found["meshes"][0]["epsilon"] == 0.1
+    assert found["harmonics"] == 1
+    assert {tongue["label"] for tongue in found["tongues"]} >= {"2w3", "2w3 (second)"}
+    assert found["common_period"]["mesh_cycles"] == {"first": 3, "second": 5}
+
+
+def test_damping_and_closed_tongues(fig3: Path) -> None:
+    found = facts(fig3, "--set", "damping_ratio=0.05")
+    assert [mode["damping_ratio"] for mode in found["modes"]] == pytest.approx([0.05] * 3)
+    closed = [tongue for tongue in found["tongues"] if tongue["boundary_frequency"] == [None, None]]
+    assert 0 < len(closed) < len(found["tongues"])
+    assert all(tongue["half_width"] == 0 for tongue in closed)
+    text = info(fig3, "--set", "damping_ratio=0.05").stdout
+    assert re.search(r"closed by damping, opens at epsilon x [\d.]+", text)
+
+
+def test_one_damped_mode_of_two_has_no_boundary(fig3: Path) -> None:
+    damping = "system.damping={modal: [0, 0, 0.05]}"
+    tongue = next(t for t in facts(fig3, "--set", damping, "--set", "phasing=0.5")["tongues"] if t["label"] == "w2+w3")
+    assert tongue["half_width"] == "infinite"
+    assert "only one of the modes is damped" in info(fig3, "--set", damping, "--set", "phasing=0.5").stdout
+
+
+def test_rigid_modes_are_said(fig3: Path) -> None:
+    found = facts(fig3, "--set", "input_shaft_stiffness=0")
+    assert [mode["type"] for mode in found["modes"]] == ["rigid-body", "elastic", "elastic"]
+    assert {tongue["mode_p"] for tongue in found["tongues"]} == {2, 3}
+    assert "Rigid-body modes take no part in stability: 1." in info(fig3, "--set", "input_shaft_stiffness=0").stdout
+
+
+def test_equal_frequencies_and_decoupled_modes_are_said(tmp_path: Path) -> None:
+    path = tmp_path / "twins.yaml"
+    path.write_text(TWINS)
+    assert facts(path)["equal_frequencies"] == []
+    # Meshes to the ground: three oscillators, of which the outer two are alike and the first meets no mesh.
+    text = TWINS.replace("[1, -1, 0]", "[0, 1, 0]").replace("[1, 0, -1]", "[0, 0, 1]")
+    path.write_text(text)
+    found = facts(path)
+    assert found["equal_frequencies"] == [[2, 3]]
+    assert [mode["type"] for mode in found["modes"]] == ["no mesh deflection", "elastic", "elastic"]
+    labels = [tongue["label"] for tongue in found["tongues"]]
+    assert "2w2" in labels
+    assert "2w3" not in labels
+    output = info(path).stdout
+    assert "Modes 2, 3 have equal frequencies" in output
+    assert "no mesh deflection: 1." in output
+
+
+def test_a_mistake_is_one_line_and_exit_code_2(tmp_path: Path) -> None:
+    path = tmp_path / "twins.yaml"
+    path.write_text(TWINS.replace("contact_ratio: 1.4}", "contact_ratoi: 1.4}"))
+    result = info(path)
+    assert result.exit_code == 2
+    assert result.stdout == ""
+    assert "Traceback" not in result.stderr
+    assert f"{path}:7" in result.stderr
+    missing = info(tmp_path / "absent.yaml")
+    assert missing.exit_code == 2
+    assert len(missing.stderr.strip().splitlines()) == 1
+
+
+
+
+@pytest.mark.parametrize("path", sorted(CONFIGS.rglob("*.yaml")), ids=lambda path: path.stem)
+def test_every_configuration_of_the_repository(path: Path) -> None:
+    result = info(path)
+    assert result.exit_code == 0, result.output
+
+
+# ---- modal facts
+
+
+def test_strain_energy_is_that_of_the_stiffness_matrices() -> None:
+    """phi_p^T (k_g g g^T) phi_p over phi_p^T K phi_p; without ground springs the meshes hold it all."""
+    for k0 in (0.5, 0.0):
+        system = train(input_shaft_stiffness=k0)
+        modes = mean_modes(system)
+        shares = mesh_energy_shares(system, modes)
+        total = np.diag(modes.shapes.T @ system.mean_stiffness_matrix() @ modes.shapes)
+        for i, mesh in enumerate(system.meshes):
+            part = np.diag(modes.shapes.T @ (mesh.mean_stiffness * mesh.outer) @ modes.shapes)
+            assert_allclose(shares[1:, i], part[1:] / total[1:], rtol=1e-12)
+        if k0 == 0:
+            assert_allclose(shares[1:].sum(axis=-1), 1, rtol=1e-12)
+            assert np.isnan(shares[0]).all()
+
+
+def test_damping_ratios_come_back() -> None:
+    ratios = [0.01, 0.02, 0.07]
+    system = train(damping={"modal": ratios})
+    assert_allclose(modal_damping_ratios(system, mean_modes(system)), ratios, rtol=1e-12)
+    assert_allclose(modal_damping_ratios(train(), mean_modes(train())), 0)
+
+
+def test_mode_types_in_a_batch() -> None:
+    mesh = Mesh("mesh", np.array([1.0, -1.0, 0.0]), np.asarray(1.0), np.asarray(0.1), Rectangular(1.5))
+    ground = np.zeros((2, 3, 3))
+    ground[:, 2, 2] = 5.0
+    ground[1, 0, 0] = -0.3
+    types = mode_types(mean_modes(GearSystem(np.eye(3), ground, (mesh,))))
+    expected = [
+        ["rigid-body", "elastic", "no mesh deflection"],
+        ["negative stiffness", "elastic", "no mesh deflection"],
+    ]
+    assert types.tolist() == expected
+
+
+def test_table_aligns_numbers_to_the_right() -> None:
+    assert table(["a", "n"], [["x", "1"], ["long", "-"]]) == "a     n\n----  -\nx     1\nlong  -"
+    assert table(["a", "size"], [["x", "1"], ["y", "22"]]).splitlines()[2:] == ["x     1", "y    22"]

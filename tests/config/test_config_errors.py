@@ -1,0 +1,270 @@
+"""Wrong configurations: each mistake is one line with place, path and remedy, and all come at once."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+from places import DATA
+from ruamel.yaml import YAML
+
+from gearstab.config import ConfigError, Problem, load
+
+GOOD = """\
+title: A train
+system:
+  kind: two_stage
+  inertias: [1.0, 0.3, 4.0]
+  input_shaft_stiffness: 0.5
+  tooth_ratio: 1
+  damping_ratio: 0
+  meshes:
+    - {name: first, mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5}
+    - {name: second, mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5, phasing: 0.0}
+sweep:
+  mesh_frequency: {start: 0.35, stop: 7.0, num: 40}
+  epsilon: {start: 0.0, stop: 0.5, num: 11}
+methods:
+  floquet: {}
+  boundaries: {}
+"""
+
+MATRICES = """\
+system:
+  kind: matrices
+  mass: [[2, 0], [0, 1]]
+  stiffness:
+    - [3, -1]
+    - [-1, 1]
+  meshes:
+    - {direction: [1, 1], mean_stiffness: 1, epsilon: 0.1, contact_ratio: 1.5}
+sweep:
+  mesh_frequency: [1, 2]
+methods: {floquet: {}}
+"""
+
+RESPOND = """\
+system: {kind: gear_pair, equivalent_mass: 1, meshes: [{mean_stiffness: 1, epsilon: 0.1, contact_ratio: 1.5}]}
+respond:
+  mesh_frequency: 2.0
+  cycles: 3
+  initial:
+    displacement: [0.1]
+"""
+
+
+def problems(folder: Path, text: str | bytes, *overrides: str) -> list[Problem]:
+    path = folder / "case.yaml"
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    with pytest.raises(ConfigError) as caught:
+        load(path, overrides)
+    return caught.value.problems
+
+
+def changed(text: str, old: str, new: str) -> str:
+    assert text.count(old) == 1, old
+    return text.replace(old, new)
+
+
+RIGHT = {"values": GOOD, "matrices": MATRICES, "responses": RESPOND}
+WRONG = YAML(typ="safe", pure=True).load(DATA / "config" / "wrong.yaml")
+CASES = [pytest.param(RIGHT[kind], case, id=f"{kind}: {name}") for kind in RIGHT for name, case in WRONG[kind].items()]
+
+
+@pytest.mark.parametrize(("right", "case"), CASES)
+def test_wrong_value(tmp_path: Path, right: str, case: dict) -> None:
+    first = problems(tmp_path, changed(right, case["old"], case["new"]))[0]
+    assert (first.line, first.path) == (case["line"], case["path"])
+    assert case["message"] in first.message
+    assert case["hint"] in first.hint
+    assert str(first).startswith(f"{tmp_path / 'case.yaml'}:{case['line']}: {case['path']}: ")
+    assert "\n" not in str(first)
+
+
+BROKEN_FILES = {
+    "empty": (b"", 1, "is empty", "write the sections"),
+    "comments only": (b"# nothing\n", 1, "is empty", "write the sections"),
+    "list": (b"- a\n- b\n", 1, "must be a mapping", "write the sections"),
+    "text": (b"hello\n", 1, "must be a mapping", "write the sections"),
+    "not UTF-8": (b"title: ok\n# caf\xe9\n", 2, "not UTF-8", "save the file in UTF-8"),
+    "control character": (b"title: ok\nsystem: \x01\n", 2, "control character 0x1", "remove"),
+    "tab": (b"system:\n\tkind: two_stage\n", 2, "no valid YAML", "spaces, not tabs"),
+    "open bracket": (b"system:\n  inertias: [1, 2\n  kind: x\n", 3, "flow sequence that begins in line 2", "brackets"),
+    "open quote": (b'title: "a\nsystem: {}\n', 3, "no valid YAML", "quotes"),
+    "colon in a text": (b"title: a: b\n", 1, "mapping values are not allowed", "quote texts"),
+    "unknown alias": (b"system: *base\n", 1, "undefined alias", "with &"),
+    "alias of itself": (b"system: &a [*a]\n", 1, "an alias stands inside", "write the values out"),
+    "reserved character": (b"title: @a\n", 1, "cannot start any token", "quotes"),
+    "second document": (b"title: a\n---\ntitle: b\n", 2, "second document", "one configuration a file"),
+    "duplicate key": (b"title: a\nsystem: {}\ntitle: b\n", 3, "duplicate key, given in line 1", "remove one"),
+    "key that is a list": (b"title: a\n? [1, 2]\n: 3\n", 2, "a key is a list", "plain text"),
+    "unknown tag": (b"title: !python a\n", 1, "tag !python is not known", "remove"),
+    "merge of a text": (b"title: a\n<<: b\n", 1, "merges mappings only", "refer to a mapping"),
+    "unknown tag of a mapping": (
+        b"title: a\nsystem: !!set {a}\n",
+        2,
+        "tag tag:yaml.org,2002:set is not known",
+        "remove",
+    ),
+    "escape beyond Unicode": (b'title: a\nsystem: "\\U00110000"\n', 2, "names no character", "escapes"),
+    "escape far beyond": (b'title: "\\UFFFFFFFF"\n', 1, "names no character", "escapes"),
+    "half of a character": (b'title: "\\uD800"\nsystem: {}\n', 1, "no character", "remove"),
+    "half of a character as a key": (b'title: a\n"\\uDFFF": {}\n', 2, "no character", "remove"),
+    "end of a text": (b'title: "a\\0b"\nsystem: {}\n', 1, "no character", "remove"),
+    "directive inside": (b"title: a\n%YAML 1.2\nsystem: {}\n", 3, "no valid YAML", "begins with %"),
+    "directive without document": (b"%YAML 1.2\nsystem: {}\n", 2, "no valid YAML", "begins with %"),
+    "too deep": (b"a: " + b"[" * 3000, None, "nested too deeply", "flatter"),
+}
+
+
+BOMB = "a0: &a0 [1, 2]\n" + "".join(f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 9)}]\n" for i in range(1, 30))
+MERGES = "a0: &a0 {x: 1}\n" + "".join(f"a{i}: &a{i} {{<<: [{', '.join([f'*a{i - 1}'] * 9)}]}}\n" for i in range(1, 30))
+LADDER = "a0: &a0 [1]\n" + "".join(f"a{i}: &a{i} [*a{i - 1}]\n" for i in range(1, 1200))
+CIRCLES = "a: &a\n  b: &b [*a, *b]\n  c: [*b, *a]\n"
+ALIASES = {
+    "lists": (BOMB, None, "has aliases that stand for more than 1,000,000 values", "write the values out"),
+    "merges": (MERGES, None, "has aliases that stand for more than 1,000,000 values", "write the values out"),
+    "ladder": (LADDER, None, "is nested too deeply", "write a flatter document"),
+    "circles": (CIRCLES, 1, "an alias stands inside what it refers to", "write the values out"),
+}
+
+
+@pytest.mark.parametrize(("text", "line", "message", "hint"), ALIASES.values(), ids=ALIASES)
+def test_aliases_that_grow_without_bounds(tmp_path: Path, text: str, line: int | None, message: str, hint: str) -> None:
+    (found,) = problems(tmp_path, text)
+    assert (found.line, found.message) == (line, message)
+    assert hint in found.hint
+    assert "\n" not in str(found)
+
+
+@pytest.mark.parametrize(("content", "line", "message", "hint"), BROKEN_FILES.values(), ids=BROKEN_FILES)
+def test_broken_file(tmp_path: Path, content: bytes, line: int, message: str, hint: str) -> None:
+    found = [p for p in problems(tmp_path, content) if message in p.message]
+    assert [p.line for p in found] == [line]
+    assert hint in found[0].hint
+
+
+LONG_NUMBERS = {"hexadecimal": "0x" + "f" * 5000, "octal": "0o" + "7" * 5000, "decimal": "9" * 5000}
+
+
+@pytest.mark.parametrize("text", LONG_NUMBERS.values(), ids=LONG_NUMBERS)
+@pytest.mark.parametrize("key", ["input_shaft_stiffness: 0.5", "tooth_ratio: 1", "title: A train", "num: 40"])
+def test_numbers_of_thousands_of_digits(tmp_path: Path, key: str, text: str) -> None:
+    (found,) = problems(tmp_path, GOOD.replace(key, f"{key.partition(':')[0]}: {text}"))
+    assert len(str(found)) < 1000
+
+
+def test_an_index_is_made_of_digits(tmp_path: Path) -> None:
+    (found,) = problems(tmp_path, GOOD.replace("sweep:\n", "sweep:\n  inertias.²: [1, 2]\n"))
+    assert found.path == "sweep.inertias.²"
+    with pytest.raises(ConfigError):
+        load(tmp_path / "case.yaml", ["inertias.²=1"])
+
+
+def test_a_configuration_has_a_few_megabytes_at_most(tmp_path: Path) -> None:
+    (found,) = problems(tmp_path, b"#" * 64_000_000)
+    assert (found.line, found.path) == (None, "")
+    assert "64 MB" in found.message
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes with a name")
+def test_a_pipe_is_no_configuration(tmp_path: Path) -> None:
+    """Reading one would wait for ever."""
+    os.mkfifo(tmp_path / "pipe.yaml")
+    with pytest.raises(ConfigError, match="no regular file"):
+        load(tmp_path / "pipe.yaml")
+
+
+def test_file_that_is_not_there(tmp_path: Path) -> None:
+    for name, message in (("none.yaml", "no such file"), (".", "is a folder")):
+        with pytest.raises(ConfigError, match=message) as caught:
+            load(tmp_path / name)
+        assert str(caught.value).startswith(str(tmp_path / name) + ": ")
+
+
+WRONG_OVERRIDES = {
+    "no value": ("epsilon", "no PATH=VALUE", "write for example"),
+    "unknown key": ("damping_ratoi=1", "unknown key", "'damping_ratio'"),
+    "out of range": ("epsilon=-1", "must be >= 0", ">= 0"),
+    "broken YAML": ("epsilon=[1", "no valid YAML", "brackets"),
+    "unknown mesh": ("meshes.third.epsilon=1", "no entry 'third'", "first, second"),
+    "unknown index": ("meshes.2.epsilon=1", "no entry '2'", "0 to 1"),
+    "into a number": ("tooth_ratio.x=1", "single value", "set system.tooth_ratio itself"),
+    "mesh frequency": ("mesh_frequency=1", "no part of the system", "sweep.mesh_frequency"),
+    "rival": ("amplitude=1", "no mesh has amplitude", "epsilon"),
+    "axis": ("sweep.epsilon.num=0", "must be >= 1", ">= 1"),
+    "new axis": ("sweep.meshes.first.epsiln=[0]", "unknown parameter", "'meshes.first.epsilon'"),
+}
+
+
+@pytest.mark.parametrize(("override", "message", "hint"), WRONG_OVERRIDES.values(), ids=WRONG_OVERRIDES)
+def test_wrong_override(tmp_path: Path, override: str, message: str, hint: str) -> None:
+    first = problems(tmp_path, GOOD, override)[0]
+    assert str(first).startswith(f"--set {override.partition('=')[0]}: ")
+    assert message in first.message
+    assert hint in first.hint
+
+
+def test_methods_that_need_an_axis(tmp_path: Path) -> None:
+    text = changed(GOOD, "  mesh_frequency: {start: 0.35, stop: 7.0, num: 40}\n", "")
+    found = problems(tmp_path, text)
+    assert [(p.line, p.path) for p in found] == [(14, "methods.floquet"), (15, "methods.boundaries")]
+    assert all("needs a mesh_frequency axis" in p.message for p in found)
+
+
+@pytest.mark.parametrize(
+    ("section", "path"), [("sweep:\n  epsilon: [0.1]\n", "methods"), ("methods: {floquet: }\n", "sweep")]
+)
+def test_sweep_and_methods_go_together(tmp_path: Path, section: str, path: str) -> None:
+    text = GOOD[: GOOD.index("sweep:")] + section
+    assert (1, path, "is missing") in [(p.line, p.path, p.message) for p in problems(tmp_path, text)]
+
+
+def test_sections_that_a_command_needs(tmp_path: Path) -> None:
+    path = tmp_path / "case.yaml"
+    path.write_text(GOOD)
+    load(path, needs=("sweep", "methods"))
+    with pytest.raises(ConfigError, match="respond: is missing; add the section respond"):
+        load(path, needs=("respond",))
+
+
+def test_all_mistakes_at_once_by_line(tmp_path: Path) -> None:
+    text = GOOD
+    for old, new in [
+        ("A train", "5"),
+        ("0.3, 4.0", "-1, .nan"),
+        ("damping_ratio", "dampng_ratio"),
+        ("name: second, mean_stiffness: 1.0", "name: first"),
+        ("epsilon: {", "epsilom: {"),
+        ("floquet: {}", "floquet: {tolerance: 2}"),
+    ]:
+        text = changed(text, old, new)
+    found = [(p.line, p.path) for p in problems(tmp_path, text)]
+    assert found == [
+        (1, "title"),
+        (4, "system.inertias.1"),
+        (4, "system.inertias.2"),
+        (7, "system.dampng_ratio"),
+        (10, "system.meshes.1"),
+        (10, "system.meshes.1.name"),
+        (13, "sweep.epsilom"),
+        (15, "methods.floquet.tolerance"),
+    ]
+
+
+def test_a_pair_of_gears_has_no_meshes_and_says_what_it_has(tmp_path: Path) -> None:
+    text = (
+        "system:\n  kind: gear_pair\n  formulation: energy_conserving\n"
+        "  teeth: [24, 96]\n  inertias: [2.89e-3, 0.7402]\n"
+        "  meshes: [{mean_stiffness: 1, epsilon: 0.1, contact_ratio: 1.5}]\n"
+    )
+    found = problems(tmp_path, text)
+    assert {p.path for p in found} == {"system", "system.torsional_stiffness", "system.torque", "system.meshes"}
+    (meshes,) = [p for p in found if p.path == "system.meshes"]
+    assert "torsional_stiffness" in meshes.hint
+
+
+def test_long_values_are_shortened(tmp_path: Path) -> None:
+    found = problems(tmp_path, changed(GOOD, "kind: two_stage", "kind: " + "x" * 500))[0]
+    assert len(str(found)) < len(str(tmp_path)) + 250

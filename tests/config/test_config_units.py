@@ -1,0 +1,321 @@
+"""Texts with units: what they mean in each field, and which are refused, with a remedy that is not a wrong number."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import h5py
+import pytest
+from click.testing import CliRunner
+from hypothesis import given
+from hypothesis import strategies as st
+from places import CONFIGS
+
+from gearstab.cli import group
+from gearstab.config import ConfigError, load
+from gearstab.config.model.units import UnitError, to_si
+from gearstab.results.units import unit_of
+from gearstab.systems import build
+
+PAIR = """\
+system:
+  kind: gear_pair
+  equivalent_mass: 0.5
+  damping_ratio: 0.02
+  load: 100
+  meshes: [{mean_stiffness: 2.0e+8, epsilon: 0.3, contact_ratio: 1.5}]
+"""
+TRAIN = """\
+system:
+  kind: two_stage
+  inertias: [1.0, 0.3, 4.0]
+  input_shaft_stiffness: 0.5e8
+  load: [0, 0, 10]
+  meshes:
+    - {mean_stiffness: 1.0e+8, epsilon: 0.3, contact_ratio: 1.5}
+    - {mean_stiffness: 1.0e+8, epsilon: 0.3, contact_ratio: 1.5, phasing: 0.1}
+"""
+MIXED = """\
+system:
+  kind: matrices
+  mass: [[2.0, 0.0], [0.0, 0.01]]
+  stiffness: [[1.0e+6, 0.0], [0.0, 0.0]]
+  coordinate_units: [m, rad]
+  meshes: [{direction: [1.0, 0.05], mean_stiffness: 1.0e+8, epsilon: 0.3, contact_ratio: 1.5, lag: 0.2}]
+  load: [1.0, 2.0]
+respond: {mesh_frequency: 1000, cycles: 2, initial: {displacement: [1.0e-6, 0], velocity: [0, 0]}}
+"""
+PLANETARY = """\
+system:
+  kind: planetary
+  planets: 3
+  ring: {kind: rigid}
+  masses: {ring: 2.35, carrier: 5.43, sun: 0.4, planet: 0.66}
+  inertias: {ring: 3.0, carrier: 6.29, sun: 0.39, planet: 0.61}
+  supports: {carrier: 1.0e+8, sun: 1.0e+8, ring: 1.0e+8, planet: 1.0e+8, ring_rotation: 1.0e+9}
+  pressure_angles: {sun: 24.6 deg, ring: 24.6 deg}
+  meshes:
+    sun: {mean_stiffness: 5.0e+8, epsilon: 0.1, contact_ratio: 1.5}
+    ring: {mean_stiffness: 5.0e+8, epsilon: 0.1, contact_ratio: 1.5}
+  phases: {sun: [0, 0.25, 0.5], sun_ring: 0.5}
+  load: {sun: 100}
+"""
+
+
+def loaded(folder: Path, text: str, *overrides: str):
+    path = folder / "scene.yaml"
+    path.write_text(text)
+    return load(path, overrides)
+
+
+def first_problem(folder: Path, text: str, *overrides: str):
+    with pytest.raises(ConfigError) as caught:
+        loaded(folder, text, *overrides)
+    assert len(caught.value.problems) == 1, caught.value
+    return caught.value.problems[0]
+
+
+NUMBERS = [
+    (PAIR, "damping_ratio=5%", ("damping_ratio",), 0.05),
+    (PAIR, "damping_ratio=0.5 percent", ("damping_ratio",), 0.005),
+    (PAIR, "epsilon=30 %", ("meshes", 0, "epsilon"), 0.3),
+    (PAIR, "load=2 kN", ("load", 0), 2000.0),
+    (TRAIN, "phasing=90 deg", ("meshes", 1, "phasing"), 0.25),
+    (TRAIN, "phasing=25 %", ("meshes", 1, "phasing"), 0.25),
+    (TRAIN, "phasing=0.5 turn", ("meshes", 1, "phasing"), 0.5),
+    (TRAIN, "phasing=-180 deg", ("meshes", 1, "phasing"), -0.5),
+    (MIXED, "lag=90 deg", None, None),  # of every mesh but the first: there is none
+    (MIXED, "meshes.0.lag=36 deg", ("meshes", 0, "lag"), 0.1),
+    (MIXED, "meshes.0.direction.1=50 mm", ("meshes", 0, "direction", 1), 0.05),
+    (MIXED, "load.1=2 N m", ("load", 1), 2.0),
+    (MIXED, "mass.1.1=200 kg cm^2", ("mass", 1, 1), 0.02),
+    (PLANETARY, "phases.sun_ring=180 deg", ("phases", "sun_ring"), 0.5),
+    (PLANETARY, "phases.sun.1=90 deg", ("phases", "sun", 1), 0.25),
+]
+
+
+@pytest.mark.parametrize(("text", "override", "path", "value"), NUMBERS, ids=[n[1] for n in NUMBERS])
+def test_a_text_with_a_unit_is_a_number(tmp_path, text, override, path, value):
+    if path is None:
+        with pytest.raises(ConfigError):
+            loaded(tmp_path, text, override)
+        return
+    found = loaded(tmp_path, text, override).parameters
+    for key in path:
+        found = found[key]
+    assert found == pytest.approx(value, rel=1e-14)
+
+
+WRONG = [
+    (PAIR, "load=200 N m", "system.load.0", "dimension", "force"),
+    (PAIR, "equivalent_mass=2 m", "system.equivalent_mass", "dimension", "mass"),
+    (PAIR, "meshes.0.mean_stiffness=2 N m", "system.meshes.0.mean_stiffness", "dimension", "stiffness"),
+    (PAIR, "meshes.0.backlash=5 deg", "system.meshes.0.backlash", "dimension", "length"),
+    (PAIR, "meshes.0.transmission_error={sin: [0.1 deg]}", "system.meshes.0.transmission_error.sin.0", "dimension", ""),
+    (PAIR, "damping_ratio=90 deg", "system.damping_ratio", "dimensionless", "per cent"),
+    (PAIR, "damping_ratio=0,02", "system.damping_ratio", "decimal comma", "0.02"),
+    (PAIR, "equivalent_mass=0,5", "system.equivalent_mass", "decimal comma", "0.5"),
+    (TRAIN, "load=[0, 0, 200 N m]", "system.load.2", "dimension", "base radius"),
+    (TRAIN, "phasing=2 mm", "system.meshes.1.phasing", "dimensionless", "360 deg"),
+    (TRAIN, "damping={matrix: [[1 N s, 0, 0], [0, 1, 0], [0, 0, 1]]}", "system.damping.matrix.0.0", "dimension", ""),
+    (MIXED, "load.0=2 N m", "system.load.0", "dimension", "base radius"),
+    (MIXED, "load.1=2 N", "system.load.1", "dimension", "torque"),
+    (MIXED, "mass.0.0=2 kg m^2", "system.mass.0.0", "dimension", "mass"),
+    (MIXED, "stiffness.0.1=2 N/m", "system.stiffness.0.1", "dimension", ""),
+    (MIXED, "meshes.0.direction.0=50 mm", "system.meshes.0.direction.0", "dimensionless", ""),
+    (MIXED, "meshes.0.mean_stiffness=2 N m", "system.meshes.0.mean_stiffness", "dimension", "stiffness"),
+    (MIXED, "respond.initial.displacement.1=1 mm", "respond.initial.displacement.1", "dimension", "angle"),
+    (MIXED, "respond.initial.velocity.0=1 rpm", "respond.initial.velocity.0", "dimension", "velocity"),
+    (MIXED, "respond.mesh_frequency=1000 1/min", "respond.mesh_frequency", "radians or turns", "rpm"),
+    (MIXED, "coordinate_units=[m, mm]", "system.coordinate_units.1", "is no unit of a coordinate", "rad"),
+    (MIXED, "coordinate_units=[m, m, rad]", "system.coordinate_units", "has 3 entries", "give 2"),
+    (PLANETARY, "pressure_angles.sun=20 %", "system.pressure_angles.sun", "dimension", "angle"),
+    (PLANETARY, "load.sun=100 N m", "system.load.sun", "dimension", "force"),
+]
+
+
+@pytest.mark.parametrize(("text", "override", "path", "message", "hint"), WRONG, ids=[n[1] for n in WRONG])
+def test_a_unit_of_the_wrong_dimension_is_refused(tmp_path, text, override, path, message, hint):
+    found = first_problem(tmp_path, text, override)
+    assert found.path == path
+    assert message in found.message
+    assert hint in found.hint
+
+
+SWEPT = [
+    ("sweep: {mesh_frequency: [1, 2], load.0: [2 N m, 3 N m]}", "sweep.load.0.0"),
+    ("sweep: {mesh_frequency: [1, 2], mass.1.1: {start: 1 kg, stop: 2 kg, num: 3}}", "sweep.mass.1.1.start"),
+    ("sweep: {mesh_frequency: [1, 2], load.1: [1 N, 2]}", "sweep.load.1.0"),
+]
+
+
+@pytest.mark.parametrize(("sweep", "path"), SWEPT, ids=[path for _, path in SWEPT])
+def test_axes_take_the_units_of_their_very_number(tmp_path, sweep, path):
+    with pytest.raises(ConfigError) as caught:
+        loaded(tmp_path, MIXED + sweep + "\nmethods: {floquet: {}}\n")
+    assert path in {problem.path for problem in caught.value.problems}
+
+
+def test_units_of_axes_are_those_of_their_very_number(tmp_path):
+    text = MIXED + "sweep: {mesh_frequency: [1, 2], load.1: [1, 2], stiffness.0.0: [1, 2]}\nmethods: {floquet: {}}\n"
+    assert [axis.units for axis in loaded(tmp_path, text).axes] == ["rad/s", "N m", "N/m"]
+
+
+# ---- coordinates of matrices
+
+
+def test_one_unit_may_stand_for_all_coordinates(tmp_path):
+    system = build(loaded(tmp_path, MIXED, "coordinate_units=rad").parameters)
+    assert system.coordinate_units == ("rad", "rad")
+
+
+def test_inertias_tell_which_coordinates_turn(tmp_path):
+    text = MIXED.replace("  coordinate_units: [m, rad]\n", "").replace("0.01]]", "100 kg cm^2]]")
+    config = loaded(tmp_path, text)
+    assert build(config.parameters).coordinate_units == ("m", "rad")
+    assert config.tree["system"]["coordinate_units"] == ["m", "rad"]
+
+
+def test_torsional_meshes(tmp_path):
+    text = """\
+system:
+  kind: matrices
+  mass: [[0.01, 0], [0, 0.02]]
+  stiffness: [[100, 0], [0, 0]]
+  coordinate_units: rad
+  deflection_unit: rad
+  meshes: [{direction: [1, -0.5], mean_stiffness: 2 kN m, epsilon: 0.2, contact_ratio: 1.5, backlash: 0.1 deg}]
+  load: [0, 100 N m]
+respond: {mesh_frequency: 500, cycles: 3, initial: {displacement: [0, 0], velocity: [0, 0]}}
+"""
+    assert first_problem(tmp_path, text, "meshes.0.backlash=1 mm").path == "system.meshes.0.backlash"
+    path, out = tmp_path / "scene.yaml", tmp_path / "out.h5"
+    path.write_text(text)
+    done = CliRunner().invoke(group, ["respond", str(path), "-o", str(out)])
+    assert done.exit_code == 0, done.output
+    expected = {
+        "displacement": "rad", "velocity": "rad/s", "mesh_deflection": "rad", "mesh_force": "N m", "play": "rad",
+        "event_velocity": "rad/s", "peak_to_peak": "rad", "time": "s", "energy": "J", "event_time": "s",
+    }  # fmt: skip
+    with h5py.File(out) as file:
+        response, modes = file["response"], file["modes"]
+        assert {name: response[name].attrs["units"] for name in expected} == expected
+        assert {modes[name].attrs["units"] for name in ("mode_shape", "mesh_deflection")} == {"kg^-1/2 m^-1"}
+        assert list(modes["dof_units"].asstr()) == ["rad", "rad"]
+
+
+# ---- models without units
+
+NONE = """\
+system:
+  kind: two_stage
+  units: none
+  inertias: [1.0, 0.3, 4.0]
+  input_shaft_stiffness: 0.5
+  damping_ratio: 0.02
+  load: [0, 0, 1]
+  meshes:
+    - {mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5}
+    - {mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5, phasing: 90 deg}
+sweep:
+  mesh_frequency: [1.0, 1.5, 2.0]
+  input_shaft_stiffness: [0.5, 0.6]
+  case: [{label: a, load.0: 0}, {label: b, load.0: 1, inertias.1: 0.4}]
+methods:
+  floquet: {exponents: true}
+  perturbation: {order: 2}
+  boundaries: {}
+  required_damping: {}
+  response: {}
+respond: {mesh_frequency: 1.0, cycles: 3}
+"""
+
+
+def units_in(path: Path) -> dict[str, str]:
+    found = {}
+    with h5py.File(path) as file:
+        file.visititems(lambda name, item: found.update({name: item.attrs.get("units", "1")}))
+    return found
+
+
+@pytest.mark.parametrize(
+    ("command", "changes"),
+    [("sweep", []), ("respond", []), ("respond", ["--set", "meshes.0.backlash=2"])],
+    ids=["sweep", "respond", "backlash"],
+)
+def test_results_of_a_model_without_units_have_none(tmp_path, command, changes):
+    path, out = tmp_path / "scene.yaml", tmp_path / "out.h5"
+    path.write_text(NONE)
+    done = CliRunner().invoke(group, [command, str(path), "-o", str(out), *changes])
+    assert done.exit_code == 0, done.output
+    assert set(units_in(out).values()) == {"1"}
+    with h5py.File(out) as file:
+        assert set(file["modes/dof_units"].asstr()) == {"1"}
+        comments = [group.attrs.get("comment", "") for group in file.values()]
+    assert not any(unit in comment for comment in comments for unit in ("(s)", "1/s", "rad"))
+
+
+def test_a_rotating_pair_without_units(tmp_path):
+    path, out = tmp_path / "scene.yaml", tmp_path / "out.h5"
+    path.write_text("""\
+system: {kind: gear_pair, units: none, teeth: [20, 40], inertias: [1.0, 16.0], torsional_stiffness: [1.0, 2.0],
+         contact_ratio: 1.5, torque: 0.01, damping_ratio: 0.1}
+respond: {speed: 0.01, cycles: 20}
+""")
+    done = CliRunner().invoke(group, ["respond", str(path), "-o", str(out)])
+    assert done.exit_code == 0, done.output
+    assert set(units_in(out).values()) == {"1"}
+
+
+WITH_UNITS = [
+    ("inertias.0=1 kg", "system.inertias.0"),
+    ("sweep.mesh_frequency.0=100 rpm", "sweep.mesh_frequency.0"),
+    ("sweep.input_shaft_stiffness.1=5 N/m", "sweep.input_shaft_stiffness.1"),
+    ("respond.mesh_frequency=600 rpm", "respond.mesh_frequency"),
+]
+
+
+@pytest.mark.parametrize(("override", "path"), WITH_UNITS, ids=[path for _, path in WITH_UNITS])
+def test_a_model_without_units_takes_none(tmp_path, override, path):
+    found = first_problem(tmp_path, NONE, override)
+    assert found.path == path
+    assert "units: none" in found.hint
+
+
+def test_a_scaled_planetary_gear_has_lengths_only(tmp_path):
+    """Masses, stiffnesses and times are scaled, displacements are not: forces over a stiffness are lengths."""
+    config = loaded(tmp_path, PLANETARY, "scaling=dimensionless")
+    system = build(config.parameters)
+    expected = {"rad/s": "1", "1/s": "1", "kg^-1/2": "1", "m": "m", "m/s": "m", "N": "m", "J": "m^2", "s": "1"}
+    expected |= {"N^2 s": "m^2", "m^2 s": "m^2", "1": "1"}
+    assert {unit: unit_of(system, unit) for unit in expected} == expected
+    found = first_problem(
+        tmp_path, PLANETARY + "respond: {mesh_frequency: 600 rpm, cycles: 3}\n", "scaling=dimensionless"
+    )
+    assert found.path == "respond.mesh_frequency"
+
+
+def test_a_gearbox_has_units(tmp_path):
+    text = (CONFIGS / "kuria_kihiu_2008" / "map.yaml").read_text()
+    assert first_problem(tmp_path, text, "system.units=none").path == "system.units"
+
+
+# ---- the parser of quantities
+
+
+@given(st.floats(1e-6, 1e6), st.sampled_from(["", "-", "+"]))
+def test_per_cent_and_angles_are_fractions(value, sign):
+    number = float(f"{sign}{value!r}")
+    assert to_si(f"{sign}{value!r} %", ()) == number / 100
+    assert to_si(f"{sign}{value!r} deg", (), turns=True) == pytest.approx(number / 360, rel=1e-14)
+
+
+COMMAS = [("0,02", "0.02"), ("-0,5 mm", "-0.5 mm"), (",5", "0.5"), ("1,234", "1234 if"), ("1.234,5", "separators")]
+
+
+@pytest.mark.parametrize("units", [(), ("m",)], ids=["dimensionless", "length"])
+@pytest.mark.parametrize(("text", "hint"), COMMAS)
+def test_decimal_commas(text, hint, units):
+    with pytest.raises(UnitError, match="comma") as caught:
+        to_si(text, units)
+    assert hint in caught.value.hint

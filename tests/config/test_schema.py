@@ -1,0 +1,184 @@
+"""The JSON schema: complete, and true of every configuration of the repository."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import CliRunner
+
+from gearstab.cli.schema import command
+from gearstab.config import load
+from gearstab.config.document.yaml import parse
+from gearstab.config.model.schema import schema
+
+SCHEMA = schema()
+TYPES: dict[str, Any] = {
+    "object": dict,
+    "array": list,
+    "string": str,
+    "boolean": bool,
+    "null": type(None),
+    "number": (int, float),
+    "integer": int,
+}
+
+
+def resolved(node: dict[str, Any]) -> dict[str, Any]:
+    return resolved(SCHEMA["$defs"][node["$ref"].removeprefix("#/$defs/")]) if "$ref" in node else node
+
+
+def of_type(value: Any, names: str | list[str]) -> bool:
+    wanted = [names] if isinstance(names, str) else names
+    return any(isinstance(value, TYPES[n]) and (n == "boolean" or not isinstance(value, bool)) for n in wanted)
+
+
+def errors(value: Any, node: dict[str, Any], path: str = "$") -> Iterator[str]:
+    """The part of JSON schema, draft 2020-12, that is used here."""
+    node = resolved(node)
+    if "type" in node and not of_type(value, node["type"]):
+        yield f"{path}: no {node['type']}"
+        return
+    if "enum" in node and value not in node["enum"]:
+        yield f"{path}: not in {node['enum']}"
+    if "const" in node and value != node["const"]:
+        yield f"{path}: not {node['const']}"
+    for keyword, matches in (("anyOf", lambda n: n > 0), ("oneOf", lambda n: n == 1)):
+        if keyword in node:
+            found = [list(errors(value, option, path)) for option in node[keyword]]
+            if not matches(sum(not e for e in found)):
+                yield f"{path}: {keyword} of {found}"
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        yield from number_errors(value, node, path)
+    if isinstance(value, str) and "pattern" in node and not re.search(node["pattern"], value):
+        yield f"{path}: not {node['pattern']}"
+    if isinstance(value, list):
+        yield from list_errors(value, node, path)
+    if isinstance(value, dict):
+        yield from mapping_errors(value, node, path)
+
+
+def number_errors(value: float, node: dict[str, Any], path: str) -> Iterator[str]:
+    good = {
+        "minimum": value >= node.get("minimum", value),
+        "maximum": value <= node.get("maximum", value),
+        "exclusiveMinimum": value > node.get("exclusiveMinimum", value - 1),
+        "exclusiveMaximum": value < node.get("exclusiveMaximum", value + 1),
+    }
+    yield from (f"{path}: {keyword}" for keyword, right in good.items() if not right)
+
+
+def list_errors(value: list[Any], node: dict[str, Any], path: str) -> Iterator[str]:
+    if not node.get("minItems", 0) <= len(value) <= node.get("maxItems", len(value)):
+        yield f"{path}: {len(value)} items"
+    first = node.get("prefixItems", [])
+    for i, item in enumerate(value):
+        if i < len(first) or "items" in node:
+            yield from errors(item, first[i] if i < len(first) else node["items"], f"{path}.{i}")
+
+
+def mapping_errors(value: dict[str, Any], node: dict[str, Any], path: str) -> Iterator[str]:
+    yield from (f"{path}: no {name}" for name in node.get("required", []) if name not in value)
+    for name, others in node.get("dependentRequired", {}).items():
+        if name in value:
+            yield from (f"{path}: no {other}" for other in others if other not in value)
+    known = node.get("properties", {})
+    for name, item in value.items():
+        rule = known.get(name, node.get("additionalProperties", True))
+        if rule is False:
+            yield f"{path}: {name} is unknown"
+        elif rule is not True:
+            yield from errors(item, rule, f"{path}.{name}")
+
+
+def test_every_configuration_of_the_repository_fits(root: Path) -> None:
+    found = sorted((root / "configs").rglob("*.yaml"))
+    assert found
+    for source in found:
+        assert list(errors(parse(source.read_text(), source.name).data, SCHEMA)) == [], source.name
+
+
+def test_resolved_configurations_fit(root: Path) -> None:
+    """They stand in every result, and can be run again."""
+    for source in sorted((root / "configs").rglob("*.yaml")):
+        assert list(errors(parse(load(source).resolved, source.name).data, SCHEMA)) == [], source.name
+
+
+@pytest.mark.parametrize(
+    ("force", "fits"), [("1.5", 1), ("2 kN", 1), ("[1.5]", 1), ("[1, 2]", 0), ("[]", 0), ("{}", 0)]
+)
+def test_the_load_of_one_coordinate_may_be_a_number(force: str, fits: int) -> None:
+    mesh = "{mean_stiffness: 1, epsilon: 0.1, contact_ratio: 1.5}"
+    text = f"system: {{kind: gear_pair, equivalent_mass: 1, meshes: [{mesh}], load: {force}}}"
+    assert (list(errors(parse(text, "x").data, SCHEMA)) == []) == bool(fits)
+
+
+FORMS = """\
+system:
+  kind: matrices
+  mass: [["2 kg m^2", 0], [0, 1]]
+  stiffness: [[1, 0], [0, 1]]
+  damping: [[0, 1], [-1, 0]]
+  meshes: [{direction: [1, 1], mean_stiffness: 2 N m, frequency_ratio: 1/2}]
+sweep:
+  mesh_frequency: {start: "10 rpm", stop: 5, num: 3, spacing: log}
+  contact_ratio: 1.5
+  epsilon: [0.1, 0.2]
+  mass.0.0: {start: 1, stop: 2, step: 0.5}
+  both: {targets: [lag, damping.0.0], values: [0, 1]}
+  case: [{label: a, phasing: 1}, {label: 2, phasing: 0}]
+methods: {floquet: , boundaries: {}}
+"""
+
+
+def test_every_form_fits() -> None:
+    assert list(errors(parse(FORMS, "x").data, SCHEMA)) == []
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("system:", "sytem: 1\nsystem:"),
+        ("kind: matrices", "kind: matrix"),
+        ("kind: matrices", "kind: gear_pair"),
+        ("[0, 1]]\n  stiff", "[0, true]]\n  stiff"),
+        ("num: 3,", "num: 0,"),
+        ("num: 3,", "nun: 3,"),
+        ("[0.1, 0.2]", "[]"),
+        ("boundaries: {}", "boundary: {}"),
+        ("boundaries: {}", "boundaries: {tolerance: 0}"),
+        ("1/2}", "-1/2}"),
+        ("mean_stiffness: 2 N m", "mean_stifness: 2"),
+    ],
+)
+def test_mistakes_do_not_fit(old: str, new: str) -> None:
+    assert FORMS.count(old) == 1
+    assert list(errors(parse(FORMS.replace(old, new), "x").data, SCHEMA))
+
+
+def nodes(node: Any) -> Iterator[dict[str, Any]]:
+    if isinstance(node, dict):
+        yield node
+    for inner in node.values() if isinstance(node, dict) else node if isinstance(node, list) else ():
+        yield from nodes(inner)
+
+
+def test_every_reference_resolves_and_every_field_is_described() -> None:
+    assert SCHEMA["$schema"] == "https://json-schema.org/draft/2020-12/schema"
+    for node in nodes(SCHEMA):
+        if "$ref" in node:
+            assert node["$ref"].removeprefix("#/$defs/") in SCHEMA["$defs"]
+    for name, definition in SCHEMA["$defs"].items():
+        assert definition["description"], name
+        for field, spec in definition.get("properties", {}).items():
+            assert spec.get("description"), f"{name}.{field}"
+
+
+def test_the_command_prints_it() -> None:
+    result = CliRunner().invoke(command)
+    assert result.exit_code == 0
+    assert json.loads(result.stdout) == SCHEMA

@@ -1,0 +1,259 @@
+"""Gearboxes in configurations: what can be swept, and one line for every mistake."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from gearbox_trains import RPM
+
+from gearstab.config import ConfigError, load
+from gearstab.config.sections.axes import parameters_at
+from gearstab.plots import draw
+from gearstab.results import open_result
+from gearstab.sweep import plan, run
+from gearstab.systems import build
+from gearstab.systems.gearbox import TrainError
+
+GOOD = """\
+system:
+  kind: gearbox
+  gears: {module: "2 mm", pressure_angle: "20 deg", face_width: "20 mm"}
+  rotors:
+    - {name: motor, inertia: 0.05}
+    - {name: pinion, teeth: 19, support: {stiffness: 2.0e+8, damping_ratio: 0.02}}
+    - {name: gear, teeth: 48, support: {stiffness: 2.0e+8, damping_ratio: 0.02}}
+  shafts:
+    - {name: coupling, between: [motor, pinion], stiffness: 2.0e+4, damping_ratio: 0.01}
+  meshes:
+    - {name: m, gears: [pinion, gear], damping_ratio: 0.02}
+  input: {rotor: motor, speed: "1500 rpm"}
+  outputs: [{rotor: gear, torque: 100}]
+sweep:
+  input_speed: {start: "600 rpm", stop: "3000 rpm", num: 7}
+methods: {floquet: {}}
+"""
+
+
+def loaded(folder: Path, text: str = GOOD, *overrides: str) -> Any:
+    path = folder / "case.yaml"
+    path.write_text(text)
+    return load(path, overrides)
+
+
+def problems(folder: Path, old: str, new: str) -> list[tuple[int | None, str, str, str]]:
+    assert old in GOOD
+    with pytest.raises(ConfigError) as caught:
+        loaded(folder, GOOD.replace(old, new, 1))
+    return [(p.line, p.path, p.message, p.hint) for p in caught.value.problems]
+
+
+MESH = "{name: m, gears: [pinion, gear], damping_ratio: 0.02}"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "path", "message"),
+    [
+        ("teeth: 19", "teeth: 18.5", "system.rotors.1.teeth", "must be a whole number >= 3"),
+        ("teeth: 19", "teeth: .inf", "system.rotors.1.teeth", "must be a whole number >= 3"),
+        ("teeth: 19", "teeth: .nan", "system.rotors.1.teeth", "must be a whole number >= 3"),
+        ("teeth: 19", "teeth: 1.0e+400", "system.rotors.1.teeth", "must be a whole number >= 3"),
+        ("teeth: 19", "teeth: 2", "system.rotors.1.teeth", "must be a whole number >= 3"),
+        ("[pinion, gear], damp", "[pinion, gaer], damp", "system.meshes.0.gears.1", "there is no rotor 'gaer'"),
+        ("[pinion, gear], damp", "[motor, gear], damp", "system.meshes.0.gears.0", "rotor 'motor' has no teeth"),
+        ("[pinion, gear], damp", "[gear, gear], damp", "system.meshes.0.gears", "joins 'gear' to itself"),
+        ("name: gear,", "name: pinion,", "system.rotors.1.name", "two rotors are called 'pinion'"),
+        ("rotor: motor, speed", "rotor: engine, speed", "system.input.rotor", "there is no rotor 'engine'"),
+        ("{rotor: gear, torque: 100}", "{rotor: motor, torque: 100}", "system.outputs.0.rotor", "is the input already"),
+        ("[{rotor: gear, torque: 100}]", "[{rotor: gear, torque: 1}, {rotor: gear, torque: 2}]",
+         "system.outputs.1.rotor", "is an output already"),
+        ("speed: \"1500 rpm\"", "torque: 3", "system.input.torque", "follows from the torques of the outputs"),
+        (", stiffness: 2.0e+4,", ",", "system.shafts.0.stiffness", "is missing"),
+        (", stiffness: 2.0e+4,", ", diameter: 0.02,", "system.shafts.0.length", "is missing"),
+        (", stiffness: 2.0e+4,", ", diameter: 0.02, length: 0.1, bore: 0.03,", "system.shafts.0.bore",
+         "leaves nothing of the shaft"),
+        ("teeth: 48,", "teeth: 48, bore_radius: 0.05,", "system.meshes.0", "bore_radius"),
+        ("teeth: 19,", "teeth: 19, profile_shift: 1.5,", "system.meshes.0", "pointed teeth"),
+        (MESH, MESH[:-1] + ", friction: {kind: xu_kahraman, viscosity: 0.01}}", "system.meshes.0.friction.roughness",
+         "is missing"),
+        (MESH, MESH[:-1] + ", friction: {coefficient: 0.1, viscosity: 0.01}}", "system.meshes.0.friction.viscosity",
+         "constant friction takes no viscosity"),
+        (MESH, MESH[:-1] + ", phasing: 0.5}", "system.meshes.0.phasing", "unknown key"),
+        (MESH, MESH[:-1] + ", damping: 3.0}", "system.meshes.0.damping_ratio", "damping is given already"),
+        (MESH, MESH[:-1] + ", waveform: {kind: tooth}, epsilon: 0.2}", "system.meshes.0.epsilon", "the teeth give it"),
+        (MESH, MESH[:-1] + ", variation: 3.0}", "system.meshes.0", "takes the mesh stiffness down to"),
+        ("{floquet: {}}", "{response: {}, floquet: {block: 1}}", None, None),
+        ("input_speed:", "speed_of_input:", "sweep.speed_of_input", "unknown parameter"),
+    ],
+)  # fmt: skip
+def test_mistakes_are_named_where_they_are(
+    tmp_path: Path, old: str, new: str, path: str | None, message: str | None
+) -> None:
+    if path is None or message is None:
+        loaded(tmp_path, GOOD.replace(old, new, 1))
+        return
+    found = problems(tmp_path, old, new)
+    matching = [(where, text) for _, where, text, _ in found if where == path and message in text]
+    assert matching, found
+    assert all("\n" not in text and hint for _, _, text, hint in found)
+
+
+BETWEEN = [
+    ("rotors.pinion.profile_shift: [0.0, -3.0, 0.1]", "rotors.pinion.profile_shift = -3.0"),
+    ("rotors.pinion.profile_shift: {start: -1.5, stop: 1.5, num: 1001}", "rotors.pinion.profile_shift = "),
+    ("meshes.m.centre_distance: [67.5 mm, 80 mm, 67.2 mm]", "meshes.m.centre_distance = 0.08"),
+    ("rotors.pinion.teeth: [19, 3, 20]", "rotors.pinion.teeth = 3"),
+    ("meshes.m.epsilon: [0.1, 3.0, 0.2]", "meshes.m.epsilon = 3.0"),
+    ("ends: {targets: [meshes.m.epsilon, gears.addendum], values: [[0.1, 0.2, 0.1], [1.0, 3.0, 1.1]]}", "ends = "),
+]
+
+
+REST = "  mesh_frequency: [1000, 2000]\nmethods: {floquet: {}}\n"
+
+
+@pytest.mark.parametrize(("axis", "where"), BETWEEN, ids=[axis[:40] for axis, _ in BETWEEN])
+def test_trains_that_cannot_be_built_between_the_ends_of_an_axis(tmp_path: Path, axis: str, where: str) -> None:
+    ((_, path, message, _),) = problems(tmp_path, GOOD[GOOD.index("  input_speed") :], f"  {axis}\n{REST}")
+    assert path == "system.meshes.0"
+    assert f"(at {where}" in message
+
+
+def test_a_train_that_cannot_be_built_says_where() -> None:
+    """Where an axis is too long to look at every point, a sweep ends with this line."""
+    assert str(TrainError(("meshes", 0), "no involute", "change the teeth")) == (
+        "system.meshes.0: no involute; change the teeth"
+    )
+
+
+def test_lubricated_teeth_need_speed_and_load(tmp_path: Path) -> None:
+    law = MESH[:-1] + ", friction: {kind: benedict_kelley, viscosity: 0.01, roughness: 4.0e-7}}"
+    text = GOOD.replace(MESH, law).replace(', speed: "1500 rpm"', "").replace(", torque: 100", "")
+    with pytest.raises(ConfigError) as caught:
+        loaded(
+            tmp_path, text.replace('input_speed: {start: "600 rpm", stop: "3000 rpm", num: 7}', "mesh_frequency: [1]")
+        )
+    messages = [p.message for p in caught.value.problems]
+    assert any("depends on the speed" in m for m in messages)
+    assert any("depends on the load" in m for m in messages)
+
+
+def test_a_width_is_asked_for_where_the_teeth_are_to_give_the_stiffness(tmp_path: Path) -> None:
+    bare = GOOD.replace(', face_width: "20 mm"', "").replace("teeth: 19,", "teeth: 19, inertia: 1.0e-4, mass: 0.1,")
+    bare = bare.replace("teeth: 48,", "teeth: 48, inertia: 1.0e-3, mass: 1.0,")
+    with pytest.raises(ConfigError) as caught:
+        loaded(tmp_path, bare)
+    (problem,) = caught.value.problems
+    assert "face_width" in f"{problem.path} {problem.hint}"
+    assert "mean_stiffness" in problem.hint
+    loaded(tmp_path, bare.replace(MESH, MESH[:-1] + ", mean_stiffness: 3.0e+8}"))
+    loaded(tmp_path, bare.replace(MESH, MESH[:-1] + ", single_pair_stiffness: 2.0e+8}"))
+
+
+def test_the_input_speed_is_an_axis_in_rpm(tmp_path: Path) -> None:
+    config = loaded(tmp_path)
+    (axis,) = config.axes
+    assert (axis.name, axis.units, axis.long_name) == ("input_speed", "rad/s", "input speed")
+    speeds = np.linspace(600, 3000, 7) * RPM
+    np.testing.assert_allclose(axis.values, speeds, rtol=1e-13)
+    # The driver of the first mesh turns with the input: 19 cycles a turn.
+    np.testing.assert_allclose(axis.assignments[0].values, 19 * speeds, rtol=1e-13)
+    assert axis.assignments[0].path == ("mesh_frequency",)
+
+
+def test_a_sweep_over_the_input_speed_is_one_over_the_mesh_frequency(tmp_path: Path) -> None:
+    trees = []
+    for name, axis in (
+        ("speed", None),
+        ("frequency", f"mesh_frequency: {(19 * np.linspace(600, 3000, 7) * RPM).tolist()}"),
+    ):
+        text = GOOD if axis is None else GOOD.replace('input_speed: {start: "600 rpm", stop: "3000 rpm", num: 7}', axis)
+        config = loaded(
+            tmp_path, text.replace("{floquet: {}}", "{floquet: {}, response: {}, boundaries: {tolerance: 1.0e-6}}")
+        )
+        out = tmp_path / f"{name}.h5"
+        run(plan(config), out)
+        trees.append(open_result(out))
+    by_speed, by_frequency = trees
+    np.testing.assert_allclose(
+        by_speed["floquet/growth_rate"].values, by_frequency["floquet/growth_rate"].values, rtol=1e-9
+    )
+    np.testing.assert_allclose(
+        by_speed["response/dynamic_load_factor"].values, by_frequency["response/dynamic_load_factor"].values, rtol=1e-9
+    )
+    assert by_speed["floquet/growth_rate"].dims == ("input_speed",)
+    _, artists = draw(by_speed, "speeds")
+    np.testing.assert_allclose(artists["lines"][0].get_xdata(), np.linspace(600, 3000, 7) * RPM)
+    _, artists = draw(by_speed, "curve")
+    np.testing.assert_allclose(artists["lines"][0].get_ydata(), by_speed["floquet/growth_rate"].values)
+
+
+def test_the_input_speed_sets_that_of_lubricated_friction_too(tmp_path: Path) -> None:
+    law = MESH[:-1] + ", friction: {kind: xu_kahraman, viscosity: 0.01, roughness: 4.0e-7}}"
+    config = loaded(tmp_path, GOOD.replace(MESH, law))
+    (axis,) = config.axes
+    assert [item.path for item in axis.assignments] == [("mesh_frequency",), ("input", "speed")]
+    chosen = parameters_at(config, {"input_speed": np.array([0, 6])})
+    np.testing.assert_allclose(chosen["input"]["speed"], [600 * RPM, 3000 * RPM])
+    share = build(chosen).terms[0].stiffness
+    assert share is not None
+    slow, fast = np.abs(share.value(np.full(2, 0.9)))
+    # Oil carries better at speed.
+    assert fast < slow
+
+
+def test_input_speed_is_refused_where_it_has_no_meaning(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="unknown parameter"):
+        loaded(
+            tmp_path,
+            GOOD,
+            "system={kind: gear_pair, equivalent_mass: 1, "
+            "meshes: [{mean_stiffness: 1, epsilon: 0.1, contact_ratio: 1.5}]}",
+        )
+    with pytest.raises(ConfigError) as caught:
+        loaded(tmp_path, GOOD.replace("methods:", "  rotors.gear.teeth: [48, 50]\nmethods:"))
+    assert "numbers of teeth vary too" in str(caught.value)
+    with pytest.raises(ConfigError, match=r"as sweep\.(mesh_frequency|input_speed) does"):
+        loaded(tmp_path, GOOD.replace("methods:", "  mesh_frequency: [1, 2]\nmethods:"))
+
+
+def test_teeth_are_an_axis_of_whole_numbers(tmp_path: Path) -> None:
+    text = GOOD.replace(
+        'input_speed: {start: "600 rpm", stop: "3000 rpm", num: 7}',
+        "mesh_frequency: [2000, 4000]\n  rotors.gear.teeth: [40, 48, 57]",
+    )
+    config = loaded(tmp_path, text)
+    out = tmp_path / "teeth.h5"
+    run(plan(config), out)
+    tree = open_result(out)
+    assert list(tree["floquet/growth_rate"].dims) == ["mesh_frequency", "rotors.gear.teeth"]
+    assert np.isfinite(tree["floquet/growth_rate"].values).all()
+    with pytest.raises(ConfigError, match="must be a whole number >= 3"):
+        loaded(tmp_path, text.replace("[40, 48, 57]", "[40, 48.5]"))
+    # A last point that is no gearbox: the message says where on the axis. 19 and 57 teeth: 76 mm without backlash.
+    with pytest.raises(ConfigError, match=r"must exceed 0\.0714\d+ m, base to base \(at rotors\.gear\.teeth = 57\)"):
+        loaded(tmp_path, text.replace("[40, 48, 57]", "[52, 57]"), "system.meshes.0.centre_distance=0.0713")
+
+
+NUMBERS = {
+    "gears.module": [2e-3, 3e-3],
+    "gears.pressure_angle": [0.35, 0.43],
+    "gears.addendum": [0.95, 1.05],
+    "gears.face_width": [0.02, 0.03],
+    "rotors.pinion.profile_shift": [0.0, 0.2],
+    "rotors.gear.support.stiffness": [1e8, 3e8],
+    "material.young": [2.0e11, 2.1e11],
+    "shafts.coupling.stiffness": [1e4, 3e4],
+    "outputs.0.torque": [50.0, 80.0],
+    "meshes.m.damping_ratio": [0.01, 0.1],
+}
+
+
+@pytest.mark.parametrize("key", NUMBERS)
+def test_every_number_of_the_train_is_an_axis(tmp_path: Path, key: str) -> None:
+    base = NUMBERS[key]
+    config = loaded(tmp_path, GOOD.replace("methods:", f"  {key}: {base}\nmethods:"))
+    one, other = (build(parameters_at(config, {key: np.array([k])})) for k in (0, 1))
+    parts = [(s.mass, s.stiffness, s.damping, s.load, s.mean_stiffness_matrix()) for s in (one, other)]
+    assert any(not np.array_equal(np.squeeze(a), np.squeeze(b)) for a, b in zip(*parts, strict=True))

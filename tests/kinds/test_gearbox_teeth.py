@@ -1,0 +1,125 @@
+"""Loads and root stresses of single teeth in steady states: by hand, in result files and in figures."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from gearstab.cli import group
+from gearstab.config import load
+from gearstab.gears.geometry import Gear
+from gearstab.gears.mesh_stiffness import StiffnessModel
+from gearstab.gears.pair import Pair
+from gearstab.gears.stress import mesh_root_stress, root_stress
+from gearstab.plots import draw
+from gearstab.plots.errors import PlotError
+from gearstab.response.measures.tooth_loads import Teeth, positions, tooth_loads
+from gearstab.results import open_result
+
+PAIR = Pair(Gear(19, 2e-3, face_width=0.02), Gear(48, 2e-3, face_width=0.02))
+RING = Pair(Gear(19, 2e-3, face_width=0.02), Gear(60, 2e-3, face_width=0.02, internal=True), wheel_drives=True)
+PLAIN, MEASURED = StiffnessModel(), StiffnessModel(single_pair_stiffness=2e8)
+
+CONFIG = """\
+system:
+  kind: gearbox
+  gears: {module: "2 mm", pressure_angle: "20 deg", face_width: "20 mm"}
+  rotors:
+    - {name: pinion, teeth: 19}
+    - {name: gear, teeth: 48}
+  meshes:
+    - {name: m, gears: [pinion, gear], damping_ratio: 0.1}
+  input: {rotor: pinion}
+  outputs: [{rotor: gear, torque: 100}]
+respond: {mesh_frequency: 2.0e+4, steady_state: true, samples_per_cycle: 250, stored_cycles: 0.5}
+"""
+
+
+@pytest.mark.parametrize(("pair", "model"), [(PAIR, PLAIN), (RING, MEASURED)])
+def test_under_a_constant_mesh_force_the_load_is_the_static_one(pair: Pair, model: StiffnessModel) -> None:
+    phase = np.arange(0, 3, 1 / 1000) + 5e-4
+    found = tooth_loads(Teeth(pair, model, ("a", "b")), phase, np.full(len(phase), 500.0), 500.0)
+    inner = np.abs(found.static_load[1:-1] - 0.5 * (found.static_load[2:] + found.static_load[:-2])) < 5
+    # A part of the contact has the largest value in it, not that in its middle; jumps aside.
+    np.testing.assert_allclose(found.load[1:-1][inner], found.static_load[1:-1][inner], rtol=0.01)
+    assert found.load.max() == pytest.approx(500.0 / np.floor(pair.contact_ratio), rel=1e-12)
+    # At the pitch point one pair carries, or several equally.
+    x = np.arange(0, 1, 1e-3)
+    stresses = mesh_root_stress(pair, x, 500.0, model)
+    for side, stress in enumerate(stresses):
+        if np.all(np.isnan(stress)):
+            assert np.all(np.isnan(found.static_stress[:, side]))
+            continue
+        assert found.static_stress[:, side].max() == pytest.approx(stress.max(), rel=0.03)
+
+
+def test_the_largest_of_many_engagements_counts() -> None:
+    phase = np.arange(0, 6, 1 / 400) + 1e-3
+    force = np.where(phase < 3, 500.0, 800.0)
+    found = tooth_loads(Teeth(PAIR, PLAIN, ("a", "b")), phase, force, 500.0)
+    np.testing.assert_allclose(found.load.max(), 800.0, rtol=1e-12)
+    ratio = found.stress[:, 0] / found.load
+    # Stress over load at a point is a property of the teeth: of the pinion it grows towards its tip.
+    s = PAIR.path[0] + positions(100) * PAIR.contact_ratio * PAIR.base_pitch
+    expected = root_stress(PAIR.pinion, s / PAIR.pinion.base_radius, 1.0, 0.02)
+    np.testing.assert_allclose(ratio, expected, rtol=1e-9)
+    assert np.all(np.diff(ratio[10:]) > 0)
+    assert np.all(np.diff(found.stress[:-10, 1] / found.load[:-10]) < 0)
+
+
+def test_a_ring_that_drives_begins_contact_at_the_tip_of_its_pinion() -> None:
+    phase = np.arange(0, 3, 1 / 1000)
+    found = tooth_loads(Teeth(RING, MEASURED, ("ring", "pinion")), phase, np.full(len(phase), 500.0), 500.0)
+    assert Teeth(RING, MEASURED, ("ring", "pinion")).in_order == ("pinion", "ring")
+    per_load = found.static_stress[:, 0] / found.static_load
+    assert np.all(np.diff(per_load[:-20]) < 0)
+
+
+@pytest.fixture(scope="module")
+def response(tmp_path_factory: pytest.TempPathFactory) -> Any:
+    folder = tmp_path_factory.mktemp("teeth")
+    (folder / "case.yaml").write_text(CONFIG)
+    done = CliRunner().invoke(group, ["respond", str(folder / "case.yaml"), "-o", str(folder / "case.h5")])
+    assert done.exit_code == 0, done.output
+    return open_result(folder / "case.h5")
+
+
+def test_a_steady_state_of_a_gearbox_has_the_loads_of_its_teeth(response: Any) -> None:
+    data = response["response"].to_dataset()
+    assert data.sizes["contact"] == 100
+    assert list(data["flank"].values) == ["pinion, mesh m", "gear, mesh m"]
+    assert data.sizes["time"] == 126
+    static = float(data["static_mesh_force"][0])
+    assert static == pytest.approx(100 / (48e-3 * np.cos(np.radians(20))), rel=1e-9)
+    # Loads come from the whole period, of which half is stored.
+    assert np.isfinite(data["tooth_load"].values).all()
+    assert float(data["tooth_load"].max()) > 1.02 * static
+    assert float(data["static_tooth_load"].max()) == pytest.approx(static, rel=1e-9)
+    np.testing.assert_allclose(data["peak_root_stress"].values, data["root_stress"].max("contact").values)
+    assert data["root_stress"].attrs["units"] == "Pa"
+
+
+def test_figures_of_teeth(response: Any) -> None:
+    figure, artists = draw(response, "teeth")
+    assert len(artists["lines"]) == len(artists["static"]) == 1
+    loads = response["response"]["tooth_load"].values[:, 0]
+    np.testing.assert_array_equal(artists["lines"][0].get_ydata(), loads)
+    assert figure.axes[0].get_title() == "mesh m"
+    _, artists = draw(response, "teeth", variable="root_stress")
+    assert len(artists["lines"]) == 2
+    np.testing.assert_allclose(
+        artists["lines"][1].get_ydata(), 1e-6 * response["response"]["root_stress"].values[:, 1], rtol=1e-12
+    )
+    with pytest.raises(PlotError, match="there is tooth_load"):
+        draw(response, "teeth", variable="energy")
+
+
+def test_stored_cycles_belong_to_steady_states(tmp_path: Path) -> None:
+    path = tmp_path / "case.yaml"
+    path.write_text(CONFIG.replace("steady_state: true", "cycles: 3"))
+    with pytest.raises(ValueError, match="belongs to a steady state"):
+        load(path)

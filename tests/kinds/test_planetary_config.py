@@ -1,0 +1,135 @@
+"""``kind: planetary`` in configurations, and what commands make of it."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from gearstab.cli import group
+from gearstab.config import ConfigError, load
+from gearstab.config.sections.axes import parameters_at
+from gearstab.modal import mean_modes
+from gearstab.systems import build
+
+SCENE = """\
+system:
+  kind: planetary
+  planets: 4
+  ring: {kind: elastic, harmonics: 4, bending_stiffness: 5.0e+7}
+  masses: {ring: 6.35, carrier: 5.43, sun: 0.4, planet: "4000 g"}
+  inertias: {carrier: 6.0, sun: 2.5, planet: 2.0}
+  supports: {carrier: 5.0e+11, sun: 5.0e+11, planet: 5.0e+11, carrier_rotation: 1.0e+11, sun_rotation: 5.0e+11}
+  pressure_angles: {sun: "24.6 deg", ring: "24.6 deg"}
+  meshes:
+    sun: {mean_stiffness: 1.0e+8, epsilon: 0.1, contact_ratio: 1.4}
+    ring: {mean_stiffness: 1.0e+8, epsilon: 0.2, contact_ratio: 1.6}
+  phases: {sun: [0, 0.25, 0.5, 0.75], sun_ring: 0.5}
+  scaling: dimensionless
+"""
+
+
+@pytest.fixture
+def scene(tmp_path):
+    path = tmp_path / "scene.yaml"
+    path.write_text(SCENE)
+    return path
+
+
+def test_a_planetary_gear_from_a_configuration(scene):
+    system = build(load(scene).parameters)
+    assert [mesh.name for mesh in system.meshes] == [f"{gear}{n}" for gear in ("sun", "ring") for n in (1, 2, 3, 4)]
+    assert [float(mesh.lag) % 1 for mesh in system.meshes] == [0, 0.25, 0.5, 0.75, 0.5, 0.75, 0, 0.25]
+    assert [float(mesh.epsilon) for mesh in system.meshes] == [0.1] * 4 + [0.2] * 4
+    # Table 1 of Parker (2009) to the error that four harmonics leave.
+    assert mean_modes(system).natural_frequency[0] == pytest.approx(0.9184, abs=2e-4)
+
+
+NUMBERS = [
+    ("epsilon", 0.3), ("contact_ratio", 1.7), ("meshes.sun.epsilon", 0.3), ("meshes.ring.contact_ratio", 1.7),
+    ("meshes.ring.mean_stiffness", 2e8), ("phases.sun_ring", 0.2), ("phases.sun.2", 0.3), ("masses.planet", 3.0),
+    ("masses.ring", 5.0), ("inertias.ring", 6.0), ("supports.carrier", 1e9), ("supports.planet", 1e9),
+    ("supports.ring_radial", 1e6), ("ring.bending_stiffness", 4e7), ("pressure_angles.sun", 0.3),
+    ("damping_ratio", 0.01),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "value"), NUMBERS, ids=[name for name, _ in NUMBERS])
+@pytest.mark.parametrize("scaling", ["SI", "dimensionless"])
+def test_every_number_can_be_an_axis(scene, name, value, scaling):
+    """Two rows at once are the two gears one by one, set with ``--set``."""
+    values = [value, 1.1 * value]
+    alone = [build(load(scene, [f"scaling={scaling}", f"{name}={v}"]).parameters) for v in values]
+    scene.write_text(SCENE + f"sweep:\n  {name}: {values}\nmethods:\n  perturbation: {{}}\n")
+    config = load(scene, [f"scaling={scaling}"])
+    both = build(parameters_at(config, {name: np.array([0, 1])}))
+    assert both.batch == (2,)
+    for k, one in enumerate(alone):
+        for rows, single in zip(numbers(both), numbers(one), strict=True):
+            # The same operations in the same order, but sums and products of arrays may be rounded otherwise.
+            found = np.broadcast_to(rows, (2, *np.shape(single)))[k]
+            np.testing.assert_allclose(found, single, rtol=1e-12, atol=1e-13 * np.abs(single).max())
+
+
+def numbers(system):
+    """All that a method can read of a system."""
+    damping = np.zeros_like(system.mass) if system.damping is None else system.damping
+    yield from (system.mass, system.mean_stiffness_matrix(), damping)
+    for mesh in system.meshes:
+        yield from (mesh.direction, mesh.mean_stiffness, mesh.epsilon, mesh.lag, mesh.waveform.contact_ratio)
+
+
+WRONG = [
+    (["planets=2"], "system.planets: must be >= 3"),
+    (["ring={kind: elastic}"], "system.ring.bending_stiffness: is missing"),
+    (["ring={kind: soft}"], "system.ring.kind: is no kind of ring"),
+    (["masses={ring: 6.35, planet: 4}"], "system.masses.carrier: is missing"),
+    (["phases.sun=[0, 0.5]"], "system.phases.sun: has 2 entries"),
+    (["phases={sun_ring: 0}", "teeth={sun: 27, planet: 35, ring: 98}"], "system.teeth.ring: must be z_s + 2 z_p = 97"),
+    (["phases={sun_ring: 0}", "teeth={sun: 27, planet: 36, ring: 99}"], "4 equally spaced planets cannot be assembled"),
+    (["teeth={sun: 27, planet: 35, ring: 97}"], "system.phases.sun: the phases follow from teeth already"),
+    (["meshes.sun.name=one"], "the meshes are called sun1"),
+    (["meshes.sun.epsilon=2"], "mesh 'sun' has the softer level"),
+    (["pressure_angles.sun=24.6"], "system.pressure_angles.sun: must be < 1.5"),
+    (["motion=sideways"], "is no motion"),
+    (["supports.ring=1.0e+8"], "system.supports.ring: holds a rigid ring"),
+    (["supports.ring_rotation=1.0e+8"], "system.supports.ring_rotation: holds a rigid ring"),
+]
+
+
+@pytest.mark.parametrize(("overrides", "message"), WRONG, ids=[message for _, message in WRONG])
+def test_mistakes_are_named(scene, overrides, message):
+    with pytest.raises(ConfigError) as caught:
+        load(scene, overrides)
+    assert message in str(caught.value)
+
+
+def test_the_rotational_model_needs_fewer_numbers(scene):
+    overrides = ["motion=rotational", "masses={ring: 6.35, planet: 4}", "supports={carrier_rotation: 1.0e+11}"]
+    assert build(load(scene, overrides).parameters).size == 3 + 6 + 4
+
+
+def test_teeth_give_the_phases(scene):
+    given = ["phases=", "teeth={sun: 27, planet: 35, ring: 97}"]
+    system = build(load(scene, given).parameters)
+    assert [float(mesh.lag) % 1 for mesh in system.meshes] == [0, 0.75, 0.5, 0.25] * 2
+
+
+def test_info_names_types_and_the_rule(scene):
+    result = CliRunner().invoke(group, ["info", str(scene), "--json"])
+    assert result.exit_code == 0, result.output
+    facts = json.loads(result.output)
+    kinds = [mode["type"] for mode in facts["modes"][:9]]
+    short = {"translational": "T", "rotational": "R", "planet": "P", "purely ring": "PR"}
+    assert [short[kind] for kind in kinds] == ["T", "T", "R", "P", "T", "T", "R", "PR", "P"]
+    assert [mode["mesh_deflection_type"] for mode in facts["modes"][:9]] == [1, 1, 0, 2, 1, 1, 0, None, 2]
+    assert facts["existence_rule"] == {"planets": 4, "step": 1}
+    first = {t["label"]: t for t in facts["tongues"]}
+    assert first["w1+w3"]["allowed"] is True
+    assert first["2w3"]["allowed"] is False
+    assert first["2w3"]["half_width"] < 1e-9
+    text = CliRunner().invoke(group, ["info", str(scene)]).output
+    assert "purely ring" in text
+    assert "Existence rule" in text

@@ -1,0 +1,106 @@
+"""``methods.perturbation: {order: 2}``: what a sweep stores, and that figures draw the curved boundaries."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib import pyplot
+from numpy.testing import assert_array_equal
+from tongue_edges import train
+
+from gearstab.cli.info import describe
+from gearstab.cli.info_text import report
+from gearstab.config import load
+from gearstab.perturbation import PERTURBATION_FLAGS, second_order
+from gearstab.plots.axes import Request
+from gearstab.plots.maps import boundaries as boundary_figure
+from gearstab.results import open_result
+from gearstab.sweep import plan, run
+from gearstab.sweep.methods import METHODS
+from gearstab.system import PeriodicTerm
+from gearstab.waveforms import Rectangular
+
+CONFIG = """
+system:
+  kind: two_stage
+  inertias: [1.0, 0.3, 4.0]
+  input_shaft_stiffness: 0.5
+  meshes:
+    - {name: first, mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5}
+    - {name: second, mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5, phasing: 0.0}
+sweep:
+  mesh_frequency: [0.4, 6.5]
+  epsilon: {start: 0.0, stop: 0.4, num: 5}
+methods:
+  perturbation: {order: 2, harmonics: 2}
+"""
+
+
+def swept(folder: Path, text: str = CONFIG) -> Path:
+    (folder / "train.yaml").write_text(text)
+    run(plan(load(folder / "train.yaml", ())), folder / "r.h5", jobs=1)
+    return folder / "r.h5"
+
+
+def test_what_is_stored(tmp_path: Path) -> None:
+    epsilon = np.linspace(0, 0.4, 5)
+    expected = second_order(train(epsilon=(epsilon, epsilon)), 2)
+    with open_result(swept(tmp_path)) as tree:
+        group = tree["perturbation"].to_dataset().load()
+    assert list(group["label"].values) == list(expected.label)
+    for name, values in (
+        ("boundary_frequency", expected.boundary_frequency), ("boundary_error", expected.boundary_error),
+        ("first_order_boundary_frequency", expected.first_order_boundary), ("status", expected.status),
+        ("half_width", expected.half_width), ("center_frequency", expected.center_frequency),
+    ):  # fmt: skip
+        assert_array_equal(group[name].values, values, err_msg=name)
+        assert group[name].attrs["units"]
+    assert group["boundary_error"].dims == ("tongue", "side", "epsilon")
+    assert group["status"].attrs["flag_meanings"].split() == list(PERTURBATION_FLAGS)
+    assert group.attrs["order"] == 2
+
+
+def test_order_one_stores_what_it_did(tmp_path: Path) -> None:
+    with open_result(swept(tmp_path, CONFIG.replace("order: 2", "order: 1"))) as tree:
+        group = tree["perturbation"].to_dataset().load()
+    assert {"boundary_error", "status"}.isdisjoint(group.data_vars)
+
+
+def test_figures_draw_the_curved_boundaries(tmp_path: Path) -> None:
+    with open_result(swept(tmp_path)) as tree:
+        figure, drawn = boundary_figure.draw(tree, Request())
+        frequency = tree["perturbation"]["boundary_frequency"].sel(side="lower").values
+        label = list(tree["perturbation"]["label"].values)
+    pyplot.close(figure)
+    assert drawn["cases"][0]["perturbation"] is not None
+    secondary = frequency[label.index("w3")]
+    # 0.3 % below the root at epsilon = 0.1, sixteen times that at 0.4: no straight line.
+    assert secondary[0] - secondary[-1] > 10 * (secondary[0] - secondary[1]) > 0
+
+
+def test_other_periodic_terms_are_refused() -> None:
+    term = PeriodicTerm("friction", np.ones(3), np.ones(3), Rectangular(1.5), None)
+    options = type("Options", (), {"order": 2, "harmonics": 1})()
+    check = METHODS["perturbation"].check
+    check(options, train())
+    with pytest.raises(ValueError, match="friction"):
+        check(options, replace(train(), terms=(term,)))
+
+
+def test_info_lists_tongues_of_the_order_asked_for(tmp_path: Path) -> None:
+    (tmp_path / "train.yaml").write_text(CONFIG)
+    facts = describe(load(tmp_path / "train.yaml", ()), 3)
+    assert facts["order"] == 2
+    by_label = {tongue["label"]: tongue for tongue in facts["tongues"]}
+    expected = second_order(train(epsilon=(0.3, 0.3)), 3)
+    k = expected.label.index("2w3")
+    assert by_label["2w3"]["boundary_frequency"] == list(expected.boundary_frequency[k])
+    assert by_label["2w3"]["boundary_error"] == list(expected.boundary_error[k])
+    assert "coincident_tongues" in by_label["(w2+w3)/3"]["status"]
+    text = report(facts)
+    assert "to second order" in text
+    assert "another resonance too near" in text
+    assert "error" in text

@@ -1,0 +1,186 @@
+"""Figure files: every kind in every format, the same bytes every time, and the command that writes them."""
+
+from __future__ import annotations
+
+import warnings
+
+import matplotlib as mpl
+import numpy as np
+import plot_results as made
+import pytest
+import xarray as xr
+from click.testing import CliRunner
+from planetary_result import planetary
+
+from gearstab.cli.plot import command, selections
+from gearstab.plots import KINDS, draw
+from gearstab.plots.drawing.style import save
+from gearstab.plots.errors import PlotError
+
+SIGNATURES = {".png": b"\x89PNG", ".pdf": b"%PDF", ".svg": b"<?xml"}
+
+
+def result_of(kind):
+    """A small result that a kind of figure can be drawn from."""
+    coords = made.axes(frequency=np.linspace(0.35, 7, 24), epsilon=np.linspace(0, 0.5, 13), phasing=[0.0, 0.5])
+    groups = {
+        "floquet": made.floquet_group(coords, damping=0.02),
+        "perturbation": made.boundary_group(coords),
+        "boundaries": made.boundary_group(coords),
+        "uncoupled": made.boundary_group(coords, factor=1.2),
+    }
+    groups["floquet"]["growth_rate"].values[0, 3:5] = np.nan
+    others = {
+        "surface": made.two_amplitudes, "response": made.response, "work-precision": made.bench, "modes": planetary,
+        "speeds": made.speeds, "spectrum": made.spectra, "pair": made.pair,
+        "required-damping": made.required_damping, "phase-plane": made.backlash, "teeth": made.teeth,
+    }  # fmt: skip
+    return others.get(kind, lambda: made.tree(**groups))()
+
+
+def options_of(kind):
+    return {"map": {"select": {"phasing": "0.5"}}, "curve": {"select": {"epsilon": "0.3"}}}.get(kind, {})
+
+
+def written(tree, path):
+    tree.to_netcdf(path, engine="h5netcdf")
+    return path
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_kind_is_written_in_every_format(kind, tmp_path):
+    figure, _ = draw(result_of(kind), kind, dpi=80, **options_of(kind))
+    for extension, signature in SIGNATURES.items():
+        path = tmp_path / f"figure{extension}"
+        save(figure, path, "a title")
+        assert path.read_bytes().startswith(signature)
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["figure.pdf", "figure.png", "figure.svg"]
+
+
+@pytest.mark.parametrize("extension", SIGNATURES)
+def test_the_same_result_gives_the_same_bytes(extension, tmp_path):
+    files = [tmp_path / f"{name}{extension}" for name in "ab"]
+    for path in files:
+        figure, _ = draw(result_of("map"), "map", dpi=80, **options_of("map"))
+        save(figure, path, "a title")
+    assert files[0].read_bytes() == files[1].read_bytes()
+
+
+def test_a_large_map_stays_pixels_inside_a_vector_file(tmp_path):
+    coords = made.axes(frequency=np.linspace(0.35, 7, 600), epsilon=np.linspace(0, 0.5, 300) ** 1.1)
+    figure, _ = draw(made.tree(floquet=made.floquet_group(coords)), "map")
+    for extension in (".pdf", ".svg"):
+        path = tmp_path / f"map{extension}"
+        save(figure, path)
+        # 180,000 quadrilaterals would take more than 5 MB.
+        assert path.stat().st_size < 500_000
+
+
+@pytest.mark.parametrize("extension", SIGNATURES)
+def test_letters_that_the_font_lacks_are_drawn_without_a_warning(extension, tmp_path):
+    tree = result_of("map")
+    tree.attrs["title"] = "歯車 ⚙ Շ"
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        figure, _ = draw(tree, "map", dpi=80, **options_of("map"))
+        save(figure, tmp_path / f"figure{extension}", tree.attrs["title"])
+    assert [str(warning.message) for warning in said if "Glyph" in str(warning.message)] == []
+
+
+def test_drawing_leaves_the_parameters_of_matplotlib_alone(tmp_path):
+    before = dict(mpl.rcParams)
+    figure, _ = draw(made.response(), dpi=80)
+    save(figure, tmp_path / "figure.png")
+    assert dict(mpl.rcParams) == before
+
+
+def test_a_figure_that_cannot_be_written_leaves_the_old_one(tmp_path, monkeypatch):
+    path = tmp_path / "figure.png"
+    path.write_bytes(b"old")
+    figure, _ = draw(made.response(), dpi=80)
+
+    def full_disk(*_args, **_kwargs):
+        raise OSError("no space left")
+
+    monkeypatch.setattr(figure, "savefig", full_disk)
+    with pytest.raises(OSError, match="no space"):
+        save(figure, path)
+    assert path.read_bytes() == b"old"
+    assert [p.name for p in tmp_path.iterdir()] == ["figure.png"]
+
+
+# --- the command
+
+
+@pytest.fixture(scope="module")
+def result(tmp_path_factory):
+    coords = made.axes(frequency=np.linspace(0.35, 7, 24), epsilon=np.linspace(0, 0.5, 13), phasing=[0.0, 0.5])
+    tree = made.tree(floquet=made.floquet_group(coords), perturbation=made.boundary_group(coords))
+    return written(tree, tmp_path_factory.mktemp("results") / "train.h5")
+
+
+def run(*arguments):
+    return CliRunner().invoke(command, [str(argument) for argument in arguments])
+
+
+def test_the_figure_lies_beside_the_result(result):
+    done = run(result, "--select", "phasing=0", "--dpi", "60")
+    assert done.exit_code == 0, done.output
+    assert done.stdout == ""
+    assert str(result.with_suffix(".png")) in done.stderr
+    assert result.with_suffix(".png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_command_takes_a_kind_and_a_file(result, tmp_path):
+    target = tmp_path / "new" / "figure.svg"
+    done = run(result, "-o", target, "--kind", "slices", "--no-title", "--size", "double", "--x", "epsilon")
+    assert done.exit_code == 0, done.output
+    assert target.read_bytes().startswith(b"<?xml")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--x", "speed"], ["speed", "mesh_frequency, epsilon, phasing"]),
+        (["--select", "epsilon"], ["AXIS=VALUE"]),
+        (["--select", "phasing=9"], ["phasing = 9", "0, 0.5"]),
+        (["--select", "phasing=0", "--select", "phasing=0.5"], ["phasing twice"]),
+        (["--kind", "response"], ["no time response"]),
+        (["--kind", "map"], ["left over: phasing"]),
+        (["--variable", "noise", "--kind", "slices"], ["noise", "growth_rate"]),
+        (["-o", "figure.gif"], [".gif", ".png, .pdf, .svg"]),
+        (["-o", "figure"], [".png, .pdf, .svg"]),
+    ],
+)
+def test_mistakes_are_one_line_and_exit_2(result, arguments, words, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    done = run(result, *arguments)
+    assert done.exit_code == 2
+    assert done.stdout == ""
+    assert len(done.stderr.strip().splitlines()) == 1
+    for word in words:
+        assert word in done.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("content", ["missing", "text", "empty", "foreign", "folder"])
+def test_a_file_that_is_no_result_is_one_line_and_exit_2(content, tmp_path):
+    path = tmp_path / "other.h5"
+    if content == "text":
+        path.write_text("omega growth\n1 2\n")
+    elif content == "empty":
+        path.write_bytes(b"")
+    elif content == "foreign":
+        xr.Dataset({"temperature": ("time", np.zeros(3))}).to_netcdf(path, engine="h5netcdf")
+    elif content == "folder":
+        path.mkdir()
+    done = run(path)
+    assert done.exit_code == 2
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert "other.h5" in done.stderr
+
+
+def test_selections_keep_what_follows_the_first_equals_sign():
+    assert selections(("case=c1 = c2 = 1.5", "epsilon= 0.3")) == {"case": "c1 = c2 = 1.5", "epsilon": "0.3"}
+    with pytest.raises(PlotError, match="AXIS=VALUE"):
+        selections(("=3",))

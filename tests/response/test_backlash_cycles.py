@@ -1,0 +1,361 @@
+"""What motions with backlash settle to, and how a configuration asks for them."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from backlash_reference import integrated
+from click.testing import CliRunner
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from places import ROOT
+
+from gearstab import floquet
+from gearstab.cli import group
+from gearstab.config import ConfigError, load
+from gearstab.plots import draw
+from gearstab.plots.errors import PlotError
+from gearstab.response.backlash import BACKLASH_FLAGS, BacklashResponse, backlash_response
+from gearstab.response.backlash.crossing import bernstein, first_below
+from gearstab.response.backlash.measure import extremes
+from gearstab.response.backlash.speeds import speed_cycles
+from gearstab.response.linear.speeds import speed_response
+from gearstab.results import open_result
+from gearstab.system import GearSystem
+from gearstab.systems import build
+
+CONFIG = ROOT / "configs" / "response" / "backlash.yaml"
+
+
+def pair(scale: float = 1.0) -> GearSystem:
+    """At twice its natural frequency, in the middle of the principal instability region; lengths times ``scale``."""
+    mesh = {"name": "mesh", "mean_stiffness": 1.0, "epsilon": 0.3, "contact_ratio": 1.5, "backlash": 2.0 * scale}
+    pair = {"kind": "gear_pair", "equivalent_mass": 1.0, "damping_ratio": 0.05, "load": [0.5 * scale]}
+    return build(pair | {"meshes": [mesh]})
+
+
+def settled(system: GearSystem, omega: float, x: float, cycles: int = 120) -> BacklashResponse:
+    period = 2 * np.pi / omega
+    return backlash_response(
+        system, omega, cycles * period, (np.array([x]), np.zeros(1)), 16, (cycles - 40) * period
+    )  # fmt: skip
+
+
+def test_a_tongue_ends_in_a_limit_cycle_of_half_the_mesh_frequency() -> None:
+    # Until what is left of the transient, e^(-0.05 t), is 1e-13.
+    found = settled(pair(), 2.0, 1.6, 240)
+    assert found.growth_rate > 0.04
+    assert found.cycle is not None
+    assert found.cycle.period == 2
+    assert 0 < found.cycle.contact_loss[0] < 1
+    assert {"unstable", "separation"} <= set(found.findings)
+    # Once around by DOP853: it closes, and its extremes, sampled, are those found between the samples.
+    period = 2 * found.common_period
+    last = np.array([found.displacement[-1, 0], found.velocity[-1, 0]])
+    times = np.linspace(0.0, period, 4001)
+    around, changes = integrated(pair(), np.array([[-1.0, 1.0]]), 2.0, last, times)
+    np.testing.assert_allclose(around[-1], last, atol=1e-8)
+    assert len(changes) == 2
+    x = around[:, 0]
+    np.testing.assert_allclose(found.cycle.peak_to_peak, np.ptp(x), rtol=1e-6)
+    # Trapezoids over a closed cycle, whose third derivatives jump: (period/4000)^2.
+    mean = x[:-1].mean()
+    np.testing.assert_allclose(found.cycle.rms, np.sqrt(((x[:-1] - mean) ** 2).mean()), rtol=1e-6)
+    (apart, _, _), (meets, _, _) = changes
+    np.testing.assert_allclose(found.cycle.contact_loss, (meets - apart) / period, rtol=1e-7)
+
+
+def test_its_size_goes_with_the_load_and_the_backlash() -> None:
+    """The equation is homogeneous: load, backlash and initial state times 3 make the motion three times as large."""
+    one, three = settled(pair(), 2.0, 1.6).cycle, settled(pair(3.0), 2.0, 4.8).cycle
+    assert one is not None
+    assert three is not None
+    np.testing.assert_allclose(three.peak_to_peak, 3 * one.peak_to_peak, rtol=1e-9)
+    np.testing.assert_allclose(three.contact_loss, one.contact_loss, rtol=1e-9)
+
+
+def test_below_the_tongue_two_motions_coexist_and_above_only_one() -> None:
+    """Free flight makes vibrations slower: the amplitude jumps up at the lower edge and persists below (softening)."""
+    low, high, above = (settled(pair(), omega, x).cycle for omega, x in ((1.8, 1.5), (1.8, 3.0), (2.3, 3.0)))
+    assert low is not None
+    assert high is not None
+    assert above is not None
+    assert (low.period, high.period, above.period) == (1, 2, 1)
+    assert low.contact_loss[0] == above.contact_loss[0] == 0.0
+    assert high.peak_to_peak > 10 * low.peak_to_peak
+
+
+def point_a(phasing: float, damping: float, backlash: float) -> GearSystem:
+    """Lin & Parker 2002, point A of Fig. 8, loaded."""
+    mesh = {"max_stiffness": 1.0, "amplitude": 0.3, "backlash": backlash}
+    meshes = [
+        mesh | {"name": "first", "contact_ratio": 1.47},
+        mesh | {"name": "second", "contact_ratio": 1.57, "phasing": phasing},
+    ]
+    train = {"kind": "two_stage", "inertias": [1.0, 0.3, 4.0], "input_shaft_stiffness": 0.5, "tooth_ratio": Fraction(1)}
+    return build(train | {"damping_ratio": damping, "load": [0.0, 0.0, 0.5], "meshes": meshes})
+
+
+def test_point_a_stays_bounded_with_damping_and_quiet_where_it_is_stable() -> None:
+    duration = 120 * 2 * np.pi / 4.2
+    unstable = backlash_response(point_a(0.0, 0.07, 10.0), 4.2, duration, None, 10)
+    assert unstable.growth_rate > 0.05
+    assert unstable.cycle is not None
+    assert (unstable.cycle.contact_loss > 0.1).all()
+    # From one half of the history to the other nothing grows; without loss of contact it would, by e^5.
+    half = len(unstable.time) // 2
+    first, second = unstable.mesh_deflection[half // 2 : half], unstable.mesh_deflection[half:]
+    assert np.ptp(second) < 1.5 * np.ptp(first)
+    stable = backlash_response(point_a(0.4, 0.07, 10.0), 4.2, duration, None, 10)
+    assert stable.growth_rate < 0
+    assert not stable.events
+
+
+def test_much_larger_motions_than_the_backlash_grow_as_without_it() -> None:
+    """What loss of contact cannot stop: the rate is that of the linear system, by Floquet theory."""
+    system, omega = point_a(0.0, 0.01, 2.0), 4.2
+    period = 2 * np.pi / omega
+    found = backlash_response(system, omega, 300 * period, (np.array([1.0, 1.0, 1.0]), np.zeros(3)), 4)
+    size = np.abs(found.displacement[::4]).max(axis=1)
+    rate = np.log(size[280] / size[200]) / (80 * period)
+    expected = float(np.ravel(floquet.solve(system, np.array([omega])).growth_rate)[0])
+    np.testing.assert_allclose(rate, expected, rtol=1e-9)
+
+
+def test_a_run_up_and_a_run_down_show_different_motions() -> None:
+    """Against motions from states of one's own choice, followed for twice as long."""
+    omega = np.array([2.3, 2.0, 1.8])
+    up, down = (speed_cycles(pair(), omega, down, 300, 250) for down in (False, True))
+    sizes = [settled(pair(), w, x, 240).cycle for w, x in ((2.3, 1.6), (2.0, 1.6), (1.8, 1.5), (1.8, 3.0))]
+    span = [float(cycle.peak_to_peak[0]) for cycle in sizes if cycle is not None]
+    # What is left of the transients, e^(-0.05 t).
+    np.testing.assert_allclose(up.transmission_error_peak_to_peak[:, 0], span[:3], rtol=1e-6)
+    np.testing.assert_allclose(down.transmission_error_peak_to_peak[:, 0], [*span[:2], span[3]], rtol=1e-6)
+    assert list(up.period) == [1, 2, 1]
+    assert list(down.period) == [1, 2, 2]
+    assert [bool(s & BACKLASH_FLAGS["separation"]) for s in down.status] == [False, True, True]
+    assert [bool(s & BACKLASH_FLAGS["unstable"]) for s in down.status] == [False, True, False]
+    np.testing.assert_allclose(up.dynamic_load_factor, up.mesh_force_peak / 0.5, rtol=1e-12)
+
+
+def test_under_a_large_load_the_response_over_speed_is_the_steady_state() -> None:
+    """With a transmission error, so that something vibrates; two systems, each by itself."""
+    mesh = {"name": "mesh", "mean_stiffness": 1.0, "epsilon": 0.2, "contact_ratio": 1.5, "backlash": 0.5}
+    train = {"kind": "gear_pair", "equivalent_mass": 1.0, "damping_ratio": 0.1, "load": [5.0]}
+    system = build(train | {"meshes": [mesh | {"transmission_error": {"sin": [0.1]}}]})
+    omega = np.array([0.7, 1.3])
+    found, expected = speed_cycles(system, omega, cycles=60), speed_response(system, omega)
+    # e^(-0.1 t) after 30 cycles; a polynomial of degree four through every five samples gives extremes to 1e-6.
+    for name in ("mesh_force_peak", "transmission_error_peak_to_peak", "transmission_error_rms", "dynamic_load_factor"):
+        np.testing.assert_allclose(getattr(found, name), getattr(expected, name)[0], rtol=1e-5, err_msg=name)
+    assert not found.contact_loss_ratio.any()
+
+
+def test_sweeps_follow_every_system_by_itself(tmp_path: Path) -> None:
+    source, out = ROOT / "configs" / "response" / "backlash_speeds.yaml", tmp_path / "out.h5"
+    changes = {
+        "sweep.mesh_frequency": "[1.8, 2.0, 2.3]",
+        "sweep.damping_ratio": "[0.05, 0.3]",
+        "methods.response.cycles": "60",
+        "methods.response.discard": "40",
+    }
+    options = [part for path, value in changes.items() for part in ("--set", f"{path}={value}")]
+    done = CliRunner().invoke(group, ["sweep", str(source), "-o", str(out), *options])
+    assert done.exit_code == 0, done.output
+    with open_result(out) as tree:
+        found = tree["response"].to_dataset()
+        span = found["transmission_error_peak_to_peak"].transpose("damping_ratio", "mesh_frequency", "mesh").values
+        expected = speed_cycles(pair(), np.array([1.8, 2.0, 2.3]), True, 60, 40)
+        np.testing.assert_allclose(span[0], expected.transmission_error_peak_to_peak, rtol=1e-9)
+        # With so much damping it is stable, and never leaves its flank.
+        assert not found["contact_loss_ratio"].sel(damping_ratio=0.3).values.any()
+        _, artists = draw(tree, "speeds", select={"damping_ratio": "0.05"})
+        assert np.isfinite(artists["lines"][0].get_ydata()).all()
+
+
+def test_backlash_as_an_axis(tmp_path: Path) -> None:
+    """None at one of its points: there the motion grows as that of the linear system, for 120 cycles."""
+    source, out = ROOT / "configs" / "response" / "backlash_speeds.yaml", tmp_path / "out.h5"
+    changes = [
+        "sweep.mesh_frequency=[2.0]",
+        "sweep.meshes.mesh.backlash=[0, 2]",
+        "methods.response={cycles: 120, discard: 80}",
+    ]
+    options = [part for change in changes for part in ("--set", change)]
+    done = CliRunner().invoke(group, ["sweep", str(source), "-o", str(out), *options])
+    assert done.exit_code == 0, done.output
+    with open_result(out) as tree:
+        span = tree["response"]["transmission_error_peak_to_peak"].values.ravel()
+        expected = settled(pair(), 2.0, 1.6).cycle
+        assert expected is not None
+        # From static equilibrium it takes longer to settle.
+        np.testing.assert_allclose(span[1], expected.peak_to_peak[0], rtol=5e-3)
+        assert span[0] > 10 * span[1]
+
+
+def test_only_backlash_is_continued(tmp_path: Path) -> None:
+    source = ROOT / "configs" / "response" / "backlash_speeds.yaml"
+    out = tmp_path / "out.h5"
+    done = CliRunner().invoke(group, ["sweep", str(source), "-o", str(out), "--set", "system.meshes.mesh.backlash=0"])
+    assert done.exit_code != 0
+    assert "no mesh has backlash" in done.stderr
+    done = CliRunner().invoke(group, ["sweep", str(source), "-o", str(out), "--set", "methods.response.discard=150"])
+    assert done.exit_code != 0
+    assert "leaves nothing of 150 cycles" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("roots", "expected"),
+    [
+        ([0.7], 0.7),
+        ([0.3, 0.30001, 0.9], 0.3),
+        ([0.5, 0.5, 0.8], 0.8),
+        ([0.26, 0.2601], 0.26),
+        ([-0.2, 1.3], None),
+        ([0.0, 0.6], 0.6),
+    ],
+)
+def test_the_first_crossing_of_polynomials_with_known_roots(roots: list[float], expected: float | None) -> None:
+    polynomial = np.polynomial.polynomial.polyfromroots(roots)
+    middle = 0.5 * (min([r for r in roots if r > 0], default=1.0))
+    polynomial = np.concatenate([polynomial * np.sign(np.polynomial.polynomial.polyval(middle, polynomial)), [0.0] * 3])
+    found = first_below(polynomial, 1e-14)
+    if expected is None:
+        assert found is None
+    else:
+        # Two roots d apart are known to about tolerance/d.
+        assert found == pytest.approx(expected, abs=1e-8)
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.lists(st.floats(-1, 1), min_size=3, max_size=14))
+def test_first_crossings_against_dense_samples(coefficients: list[float]) -> None:
+    """Bernstein coefficients at random: nothing is below zero before the crossing, and something is just behind it."""
+    powers = np.linalg.solve(bernstein(len(coefficients) - 1), np.array(coefficients))
+    # Rounding of the powers themselves.
+    tolerance = 1e-14 * np.abs(powers).sum() + 1e-300
+    found = first_below(powers, tolerance)
+    u = np.linspace(0, 1, 2001)
+    values = np.polynomial.polynomial.polyval(u, powers)
+    assert values[u < (2.0 if found is None else found)].min(initial=np.inf) >= -2 * tolerance
+    if found is not None:
+        near = np.polynomial.polynomial.polyval(np.minimum(found + np.geomspace(1e-16, 1, 400), 1.0), powers)
+        assert near.min() < -0.5 * tolerance
+        assert abs(np.polynomial.polynomial.polyval(found, powers)) <= 2 * tolerance or found == 0.0
+
+
+def test_dips_are_found_down_to_the_tolerance() -> None:
+    dip = np.array([0.09, -0.6, 1.0, 0.0, 0.0])  # (u - 0.3)^2
+    assert first_below(dip - [1e-10, 0, 0, 0, 0], 1e-12) == pytest.approx(0.3 - 1e-5, abs=1e-9)
+    assert first_below(dip - [1e-13, 0, 0, 0, 0], 1e-12) is None
+
+
+def test_extremes_between_points() -> None:
+    u = np.linspace(0, 1, 129)
+    low, high = extremes(np.stack([np.sin(3 * u), np.cos(5 * u - 2)], axis=1))
+    np.testing.assert_allclose(high, [1.0, 1.0], atol=1e-6)
+    np.testing.assert_allclose(low, [0.0, np.cos(3)], atol=1e-6)
+
+
+def test_the_file_holds_events_and_the_limit_cycle(tmp_path: Path) -> None:
+    out = tmp_path / "out.h5"
+    done = CliRunner().invoke(group, ["respond", str(CONFIG), "-o", str(out), "--set", "respond.cycles=140"])
+    assert done.exit_code == 0, done.output
+    assert "settled: period 2" in done.stderr
+    expected = settled(pair(), 2.0, 1.6, 140)
+    assert expected.cycle is not None
+    with open_result(out) as tree:
+        found = tree["response"]
+        for name, value in (("peak_to_peak", expected.cycle.peak_to_peak), ("rms", expected.cycle.rms)):
+            np.testing.assert_allclose(found[name], value, rtol=1e-9)
+        np.testing.assert_allclose(found["contact_loss_ratio"], expected.cycle.contact_loss, rtol=1e-9)
+        np.testing.assert_allclose(found["event_time"], [event.time for event in expected.events], rtol=1e-11)
+        assert set(found["event_kind"].values) == {"separation", "drive_side_contact"}
+        assert set(found["event_mesh"].values) == {"mesh"}
+        assert found.attrs["period"] == 2
+        assert found.attrs["settled_from"] == pytest.approx(100 * np.pi)
+        np.testing.assert_array_equal(found["play"].values, [[-1.0, 1.0]])
+        assert not found["mesh_force"].values[found["contact"].values == 0].any()
+        for flag in ("unstable", "separation"):
+            assert found["status"].values & BACKLASH_FLAGS[flag]
+        assert "chatter" in found["status"].attrs["flag_meanings"]
+
+
+def test_the_figure_shows_the_orbit_and_where_it_is_once_a_period(tmp_path: Path) -> None:
+    out = tmp_path / "out.h5"
+    done = CliRunner().invoke(group, ["respond", str(CONFIG), "-o", str(out), "--set", "respond.cycles=140"])
+    assert done.exit_code == 0, done.output
+    with open_result(out) as tree:
+        _, artists = draw(tree, "phase-plane")
+        x, v = (tree["response"][name].values[:, 0] for name in ("mesh_deflection", "mesh_velocity"))
+        late = tree["response"]["time"].values >= 100 * np.pi - 1e-9
+        (plane,), (sections,), (history,) = (artists[name] for name in ("planes", "sections", "histories"))
+        np.testing.assert_array_equal(plane.get_xydata(), np.stack([x, v], axis=1)[late])
+        # 40 periods, both ends included, and only two places, but for the rest of the transient.
+        assert len(sections.get_xdata()) == 41
+        assert len(np.unique(np.round(sections.get_xdata(), 3))) == 2
+        assert np.ptp(history.get_xdata()) == pytest.approx(6 * np.pi)
+        with pytest.raises(PlotError, match="no mesh 'second'"):
+            draw(tree, "phase-plane", select={"mesh": "second"})
+        with pytest.raises(PlotError, match="fixed panels"):
+            draw(tree, "phase-plane", variable="energy")
+
+
+SCENE = """
+system:
+  kind: gear_pair
+  equivalent_mass: 1.0
+  load: [0.5]
+  meshes: [{mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5, backlash: "2 m"}]
+"""
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ("respond: {mesh_frequency: 2.0, steady_state: true}", "teeth with backlash may have several"),
+        ("respond: {mesh_frequency: 2.0, cycles: 5, discard: 5}", "leaves nothing of 5 cycles"),
+        (
+            "sweep: {mesh_frequency: [1, 2], meshes.mesh.backlash: [0, 2]}\nmethods: {response: {}}",
+            "an axis sets backlash where no mesh has any",
+        ),
+    ],
+)
+def test_what_does_not_go_with_backlash(tmp_path: Path, change: str, message: str) -> None:
+    path = tmp_path / "scene.yaml"
+    path.write_text((SCENE if "respond" in change else SCENE.replace(', backlash: "2 m"', "")) + change)
+    with pytest.raises(ConfigError, match=message):
+        load(path)
+
+
+def test_only_backlash_has_something_to_discard(tmp_path: Path) -> None:
+    path = tmp_path / "scene.yaml"
+    text = SCENE + "respond: {mesh_frequency: 2.0, cycles: 5, discard: 2}"
+    path.write_text(text.replace(', backlash: "2 m"', ""))
+    with pytest.raises(ConfigError, match="no mesh has backlash"):
+        load(path)
+    path.write_text(text)
+    assert load(path).parameters["meshes"][0]["backlash"] == 2.0
+
+
+def test_a_drive_side_needs_a_load(tmp_path: Path) -> None:
+    path = tmp_path / "scene.yaml"
+    text = SCENE.replace("load: [0.5]", "load: [0.0]").replace('"2 m"', '"2 m", backlash_zero: drive_side')
+    path.write_text(text + "respond: {mesh_frequency: 2.0, cycles: 5, initial: {velocity: [1.0]}}")
+    done = CliRunner().invoke(group, ["respond", str(path), "-o", str(tmp_path / "out.h5")])
+    assert done.exit_code != 0
+    assert "carries no load" in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+
+
+def test_gearboxes_have_backlash_but_not_with_friction() -> None:
+    source: Any = ROOT / "configs" / "kuria_kihiu_2008" / "gearbox.yaml"
+    name = next(iter(load(source).parameters["meshes"]))["name"]
+    system = build(load(source, [f"system.meshes.{name}.backlash=1.0e-4"]).parameters)
+    assert float(system.meshes[0].backlash) == 1e-4
+    with pytest.raises(ConfigError, match="is not available with friction"):
+        load(source, [f"system.meshes.{name}.backlash=1.0e-4", f"system.meshes.{name}.friction={{coefficient: 0.1}}"])

@@ -1,0 +1,211 @@
+"""SIGINT, SIGTERM and SIGHUP end every command with exit code 130, without a traceback and without temporary files."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from places import ROOT
+
+from gearstab import interrupts
+
+pytestmark = pytest.mark.skipif(not hasattr(signal, "SIGHUP"), reason="needs signals of POSIX")
+
+CONFIG = """
+title: A train
+system:
+  kind: two_stage
+  inertias: [1.0, 0.3, 4.0]
+  input_shaft_stiffness: 0.5
+  meshes:
+    - {name: first, mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5}
+    - {name: second, mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5}
+sweep:
+  mesh_frequency: {start: 4.0, stop: 6.0, num: 300}
+  epsilon: {start: 0.0, stop: 0.4, num: 300}
+methods: {floquet: {}}
+respond: {mesh_frequency: 5, cycles: 20000, initial: {velocity: [1, 0, 0]}}
+"""
+SIGNALS = [signal.SIGINT, signal.SIGTERM, signal.SIGHUP]
+COMMANDS = {
+    "plot": ["plot", "map.h5", "-o", "out.png", "--dpi", "600"],
+    "export": ["export", "map.h5", "-o", "out.csv"],
+    "respond": ["respond", "train.yaml", "-o", "out.h5"],
+    "bench": ["bench", "train.yaml", "-o", "out.h5"],
+    "info": ["info", "train.yaml"],
+    "sweep": ["sweep", "train.yaml", "-o", "out.h5", "--set", "sweep.epsilon.num=20000", "-j", "1"],
+}
+
+WRITING = """
+import os, sys, time
+from gearstab.results import output
+write = output.Writer.write
+def slow(self, data):
+    count = write(self, data)
+    print("writing", flush=True)
+    time.sleep(30)
+    return count
+output.Writer.write = slow
+"""
+"""Stops in the middle of the first output that is written, and says so."""
+
+IMPORTING = """
+import sys
+class Finder:
+    def find_spec(self, name, path=None, target=None):
+        if name == "numpy.linalg":
+            print("importing", flush=True)
+            import time
+            time.sleep(30)
+        return None
+sys.meta_path.insert(0, Finder())
+"""
+"""Stops in the middle of the import of NumPy."""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("interrupts")
+    (path / "train.yaml").write_text(CONFIG)
+    process = start(path, ["sweep", "train.yaml", "-o", "map.h5", "-q"])
+    _, said = process.communicate(timeout=120)
+    assert process.returncode == 0, said
+    return path
+
+
+def start(folder: Path, args: list[str], before: str = "") -> subprocess.Popen[str]:
+    """Start a command as its entry point does; ``before``: code that runs first."""
+    code = f"{before}\nimport sys\nfrom gearstab.__main__ import main\nsys.argv[0] = 'gearstab'\nmain()"
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
+    return subprocess.Popen(
+        [sys.executable, "-c", code, *args], cwd=folder, env=environment, text=True, stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE, preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    )  # fmt: skip
+
+
+def interrupted(process: subprocess.Popen[str], number: int) -> str:
+    """Send a signal; what the process says on standard error before it ends, as it should."""
+    process.send_signal(number)
+    _, said = process.communicate(timeout=60)
+    assert process.returncode == 130, said
+    assert "Traceback" not in said
+    return said
+
+
+@pytest.mark.parametrize("number", SIGNALS)
+@pytest.mark.parametrize("command", ["plot", "export", "respond"])
+def test_an_output_half_written_goes_and_the_old_one_stays(folder: Path, command: str, number: int) -> None:
+    out = folder / COMMANDS[command][3]
+    out.write_bytes(b"")  # an empty file may be replaced
+    process = start(folder, COMMANDS[command], WRITING)
+    assert process.stdout is not None
+    assert process.stdout.readline() == "writing\n"
+    assert list(folder.glob(".*.tmp"))
+    assert interrupted(process, number) == "interrupted\n"
+    assert not list(folder.glob(".*.tmp"))
+    assert out.read_bytes() == b""
+    out.unlink()
+
+
+@pytest.mark.parametrize("number", SIGNALS)
+@pytest.mark.parametrize("command", ["export", "info"])
+def test_an_import_is_left_without_a_word_of_python(folder: Path, command: str, number: int) -> None:
+    process = start(folder, COMMANDS[command], IMPORTING)
+    assert process.stdout is not None
+    assert process.stdout.readline() == "importing\n"
+    assert interrupted(process, number) == "interrupted\n"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", SIGNALS)
+@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize("again", [False, True])
+def test_at_any_moment(folder: Path, command: str, number: int, again: bool) -> None:
+    """Once the signals are handled a command ends with 0 or 130, whenever they come, and if they come twice."""
+    for delay in (0.0, 0.03, 0.1, 0.2, 0.3, 0.5, 0.8, 1.3, 2.0):
+        for path in folder.glob("out.*"):
+            if path.is_file():
+                path.unlink()
+        process = start(folder, COMMANDS[command], "print('begun', flush=True)\nimport gearstab.__main__\n"
+                        "from gearstab.interrupts import install\ninstall()\nprint('ready', flush=True)")  # fmt: skip
+        assert process.stdout is not None
+        while process.stdout.readline() != "ready\n":
+            pass
+        time.sleep(delay)
+        process.send_signal(number)
+        if again:
+            time.sleep(0.05)
+            process.send_signal(number)
+        _, said = process.communicate(timeout=120)
+        assert process.returncode in (0, 130), (delay, said)
+        assert "Traceback" not in said, delay
+        assert not list(folder.glob(".*.tmp")), delay
+
+
+def test_a_stopped_worker_keeps_no_interrupted_sweep_alive(tmp_path: Path) -> None:
+    script = ROOT / "tests" / "reference" / "sweep_faults.py"
+    from sweep_faults import CONFIG as SLOW
+
+    (tmp_path / "train.yaml").write_text(SLOW)
+    (tmp_path / "slow").write_text("0.5")
+    command = [sys.executable, str(script), str(tmp_path / "train.yaml"), str(tmp_path / "out.h5"), "2", str(tmp_path)]
+    process = subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    )  # fmt: skip
+    try:
+        assert process.stdout is not None
+        for _ in range(2):
+            assert process.stdout.readline() == "block\n"
+        workers = [child for child in children(process.pid) if "loky.backend.popen" in command_of(child)]
+        assert workers
+        for worker in workers:
+            os.kill(worker, signal.SIGSTOP)
+        process.send_signal(signal.SIGTERM)
+        _, said = process.communicate(timeout=30)
+        assert process.returncode == 130, said
+    finally:
+        process.kill()
+        process.communicate()
+
+
+def children(parent: int) -> list[int]:
+    """The processes that a process started; the test is skipped where the system does not tell."""
+    try:
+        return [int(text) for text in Path(f"/proc/{parent}/task/{parent}/children").read_text().split()]
+    except OSError:
+        pytest.skip("needs /proc")
+
+
+def command_of(number: int) -> str:
+    return Path(f"/proc/{number}/cmdline").read_bytes().replace(b"\0", b" ").decode()
+
+
+def test_what_is_ignored_stays_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As ``nohup`` wants it."""
+    before = {number: signal.getsignal(number) for number in interrupts.SIGNALS}
+    monkeypatch.setattr("atexit.register", lambda function: function)
+    try:
+        signal.signal(signal.SIGHUP, signal.SIG_IGN)
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        interrupts.install()
+        assert signal.getsignal(signal.SIGHUP) == signal.SIG_IGN
+        assert signal.getsignal(signal.SIGINT) is interrupts.leave
+        with interrupts.raised(lambda: False):
+            assert signal.getsignal(signal.SIGHUP) == signal.SIG_IGN
+            with pytest.raises(KeyboardInterrupt):
+                signal.raise_signal(signal.SIGTERM)
+        assert signal.getsignal(signal.SIGINT) is interrupts.leave
+        # An application's own treatment of Ctrl-C stays.
+        own = lambda number, frame: None  # noqa: E731
+        signal.signal(signal.SIGINT, own)
+        with interrupts.raised(lambda: False):
+            assert signal.getsignal(signal.SIGINT) is own
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
