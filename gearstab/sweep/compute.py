@@ -111,7 +111,8 @@ def joined(
     for variable in results_of(plan, layout):
         listed = len(tongues) if "tongue" in variable.dims else None
         if STRETCH in variable.dims:
-            listed = max((len(outcome.values[variable.name]) for _, outcome in outcomes), default=0)
+            # One at least: xarray has its difficulties with dimensions of no length.
+            listed = max(1, *(len(outcome.values[variable.name]) for _, outcome in outcomes))
         over = (() if listed is None else (listed,)) + (2,) * ("side" in variable.dims)
         values[variable.name] = np.full((*over, count), variable.fill, dtype=variable.dtype)
         for members, outcome in outcomes:

@@ -129,8 +129,7 @@ def _places(
     """Where the chunks of each block stand along the variable's first dimension, and how long that is."""
     if STRETCH in variable.dims:
         found = {key: np.arange(len(part.pieces(variable.name))) for key, part in parts.items()}
-        # One at least: xarray has its difficulties with dimensions of no length.
-        return found, max((len(index) for index in found.values()), default=1) or 1
+        return found, max((len(index) for index in found.values()), default=0)
     place = {tongue: k for k, tongue in enumerate(tongues)}
     return {key: np.array([place[t] for t in part.tongues], dtype=int) for key, part in parts.items()}, len(tongues)
 
