@@ -160,7 +160,7 @@ static void eigenvector(struct actors *a, double g, double phi, int64_t which) {
 }
 
 /* to (n, 2) = b from, b (n, n). */
-static void turned(const double *b, int64_t n, const double *from, double *to) {
+static void transformed(const double *b, int64_t n, const double *from, double *to) {
     for (int64_t i = 0; i < n; i++) {
         double x = 0.0, y = 0.0;
         for (int64_t j = 0; j < n; j++)
@@ -174,14 +174,14 @@ static void follow(struct actors *a, const struct conservative *p, int64_t row, 
                    double phi) {
     int64_t n = a->n;
     double *now = a->factors, *next = now + 4 * n, begin = 0.0; /* the factors are not needed any more */
-    turned(first, n, a->vector, now);
-    turned(first, n, a->vector + 2 * n, now + 2 * n);
+    transformed(first, n, a->vector, now);
+    transformed(first, n, a->vector + 2 * n, now + 2 * n);
     for (int64_t s = 0; s < p->segments; s++) {
         double *end = a->ends + 4 * n * s, shrink = exp(-g * begin);
         double c = shrink * cos(phi * begin), d = -shrink * sin(phi * begin);
         const double *modes = a->modes + p->state[s] * n * n;
-        turned(modes, n, now, end);
-        turned(modes, n, now + 2 * n, end + 2 * n);
+        transformed(modes, n, now, end);
+        transformed(modes, n, now + 2 * n, end + 2 * n);
         for (int64_t i = 0; i < 2 * n; i++) {
             double x = end[2 * i], y = end[2 * i + 1];
             end[2 * i] = c * x - d * y, end[2 * i + 1] = c * y + d * x;
@@ -199,8 +199,8 @@ static void follow(struct actors *a, const struct conservative *p, int64_t row, 
         }
         begin += part;
         const double *change = p->change + (row * p->segments + s) * n * n;
-        turned(change, n, next, now);
-        turned(change, n, next + 2 * n, now + 2 * n);
+        transformed(change, n, next, now);
+        transformed(change, n, next + 2 * n, now + 2 * n);
     }
 }
 

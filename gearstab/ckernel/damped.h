@@ -6,6 +6,11 @@
 #ifndef GEARSTAB_DAMPED_H
 #define GEARSTAB_DAMPED_H
 
+/* What follows segment s of row r, (m, m). */
+INLINE const double *change_after(const struct damped *pattern, int64_t m, int64_t r, int64_t s) {
+    return pattern->change + (r * pattern->changes + pattern->follows[s]) * m * m;
+}
+
 /* e^x for x <= 0, most often near 0. */
 INLINE vec decay_by(vec x) { return any(x < -0.34) ? exponential(x) : 1.0 + small_expm1(x); }
 
@@ -142,7 +147,7 @@ INLINE vec propagate_damped(const struct damped *pattern, int64_t m, int paired,
     vec scale = all(0.0), *cosine = work, *sine = work + m, *q = work + 2 * m;
     for (int64_t s = 0; s < pattern->segments; s++) {
         const double *frequency = pattern->frequency + (r * pattern->states + pattern->state[s]) * m;
-        const double *change = pattern->change + (r * pattern->segments + s) * m * m;
+        const double *change = change_after(pattern, m, r, s);
         scale += decaying_rotation(pattern, m, paired, r, s, period, cosine, sine);
         if (s == 0 && paired) {
             first_blocks(change, m, cosine, sine, x);

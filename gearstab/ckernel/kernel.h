@@ -28,14 +28,21 @@ struct conservative {
 
 /* A damped pattern in real modal coordinates of dimension m, see damped.h. */
 struct damped {
-    int64_t rows, segments, states, m;
+    int64_t rows, segments, states, changes, m;
     double cycles;
     const double *decay;     /* (r, D, m), real parts of the eigenvalues */
     const double *frequency; /* (r, D, m), imaginary parts: of a pair, positive at its first member; 0 for real ones,
                                 which come first */
     const double *fractions; /* (r, S) */
     const int64_t *state;    /* (S,) */
-    const double *change;    /* (r, S, m, m), from the coordinates of a segment to those of the next */
+    const int64_t *follows;  /* (S,), which change follows each segment */
+    const double *change;    /* (r, changes, m, m), from the coordinates of a segment to those of the next */
+};
+
+/* What the search for Lyapunov functions goes by: the names are those of gearstab/floquet/kernel/lyapunov.py. */
+struct lyapunov {
+    double part, longest, pieces, rounding, largest, least, negligible;
+    int64_t bisections, doublings, unknowns;
 };
 
 /* How much of the action of the unstable solutions at a point a root accounts for: modes p <= q and harmonic, see labels.py. */
@@ -84,6 +91,18 @@ struct level {
                   struct shares *kept);
     /* Symmetric matrices first..last-1 of (count, n, n): eigenvalues (count, n) ascending, columns of eigenvectors. */
     int (*symmetric)(int64_t first, int64_t last, int64_t n, const double *matrix, double *values, double *vectors);
+    /* Points first..last-1, each of a row of its own, at cycle = 1/omega: ln |lambda| of all multipliers (points, m),
+       descending; NaN where they are not found. */
+    int (*moduli)(const struct damped *pattern, int64_t first, int64_t last, const int64_t *row, const double *cycle,
+                  double *logs);
+    /* The same points: product of all segments times exp(-scale), (points, m, m), in the coordinates of the states. */
+    int (*products)(const struct damped *pattern, int64_t first, int64_t last, const int64_t *row, const double *cycle,
+                    double *matrix, double *scale);
+    /* The same points with the growth = ln max |lambda| of each: by which part all lengths may grow, and shrink, so that no
+       multiplier crosses the unit circle, (points, 2); NaN where a multiplier is outside and m is large. weight (r, D, m,
+       m): what damping takes from the square of the length. */
+    int (*radii)(const struct damped *pattern, const double *weight, const struct lyapunov *settings, int64_t first,
+                 int64_t last, const int64_t *row, const double *cycle, const double *growth, double *radius);
 };
 
 /* An edge of an instability region of a row: where (in 1/omega) and how precisely; enters: from stable to unstable as the

@@ -25,13 +25,15 @@ PRAGMA_TARGET(TARGET)
 #include "conservative.h"
 #include "moduli.h"
 #include "damped.h"
+#include "scattered.h"
+#include "lyapunov.h"
 #include "spectra.h"
 #include "actions.h"
 #include "symmetric.h"
 
 const struct level LEVEL = {LEVEL_NAME,   scan,        monodromy,      traces,     scan_damped, spectra_new,
-                            spectra_free, spectra_row, spectra_window, spectra_at, shares,
-                            symmetric};
+                            spectra_free, spectra_row, spectra_window, spectra_at, shares,      symmetric,
+                            moduli,       products,    radii};
 
 #if defined(TARGET) && defined(__clang__)
 #pragma clang attribute pop

@@ -36,6 +36,14 @@ const struct level *level_named(const char *name) {
     return NULL;
 }
 
+/* Whether non-zero frequencies come two by two. */
+static int in_pairs(const double *frequency, Py_ssize_t m) {
+    Py_ssize_t i = 0;
+    while (i < m)
+        i += frequency[i] != 0 ? 2 : 1;
+    return i == m;
+}
+
 static PyObject *py_levels(PyObject *self, PyObject *unused) {
     (void)self, (void)unused;
     PyObject *names = PyList_New(0);
@@ -122,46 +130,7 @@ static PyObject *py_traces(PyObject *self, PyObject *arguments) {
     return finish(&b, fit, failed);
 }
 
-/* Whether non-zero frequencies come two by two. */
-static int in_pairs(const double *frequency, Py_ssize_t m) {
-    Py_ssize_t i = 0;
-    while (i < m)
-        i += frequency[i] != 0 ? 2 : 1;
-    return i == m;
-}
-
-static PyObject *py_scan_damped(PyObject *self, PyObject *arguments) {
-    (void)self;
-    struct buffers b = {0};
-    PyObject *o[MOST_BUFFERS] = {0};
-    struct damped p;
-    const char *name;
-    Py_ssize_t rows, segments, states, m, first, last, points;
-    Py_buffer *view = b.view;
-    if (!PyArg_ParseTuple(arguments, "s(nnnnd)OOOOOnnnOOO|O", &name, &rows, &segments, &states, &m, &p.cycles, &o[0], &o[1],
-                          &o[2], &o[3], &o[4], &first, &last, &points, &o[5], &o[6], &o[7], &o[8]) ||
-        !take(&b, o, "dddiddDDZ"))
-        return finish(&b, 1, 0);
-    const struct level *level = level_named(name);
-    p.rows = rows, p.segments = segments, p.states = states, p.m = m;
-    p.decay = view[0].buf, p.frequency = view[1].buf, p.fractions = view[2].buf;
-    p.state = view[3].buf, p.change = view[4].buf;
-    int failed = 0, fit = level && m > 0 && segments > 0 && first >= 0 && last <= rows &&
-                          FITS(&view[0], 8, rows, states, m) && FITS(&view[1], 8, rows, states, m) &&
-                          FITS(&view[2], 8, rows, segments) && FITS(&view[3], 8, segments) &&
-                          FITS(&view[4], 8, rows, segments, m, m) && FITS(&view[5], 8, rows, points) &&
-                          FITS(&view[6], 8, rows, points) && FITS(&view[7], 8, rows, points) &&
-                          (view[8].len == 0 || FITS(&view[8], 16, rows, points, m)) &&
-                          indices_within(&view[3], segments, states);
-    for (int64_t i = 0; fit && i < rows * states; i++)
-        fit = in_pairs(p.frequency + i * m, m);
-    if (fit) {
-        Py_BEGIN_ALLOW_THREADS
-        failed = level->scan_damped(&p, first, last, points, view[5].buf, view[6].buf, view[7].buf, wanted(&view[8]));
-        Py_END_ALLOW_THREADS
-    }
-    return finish(&b, fit, failed);
-}
+#include "module_damped.h"
 
 static PyObject *py_symmetric(PyObject *self, PyObject *arguments) {
     (void)self;
@@ -229,8 +198,18 @@ static PyMethodDef METHODS[] = {
      "traces(level, (rows, segments, states, n, cycles, limits), squared, fractions, state, change, first, last, points, bound, "
      "omega, rho)"},
     {"scan_damped", py_scan_damped, METH_VARARGS,
-     "scan_damped(level, (rows, segments, states, m, cycles), decay, frequency, fractions, state, change, first, last, "
-     "points, omega, growth, scale, multipliers=)"},
+     "scan_damped(level, (rows, segments, states, changes, m, cycles), decay, frequency, fractions, state, follows, change, "
+     "first, last, points, omega, growth, scale, multipliers=)"},
+    {"moduli", py_moduli, METH_VARARGS,
+     "moduli(level, (rows, segments, states, changes, m, cycles), decay, frequency, fractions, state, follows, change, "
+     "first, last, points, row, cycle, logs)"},
+    {"products", py_products, METH_VARARGS,
+     "products(level, (rows, segments, states, changes, m, cycles), decay, frequency, fractions, state, follows, change, "
+     "first, last, points, row, cycle, matrix, scale)"},
+    {"radii", py_radii, METH_VARARGS,
+     "radii(level, (rows, segments, states, changes, m, cycles), decay, frequency, fractions, state, follows, change, "
+     "weight, (part, longest, pieces, rounding, largest, least, negligible, bisections, doublings, unknowns), first, last, "
+     "points, row, cycle, growth, radius)"},
     {"names", py_names, METH_VARARGS,
      "names(regions, rows, n, cycles, frequency, row, cycle, passed, meetings, shares as bytes) -> bytes of names"},
     {"trace_change", py_trace_change, METH_VARARGS, "trace_change(count, n, weight, fine, coarse, change, largest)"},

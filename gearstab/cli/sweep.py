@@ -80,6 +80,8 @@ def command(
         summary = run(planned, target, jobs, resume is True, resume is False, reporter(quiet))
     if not quiet:
         tell(final_line(target, summary, time.perf_counter() - start))
+        if summary.proved:
+            tell(sweep_notes.proof(summary.proved, summary.counted or 0.0))
         for note in [] if summary.complete else sweep_notes.notes(planned, summary):
             tell(f"note: {note}")
         if slow_kernel(planned, summary):

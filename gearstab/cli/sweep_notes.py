@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import floor
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -49,6 +50,22 @@ def notes(plan: Plan, summary: Summary) -> list[str]:
             if (name, flag) in FLAGS and flag not in known:
                 found.append(FLAGS[name, flag].format(points=share(count, layout.points)))
     return found + teeth(plan)
+
+
+HUNDREDTH = 1e-4
+"""Of a per cent: what is less is not told."""
+
+
+def proof(proved: float, counted: float) -> str:
+    """Return what the boundaries of a damped system rest on: how much of its stable mesh frequencies is proved so."""
+    rest = [(counted, "counted"), (1 - proved - counted, "neither")]
+    parts = [f"{percent(part)} {word}" for part, word in rest if part >= HUNDREDTH]
+    return f"stable mesh frequencies: {', '.join([f'{percent(proved)} proved stable (in floating point)', *parts])}"
+
+
+def percent(part: float) -> str:
+    """Return a share in hundredths of a per cent, rounded down: all is all."""
+    return f"{floor(part / HUNDREDTH + 1e-6) / 100:g} %"
 
 
 def share(count: int, total: int) -> str:

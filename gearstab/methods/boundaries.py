@@ -50,6 +50,8 @@ class Boundaries(TongueMethod):
         values = {
             "boundary_frequency": edges.boundary_frequency, "tolerance": edges.tolerance, "status": edges.flags,
             "holder": edges.holder, "contacts": found.contacts, "evaluations": found.evaluations,
+            "proved_share": found.stable_share(found.proved), "counted_share": found.stable_share(found.counted),
+            "proved_frequency": found.stretches(found.proved),
         }  # fmt: skip
         return Outcome(values, edges.index)
 

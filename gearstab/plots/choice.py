@@ -12,7 +12,7 @@ from gearstab.plots.maps.stability_map import find_variable
 
 LONG = 6
 """A surface wants more values than this on both of its axes."""
-INNER = ("tongue", "side", "exponent", "mesh")
+INNER = ("tongue", "side", "stretch", "exponent", "mesh")
 """Dimensions of what was computed at a point, or of boundaries; they are no axes of the sweep."""
 
 

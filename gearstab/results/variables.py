@@ -16,6 +16,9 @@ GRID = "(all axes of the sweep)"
 ROWS = "(all axes of the sweep but the mesh frequency)"
 """In ``dims``: all axes but the mesh frequency."""
 
+STRETCH = "stretch"
+"""In ``dims``: parts of the range of mesh frequencies, as many as the row with most of them has."""
+
 TEXT = "text"
 """In ``dtype``: UTF-8 text of any length."""
 
@@ -165,7 +168,19 @@ EXACT = (
         missing=-1, index_of="tongue",
     ),
     Variable("contacts", (ROWS,), "i4", "1", "collisions of multipliers without a region as wide as the width floor"),
-    Variable("evaluations", (ROWS,), "i4", "1", "monodromy matrices computed"),
+    Variable("evaluations", (ROWS,), "i4", "1", "monodromy matrices computed, and proofs tried"),
+    Variable(
+        "proved_share", (ROWS,), "f8", "1", "share of the stable mesh frequencies that is proved stable",
+        {"comment": "by Lyapunov functions, in floating point, without interval arithmetic"},
+    ),
+    Variable(
+        "counted_share", (ROWS,), "f8", "1", "share of them that is searched by counting only",
+        {"comment": "collisions of multipliers, or bumps of the growth rate with a step that damping sets"},
+    ),
+    Variable(
+        "proved_frequency", (STRETCH, "side", ROWS), "f8", "rad/s", "ends of a stretch proved stable",
+        {"comment": "gaps narrower than the width floor are bridged"},
+    ),
 )  # fmt: skip
 
 FIRST_ORDER = (

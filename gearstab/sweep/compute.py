@@ -12,7 +12,7 @@ from gearstab.config import Axis, parameters_at
 from gearstab.floquet.kernel import choice as kernel
 from gearstab.methods import POINTS, RANGE, Key, Outcome
 from gearstab.results.chunks import encode, holds
-from gearstab.results.variables import GRID
+from gearstab.results.variables import GRID, STRETCH
 from gearstab.sweep.parts import Finished, Part
 from gearstab.sweep.plan import Block, Layout, Plan
 from gearstab.system import Array
@@ -107,11 +107,16 @@ def joined(
     place = {tongue: k for k, tongue in enumerate(tongues)}
     values = {}
     for variable in layout.method.results:
-        over = (len(tongues),) * ("tongue" in variable.dims) + (2,) * ("side" in variable.dims)
+        listed = len(tongues) if "tongue" in variable.dims else None
+        if STRETCH in variable.dims:
+            # One at least: xarray has its difficulties with dimensions of no length.
+            listed = max(1, *(len(outcome.values[variable.name]) for _, outcome in outcomes))
+        over = (() if listed is None else (listed,)) + (2,) * ("side" in variable.dims)
         values[variable.name] = np.full((*over, count), variable.fill, dtype=variable.dtype)
         for members, outcome in outcomes:
-            index = np.array([place[tongue] for tongue in outcome.tongues], dtype=int)
             part = outcome.values[variable.name]
+            index = np.array([place[tongue] for tongue in outcome.tongues], dtype=int)
+            index = np.arange(len(part)) if STRETCH in variable.dims else index
             if variable.index_of == "tongue":
                 part = moved(part, index)
             where = [index, *(np.arange(n) for n in over[1:]), members] if over else [members]
@@ -132,7 +137,7 @@ def _part(plan: Plan, layout: Layout, block: Block, values: dict[str, Array], to
         if GRID in variable.dims:
             whole = _in_place(plan, layout, block, data)
             chunks[variable.name] = [encode(whole, layout.chunk + whole.shape[len(layout.chunk) :])]
-        elif "tongue" not in variable.dims:
+        elif not {"tongue", STRETCH} & set(variable.dims):
             chunks[variable.name] = [encode(data.reshape(block.shape), layout.chunk)]
         else:
             # One chunk a tongue: lists of tongues that differ between blocks are brought together by moving chunks.
@@ -176,7 +181,8 @@ def fits(plan: Plan, block: Block, part: Finished) -> bool:
         inner = prod(len(constants[dim]) for dim in variable.dims if dim in constants and dim != "tongue")
         size = np.dtype(variable.dtype).itemsize * prod(layout.chunk) * inner
         pieces = part.pieces(name)
-        if len(pieces) != (len(part.tongues) if "tongue" in variable.dims else 1):
+        listed = len(part.tongues) if "tongue" in variable.dims else len(pieces) if STRETCH in variable.dims else 1
+        if len(pieces) != listed:
             return False
         if not all(holds(data, size) for data in pieces):
             return False

@@ -25,13 +25,14 @@ from gearstab.results.output import Look, move
 from gearstab.results.provenance import modes_group, root_attributes
 from gearstab.results.tree import Chunked, Field, Group, Offset, ResultTree
 from gearstab.results.units import in_units_of
-from gearstab.results.variables import OCCURRENCE, TEXT, TONGUE, Variable, coordinate
+from gearstab.results.variables import OCCURRENCE, STRETCH, TEXT, TONGUE, Variable, coordinate
 from gearstab.results.write import write_on_disk, write_result
 from gearstab.sweep import teeth
 from gearstab.sweep.compute import moved
 from gearstab.sweep.earlier import origin
 from gearstab.sweep.parts import Finished
 from gearstab.sweep.plan import Layout, Plan
+from gearstab.system import Array
 from gearstab.systems import model_of
 
 IN_MEMORY = 1 << 28
@@ -103,10 +104,11 @@ def _method_group(plan: Plan, layout: Layout, finished: Mapping[str, Finished], 
         if variable.coordinate:
             if variable.name in values:
                 fields.append(Field(resolved, values[variable.name]))
-        elif "tongue" not in variable.dims:
+        elif not {"tongue", STRETCH} & set(variable.dims):
             fields.append(Field(resolved, _over_points(plan, layout, variable, parts)))
         else:
-            fields.append(Field(resolved, _over_tongues(layout, variable, parts, tongues)))
+            places, count = _places(variable, parts, tongues)
+            fields.append(Field(resolved, _listed(layout, variable, parts, places, count)))
     return Group((*fields, *beside), layout.method.attributes())
 
 
@@ -128,25 +130,34 @@ def _over_points(plan: Plan, layout: Layout, variable: Variable, parts: Mapping[
     return Chunked(layout.shape + rest, layout.chunk + rest, pieces, sum(p.size(variable.name) for p in parts.values()))
 
 
-def _over_tongues(
-    layout: Layout, variable: Variable, parts: Mapping[str, Finished], tongues: tuple[Key, ...]
+def _places(
+    variable: Variable, parts: Mapping[str, Finished], tongues: tuple[Key, ...]
+) -> tuple[dict[str, Array], int]:
+    """Where the chunks of each block stand along the variable's first dimension, and how long that is."""
+    if STRETCH in variable.dims:
+        found = {key: np.arange(len(part.pieces(variable.name))) for key, part in parts.items()}
+        return found, max((len(index) for index in found.values()), default=0)
+    place = {tongue: k for k, tongue in enumerate(tongues)}
+    return {key: np.array([place[t] for t in part.tongues], dtype=int) for key, part in parts.items()}, len(tongues)
+
+
+def _listed(
+    layout: Layout, variable: Variable, parts: Mapping[str, Finished], places: Mapping[str, Array], count: int
 ) -> Chunked:
-    """A variable of one chunk a tongue and block."""
+    """A variable of one chunk a tongue, or stretch, and block."""
     sides = (2,) if "side" in variable.dims else ()
     shape = (1, *sides, *layout.chunk)
-    place = {tongue: k for k, tongue in enumerate(tongues)}
 
     def pieces() -> Iterator[tuple[Offset, bytes]]:
         for block in layout.blocks():
-            part = parts[block.key]
-            index = np.array([place[tongue] for tongue in part.tongues], dtype=int)
-            for k, data in zip(index, part.pieces(variable.name), strict=True):
+            index = places[block.key]
+            for k, data in zip(index, parts[block.key].pieces(variable.name), strict=True):
                 if variable.index_of == "tongue":
                     data = encode(moved(decode(data, shape, variable.dtype), index).astype(variable.dtype), shape)
                 yield (int(k), *(0 for _ in sides), *block.start), data
 
     size = sum(part.size(variable.name) for part in parts.values())
-    return Chunked((len(tongues), *sides, *layout.shape), shape, pieces, size)
+    return Chunked((count, *sides, *layout.shape), shape, pieces, size)
 
 
 def write(plan: Plan, finished: Mapping[str, Finished], out: Path, folder: Path, look: Look) -> None:

@@ -10,7 +10,10 @@ from contextlib import closing, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import numpy as np
+
 from gearstab import ckernel, interrupts
+from gearstab.results.chunks import decode
 from gearstab.results.errors import OutputError
 from gearstab.results.guard import SWEEP, result_of
 from gearstab.results.output import free_bytes, prepare
@@ -35,7 +38,8 @@ class Summary:
     points: of the grid. blocks, reused: blocks of all methods, and how many of them an earlier run had finished.
     unstable, failed: points that are unstable (None without a method that tells), and that could not be computed.
     flags: by method, how many points carry each flag of ``status``. complete: whether the result was there already.
-    kernels: which ones computed it.
+    kernels: which ones computed it. proved, counted: shares of the stable mesh frequencies that are proved stable, and
+    that are searched by counting only, means of all rows; None without boundaries, or where nothing is stable.
     """
 
     points: int
@@ -46,6 +50,8 @@ class Summary:
     flags: Mapping[str, Mapping[str, int]] = field(default_factory=dict)
     complete: bool = False
     kernels: tuple[str, ...] = ()
+    proved: float | None = None
+    counted: float | None = None
 
 
 def run(
@@ -105,9 +111,10 @@ def _run(
         with interrupts.raised(lambda: computed and earlier.identity(out) != before):
             _compute(plan, store, jobs, reporter)
             computed = True
+            summary = _summary(plan, store, reused)
             _finish(plan, store, out, before)
             store.remove()
-            return _summary(plan, store, reused)
+            return summary
     except KeyboardInterrupt:
         kept = store.rescue()
         raise Interrupted(_interrupted(kept, plan.blocks, store.folder)) from None
@@ -232,4 +239,19 @@ def _summary(plan: Plan, store: Store, reused: int) -> Summary:
         for block in layout.blocks():
             total.update(store.finished[block.key].flags)
         flags[layout.method.name] = dict(total)
-    return Summary(plan.points, plan.blocks, reused, unstable, failed, flags, kernels=tuple(sorted(kernels)))
+    proved, counted = (_mean(plan, store, name) for name in ("proved_share", "counted_share"))
+    ran = tuple(sorted(kernels))
+    return Summary(plan.points, plan.blocks, reused, unstable, failed, flags, False, ran, proved, counted)
+
+
+def _mean(plan: Plan, store: Store, name: str) -> float | None:
+    """The mean of a variable of one value a row over all rows that have one; None where there is none."""
+    total, count = 0.0, 0
+    for layout in plan.layouts:
+        if not any(variable.name == name for variable in layout.method.results):
+            continue
+        for block in layout.blocks():
+            (data,) = store.finished[block.key].pieces(name)
+            values = decode(data, layout.chunk, "f8")[tuple(slice(0, size) for size in block.shape)]
+            total, count = total + float(np.nansum(values)), count + int(np.isfinite(values).sum())
+    return total / count if count else None

@@ -14,6 +14,7 @@ from test_magnus import COSINE, GENERAL, TRAPEZOID, WAVE, one_mesh, two_stage
 
 from gearstab.floquet import solve
 from gearstab.floquet.boundaries import boundaries
+from gearstab.floquet.boundaries.damped import Limits
 from gearstab.floquet.boundaries.krein import evaluate
 from gearstab.floquet.boundaries.points import exact
 from gearstab.floquet.boundaries.smooth import _resolved
@@ -120,15 +121,13 @@ class TestIntegers:
         """The integers of the search are those of segments as fine as the matrices', where these may be asked."""
         (division,) = divisions(two_stage(WAVE, TRAPEZOID, 0.4))
 
-        def limits(pattern):
-            return pattern.elastic.rate / 7.0, pattern.elastic.rate / 0.8
-
+        limits = Limits(0.8, 7.0, 1e-10, 1e-6, 0.0)
         few = _resolved(division, 4, limits)
         # Of positive durations, as the Morse index wants them, and far finer than the rough ones.
         many = division.pattern(CF4_2, 14)
         assert len(many.states) > 10 * len(few.states)
         assert len(exact(few).states) > len(few.states)
-        cycle = np.linspace(*(limit[0] for limit in limits(many)), 300)
+        cycle = np.linspace(*(limit[0] for limit in limits.cycles(many)), 300)
         row = np.zeros(len(cycle), dtype=int)
         ours, theirs = (evaluate(pattern, row, cycle) for pattern in (few, many))
         agree = ours.stable == theirs.stable

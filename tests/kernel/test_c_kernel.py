@@ -373,13 +373,8 @@ def test_numbers_that_are_none_harm_no_neighbour(level, n):
 def scanned(pattern, generator, state, omega):
     """Growth of a damped pattern by the compiled kernel alone, without what it leaves to NumPy."""
     values, basis, inverse = generator.real_modes
-    distinct, index = pattern.pairs(inverse, basis)
-    numbers = (len(omega), len(state), *values.shape[1:], float(pattern.cycles))
-    arrays = (values.real, values.imag, pattern.fractions, state, distinct.take(index, axis=1), omega)
-    decay, frequency, fractions, order, change, asked = map(np.ascontiguousarray, arrays)
+    given = c_kernel._damped(pattern.cycles, values, pattern.fractions, state, *pattern.pairs(inverse, basis))
     growth, scale = np.empty(omega.shape), np.empty(omega.shape)
-    ckernel.library.scan_damped(
-        ckernel.simd(), numbers, decay, frequency, fractions, order, change, 0, len(omega), omega.shape[1], asked,
-        growth, scale,
-    )  # fmt: skip
+    asked = np.ascontiguousarray(omega)
+    ckernel.library.scan_damped(ckernel.simd(), *given, 0, len(omega), omega.shape[1], asked, growth, scale)
     return growth

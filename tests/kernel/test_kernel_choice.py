@@ -178,7 +178,7 @@ def jobs(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> int
     [
         (TRAIN, "{floquet: {}}", None),
         (TRAIN, "{required_damping: {}}", None),
-        (TRAIN, "{boundaries: {tolerance: 1.0e-6, width_floor: 1.0e-2}}", "numpy"),
+        (TRAIN, "{boundaries: {tolerance: 1.0e-6, width_floor: 1.0e-2}}", None),
         (TRAIN, "{floquet: {}, perturbation: {}, boundaries: {tolerance: 1.0e-6, width_floor: 1.0e-2}}", None),
         (TRAIN, "{perturbation: {}}", "none"),
         (TRAIN, "{floquet: {frequencies: lyapunov}}", "numpy"),

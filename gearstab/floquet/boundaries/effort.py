@@ -3,7 +3,10 @@
 Pairs of multipliers p <= q collide every (w_p + w_q) T = 2 pi, so that a range of mesh frequencies holds a number of
 collisions that is known beforehand and grows with the length of the common period. For each of them a search takes
 about EVALUATIONS monodromy matrices, in ROUNDS calls for all rows together, and NAMED growing solutions are looked at
-for its name.
+for its name. The compiled search is timed as a whole, on short ranges.
+
+With damping there is no such number: a proof takes about POINTS mesh frequencies for each one it begins with, which lie
+a few damping ratios apart, and the scan of the rest as much again at most; both have a budget.
 """
 
 from __future__ import annotations
@@ -13,24 +16,37 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from gearstab.ckernel import in_use
+from gearstab.floquet.boundaries import naming, smooth, undamped
+from gearstab.floquet.boundaries.damped import COARSEST, Limits
 from gearstab.floquet.boundaries.krein import evaluate
 from gearstab.floquet.boundaries.labels import solution_actions
 from gearstab.floquet.boundaries.parts import without_damping
-from gearstab.floquet.boundaries.points import Resolved
+from gearstab.floquet.boundaries.points import Resolved, exact
+from gearstab.floquet.boundaries.proof import FEWEST, FIRST, MODULI, PROOF, damping_ratio
 from gearstab.floquet.boundaries.search import collisions
-from gearstab.floquet.boundaries.smooth import undamped_patterns
+from gearstab.floquet.boundaries.solve import BUDGET
+from gearstab.floquet.boundaries.solve import FEW as FEW_COLLISIONS
+from gearstab.floquet.kernel import choice as kernel
+from gearstab.floquet.kernel.chain import chain
 from gearstab.floquet.segments.blocks import split
 from gearstab.floquet.segments.pattern import Pattern, prepare
 from gearstab.system import GearSystem
 
-EVALUATIONS, DAMPED_EVALUATIONS = 13.5, 25.0
-"""For each collision: measured on trains of one to three coordinates with up to 59 segments, 12.7 to 13.8 and 22 to 36;
-fewer where many modes hardly interact, 5 for 33 coordinates."""
-NAMED, DAMPED_NAMED = 1.0, 1.5
+EVALUATIONS = 13.5
+"""For each collision: measured on trains of one to three coordinates with up to 59 segments, 12.7 to 13.8; fewer where
+many modes hardly interact, 5 for 33 coordinates."""
+NAMED = 1.0
 """For each collision, too."""
+POINTS = 40.0
+"""Of a proof for each first one: 2 where all is stable, 20 to 60 for trains of ratios 1 and 3/5, 200 for 99/100."""
+TRIED = 16
+"""Points at which a proof is timed."""
 ROUNDS = 35
 FEW, MANY = 4, 48
-"""Points of two calls that are timed."""
+"""Points of two calls, or collisions of two searches, that are timed."""
+KEPT = 2.0
+"""Seconds of all over those of the compiled search and names: 1.4 to 2.3 for ratios of 49/50 and 99/100."""
 TIMED = 64
 """Segments that are timed."""
 QUICK = 1e-3
@@ -55,22 +71,53 @@ def effort(system: GearSystem, start: float, stop: float) -> Effort:
 
     It is timed on a few points, which takes milliseconds. Raises NotPossible for a system without a common period.
     """
-    evaluations, named = (EVALUATIONS, NAMED) if system.damping is None else (DAMPED_EVALUATIONS, DAMPED_NAMED)
-    patterns = prepare(system) if system.piecewise_constant else undamped_patterns(system, start, stop)
+    limits = Limits(start, stop, 1e-10, 1e-6, BUDGET)
     call, total, work = 0.0, 0.0, 0.0
-    for pattern in patterns:
-        blocks = [without_damping(block.pattern) for block in split(pattern) if not block.constant]
+    for pattern in prepare(system) if system.piecewise_constant else smooth.patterns(system, limits):
+        blocks = [block.pattern for block in split(pattern) if not block.constant]
         for own in [pattern] if isinstance(pattern, Resolved) else blocks:
             if own.size:
-                low, high = own.elastic.rate / stop, own.elastic.rate / start
+                low, high = limits.cycles(own)
                 count = float(collisions(own, low, high)[0])
-                each, point, name = _timed(own, low, high)
-                call, total, work = call + each, total + count, work + count * (evaluations * point + named * name)
+                moving = own.elastic.damping is not None or bool(own.elastic.shift[0])
+                work += _proof(own, low, high) if moving else 0.0
+                # Names of few damped regions ask for the undamped ones.
+                if not moving or (count <= FEW_COLLISIONS and not isinstance(own, Resolved)):
+                    fixed, each = (_searched if in_use() else _evaluated)(without_damping(own), low, high)
+                    call, work = call + fixed, work + count * each
+                total += count
     return Effort(call, total, work / total if total else 0.0)
 
 
-def _timed(pattern: Pattern, low: np.ndarray, high: np.ndarray) -> tuple[float, float, float]:
-    """Seconds of a call, of each of its points and of looking at a solution, from calls on the first segments."""
+def _proof(pattern: Pattern, low: np.ndarray, high: np.ndarray) -> float:
+    """Seconds of proof and scan of a damped pattern, from proofs tried at a few points."""
+    flow = chain(exact(pattern))
+    row, x = np.zeros(TRIED, dtype=int), np.linspace(np.log(low[0]), np.log(high[0]), TRIED)
+    begin = time.process_time()
+    growth = kernel.current().moduli(flow, row, np.exp(x))[:, 0]
+    kernel.current().radii(flow, row, np.exp(x), growth)
+    each = (time.process_time() - begin) / TRIED
+    step = FIRST * float(damping_ratio(flow)[0])
+    first = max((x[-1] - x[0]) / step if step > 0 else np.inf, FEWEST)
+    most = 2 * BUDGET / (flow.size**3 * len(flow.states) * (MODULI + PROOF))
+    return each * min(POINTS * first, max(most, COARSEST))
+
+
+def _searched(pattern: Pattern, low: np.ndarray, high: np.ndarray) -> tuple[float, float]:
+    """Seconds of a round (next to nothing in the compiled kernel) and of a collision, from searches of short ranges."""
+    count, middle, spent = float(collisions(pattern, low, high)[0]), 0.5 * (low + high), []
+    frequency = np.sqrt(np.abs(pattern.squared_frequency[:, 0]))
+    for few in (FEW, FEW, MANY):
+        half = 0.5 * (high - low) * min(1.0, few / count)
+        begin = time.process_time()
+        found = undamped.search(pattern, middle - half, middle + half, 1e-10, 1e-6)
+        naming.named(pattern, found.intervals, frequency)
+        spent.append(time.process_time() - begin)
+    return 0.0, KEPT * max(spent[2] - spent[1], 0.1 * spent[2]) / (MANY - FEW)
+
+
+def _evaluated(pattern: Pattern, low: np.ndarray, high: np.ndarray) -> tuple[float, float]:
+    """Seconds of a round and of a collision, from evaluations of the first segments and a look at a solution."""
     kept = len(pattern.states) if isinstance(pattern, Resolved) else min(TIMED, len(pattern.states))
     part = _first_segments(pattern, kept)
     spent = []
@@ -81,7 +128,8 @@ def _timed(pattern: Pattern, low: np.ndarray, high: np.ndarray) -> tuple[float, 
         spent.append(time.process_time() - begin)
     scale = len(pattern.states) / kept
     point = max(spent[2] - spent[1], 0.1 * spent[2]) / (MANY - FEW)
-    return max(spent[1] - FEW * point, 0.0) * scale, point * scale, _naming(pattern, float(high[0]))
+    each = EVALUATIONS * point * scale + NAMED * _naming(pattern, float(high[0]))
+    return max(spent[1] - FEW * point, 0.0) * scale, each
 
 
 def _naming(pattern: Pattern, cycle: float) -> float:

@@ -79,7 +79,7 @@ def shares(pattern: Pattern, row: Array, cycle: Array) -> list[Shares]:
         own = order[begin : begin + step]
         action = solution_actions(pattern, row[point[own]], cycle[point[own]], vectors[own], logs[own])
         for p, part in zip(point[own], action, strict=True):
-            for root, share in _roots(part).items():
+            for root, share in leading_roots(part).items():
                 result[p][root] = max(share, result[p].get(root, 0.0))
     return result
 
@@ -90,7 +90,7 @@ def _frequencies(pattern: Pattern, row: Array, cycle: Array) -> int:
     return 2 * int(np.ceil(BAND * highest * pattern.cycles * cycle.max())) + 3
 
 
-def _roots(action: Array) -> Shares:
+def leading_roots(action: Array) -> Shares:
     """Pairs of the leading positive and negative parts of ``(n, K)``; the share is the smaller one of the two."""
     found: Shares = {}
     flat = action.ravel()

@@ -32,13 +32,16 @@ def named(pattern: Pattern, intervals: list[Interval], frequency: Array) -> tupl
         found = _compiled(pattern, intervals, frequency, owner, row, cycle)
     else:
         found = _reference(pattern, intervals, frequency, owner, row, cycle)
+    return coupled(pattern, intervals, found), extra
+
+
+def coupled(pattern: Pattern, intervals: list[Interval], names: list[tuple[Root, ...]]) -> list[tuple[Root, ...]]:
+    """The roots of modes that act on each other; others pass through: a collision, but no tongue."""
     coupled = _coupled(pattern.elastic.directions)
-    # Modes that never act on each other pass through: a collision, but no tongue.
-    names = [
+    return [
         roots if len(roots) == 1 else tuple(r for r in roots if coupled[i.row, r.p, r.q]) or roots[:1]
-        for i, roots in zip(intervals, found, strict=True)
+        for i, roots in zip(intervals, names, strict=True)
     ]
-    return names, extra
 
 
 def shares(pattern: Pattern, row: Array, cycle: Array) -> list[Shares]:

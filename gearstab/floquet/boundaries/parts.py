@@ -34,6 +34,12 @@ class Part:
     modes: Array
     copies: int
 
+    def subset(self, rows: Array) -> Part:
+        """Some of the rows, by position."""
+        if len(rows) == len(self.pattern.rows):
+            return self
+        return replace(self, pattern=self.pattern.subset(rows), modes=self.modes[rows])
+
 
 def separated(pattern: Pattern, reduction: bool) -> Iterator[Part]:
     """The blocks of a pattern; one, the pattern, where nothing can be separated or ``reduction`` is False."""

@@ -19,9 +19,13 @@ edge is that of the range); the tongue has several regions, told apart by their 
 than the width floor."""
 
 
+ROUNDING = 1e-9
+"""Of a share of the range."""
+
+
 @dataclass(frozen=True)
 class Boundaries:
-    """All instability regions of ``rows`` rows within [start, stop], ordered by row and mesh frequency.
+    """All instability regions of ``rows`` rows within the limits [start, stop], ordered by row and mesh frequency.
 
     row ``(regions,)``; lower, upper ``(regions,)``: edges in the mesh frequency Omega of the first mesh, rad per unit
     time. tolerance ``(regions,)``: half of the larger of the two brackets that enclose the edges, relative to Omega.
@@ -29,7 +33,10 @@ class Boundaries:
     tongues of each region, the one that accounts for most of the growing motion first; more than one where
         tongues have merged.
     contacts ``(rows,)``: collisions of multipliers that open no region as wide as ``width_floor`` (relative to Omega).
-    evaluations ``(rows,)``: monodromy matrices computed.
+    evaluations ``(rows,)``: monodromy matrices computed, and proofs tried.
+    proved: of each row, ``(K, 2)`` stretches of Omega, disjoint and ascending, that are proved stable (in floating
+        point, see :mod:`gearstab.floquet.kernel.lyapunov`). counted: those stable ones that are not, but where a count
+        of collisions, or a scan with the step that damping sets, has found nothing.
     """
 
     rows: int
@@ -42,6 +49,26 @@ class Boundaries:
     contacts: Array
     evaluations: Array
     width_floor: float
+    proved: tuple[Array, ...]
+    counted: tuple[Array, ...]
+    limits: tuple[float, float]
+
+    def stable_share(self, stretches: tuple[Array, ...]) -> Array:
+        """``(rows,)``: which part of the stable mesh frequencies these stretches make up; NaN where none is stable."""
+        length = np.array([np.ptp(parts, axis=1).sum() for parts in stretches])
+        start, stop = self.limits
+        stable = stop - start - np.bincount(self.row, self.upper - self.lower, minlength=self.rows)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = np.where(stable > ROUNDING * stop, length / stable, np.nan)
+        return np.where(np.abs(share - 1) < ROUNDING, 1.0, share)
+
+    def stretches(self, parts: tuple[Array, ...]) -> Array:
+        """``(K, 2, rows)``: stretches of all rows, NaN where a row has fewer; gaps below the width floor bridged."""
+        bridged = [_bridged(own, self.width_floor) for own in parts]
+        result = np.full((max((len(own) for own in bridged), default=0), 2, self.rows), np.nan)
+        for row, own in enumerate(bridged):
+            result[: len(own), :, row] = own
+        return result
 
     def labels(self) -> list[str]:
         """Of each region; the tongues of a merged one are joined by " & "."""
@@ -90,6 +117,14 @@ class Boundaries:
         names += ["cut_below"] if self.cut[region, 0] else []
         names += ["cut_above"] if self.cut[region, 1] else []
         return sum(BOUNDARY_FLAGS[name] for name in names)
+
+
+def _bridged(parts: Array, floor: float) -> Array:
+    """Ascending disjoint stretches ``(K, 2)``, neighbours joined over gaps narrower than ``floor``, relative."""
+    if len(parts) < 2:
+        return parts
+    apart = parts[1:, 0] > parts[:-1, 1] * (1 + floor)
+    return np.stack([parts[np.append(True, apart), 0], parts[np.append(apart, True), 1]], axis=1)
 
 
 @dataclass(frozen=True)

@@ -18,11 +18,12 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from gearstab.floquet.boundaries import damped
+from gearstab.floquet.boundaries.damped import Found, Limits
 from gearstab.floquet.boundaries.krein import evaluate
-from gearstab.floquet.boundaries.points import Resolved
+from gearstab.floquet.boundaries.points import Resolved, exact
 from gearstab.floquet.boundaries.search import Interval, Search
-from gearstab.floquet.boundaries.undamped import search
+from gearstab.floquet.kernel import choice as kernel
+from gearstab.floquet.kernel.chain import ROUNDING, Chain, chain
 from gearstab.floquet.segments.pattern import Pattern
 from gearstab.floquet.smooth.compare import difference, scan
 from gearstab.floquet.smooth.control import SAFETY, Ladder, first
@@ -42,61 +43,61 @@ ENTRIES_AT_ONCE = 2**21
 """Of the matrices of the segments of all rows that are treated together, at TYPICAL segments."""
 TYPICAL = 1024
 
-Found = TypeVar("Found")
-Limits = Callable[[Pattern], tuple[Array, Array]]
-"""The range of cycles of each row of a pattern."""
+Result = TypeVar("Result")
 Verdict = Callable[[Pattern], Callable[[Array, Array], Array]]
 """For a pattern: which points (row, cycle) are stable."""
 
 
-def undamped(system: GearSystem, limits: Limits, tolerance: float, floor: float) -> Iterator[tuple[Pattern, Search]]:
-    """Patterns of all rows and their unstable intervals; the edges' brackets contain the error of the steps."""
+def searched(system: GearSystem, limits: Limits) -> Iterator[tuple[Pattern, Search | tuple[Chain, Found]]]:
+    """Patterns of all rows and what is found out about them; the edges' brackets contain the error of the steps."""
+    if system.damping is None:
+        for division in _pieces(system):
+            yield _conservative(division, limits)
+        return
+    free = list(_pieces(replace(system, damping=None)))
+    for division in _pieces(system):
+        moving = (division.elastic.shift != 0) | (division.elastic.damping is not None)
+        if not moving.all():
+            yield _conservative(division.subset(np.flatnonzero(~moving)), limits)
+        for other in free:
+            rows = np.intersect1d(division.rows[moving], other.rows)
+            if len(rows):
+                own, plain = (d.subset(np.searchsorted(d.rows, rows)) for d in (division, other))
+                yield _damped(own, plain, limits)
 
+
+def _conservative(division: Division, limits: Limits) -> tuple[Pattern, Search]:
     def stable(pattern: Pattern) -> Callable[[Array, Array], Array]:
         return lambda row, cycle: evaluate(pattern, row, cycle).stable
 
-    for division in _pieces(system):
-
-        def run(pattern: Pattern) -> Search:
-            return search(pattern, *limits(pattern), tolerance, floor)
-
-        pattern, found, error = _controlled(division, limits, tolerance, run, lambda s: s.intervals, stable)
-        yield pattern, replace(found, intervals=_widened(found.intervals, error))
+    pattern, found, error = _controlled(division, limits, limits.undamped, lambda s: s.intervals, stable)
+    return pattern, replace(found, intervals=_widened(found.intervals, error))
 
 
-def with_damping(
-    system: GearSystem, limits: Limits, tolerance: float, floor: float
-) -> Iterator[tuple[Pattern, Pattern, Search, Search]]:
-    """(pattern, pattern without damping, its intervals of growth, intervals without damping) of all rows."""
-    free = list(_pieces(replace(system, damping=None)))
+def _damped(division: Division, plain: Division, limits: Limits) -> tuple[Pattern, tuple[Chain, Found]]:
+    """plain: the same rows without damping."""
 
     def stable(pattern: Pattern) -> Callable[[Array, Array], Array]:
-        growth = damped.Growth(pattern)
-        return lambda row, cycle: growth(row, cycle)[0] <= 0
+        flow = chain(exact(pattern))
+        return lambda row, cycle: kernel.current().moduli(flow, row, cycle)[:, 0] <= 0
 
+    def guide(rows: Array) -> Pattern:
+        own = plain.subset(rows)
+        return _resolved(own, _resolution(own, limits), limits)
+
+    def run(pattern: Pattern) -> Found:
+        # A proof allows for what the steps may be wrong by.
+        flow = replace(chain(exact(pattern)), rounding=max(ROUNDING, limits.tolerance))
+        return limits.damped(flow, pattern, guide)
+
+    pattern, found, error = _controlled(division, limits, run, lambda f: f.intervals, stable)
+    return pattern, (chain(pattern), replace(found, intervals=_widened(found.intervals, error)))
+
+
+def patterns(system: GearSystem, limits: Limits) -> Iterator[Pattern]:
+    """Patterns of all rows, in steps as a search begins with."""
     for division in _pieces(system):
-        for other in free:
-            rows = np.intersect1d(division.rows, other.rows)
-            if len(rows) == 0:
-                continue
-            own, plain = (d.subset(np.searchsorted(d.rows, rows)) for d in (division, other))
-            guide = _resolved(plain, _resolution(plain, limits, tolerance), limits)
-
-            def run(pattern: Pattern, guide: Pattern = guide) -> tuple[Search, Search]:
-                return damped.search(pattern, guide, *limits(pattern), tolerance, floor)
-
-            pattern, found, error = _controlled(own, limits, tolerance, run, lambda s: s[0].intervals, stable)
-            yield pattern, guide, replace(found[0], intervals=_widened(found[0].intervals, error)), found[1]
-
-
-def undamped_patterns(system: GearSystem, start: float, stop: float, tolerance: float = 1e-10) -> Iterator[Pattern]:
-    """Patterns, in steps as a search between two mesh frequencies begins with, of all rows without damping."""
-
-    def limits(pattern: Pattern) -> tuple[Array, Array]:
-        return pattern.elastic.rate / stop, pattern.elastic.rate / start
-
-    for division in _pieces(replace(system, damping=None)):
-        yield _resolved(division, _resolution(division, limits, tolerance), limits)
+        yield _resolved(division, _resolution(division, limits), limits)
 
 
 def _pieces(system: GearSystem) -> Iterator[Division]:
@@ -110,17 +111,16 @@ def _pieces(system: GearSystem) -> Iterator[Division]:
 def _controlled(
     division: Division,
     limits: Limits,
-    tolerance: float,
-    run: Callable[[Pattern], Found],
-    intervals: Callable[[Found], list[Interval]],
+    run: Callable[[Pattern], Result],
+    intervals: Callable[[Result], list[Interval]],
     stable: Verdict,
-) -> tuple[Pattern, Found, Array]:
+) -> tuple[Pattern, Result, Array]:
     """The pattern, what ``run`` finds on it, and the error of each interval's edges ``(I, 2)``, relative."""
     if division.constant.all():
         pattern = division.pattern(CF6_5, 0)
         found = run(pattern)
         return pattern, found, np.zeros((len(intervals(found)), 2))
-    resolution = _resolution(division, limits, tolerance)
+    tolerance, resolution = limits.tolerance, _resolution(division, limits)
     for attempt in range(ATTEMPTS + 1):
         pattern = _resolved(division, resolution, limits)
         found = run(pattern)
@@ -134,16 +134,16 @@ def _controlled(
 
 def _pilots(division: Division, limits: Limits) -> Array:
     """``(r, PILOTS)``, mesh frequencies in the division's units."""
-    low, high = limits(division.pattern(CF4_2, 0))
+    low, high = limits.cycles(division.pattern(CF4_2, 0))
     return 1 / np.geomspace(low, high, PILOTS, axis=1)
 
 
-def _resolution(division: Division, limits: Limits, tolerance: float) -> int:
+def _resolution(division: Division, limits: Limits) -> int:
     """That of CF6:5 at which the multipliers are likely to be right to pi times the tolerance."""
     if division.constant.all():
         return 2
     omega = _pilots(division, limits)
-    return int(first(Ladder(division, CF6_5), omega, _decay(division, omega), np.pi * tolerance)[0].max())
+    return int(first(Ladder(division, CF6_5), omega, _decay(division, omega), np.pi * limits.tolerance)[0].max())
 
 
 def _decay(division: Division, omega: Array) -> Array:

@@ -8,19 +8,22 @@ from fractions import Fraction
 
 import numpy as np
 
-from gearstab.floquet.boundaries import damped, labels, naming, smooth
-from gearstab.floquet.boundaries.labels import Unnamed
+from gearstab.floquet.boundaries import harmonics, labels, naming, smooth
+from gearstab.floquet.boundaries.coverage import Coverage
+from gearstab.floquet.boundaries.damped import Found, Guide, Limits, collisions, growing
 from gearstab.floquet.boundaries.parts import Part, Region, separated, united, without_damping
 from gearstab.floquet.boundaries.regions import Boundaries, tongue_of
 from gearstab.floquet.boundaries.search import Interval, Search, by_row
-from gearstab.floquet.boundaries.undamped import search
+from gearstab.floquet.kernel.chain import Chain, chain
 from gearstab.floquet.segments.pattern import Pattern, prepare
 from gearstab.modal import mean_modes
 from gearstab.perturbation.tongues import Tongue, self_excited
 from gearstab.system import Array, GearSystem
 
-PRESENT = 0.4
-"""The share that a tongue of a merged undamped region needs somewhere in a damped region to be named as part of it."""
+FEW = 500
+"""Collisions of multipliers of a row without damping up to which damped regions are named after undamped ones."""
+BUDGET = 4e9
+"""Multiplications for the proof of a damped row: about a second."""
 
 
 def boundaries(
@@ -30,15 +33,15 @@ def boundaries(
     tolerance: float = 1e-10,
     width_floor: float = 1e-6,
     reduction: bool = True,
+    budget: float = BUDGET,
 ) -> Boundaries:
     """All instability regions between the mesh frequencies ``start`` and ``stop`` of the first mesh.
 
     Conservative rows: an integer count of the collisions of multipliers finds regions however narrow, and stable gaps
     too (:mod:`~gearstab.floquet.boundaries.krein`; for three and more modes with a test on the speeds of the phases).
-    Edges lie in brackets between a stable and an unstable point. Damped rows: the zeros of the growth rate, looked
-    for in and around the regions of the same system without damping, and on a scan uniform in the period
-    (:mod:`~gearstab.floquet.boundaries.damped`). That is no proof: a damped region far from all undamped ones, or a
-    gap between merged regions, may be missed if it is narrower than about a fiftieth of the distance of collisions.
+    Edges lie in brackets between a stable and an unstable point. Damped rows: Lyapunov functions prove, in floating
+    point, where the system is stable and where it is not, within a budget; the rest is scanned with a step set by
+    damping (:mod:`~gearstab.floquet.boundaries.damped`). The result says what is proved and what is counted.
     Where negative damping makes a mode grow by itself, be it a rigid-body mode, it is named first (``self-excited``).
     Where the mesh stiffness is smooth the tolerance of an edge contains the error of the Magnus steps
     (:mod:`~gearstab.floquet.boundaries.smooth`). Otherwise parts that the meshes do not couple are searched one by
@@ -50,6 +53,7 @@ def boundaries(
     start, stop: range of Omega, rad per unit time, 0 < start < stop.
     tolerance, width_floor: of the edges and of a region, relative to Omega. Below 1e-13 rounding has the last word.
     reduction: False to search every system as a whole (slower, for comparison).
+    budget: multiplications for the proof of a damped row, and as many again for its scan.
 
     Raises
     ------
@@ -66,45 +70,41 @@ def boundaries(
     # The same rows without damping are looked at too: the batch must not rest on the damping alone.
     system = system.over(system.batch)
     found = _Collected(system, start, stop, width_floor)
-    if system.damping is None:
-        for part, intervals in _undamped(system, start, stop, tolerance, width_floor, reduction):
-            found.undamped(part, intervals)
-    else:
-        for part, guide, *both in _damped(system, start, stop, tolerance, width_floor, reduction):
-            found.damped(part, guide, *both)
+    limits = Limits(start, stop, tolerance, width_floor, budget)
+    for part, own in _searched(system, limits, reduction):
+        found.rigid(part)
+        if isinstance(own, Search):
+            found.undamped(part, own)
+        else:
+            found.damped(part, *own)
     return found.result(rows)
 
 
-def _undamped(
-    system: GearSystem, start: float, stop: float, tolerance: float, floor: float, reduction: bool
-) -> Iterator[tuple[Part, Search]]:
-    """Parts of all rows and their intervals."""
+def _searched(
+    system: GearSystem, limits: Limits, reduction: bool
+) -> Iterator[tuple[Part, Search | tuple[Chain, Found]]]:
+    """Parts of all rows and what is found out about them."""
     if not system.piecewise_constant:
-        for pattern, found in smooth.undamped(system, lambda p: _range(p, start, stop), tolerance, floor):
+        for pattern, found in smooth.searched(system, limits):
             yield next(separated(pattern, False)), found
         return
     for pattern in prepare(system):
         for part in separated(pattern, reduction):
-            yield part, search(part.pattern, *_range(part.pattern, start, stop), tolerance, floor)
+            moving = (part.pattern.elastic.shift != 0) | (part.pattern.elastic.damping is not None)
+            for rows in (np.flatnonzero(~moving), np.flatnonzero(moving)):
+                if len(rows) == 0:
+                    continue
+                own = part.subset(rows)
+                if not moving[rows[0]]:
+                    yield own, limits.undamped(own.pattern)
+                else:
+                    flow = chain(own.pattern)
+                    yield own, (flow, limits.damped(flow, own.pattern, _guide(own.pattern)))
 
 
-def _damped(
-    system: GearSystem, start: float, stop: float, tolerance: float, floor: float, reduction: bool
-) -> Iterator[tuple[Part, Pattern, Search, Search]]:
-    """Parts of all rows, their patterns without damping, and the intervals of both."""
-    if not system.piecewise_constant:
-        for pattern, guide, *both in smooth.with_damping(system, lambda p: _range(p, start, stop), tolerance, floor):
-            yield next(separated(pattern, False)), guide, both[0], both[1]
-        return
-    for pattern in prepare(system):
-        for part in separated(pattern, reduction):
-            guide = without_damping(part.pattern)
-            yield part, guide, *damped.search(part.pattern, guide, *_range(guide, start, stop), tolerance, floor)
-
-
-def _range(pattern: Pattern, start: float, stop: float) -> tuple[Array, Array]:
-    """Cycles 1/Omega in the pattern's units, from the highest to the lowest mesh frequency."""
-    return pattern.elastic.rate / stop, pattern.elastic.rate / start
+def _guide(pattern: Pattern) -> Guide:
+    """Rows of a pattern without damping."""
+    return lambda rows: without_damping(pattern.subset(rows))
 
 
 @dataclass
@@ -120,6 +120,7 @@ class _Collected:
         rows = int(np.prod(self.system.batch, dtype=int))
         self.regions: list[Region] = []
         self.contacts, self.evaluations = np.zeros((2, rows), dtype=np.int64)
+        self.coverage = Coverage(rows, self.start, self.stop)
         modes = mean_modes(self.system)
         n = self.system.size
         self.squared = np.broadcast_to(modes.squared_frequency, (*self.system.batch, n)).reshape(rows, n)
@@ -127,46 +128,75 @@ class _Collected:
         self.tongues: dict[tuple[int, int, int], Tongue] = {}
         self.latest: tuple[Part | None, int, tuple[int, float, list[int]]] = None, -1, (-1, 0.0, [])
 
+    def rigid(self, part: Part) -> None:
+        """Rows in which a rigid-body mode grows are unstable everywhere."""
+        rows = part.pattern.rows
+        for row in rows[part.pattern.elastic.rigid_growth > 0]:
+            tongue = self._self_excited(self._rigid(int(row), part.whole))
+            self.regions.append(Region(int(row), (self.start, self.stop), (0.0, 0.0), (True, True), (tongue,)))
+
     def undamped(self, part: Part, found: Search) -> None:
         """Name and keep the regions of a part."""
-        self._count(part, found)
+        self.contacts[part.pattern.rows] += part.copies * found.contacts
+        self.evaluations[part.pattern.rows] += found.evaluations
         names = self._named(part, part.pattern, found.intervals)
         for interval, roots in zip(found.intervals, names, strict=True):
             self._keep(part, interval, roots)
+        self.coverage.count(part.pattern.rows)
 
-    def _count(self, part: Part, found: Search) -> None:
-        self.contacts[part.pattern.rows] += part.copies * found.contacts
-        self.evaluations[part.pattern.rows] += found.evaluations
-
-    def damped(self, part: Part, guide: Pattern, found: Search, free: Search) -> None:
-        """Name the regions of a damped part by the undamped ones they overlap, and keep them."""
-        self._count(part, found)
+    def damped(self, part: Part, flow: Chain, found: Found) -> None:
+        """The same of a damped part."""
         pattern = part.pattern
-        names = self._named(part, guide, free.intervals)
-        guides = by_row(np.array([g.row for g in free.intervals], dtype=int), len(pattern.rows))
-        probes = [
-            (k, j, c)
-            for k, interval in enumerate(found.intervals)
-            for j, c in _probes(interval, [(int(j), free.intervals[j]) for j in guides[interval.row]])
-        ]
-        rows = np.array([found.intervals[k].row for k, _, _ in probes], dtype=int)
-        seen = naming.shares(guide, rows, np.array([c for _, _, c in probes])) if probes else []
-        self.evaluations[pattern.rows] += np.bincount(rows, minlength=len(pattern.rows))
-        shares: list[labels.Shares] = [{} for _ in found.intervals]
-        for (k, j, _), there in zip(probes, seen, strict=True):
-            for root in names[j]:
-                shares[k][root] = max(shares[k].get(root, 0.0), there.get(root, 0.0))
-        growing = damped.growing(pattern)
-        for interval, share in zip(found.intervals, shares, strict=True):
-            best = sorted(share, key=lambda root: (-round(share[root], 3), root))
-            roots = tuple(r for r in best if r == best[0] or share[r] > PRESENT)
-            if not roots and growing[interval.row] < 0:
-                roots = self._nearest(part, interval)
-            self._keep(part, interval, roots, int(growing[interval.row]))
-        for member in np.flatnonzero(pattern.elastic.rigid_growth > 0):
-            tongue = self._self_excited(self._rigid(int(pattern.rows[member]), part.whole))
-            ends, nowhere = (self.start, self.stop), (0.0, 0.0)
-            self.regions.append(Region(int(pattern.rows[member]), ends, nowhere, (True, True), (tongue,)))
+        self.evaluations[pattern.rows] += found.evaluations
+        names = self._of_damped(part, flow, found)
+        driven = growing(pattern)
+        for interval, roots in zip(found.intervals, naming.coupled(pattern, found.intervals, names), strict=True):
+            self._keep(part, interval, roots, int(driven[interval.row]))
+        for k, row in enumerate(pattern.rows):
+            ranges = []
+            for stretches in (found.proved, found.counted):
+                own = stretches.row == k
+                cycles = np.stack([stretches.stop[own], stretches.start[own]], axis=1)
+                ranges.append(np.clip(pattern.elastic.rate[k] / cycles, self.start, self.stop))
+            self.coverage.add(int(row), *ranges)
+
+    def _of_damped(self, part: Part, flow: Chain, found: Found) -> list[tuple[labels.Root, ...]]:
+        """The roots of each damped region; where harmonics leave doubts in a row, with the help of undamped ones."""
+        seen = harmonics.seen(flow, found.intervals, found.peaks)
+        plain = harmonics.plain(found.intervals, seen)
+        names: list[tuple[labels.Root, ...]] = [() if root is None else (root,) for root in plain]
+        doubtful = [k for k, root in enumerate(plain) if root is None]
+        intervals = [found.intervals[k] for k in doubtful]
+        allowed = self._of_undamped(part, flow, intervals)
+        for k, own in zip(
+            doubtful, harmonics.named(flow, intervals, [seen[k] for k in doubtful], allowed), strict=True
+        ):
+            names[k] = own
+        return names
+
+    def _of_undamped(self, part: Part, flow: Chain, intervals: list[Interval]) -> list[set[labels.Root]]:
+        """The roots of those regions of the system without damping that each damped one overlaps, or of the nearest;
+        none where the common period is so long that there are too many.
+        """
+        limits = Limits(self.start, self.stop, 0.1 * self.floor, self.floor, 0.0)
+        owner = np.array([i.row for i in intervals], dtype=int)
+        few = collisions(flow, *limits.cycles(part.pattern)) <= FEW
+        rows = np.unique(owner[few[owner]])
+        if len(rows) == 0:
+            return [set() for _ in intervals]
+        own = part.subset(rows)
+        pattern = without_damping(own.pattern)
+        free = limits.undamped(pattern)
+        self.evaluations[pattern.rows] += free.evaluations
+        of_row = by_row(np.array([g.row for g in free.intervals], dtype=int), len(rows))
+        near: list[list[int]] = [[] for _ in intervals]
+        for k, interval in enumerate(intervals):
+            place = np.searchsorted(rows, interval.row)
+            if place < len(rows) and rows[place] == interval.row:
+                near[k] = _near(interval, free.intervals, of_row[place])
+        wanted = sorted({j for own_guides in near for j in own_guides})
+        names = dict(zip(wanted, self._named(own, pattern, [free.intervals[j] for j in wanted]), strict=True))
+        return [{root for j in own_guides for root in names[j]} for own_guides in near]
 
     def _named(self, part: Part, pattern: Pattern, intervals: list[Interval]) -> list[tuple[labels.Root, ...]]:
         """The roots of each region of a part's undamped pattern, modes counted from 0 in the part."""
@@ -174,11 +204,6 @@ class _Collected:
         names, extra = naming.named(pattern, intervals, frequency)
         self.evaluations[pattern.rows] += extra
         return names
-
-    def _nearest(self, part: Part, interval: Interval) -> tuple[labels.Root, ...]:
-        """The root of a damped region that has no undamped one to be named after."""
-        region = Unnamed(0.5 * (interval.start + interval.stop), {}, (0, 0, 0), (0, 0, 0))
-        return labels.assign([region], self._frequency(part, interval.row), part.pattern.cycles)[0]
 
     def _frequency(self, part: Part, k: int) -> Array:
         """``(n,)``, natural frequencies of a part's k-th row, in its units."""
@@ -231,9 +256,11 @@ class _Collected:
         """Everything, by row and mesh frequency."""
         regions = united(self.regions)
         edges = np.array([region.edges for region in regions], dtype=float).reshape(-1, 2)
+        row = np.array([region.row for region in regions], dtype=int)
+        covered = [self.coverage.of(k, edges[own]) for k, own in enumerate(by_row(row, rows))]
         return Boundaries(
             rows,
-            np.array([region.row for region in regions], dtype=int),
+            row,
             edges[:, 0],
             edges[:, 1],
             np.array([0.5 * max(region.error) for region in regions], dtype=float),
@@ -242,18 +269,16 @@ class _Collected:
             self.contacts,
             self.evaluations,
             self.floor,
+            tuple(proved for proved, _ in covered),
+            tuple(counted for _, counted in covered),
+            (self.start, self.stop),
         )
 
 
-def _probes(interval: Interval, guides: list[tuple[int, Interval]]) -> list[tuple[int, float]]:
-    """Points of the undamped regions that overlap a damped one, or of the nearest, at which to look for its tongues."""
-    found = []
-    for j, g in guides:
-        low, high = max(g.start, interval.start), min(g.stop, interval.stop)
-        if low < high:
-            found += [(j, low + part * (high - low)) for part in (0.1, 0.5, 0.9)]
-    if not found and guides:
-        middle = 0.5 * (interval.start + interval.stop)
-        j, g = min(guides, key=lambda item: max(item[1].start - middle, middle - item[1].stop))
-        found.append((j, 0.5 * (g.start + g.stop)))
-    return found
+def _near(interval: Interval, guides: list[Interval], among: Array) -> list[int]:
+    """Positions of the undamped regions of a row that an interval overlaps, or of the nearest."""
+    found = [int(j) for j in among if max(guides[j].start, interval.start) < min(guides[j].stop, interval.stop)]
+    if found or len(among) == 0:
+        return found
+    middle = 0.5 * (interval.start + interval.stop)
+    return [min((int(j) for j in among), key=lambda j: max(guides[j].start - middle, middle - guides[j].stop))]

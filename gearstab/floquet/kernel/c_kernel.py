@@ -14,7 +14,8 @@ import numpy as np
 
 from gearstab import ckernel
 from gearstab.ckernel import threads
-from gearstab.floquet.kernel import invariants, numpy_kernel
+from gearstab.floquet.kernel import invariants, lyapunov, numpy_kernel
+from gearstab.floquet.kernel.chain import Chain
 from gearstab.floquet.kernel.damped import Generators
 from gearstab.floquet.segments.pattern import Pattern
 from gearstab.system import Array
@@ -269,21 +270,79 @@ def _scan_modes(
 ) -> tuple[Array, Array]:
     """:func:`scan_damped` in the real modal coordinates of the states, meaningless where they are ill-conditioned."""
     values, basis, inverse = generator.real_modes
-    distinct, index = pattern.pairs(inverse, basis)
+    given = _damped(pattern.cycles, values, pattern.fractions, pattern.states, *pattern.pairs(inverse, basis))
     growth, scale = np.empty(omega.shape), np.empty(omega.shape)
-    state = np.ascontiguousarray(pattern.states, dtype=np.int64)
-    for rows in _portions(len(omega), len(state), values.shape[-1]):
-        count = rows.stop - rows.start
-        numbers = (count, len(state), *values.shape[1:], float(pattern.cycles))
-        arrays = (values[rows].real, values[rows].imag, pattern.fractions[rows])
-        given = (numbers, *map(_contiguous, arrays), state, _contiguous(distinct[rows].take(index, axis=1)))
-        own = (omega.shape[1], omega[rows], growth[rows], scale[rows], multipliers[rows])
+    own = (omega.shape[1], omega, growth, scale, multipliers)
 
-        def part(first: int, last: int, all_of: tuple[Any, ...] = (given, own)) -> None:
-            _library().scan_damped(ckernel.simd(), *all_of[0], first, last, *all_of[1])
+    def part(first: int, last: int) -> None:
+        _library().scan_damped(ckernel.simd(), *given, first, last, *own)
 
-        _in_threads(part, count, omega.shape[1] * _cost(pattern), limit)
+    _in_threads(part, len(omega), omega.shape[1] * _cost(pattern), limit)
     return growth, scale
+
+
+def _damped(
+    cycles: float, values: Array, fractions: Array, states: Array, change: Array, index: Array
+) -> tuple[Any, ...]:
+    """A damped pattern as the C functions take it."""
+    rows, count, size = values.shape
+    numbers = (rows, len(states), count, change.shape[1], size, float(cycles))
+    indices = (np.ascontiguousarray(part, dtype=np.int64) for part in (states, index))
+    return (numbers, *map(_contiguous, (values.real, values.imag, fractions)), *indices, _contiguous(change))
+
+
+def _of_chain(chain: Chain) -> tuple[Any, ...]:
+    return _damped(chain.cycles, chain.values, chain.fractions, chain.states, chain.change, chain.index)
+
+
+def moduli(chain: Chain, row: Array, cycle: Array, limit: int | None = None) -> Array:
+    """What :func:`gearstab.floquet.kernel.lyapunov.moduli` says."""
+    logs = np.empty((len(row), chain.size))
+    given, where = _of_chain(chain), (_whole(row), _contiguous(cycle))
+
+    def part(first: int, last: int) -> None:
+        _library().moduli(ckernel.simd(), *given, first, last, len(row), *where, logs)
+
+    _in_threads(part, len(row), float(len(chain.states) * chain.size**3), limit)
+    left = np.flatnonzero(np.isnan(logs).any(axis=1) | ~chain.sound[row])
+    if len(left):
+        logs[left] = lyapunov.moduli(chain, row[left], cycle[left])
+    return logs
+
+
+def products(chain: Chain, row: Array, cycle: Array, limit: int | None = None) -> tuple[Array, Array]:
+    """What :func:`gearstab.floquet.kernel.lyapunov.products` says."""
+    matrix, scale = np.empty((len(row), chain.size, chain.size)), np.empty(len(row))
+    given, where = _of_chain(chain), (_whole(row), _contiguous(cycle))
+
+    def part(first: int, last: int) -> None:
+        _library().products(ckernel.simd(), *given, first, last, len(row), *where, matrix, scale)
+
+    _in_threads(part, len(row), float(len(chain.states) * chain.size**3), limit)
+    left = np.flatnonzero(~chain.sound[row])
+    if len(left):
+        matrix[left], scale[left] = lyapunov.products(chain, row[left], cycle[left])
+    return matrix, scale
+
+
+def radii(chain: Chain, row: Array, cycle: Array, growth: Array, limit: int | None = None) -> Array:
+    """What :func:`gearstab.floquet.kernel.lyapunov.radii` says."""
+    radius = np.empty((len(row), 2))
+    given = (*_of_chain(chain), _contiguous(chain.weight), lyapunov.settings(chain))
+    where = (_whole(row), _contiguous(cycle), _contiguous(growth))
+
+    def part(first: int, last: int) -> None:
+        _library().radii(ckernel.simd(), *given, first, last, len(row), *where, radius)
+
+    _in_threads(part, len(row), 10.0 * len(chain.states) * chain.size**3, limit)
+    left = np.flatnonzero(np.isnan(radius).any(axis=1) | ~chain.sound[row])
+    if len(left):
+        radius[left] = lyapunov.radii(chain, row[left], cycle[left], growth[left])
+    return radius
+
+
+def _whole(values: Array) -> Array:
+    return np.ascontiguousarray(values, dtype=np.int64)
 
 
 def _library() -> Any:

@@ -18,7 +18,10 @@ frequencies ``(r, P)`` in units of the pattern's rate:
 * ``scan_damped(pattern, generator, omega) -> (growth, scale)``: ln max |lambda| a common period of a damped pattern
   and the logarithm of the size of its monodromy matrix, ``(r, P)`` each;
 * ``multipliers_damped(pattern, generator, omega) -> (growth, scale, multipliers)``: the same and all multipliers over
-  exp(scale), ``(r, P, m)``.
+  exp(scale), ``(r, P, m)``;
+* ``products(chain, row, cycle)``, ``moduli(chain, row, cycle)``, ``radii(chain, row, cycle, growth)``: monodromy
+  matrices, ln |lambda| of multipliers and radii of Lyapunov functions at single points of damped systems, see
+  :mod:`gearstab.floquet.kernel.lyapunov`.
 
 :mod:`gearstab.ckernel` says which one is in use.
 """

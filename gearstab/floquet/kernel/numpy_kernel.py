@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gearstab.floquet.kernel import damped
+from gearstab.floquet.kernel import damped, lyapunov
 from gearstab.floquet.kernel.damped import Generators
 from gearstab.floquet.kernel.invariants import DOUBTFUL, UNSTABLE, classify, growth_of, roots
 from gearstab.floquet.segments.pattern import Pattern
@@ -26,6 +26,8 @@ CHUNK = 1024
 """Mesh frequencies treated at once: the 2n x 2n matrices of a chunk then stay in the processor's cache."""
 LARGE = 2.0**200
 """Entries above this are scaled down, so that a product of any length stays finite."""
+
+products, moduli, radii = lyapunov.products, lyapunov.moduli, lyapunov.radii
 
 
 def propagate(pattern: Pattern, row: int, omega: Array) -> tuple[Array, Array]:

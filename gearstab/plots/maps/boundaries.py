@@ -19,6 +19,7 @@ from gearstab.plots.drawing.heading import write_legend, write_title
 from gearstab.plots.drawing.style import CASES, DASHES, LINE, SHADE, new_figure
 from gearstab.plots.drawing.tongues import Tongues
 from gearstab.plots.errors import PlotError
+from gearstab.plots.maps import proved
 
 Array = np.ndarray
 Artists = dict[str, Any]
@@ -37,7 +38,8 @@ def view_boundaries(tree: xr.DataTree, request: Request) -> View:
     if "side" not in dims:
         raise PlotError("this result holds no boundaries (methods.perturbation, uncoupled or boundaries was not run)")
     speed = next((name for name in SPEEDS if name in dims), FREQUENCY)
-    kept = dict.fromkeys([speed, *(name for name in dims if name not in ("tongue", "side", "exponent", "mesh"))])
+    inner = ("tongue", "side", "stretch", "exponent", "mesh")
+    kept = dict.fromkeys([speed, *(name for name in dims if name not in inner)])
     view = view_of(tree, kept, request)
     if tongues.parameter_axis(view) is None:
         names = " and ".join(axis.name for axis in (view.x, view.y) if axis is not None)
@@ -84,11 +86,11 @@ def draw_marks(ax: Axes, exact: Tongues, frequency_on_x: bool, colour: str) -> t
 def draw_case(
     tree: xr.DataTree, ax: Axes, view: View, number: int = 0, fill: Any = SHADE, marks: bool = True
 ) -> Artists:
-    """Draw one case into a frame: ``regions``, ``perturbation``, ``uncoupled``, ``boundaries`` and ``thin`` (see
-    :func:`draw_marks`), None where the result does not hold them.
+    """Draw one case into a frame: ``regions``, ``perturbation``, ``uncoupled``, ``boundaries``, ``thin`` (see
+    :func:`draw_marks`) and ``proved``, None where the result does not hold them.
 
     number: which colour and line style; fill: the colour of the unstable regions; marks: whether the exact boundaries
-    are marked even where the regions show them.
+    are marked even where the regions show them, and what is proved stable is tinted.
     """
     found = tongues.parameter_axis(view)
     assert found is not None
@@ -98,7 +100,8 @@ def draw_case(
     regions = draw_regions(tree, ax, view, fill)
     grid.frame(ax, view.x, view.y)
     limits = ax.get_xlim() if frequency_on_x else ax.get_ylim()
-    artists: Artists = {"regions": regions, "perturbation": None, "uncoupled": None, "boundaries": None, "thin": None}
+    artists: Artists = {"regions": regions, **dict.fromkeys(("perturbation", "uncoupled", "boundaries", "thin"))}
+    artists["proved"] = proved.draw_proved(tree, ax, view, parameter, frequency_on_x) if marks else None
     for group, pattern in (("perturbation", dash), ("uncoupled", DOTTED)):
         lines = tongues.read_tongues(tree, group, view, parameter)
         if lines is not None:
@@ -134,7 +137,7 @@ def legend_handles(cases: list[Artists], captions: list[str]) -> list[Any]:
             handles.append(Line2D([], [], color=LINE, linestyle="", markersize=2.2, label=LEGEND[name], **CIRCLE))
         elif name == "regions":
             handles.append(Patch(facecolor=SHADE if len(cases) == 1 else "#d9d9d9", label=LEGEND[name]))
-    return handles
+    return [*handles, *proved.legend_of(cases[0]["proved"])]
 
 
 def named_cases(tree: xr.DataTree, ax: Axes, views: list[View]) -> names.NamedTongues:

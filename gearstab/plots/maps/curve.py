@@ -16,7 +16,7 @@ from gearstab.plots.drawing import grid, names, tongues
 from gearstab.plots.drawing.heading import write_legend, write_title
 from gearstab.plots.drawing.style import CASES, DASHES, SHADE, new_figure
 from gearstab.plots.drawing.text import fitted
-from gearstab.plots.maps import doubt
+from gearstab.plots.maps import doubt, proved
 from gearstab.plots.maps.stability_map import GROWTH_RATE, colour_label, default_variable, find_variable
 
 Array = np.ndarray
@@ -57,7 +57,9 @@ def draw_bands(tree: xr.DataTree, ax: Axes, view: View) -> tuple[tongues.Tongues
 
 
 def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
-    """The whole figure: ``lines``, and for one case over the mesh frequency ``bands`` and ``names`` of the tongues."""
+    """The whole figure: ``lines``, and for one case over the mesh frequency ``bands`` and ``names`` of the tongues,
+    and ``proved``, what is proved stable.
+    """
     variable = request.variable or default_variable(tree)
     dataset, data = find_variable(tree, variable)
     view = view_of(tree, map(str, data.dims), request, dataset, two=False)
@@ -80,9 +82,11 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     if variable == GROWTH_RATE:
         ax.axhline(0.0, color="#8a8a8a", linewidth=0.4, zorder=0.8)
     found, bands = draw_bands(tree, ax, view) if len(cases) == 1 else (None, None)
-    write_legend(figure, [*(lines if len(cases) > 1 else []), *doubt.legend_of_curves(doubted)])
+    tint = proved.draw_proved(tree, ax, view, None) if len(cases) == 1 else None
+    handles = [*(lines if len(cases) > 1 else []), *proved.legend_of(tint), *doubt.legend_of_curves(doubted)]
+    write_legend(figure, handles)
     write_title(figure, tree, request, view)
     names.settle(figure)
     named = names.name_tongues(ax, found, True) if found is not None else None
     names.freeze(figure)
-    return figure, {"lines": lines, "bands": bands, "names": named, "left_out": note}
+    return figure, {"lines": lines, "bands": bands, "proved": tint, "names": named, "left_out": note}

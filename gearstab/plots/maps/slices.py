@@ -17,7 +17,7 @@ from gearstab.plots.drawing import names
 from gearstab.plots.drawing.heading import write_legend, write_title
 from gearstab.plots.drawing.style import new_figure
 from gearstab.plots.drawing.text import fitted
-from gearstab.plots.maps import doubt, stability_map
+from gearstab.plots.maps import doubt, proved, stability_map
 from gearstab.plots.maps.stability_map import colour_label, default_variable, find_variable
 
 Artists = dict[str, Any]
@@ -74,7 +74,8 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     bar.outline.set_linewidth(0.5)
     doubtful = {words: patches for panel in panels for words, patches in panel["doubtful"].items()}
     # The name of the axis stands in the middle.
-    write_legend(figure, doubt.legend_of_map(doubtful), "outside lower right")
+    tint = next((panel["proved"] for panel in panels if panel["proved"] is not None), None)
+    write_legend(figure, [*proved.legend_of(tint), *doubt.legend_of_map(doubtful)], "outside lower right")
     figure.supxlabel(view.x.label, fontsize=8.5)
     figure.supylabel(view.y.label, fontsize=8.5)  # type: ignore[union-attr]
     write_title(figure, tree, request, view)

@@ -16,7 +16,7 @@ from gearstab.plots.drawing.heading import write_legend, write_title
 from gearstab.plots.drawing.style import GROWTH, LINE, new_figure
 from gearstab.plots.drawing.text import axis_label, fitted
 from gearstab.plots.errors import PlotError, listed
-from gearstab.plots.maps import doubt
+from gearstab.plots.maps import doubt, proved
 
 Array = np.ndarray
 Artists = dict[str, Any]
@@ -99,7 +99,7 @@ def draw_map(
     Returns the artists, None where there is no such thing: ``cells`` (values of unstable points; stable ones masked),
     ``failed`` (hatched), ``note`` (if all is stable), ``neutral`` (the line growth_rate = 0 of a damped system),
     ``perturbation`` (lines), ``boundaries`` and ``thin`` (see ``tongues.exact_lines``), ``doubtful`` (hatchings by
-    their words, see :mod:`gearstab.plots.maps.doubt`).
+    their words, see :mod:`gearstab.plots.maps.doubt`), ``proved`` (a tint of what is proved stable).
     """
     assert view.y is not None
     values, failed = read_cells(tree, view, variable)
@@ -142,7 +142,7 @@ def draw_neutral(tree: xr.DataTree, ax: Axes, view: View) -> object | None:
 
 def draw_boundaries(tree: xr.DataTree, ax: Axes, view: View | None, dashed: bool) -> Artists:
     """Exact boundaries (solid) and those of perturbation theory (dashed next to another line) of the view, if any."""
-    artists: Artists = {"perturbation": None, "boundaries": None, "thin": None}
+    artists: Artists = {"perturbation": None, "boundaries": None, "thin": None, "proved": None}
     found = tongues.parameter_axis(view) if view is not None else None
     if view is None or found is None:
         return artists
@@ -151,6 +151,7 @@ def draw_boundaries(tree: xr.DataTree, ax: Axes, view: View | None, dashed: bool
     exact = tongues.read_tongues(tree, "boundaries", view, parameter)
     if exact is not None:
         artists["boundaries"], artists["thin"] = tongues.exact_lines(ax, exact, frequency_on_x)
+    artists["proved"] = proved.draw_proved(tree, ax, view, parameter, frequency_on_x)
     first = tongues.read_tongues(tree, "perturbation", view, parameter)
     if first is not None:
         seen = tongues.widest(first, low, high) > tongues.INVISIBLE
@@ -184,7 +185,7 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     )
     bar.outline.set_linewidth(0.5)
     artists["colour_bar"] = bar
-    write_legend(figure, doubt.legend_of_map(artists["doubtful"]))
+    write_legend(figure, [*proved.legend_of(artists["proved"]), *doubt.legend_of_map(artists["doubtful"])])
     write_title(figure, tree, request, view)
     names.settle(figure)
     artists["names"] = names.name_view(tree, ax, view)

@@ -1,0 +1,114 @@
+"""A period as a chain of constant generators in real modal coordinates, for damped systems.
+
+x' = A_d x in each state d, x = (u, u', r') as in :mod:`gearstab.floquet.kernel.damped`. In the real modes of A_d, one
+column a real eigenvalue and two a pair a +- ib, A_d consists of the numbers a and the blocks [[a, b], [-b, a]], and a
+segment acts as exp(a t) and rotations by b t. The coordinates change where the state does.
+
+Lengths are measured by the *action*: sum_j w_j u_j^2 + u_j'^2/w_j over the modes w_j of the mean system (coordinates of
+the pattern). It hardly changes in time without damping, and damping mu_j takes it from each mode at the rate 2 mu_j.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gearstab.floquet.kernel.damped import Generators, generators
+from gearstab.floquet.segments.pattern import Pattern
+from gearstab.system import Array
+
+ROUNDING = 1e-13
+"""What a proof allows for errors of a segment's propagator, relative: those of rounding."""
+
+
+@dataclass(frozen=True)
+class Chain:
+    """r rows of S segments over D states of dimension m.
+
+    cycles: N; the common period is N 2 pi/Omega. fractions ``(r, S)``, states ``(S,)``: as of a pattern.
+    generator: the matrices A_d. values: ``(r, D, m)`` complex, their eigenvalues, real ones first, of each pair that
+        above the real axis first. basis, inverse: ``(r, D, m, m)``, the real modes in columns.
+    change: ``(r, Q, m, m)``, distinct changes of coordinates; index: ``(S,)``, which of them follows each segment.
+    frequencies, rates: ``(r, n)``, w_j (NaN where the mean system has no stiffness along a coordinate) and mu_j, then
+        those of rigid velocities, without frequency.
+    weight: ``(r, D, m, m)``, the rate at which damping takes action, a quadratic form in the coordinates of the state.
+    sound: ``(r,)``, whether all states may be diagonalised; if not, the real modes are meaningless.
+    rounding: relative error of a segment's propagator that a proof allows for.
+    """
+
+    cycles: float
+    fractions: Array
+    states: Array
+    generator: Generators
+    values: Array
+    basis: Array
+    inverse: Array
+    change: Array
+    index: Array
+    frequencies: Array
+    rates: Array
+    weight: Array
+    sound: Array
+    rounding: float = ROUNDING
+
+    @property
+    def size(self) -> int:
+        """m."""
+        return int(self.values.shape[-1])
+
+    def period(self, cycle: Array) -> Array:
+        """T at 1/Omega = ``cycle``."""
+        return 2 * np.pi * self.cycles * cycle
+
+    def part(self, segments: slice) -> Chain:
+        """Some segments in a row: no period."""
+        return replace(
+            self, fractions=self.fractions[:, segments], states=self.states[segments], index=self.index[segments]
+        )
+
+
+def chain(pattern: Pattern) -> Chain:
+    """The chain of a pattern, with the uniform damping that was taken out of its stiffness put back."""
+    elastic = pattern.elastic
+    if elastic.damping is None:
+        unit = np.eye(pattern.size)
+        stiffness = pattern.stiffness + (elastic.shift**2)[:, None, None, None] * unit
+        elastic = replace(elastic, damping=2 * elastic.shift[:, None, None] * unit, shift=np.zeros_like(elastic.shift))
+        pattern = replace(pattern, stiffness=stiffness, elastic=elastic)
+    damping = elastic.damping
+    assert damping is not None
+    time = np.zeros(pattern.stiffness.shape[:2])
+    for s, state in enumerate(pattern.states):
+        time[:, state] += pattern.fractions[:, s]
+    squared = np.einsum("rd,rdii->ri", time, pattern.stiffness)
+    rates = [0.5 * np.einsum("rii->ri", damping)]
+    if elastic.rigid_damping is not None:
+        rates.append(0.5 * np.einsum("rii->ri", elastic.rigid_damping[..., pattern.size :]))
+    with np.errstate(invalid="ignore"):
+        frequencies = np.sqrt(squared)
+    where = (pattern.cycles, pattern.fractions, pattern.states)
+    return linked(*where, generators(pattern, damping), frequencies, np.concatenate(rates, axis=1))
+
+
+def linked(
+    cycles: float, fractions: Array, states: Array, generator: Generators, frequencies: Array, rates: Array
+) -> Chain:
+    """The chain of any generators; see :class:`Chain`."""
+    n = frequencies.shape[1]
+    known = np.where(frequencies > 0, frequencies, 1.0)
+    length = np.concatenate([known, 1 / known, np.ones_like(rates[:, n:])], axis=1)
+    loss = length * np.concatenate([rates[:, :n], rates], axis=1)
+    values, basis, inverse = generator.real_modes
+    # Columns of mean length 1, with the same factor for both of a pair.
+    square = np.einsum("rdij,ri->rdj", basis**2, length)
+    partner = np.where(values.imag > 0, np.roll(square, -1, axis=-1), np.roll(square, 1, axis=-1))
+    factor = 1 / np.sqrt(np.where(values.imag != 0, 0.5 * (square + partner), square))
+    basis, inverse = basis * factor[..., None, :], inverse / factor[..., None]
+    pairs, index = np.unique(np.stack([np.roll(states, -1), states]), axis=1, return_inverse=True)
+    change = inverse[:, pairs[0]] @ basis[:, pairs[1]]
+    weight = np.swapaxes(basis, -1, -2) @ (loss[:, None, :, None] * basis)
+    return Chain(
+        cycles, fractions, states, generator, values, basis, inverse, change, np.ravel(index), frequencies, rates,
+        0.5 * (weight + np.swapaxes(weight, -1, -2)), generator.well_conditioned,
+    )  # fmt: skip

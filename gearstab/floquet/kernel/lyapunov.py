@@ -1,0 +1,262 @@
+"""Lyapunov functions that come with a radius: a proof that no multiplier crosses the unit circle near a mesh frequency.
+
+Theorem. Let a period consist of segments x' = A_i x of length h_i, F_i = exp(A_i h_i), and let all lengths be stretched
+alike by 1 + eta, as they are when Omega falls to Omega/(1 + eta). Let symmetric P_0, ..., P_S = P_0 be given, Y_i =
+F_i^T P_(i+1) F_i, Q_i = P_i - Y_i, and E_i(X) = h_i (X A_i + A_i^T X). If for all i
+
+    Q_i > eta' E_i(X)    for X = P_i and X = Y_i,
+
+at eta' = eta and at 0, then M(eta)^T P_0 M(eta) < P_0 for the monodromy matrix M of all stretchings between 0 and eta.
+
+Proof. Stretched, a segment is F_i exp(eta h_i A_i). Along z' = h_i A_i z, 0 <= s <= eta, let V(s) = z^T X(s) z with
+X(s) = P_i - (s/eta) Q_i, from P_i to Y_i. V' = z^T (E_i(X(s)) - Q_i/eta) z is negative for eta > 0, as X(s) lies
+between P_i and Y_i and E_i is linear (for eta < 0 likewise, s running down). Hence z^T exp(..)^T Y_i exp(..) z < z^T
+P_i z, segment by segment. The conditions are linear in eta: what holds at 0 and at eta holds between.
+
+M^T P M < P allows no multiplier on the unit circle (M v = lambda v, |lambda| = 1 would give v^H P v < v^H P v), so that
+the number of multipliers outside is the same for all these mesh frequencies: none, if it is none at one of them. P is
+positive definite then; where k multipliers are outside it has k negative eigenvalues, and the theorem proves that the
+whole stretch is *unstable*.
+
+How P is found. The loss Q is chosen, q_i = |h_i| Theta + (exp(2 beta h_i) - 1) Y_i with the rate Theta at which damping
+takes action (:mod:`~gearstab.floquet.kernel.chain`) and, where all multipliers are inside, a part beta of the growth
+rate, which keeps P small where one of them is near the circle. This is M'^T P_0 M' - P_0 = -D with M' = exp(beta T) M,
+solved by doubling, P = sum (M'^T)^k D M'^k, or, where multipliers are outside, as a linear system.
+
+In floating point. What is tested is the matrices as they are computed: a step from P_(i+1) to Y_i, and Q_i = P_i - Y_i
+with the P_i that the next step really starts from, P_0 = P_S included. Only the rounding errors of one segment at a
+time are not covered by that; ``rounding`` times the largest entry of P is subtracted from Q for them. This is no
+interval arithmetic.
+
+The radius grows with damping, to about one damping ratio at epsilon = 0.3, and falls with the distance to an edge.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from gearstab.floquet.kernel.chain import Chain
+from gearstab.system import Array
+
+LARGEST = 0.5
+"""The largest radius that is asked for."""
+LEAST = 2.0**-40
+"""Of LARGEST: below this a radius is none."""
+BISECTIONS = 4
+"""Of a radius on a logarithmic scale, between halvings: it is found within 2^(1/16)."""
+PART = 0.4
+"""Of the slowest decay, that is built into P."""
+LONGEST = 1.0
+"""Decay of the action in a piece of a segment, at most."""
+PIECES = 64.0
+"""Of a segment, at most."""
+DOUBLINGS = 60
+NEGLIGIBLE = 1e-9
+"""Entries of M'^k below this add nothing to P."""
+
+
+UNKNOWNS = 80
+"""Of a linear system for P that is set up; larger P are found from the eigenvectors of M."""
+
+
+def moduli(chain: Chain, row: Array, cycle: Array) -> Array:
+    """ln |lambda| of all multipliers, descending, ``(P, m)``, at points (row, 1/Omega) ``(P,)``."""
+    product, scale = products(chain, row, cycle)
+    with np.errstate(divide="ignore"):
+        logs = np.log(np.abs(np.linalg.eigvals(product))) + scale[:, None]
+    return -np.sort(-logs, axis=1)
+
+
+def settings(chain: Chain) -> tuple[float | int, ...]:
+    """What the compiled kernel is told."""
+    numbers = (PART, LONGEST, PIECES, chain.rounding, LARGEST, LEAST, NEGLIGIBLE)
+    return (*numbers, BISECTIONS, DOUBLINGS, UNKNOWNS)
+
+
+def products(chain: Chain, row: Array, cycle: Array) -> tuple[Array, Array]:
+    """The product of all segments ``(P, m, m)`` in the coordinates of the states, over exp(scale); scale ``(P,)``."""
+    period, m, scale = chain.period(cycle), chain.size, np.zeros(len(row))
+    product = np.tile(np.eye(m), (len(row), 1, 1))
+    for s in range(len(chain.states)):
+        product = _step(chain, s, row, chain.fractions[row, s] * period) @ product
+        size = np.maximum(np.abs(product).max(axis=(1, 2)), np.finfo(float).tiny)
+        product, scale = product / size[:, None, None], scale + np.log(size)
+    return product, scale
+
+
+def _step(chain: Chain, segment: int, row: Array, duration: Array) -> Array:
+    """exp(A t) of a segment and what follows it; where the modes are meaningless, in the coordinates themselves."""
+    state, sound = chain.states[segment], chain.sound[row]
+    result = chain.change[row, chain.index[segment]] @ _exponential(chain.values[row, state], duration)
+    if not sound.all():
+        from scipy.linalg import expm  # takes as long to load as a small sweep to run
+
+        left = np.flatnonzero(~sound)
+        result[left] = expm(chain.generator.matrix[row[left], state] * duration[left, None, None])
+    return result
+
+
+def radii(chain: Chain, row: Array, cycle: Array, growth: Array) -> Array:
+    """``(P, 2)``: by which part all periods may be longer, and shorter, and as many multipliers are outside the unit
+    circle as at the points (row, 1/Omega) ``(P,)``; 0 where nothing is proved.
+
+    growth: ``(P,)``, the largest ln |lambda|.
+    """
+    period, radius = chain.period(cycle), np.zeros((len(row), 2))
+    rate = np.where(growth < 0, -PART * growth / period, 0.0)
+    for chosen, solution in ((growth < 0, doubled), (growth >= 0, stein)):
+        k = np.flatnonzero(chosen & chain.sound[row])
+        if len(k) == 0:
+            continue
+        sweep = _Sweep(chain, row[k], period[k], rate[k])
+        with np.errstate(all="ignore"):
+            radius[k] = sweep.tested(solution(*sweep.equation()))
+    return radius
+
+
+def _exponential(values: Array, duration: Array) -> Array:
+    """exp(A t) ``(P, m, m)`` in real modal coordinates, of eigenvalues ``(P, m)``."""
+    return _blocks(np.exp(values * duration[:, None]), values)
+
+
+def _blocks(numbers: Array, values: Array) -> Array:
+    """``(P, m, m)`` of numbers ``(P, m)`` a and blocks [[a, b], [-b, a]], b > 0 where ``values`` have it."""
+    result = np.zeros((*numbers.shape, numbers.shape[1]))
+    each = np.arange(numbers.shape[1])
+    result[:, each, each] = numbers.real
+    result[:, each[:-1], each[1:]] = np.where(values.imag[:, :-1] > 0, numbers.imag[:, :-1], 0.0)
+    result[:, each[1:], each[:-1]] = -result[:, each[:-1], each[1:]]
+    return result
+
+
+def _transposed(matrix: Array) -> Array:
+    return np.swapaxes(matrix, -1, -2)
+
+
+def doubled(matrix: Array, loss: Array) -> Array:
+    """P - M^T P M = D ``(P, m, m)`` where all multipliers are inside, by doubling: P = sum (M^T)^k D M^k."""
+    total = loss
+    for _ in range(DOUBLINGS):
+        if not np.any(np.abs(matrix) > NEGLIGIBLE):
+            break
+        total = total + _transposed(matrix) @ total @ matrix
+        matrix = matrix @ matrix
+    return 0.5 * (total + _transposed(total))
+
+
+def stein(matrix: Array, loss: Array) -> Array:
+    """P - M^T P M = D ``(P, m, m)`` for multipliers on both sides of the unit circle; NaN where there is no solution.
+
+    Small ones as linear equations for the entries of P, which multiple multipliers do not disturb.
+    """
+    m = matrix.shape[-1]
+    if m * (m + 1) // 2 > UNKNOWNS:
+        values, vectors = np.linalg.eig(matrix)
+        sound = np.linalg.cond(vectors) < 1 / np.finfo(float).eps
+        vectors = np.where(sound[:, None, None], vectors, np.nan)
+        inverse = np.linalg.inv(vectors)
+        part = vectors.conj().swapaxes(-1, -2) @ loss @ vectors
+        part = part / (1 - values.conj()[:, :, None] * values[:, None, :])
+        return (inverse.conj().swapaxes(-1, -2) @ part @ inverse).real
+    i, j = np.triu_indices(m)
+    product = matrix[:, i[None, :], i[:, None]] * matrix[:, j[None, :], j[:, None]]
+    product = product + np.where(i != j, matrix[:, j[None, :], i[:, None]] * matrix[:, i[None, :], j[:, None]], 0.0)
+    result = np.empty_like(loss)
+    result[:, i, j] = np.linalg.solve(np.eye(len(i)) - product, loss[:, i, j, None])[..., 0]
+    result[:, j, i] = result[:, i, j]
+    return result
+
+
+class _Sweep:
+    """Steps backwards through a period at points ``(P,)``."""
+
+    def __init__(self, chain: Chain, row: Array, period: Array, rate: Array) -> None:
+        self.chain, self.row, self.period, self.rate = chain, row, period, rate
+
+    def steps(self) -> Iterator[tuple[int, int, Array, Array]]:
+        """(segment, piece of it, F, length ``(P,)``, 0 at points without that piece) of all pieces, the last first.
+
+        A short piece loses little: P and Y hardly differ, and both conditions are much the same.
+        """
+        chain, row = self.chain, self.row
+        for s in range(len(chain.states) - 1, -1, -1):
+            values = chain.values[row, chain.states[s]]
+            whole = chain.fractions[row, s] * self.period
+            loss = 2 * np.abs(values.real).max(axis=1) * np.abs(whole)
+            pieces = np.maximum(1.0, np.ceil(np.minimum(loss / LONGEST, PIECES)))
+            most = int(pieces.max())
+            for k in range(most - 1, -1, -1):
+                length = np.where(pieces > k, whole / pieces, 0.0)
+                step = _exponential(values, length)
+                yield s, k, chain.change[row, chain.index[s]] @ step if k == most - 1 else step, length
+
+    def added(self, segment: int, length: Array, before: Array) -> Array:
+        """P_i from Y_i."""
+        size = np.abs(length)[:, None, None]
+        weight = self.chain.weight[self.row, self.chain.states[segment]]
+        return np.exp(2 * self.rate[:, None, None] * size) * before + size * weight
+
+    def equation(self) -> tuple[Array, Array]:
+        """exp(beta T) M and D."""
+        m = self.chain.size
+        matrix, loss = np.broadcast_to(np.eye(m), (len(self.row), m, m)), np.zeros((len(self.row), m, m))
+        for segment, _, step, length in self.steps():
+            matrix = matrix @ step * np.exp(self.rate * np.abs(length))[:, None, None]
+            loss = self.added(segment, length, _transposed(step) @ loss @ step)
+        return matrix, loss
+
+    def tested(self, start: Array) -> Array:
+        """The radii ``(P, 2)`` of the Lyapunov function that begins a period with ``start``."""
+        radius = np.full((2, len(self.row)), LARGEST)
+        matrix, each = start, np.arange(self.chain.size)
+        for segment, piece, step, length in self.steps():
+            before = _transposed(step) @ matrix @ step
+            # The period before begins with the same P.
+            matrix = start if segment == piece == 0 else self.added(segment, length, before)
+            values = self.chain.values[self.row, self.chain.states[segment]]
+            loss = matrix - before
+            loss[:, each, each] -= self.chain.rounding * np.abs(matrix).max(axis=(1, 2))[:, None]
+            there = length != 0
+            for form in (matrix, before):
+                rise = length[:, None, None] * (form @ _blocks(values, values))
+                rise = rise + _transposed(rise)
+                for k, sign in enumerate((1.0, -1.0)):
+                    radius[k, there] = _largest(loss[there], sign * rise[there], radius[k, there])
+        return radius.T
+
+
+def _largest(loss: Array, rise: Array, radius: Array) -> Array:
+    """The largest radius ``(P,)``, at most what is given, with Q > radius E; 0 where Q itself is not positive."""
+    failed = np.flatnonzero(~_positive(loss - radius[:, None, None] * rise))
+    if len(failed) == 0:
+        return radius
+    loss, rise = loss[failed], rise[failed]
+    high = radius[failed]
+    low = 0.5 * high
+    while True:
+        bad = ~_positive(loss - low[:, None, None] * rise) & (low > 0)
+        if not bad.any():
+            break
+        high = np.where(bad, low, high)
+        low = np.where(bad, np.where(low > LARGEST * LEAST, 0.5 * low, 0.0), low)
+    for _ in range(BISECTIONS):
+        middle = np.sqrt(low * high)
+        good = _positive(loss - middle[:, None, None] * rise)
+        low, high = np.where(good, middle, low), np.where(good, high, middle)
+    result = radius.copy()
+    result[failed] = low
+    return result
+
+
+def _positive(matrix: Array) -> Array:
+    """Which symmetric matrices ``(P, m, m)`` are positive definite, by Cholesky's pivots."""
+    work = matrix.copy()
+    good = np.ones(len(work), dtype=bool)
+    for k in range(work.shape[-1]):
+        pivot = work[:, k, k]
+        good &= pivot > 0
+        column = work[:, k + 1 :, k]
+        work[:, k + 1 :, k + 1 :] -= column[:, :, None] * (column / np.where(good, pivot, 1.0)[:, None])[:, None, :]
+    return good
