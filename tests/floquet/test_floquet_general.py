@@ -15,9 +15,9 @@ from scipy.integrate import solve_ivp
 from gearstab.cli import group
 from gearstab.floquet import solve
 from gearstab.floquet.general import analyse
-from gearstab.floquet.general.exponential import expm
 from gearstab.floquet.report import reduction
 from gearstab.floquet.truncation import modes_basis, neglected, restricted
+from gearstab.linear.magnus import expm
 from gearstab.system import GearSystem, Mesh, PeriodicTerm
 from gearstab.waveforms import Constant, Rectangular, Scaled
 

@@ -16,10 +16,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from gearstab.floquet.general.coordinates import Generator, generators
-from gearstab.floquet.general.exponential import expm
-from gearstab.floquet.general.magnus import NODES, ORDER, exponent, polynomial
-from gearstab.floquet.general.schedule import Schedule, schedule
 from gearstab.floquet.segments.pattern import CONSTANT, PROBES
+from gearstab.linear.magnus import NODES, ORDER, expm, exponent, polynomial
+from gearstab.linear.schedule import Schedule, schedule
 from gearstab.system import Array, GearSystem
 
 FINEST = 14

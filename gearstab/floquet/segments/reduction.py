@@ -14,8 +14,8 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from gearstab.floquet.segments.grouping import equal_rows
-from gearstab.modal import mean_modes
+from gearstab.linear.grouping import equal_rows
+from gearstab.modal import mean_modes, rigid_modes
 from gearstab.system import Array, GearSystem
 
 UNIFORM = 4e-15
@@ -141,16 +141,6 @@ def _damping(shapes: Array, physical: Array, rigid: Array) -> _Damping:
     coupled = np.max(np.abs(matrix) * both, axis=(1, 2)) > scale
     held = rigid & (np.max(np.abs(matrix), axis=1) > scale[:, None])
     return _Damping(matrix, held, noise, coupled)
-
-
-def rigid_modes(squared: Array, deflection: Array) -> Array:
-    """``(r, n)`` bool: modes of zero mean frequency that deflect no mesh (with negative stiffness it may be chance).
-
-    squared: ``(r, n)``; deflection: ``(r, meshes, n)``.
-    """
-    size = np.max(np.abs(deflection), axis=(1, 2), keepdims=True)
-    still = np.all(np.abs(deflection) <= 1e-7 * size, axis=1)
-    return (squared == 0) & still
 
 
 def _modal(shapes: Array, matrix: Array) -> Array:

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gearstab.linear.first_order import bases
 from gearstab.response.backlash.contact import APART, Play, play, resting
 from gearstab.response.backlash.dynamics import Dynamics, dynamics
 from gearstab.response.backlash.follow import Chatter, Event, Stretch, follow
 from gearstab.response.backlash.measure import LimitCycle, Meter
-from gearstab.response.linear.basis import bases
 from gearstab.response.linear.driven import ON_A_JUMP, driven
 from gearstab.response.linear.history import RESPONSE_FLAGS, Response, assembled, checked, samples_until
 from gearstab.response.linear.steady import unbalanced

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gearstab import floquet
-from gearstab.response.linear.basis import bases
+from gearstab.linear.first_order import bases
 from gearstab.response.linear.driven import driven
 from gearstab.response.linear.equilibrium import static_mesh_force
 from gearstab.response.linear.steady import STATUS_FLAGS, unbalanced

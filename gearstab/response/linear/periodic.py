@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gearstab.errors import NotPossible
+from gearstab.linear.first_order import Basis
 from gearstab.modal import mean_modes
-from gearstab.response.linear.basis import Basis
 from gearstab.response.linear.driven import driven
 from gearstab.response.linear.history import RESPONSE_FLAGS, Response, assembled
 from gearstab.response.linear.steady import starts
@@ -89,8 +89,8 @@ def balanced(system: GearSystem, basis: Basis) -> GearSystem:
     """
     if system.load is None:
         return system
-    loose = basis.loose[0]
-    return replace(system, load=system.load - np.asarray(system.mass) @ loose @ (loose.T @ system.load))
+    rigid = basis.undamped_rigid[0]
+    return replace(system, load=system.load - np.asarray(system.mass) @ rigid @ (rigid.T @ system.load))
 
 
 def _rigid_shapes(system: GearSystem) -> Array:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gearstab.system import Array, GearSystem, Mesh, PeriodicTerm
+from gearstab.system import Array, GearSystem
 from gearstab.waveforms import Profile
 
 MERGED = 2e-15
@@ -27,23 +27,20 @@ class Source:
     scale: Array
 
 
-def sources(system: GearSystem) -> list[Source]:
-    """Of the mesh stiffnesses, then of all profiles of the terms."""
-    counts = system.common_period()[1]
+def sources(system: GearSystem, counts: tuple[int, ...]) -> list[Source]:
+    """Of the mesh stiffnesses, then of all profiles of the terms.
+
+    counts: how many cycles of each are in the common period.
+    """
     meshes = len(system.meshes)
-    found = [_of_mesh(mesh, count) for mesh, count in zip(system.meshes, counts[:meshes], strict=True)]
+    found = []
+    for mesh, count in zip(system.meshes, counts[:meshes], strict=True):
+        lag, mean = np.asarray(mesh.lag), np.asarray(mesh.mean_stiffness)
+        found.append(Source(mesh.waveform, count, lag, mean, 2 * mesh.amplitude))
+    zero, one = np.zeros(()), np.ones(())
     for term, count in zip(system.terms, counts[meshes:], strict=True):
-        found += _of_term(term, count)
+        found += [Source(profile, count, np.asarray(term.lag), zero, one) for profile in term.profiles]
     return found
-
-
-def _of_mesh(mesh: Mesh, count: int) -> Source:
-    return Source(mesh.waveform, count, np.asarray(mesh.lag), np.asarray(mesh.mean_stiffness), 2 * mesh.amplitude)
-
-
-def _of_term(term: PeriodicTerm, count: int) -> list[Source]:
-    lag, zero, one = np.asarray(term.lag), np.zeros(()), np.ones(())
-    return [Source(profile, count, lag, zero, one) for profile in term.profiles]
 
 
 @dataclass(frozen=True)
@@ -73,7 +70,7 @@ class Schedule:
 
 def schedule(system: GearSystem) -> Schedule:
     """Cut the common period of every row at all jumps and kinks."""
-    return divided(system, sources(system))
+    return divided(system, sources(system, system.common_period()[1]))
 
 
 def divided(system: GearSystem, found: list[Source]) -> Schedule:
