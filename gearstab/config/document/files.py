@@ -1,0 +1,192 @@
+"""Files that a configuration names: regular ones of a known kind and of a size that can be read."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import stat
+import subprocess
+import sys
+from collections.abc import Collection, Mapping, Sequence
+from pathlib import Path as FilePath
+from typing import Any
+
+import numpy as np
+
+LARGEST_TEXT = 4_000_000
+"""Bytes of a file that is read as text; 1 MB of YAML takes some seconds."""
+
+NO_REGULAR = "is no regular file"
+"""A pipe or a device, which may never end."""
+
+
+SLOWEST = 60
+"""Seconds that reading a file of MATLAB may take."""
+
+
+class DataFileError(ValueError):
+    """A file holds nothing that can be used; ``hint`` says what it should hold."""
+
+    def __init__(self, message: str, hint: str = "") -> None:
+        super().__init__(message)
+        self.hint = hint
+
+
+def usable(path: FilePath, what: str, suffixes: Sequence[str]) -> None:
+    """Raises DataFileError for a file that is not there, of another kind or no regular one. what: ``.csv or .h5``."""
+    if path.suffix.lower() not in suffixes:
+        raise DataFileError(f"is no {what} file", f"save it as one of {', '.join(suffixes)}")
+    try:
+        mode = os.stat(path).st_mode
+    except (FileNotFoundError, NotADirectoryError):
+        hint = "the path is relative to the folder of the configuration"
+        raise DataFileError("there is no such file", hint) from None
+    except (OSError, ValueError) as error:
+        raise DataFileError(f"cannot be read: {getattr(error, 'strerror', None) or error}".lower()) from None
+    if stat.S_ISDIR(mode):
+        raise DataFileError("is a folder", "name a file")
+    if not stat.S_ISREG(mode):
+        raise DataFileError(NO_REGULAR, "save the data in a file")
+
+
+def text(path: FilePath) -> str:
+    """What a text file holds. Raises DataFileError."""
+    try:
+        if path.stat().st_size > LARGEST_TEXT:
+            raise DataFileError(f"is larger than {LARGEST_TEXT // 10**6} MB", "save fewer samples")
+        return path.read_text(encoding="utf-8-sig")
+    except OSError as error:
+        raise DataFileError(f"cannot be read: {(error.strerror or str(error)).lower()}") from None
+    except UnicodeDecodeError:
+        raise DataFileError("is not UTF-8 text", "save the file in UTF-8") from None
+
+
+def arrays(path: FilePath, names: Collection[str], most: int) -> dict[str, Any]:
+    """The arrays of these names in a .npz, .h5 or .mat file, and None under the name of any other.
+
+    most: entries along a dimension, told from what the file declares, before anything is read.
+    Raises DataFileError.
+    """
+    try:
+        if path.suffix.lower() == ".npz":
+            return _npz(path, names, most)
+        return _hdf5(path, names, most) if _is_hdf5(path) else _matlab(path, names, most)
+    except DataFileError:
+        raise
+    except Exception as error:  # each library has errors of its own for a broken file
+        raise _broken(error) from None
+
+
+def _broken(error: Exception) -> DataFileError:
+    reason = " ".join(str(error).split()) or type(error).__name__
+    return DataFileError(f"cannot be read: {reason}", "save the data again")
+
+
+def _npz(path: FilePath, names: Collection[str], most: int) -> dict[str, Any]:
+    import zipfile
+
+    found: dict[str, Any] = {}
+    with zipfile.ZipFile(path) as archive:
+        for member in archive.namelist():
+            name = member.removesuffix(".npy")
+            found[name] = None
+            if name not in names:
+                continue
+            with archive.open(member) as stream:
+                version = np.lib.format.read_magic(stream)
+                read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+                _checked(name, read(stream)[0], most)
+            with archive.open(member) as stream:
+                found[name] = np.lib.format.read_array(stream, allow_pickle=False)
+    return found
+
+
+def _is_hdf5(path: FilePath) -> bool:
+    import h5py
+
+    return path.suffix.lower() != ".mat" or bool(h5py.is_hdf5(path))
+
+
+def _hdf5(path: FilePath, names: Collection[str], most: int) -> dict[str, Any]:
+    import h5py
+
+    found: dict[str, Any] = {}
+    with h5py.File(path, "r", locking=False) as file:
+        for name in file:
+            link, item = file.get(name, getlink=True), None
+            # What lies in other files is not looked at: it may be anything.
+            if name in names and isinstance(link, h5py.HardLink) and isinstance(file[name], h5py.Dataset):
+                item = file[name]
+                if item.external or item.is_virtual:
+                    raise DataFileError(f"{name} lies in other files", "save it in this one")
+                _checked(name, item.shape, most)
+                item = item[()]
+            found[name] = item
+    # MATLAB's own HDF5 files hold the columns of a matrix as its rows.
+    turned = path.suffix.lower() == ".mat"
+    return {name: np.transpose(values) if turned and values is not None else values for name, values in found.items()}
+
+
+def _matlab(path: FilePath, names: Collection[str], most: int) -> dict[str, Any]:
+    """Read in a process of its own: on a damaged file SciPy's reader may crash."""
+    command = [
+        sys.executable,
+        "-c",
+        "from gearstab.config.document.files import main; main()",
+        str(path),
+        str(most),
+        *names,
+    ]
+    done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, timeout=SLOWEST, check=False)
+    if done.returncode == 1 and done.stdout:
+        raise DataFileError(*json.loads(done.stdout))
+    if done.returncode:
+        raise DataFileError("cannot be read: it is damaged", "save the data again")
+    with np.load(io.BytesIO(done.stdout), allow_pickle=False) as archive:
+        return {name: archive[name] if name in names else None for name in archive.files}
+
+
+def main() -> None:
+    """Write the arrays of a MATLAB file, as the arguments ask for them, to standard output, or what is wrong."""
+    from scipy.io import loadmat, whosmat
+
+    path, most, names = sys.argv[1], int(sys.argv[2]), sys.argv[3:]
+    try:
+        held = {name: shape for name, shape, _ in whosmat(path)}
+        for name in held.keys() & set(names):
+            _checked(name, held[name], most)
+        wanted = loadmat(path, spmatrix=False, variable_names=names)
+        values = {name: numbers(name, wanted[name]) if name in names else np.zeros(0) for name in held}
+        np.savez(sys.stdout.buffer, allow_pickle=False, **values)
+    except Exception as error:
+        if not isinstance(error, DataFileError):
+            error = _broken(error)
+        sys.stdout.write(json.dumps([str(error), error.hint]))
+        sys.exit(1)
+
+
+def _checked(name: str, shape: Sequence[int], most: int) -> None:
+    if shape is None or len(shape) > 2 or any(not 0 <= size <= most for size in shape):
+        described = "no shape" if shape is None else f"the shape {tuple(shape)}"
+        raise DataFileError(f"{name} has {described}", f"save one or two dimensions of at most {most:,} entries")
+
+
+def numbers(name: str, values: Any) -> np.ndarray:
+    """The array as floats. Raises DataFileError where it holds something else."""
+    if hasattr(values, "toarray"):
+        values = values.toarray()
+    array = np.asarray(values)
+    if array.dtype.kind not in "fiu":
+        raise DataFileError(f"{name} holds no real numbers but {array.dtype}", "save real numbers")
+    array = np.ascontiguousarray(array, dtype=float)
+    endless = np.argwhere(~np.isfinite(array))
+    if len(endless):
+        place = ".".join(map(str, endless[0]))
+        raise DataFileError(f"entry {place} of {name} is not finite", "save finite numbers")
+    return array
+
+
+def present(found: Mapping[str, Any]) -> str:
+    """Names of what a file holds, for messages."""
+    return ", ".join(sorted(name for name in found if not name.startswith("__"))[:12]) or "nothing"

@@ -1,0 +1,153 @@
+"""The contract of a kind of system, and the keys of the section ``system`` that every kind has."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+
+from pydantic import Field
+
+from gearstab.config.document.problems import Path
+from gearstab.config.document.yaml import Document
+from gearstab.config.model.conflicts import Conflict
+from gearstab.config.model.fields import Choice, Flag, NonNegative, Section
+from gearstab.config.sections.names import mesh_items
+from gearstab.systems import feasibility
+from gearstab.systems.parts.damping import Damping
+from gearstab.systems.parts.mesh import ToothMesh
+
+if TYPE_CHECKING:
+    from pathlib import Path as FilePath
+
+    from gearstab.config.sections.axes import Axis, Config
+    from gearstab.system import Array, GearSystem
+    from gearstab.systems.gearbox.build import Train
+
+
+class System(Section):
+    """The section ``system`` of a kind: its fields are the keys, and its methods all that other rooms ask of a kind.
+
+    A kind must override ``build`` and ``size``; everything else has a default that fits a linear system given by
+    numbers alone. ``raw`` is the section as written, ``p`` the validated parameters.
+    """
+
+    mesh_names: ClassVar[tuple[str, ...]] = ()
+    """Names of meshes that are given none; further ones are called mesh1, mesh2, ..."""
+
+    mesh_model: ClassVar[type[ToothMesh]] = ToothMesh
+    """Whose rules the meshes follow."""
+    needs_units: ClassVar[bool] = False
+    """Whether numbers of its own, of materials say, are in SI units."""
+    respond_model: ClassVar[type[Section] | None] = None
+    """The section ``respond`` of this kind, None where it is that of linear systems."""
+
+    damping_ratio: NonNegative | None = Field(
+        default=None,
+        title="modal damping ratio",
+        description="Damping ratio of every mode of the mean system (1); or give damping.",
+    )
+    damping: Damping | None = Field(
+        default=None, title="damping", description="Other forms of damping; or give damping_ratio."
+    )
+    units: Annotated[str, Choice("system of units", ("SI", "none"))] = Field(
+        default="SI",
+        title="units",
+        description="SI, or none: the numbers have no units, and results say none.",
+    )
+    allow_negative_stiffness: Flag = Field(
+        default=False,
+        title="negative stiffness allowed",
+        description="Admit variations that make a mesh's softer level zero or negative, as no teeth can be.",
+    )
+
+    @classmethod
+    def build(cls, p: dict[str, Any]) -> GearSystem:
+        """Build the system; any number of ``p`` may be an array of batch shape, so that every number can be an axis."""
+        raise NotImplementedError
+
+    @classmethod
+    def size(cls, raw: dict[str, Any]) -> int | None:
+        """Number of coordinates, None where it cannot be told."""
+        raise NotImplementedError
+
+    @classmethod
+    def turning(cls, raw: dict[str, Any]) -> Sequence[bool] | None:
+        """Which coordinates are rotations in rad, the others displacements in m; None where it cannot be told."""
+        return [False] * (cls.size(raw) or 0)
+
+    @classmethod
+    def turning_meshes(cls, raw: dict[str, Any]) -> bool:
+        """Whether mesh deflections are angles, so that mesh stiffnesses are torsional."""
+        return False
+
+    @classmethod
+    def complete(cls, document: Document, raw: dict[str, Any]) -> None:
+        """Write out what may be written in short, in the section as written."""
+
+    @classmethod
+    def read_files(cls, document: Document, source: FilePath) -> dict[str, Array]:
+        """Return what files named in the section hold, by key; report problems. source: path of the configuration."""
+        return {}
+
+    @classmethod
+    def expand_path(cls, parts: list[str]) -> list[str]:
+        """Return the whole path of a parameter that may be named in short."""
+        return parts
+
+    @classmethod
+    def train(cls, p: dict[str, Any]) -> Train | None:
+        """Return the train whose teeth the system is computed from; None where no teeth are known."""
+        return None
+
+    @classmethod
+    def check_feasible(cls, document: Document, config: Config) -> None:
+        """Report what cannot exist somewhere on the grid, or at the base values where a response asks for them."""
+        feasibility.check_mesh_levels(document, config)
+        feasibility.check_symmetric(document, config.parameters)
+
+    @classmethod
+    def variant(cls, raw: dict[str, Any]) -> type[System]:
+        """The model that the keys of a section call for, where a kind has several."""
+        return cls
+
+    @classmethod
+    def cycles_of_input(cls, raw: dict[str, Any]) -> float | None:
+        """Cycles of the first mesh in a turn of the input, None for a system without an input that turns."""
+        return None
+
+    @classmethod
+    def follow_speed(cls, raw: dict[str, Any]) -> list[Path]:
+        """Numbers of the system that are the speed of the input too."""
+        return []
+
+    @classmethod
+    def unfit(cls, parameters: dict[str, Any], axes: Sequence[Axis], methods: Sequence[str]) -> Iterator[Conflict]:
+        """Methods that do not apply; the paths are below ``methods``."""
+        swept = any(item.path[-1] == "backlash" for axis in axes for item in axis.assignments)
+        given = any(mesh.get("backlash") for _, mesh in mesh_items(parameters.get("meshes")))
+        if swept and not given and "response" in methods:
+            yield ("response",), "an axis sets backlash where no mesh has any", "give the mesh backlash in system too"
+
+    @classmethod
+    def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
+        """What contradicts itself in the section as written, however wrong it is otherwise."""
+        if raw.get("damping_ratio") is not None and raw.get("damping") is not None:
+            yield ("damping",), "damping_ratio is given already", "keep one of damping_ratio, damping"
+        if isinstance(raw.get("damping"), dict):
+            for path, message, hint in Damping.conflicts(raw["damping"], cls.size(raw)):
+                yield ("damping", *path), message, hint
+        yield from _meshes(cls, raw.get("meshes"))
+
+
+def _meshes(model: type[System], meshes: Any) -> Iterator[Conflict]:
+    seen: set[str] = set()
+    for i, mesh in mesh_items(meshes):
+        if not isinstance(mesh, dict):
+            continue
+        for path, message, hint in model.mesh_model.conflicts(mesh):
+            yield ("meshes", i, *path), message, hint
+        name = mesh.get("name")
+        if isinstance(name, str) and name in seen:
+            yield ("meshes", i, "name"), f"two meshes are called '{name}'", "give each mesh a name of its own"
+        elif isinstance(name, str):
+            seen.add(name)

@@ -1,0 +1,193 @@
+"""Whether systems can exist: the stiffness of every mesh is positive wherever it is asked for, matrices symmetric.
+
+Only points that can be the worst are looked at: the ends of an axis along which the levels are monotonic or concave,
+and all points of other axes. So the cost does not grow with the grid.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from gearstab.config.document.problems import Path
+from gearstab.config.document.yaml import Document, value_at
+from gearstab.config.sections.axes import Array, Config, parameters_at
+from gearstab.config.sections.names import mesh_items
+from gearstab.config.waveforms import kind_of
+from gearstab.systems.parts.arrays import matrix
+from gearstab.systems.parts.mesh import build_mesh
+from gearstab.systems.waveforms import above_mean
+
+SYMMETRY_TOLERANCE = 1e-9
+"""Asymmetry of a matrix, relative to its largest entry, that comes from writing it with few digits."""
+
+LEVEL_KEYS = ("mean_stiffness", "max_stiffness", "epsilon", "amplitude", "contact_ratio", "waveform")
+
+AT_THE_ENDS = ("ramp", "sin", "cos")
+"""Keys of a waveform whose worst value is the least or the greatest: the least value of a trapezoid rises with its
+ramp, and that of a series is a concave function of the coefficients."""
+
+Selection = dict[str, Array]
+"""Axis name -> indices of the points that are looked at, all of one shape."""
+
+
+def extreme_points(config: Config, concerns: Callable[[Path], bool]) -> Selection:
+    """The points that can be the worst for the parameters that a question concerns."""
+    picks: Selection = {}
+    for axis in config.axes:
+        found = [item for item in axis.assignments if concerns(item.path)]
+        if not found:
+            continue
+        values = [item.values for item in found]
+        keys = {_key(item.path) for item in found}
+        known = (len(keys) == 1 or not keys & set(AT_THE_ENDS)) and all(_ends_suffice(config, i.path) for i in found)
+        if known and all(np.array_equal(v, values[0]) for v in values[1:]):
+            # The contact ratio acts through its fraction.
+            measure = np.asarray(values[0])
+            measure = measure - np.floor(measure) if keys == {"contact_ratio"} else measure
+            picks[axis.name] = np.unique([np.argmin(measure), np.argmax(measure)])
+        else:
+            picks[axis.name] = np.arange(axis.size)
+    grids = np.meshgrid(*picks.values(), indexing="ij")
+    return {name: grid.ravel() for name, grid in zip(picks, grids, strict=True)}
+
+
+def _key(path: Path) -> str:
+    return str(path[3] if len(path) > 3 and path[2] == "waveform" else path[-1])
+
+
+def _ends_suffice(config: Config, path: Path) -> bool:
+    if path[0] != "meshes" or (path[2] == "waveform" and _key(path) in AT_THE_ENDS):
+        return True
+    kind = kind_of(config.parameters["meshes"][path[1]].get("waveform"))
+    return path[2] != "waveform" and (path[2] != "contact_ratio" or kind == "rectangular")
+
+
+def check_mesh_levels(document: Document, config: Config) -> None:
+    """Report meshes whose stiffness is not positive somewhere on the grid."""
+    config = numbers_only(config)
+    for key, _ in mesh_items(config.parameters.get("meshes")):
+        check_levels(document, config, key)
+
+
+def numbers_only(config: Config) -> Config:
+    """Return the configuration without exact ratios on its axes, which play no part and must not change in a batch."""
+    axes = [replace(a, assignments=tuple(item for item in a.assignments if not item.structural)) for a in config.axes]
+    return replace(config, axes=tuple(axes))
+
+
+def check_levels(document: Document, config: Config, index: str | int) -> None:
+    """Both extremes of a mesh stiffness, or its mean where negative stiffness is allowed, must be positive."""
+
+    def concerns(path: Path) -> bool:
+        return path[:2] == ("meshes", index) and path[2] in LEVEL_KEYS
+
+    points = extreme_points(config, concerns)
+    selections: list[Selection] = [points] if points else [{}]
+    if points and config.respond is not None:
+        selections.append({})
+    allowed = config.parameters["allow_negative_stiffness"]
+    for selection in selections:
+        p = parameters_at(config, selection)["meshes"][index]
+        with np.errstate(all="ignore"):  # what overflows is reported, or of no concern
+            item = build_mesh({"name": ""} | p, np.ones(1))
+            depth, above = -item.waveform.extremes()[0], above_mean(item.waveform)
+            lowest = item.mean_stiffness - 2 * np.asarray(p.get("amplitude", item.amplitude)) * depth
+            checked = np.atleast_1d(item.mean_stiffness if allowed else np.minimum(lowest, item.mean_stiffness))
+            relative = checked / np.abs(p.get("mean_stiffness", p.get("max_stiffness", item.mean_stiffness)))
+        worst = int(np.argmin(np.where(np.isnan(relative), -np.inf, relative)))
+        if not checked[worst] > 0:
+
+            def at_worst(value: Any, shape: tuple[int, ...] = checked.shape, place: int = worst) -> float:
+                return float(np.broadcast_to(value, shape)[place])
+
+            numbers = {k: at_worst(p[k]) for k in LEVEL_KEYS if k in p and k != "waveform"}
+            numbers |= {"depth": at_worst(depth), "above": at_worst(above), "mean": at_worst(item.mean_stiffness)}
+            chosen = {name: int(rows[worst]) for name, rows in selection.items()}
+            _report(document, config, index, numbers, at_worst(checked), chosen)
+            return
+
+
+def _report(
+    document: Document, config: Config, index: str | int, p: dict[str, float], level: float, chosen: dict[str, int]
+) -> None:
+    own = config.parameters["meshes"][index]
+    allowed = config.parameters["allow_negative_stiffness"]
+    level_name = "mean stiffness" if allowed else "softer level"
+    key = "epsilon" if "epsilon" in p else "amplitude" if "amplitude" in p else ""
+    ratio = f" and contact ratio {p['contact_ratio']:.6g}" if "contact_ratio" in p else ""
+    start = f"mesh '{own.get('name', index)}' has the {level_name} {level:.6g} <= 0"
+    option = "" if allowed else ", or set system.allow_negative_stiffness: true"
+    if not key:
+        place = _place(document, config, index, "waveform", chosen)
+        document.report(place, f"{start}, which its samples give", f"check the samples{option}")
+        return
+    limit, rule = _limit(p, key, allowed, kind_of(own.get("waveform")))
+    message = f"{start} at {key} {p[key]:.6g}{ratio}: the largest admissible {key} is below {limit:.6g} = {rule}"
+    document.report(_place(document, config, index, key, chosen), message, f"reduce {key}{option}")
+
+
+def _limit(p: dict[str, float], key: str, allowed: bool, kind: str) -> tuple[float, str]:
+    """The largest epsilon or amplitude, and the formula for it."""
+    depth, above, fraction = p["depth"], p["above"], "d" if kind == "rectangular" else "w"
+    low = f"d = {depth:.6g}" if fraction == "d" else f"-w = {depth:.6g} the least value of the wave"
+    if "max_stiffness" in p and key == "amplitude":
+        if allowed:
+            if fraction == "d":
+                return p["max_stiffness"] / (2 * above), f"max_stiffness/(2 (1 - d)), d = {1 - above:.6g}"
+            return p["max_stiffness"] / (2 * above), f"max_stiffness/(2 w), w = {above:.6g} the stiffer level"
+        total = depth + above
+        known = fraction == "d" or abs(total - 1) < 1e-12
+        rule = "max_stiffness/2" if known else f"max_stiffness/(2 {total:.6g}), the peak-to-peak of the wave"
+        return p["max_stiffness"] / (2 * total), rule
+    divisor = "2 d" if fraction == "d" else "-2 w"
+    if key == "amplitude":
+        return p["mean"] / (2 * depth), f"mean_stiffness/({divisor}), {low}"
+    return 1 / (2 * depth), f"1/({divisor}), {low}"
+
+
+def _place(document: Document, config: Config, index: str | int, key: str, chosen: dict[str, int]) -> Path:
+    """Where the value to blame stands: in an axis that sets it or another level key, or in the mesh."""
+    for wanted in (key, *LEVEL_KEYS):
+        for axis in config.axes:
+            if axis.name in chosen and any(a.path[:3] == ("meshes", index, wanted) for a in axis.assignments):
+                path: Path = ("sweep", axis.name)
+                point = chosen[axis.name]
+                inner = [(*path, point), (*path, "values", point), (*path, "values")]
+                return next((p for p in inner if p in document.values and document.get(p) is not None), path)
+    return ("system", "meshes", index, key)
+
+
+def check_symmetric(document: Document, parameters: dict[str, Any], terms: bool = False) -> bool:
+    """Report matrices that are not symmetric; return whether mass and stiffness are.
+
+    terms: whether the kind has terms, which need not be symmetric.
+    """
+    good = True
+    for where in (("mass",), ("stiffness",), ("damping", "matrix")):
+        found = value_at(parameters, where)
+        if found is None:
+            continue
+        name, values = where[0], matrix(found)
+        difference = np.abs(values - values.T)
+        if np.max(difference) > SYMMETRY_TOLERANCE * np.max(np.abs(values)):
+            good = good and name == "damping"
+            i, j = np.unravel_index(np.argmax(difference), difference.shape)
+            path: Path = ("system", *where, int(i), int(j))
+            message = f"is not symmetric: entry {i}.{j} is {values[i, j]:.6g}, entry {j}.{i} is {values[j, i]:.6g}"
+            full = ".".join(where)
+            remedy = f"make {full}.{i}.{j} and {full}.{j}.{i} equal"
+            if terms and name != "mass":
+                remedy += ", and give the rest as terms"
+            report_matrix(document, path, name, message, remedy)
+    return good
+
+
+def report_matrix(document: Document, path: Path, name: str, message: str, hint: str) -> None:
+    """At the entry as written, or at the file that holds it."""
+    if document.get(path[:2]) is None:
+        path, message = ("system", "file"), f"{name} {message}"
+    document.report(path, message, hint)

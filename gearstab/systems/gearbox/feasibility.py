@@ -1,0 +1,92 @@
+"""Whether the gearboxes of a grid can be built: trains that turn, gears that mesh, stiffness that stays positive."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import islice, product
+from typing import Any
+
+import numpy as np
+
+from gearstab.config.document.problems import Path
+from gearstab.config.document.yaml import Document
+from gearstab.config.sections.axes import Array, Axis, Config, parameters_at
+from gearstab.systems.gearbox.build import Train, build
+from gearstab.systems.gearbox.train import TrainError
+
+MOST_CORNERS = 32
+"""Of the grid that are looked at."""
+MOST_TEETH = 96
+"""Computations of a tooth stiffness along an axis, some 8 ms each."""
+MOST_PAIRS = 4096
+"""Geometries of a pair of gears along an axis, some 0.1 ms each."""
+
+Found = tuple[Path, str, str]
+"""Path below ``system``, message, remedy."""
+
+
+def check_train(document: Document, config: Config) -> None:
+    """Report the first point at which there is no such train.
+
+    Looked at are the corners of the grid, or the base values, and every axis by itself from end to end: all of its
+    points as far as :data:`MOST_TEETH` and :data:`MOST_PAIRS` allow, else as many, evenly spread.
+    """
+    axes = [axis for axis in config.axes if any(item.path != ("mesh_frequency",) for item in axis.assignments)]
+    for corner in islice(product(*(sorted({0, axis.size - 1}) for axis in axes)), MOST_CORNERS):
+        if _reported(document, config, dict(zip((a.name for a in axes), corner, strict=True)), _built):
+            return
+    meshes = len(config.parameters["meshes"])
+    for axis in axes:
+        for question, most in ((_built, MOST_TEETH // meshes), (_meshing, MOST_PAIRS // meshes)):
+            points = _spread(axis, max(most, 2))
+            at_once = not any(item.structural for item in axis.assignments)
+            if at_once and question(config, {axis.name: points}) is None:
+                continue
+            if any(_reported(document, config, {axis.name: int(k)}, question) for k in points):
+                return
+
+
+def _spread(axis: Axis, most: int) -> Array:
+    """Indices of the points of an axis, or of so many of them."""
+    return np.unique(np.linspace(0, axis.size - 1, min(most, axis.size)).round().astype(int))
+
+
+def _reported(
+    document: Document, config: Config, at: dict[str, int], question: Callable[[Config, dict[str, Any]], Found | None]
+) -> bool:
+    """Whether a question finds a mistake at a point, which is then reported."""
+    found = question(config, {name: np.array(k) for name, k in at.items()})
+    if found is None:
+        return False
+    values = [f"{axis.name} = {axis.values[at[axis.name]]}" for axis in config.axes if axis.name in at]
+    path, message, remedy = found
+    where = f" (at {', '.join(values)})" if values else ""
+    document.report(("system", *path), f"{message}{where}", remedy, at_key=True)
+    return True
+
+
+def _meshing(config: Config, at: dict[str, Any]) -> Found | None:
+    """Whether the gears of all meshes fit together."""
+    train = Train(parameters_at(config, at))
+    try:
+        for k in range(len(train.meshes)):
+            train.push(k)
+    except TrainError as error:
+        return error.where, error.message, error.remedy
+    return None
+
+
+def _built(config: Config, at: dict[str, Any]) -> Found | None:
+    """Whether the train can be built, with mesh stiffnesses that stay positive."""
+    try:
+        system = build(parameters_at(config, at))
+    except TrainError as error:
+        return error.where, error.message, error.remedy
+    if config.parameters["allow_negative_stiffness"]:
+        return None
+    for k, mesh in enumerate(system.meshes):
+        lowest = float(np.min(mesh.lowest_stiffness))
+        if not lowest > 0:
+            message = f"the softer level {lowest:.6g} of the mesh stiffness is <= 0"
+            return ("meshes", k), message, "reduce epsilon, or set system.allow_negative_stiffness: true"
+    return None

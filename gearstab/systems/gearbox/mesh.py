@@ -1,0 +1,140 @@
+"""A mesh of a gearbox: two gears, what their teeth are worth as a spring, and how they rub."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated, Any, ClassVar
+
+from pydantic import Field
+
+from gearstab.config.model.conflicts import Conflict, at_most_one
+from gearstab.config.model.fields import (
+    Choice,
+    Length,
+    NameText,
+    NonNegative,
+    Quantity,
+    Section,
+    Turns,
+)
+from gearstab.config.waveforms import Waveform, form_of, kind_of
+from gearstab.systems.parts.forcing import TransmissionError
+from gearstab.systems.parts.mesh import Mesh
+
+FRICTIONS = {
+    "constant": ("coefficient",),
+    "xu_kahraman": ("viscosity", "roughness"),
+    "benedict_kelley": ("viscosity", "roughness"),
+}
+"""Laws of friction and the keys they need."""
+LUBRICATED = ("xu_kahraman", "benedict_kelley")
+"""Those that depend on speed and load."""
+
+
+class Friction(Section):
+    """Sliding friction between the teeth of a mesh."""
+
+    kind: Annotated[str, Choice("law of friction", tuple(FRICTIONS))] = Field(
+        default="constant",
+        title="law of friction",
+        description="constant; xu_kahraman (2007) and benedict_kelley (1961) for lubricated teeth.",
+    )
+    coefficient: NonNegative | None = Field(
+        default=None, title="coefficient of friction", description="constant: mu (1)."
+    )
+    viscosity: Annotated[float, Field(gt=0), Quantity("Pa s")] | None = Field(
+        default=None, title="viscosity", description='Dynamic, of the oil at the inlet (Pa s, "10 mPa s").'
+    )
+    roughness: Annotated[float, Field(ge=0), Quantity("m")] | None = Field(
+        default=None, title="roughness", description='Of the flanks, root mean square (m, "0.4 um").'
+    )
+
+    @classmethod
+    def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
+        """The keys of its law and no others."""
+        kind = raw.get("kind", "constant")
+        needed = FRICTIONS.get(kind) if isinstance(kind, str) else None
+        if needed is None:
+            return
+        for key in needed:
+            if raw.get(key) is None:
+                yield (key,), "is missing", f"add {key}, which {kind} friction needs"
+        for key in ("coefficient", "viscosity", "roughness"):
+            if raw.get(key) is not None and key not in needed:
+                yield (key,), f"{kind} friction takes no {key}", "remove it, or choose another law"
+
+
+class GearboxMesh(Mesh):
+    """A mesh of two gears. What is not given of its stiffness follows from the teeth."""
+
+    misplaced: ClassVar[dict[str, str]] = {"phasing": "give a lag, the opposite of a lead: lag = -phasing"}
+
+    gears: Annotated[list[NameText], Field(min_length=2, max_length=2)] = Field(
+        title="gears", description="Names of the driver and of the driven gear."
+    )
+    position: Annotated[float, Quantity("rad")] = Field(
+        default=0.0,
+        title="position of the driven gear",
+        description="psi: angle of the line from the driver's centre to the driven gear's (rad, \"90 deg\").",
+    )
+    centre_distance: Length | None = Field(
+        default=None, title="centre distance", description="C (m); that of a mesh without backlash, if not given."
+    )
+    lag: Turns = Field(
+        default=0.0, title="mesh lag", description="A pair of teeth enters this fraction of the mesh period late (1)."
+    )
+    damping_ratio: NonNegative | None = Field(
+        default=None,
+        title="damping ratio of the mesh",
+        description="zeta, c = 2 zeta sqrt(k m_e), m_e = J1 J2/(r1^2 J2 + r2^2 J1) (1); or give damping.",
+    )
+    reduction: Annotated[str, Choice("reduction", ("levels", "peak-to-peak", "first harmonic"))] = Field(
+        default="levels",
+        title="reduction of the teeth's stiffness",
+        description="What a rectangular wave keeps of it: levels, the mean with fewer and with more pairs in contact; "
+        "its peak-to-peak; or its first harmonic.",
+    )
+    double_contact_factor: Annotated[float, Field(gt=0.5, le=1), Quantity()] = Field(
+        default=1.0,
+        title="double contact factor",
+        description="Stiffness of two pairs over the sum of theirs (1): teeth on one body deflect each other.",
+    )
+    single_pair_stiffness: Annotated[float, Field(gt=0), Quantity("N/m")] | None = Field(
+        default=None, title="measured stiffness of a pair", description="In contact at the pitch point (N/m)."
+    )
+    variation: NonNegative | None = Field(
+        default=None, title="measured variation", description="(max k - min k)/mean k of the mesh stiffness (1)."
+    )
+    friction: Friction | None = Field(default=None, title="friction", description="Between the teeth; none without.")
+
+    @classmethod
+    def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
+        """Each quantity once; a wave that is complete where the teeth do not give it."""
+        yield from at_most_one(raw, ("mean_stiffness", "max_stiffness"))
+        yield from at_most_one(raw, ("epsilon", "amplitude"))
+        yield from at_most_one(raw, ("damping", "damping_ratio"))
+        waveform, form = raw.get("waveform"), form_of(raw)
+        if isinstance(waveform, dict):
+            for path, message, hint in Waveform.conflicts(waveform):
+                yield ("waveform", *path), message, hint
+        tooth = kind_of(waveform) == "tooth"
+        if form is not None and not form.contact_ratio and not tooth and raw.get("contact_ratio") is not None:
+            yield ("contact_ratio",), "the waveform has no contact ratio", "remove it, or choose another waveform"
+        if tooth:
+            for key in ("mean_stiffness", "max_stiffness", "epsilon", "amplitude", "contact_ratio"):
+                if raw.get(key) is not None:
+                    remedy = "remove it, or choose waveform: {kind: rectangular}; measured values are "
+                    yield (key,), "the teeth give it", f"{remedy}single_pair_stiffness and variation"
+        if raw.get("damping_follows_stiffness") is True:
+            if raw.get("damping") is None and raw.get("damping_ratio") is None:
+                yield ("damping",), "is missing", "add damping_ratio or damping, the mean of the damping that follows"
+            if raw.get("transmission_error") is not None:
+                message = "is given, and a damping that follows the stiffness"
+                yield ("transmission_error",), message, "keep one of the two, or make the damping constant"
+        for path, message, hint in TransmissionError.conflicts(raw.get("transmission_error")):
+            yield ("transmission_error", *path), message, hint
+        if raw.get("friction") is not None and raw.get("backlash"):
+            yield ("backlash",), "is not available with friction between the teeth", "keep one of the two"
+        if isinstance(raw.get("friction"), dict):
+            for path, message, hint in Friction.conflicts(raw["friction"]):
+                yield ("friction", *path), message, hint

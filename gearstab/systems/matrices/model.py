@@ -1,0 +1,257 @@
+"""Any linear model from elsewhere: matrices and one direction vector for each mesh."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field, GetCoreSchemaHandler, GetJsonSchemaHandler, StrictStr
+from pydantic_core import core_schema
+
+from gearstab.config.document.files import DataFileError
+from gearstab.config.document.problems import Path
+from gearstab.config.document.yaml import Document, value_at
+from gearstab.config.model.conflicts import Conflict
+from gearstab.config.model.fields import Choice, NameText, Quantity
+from gearstab.config.model.units import UnitError, to_si
+from gearstab.system import Array, GearSystem
+from gearstab.systems import feasibility
+from gearstab.systems.base import System
+from gearstab.systems.matrices.definite import check_definite
+from gearstab.systems.matrices.file import read_matrices
+from gearstab.systems.parts.arrays import matrix, vector
+from gearstab.systems.parts.damping import not_square, with_damping
+from gearstab.systems.parts.forcing import Force, Load, with_forcing, wrong_load
+from gearstab.systems.parts.mesh import MatrixMesh, build_mesh
+from gearstab.systems.parts.terms import Term, periodic_terms
+
+if TYPE_CHECKING:
+    from pathlib import Path as FilePath
+
+    from gearstab.config.sections.axes import Config
+
+UNITS = ("m", "rad")
+TOLD = {"mass": "kg m^2", "stiffness": "N m"}
+"""Matrix -> unit of a diagonal entry that belongs to a rotation."""
+MassEntry = Annotated[float, Quantity("kg", ("kg m", "kg m^2"), entry=True)]
+StiffnessEntry = Annotated[float, Quantity("N/m", ("N", "N m"), entry=True)]
+
+
+class OneForAll:
+    """A list, or its one entry by itself."""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
+        return core_schema.no_info_before_validator_function(
+            lambda value: [value] if isinstance(value, str) else value, handler(source)
+        )
+
+    def __get_pydantic_json_schema__(
+        self, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        plain = handler(schema)
+        return {"anyOf": [plain["items"], plain]}
+
+
+CoordinateUnits = Annotated[list[Annotated[str, Choice("unit of a coordinate", UNITS)]], OneForAll()]
+
+
+class Matrices(System):
+    """Any linear model from elsewhere: M q'' + C q' + (K0 + sum k_i(t) g_i g_i^T) q = 0."""
+
+    kind: Literal["matrices"] = Field(title="kind of system", description="A model given as matrices.")
+    mass: list[list[MassEntry]] | None = Field(
+        default=None,
+        title="mass matrix",
+        description="M, one row a coordinate (kg, or kg m^2 of a rotation); symmetric, positive definite.",
+    )
+    stiffness: list[list[StiffnessEntry]] | None = Field(
+        default=None,
+        title="stiffness matrix",
+        description="K0, everything but the meshes (N/m, or N m/rad of a rotation); symmetric.",
+    )
+    file: StrictStr | None = Field(
+        default=None,
+        title="file of matrices",
+        description="A .npz, .h5 or .mat file of mass, stiffness and optionally damping, beside the configuration.",
+    )
+    coordinates: list[NameText] | None = Field(
+        default=None, title="coordinates", description="Names of the coordinates; q1, q2, ... without."
+    )
+    coordinate_units: CoordinateUnits | None = Field(
+        default=None,
+        title="units of the coordinates",
+        description="m, or rad of rotations: one for all coordinates, or a list of them; m without.",
+    )
+    deflection_unit: Annotated[str, Choice("unit of a mesh deflection", UNITS)] = Field(
+        default="m",
+        title="unit of the mesh deflections",
+        description="m, or rad of meshes whose stiffness is in N m/rad.",
+    )
+    meshes: list[MatrixMesh] = Field(title="meshes", min_length=1, description="At least one tooth mesh.")
+    terms: list[Term] = Field(
+        default=[],
+        title="terms",
+        description="Further periodic or constant parts a u v^T of the stiffness and damping matrix, of any symmetry.",
+    )
+    load: Load | None = Field(
+        default=None, title="load", description="Constant forces, one a coordinate (N, or N m of a rotation)."
+    )
+    forces: list[Force] = Field(default=[], title="forces", description="Periodic external forces.")
+
+    @classmethod
+    def size(cls, raw: dict[str, Any]) -> int | None:
+        mass: Any = raw.get("mass")
+        return len(mass) or None if isinstance(mass, list | np.ndarray) else None
+
+    @classmethod
+    def turning(cls, raw: dict[str, Any]) -> list[bool] | None:
+        units, size = raw.get("coordinate_units"), cls.size(raw)
+        given = [units] if isinstance(units, str) else units if isinstance(units, list) else ["m"]
+        every = given * (size or 1) if len(given) == 1 else given
+        return [unit == "rad" for unit in every]
+
+    @classmethod
+    def turning_meshes(cls, raw: dict[str, Any]) -> bool:
+        return raw.get("deflection_unit") == "rad"
+
+    @classmethod
+    def read_files(cls, document: Document, source: FilePath) -> dict[str, Array]:
+        """Mass, stiffness and damping."""
+        system = document.data["system"]
+        name = system.get("file")
+        if not isinstance(name, str):
+            return {}
+        try:
+            contents = read_matrices(source.parent / name)
+        except DataFileError as error:
+            document.report(("system", "file"), str(error), error.hint, value=name)
+            return {}
+        for key in contents:
+            if system.get(key) is not None:
+                document.report(("system", key), f"the file {name} has {key} already", "keep one of the two")
+        if "damping" in contents and system.get("damping_ratio") is not None:
+            document.report(("system", "damping_ratio"), f"the file {name} has damping already", "keep one of the two")
+        return contents
+
+    @classmethod
+    def expand_path(cls, parts: list[str]) -> list[str]:
+        """``damping.0.1`` is an entry of ``damping.matrix``."""
+        entry = parts[0] == "damping" and len(parts) == 3 and parts[1].isdecimal()
+        return ["damping", "matrix", *parts[1:]] if entry else parts
+
+    @classmethod
+    def check_feasible(cls, document: Document, config: Config) -> None:
+        """Matrices that no system has, too."""
+        feasibility.check_mesh_levels(document, config)
+        if feasibility.check_symmetric(document, config.parameters, terms=True):
+            check_definite(document, feasibility.numbers_only(config), cls.build)
+
+    @classmethod
+    def complete(cls, document: Document, raw: dict[str, Any]) -> None:
+        """The damping matrix as nested lists by itself, and units of coordinates that those of their inertias tell."""
+        if isinstance(raw.get("damping"), list):
+            raw["damping"] = {"matrix": raw["damping"]}
+            document.move(("system", "damping"), ("system", "damping", "matrix"))
+        size = cls.size(raw) or 0
+        turning = [any(_told(raw.get(name), (k, k), unit) for name, unit in TOLD.items()) for k in range(size)]
+        if raw.get("coordinate_units") is None and any(turning):
+            units = ["rad" if turns else "m" for turns in turning]
+            document.put(("system", "coordinate_units"), units, document.where(("system", "mass")))
+        meshes = raw.get("meshes") if isinstance(raw.get("meshes"), list) else []
+        angles = [_told(mesh, (key,), "N m") for mesh in meshes or [] for key in ("mean_stiffness", "max_stiffness")]
+        if raw.get("deflection_unit") is None and all(cls.turning(raw) or [False]) and any(angles):
+            document.put(("system", "deflection_unit"), "rad", document.where(("system", "meshes")))
+
+    @classmethod
+    def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
+        """Shapes that agree, names that differ; the matrices themselves are checked as numbers."""
+        yield from super().conflicts(raw)
+        size = cls.size(raw)
+        yield from wrong_load(raw.get("load"), size)
+        yield from _terms(raw.get("terms"), size)
+        forces = raw.get("forces")
+        for i, force in enumerate(forces if isinstance(forces, list) else []):
+            for path, message, hint in Force.conflicts_of_size(force, size):
+                yield ("forces", i, *path), message, hint
+        for name in ("mass", "stiffness"):
+            rows = raw.get(name)
+            if rows is None and raw.get("file") is None:
+                remedy = f"add {name}, or file: the name of a .npz, .h5 or .mat file with it"
+                yield (), f"{name} is missing", remedy
+            elif isinstance(rows, list) and not rows and size is None:
+                yield (name,), "has no rows", "give one row a coordinate"
+            elif isinstance(rows, list) and size is not None:
+                yield from not_square(rows, size, (name,))
+        if size is not None:
+            yield from _of_size(raw, size)
+        units = raw.get("coordinate_units")
+        if isinstance(units, list) and size is not None and len(units) not in (1, size):
+            yield ("coordinate_units",), f"has {len(units)} entries", f"give {size}, one a coordinate, or one for all"
+        for key in ("coordinate_units", "deflection_unit"):
+            if raw.get("units") == "none" and raw.get(key) not in (None, "m"):
+                yield (key,), "is given for a model without units", "remove it, or units: none"
+        names = raw.get("coordinates")
+        if isinstance(names, list) and len({str(n) for n in names}) < len(names):
+            yield ("coordinates",), "two coordinates have the same name", "give each a name of its own"
+
+    @classmethod
+    def build(cls, p: dict[str, Any]) -> GearSystem:
+        """M q'' + C q' + [K0 + sum_i k_i(t) g_i g_i^T] q = f(t).
+
+        Parameters: ``mass``, ``stiffness`` (K0, without meshes) as nested numbers or arrays, damping, ``meshes`` with
+        ``direction`` g_i, ``frequency_ratio`` Omega_i/Omega (a Fraction) and ``lag`` (in periods of the mesh), ``load``
+        and ``forces`` (:func:`~gearstab.systems.parts.forcing.with_forcing`) and ``terms``
+        (:func:`~gearstab.systems.parts.terms.periodic_terms`); ``coordinate_units`` (one for all, or one for each
+        coordinate) and ``deflection_unit``, m or rad.
+        """
+        mass = matrix(p["mass"])
+        meshes = tuple(
+            build_mesh(m, vector(m["direction"]), m["frequency_ratio"], np.asarray(m.get("lag", 0.0), float))
+            for m in p["meshes"]
+        )
+        names = tuple(p.get("coordinates") or (f"q{i + 1}" for i in range(mass.shape[-1])))
+        stiffness, terms = matrix(p["stiffness"]), periodic_terms(p)
+        units = tuple(p.get("coordinate_units") or ("m",))
+        units = units * len(names) if len(units) == 1 else units
+        deflection = p.get("deflection_unit", "m")
+        system = GearSystem(
+            mass, stiffness, meshes, coordinates=names, terms=terms, units=units, deflection_unit=deflection
+        )
+        return with_forcing(with_damping(system, p), p)
+
+
+def _terms(terms: Any, size: int | None) -> Iterator[Conflict]:
+    seen: set[str] = set()
+    for i, term in enumerate(terms if isinstance(terms, list) else []):
+        for path, message, hint in Term.conflicts(term, size):
+            yield ("terms", i, *path), message, hint
+        name = term.get("name") if isinstance(term, dict) else None
+        if isinstance(name, str) and name in seen:
+            yield ("terms", i, "name"), f"two terms are called '{name}'", "give each term a name of its own"
+        elif isinstance(name, str):
+            seen.add(name)
+
+
+def _told(raw: Any, path: Path, unit: str) -> bool:
+    """Whether the number at a path is a text with a unit of a kind."""
+    text = value_at(raw, path)
+    try:
+        return isinstance(text, str) and to_si(text, (unit,)) is not None
+    except UnitError:
+        return False
+
+
+def _of_size(raw: dict[str, Any], size: int) -> Iterator[Conflict]:
+    names = raw.get("coordinates")
+    if isinstance(names, list) and len(names) != size:
+        yield ("coordinates",), f"has {len(names)} entries", f"give {size}, one a coordinate"
+    meshes = raw.get("meshes")
+    for i, mesh in enumerate(meshes if isinstance(meshes, list) else []):
+        direction = mesh.get("direction") if isinstance(mesh, dict) else None
+        if not isinstance(direction, list):
+            continue
+        if len(direction) != size:
+            yield ("meshes", i, "direction"), f"has {len(direction)} entries", f"give {size}, one a coordinate"
+        elif all(entry == 0 for entry in direction):
+            yield ("meshes", i, "direction"), "has only zeros", "let the mesh move at least one coordinate"

@@ -1,0 +1,157 @@
+"""What drives a system: transmission errors of its meshes, a constant load, periodic forces."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import Field, GetJsonSchemaHandler
+from pydantic_core import core_schema
+
+from gearstab.config.model.conflicts import Conflict
+from gearstab.config.model.fields import (
+    ExactRatio,
+    NameText,
+    Number,
+    Quantity,
+    Section,
+    Turns,
+)
+from gearstab.system import GearSystem, PeriodicForce
+from gearstab.systems.parts.arrays import given, series, vector
+
+ErrorAmplitude = Annotated[float, Quantity("m", ("rad",), entry=True)]
+ForceAmplitude = Annotated[float, Quantity("N", ("N m",), entry=True)]
+Load = list[ForceAmplitude]
+"""Constant generalised forces, one a coordinate."""
+
+
+class OneAsWell:
+    """Lets the schema of a list admit its one entry by itself, which ``complete`` of a system makes a list."""
+
+    def __get_pydantic_json_schema__(
+        self, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        plain = handler(schema)
+        return {"anyOf": [plain["items"], plain | {"minItems": 1, "maxItems": 1}]}
+
+
+LoadOfOne = Annotated[Load, OneAsWell()]
+"""That of a system of one coordinate."""
+
+MOST_HARMONICS = 100
+
+
+class TransmissionError(Section):
+    """The unloaded static transmission error of a mesh as a Fourier series over its period."""
+
+    sin: list[ErrorAmplitude] = Field(
+        default=[],
+        max_length=MOST_HARMONICS,
+        title="sine amplitudes of the transmission error",
+        description="a_s of sin s x, s = 1, 2, ..., x = Omega_i t - 2 pi lag (m, or rad where the mesh turns).",
+    )
+    cos: list[ErrorAmplitude] = Field(
+        default=[],
+        max_length=MOST_HARMONICS,
+        title="cosine amplitudes of the transmission error",
+        description="b_s of cos s x, s = 1, 2, ... (m, or rad where the mesh turns).",
+    )
+
+    @classmethod
+    def conflicts(cls, raw: Any) -> Iterator[Conflict]:
+        """At least one harmonic."""
+        yield from no_harmonics(raw, "m")
+
+
+class Force(Section):
+    """A periodic external force, given by its Fourier series."""
+
+    name: NameText | None = Field(default=None, title="name of the force", description="What messages call it.")
+    direction: list[Number] = Field(
+        title="direction of the force",
+        min_length=1,
+        description="u, the force acts as u times its value: one number a coordinate (1).",
+    )
+    sin: list[ForceAmplitude] = Field(
+        default=[],
+        max_length=MOST_HARMONICS,
+        title="sine amplitudes of the force",
+        description="Of sin s x, s = 1, 2, ..., x = r Omega t - 2 pi lag (N, or N m of a rotation).",
+    )
+    cos: list[ForceAmplitude] = Field(
+        default=[],
+        max_length=MOST_HARMONICS,
+        title="cosine amplitudes of the force",
+        description="Of cos s x, s = 1, 2, ... (N, or N m of a rotation).",
+    )
+    frequency_ratio: ExactRatio = Field(
+        default=1,
+        title="frequency ratio of the force",
+        validate_default=True,
+        description='r, its frequency over the mesh frequency of the sweep, exact: 1, 0.5 or "1/2".',
+    )
+    lag: Turns = Field(
+        default=0.0, title="lag of the force", description="It begins this fraction of its own period late (1)."
+    )
+
+    @classmethod
+    def conflicts_of_size(cls, raw: Any, size: int | None) -> Iterator[Conflict]:
+        """At least one harmonic, and a direction of the size of the system that is not zero."""
+        yield from no_harmonics(raw, "N")
+        direction = raw.get("direction") if isinstance(raw, dict) else None
+        if not isinstance(direction, list):
+            return
+        if size is not None and len(direction) != size:
+            yield ("direction",), f"has {len(direction)} entries", f"give {size}, one a coordinate"
+        elif direction and all(entry == 0 for entry in direction):
+            yield ("direction",), "has only zeros", "let the force act on at least one coordinate"
+
+
+def no_harmonics(raw: Any, unit: str) -> Iterator[Conflict]:
+    """A conflict where neither sin nor cos has an entry, nor an unknown key stands for them."""
+    if not isinstance(raw, dict) or not set(raw) <= set(Force.model_fields):
+        return
+    if not raw.get("sin") and not raw.get("cos"):
+        yield (), "has no harmonics", f"add sin: [..] or cos: [..], amplitudes of the harmonics ({unit})"
+
+
+def wrong_load(load: Any, size: int | None) -> Iterator[Conflict]:
+    """A conflict unless a load has one number a coordinate."""
+    if isinstance(load, list) and size is not None and len(load) != size:
+        yield ("load",), f"has {len(load)} entries", f"give {size}, one a coordinate"
+
+
+def with_forcing(system: GearSystem, p: dict[str, Any]) -> GearSystem:
+    """The system with what drives it.
+
+    ``load``: constant generalised forces, one a coordinate; ``forces``: periodic ones, each a ``direction`` and a
+    Fourier series ``sin``, ``cos`` with ``frequency_ratio`` and ``lag``; ``transmission_error`` of a mesh: ``sin``,
+    ``cos``. A transmission error acts through the mesh's own damping too. ``backlash`` of a mesh, 2 b, and its
+    ``backlash_zero``, which only the response heeds, come with it.
+    """
+    meshes = tuple(
+        replace(
+            item,
+            transmission_error=series(part["transmission_error"]) if part.get("transmission_error") else None,
+            damping=np.asarray(part["damping"], dtype=float) if _constant_damping(part) else 0.0,
+            backlash=np.asarray(part["backlash"], dtype=float) if given(part, "backlash") else 0.0,
+            backlash_zero=part.get("backlash_zero", "middle"),
+        )
+        for part, item in zip(p["meshes"], system.meshes, strict=True)
+    )
+    forces = tuple(
+        PeriodicForce(
+            part.get("name") or f"force{i + 1}", vector(part["direction"]), series(part), part["frequency_ratio"],
+            np.asarray(part.get("lag", 0.0), dtype=float),
+        )
+        for i, part in enumerate(p.get("forces") or [])
+    )  # fmt: skip
+    load = vector(p["load"]) if p.get("load") is not None else None
+    return replace(system, meshes=meshes, forces=forces, load=load)
+
+
+def _constant_damping(p: dict[str, Any]) -> bool:
+    return given(p, "damping") and not p.get("damping_follows_stiffness")

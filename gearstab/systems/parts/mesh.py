@@ -1,0 +1,222 @@
+"""Tooth meshes: the sections that describe their stiffness, how much it varies and when, and what they build."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from fractions import Fraction
+from typing import Annotated, Any, ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from gearstab import system
+from gearstab.config.model.conflicts import Conflict, at_most_one, exactly_one
+from gearstab.config.model.fields import (
+    AnyRatio,
+    Choice,
+    ContactRatio,
+    Flag,
+    NameText,
+    NonNegative,
+    Quantity,
+    Section,
+    Turns,
+)
+from gearstab.config.waveforms import Form, Waveform, form_of, has_own_mean, kind_of, shape_conflicts
+from gearstab.system import Array
+from gearstab.systems.parts.forcing import TransmissionError
+from gearstab.systems.waveforms import above_mean, own_variation, waveform
+
+MeshStiffness = Annotated[float, Field(gt=0), Quantity("N/m", ("N m",))]
+"""Of a model in coordinates of its own, where a mesh may deflect as an angle."""
+
+ZEROS = ("middle", "drive_side")
+"""Where in its backlash the deflection of a mesh is zero."""
+
+
+class Named(Section):
+    """Something in a list that is called by a name."""
+
+    name: NameText = Field(title="name", description="What paths, labels and messages call the mesh; unique.")
+
+
+class ToothMesh(Section):
+    """A tooth mesh: a spring whose stiffness alternates between floor(c) and floor(c) + 1 pairs of teeth."""
+
+    mean_stiffness: Annotated[float, Field(gt=0), Quantity("N/m")] | None = Field(
+        default=None, title="mean mesh stiffness", description="Mean stiffness k_g, kept (N/m); or give max_stiffness."
+    )
+    max_stiffness: Annotated[float, Field(gt=0), Quantity("N/m")] | None = Field(
+        default=None,
+        title="stiffer level of the mesh stiffness",
+        description="The stiffer level k_max, kept (N/m), so that k_g falls as k_a grows; or give mean_stiffness.",
+    )
+    epsilon: NonNegative | None = Field(
+        default=None,
+        title="relative mesh stiffness variation",
+        description="epsilon = k_a/k_g, where 2 k_a is the peak-to-peak of the variation (1); or give amplitude.",
+    )
+    amplitude: Annotated[float, Field(ge=0), Quantity("N/m")] | None = Field(
+        default=None,
+        title="mesh stiffness amplitude",
+        description="k_a, half the peak-to-peak of the variation (N/m); or give epsilon.",
+    )
+    contact_ratio: ContactRatio | None = Field(
+        default=None,
+        title="contact ratio",
+        description="c >= 1: floor(c) + 1 pairs of teeth carry for the fraction c - floor(c) of the period (1).",
+    )
+    waveform: Waveform = Field(
+        default=Waveform(kind="rectangular"),
+        title="waveform",
+        description="The shape of the variation over a mesh period.",
+    )
+    damping: Annotated[float, Field(ge=0), Quantity("N s/m")] | None = Field(
+        default=None, title="mesh damping", description="Viscous damping along the line of action (N s/m)."
+    )
+    damping_follows_stiffness: Flag = Field(
+        default=False,
+        title="damping follows stiffness",
+        description="The mesh damping d varies as the mesh stiffness does, d k(t)/k_g, instead of being constant.",
+    )
+    transmission_error: TransmissionError | None = Field(
+        default=None,
+        title="transmission error",
+        description="Unloaded static transmission error e: the mesh is without force where its deflection is e (m).",
+    )
+    backlash: Annotated[float, Field(ge=0), Quantity("m")] | None = Field(
+        default=None,
+        title="backlash",
+        description="2 b, the play between the flanks along the line of action (m), for respond; none without.",
+    )
+    backlash_zero: Annotated[str, Choice("zero of the deflection", ZEROS)] = Field(
+        default="middle",
+        title="zero of the deflection in the backlash",
+        description="middle of the backlash, or drive_side: where the flank that carries the load just touches.",
+    )
+
+    @classmethod
+    def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
+        """One of the two ways to give the stiffness, and of the two to give its variation, unless the wave does."""
+        form = form_of(raw) or Form()
+        if kind_of(raw.get("waveform")) == "tooth":
+            message = "the teeth are unknown: only kind: gearbox has numbers of teeth"
+            yield ("waveform", "kind"), message, "choose another waveform, or describe the gears in a gearbox"
+            return
+        stiffness, variation = ("mean_stiffness", "max_stiffness"), ("epsilon", "amplitude")
+        yield from (at_most_one if has_own_mean(raw) else exactly_one)(raw, stiffness)
+        yield from (at_most_one if form.own_variation else exactly_one)(raw, variation)
+        description = cls.model_fields["contact_ratio"].description or ""
+        yield from shape_conflicts(raw, description.rstrip("."))
+        if raw.get("damping_follows_stiffness") is True:
+            if raw.get("damping") is None:
+                yield ("damping",), "is missing", "add damping, the mean of the damping that follows the stiffness"
+            if raw.get("transmission_error") is not None:
+                message = "is given, and a damping that follows the stiffness"
+                yield ("transmission_error",), message, "keep one of the two, or make the damping constant"
+        for path, message, hint in TransmissionError.conflicts(raw.get("transmission_error")):
+            yield ("transmission_error", *path), message, hint
+
+
+class Mesh(ToothMesh, Named):
+    """A tooth mesh with a name of its own."""
+
+    misplaced: ClassVar[dict[str, str]] = {
+        "phasing": "only the second mesh of a two_stage train has a phasing; in matrices give a lag",
+        "lag": "only a mesh of matrices has a lag; the second mesh of a two_stage train has a phasing (a lead)",
+    }
+
+
+class SecondMesh(Mesh):
+    """The second mesh of a two-stage train."""
+
+    misplaced: ClassVar[dict[str, str]] = {"lag": "give a phasing, which is a lead: phasing = -lag"}
+
+    phasing: Turns = Field(
+        default=0.0,
+        title="mesh phasing",
+        description="h: this mesh leads the first one by h of its own period (1; Lin & Parker 2002).",
+    )
+
+
+class MatrixMesh(Mesh):
+    """A tooth mesh of a model given as matrices."""
+
+    misplaced: ClassVar[dict[str, str]] = {"phasing": "give a lag, the opposite of a lead: lag = -phasing"}
+
+    mean_stiffness: MeshStiffness | None = Field(
+        default=None,
+        title="mean mesh stiffness",
+        description="Mean stiffness k_g, kept (N/m, or N m/rad of an angle); or give max_stiffness.",
+    )
+    max_stiffness: MeshStiffness | None = Field(
+        default=None,
+        title="stiffer level of the mesh stiffness",
+        description="The stiffer level k_max, kept (N/m, N m/rad), so that k_g falls with k_a; or give mean_stiffness.",
+    )
+    amplitude: Annotated[float, Field(ge=0), Quantity("N/m", ("N m",))] | None = Field(
+        default=None,
+        title="mesh stiffness amplitude",
+        description="k_a, half the peak-to-peak of the variation (N/m or N m/rad); or give epsilon.",
+    )
+    damping: Annotated[float, Field(ge=0), Quantity("N s/m", ("N m s",))] | None = Field(
+        default=None, title="mesh damping", description="Viscous damping of the mesh deflection (N s/m or N m s/rad)."
+    )
+    backlash: Annotated[float, Field(ge=0), Quantity("m", ("rad",))] | None = Field(
+        default=None,
+        title="backlash",
+        description="2 b, the play of the mesh deflection (m, or rad of an angle), for respond; none without.",
+    )
+    direction: list[Annotated[float, Quantity("m", entry=True)]] = Field(
+        title="direction",
+        min_length=1,
+        description="g, the mesh deflection is g . q: 1 for a translation, a base radius (m) for a rotation.",
+    )
+    exact: Flag = Field(
+        default=True,
+        title="exact frequency ratio",
+        description="false: frequency_ratio is a decimal that stands for an irrational number.",
+    )
+    frequency_ratio: AnyRatio = Field(
+        default=1,
+        title="mesh frequency ratio",
+        validate_default=True,
+        description='Frequency of this mesh over that of the sweep, exact: 1, 0.5 or "1/2"; see exact.',
+    )
+    lag: Turns = Field(
+        default=0.0, title="mesh lag", description="The wave begins this fraction of its own period late (1)."
+    )
+
+
+def build_mesh(
+    p: dict[str, Any], direction: Array, frequency_ratio: Fraction | float = Fraction(1), lag: Any = 0.0
+) -> system.Mesh:
+    """Return the mesh of the given parameters.
+
+    The stiffness is given by ``mean_stiffness`` k_g or ``max_stiffness`` k_max (the stiffer level is kept, Lin & Parker
+    2002 section 4: k_g = k_max - 2 k_a (1 - d)), its variation by ``epsilon`` = k_a/k_g or ``amplitude`` = k_a; what is
+    not given is that of a ``waveform`` made from stiffnesses.
+    """
+    wave = waveform(p)
+    epsilon, amplitude, maximum = p.get("epsilon"), p.get("amplitude"), p.get("max_stiffness")
+    if epsilon is None and amplitude is None:
+        epsilon = _ratio(*own_variation(wave))
+    if maximum is not None:
+        # A wave that keeps its stiffer level does so for an integer contact ratio too, where it is never reached.
+        maximum, above = np.asarray(maximum, dtype=float), above_mean(wave)
+        if amplitude is not None:
+            mean = maximum - 2 * np.asarray(amplitude) * above
+        else:
+            mean = maximum / (1 + 2 * np.asarray(epsilon) * above)
+    elif p.get("mean_stiffness") is not None:
+        mean = np.asarray(p["mean_stiffness"], dtype=float)
+    else:
+        mean = own_variation(wave)[0]
+    if amplitude is not None:
+        epsilon = np.asarray(amplitude) / mean
+    return system.Mesh(p["name"], direction, mean, np.asarray(epsilon, dtype=float), wave, frequency_ratio, lag)
+
+
+def _ratio(mean: Array, amplitude: Array) -> Array:
+    """amplitude/mean; 0 where the mean is, which is an error that the configuration reports."""
+    return np.where(mean != 0, amplitude / np.where(mean != 0, mean, 1.0), 0.0)

@@ -1,0 +1,284 @@
+"""The section ``system`` of a planetary gear: sun, carrier, planets and ring."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated, Any, ClassVar, Literal
+
+from pydantic import Field
+
+from gearstab.config.model.conflicts import Conflict
+from gearstab.config.model.fields import (
+    Choice,
+    Mass,
+    Quantity,
+    Section,
+    Turns,
+    Whole,
+)
+from gearstab.system import GearSystem
+from gearstab.systems.base import System
+from gearstab.systems.parts.mesh import ToothMesh
+from gearstab.systems.planetary.build import build, coordinates
+
+HARMONICS = 12
+"""Default of J. Natural frequencies converge as J^-3: of a gear as in Parker (2009, Table 1) with 3 to 8 planets
+the first nine are within 4e-5 of their limits with 8, 1.1e-5 with 12, 4e-6 with 16 and 2e-6 with 20, relative."""
+MOST_HARMONICS = 200
+MOST_PLANETS = 30
+
+Support = Annotated[float, Field(ge=0), Quantity("N/m")]
+BodyForce = Annotated[float, Quantity("N", entry=True)]
+PressureAngle = Annotated[float, Field(gt=-1.5, lt=1.5), Quantity("rad")]
+
+
+class Ring(Section):
+    """The ring gear: a rigid body, or a thin ring that bends in its plane without stretching."""
+
+    kind: Annotated[str, Choice("kind of ring", ("rigid", "elastic"))] = Field(
+        title="kind of ring", description="rigid, or elastic: it bends in its plane (Parker 2009)."
+    )
+    harmonics: Annotated[int, Field(ge=2, le=MOST_HARMONICS), Whole()] = Field(
+        default=HARMONICS,
+        title="harmonics of the ring's deflection",
+        description="J: the elastic deflection has 2 to J waves around an elastic ring.",
+    )
+    bending_stiffness: Annotated[float, Field(gt=0), Quantity("N/m")] | None = Field(
+        default=None,
+        title="bending stiffness of the ring",
+        description="k_bend = E J/(R^3 (1 - nu^2)) of an elastic ring (N/m).",
+    )
+
+
+class Masses(Section):
+    """Masses of the bodies."""
+
+    ring: Mass = Field(title="mass of the ring", description="m_r (kg).")
+    carrier: Mass | None = Field(default=None, title="mass of the carrier", description="m_c, for planar motion (kg).")
+    sun: Mass | None = Field(default=None, title="mass of the sun", description="m_s, for planar motion (kg).")
+    planet: Mass = Field(title="mass of a planet", description="m_p, of each planet (kg).")
+
+
+class Inertias(Section):
+    """Moments of inertia over squared base radii, of the carrier over that of the planets' centres."""
+
+    ring: Mass | None = Field(
+        default=None,
+        title="inertia of the ring",
+        description="I_r/r_r^2 (kg); m_r/cos^2 of the ring's pressure angle, a thin rim at the pitch radius, without.",
+    )
+    carrier: Mass = Field(
+        title="inertia of the carrier", description="I_c/r_c^2, r_c where the planets' centres are (kg)."
+    )
+    sun: Mass = Field(title="inertia of the sun", description="I_s/r_s^2 (kg).")
+    planet: Mass = Field(title="inertia of a planet", description="I_p/r_p^2, of each planet (kg).")
+
+
+class Supports(Section):
+    """Stiffness of the supports; a body without one is free."""
+
+    carrier: Support = Field(
+        default=0.0, title="support of the carrier", description="k_c, in every direction of the plane (N/m)."
+    )
+    sun: Support = Field(
+        default=0.0, title="support of the sun", description="k_s, in every direction of the plane (N/m)."
+    )
+    planet: Support | None = Field(
+        default=None,
+        title="planet bearing",
+        description="k_p, between each planet and the carrier, in every direction, for planar motion (N/m).",
+    )
+    carrier_rotation: Support = Field(
+        default=0.0,
+        title="rotational support of the carrier",
+        description="k_cu, torsional stiffness over r_c^2 (N/m).",
+    )
+    sun_rotation: Support = Field(
+        default=0.0, title="rotational support of the sun", description="k_su, torsional stiffness over r_s^2 (N/m)."
+    )
+    ring: Support | None = Field(
+        default=None,
+        title="support of the ring",
+        description="k_r of a rigid ring, in every direction of the plane (N/m).",
+    )
+    ring_rotation: Support | None = Field(
+        default=None,
+        title="rotational support of the ring",
+        description="k_ru of a rigid ring, torsional stiffness over r_r^2 (N/m).",
+    )
+    ring_radial: Support = Field(
+        default=0.0,
+        title="radial foundation of the ring",
+        description="k_rbs R: radial stiffness per radian of the ring's circumference (N/m).",
+    )
+    ring_tangential: Support = Field(
+        default=0.0,
+        title="tangential foundation of the ring",
+        description="k_rus R: tangential stiffness per radian of the ring's circumference (N/m).",
+    )
+
+
+class PressureAngles(Section):
+    """Pressure angles; negative ones for load on the other flanks."""
+
+    sun: PressureAngle = Field(
+        title="pressure angle of the sun's meshes", description='alpha_s; in rad, or with a unit: "24.6 deg".'
+    )
+    ring: PressureAngle = Field(
+        title="pressure angle of the ring's meshes", description='alpha_r; in rad, or with a unit: "24.6 deg".'
+    )
+
+
+class PlanetaryMesh(ToothMesh):
+    """The meshes of the sun, or of the ring, with the planets: all alike but for their phases."""
+
+    misplaced: ClassVar[dict[str, str]] = {
+        "name": "the meshes are called sun1, sun2, ... and ring1, ring2, ...",
+        "lag": "give the lags in phases: sun: one a planet, sun_ring: of the ring's meshes",
+        "phase": "give the lags in phases: sun: one a planet, sun_ring: of the ring's meshes",
+        "phasing": "give the lags in phases: sun: one a planet, sun_ring: of the ring's meshes",
+    }
+
+
+class BodyLoad(Section):
+    """Constant torques on the bodies on the axis, over their base radius, of the carrier over that of the planets."""
+
+    ring: BodyForce = Field(default=0.0, title="load of the ring", description="Torque on the ring over r_r (N).")
+    carrier: BodyForce = Field(
+        default=0.0, title="load of the carrier", description="Torque on the carrier over r_c (N)."
+    )
+    sun: BodyForce = Field(default=0.0, title="load of the sun", description="Torque on the sun over r_s (N).")
+
+
+class Meshes(Section):
+    """Both kinds of meshes."""
+
+    sun: PlanetaryMesh = Field(title="sun's meshes", description="Each planet with the sun.")
+    ring: PlanetaryMesh = Field(title="ring's meshes", description="Each planet with the ring.")
+
+
+class Phases(Section):
+    """Mesh phases, as lags in periods of the mesh."""
+
+    sun: list[Turns] | None = Field(
+        default=None,
+        title="phase of a sun's mesh",
+        description="gamma_sn, one a planet, of the waves of the sun's meshes (1); all 0, in phase, without.",
+    )
+    sun_ring: Turns | None = Field(
+        default=None,
+        title="phase of the ring's meshes",
+        description="gamma_sr: the ring's mesh of a planet lags its sun's mesh by this (1); 0 or from teeth without.",
+    )
+
+
+Teeth = Annotated[int, Field(ge=4), Whole()]
+
+
+class ToothNumbers(Section):
+    """Tooth numbers, from which the mesh phases follow."""
+
+    sun: Teeth = Field(title="teeth of the sun", description="z_s.")
+    planet: Teeth = Field(title="teeth of a planet", description="z_p.")
+    ring: Teeth = Field(title="teeth of the ring", description="z_r = z_s + 2 z_p; (z_s + z_r)/planets is an integer.")
+
+
+class Planetary(System):
+    """Sun, carrier, equal and equally spaced planets and a ring (Parker 2009)."""
+
+    kind: Literal["planetary"] = Field(title="kind of system", description="A planetary gear.")
+    planets: Annotated[int, Field(ge=3, le=MOST_PLANETS), Whole()] = Field(
+        title="number of planets", description="N >= 3, equally spaced."
+    )
+    motion: Annotated[str, Choice("motion", ("planar", "rotational"))] = Field(
+        default="planar",
+        title="motion",
+        description="planar, or rotational: bodies only rotate and the planets' centres move with the carrier.",
+    )
+    scaling: Annotated[str, Choice("scaling", ("SI", "dimensionless"))] = Field(
+        default="SI",
+        title="scaling",
+        description="dimensionless: masses over m_r, stiffnesses over k_rp and frequencies over sqrt(k_rp/m_r).",
+    )
+    ring: Ring = Field(title="ring", description="How the ring deforms.")
+    masses: Masses = Field(title="masses", description="Mass of each body.")
+    inertias: Inertias = Field(title="inertias", description="Moments of inertia over squared base radii.")
+    supports: Supports = Field(
+        default=Supports(), title="supports", description="Stiffness of the supports and planet bearings."
+    )
+    pressure_angles: PressureAngles = Field(title="pressure angles", description="Of both kinds of meshes.")
+    meshes: Meshes = Field(title="meshes", description="The meshes of the sun and of the ring.")
+    load: BodyLoad | None = Field(
+        default=None, title="load", description="Constant torques on ring, carrier and sun, over their radii (N)."
+    )
+    phases: Phases | None = Field(
+        default=None, title="mesh phases", description="When the waves of the meshes begin; or give teeth."
+    )
+    teeth: ToothNumbers | None = Field(
+        default=None, title="tooth numbers", description="From which the mesh phases follow; or give phases."
+    )
+
+    @classmethod
+    def build(cls, p: dict[str, Any]) -> GearSystem:
+        """See :func:`gearstab.systems.planetary.build.build`."""
+        return build(p)
+
+    @classmethod
+    def size(cls, raw: dict[str, Any]) -> int | None:
+        ring: Any = raw.get("ring")
+        kind, harmonics = (ring.get("kind"), ring.get("harmonics", HARMONICS)) if isinstance(ring, dict) else (None, 0)
+        planets: Any = raw.get("planets")
+        if not (_whole(planets, 3, MOST_PLANETS) and _whole(harmonics, 2, MOST_HARMONICS)):
+            return None
+        return len(coordinates(int(planets), 1 if kind == "rigid" else int(harmonics), raw.get("motion", "planar")))
+
+    @classmethod
+    def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
+        """What is missing for the kind of motion and ring, and phases that fit the planets and teeth."""
+        yield from super().conflicts(raw)
+        ring = raw.get("ring")
+        if isinstance(ring, dict) and ring.get("kind") == "elastic" and ring.get("bending_stiffness") is None:
+            remedy = "add k_bend = E J/(R^3 (1 - nu^2)), or make the ring rigid"
+            yield ("ring", "bending_stiffness"), "is missing", remedy
+        supports = raw.get("supports")
+        if isinstance(ring, dict) and ring.get("kind") == "elastic" and isinstance(supports, dict):
+            for key in ("ring", "ring_rotation"):
+                if supports.get(key) is not None:
+                    remedy = "give ring_radial and ring_tangential, or make the ring rigid"
+                    yield ("supports", key), "holds a rigid ring, and this one is elastic", remedy
+        if raw.get("motion", "planar") == "planar":
+            for section, keys in (("masses", ("carrier", "sun")), ("supports", ("planet",))):
+                inner = raw.get(section, {})
+                for key in keys if isinstance(inner, dict) else ():
+                    if inner.get(key) is None:
+                        yield (section, key), "is missing", f"add {key}, which planar motion needs"
+        yield from _phases(raw)
+
+
+def _whole(value: Any, low: int, high: int) -> bool:
+    plain = isinstance(value, int | float) and not isinstance(value, bool)
+    return plain and low <= value <= high and float(value).is_integer()
+
+
+def _phases(raw: dict[str, Any]) -> Iterator[Conflict]:
+    phases, teeth, planets = raw.get("phases"), raw.get("teeth"), raw.get("planets")
+    if phases is None and teeth is None:
+        yield (), "phases or teeth are missing", "add phases: {sun: [one lag a planet], sun_ring: ..}, or teeth"
+    sun = phases.get("sun") if isinstance(phases, dict) else None
+    if sun is not None and teeth is not None:
+        yield ("phases", "sun"), "the phases follow from teeth already", "keep phases.sun or teeth"
+    elif isinstance(sun, list) and _whole(planets, 3, MOST_PLANETS) and len(sun) != planets:
+        yield ("phases", "sun"), f"has {len(sun)} entries", f"give {planets}, one a planet"
+    if isinstance(teeth, dict) and all(_whole(teeth.get(k), 4, 10**6) for k in ("sun", "planet", "ring")):
+        yield from _assembly(int(teeth["sun"]), int(teeth["planet"]), int(teeth["ring"]), planets)
+
+
+def _assembly(sun: int, planet: int, ring: int, planets: Any) -> Iterator[Conflict]:
+    """The teeth fit into each other, and planets at equal angles between them."""
+    if ring != sun + 2 * planet:
+        yield ("teeth", "ring"), f"must be z_s + 2 z_p = {sun + 2 * planet}", f"give {sun + 2 * planet} teeth"
+    elif _whole(planets, 3, MOST_PLANETS) and (sun + ring) % int(planets):
+        possible = [str(k) for k in range(3, MOST_PLANETS + 1) if (sun + ring) % k == 0]
+        remedy = f"change the teeth, or take one of planets: {', '.join(possible)}" if possible else "change the teeth"
+        message = f"{planets} equally spaced planets cannot be assembled: (z_s + z_r)/N = {sun + ring}/{planets}"
+        yield ("teeth",), f"{message} is no integer", remedy
