@@ -153,11 +153,7 @@ def _assembled(system: GearSystem, run: Run, start: tuple[Array, Array]) -> Back
     q, v = motion.physical(run.x[:samples])
     q[0], v[0] = start
     contact = run.contact[:samples]
-    stiffness, errors = (np.resize(part, (samples, len(system.meshes))) for part in motion.momentary(run.grid))
-    linear = assembled(
-        system, float(motion.points.omega[0]), (q, v), stiffness * (contact != APART), errors + teeth.offset(contact),
-        motion.period / run.grid, motion.period,
-    )  # fmt: skip
+    linear = assembled(system, motion, (q, v), run.grid, (contact != APART, teeth.offset(contact)))
     directions = np.stack([np.asarray(mesh.direction, dtype=float) for mesh in system.meshes])
     pushed = bool(unbalanced(motion.drive, next(bases(system)))[0])
     flags = (linear.flags & ~RESPONSE_FLAGS["separation"]) | run.flags | RESPONSE_FLAGS["unbalanced"] * pushed

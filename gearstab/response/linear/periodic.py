@@ -71,14 +71,14 @@ def steady_state(
     with np.errstate(over="ignore", invalid="ignore"):
         q, v = motion.physical(motion.history(start, samples, grid))
     step, drift = motion.period / grid, np.zeros(system.size)
-    loose = _rigid_shapes(system)
-    if samples and loose.shape[1]:
-        inverse = loose.T @ np.asarray(system.mass)
-        drift = loose @ (inverse @ (q[-1] - q[0])) / (step * (samples - 1))
+    modes = mean_modes(system)
+    rigid = modes.shapes[:, modes.rigid]
+    if samples and rigid.shape[1]:
+        inverse = rigid.T @ np.asarray(system.mass)
+        drift = rigid @ (inverse @ (q[-1] - q[0])) / (step * (samples - 1))
         q = q - np.arange(samples)[:, None] * step * drift
-        q, v = q - q[:-1].mean(axis=0) @ inverse.T @ loose.T, v - drift
-    stiffness, errors = (np.resize(part, (samples, len(system.meshes))) for part in motion.momentary(grid))
-    found = assembled(system, mesh_frequency, (q, v), stiffness, errors, step, motion.period)
+        q, v = q - q[:-1].mean(axis=0) @ inverse.T @ rigid.T, v - drift
+    found = assembled(system, motion, (q, v), grid)
     return replace(found, flags=found.flags | int(begin.status[0]), drift=drift)
 
 
@@ -91,12 +91,6 @@ def balanced(system: GearSystem, basis: Basis) -> GearSystem:
         return system
     rigid = basis.undamped_rigid[0]
     return replace(system, load=system.load - np.asarray(system.mass) @ rigid @ (rigid.T @ system.load))
-
-
-def _rigid_shapes(system: GearSystem) -> Array:
-    """``(n, k)``, rigid-body modes, normalised by the mass matrix."""
-    modes = mean_modes(system)
-    return np.asarray(modes.shapes[:, modes.rigid])
 
 
 def harmonics(system: GearSystem, mesh_frequency: float, order: int, tolerance: float = 1e-9) -> Harmonics:
