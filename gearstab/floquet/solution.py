@@ -84,7 +84,7 @@ def conservative(part: Part, exponents: bool) -> Stability:
     verdict, growth = kernel.current().scan(pattern, omega)
     status = part.status()
     for rows, points in pieces(verdict == DOUBTFUL, pattern.size):
-        found = settle(pattern, rows, omega[rows, points])
+        found = decide_doubtful(pattern, rows, omega[rows, points])
         verdict[rows, points], growth[rows, points] = found[0], found[1]
         status[rows, points] |= found[2]
     shift, rate = pattern.elastic.shift[:, None], pattern.elastic.rate[:, None]
@@ -111,7 +111,7 @@ def pieces(chosen: Array, size: int) -> Iterator[tuple[Array, Array]]:
         yield rows[i : i + step], points[i : i + step]
 
 
-def settle(pattern: Pattern, rows: Array, omega: Array) -> tuple[Array, Array, Array]:
+def decide_doubtful(pattern: Pattern, rows: Array, omega: Array) -> tuple[Array, Array, Array]:
     """(verdict, growth, status bits) of points in doubt ``(P,)``, from their monodromy matrices."""
     matrix, scale = kernel.current().monodromy(pattern, rows, omega)
     status = np.full(len(omega), STATUS_FLAGS["eigenvalues"], dtype=np.int16)

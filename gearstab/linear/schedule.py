@@ -74,7 +74,7 @@ def schedule(system: GearSystem) -> Schedule:
 
 
 def divided(system: GearSystem, found: list[Source]) -> Schedule:
-    """The same for any functions of one common period, of the parameters of the system's batch."""
+    """Cut the common period at the jumps and kinks of any functions of the system's batch."""
     rows = system.rows
     cuts = [np.zeros((rows, 1)), np.ones((rows, 1))]
     for source in found:
@@ -83,6 +83,7 @@ def divided(system: GearSystem, found: list[Source]) -> Schedule:
         cuts.append(at - np.floor(at))
     edges = np.sort(np.concatenate(cuts, axis=1), axis=1)
     close = np.diff(edges, axis=1) < MERGED
+    # An interval of no length rather than one edge less: all rows keep equally many.
     edges[:, 1:] = np.where(close, edges[:, :-1], edges[:, 1:])
     edges[:, -1] = 1.0
     return Schedule(found, system.batch, edges)

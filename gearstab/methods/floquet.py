@@ -248,7 +248,7 @@ class Floquet(Method):
         return said | {"restriction": f"{what} of the base system: {self.basis.shape[-1]} of {size} modes, {left_out}"}
 
     def check(self) -> None:
-        from gearstab.floquet.truncation import torn
+        from gearstab.floquet.truncation import split_degenerate_group
 
         options = self.options
         if options.modes is not None and options.block is not None:
@@ -258,7 +258,7 @@ class Floquet(Method):
         except NotPossible as error:
             key = "block" if options.modes is None else "modes"
             raise OptionError((key,), error.message, error.remedy) from None
-        if options.modes is not None and (group := torn(self.system, options.modes)):
+        if options.modes is not None and (group := split_degenerate_group(self.system, options.modes)):
             message = f"modes {', '.join(map(str, group))} have equal frequencies"
             raise OptionError(("modes",), message, "name all of them or none")
         try:

@@ -19,8 +19,8 @@ from gearstab.floquet.solution import (
     Part,
     conservative_exponents,
     damped_exponents,
+    decide_doubtful,
     pieces,
-    settle,
     solved,
 )
 from gearstab.floquet.stability import STATUS_FLAGS, Stability
@@ -166,7 +166,7 @@ def _settled(found: Estimates, status: Array, pattern: Pattern, rows: Array, poi
     doubtful = found.verdict[rows[:, None], points] == DOUBTFUL
     for row, column in pieces(doubtful, pattern.size):
         target = rows[row], points[row, column]
-        verdict, growth, bits = settle(pattern, row, omega[target])
+        verdict, growth, bits = decide_doubtful(pattern, row, omega[target])
         found.verdict[target], found.growth[target] = verdict, growth
         status[target] |= bits
 
