@@ -122,6 +122,19 @@ def mean_modes(system: GearSystem) -> Modes:
     return Modes(values, shapes, deflection)
 
 
+def rigid_modes(squared: Array, deflection: Array) -> Array:
+    """Return ``(r, n)`` bool: modes of zero mean frequency that deflect no mesh.
+
+    With negative stiffness a zero frequency may be chance.
+
+    squared: ``(r, n)``; deflection: ``(r, meshes, n)``.
+    """
+    size = np.max(np.abs(deflection), axis=(1, 2), keepdims=True)
+    # Eigenvectors of rigid-body modes deflect meshes by the square root of eps at most, and elastic ones by far more.
+    still = np.all(np.abs(deflection) <= 1e-7 * size, axis=1)
+    return np.asarray((squared == 0) & still)
+
+
 def mesh_deflection(shapes: Array, direction: Array) -> Array:
     """g^T phi_p for every mode, ``(..., n)``."""
     return np.einsum("...ip,...i->...p", shapes, direction)

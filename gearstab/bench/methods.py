@@ -10,12 +10,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from gearstab.bench import smooth_methods as smooth
 from gearstab.bench.scene import Scene
-from gearstab.floquet import solve
 from gearstab.floquet.kernel import choice as kernel
 from gearstab.floquet.kernel import numpy_kernel
 from gearstab.floquet.segments.pattern import prepare
@@ -39,17 +37,6 @@ class Entry:
     fits: Callable[[Scene], bool] = lambda scene: True
 
 
-def exact(name: str) -> Method:
-    """The product's own way, with one of its kernels."""
-
-    def run(scene: Scene, omega: Array, _: float) -> Array:
-        with kernel.using(name):
-            found = solve(scene.system, omega)
-        return found.growth_rate[0] * 2 * np.pi * scene.cycles / omega
-
-    return run
-
-
 def batched_eigenvalues(scene: Scene, omega: Array, _: float) -> Array:
     """Batched NumPy products of the segments' propagators, then numpy.linalg.eigvals of all monodromy matrices."""
     (pattern,) = prepare(scene.system)
@@ -70,48 +57,6 @@ def exponential_products(scene: Scene, omega: Array, _: float) -> Array:
     return growth
 
 
-def integration(method: str, broken: bool) -> Method:
-    """scipy.integrate.solve_ivp of the 2n fundamental solutions, restarted at every jump (broken) or run across."""
-
-    def run(scene: Scene, omega: Array, tolerance: float) -> Array:
-        parts = [(duration, scene.generator(levels)) for duration, levels in scene.segments]
-        ends = np.cumsum([duration for duration, _ in parts])
-        growth = np.empty(len(omega))
-        for k, frequency in enumerate(omega):
-            period = 2 * np.pi / frequency
-            y = np.eye(2 * scene.system.size)
-            if broken:
-                for duration, generator in parts:
-                    y = _integrate(lambda _, x, a=generator: a @ x, y, duration * period, method, tolerance)
-            else:
-                generators = [generator for _, generator in parts]
-
-                def field(t: float, x: Array, period: float = period, generators: list[Array] = generators) -> Array:
-                    segment = int(np.searchsorted(ends, t / period, side="right"))
-                    return generators[min(segment, len(generators) - 1)] @ x
-
-                y = _integrate(field, y, scene.cycles * period, method, tolerance)
-            growth[k] = np.log(np.abs(np.linalg.eigvals(y)).max())
-        return growth
-
-    return run
-
-
-def _integrate(field: Callable, y: Array, span: float, method: str, tolerance: float) -> Array:
-    if span == 0:
-        return y
-    shape = y.shape
-    run = solve_ivp(
-        lambda t, x: field(t, x.reshape(shape)).ravel(),
-        (0, span),
-        y.ravel(),
-        method,
-        rtol=tolerance,
-        atol=1e-2 * tolerance,
-    )
-    return run.y[:, -1].reshape(shape)
-
-
 def _constant(scene: Scene) -> bool:
     return scene.constant and not scene.system.terms
 
@@ -127,7 +72,7 @@ def _without_terms(scene: Scene) -> bool:
 INTEGRATOR_TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
 
 METHODS: tuple[Entry, ...] = (
-    *(Entry(f"exact, {name} kernel", exact(name), batch=True, fits=_constant) for name in kernel.available()),
+    *(Entry(f"exact, {name} kernel", smooth.product(name), batch=True, fits=_constant) for name in kernel.available()),
     Entry(
         "NumPy products + eigvals",
         batched_eigenvalues,
@@ -135,10 +80,10 @@ METHODS: tuple[Entry, ...] = (
         fits=lambda scene: _constant(scene) and scene.conservative,
     ),
     Entry("products of expm", exponential_products, fits=_constant),
-    Entry("DOP853, broken at jumps", integration("DOP853", True), INTEGRATOR_TOLERANCES, fits=_constant),
-    Entry("RK45, broken at jumps", integration("RK45", True), INTEGRATOR_TOLERANCES[:4], fits=_constant),
-    Entry("DOP853, unbroken", integration("DOP853", False), INTEGRATOR_TOLERANCES, fits=_constant),
-    Entry("RK45, unbroken", integration("RK45", False), INTEGRATOR_TOLERANCES[:4], fits=_constant),
+    Entry("DOP853, broken at jumps", smooth.integration("DOP853", True), INTEGRATOR_TOLERANCES, fits=_constant),
+    Entry("RK45, broken at jumps", smooth.integration("RK45", True), INTEGRATOR_TOLERANCES[:4], fits=_constant),
+    Entry("DOP853, unbroken", smooth.integration("DOP853", False), INTEGRATOR_TOLERANCES, fits=_constant),
+    Entry("RK45, unbroken", smooth.integration("RK45", False), INTEGRATOR_TOLERANCES[:4], fits=_constant),
     *(
         Entry(f"Magnus, {name} kernel", smooth.product(name), INTEGRATOR_TOLERANCES, batch=True, fits=_without_terms)
         for name in kernel.available()

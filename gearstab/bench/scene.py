@@ -75,6 +75,13 @@ class Scene:
             constant = constant + function(tau) * matrix
         return constant
 
+    def lookup(self) -> Callable[[float], Array]:
+        """:meth:`generator_at` as fast as can be: looked up where it is constant between the edges."""
+        if not self.constant or self.system.terms:
+            return self.generator_at
+        generators, ends = [self.generator(levels) for _, levels in self.segments], np.array(self.edges[1:-1])
+        return lambda tau: generators[int(np.searchsorted(ends, tau, side="right"))]
+
     @cached_property
     def _parts(self) -> tuple[Array, list[tuple[Callable[[float], Array], Array]]]:
         """What of A is constant, and functions of tau with their matrices, prepared for speed."""

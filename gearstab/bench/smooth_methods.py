@@ -1,4 +1,4 @@
-"""Ways to the growth of a scene whose stiffness is smooth: collocation, Hill's method and integration.
+"""Ways to the growth of a scene whose stiffness may be smooth: collocation, Hill's method and integration.
 
 As in :mod:`gearstab.bench.methods` each takes a scene, mesh frequencies ``(P,)`` and a tolerance and returns ln max
 |lambda| over one common period.
@@ -31,7 +31,7 @@ def periods(scene: Scene, omega: Array) -> Array:
 
 
 def product(name: str) -> Method:
-    """The product's own way to a tolerance of the multipliers, with one of its kernels."""
+    """The product's own way, to a tolerance of the multipliers where it is not exact, with one of its kernels."""
 
     def run(scene: Scene, omega: Array, tolerance: float) -> Array:
         with kernel.using(name):
@@ -139,16 +139,16 @@ def _harmonic_balance(scene: Scene, base: float, order: int) -> Array:
 
 
 def integration(method: str, broken: bool) -> Method:
-    """scipy.integrate.solve_ivp of the 2n fundamental solutions, restarted at every kink (broken) or run across."""
+    """scipy.integrate.solve_ivp of the 2n fundamental solutions, restarted at every edge (broken) or run across."""
 
     def run(scene: Scene, omega: Array, tolerance: float) -> Array:
-        size = 2 * scene.system.size
+        size, generator = 2 * scene.system.size, scene.lookup()
         cuts = list(pairwise(scene.edges)) if broken else [(0.0, 1.0)]
         growth = np.empty(len(omega))
         for k, period in enumerate(periods(scene, omega)):
 
             def field(tau: float, x: Array, period: float = period) -> Array:
-                return (period * scene.generator_at(tau) @ x.reshape(size, size)).ravel()
+                return (period * generator(tau) @ x.reshape(size, size)).ravel()
 
             y = np.eye(size).ravel()
             for a, b in cuts:

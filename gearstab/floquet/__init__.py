@@ -1,6 +1,6 @@
 """Exact Floquet analysis: segments, kernels, the decision rule, all multipliers."""
 
-from gearstab.floquet.solve import Floquet, solve
-from gearstab.floquet.status import STATUS_FLAGS
+from gearstab.floquet.solve import solve
+from gearstab.floquet.stability import STATUS_FLAGS, Stability
 
-__all__ = ["STATUS_FLAGS", "Floquet", "solve"]
+__all__ = ["STATUS_FLAGS", "Stability", "solve"]

@@ -10,8 +10,7 @@ import numpy as np
 from gearstab.floquet.frequencies.choice import sample, segments_a_cycle
 from gearstab.floquet.general.coordinates import free_rotations
 from gearstab.floquet.segments.blocks import Block, split
-from gearstab.floquet.segments.reduction import rigid_modes
-from gearstab.modal import mean_modes
+from gearstab.modal import mean_modes, rigid_modes
 from gearstab.system import GearSystem
 
 SHARE = 1e-9

@@ -6,7 +6,7 @@ With C = z C1, C1 either the damping of equal modal damping ratios of one or the
 
 is solved for z, in each part of the system that the meshes do not couple by itself; the largest of all parts is
 required. The growth rate need not fall with z: where two modes of different decay are coupled, damping may widen a
-combination tongue (see :mod:`gearstab.perturbation.damped`). Therefore z is scanned on a ladder of levels z_max/2^k
+combination tongue (see :mod:`gearstab.perturbation.damped`). Therefore z is scanned at levels z_max/2^k
 first; what is returned is the *largest* zero, beyond which all levels up to z_max are stable, and points where a lower
 level was stable too are marked. In a primary tongue of first order, Omega = 2 w_p + d of half-width s in Omega,
 
@@ -41,7 +41,7 @@ DAMPING_RATIO, FACTOR = "damping_ratio", "factor"
 LARGEST = {DAMPING_RATIO: 0.5, FACTOR: 100.0}
 """Where the search ends by default."""
 LEVELS = 11
-"""Of the ladder, besides zero: the lowest is a thousandth of the largest."""
+"""Damping levels that are tried besides zero: the lowest is a thousandth of the largest."""
 ROUNDS = 100
 """Steps of the root finding at most; every third one halves the bracket."""
 POINTS_AT_ONCE = 4096
@@ -165,7 +165,7 @@ class _Search:
 
     def zeros(self, levels: Array, tolerance: float) -> tuple[Array, Array]:
         """(largest zero, status) ``(r, P)`` from ascending levels of which the first is zero."""
-        growth = np.stack([self.ladder(level) for level in levels])
+        growth = np.stack([self.growth_at(level) for level in levels])
         unstable = growth > 0
         count = len(levels)
         last = count - 1 - np.argmax(unstable[::-1], axis=0)
@@ -184,7 +184,7 @@ class _Search:
             value[row, point] = self.refined(row, self.omega[row, point], ends, values, tolerance)
         return value, status
 
-    def ladder(self, level: float) -> Array:
+    def growth_at(self, level: float) -> Array:
         """Growth a period ``(r, P)`` of all points with one level of damping, positive where unstable."""
         pattern = self.block.pattern
         still = level == 0

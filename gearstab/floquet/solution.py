@@ -12,7 +12,7 @@ from gearstab.floquet.kernel import damped, decision, graded, numpy_kernel
 from gearstab.floquet.kernel.invariants import DOUBTFUL, STABLE
 from gearstab.floquet.segments.blocks import Block
 from gearstab.floquet.segments.pattern import Pattern
-from gearstab.floquet.status import STATUS_FLAGS
+from gearstab.floquet.stability import STATUS_FLAGS, Stability
 from gearstab.system import Array
 
 DAMPED_ON_CIRCLE = 1e-10
@@ -45,24 +45,11 @@ class Part:
         return np.repeat(bit[:, None], self.omega.shape[1], axis=1)
 
 
-@dataclass(frozen=True)
-class Solution:
-    """What a block comes to at every point ``(r, P)``, in the system's own units of time.
+def solved(part: Part, block: Block, exponents: bool) -> Stability:
+    """A block ``(r, P)``, without its copies, in the system's own units of time; its exponents are the elastic ones.
 
-    growth_rate, stable, status: as of :class:`~gearstab.floquet.solve.Floquet`. exponents ``(r, P, k)`` complex, the
-    elastic ones, or None. error: estimated error of the multipliers, relative to the largest one or 1; None where the
-    propagation is exact.
+    A constant one without stiffness along a mode is left to the general rules.
     """
-
-    growth_rate: Array
-    stable: Array
-    status: Array
-    exponents: Array | None = None
-    error: Array | None = None
-
-
-def solved(part: Part, block: Block, exponents: bool) -> Solution:
-    """A block, without its copies. A constant one without stiffness along a mode is left to the general rules."""
     damping = part.pattern.elastic.damping
     decided = damping is not None or bool(np.all(part.pattern.squared_frequency > 0))
     if block.constant and part.pattern.size and decided:
@@ -70,7 +57,7 @@ def solved(part: Part, block: Block, exponents: bool) -> Solution:
     return conservative(part, exponents) if damping is None else with_damping(part, damping, exponents)
 
 
-def constant(part: Part, exponents: bool) -> Solution:
+def constant(part: Part, exponents: bool) -> Stability:
     """A block whose stiffness does not vary: its exponents are those of a constant system, at every mesh frequency."""
     pattern = part.pattern
     rate = pattern.elastic.rate[:, None]
@@ -88,16 +75,16 @@ def constant(part: Part, exponents: bool) -> Solution:
         turns -= np.ceil(turns - 0.5)
         imaginary = 2 * np.pi * turns / part.period[..., None]
         table = (values.real[:, None, :] + 1j * imaginary) * rate[..., None]
-    return Solution(growth * rate, stable, part.status(), table)
+    return Stability(growth * rate, stable, part.status(), table)
 
 
-def conservative(part: Part, exponents: bool) -> Solution:
+def conservative(part: Part, exponents: bool) -> Stability:
     """A block without damping but a uniform one."""
     pattern, omega = part.pattern, part.omega
     verdict, growth = kernel.current().scan(pattern, omega)
     status = part.status()
     for rows, points in pieces(verdict == DOUBTFUL, pattern.size):
-        found = settle(pattern, rows, omega[rows, points])
+        found = decide_doubtful(pattern, rows, omega[rows, points])
         verdict[rows, points], growth[rows, points] = found[0], found[1]
         status[rows, points] |= found[2]
     shift, rate = pattern.elastic.shift[:, None], pattern.elastic.rate[:, None]
@@ -105,7 +92,7 @@ def conservative(part: Part, exponents: bool) -> Solution:
     # Without damping the verdict decides; with uniform damping a growth below the decay is stable.
     stable = np.where(shift == 0, verdict == STABLE, value <= shift).astype(np.int8)
     table = conservative_exponents(pattern, omega, verdict == STABLE) * rate[..., None] if exponents else None
-    return Solution((value - shift) * rate, stable, status, table)
+    return Stability((value - shift) * rate, stable, status, table)
 
 
 def conservative_exponents(pattern: Pattern, omega: Array, stable: Array) -> Array:
@@ -124,7 +111,7 @@ def pieces(chosen: Array, size: int) -> Iterator[tuple[Array, Array]]:
         yield rows[i : i + step], points[i : i + step]
 
 
-def settle(pattern: Pattern, rows: Array, omega: Array) -> tuple[Array, Array, Array]:
+def decide_doubtful(pattern: Pattern, rows: Array, omega: Array) -> tuple[Array, Array, Array]:
     """(verdict, growth, status bits) of points in doubt ``(P,)``, from their monodromy matrices."""
     matrix, scale = kernel.current().monodromy(pattern, rows, omega)
     status = np.full(len(omega), STATUS_FLAGS["eigenvalues"], dtype=np.int16)
@@ -157,7 +144,7 @@ def _chains(chosen: Array, pattern: Pattern) -> Iterator[tuple[int, Array]]:
             yield int(row), points[i : i + step]
 
 
-def with_damping(part: Part, damping: Array, exponents: bool) -> Solution:
+def with_damping(part: Part, damping: Array, exponents: bool) -> Stability:
     """A block with damping of its own."""
     pattern, omega = part.pattern, part.omega
     generator = damped.generators(pattern, damping)
@@ -167,7 +154,7 @@ def with_damping(part: Part, damping: Array, exponents: bool) -> Solution:
     stable = (growth <= DAMPED_ON_CIRCLE).astype(np.int8)
     rate = pattern.elastic.rate[:, None]
     table = _damped_table(pattern, generator, omega) * rate[..., None] if exponents else None
-    return Solution(growth / part.period * rate, stable, status, table)
+    return Stability(growth / part.period * rate, stable, status, table)
 
 
 def damped_exponents(pattern: Pattern, damping: Array, omega: Array) -> Array:

@@ -1,9 +1,8 @@
-"""Floquet analysis of a (batched) gear system: which way for which system."""
+"""Floquet analysis of a (batched) gear system: each system by the solver that fits it."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,34 +11,12 @@ from gearstab.floquet import smooth as magnus
 from gearstab.floquet.kernel import choice as kernel
 from gearstab.floquet.segments.blocks import Block, split, whole
 from gearstab.floquet.segments.pattern import prepare
-from gearstab.floquet.solution import DAMPED_ON_CIRCLE, Part, Solution, solved
-from gearstab.floquet.status import STATUS_FLAGS
+from gearstab.floquet.solution import DAMPED_ON_CIRCLE, Part, solved
+from gearstab.floquet.stability import STATUS_FLAGS, Stability
 from gearstab.system import Array, GearSystem
 
 TOLERANCE = 1e-9
 """Of the multipliers, where propagation is not exact."""
-
-
-@dataclass(frozen=True)
-class Floquet:
-    """growth_rate ``(rows, P)``: the largest real part of the characteristic exponents, 1/time, without rigid-body
-    modes that do not grow; exactly 0 where a conservative system is stable.
-    stable ``(rows, P)`` int8: 1, 0, or -1 where nothing could be computed.
-    status ``(rows, P)`` int16: bits of STATUS_FLAGS.
-    exponents ``(rows, P, 2n)`` complex or None: all characteristic exponents ln(lambda)/T over the common period T,
-    rigid-body modes included, imaginary parts in (-pi/T, pi/T], by descending real part.
-    kernel: which kernel ran, ``none`` where nothing varies.
-    error_estimate ``(rows, P)`` or None: the largest error of all multipliers, relative to the largest of them or 1, as
-    estimated; None where the propagation is exact and all error is rounding. Where the largest multiplier is not below
-    1, growth_rate T is wrong by no more than this.
-    """
-
-    growth_rate: Array
-    stable: Array
-    status: Array
-    exponents: Array | None
-    kernel: str
-    error_estimate: Array | None = None
 
 
 def solve(
@@ -48,7 +25,7 @@ def solve(
     exponents: bool = False,
     reduction: bool = True,
     tolerance: float = TOLERANCE,
-) -> Floquet:
+) -> Stability:
     """Stability of every row of a system at every mesh frequency of the first mesh.
 
     * Piecewise constant mesh stiffness: the monodromy matrix over the common period of all meshes is the exact product
@@ -73,7 +50,9 @@ def solve(
     """
     omega = system.operating_points(mesh_frequency)
     if system.terms:
-        return _general(system, omega, exponents, tolerance)
+        # NumPy serves, whichever kernel is in use.
+        kernel.record("numpy")
+        return general.analyse(system, omega, exponents, tolerance)
     growth = np.full(omega.shape, -np.inf)
     stable = np.ones(omega.shape, dtype=np.int8)
     status = np.zeros(omega.shape, dtype=np.int16)
@@ -85,8 +64,8 @@ def solve(
             growth[index] = np.maximum(growth[index], found.growth_rate)
             stable[index] = np.minimum(stable[index], found.stable)
             status[index] |= found.status
-            if error is not None and found.error is not None:
-                error[index] = np.maximum(error[index], found.error)
+            if error is not None and found.error_estimate is not None:
+                error[index] = np.maximum(error[index], found.error_estimate)
             # Rigid-body modes are left out of the search, but one that grows by itself decides.
             by_itself = block.pattern.elastic.rigid_growth[:, None]
             growth[index] = np.maximum(growth[index], by_itself)
@@ -98,12 +77,12 @@ def solve(
     stable[failed] = -1
     status[failed] |= STATUS_FLAGS["failed"]
     growth[failed] = np.nan
-    return Floquet(growth, stable, status, None if table is None else table.ordered(), kernel.said(ran), error)
+    return Stability(growth, stable, status, None if table is None else table.ordered(), error, kernel.said(ran))
 
 
 def _solutions(
     system: GearSystem, omega: Array, exponents: bool, reduction: bool, tolerance: float
-) -> Iterator[tuple[Block, Solution]]:
+) -> Iterator[tuple[Block, Stability]]:
     """Block by block."""
     if not system.piecewise_constant:
         yield from magnus.solutions(system, omega, exponents, reduction, tolerance)
@@ -112,15 +91,6 @@ def _solutions(
         for block in split(pattern) if reduction else [whole(pattern)]:
             part = Part(block.pattern, omega[block.pattern.rows] / block.pattern.elastic.rate[:, None])
             yield block, solved(part, block, exponents)
-
-
-def _general(system: GearSystem, omega: Array, exponents: bool, tolerance: float) -> Floquet:
-    """Systems whose K(t) and C(t) need not be symmetric: NumPy serves, whichever kernel is in use."""
-    kernel.record("numpy")
-    found = general.analyse(system, omega, exponents, tolerance)
-    status = np.where(found.converged, 0, STATUS_FLAGS["not_converged"]).astype(np.int16)
-    status[found.stable < 0] |= STATUS_FLAGS["failed"]
-    return Floquet(found.growth_rate, found.stable, status, found.exponents, "numpy", found.error)
 
 
 class _Exponents:

@@ -126,7 +126,7 @@ def _modes(mass: Array, stiffness: Array, basis: Array) -> tuple[Array, Array]:
     return values, basis @ shapes
 
 
-def torn(system: GearSystem, modes: Sequence[int]) -> tuple[int, ...]:
+def split_degenerate_group(system: GearSystem, modes: Sequence[int]) -> tuple[int, ...]:
     """A group of modes (from 1) of equal frequency of a single system of which only some are named; () without any.
 
     The shapes of such modes are not unique, nor would be what a part of them does.

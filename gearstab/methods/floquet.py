@@ -16,8 +16,7 @@ from gearstab.results.variables import BY_MESH, ERROR_ESTIMATE, EXPONENTS, FLOQU
 from gearstab.system import Array, GearSystem
 
 if TYPE_CHECKING:
-    from gearstab.floquet import Floquet as Solved
-    from gearstab.floquet.frequencies import ManyFrequencies
+    from gearstab.floquet import Stability
 
 VECTORS = 0.5
 """Cost of a segment over the square of the number of coordinates, in units of a sweep's costs: carrying the vectors of
@@ -126,7 +125,7 @@ class Floquet(Method):
 
     @cached_property
     def strategy(self) -> str:
-        """One of :data:`~gearstab.floquet.frequencies.WAYS`. Raises NotPossible."""
+        """One of :data:`~gearstab.floquet.frequencies.STRATEGIES`. Raises NotPossible."""
         from gearstab.floquet.frequencies import choice
 
         return choice.chosen(self.part, self.options.frequencies, self.options.affordable_segments)
@@ -172,7 +171,7 @@ class Floquet(Method):
         # strategy, have NaN for an estimate and for each mesh, and an interval of zero where they are exact.
         shape = found.growth_rate.shape
         none = np.full(shape, np.nan)
-        interval, by_mesh = (getattr(found, name, None) for name in ("interval", "by_mesh"))
+        interval, by_mesh = found.interval, found.by_mesh
         of = [group.ratio for group in groups(self.part)]
         index = [of.index(mesh.frequency_ratio) for mesh in self.part.meshes]
         values = {
@@ -182,17 +181,16 @@ class Floquet(Method):
             "growth_rate_mesh": np.broadcast_to(np.nan, (*shape, len(index))) if by_mesh is None
             else by_mesh[..., index],
         }  # fmt: skip
-        exponents = getattr(found, "exponents", None)
-        if exponents is not None:
-            values |= {"exponent_real": exponents.real, "exponent_imag": exponents.imag}
+        if found.exponents is not None:
+            values |= {"exponent_real": found.exponents.real, "exponent_imag": found.exponents.imag}
         return Outcome(values)
 
-    def solved(self, mesh_frequency: Array) -> Solved | ManyFrequencies:
+    def solved(self, mesh_frequency: Array) -> Stability:
         """Compute the stability of the part of the system by its strategy."""
         from gearstab.floquet import solve
         from gearstab.floquet.frequencies import lyapunov, per_mesh
 
-        def exact(system: GearSystem, omega: Array) -> Solved:
+        def exact(system: GearSystem, omega: Array) -> Stability:
             return solve(system, omega, exponents=self.options.exponents, tolerance=self.options.tolerance)
 
         if self.strategy == "per_mesh":
@@ -250,7 +248,7 @@ class Floquet(Method):
         return said | {"restriction": f"{what} of the base system: {self.basis.shape[-1]} of {size} modes, {left_out}"}
 
     def check(self) -> None:
-        from gearstab.floquet.truncation import torn
+        from gearstab.floquet.truncation import split_degenerate_group
 
         options = self.options
         if options.modes is not None and options.block is not None:
@@ -260,7 +258,7 @@ class Floquet(Method):
         except NotPossible as error:
             key = "block" if options.modes is None else "modes"
             raise OptionError((key,), error.message, error.remedy) from None
-        if options.modes is not None and (group := torn(self.system, options.modes)):
+        if options.modes is not None and (group := split_degenerate_group(self.system, options.modes)):
             message = f"modes {', '.join(map(str, group))} have equal frequencies"
             raise OptionError(("modes",), message, "name all of them or none")
         try:

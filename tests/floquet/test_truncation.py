@@ -14,7 +14,7 @@ from hard_cases import star, train
 from gearstab.cli import group
 from gearstab.floquet import solve
 from gearstab.floquet.report import reduction
-from gearstab.floquet.truncation import modes_basis, neglected, restricted, torn, type_basis
+from gearstab.floquet.truncation import modes_basis, neglected, restricted, split_degenerate_group, type_basis
 from gearstab.system import Cyclic, GearSystem
 
 OMEGA = np.linspace(0.7, 5.2, 31)
@@ -71,7 +71,7 @@ def test_blocks_by_modes_make_up_the_whole():
     for part in reduction(system).parts:
         basis = modes_basis(system, list(part.modes))
         assert neglected(system, basis) == 0
-        assert torn(system, part.modes) == ()
+        assert split_degenerate_group(system, part.modes) == ()
         growth.append(solve(restricted(system, basis), OMEGA).growth_rate)
     assert len(growth) == 3
     # The whole has double multipliers.
@@ -117,9 +117,9 @@ def test_types_need_a_symmetry():
 
 
 def test_torn_pairs():
-    assert torn(star(), [2]) == (2, 3)
-    assert torn(star(), [2, 3, 4]) == ()
-    assert torn(star(), [1]) == ()
+    assert split_degenerate_group(star(), [2]) == (2, 3)
+    assert split_degenerate_group(star(), [2, 3, 4]) == ()
+    assert split_degenerate_group(star(), [1]) == ()
 
 
 def test_result_says_what_was_reduced(config, tmp_path):

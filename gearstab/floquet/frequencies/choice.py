@@ -1,4 +1,4 @@
-"""Which way through many mesh frequencies: what the exact one costs, and what ``auto`` makes of it."""
+"""Strategies for several mesh frequencies: what the exact one costs, and which one ``auto`` takes."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from gearstab.system import GearSystem
 from gearstab.waveforms import Profile
 
 COMMON_PERIOD, PER_MESH, LYAPUNOV = "common_period", "per_mesh", "lyapunov"
-WAYS = (COMMON_PERIOD, PER_MESH, LYAPUNOV)
+STRATEGIES = (COMMON_PERIOD, PER_MESH, LYAPUNOV)
 AFFORDABLE = 20_000
 """Segments of a common period up to which it is the automatic choice: some 7 ms a point of 12 coordinates."""
 EXPONENTIALS = 40
@@ -71,11 +71,11 @@ def sample(system: GearSystem) -> Pattern:
 
 
 def chosen(system: GearSystem, asked: str, affordable: int = AFFORDABLE) -> str:
-    """The way that is taken where ``asked`` is one of WAYS or ``auto``.
+    """Return the strategy where ``asked`` is one of STRATEGIES or ``auto``.
 
     ``auto`` is the common period while it has at most ``affordable`` segments; else one frequency at a time where only
     one varies, which is exact, or where there are other periodic terms; else the Lyapunov exponent. Raises NotPossible
-    where there is no such way.
+    where there is no such strategy.
     """
     period = common_period(system)
     if asked == COMMON_PERIOD and period is None:
@@ -96,18 +96,18 @@ def varying(system: GearSystem) -> int:
 
 
 def reason(system: GearSystem, asked: str, affordable: int = AFFORDABLE) -> str:
-    """In a line: which way is taken and why, for instance "lyapunov (no common period)"."""
-    way, period = chosen(system, asked, affordable), common_period(system)
-    if asked == "auto" and way == PER_MESH and varying(system) < 2:
-        return f"{way} (a single mesh frequency varies)"
+    """Return in a line which strategy is taken and why, for instance "lyapunov (no common period)"."""
+    strategy, period = chosen(system, asked, affordable), common_period(system)
+    if asked == "auto" and strategy == PER_MESH and varying(system) < 2:
+        return f"{strategy} (a single mesh frequency varies)"
     if period is None:
-        return f"{way} (the mesh frequencies have no common period)"
+        return f"{strategy} (the mesh frequencies have no common period)"
     cycles = " + ".join(f"{count:,}" for count in dict.fromkeys(period.mesh_cycles))
     segments = period.segments
     if segments <= AFFORDABLE and system.piecewise_constant and not system.terms:
-        # Jumps of several meshes may coincide.
+        # Jumps of several meshes may coincide; they are counted where that takes no time.
         segments = len(prepare(system)[0].states)
     parts = f"{segments:,} segments" if system.piecewise_constant else f"some {segments:,} exponentials of Magnus steps"
     what = f"a common period of {cycles} mesh cycles with {parts}"
-    limit = f", more than {affordable:,}" if asked == "auto" and way != COMMON_PERIOD else ""
-    return f"{way} ({what}{limit})"
+    limit = f", more than {affordable:,}" if asked == "auto" and strategy != COMMON_PERIOD else ""
+    return f"{strategy} ({what}{limit})"

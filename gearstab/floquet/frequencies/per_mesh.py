@@ -14,9 +14,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from gearstab.floquet.frequencies.result import ManyFrequencies
-from gearstab.floquet.solve import Floquet
-from gearstab.floquet.status import STATUS_FLAGS
+from gearstab.floquet.stability import STATUS_FLAGS, Stability
 from gearstab.system import Array, GearSystem, Mesh, PeriodicTerm
 from gearstab.waveforms import Constant, Profile, Rectangular
 
@@ -32,7 +30,7 @@ class Group:
     ratio: Fraction | float
 
 
-def solve(system: GearSystem, mesh_frequency: Array, solver: Callable[[GearSystem, Array], Floquet]) -> ManyFrequencies:
+def solve(system: GearSystem, mesh_frequency: Array, solver: Callable[[GearSystem, Array], Stability]) -> Stability:
     """Stability of every row of a system at every mesh frequency of the first mesh.
 
     Parameters
@@ -53,7 +51,7 @@ def solve(system: GearSystem, mesh_frequency: Array, solver: Callable[[GearSyste
     status = np.bitwise_or.reduce([one.status for one in found]) | np.int16(STATUS_FLAGS["per_mesh"])
     errors = [one.error_estimate for one in found if one.error_estimate is not None]
     error = np.max(errors, axis=0) if errors else None
-    return ManyFrequencies(growth, stable.astype(np.int8), status, by_mesh=by_mesh, error_estimate=error)
+    return Stability(growth, stable.astype(np.int8), status, by_mesh=by_mesh, error_estimate=error)
 
 
 def groups(system: GearSystem) -> tuple[Group, ...]:

@@ -1,5 +1,5 @@
 """Floquet analysis of systems whose periodic K(t) and C(t) need not be symmetric: friction, varying damping."""
 
-from gearstab.floquet.general.solve import Analysis, analyse
+from gearstab.floquet.general.solve import analyse
 
-__all__ = ["Analysis", "analyse"]
+__all__ = ["analyse"]

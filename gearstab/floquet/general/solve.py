@@ -16,10 +16,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from gearstab.floquet.general.coordinates import Generator, generators
-from gearstab.floquet.general.exponential import expm
-from gearstab.floquet.general.magnus import NODES, ORDER, exponent, polynomial
-from gearstab.floquet.general.schedule import Schedule, schedule
 from gearstab.floquet.segments.pattern import CONSTANT, PROBES
+from gearstab.floquet.stability import STATUS_FLAGS, Stability
+from gearstab.linear.magnus import NODES, ORDER, expm, exponent, polynomial
+from gearstab.linear.schedule import Schedule, schedule
 from gearstab.system import Array, GearSystem
 
 FINEST = 14
@@ -37,22 +37,7 @@ ENTRIES_AT_ONCE = 2**21
 """Of the matrices of the points that are treated together: 16 MB."""
 
 
-@dataclass(frozen=True)
-class Analysis:
-    """growth_rate ``(rows, P)``, 1/time.  stable ``(rows, P)`` int8; -1 without a finite result.
-    error ``(rows, P)``: estimated error of the multipliers, relative to the largest one or 1.
-    converged ``(rows, P)`` bool: whether that is within the tolerance.
-    exponents ``(rows, P, 2n)`` complex or None, as of the exact solver.
-    """
-
-    growth_rate: Array
-    stable: Array
-    error: Array
-    converged: Array
-    exponents: Array | None
-
-
-def analyse(system: GearSystem, mesh_frequency: Array, exponents: bool = False, tolerance: float = 1e-9) -> Analysis:
+def analyse(system: GearSystem, mesh_frequency: Array, exponents: bool = False, tolerance: float = 1e-9) -> Stability:
     """Stability of every row of any commensurate system at every mesh frequency.
 
     Parameters
@@ -81,7 +66,9 @@ def analyse(system: GearSystem, mesh_frequency: Array, exponents: bool = False, 
         stable[r, known] = (largest <= threshold)[known]
         if table is not None:
             table[r] = _ordered(logs / period[:, None], row.rigid_exponents)
-    return Analysis(growth, stable, error, error <= tolerance, table)
+    status = np.where(error <= tolerance, 0, STATUS_FLAGS["not_converged"]).astype(np.int16)
+    status[stable < 0] |= STATUS_FLAGS["failed"]
+    return Stability(growth, stable, status, table, error, "numpy")
 
 
 def _ordered(values: Array, rigid: Array) -> Array:

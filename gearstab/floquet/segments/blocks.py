@@ -31,9 +31,9 @@ from gearstab.floquet.segments.decouple import (
     components,
     tolerance,
 )
-from gearstab.floquet.segments.grouping import equal_rows
 from gearstab.floquet.segments.pattern import Pattern, merged
 from gearstab.floquet.segments.reduction import Elastic
+from gearstab.linear.grouping import equal_rows
 from gearstab.system import Array
 
 SMALLEST = 1e-6

@@ -14,8 +14,8 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from gearstab.floquet.segments.grouping import equal_rows
-from gearstab.modal import mean_modes
+from gearstab.linear.grouping import equal_rows
+from gearstab.modal import mean_modes, rigid_modes
 from gearstab.system import Array, GearSystem
 
 UNIFORM = 4e-15
@@ -100,11 +100,11 @@ def reduce(system: GearSystem) -> Iterator[Elastic]:
         directions = deflection[members]
         if elastic.shape[1] < n:
             directions = np.take_along_axis(directions, elastic[:, None, :], axis=-1)
-        loose = np.nonzero(rigid[members])[1].reshape(len(members), -1)
-        none, still = np.zeros(len(members)), np.zeros((len(members), 2 * loose.shape[1]))
+        rigid_at = np.nonzero(rigid[members])[1].reshape(len(members), -1)
+        none, still = np.zeros(len(members)), np.zeros((len(members), 2 * rigid_at.shape[1]))
         symmetry = None if turn is None else _take(turn[members], elastic, elastic)
         base = Elastic(members, rate[members], inner, directions, None, none, still, None, symmetry)
-        yield base if drag is None else _with_damping(base, drag.subset(members), elastic, loose, int(key[1]))
+        yield base if drag is None else _with_damping(base, drag.subset(members), elastic, rigid_at, int(key[1]))
 
 
 @dataclass(frozen=True)
@@ -131,26 +131,16 @@ def _damping(shapes: Array, physical: Array, rigid: Array) -> _Damping:
         terms = np.einsum("rip,rip->rp", size, np.abs(physical) @ size)
         noise = CANCELLED * np.max(terms * rigid, axis=1)
     for row in np.flatnonzero(rigid.sum(axis=1) > 1):
-        loose = np.flatnonzero(rigid[row])
+        rigid_at = np.flatnonzero(rigid[row])
         # By descending size of C r: combinations that nothing damps come last.
-        turn = np.linalg.svd(matrix[row][:, loose])[2].T
-        matrix[row][:, loose] = matrix[row][:, loose] @ turn
-        matrix[row][loose] = turn.T @ matrix[row][loose]
+        turn = np.linalg.svd(matrix[row][:, rigid_at])[2].T
+        matrix[row][:, rigid_at] = matrix[row][:, rigid_at] @ turn
+        matrix[row][rigid_at] = turn.T @ matrix[row][rigid_at]
     scale = DECOUPLED * np.max(np.abs(matrix), axis=(1, 2), initial=0.0)
     both = rigid[:, :, None] != rigid[:, None, :]
     coupled = np.max(np.abs(matrix) * both, axis=(1, 2)) > scale
     held = rigid & (np.max(np.abs(matrix), axis=1) > scale[:, None])
     return _Damping(matrix, held, noise, coupled)
-
-
-def rigid_modes(squared: Array, deflection: Array) -> Array:
-    """``(r, n)`` bool: modes of zero mean frequency that deflect no mesh (with negative stiffness it may be chance).
-
-    squared: ``(r, n)``; deflection: ``(r, meshes, n)``.
-    """
-    size = np.max(np.abs(deflection), axis=(1, 2), keepdims=True)
-    still = np.all(np.abs(deflection) <= 1e-7 * size, axis=1)
-    return (squared == 0) & still
 
 
 def _modal(shapes: Array, matrix: Array) -> Array:
@@ -182,17 +172,17 @@ def _kinds(rigid: Array, drag: _Damping | None) -> Array:
     return kind
 
 
-def _with_damping(base: Elastic, drag: _Damping, elastic: Array, loose: Array, kind: int) -> Elastic:
+def _with_damping(base: Elastic, drag: _Damping, elastic: Array, rigid_at: Array, kind: int) -> Elastic:
     """Rows of one kind with their damping."""
     members, unit = len(base.rows), base.rate[:, None, None]
     inner = _take(drag.matrix, elastic, elastic) / unit
     if kind == 2:
         held = np.nonzero(drag.held)[1].reshape(members, -1)
         both = np.concatenate([elastic, held], axis=1)
-        known = np.zeros((members, 2 * loose.shape[1] - held.shape[1]))
+        known = np.zeros((members, 2 * rigid_at.shape[1] - held.shape[1]))
         return replace(base, damping=inner, rigid_exponents=known, rigid_damping=_take(drag.matrix, held, both) / unit)
     # M r'' + C_rr r' = 0: each rigid coordinate has the exponents 0 and minus an eigenvalue of C_rr.
-    decay = -np.linalg.eigvalsh(_take(drag.matrix, loose, loose)) if loose.shape[1] else np.zeros((members, 0))
+    decay = -np.linalg.eigvalsh(_take(drag.matrix, rigid_at, rigid_at)) if rigid_at.shape[1] else np.zeros((members, 0))
     decay = np.where(np.abs(decay) > drag.noise[:, None], decay, 0.0)
     exponents = np.concatenate([np.zeros_like(decay), decay], axis=1)
     if kind == 0:

@@ -87,11 +87,15 @@ class Ladder:
 class Estimates:
     """What is known of points ``(r, P)``.
 
+    omega, decay, tolerance: what they are and how exactly they are wanted, see :func:`estimates`.
     growth, verdict: as of :class:`~gearstab.floquet.smooth.compare.Scan`. error: estimated, of the multipliers.
     rounding: the part of it that more steps would not lessen. changed: whether the verdict did at the last doubling.
     resolution: at which they were computed. changed includes points whose multipliers are as close as their error.
     """
 
+    omega: Array
+    decay: Array
+    tolerance: float
     growth: Array
     verdict: Array
     error: Array
@@ -108,8 +112,8 @@ def estimates(ladder: Ladder, omega: Array, decay: Array, tolerance: float, want
     """
     shape = omega.shape
     found = Estimates(
-        np.full(shape, np.nan), np.zeros(shape, dtype=np.int8), np.full(shape, np.nan), np.zeros(shape),
-        np.zeros(shape, dtype=bool), wanted.copy(),
+        omega, decay, tolerance, np.full(shape, np.nan), np.zeros(shape, dtype=np.int8), np.full(shape, np.nan),
+        np.zeros(shape), np.zeros(shape, dtype=bool), wanted.copy(),
     )  # fmt: skip
     last = np.minimum(found.resolution + FINEST, ladder.finest)
     pending = np.ones(shape, dtype=bool)
@@ -117,7 +121,7 @@ def estimates(ladder: Ladder, omega: Array, decay: Array, tolerance: float, want
         current = int(found.resolution[pending].min())
         chosen = pending & (found.resolution == current)
         for rows, points, valid in rectangles(chosen):
-            _improve(found, ladder, rows, points, valid, omega, decay, tolerance)
+            _improve(found, ladder, rows, points, valid)
         pending &= ~chosen
         error, rounding = found.error[chosen], found.rounding[chosen]
         # Where rounding has the last word more steps do not help.
@@ -137,17 +141,15 @@ def _more(ratio: Array, order: int) -> Array:
     return np.ceil(np.clip(np.nan_to_num(wanted, nan=1.0), -100, 100)).astype(int)
 
 
-def _improve(
-    found: Estimates, ladder: Ladder, rows: Array, points: Array, valid: Array, omega: Array, decay: Array,
-    tolerance: float,
-) -> None:  # fmt: skip
-    """Compute points at their resolution and note the results."""
+def _improve(found: Estimates, ladder: Ladder, rows: Array, points: Array, valid: Array) -> None:
+    """Compute points, given as by :func:`rectangles`, at their resolution and note the results."""
     resolution = int(found.resolution[rows[0], points[0, 0]])
     place = rows[:, None], points
     patterns = [ladder.pattern(k, rows) for k in (resolution, resolution - 2)]
-    fine, coarse = (scan(pattern, omega[place], tolerance >= INTERPOLATED) for pattern in patterns)
+    fine, coarse = (scan(pattern, found.omega[place], found.tolerance >= INTERPOLATED) for pattern in patterns)
     safety = SAFETY * (LONG if resolution < SETTLED else 1.0)
-    error, rounding, unusual = estimated(fine, coarse, decay[place], safety / (2**ladder.scheme.order - 1), valid)
+    factor = safety / (2**ladder.scheme.order - 1)
+    error, rounding, unusual = estimated(fine, coarse, found.decay[place], factor, valid)
     # Points that stand for missing ones repeat others of their row, with the same result.
     found.growth[place], found.error[place], found.rounding[place] = fine.growth, error, rounding
     if fine.verdict is not None and coarse.verdict is not None:

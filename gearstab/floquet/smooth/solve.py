@@ -17,14 +17,13 @@ from gearstab.floquet.smooth.steps import Division, divisions
 from gearstab.floquet.solution import (
     DAMPED_ON_CIRCLE,
     Part,
-    Solution,
     conservative_exponents,
     damped_exponents,
+    decide_doubtful,
     pieces,
-    settle,
     solved,
 )
-from gearstab.floquet.status import STATUS_FLAGS
+from gearstab.floquet.stability import STATUS_FLAGS, Stability
 from gearstab.system import Array, GearSystem
 
 ENTRIES_AT_ONCE = 2**20
@@ -43,7 +42,7 @@ SAMPLES = Scheme("samples", 0, CF6_5.nodes, np.diag(CF6_5.weights.sum(axis=0)))
 
 def solutions(
     system: GearSystem, omega: Array, exponents: bool, reduction: bool, tolerance: float
-) -> Iterator[tuple[Block, Solution]]:
+) -> Iterator[tuple[Block, Stability]]:
     """All blocks of all rows at mesh frequencies ``(rows, P)``, rad per unit time."""
     for division in divisions(system):
         step = max(1, ENTRIES_AT_ONCE // (TYPICAL * max(1, division.elastic.static.shape[-1]) ** 2))
@@ -55,7 +54,7 @@ def solutions(
                 own = omega[block.pattern.rows] / block.pattern.elastic.rate[:, None]
                 if block.constant or part.constant.all():
                     exact = solved(Part(block.pattern, own), block, exponents)
-                    yield block, replace(exact, error=rounding(block.pattern, own))
+                    yield block, replace(exact, error_estimate=rounding(block.pattern, own))
                     continue
                 found = _varying(within(part, block), own, exponents, tolerance)
                 rows = negative[np.searchsorted(part.rows, block.pattern.rows)]
@@ -115,7 +114,7 @@ def _work(choice: Ladder, resolution: Array) -> float:
     return float(sum(choice.segments(int(k)) * n for k, n in zip(found, count, strict=True)))
 
 
-def _varying(division: Division, omega: Array, exponents: bool, tolerance: float) -> Solution:
+def _varying(division: Division, omega: Array, exponents: bool, tolerance: float) -> Stability:
     """A block whose stiffness varies, at ``omega`` in its own units."""
     elastic = division.elastic
     period = 2 * np.pi * division.cycles / omega
@@ -146,7 +145,7 @@ def _varying(division: Division, omega: Array, exponents: bool, tolerance: float
     status[near] |= STATUS_FLAGS["near_boundary"]
     status[~(found.error <= tolerance)] |= STATUS_FLAGS["not_converged"]
     rate = elastic.rate[:, None]
-    return Solution(
+    return Stability(
         growth / period * rate,
         stable.astype(np.int8),
         status,
@@ -167,7 +166,7 @@ def _settled(found: Estimates, status: Array, pattern: Pattern, rows: Array, poi
     doubtful = found.verdict[rows[:, None], points] == DOUBTFUL
     for row, column in pieces(doubtful, pattern.size):
         target = rows[row], points[row, column]
-        verdict, growth, bits = settle(pattern, row, omega[target])
+        verdict, growth, bits = decide_doubtful(pattern, row, omega[target])
         found.verdict[target], found.growth[target] = verdict, growth
         status[target] |= bits
 

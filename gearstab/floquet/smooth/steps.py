@@ -14,10 +14,10 @@ from functools import cached_property
 
 import numpy as np
 
-from gearstab.floquet.segments.grouping import equal_rows
 from gearstab.floquet.segments.pattern import CONSTANT, PROBES, SHORTEST, Pattern
 from gearstab.floquet.segments.reduction import Elastic, reduce
 from gearstab.floquet.smooth.schemes import CF6_5, Scheme
+from gearstab.linear.grouping import equal_rows
 from gearstab.system import Array, GearSystem
 
 BASE = 4

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gearstab.linear.first_order import bases
 from gearstab.response.backlash.contact import APART, Play, play, resting
 from gearstab.response.backlash.dynamics import Dynamics, dynamics
 from gearstab.response.backlash.follow import Chatter, Event, Stretch, follow
 from gearstab.response.backlash.measure import LimitCycle, Meter
-from gearstab.response.linear.basis import bases
 from gearstab.response.linear.driven import ON_A_JUMP, driven
 from gearstab.response.linear.history import RESPONSE_FLAGS, Response, assembled, checked, samples_until
 from gearstab.response.linear.steady import unbalanced
@@ -153,11 +153,7 @@ def _assembled(system: GearSystem, run: Run, start: tuple[Array, Array]) -> Back
     q, v = motion.physical(run.x[:samples])
     q[0], v[0] = start
     contact = run.contact[:samples]
-    stiffness, errors = (np.resize(part, (samples, len(system.meshes))) for part in motion.momentary(run.grid))
-    linear = assembled(
-        system, float(motion.points.omega[0]), (q, v), stiffness * (contact != APART), errors + teeth.offset(contact),
-        motion.period / run.grid, motion.period,
-    )  # fmt: skip
+    linear = assembled(system, motion, (q, v), run.grid, (contact != APART, teeth.offset(contact)))
     directions = np.stack([np.asarray(mesh.direction, dtype=float) for mesh in system.meshes])
     pushed = bool(unbalanced(motion.drive, next(bases(system)))[0])
     flags = (linear.flags & ~RESPONSE_FLAGS["separation"]) | run.flags | RESPONSE_FLAGS["unbalanced"] * pushed

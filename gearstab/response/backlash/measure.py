@@ -7,10 +7,10 @@ from functools import cache
 
 import numpy as np
 
+from gearstab.linear.first_order import UNDAMPED
 from gearstab.response.backlash.contact import APART
 from gearstab.response.backlash.dynamics import Dynamics
 from gearstab.response.backlash.follow import Stretch
-from gearstab.response.linear.basis import STILL
 from gearstab.system import Array
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
@@ -121,7 +121,7 @@ class Meter:
         still = ~np.any(np.abs(self.dynamics.gauge[:, :n]) > 1e-9 * np.abs(self.dynamics.gauge[:, :n]).max(), axis=0)
         free = still & (np.abs(self.dynamics.fixed[n : 2 * n, :n]).max(axis=0, initial=0.0) == 0)
         drag = np.abs(self.dynamics.fixed[n : 2 * n, n : 2 * n]).max(axis=0, initial=0.0)
-        held = drag > STILL * drag.max(initial=0.0)
+        held = drag > UNDAMPED * drag.max(initial=0.0)
         return np.asarray(sections[:, np.concatenate([~free, ~free | held])])
 
 

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from gearstab import floquet
+from gearstab.linear.first_order import bases
 from gearstab.modal import mean_modes
 from gearstab.response.backlash.contact import play, resting
 from gearstab.response.backlash.dynamics import dynamics
 from gearstab.response.backlash.history import BACKLASH_FLAGS, Run
 from gearstab.response.backlash.measure import LimitCycle, Meter
-from gearstab.response.linear.basis import bases
 from gearstab.response.linear.driven import driven
 from gearstab.response.linear.equilibrium import static_mesh_force
 from gearstab.response.linear.history import at_rest

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gearstab.response.linear.basis import Basis, bases
+from gearstab.linear.first_order import Basis, bases
 from gearstab.response.linear.excitation import Excitation, excitation
 from gearstab.response.linear.intervals import Points, intervals, occupied
 from gearstab.response.linear.steady import period_map, resolution

@@ -19,7 +19,7 @@ from functools import cached_property
 
 import numpy as np
 
-from gearstab.floquet.general.schedule import Schedule, Source, divided
+from gearstab.linear.schedule import Schedule, Source, divided, sources
 from gearstab.system import Array, GearSystem, PeriodicForce, shared_period
 from gearstab.waveforms import Fourier
 
@@ -89,7 +89,7 @@ def excitation(system: GearSystem) -> Excitation:
     meshes, own = counts[: len(system.meshes)], counts[: len(system.frequency_ratios)]
     driven = list(zip(system.forces, counts[len(own) :], strict=True))
     shaped = [(force, count) for force, count in driven if not isinstance(force.profile, Fourier)]
-    sources = _sources(system, own) + [_source_of(force, count) for force, count in shaped]
+    varying = sources(system, own) + [_source_of(force, count) for force, count in shaped]
     exact = system.piecewise_constant and all(force.profile.piecewise_constant for force, _ in shaped)
     waves = [(force.profile, count, force.lag) for force, count in driven if isinstance(force.profile, Fourier)]
     errors = [(mesh.transmission_error, count, mesh.lag) for mesh, count in zip(system.meshes, meshes, strict=True)]
@@ -110,25 +110,13 @@ def excitation(system: GearSystem) -> Excitation:
         if profile is not None:
             table[:, i] = _series(system, profile, count, lag, harmonics)
     return Excitation(
-        cycles=float(cycles), counts=meshes, schedule=divided(system, sources), exact=exact, harmonics=harmonics,
+        cycles=float(cycles), counts=meshes, schedule=divided(system, varying), exact=exact, harmonics=harmonics,
         fixed=fixed, errors=table, slopes=_derivative(table, harmonics, float(cycles)),
         directions=np.stack([system.flat(mesh.direction, 1) for mesh in system.meshes], axis=1),
         dampings=np.stack([system.flat(mesh.damping, 0) for mesh in system.meshes], axis=1),
         others=np.stack([system.flat(force.direction, 1) for force, _ in shaped], axis=-1)
         if shaped else np.zeros((rows, system.size, 0)),
     )  # fmt: skip
-
-
-def _sources(system: GearSystem, counts: tuple[int, ...]) -> list[Source]:
-    """Of the mesh stiffnesses, then of all profiles of the terms."""
-    found, zero, one = [], np.zeros(()), np.ones(())
-    for mesh, count in zip(system.meshes, counts, strict=False):
-        lag, mean = np.asarray(mesh.lag, dtype=float), np.asarray(mesh.mean_stiffness)
-        found.append(Source(mesh.waveform, count, lag, mean, 2 * mesh.amplitude))
-    for term, count in zip(system.terms, counts[len(system.meshes) :], strict=True):
-        lag = np.asarray(term.lag, dtype=float)
-        found += [Source(profile, count, lag, zero, one) for profile in term.profiles]
-    return found
 
 
 def _source_of(force: PeriodicForce, count: int) -> Source:

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gearstab import floquet
-from gearstab.response.linear.basis import bases
-from gearstab.response.linear.driven import driven
+from gearstab.linear.first_order import bases
+from gearstab.response.linear.driven import Driven, driven
 from gearstab.response.linear.equilibrium import static_mesh_force
 from gearstab.response.linear.steady import STATUS_FLAGS, unbalanced
 from gearstab.system import Array, GearSystem
@@ -117,8 +117,7 @@ def driven_response(
     with np.errstate(over="ignore", invalid="ignore"):
         q, v = motion.physical(motion.history(motion.state(*start), samples, grid))
     q[0], v[0] = start
-    stiffness, errors = (np.resize(part, (samples, len(system.meshes))) for part in motion.momentary(grid))
-    found = assembled(system, mesh_frequency, (q, v), stiffness, errors, motion.period / grid, motion.period)
+    found = assembled(system, motion, (q, v), grid)
     pushed = bool(unbalanced(motion.drive, next(bases(system)))[0])
     return replace(found, flags=found.flags | RESPONSE_FLAGS["unbalanced"] * pushed)
 
@@ -135,11 +134,21 @@ def samples_until(duration: float, step: float) -> int:
 
 
 def assembled(
-    system: GearSystem, mesh_frequency: float, state: tuple[Array, Array], stiffness: Array, errors: Array, step: float,
-    period: float,
-) -> Response:  # fmt: skip
-    """A response from its states (q, q') and the mesh stiffnesses and transmission errors at the samples."""
+    system: GearSystem,
+    motion: Driven,
+    state: tuple[Array, Array],
+    grid: int,
+    flanks: tuple[Array, Array] | None = None,
+) -> Response:
+    """Return the response of a system with the states (q, q') ``(samples, n)``, ``grid`` of them in a common period.
+
+    flanks: ``(samples, meshes)``, with backlash: whether the teeth touch, and where the flanks are.
+    """
     q, v = state
+    omega = float(motion.points.omega[0])
+    stiffness, errors = (np.resize(part, (len(q), len(system.meshes))) for part in motion.momentary(grid))
+    if flanks is not None:
+        stiffness, errors = stiffness * flanks[0], errors + flanks[1]
     with np.errstate(over="ignore", invalid="ignore"):
         deflection = np.stack([q @ np.asarray(mesh.direction) for mesh in system.meshes], axis=-1)
         force = stiffness * (deflection - errors)
@@ -147,18 +156,18 @@ def assembled(
         energy += 0.5 * np.sum(force * (deflection - errors), axis=1)
     finite = np.isfinite(q).all(axis=1) & np.isfinite(v).all(axis=1) & np.isfinite(energy)
     kept = len(q) if finite.all() else int(np.argmin(finite))
-    growth = float(np.ravel(floquet.solve(at_rest(system), np.array([mesh_frequency])).growth_rate)[0])
+    growth = float(np.ravel(floquet.solve(at_rest(system), np.array([omega])).growth_rate)[0])
     flags = RESPONSE_FLAGS["overflow"] * (kept < len(q)) | RESPONSE_FLAGS["unstable"] * (growth > 0)
     flags |= RESPONSE_FLAGS["separation"] * bool(np.any(separated(force[:kept], static_mesh_force(system))))
     return Response(
-        time=np.arange(kept) * step,
+        time=np.arange(kept) * (motion.period / grid),
         displacement=q[:kept],
         velocity=v[:kept],
         mesh_deflection=deflection[:kept],
         mesh_force=force[:kept],
         energy=energy[:kept],
-        mesh_frequency=float(mesh_frequency),
-        common_period=period,
+        mesh_frequency=omega,
+        common_period=motion.period,
         growth_rate=growth,
         flags=flags,
     )

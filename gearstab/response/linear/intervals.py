@@ -15,9 +15,9 @@ from functools import cached_property
 
 import numpy as np
 
-from gearstab.floquet.general import magnus
-from gearstab.floquet.general.exponential import expm
-from gearstab.response.linear.basis import Basis
+from gearstab.linear import magnus
+from gearstab.linear.first_order import Basis
+from gearstab.linear.magnus import expm
 from gearstab.response.linear.eigen import Eigen, diagonalised
 from gearstab.response.linear.excitation import Excitation
 from gearstab.system import Array

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gearstab.errors import NotPossible
+from gearstab.linear.first_order import Basis
 from gearstab.modal import mean_modes
-from gearstab.response.linear.basis import Basis
 from gearstab.response.linear.driven import driven
 from gearstab.response.linear.history import RESPONSE_FLAGS, Response, assembled
 from gearstab.response.linear.steady import starts
@@ -71,14 +71,14 @@ def steady_state(
     with np.errstate(over="ignore", invalid="ignore"):
         q, v = motion.physical(motion.history(start, samples, grid))
     step, drift = motion.period / grid, np.zeros(system.size)
-    loose = _rigid_shapes(system)
-    if samples and loose.shape[1]:
-        inverse = loose.T @ np.asarray(system.mass)
-        drift = loose @ (inverse @ (q[-1] - q[0])) / (step * (samples - 1))
+    modes = mean_modes(system)
+    rigid = modes.shapes[:, modes.rigid]
+    if samples and rigid.shape[1]:
+        inverse = rigid.T @ np.asarray(system.mass)
+        drift = rigid @ (inverse @ (q[-1] - q[0])) / (step * (samples - 1))
         q = q - np.arange(samples)[:, None] * step * drift
-        q, v = q - q[:-1].mean(axis=0) @ inverse.T @ loose.T, v - drift
-    stiffness, errors = (np.resize(part, (samples, len(system.meshes))) for part in motion.momentary(grid))
-    found = assembled(system, mesh_frequency, (q, v), stiffness, errors, step, motion.period)
+        q, v = q - q[:-1].mean(axis=0) @ inverse.T @ rigid.T, v - drift
+    found = assembled(system, motion, (q, v), grid)
     return replace(found, flags=found.flags | int(begin.status[0]), drift=drift)
 
 
@@ -89,14 +89,8 @@ def balanced(system: GearSystem, basis: Basis) -> GearSystem:
     """
     if system.load is None:
         return system
-    loose = basis.loose[0]
-    return replace(system, load=system.load - np.asarray(system.mass) @ loose @ (loose.T @ system.load))
-
-
-def _rigid_shapes(system: GearSystem) -> Array:
-    """``(n, k)``, rigid-body modes, normalised by the mass matrix."""
-    modes = mean_modes(system)
-    return np.asarray(modes.shapes[:, modes.rigid])
+    rigid = basis.undamped_rigid[0]
+    return replace(system, load=system.load - np.asarray(system.mass) @ rigid @ (rigid.T @ system.load))
 
 
 def harmonics(system: GearSystem, mesh_frequency: float, order: int, tolerance: float = 1e-9) -> Harmonics:

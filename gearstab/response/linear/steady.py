@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gearstab.errors import NotPossible
-from gearstab.response.linear.basis import Basis, bases
+from gearstab.linear.first_order import Basis, bases
 from gearstab.response.linear.eigen import Eigen
 from gearstab.response.linear.excitation import Excitation, excitation
 from gearstab.response.linear.intervals import Points, intervals
@@ -130,8 +130,8 @@ def period_map(points: Points) -> tuple[Array, Array]:
 def unbalanced(drive: Excitation, basis: Basis) -> Array:
     """``(r,)``: whether the load accelerates a rigid-body mode that nothing holds back."""
     load = drive.fixed[basis.rows, :, 0]
-    along = np.abs(np.einsum("rnk,rn->rk", basis.loose, load))
-    size = np.einsum("rnk,rn->rk", np.abs(basis.loose), np.abs(load))
+    along = np.abs(np.einsum("rnk,rn->rk", basis.undamped_rigid, load))
+    size = np.einsum("rnk,rn->rk", np.abs(basis.undamped_rigid), np.abs(load))
     return np.any(along > BALANCED * size, axis=1)
 
 

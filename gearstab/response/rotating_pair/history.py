@@ -155,28 +155,32 @@ def respond(
     found = list(integrate(law, state, goal, run))
     pieces = [item for item in found if isinstance(item, Piece)]
     events = [item for item in found if isinstance(item, Event)]
-    samples = _samples(pieces, step * rate, run.time, turns)
+    samples = _samples(pieces, step, rate, run.time, turns)
     errors, predictable = growth(law, pieces, events), inf
     if errors.first_lost is not None:
         run.status |= STATUS["unpredictable"]
         predictable = events[errors.first_lost].time / rate
     changes = _events(pair.numbers, law, events, turns, errors)
-    response = _response(pair.numbers, law, run, samples, _sections(pair.numbers, law, events, turns), changes, step)
+    response = _response(pair.numbers, law, run, samples, _sections(pair.numbers, law, events, turns), changes)
     return replace(response, asked=cycles, predictable=predictable)
 
 
 @dataclass(frozen=True)
 class _Samples:
-    """States in units of 1/w0, the region of each, and the mesh cycles by which theta advances in the whole run."""
+    """States in units of 1/w0, the region of each, and the mesh cycles by which theta advances in the whole run.
+
+    step: between the samples, s.
+    """
 
     states: Array
     region: Array
     advance: float
+    step: float
 
 
-def _samples(pieces: list[Piece], step: float, end: float, turns: int) -> _Samples:
+def _samples(pieces: list[Piece], seconds: float, rate: float, end: float, turns: int) -> _Samples:
     """Each piece at the samples in it; its end belongs to the next one."""
-    states, regions = [], []
+    states, regions, step = [], [], seconds * rate
     count = floor(end / step * (1 + 1e-12)) + 1
     for number, piece in enumerate(pieces):
         # A sample on an event, but for rounding, is one just after it.
@@ -185,17 +189,17 @@ def _samples(pieces: list[Piece], step: float, end: float, turns: int) -> _Sampl
         last = count if number == len(pieces) - 1 else min(last, count)
         times = np.maximum(np.arange(first, last) * step - piece.begin, 0.0)
         if times.size:
-            phi, rate, theta, speed = piece.arc.samples(times)
-            states.append(np.stack([phi, rate, theta + tau * (piece.cycle + turns), speed]))
+            phi, phi_dot, theta, speed = piece.arc.samples(times)
+            states.append(np.stack([phi, phi_dot, theta + tau * (piece.cycle + turns), speed]))
             regions.append(np.full(times.size, piece.region))
     final = pieces[-1]
     angle = final.arc.start[2] + final.arc.turned(final.duration) - pieces[0].arc.start[2]
     advance = final.cycle + angle / tau
-    return _Samples(np.concatenate(states, axis=1), np.concatenate(regions), advance)
+    return _Samples(np.concatenate(states, axis=1), np.concatenate(regions), advance, seconds)
 
 
 def _response(
-    numbers: PairNumbers, law: Law, run: Run, samples: _Samples, sections: Sections, events: Events, step: float
+    numbers: PairNumbers, law: Law, run: Run, samples: _Samples, sections: Sections, events: Events
 ) -> PairResponse:
     rate, k0 = float(numbers.w0), float(numbers.k0)
     phi, phi_dot, theta, theta_dot = samples.states
@@ -206,7 +210,7 @@ def _response(
     with np.errstate(over="ignore", invalid="ignore"):
         energy = total_energy(numbers, law, samples.region, samples.states)
     return PairResponse(
-        time=np.arange(len(phi))[kept] * step,
+        time=np.arange(len(phi))[kept] * samples.step,
         phi=phi[kept],
         phi_dot=phi_dot[kept] * rate,
         theta=theta[kept],

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gearstab.system import Array, GearSystem, Mesh, PeriodicTerm
+from gearstab.system import Array, GearSystem
 from gearstab.waveforms import Profile
 
 MERGED = 2e-15
@@ -27,23 +27,20 @@ class Source:
     scale: Array
 
 
-def sources(system: GearSystem) -> list[Source]:
-    """Of the mesh stiffnesses, then of all profiles of the terms."""
-    counts = system.common_period()[1]
+def sources(system: GearSystem, counts: tuple[int, ...]) -> list[Source]:
+    """Of the mesh stiffnesses, then of all profiles of the terms.
+
+    counts: how many cycles of each are in the common period.
+    """
     meshes = len(system.meshes)
-    found = [_of_mesh(mesh, count) for mesh, count in zip(system.meshes, counts[:meshes], strict=True)]
+    found = []
+    for mesh, count in zip(system.meshes, counts[:meshes], strict=True):
+        lag, mean = np.asarray(mesh.lag), np.asarray(mesh.mean_stiffness)
+        found.append(Source(mesh.waveform, count, lag, mean, 2 * mesh.amplitude))
+    zero, one = np.zeros(()), np.ones(())
     for term, count in zip(system.terms, counts[meshes:], strict=True):
-        found += _of_term(term, count)
+        found += [Source(profile, count, np.asarray(term.lag), zero, one) for profile in term.profiles]
     return found
-
-
-def _of_mesh(mesh: Mesh, count: int) -> Source:
-    return Source(mesh.waveform, count, np.asarray(mesh.lag), np.asarray(mesh.mean_stiffness), 2 * mesh.amplitude)
-
-
-def _of_term(term: PeriodicTerm, count: int) -> list[Source]:
-    lag, zero, one = np.asarray(term.lag), np.zeros(()), np.ones(())
-    return [Source(profile, count, lag, zero, one) for profile in term.profiles]
 
 
 @dataclass(frozen=True)
@@ -73,11 +70,11 @@ class Schedule:
 
 def schedule(system: GearSystem) -> Schedule:
     """Cut the common period of every row at all jumps and kinks."""
-    return divided(system, sources(system))
+    return divided(system, sources(system, system.common_period()[1]))
 
 
 def divided(system: GearSystem, found: list[Source]) -> Schedule:
-    """The same for any functions of one common period, of the parameters of the system's batch."""
+    """Cut the common period at the jumps and kinks of any functions of the system's batch."""
     rows = system.rows
     cuts = [np.zeros((rows, 1)), np.ones((rows, 1))]
     for source in found:
@@ -86,6 +83,7 @@ def divided(system: GearSystem, found: list[Source]) -> Schedule:
         cuts.append(at - np.floor(at))
     edges = np.sort(np.concatenate(cuts, axis=1), axis=1)
     close = np.diff(edges, axis=1) < MERGED
+    # An interval of no length rather than one edge less: all rows keep equally many.
     edges[:, 1:] = np.where(close, edges[:, :-1], edges[:, 1:])
     edges[:, -1] = 1.0
     return Schedule(found, system.batch, edges)

@@ -1,0 +1,48 @@
+"""What every strategy and every block comes to: growth, verdict and status of points."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from gearstab.system import Array
+
+STATUS_FLAGS = {
+    "eigenvalues": 1, "krein": 2, "rescaled": 4, "negative_stiffness": 8, "failed": 16, "not_converged": 32,
+    "per_mesh": 64, "lyapunov": 128, "undecided": 256, "near_boundary": 512,
+}  # fmt: skip
+"""Bits of ``status``: decided by the eigenvalues of the monodromy matrix; by the Krein signature; the matrix outgrew
+double precision and was scaled; a state of the system has a negative stiffness; no finite result; the error estimate
+exceeds the tolerance; one mesh frequency at a time, the others averaged; an estimated Lyapunov exponent; one whose
+confidence interval contains zero; so near to a boundary that the error of the multipliers may decide the verdict."""
+
+
+@dataclass(frozen=True)
+class Stability:
+    """Stability of rows at mesh frequencies, ``(rows, P)``.
+
+    growth_rate: the largest real part of the characteristic exponents, 1/time, without rigid-body modes that do not
+        grow; exactly 0 where a conservative system is stable.
+    stable: int8: 1, 0, or -1 where nothing could be computed.
+    status: int16, bits of STATUS_FLAGS.
+
+    Each of the others is None where there is none:
+
+    exponents: ``(rows, P, 2n)`` complex, all characteristic exponents ln(lambda)/T over the common period T, rigid-body
+        modes included, imaginary parts in (-pi/T, pi/T], by descending real part. Of a block: its elastic ones.
+    error_estimate: the largest error of all multipliers, relative to the largest of them or 1, as estimated; None where
+        the propagation is exact and all error is rounding. Where the largest multiplier is not below 1, growth_rate T
+        is wrong by no more than this.
+    kernel: which kernel ran, ``none`` where nothing varies.
+    interval: half-width of the confidence interval of a growth rate that is a Lyapunov exponent, 1/time.
+    by_mesh: ``(rows, P, groups)``, the growth rate with one mesh frequency alone, in the order of
+        :func:`~gearstab.floquet.frequencies.groups`.
+    """
+
+    growth_rate: Array
+    stable: Array
+    status: Array
+    exponents: Array | None = None
+    error_estimate: Array | None = None
+    kernel: str | None = None
+    interval: Array | None = None
+    by_mesh: Array | None = None

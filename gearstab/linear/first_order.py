@@ -1,0 +1,169 @@
+"""The first-order form of all rows of a system, in its mean modes and without rigid-body motion.
+
+The state is x = (w u, u', b'): elastic modal coordinates u of the mean system, q = Phi u, weighted by their natural
+frequencies, their velocities, and the velocities of the rigid-body modes that damping holds back; ' = d/(rate dt), so
+that all entries are of one size. The position of a rigid-body mode deflects nothing and never enters; where nothing
+damps it, its velocity does not either, and the part of a force that would accelerate it is left out (it acts on the
+train as a whole: elastic modes are orthogonal to it).
+
+    x' = A(t) x + B f(t),    A(t) = constant + sum_j s_j(t) parts_j
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gearstab.linear.grouping import equal_rows
+from gearstab.modal import mean_modes, rigid_modes
+from gearstab.system import Array, GearSystem
+
+UNDAMPED = 1e-11
+"""Damping of a rigid-body mode below this part of the largest one is rounding."""
+SLOWEST = 1e-6
+"""A mode slower than this part of the mean one is weighted as if it had that frequency."""
+
+
+@dataclass(frozen=True)
+class Modal:
+    """Modal matrices of rows of a system, in the modes of the mean system.
+
+    shapes: ``(r, n, n)``, Phi.  squared: ``(r, n)``, w_p^2.  rate: ``(r,)``, the unit of 1/time.
+    rigid: ``(r, n)`` bool, rigid-body modes that no mesh feels.
+    static, damping: ``(r, n, n)``, Phi^T K0 Phi and Phi^T C Phi.
+    parts: what varies, of the meshes, then of the terms' profiles: (whether it acts on velocities, ``(r, n, n)``).
+    """
+
+    shapes: Array
+    squared: Array
+    rate: Array
+    rigid: Array
+    static: Array
+    damping: Array
+    parts: list[tuple[bool, Array]]
+
+    @classmethod
+    def of(cls, system: GearSystem) -> Modal:
+        """Compute those of all rows of the flattened batch."""
+        modes = mean_modes(system)
+        shapes, squared = system.flat(modes.shapes, 2), system.flat(modes.squared_frequency, 1)
+        deflection = np.swapaxes(system.flat(modes.mesh_deflection, 2), -1, -2)
+        back = np.swapaxes(shapes, -1, -2)
+        rate = np.sqrt(np.maximum(np.abs(squared).mean(axis=-1), np.finfo(float).tiny))
+        damping = np.zeros(shapes.shape)
+        if system.damping is not None:
+            damping = back @ system.flat(system.damping, 2) @ shapes
+        parts = [(False, deflection[:, i, :, None] * deflection[:, i, None, :]) for i in range(len(system.meshes))]
+        for term in system.terms:
+            u, v = (np.einsum("rnp,rn->rp", shapes, system.flat(end, 1)) for end in (term.left, term.right))
+            kinds = [on for on, profile in enumerate((term.stiffness, term.damping)) if profile is not None]
+            parts += [(bool(on), u[:, :, None] * v[:, None, :]) for on in kinds]
+        static = back @ system.flat(system.stiffness, 2) @ shapes
+        return cls(shapes, squared, rate, rigid_modes(squared, deflection), static, damping, parts)
+
+    def subset(self, index: Array) -> Modal:
+        """Some of the rows, by position."""
+        parts = [(on_velocity, matrix[index]) for on_velocity, matrix in self.parts]
+        own = {name: getattr(self, name)[index] for name in ("shapes", "squared", "rate", "rigid", "static", "damping")}
+        return replace(self, parts=parts, **own)
+
+    def dissipative(self) -> list[Array]:
+        """What acts on velocities: the damping, then the parts that vary, each ``(r, n, n)``."""
+        return [self.damping, *(matrix for on_velocity, matrix in self.parts if on_velocity)]
+
+    def generator(self, elastic: Array, damped: Array, weight: Array) -> tuple[Array, Array]:
+        """Return A of the state (w u, u', b') as its constant ``(r, m, m)`` and the parts that vary ``(r, J, m, m)``.
+
+        elastic: ``(e,)``, which modes u are; damped: ``(k,)``, which rigid-body modes b are; m = 2 e + k.
+        weight: ``(r, e)``, w.
+        """
+        moving, rate = np.concatenate([elastic, damped]), self.rate[:, None, None]
+        n, m = len(elastic), len(elastic) + len(moving)
+
+        def placed(on_velocity: bool, matrix: Array) -> Array:
+            """-matrix where it acts, in the units of the state."""
+            whole = np.zeros((len(rate), m, m))
+            if on_velocity:
+                whole[:, n:, n:] = -matrix[:, moving[:, None], moving] / rate
+            else:
+                whole[:, n:, :n] = -matrix[:, moving[:, None], elastic] / rate**2 / weight[:, None, :]
+            return whole
+
+        constant = placed(False, self.static) + placed(True, self.damping)
+        constant[:, np.arange(n), n + np.arange(n)] = weight
+        return constant, np.stack([placed(*part) for part in self.parts], axis=1)
+
+
+@dataclass(frozen=True)
+class Basis:
+    """Rows of a system that have equally many coordinates of each sort.
+
+    rows: ``(r,)``, positions in the flattened batch.
+    rate: ``(r,)``, the unit of 1/time.
+    constant: ``(r, m, m)``; parts: ``(r, J, m, m)``, of the meshes, then of the terms' profiles.
+    inlet: ``(r, m, n)``, B, for generalised forces in the system's units.
+    outlet: ``(r, n, m)``, q from x; speed: ``(r, n, m)``, dq/dt from x.
+    undamped_rigid: ``(r, n, k)``, rigid-body modes that nothing holds back, normalised by the mass matrix.
+    """
+
+    rows: Array
+    rate: Array
+    constant: Array
+    parts: Array
+    inlet: Array
+    outlet: Array
+    speed: Array
+    undamped_rigid: Array
+
+    @property
+    def size(self) -> int:
+        """m."""
+        return int(self.constant.shape[-1])
+
+    def generator(self, values: Array) -> Array:
+        """A ``(..., r, m, m)`` for the values ``(..., r, J)`` of the varying functions."""
+        flat = self.parts.reshape(*self.parts.shape[:2], self.size**2)
+        varying = np.einsum("...rj,rjk->...rk", values, flat)
+        return self.constant + varying.reshape(*varying.shape[:-1], self.size, self.size)
+
+
+def acted_on(matrices: list[Array]) -> Array:
+    """``(r, n)``: which modes any of the matrices ``(r, n, n)``, at least one, acts on by more than rounding."""
+    columns = np.max([np.abs(matrix).max(axis=1) for matrix in matrices], axis=0)
+    return np.asarray(columns > UNDAMPED * columns.max(axis=1, keepdims=True, initial=0.0))
+
+
+def bases(system: GearSystem, whole: bool = False) -> Iterator[Basis]:
+    """All rows, each once.
+
+    whole: keep all modes, positions of rigid-body modes included, for histories that follow the train as it turns.
+    """
+    modal = Modal.of(system)
+    if whole:
+        rigid, elastic = modal.rigid, (~modal.rigid[:, None, :]).astype(float)
+        parts = [(on_velocity, matrix if on_velocity else matrix * elastic) for on_velocity, matrix in modal.parts]
+        # Rounding in the stiffness of a rigid-body mode would bend its uniform motion in the long run.
+        modal = replace(modal, static=modal.static * elastic, parts=parts, rigid=np.zeros_like(rigid),
+                        squared=np.where(rigid, np.inf, modal.squared))  # fmt: skip
+    damped = modal.rigid & acted_on(modal.dissipative())
+    for members, _ in equal_rows(modal.rigid.astype(int) + damped):
+        yield _basis(modal.subset(members), members, damped[members[0]])
+
+
+def _basis(modal: Modal, rows: Array, damped: Array) -> Basis:
+    """Rows whose rigid-body modes, and those of them that damping acts on ``(n,)``, are the same."""
+    rigid, rate, shapes = modal.rigid[0], modal.rate[:, None, None], modal.shapes
+    elastic = np.flatnonzero(~rigid)
+    moving = np.concatenate([elastic, np.flatnonzero(damped)])
+    n, m = len(elastic), len(elastic) + len(moving)
+    frequency = np.sqrt(np.abs(modal.squared[:, elastic])) / modal.rate[:, None]
+    weight = np.where(np.isinf(frequency), 1.0, np.maximum(frequency, SLOWEST))
+    constant, parts = modal.generator(elastic, np.flatnonzero(damped), weight)
+    inlet, outlet = np.zeros((len(rows), m, shapes.shape[1])), np.zeros((len(rows), shapes.shape[1], m))
+    speed = np.zeros_like(outlet)
+    inlet[:, n:] = np.swapaxes(shapes[:, :, moving], -1, -2) / rate**2
+    outlet[:, :, :n] = shapes[:, :, elastic] / weight[:, None, :]
+    speed[:, :, n:] = shapes[:, :, moving] * rate
+    return Basis(rows, modal.rate, constant, parts, inlet, outlet, speed, shapes[:, :, rigid & ~damped])
