@@ -163,18 +163,19 @@ def _name_meshes(document: Document, model: type[System]) -> None:
 def _read_samples(document: Document, source: FilePath) -> dict[Path, Array]:
     """What the files of waveforms hold, by the place of the waveform below ``system``; problems are reported."""
     from gearstab.config.checks.samples import waveforms
+    from gearstab.waveforms.section import wave_of
 
     found: dict[Path, Array] = {}
     for path, waveform in waveforms(document.data["system"], ()):
-        name = waveform.get("file")
-        if not isinstance(name, str):
+        name, wave = waveform.get("file"), wave_of(waveform)
+        if not isinstance(name, str) or wave is None:
             continue
         from gearstab.config.checks.sample_file import read_samples
         from gearstab.config.document.files import DataFileError
 
         interpolation = waveform.get("interpolation") or "linear"
         try:
-            found[path] = read_samples(source.parent / name, str(waveform.get("kind")), str(interpolation))
+            found[path] = read_samples(source.parent / name, wave, str(interpolation))
         except DataFileError as error:
             document.report(("system", *path, "file"), str(error), error.hint, value=name)
     return found

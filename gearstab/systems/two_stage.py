@@ -9,11 +9,11 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
+from gearstab.config.model.arrays import diagonal
 from gearstab.config.model.conflicts import Conflict
 from gearstab.config.model.fields import ExactRatio, Mass, Quantity
 from gearstab.system import GearSystem
 from gearstab.systems.base import System
-from gearstab.systems.parts.arrays import diagonal
 from gearstab.systems.parts.damping import with_damping
 from gearstab.systems.parts.forcing import Load, with_forcing, wrong_load
 from gearstab.systems.parts.mesh import Mesh, SecondMesh, build_mesh

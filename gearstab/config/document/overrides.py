@@ -47,7 +47,7 @@ def _places(document: Document, name: str, option: str) -> list[Path]:
 
 
 def _of_meshes(meshes: list[Any] | dict[str, Any], name: str, option: str) -> list[Path]:
-    from gearstab.config.waveforms import has_no_ratio
+    from gearstab.waveforms.section import has_no_ratio
 
     rival = RIVALS.get(name, "")
     found: list[Path] = []

@@ -23,9 +23,9 @@ from gearstab.config.model.introspection import (
     number_kind,
 )
 from gearstab.config.sections.names import BUT_THE_FIRST, EVERY_MESH, RIVALS, mesh_items
-from gearstab.config.waveforms import FORMS, Waveform, has_no_ratio, kind_of
 from gearstab.systems.base import System
 from gearstab.systems.parts.mesh import Mesh, ToothMesh
+from gearstab.waveforms.section import WaveformSection, has_no_ratio, name_of, owners, wave_of
 
 MESH_FREQUENCY: Path = ("mesh_frequency",)
 """Where the mesh frequency stands, which no system has."""
@@ -144,7 +144,7 @@ def _walk(name: str, parts: list[str], model: type[System], raw: dict[str, Any])
     title, owner, default = "", "", None
     step: str | int
     for part in parts:
-        if annotation is Waveform and part in field_types(annotation):
+        if annotation is WaveformSection and part in field_types(annotation):
             _check_waveform(part, value, dotted(("system", *path, part)))
         if is_model(annotation) and part in field_types(annotation):
             field = annotation.model_fields[part]
@@ -176,12 +176,11 @@ def _check_waveform(key: str, waveform: Any, where: str) -> None:
     """A wave varies with the keys of its own kind only. where: path of the key in the document."""
     if key == "kind":
         raise TargetError("is a word, and an axis sets a number", f"run a sweep for each, with --set {where}=..")
-    kind = kind_of(waveform)
-    if kind and key in FORMS[kind].keys:
+    wave = wave_of(waveform)
+    if wave is not None and key in wave.keys.model_fields:
         return
-    owners = ", ".join(other for other, form in FORMS.items() if key in form.keys)
-    message = f"a {kind} wave takes no {key}" if kind else "unknown waveform"
-    raise TargetError(message, f"choose waveform kind: {owners}")
+    message = "unknown waveform" if wave is None else f"a {name_of(wave)} wave takes no {key}"
+    raise TargetError(message, f"choose waveform kind: {owners(key)}")
 
 
 def _of_its_kind(annotation: Any, section: Any) -> Any:

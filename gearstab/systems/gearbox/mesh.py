@@ -17,9 +17,9 @@ from gearstab.config.model.fields import (
     Section,
     Turns,
 )
-from gearstab.config.waveforms import Waveform, form_of, kind_of
 from gearstab.systems.parts.forcing import TransmissionError
 from gearstab.systems.parts.mesh import Mesh
+from gearstab.waveforms.section import shape_conflicts, wave_of_mesh
 
 FRICTIONS = {
     "constant": ("coefficient",),
@@ -113,14 +113,9 @@ class GearboxMesh(Mesh):
         yield from at_most_one(raw, ("mean_stiffness", "max_stiffness"))
         yield from at_most_one(raw, ("epsilon", "amplitude"))
         yield from at_most_one(raw, ("damping", "damping_ratio"))
-        waveform, form = raw.get("waveform"), form_of(raw)
-        if isinstance(waveform, dict):
-            for path, message, hint in Waveform.conflicts(waveform):
-                yield ("waveform", *path), message, hint
-        tooth = kind_of(waveform) == "tooth"
-        if form is not None and not form.contact_ratio and not tooth and raw.get("contact_ratio") is not None:
-            yield ("contact_ratio",), "the waveform has no contact ratio", "remove it, or choose another waveform"
-        if tooth:
+        yield from shape_conflicts(raw)
+        wave = wave_of_mesh(raw)
+        if wave is not None and wave.of_teeth:
             for key in ("mean_stiffness", "max_stiffness", "epsilon", "amplitude", "contact_ratio"):
                 if raw.get(key) is not None:
                     remedy = "remove it, or choose waveform: {kind: rectangular}; measured values are "

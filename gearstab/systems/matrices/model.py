@@ -12,6 +12,7 @@ from pydantic_core import core_schema
 from gearstab.config.document.files import DataFileError
 from gearstab.config.document.problems import Path
 from gearstab.config.document.yaml import Document, value_at
+from gearstab.config.model.arrays import matrix, vector
 from gearstab.config.model.conflicts import Conflict
 from gearstab.config.model.fields import Choice, NameText, Quantity
 from gearstab.config.model.units import UnitError, to_si
@@ -20,7 +21,6 @@ from gearstab.systems import feasibility
 from gearstab.systems.base import System
 from gearstab.systems.matrices.definite import check_definite
 from gearstab.systems.matrices.file import read_matrices
-from gearstab.systems.parts.arrays import matrix, vector
 from gearstab.systems.parts.damping import not_square, with_damping
 from gearstab.systems.parts.forcing import Force, Load, with_forcing, wrong_load
 from gearstab.systems.parts.mesh import MatrixMesh, build_mesh
@@ -144,7 +144,7 @@ class Matrices(System):
     def check_feasible(cls, document: Document, config: Config) -> None:
         """Matrices that no system has, too."""
         feasibility.check_mesh_levels(document, config)
-        if feasibility.check_symmetric(document, config.parameters, terms=True):
+        if feasibility.check_symmetric(document, config.parameters, [("mass",), ("stiffness",)]):
             check_definite(document, feasibility.numbers_only(config), cls.build)
 
     @classmethod

@@ -9,11 +9,11 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field
 
+from gearstab.config.model.arrays import given, matrix, vector
 from gearstab.config.model.conflicts import Conflict, exactly_one
 from gearstab.config.model.fields import NonNegative, Quantity, Section
 from gearstab.modal import modal_damping_matrix
 from gearstab.system import Array, GearSystem, Mesh, PeriodicTerm
-from gearstab.systems.parts.arrays import given, matrix, vector
 from gearstab.waveforms import Scaled
 
 MatrixEntry = Annotated[float, Quantity("N s/m", ("N s", "N m s"), entry=True)]

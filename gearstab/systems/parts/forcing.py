@@ -10,6 +10,7 @@ import numpy as np
 from pydantic import Field, GetJsonSchemaHandler
 from pydantic_core import core_schema
 
+from gearstab.config.model.arrays import given, vector
 from gearstab.config.model.conflicts import Conflict
 from gearstab.config.model.fields import (
     ExactRatio,
@@ -20,7 +21,7 @@ from gearstab.config.model.fields import (
     Turns,
 )
 from gearstab.system import GearSystem, PeriodicForce
-from gearstab.systems.parts.arrays import given, series, vector
+from gearstab.waveforms import Fourier
 
 ErrorAmplitude = Annotated[float, Quantity("m", ("rad",), entry=True)]
 ForceAmplitude = Annotated[float, Quantity("N", ("N m",), entry=True)]
@@ -135,7 +136,7 @@ def with_forcing(system: GearSystem, p: dict[str, Any]) -> GearSystem:
     meshes = tuple(
         replace(
             item,
-            transmission_error=series(part["transmission_error"]) if part.get("transmission_error") else None,
+            transmission_error=Fourier.build(part["transmission_error"]) if part.get("transmission_error") else None,
             damping=np.asarray(part["damping"], dtype=float) if _constant_damping(part) else 0.0,
             backlash=np.asarray(part["backlash"], dtype=float) if given(part, "backlash") else 0.0,
             backlash_zero=part.get("backlash_zero", "middle"),
@@ -144,8 +145,8 @@ def with_forcing(system: GearSystem, p: dict[str, Any]) -> GearSystem:
     )
     forces = tuple(
         PeriodicForce(
-            part.get("name") or f"force{i + 1}", vector(part["direction"]), series(part), part["frequency_ratio"],
-            np.asarray(part.get("lag", 0.0), dtype=float),
+            part.get("name") or f"force{i + 1}", vector(part["direction"]), Fourier.build(part),
+            part["frequency_ratio"], np.asarray(part.get("lag", 0.0), dtype=float),
         )
         for i, part in enumerate(p.get("forces") or [])
     )  # fmt: skip

@@ -22,10 +22,9 @@ from gearstab.config.model.fields import (
     Section,
     Turns,
 )
-from gearstab.config.waveforms import Form, Waveform, form_of, has_own_mean, kind_of, shape_conflicts
 from gearstab.system import Array
 from gearstab.systems.parts.forcing import TransmissionError
-from gearstab.systems.waveforms import above_mean, own_variation, waveform
+from gearstab.waveforms.section import WaveformSection, build_waveform, has_own_mean, shape_conflicts, wave_of_mesh
 
 MeshStiffness = Annotated[float, Field(gt=0), Quantity("N/m", ("N m",))]
 """Of a model in coordinates of its own, where a mesh may deflect as an angle."""
@@ -66,8 +65,8 @@ class ToothMesh(Section):
         title="contact ratio",
         description="c >= 1: floor(c) + 1 pairs of teeth carry for the fraction c - floor(c) of the period (1).",
     )
-    waveform: Waveform = Field(
-        default=Waveform(kind="rectangular"),
+    waveform: WaveformSection = Field(
+        default=WaveformSection(kind="rectangular"),
         title="waveform",
         description="The shape of the variation over a mesh period.",
     )
@@ -98,14 +97,14 @@ class ToothMesh(Section):
     @classmethod
     def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
         """One of the two ways to give the stiffness, and of the two to give its variation, unless the wave does."""
-        form = form_of(raw) or Form()
-        if kind_of(raw.get("waveform")) == "tooth":
+        wave = wave_of_mesh(raw)
+        if wave is not None and wave.of_teeth:
             message = "the teeth are unknown: only kind: gearbox has numbers of teeth"
             yield ("waveform", "kind"), message, "choose another waveform, or describe the gears in a gearbox"
             return
         stiffness, variation = ("mean_stiffness", "max_stiffness"), ("epsilon", "amplitude")
         yield from (at_most_one if has_own_mean(raw) else exactly_one)(raw, stiffness)
-        yield from (at_most_one if form.own_variation else exactly_one)(raw, variation)
+        yield from (at_most_one if wave is not None and wave.own_variation else exactly_one)(raw, variation)
         description = cls.model_fields["contact_ratio"].description or ""
         yield from shape_conflicts(raw, description.rstrip("."))
         if raw.get("damping_follows_stiffness") is True:
@@ -197,13 +196,13 @@ def build_mesh(
     2002 section 4: k_g = k_max - 2 k_a (1 - d)), its variation by ``epsilon`` = k_a/k_g or ``amplitude`` = k_a; what is
     not given is that of a ``waveform`` made from stiffnesses.
     """
-    wave = waveform(p)
+    wave = build_waveform(p)
     epsilon, amplitude, maximum = p.get("epsilon"), p.get("amplitude"), p.get("max_stiffness")
     if epsilon is None and amplitude is None:
-        epsilon = _ratio(*own_variation(wave))
+        epsilon = _ratio(wave.mean_stiffness, wave.amplitude)
     if maximum is not None:
         # A wave that keeps its stiffer level does so for an integer contact ratio too, where it is never reached.
-        maximum, above = np.asarray(maximum, dtype=float), above_mean(wave)
+        maximum, above = np.asarray(maximum, dtype=float), wave.stiffer_level
         if amplitude is not None:
             mean = maximum - 2 * np.asarray(amplitude) * above
         else:
@@ -211,7 +210,7 @@ def build_mesh(
     elif p.get("mean_stiffness") is not None:
         mean = np.asarray(p["mean_stiffness"], dtype=float)
     else:
-        mean = own_variation(wave)[0]
+        mean = wave.mean_stiffness
     if amplitude is not None:
         epsilon = np.asarray(amplitude) / mean
     return system.Mesh(p["name"], direction, mean, np.asarray(epsilon, dtype=float), wave, frequency_ratio, lag)
