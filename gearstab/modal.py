@@ -40,17 +40,16 @@ def symmetric_eigen(matrix: Array) -> tuple[Array, Array]:
 
 
 def _refined(matrix: Array, vectors: Array) -> tuple[Array, Array]:
-    """Cyclic Jacobi from an almost diagonalising basis; two or three sweeps do."""
-    n = matrix.shape[-1]
+    """Jacobi rotations of an almost diagonalising basis, where they are needed; two or three sweeps do."""
     for _ in range(4):
         a = np.swapaxes(vectors, -1, -2) @ matrix @ vectors
         diagonal = np.abs(np.diagonal(a, axis1=-2, axis2=-1))
         scale = np.sqrt(diagonal[..., :, None] * diagonal[..., None, :])
-        if np.all(np.abs(np.triu(a, 1)) <= 4 * np.finfo(float).eps * scale):
+        large = np.abs(np.triu(a, 1)) > 4 * np.finfo(float).eps * scale
+        if not large.any():
             break
-        for p in range(n - 1):
-            for q in range(p + 1, n):
-                _rotate(a, vectors, p, q)
+        for p, q in np.argwhere(large.any(axis=tuple(range(large.ndim - 2)))):
+            _rotate(a, vectors, p, q)
     values = np.diagonal(np.swapaxes(vectors, -1, -2) @ matrix @ vectors, axis1=-2, axis2=-1)
     order = np.argsort(values, axis=-1)
     return np.take_along_axis(values, order, -1), np.take_along_axis(vectors, order[..., None, :], -1)

@@ -30,24 +30,27 @@ def common_period(system: GearSystem) -> dict[str, Any] | None:
 
 
 def frequencies(config: Config, system: GearSystem) -> dict[str, Any] | None:
-    """How exact stability goes through several mesh frequencies, and how long a point takes; None for a single one."""
-    import time
-
+    """How exact stability goes through several mesh frequencies, and the seconds per point of a sweep on one processor,
+    None where they are more than one; None for a single mesh frequency.
+    """
     import numpy as np
 
     from gearstab.config.sections.methods import FloquetOptions
     from gearstab.floquet import solve
     from gearstab.modal import mean_modes
+    from gearstab.sweep.estimate import seconds_per_point
     from gearstab.sweep.methods import frequencies as ways
 
     if len(set(system.frequency_ratios)) < 2:
         return None
     options = config.methods.floquet or FloquetOptions()
-    # One point, where stability is most often asked for: twice the highest natural frequency with a mesh deflection.
-    omega = np.array([2 * float(np.nanmax(mean_modes(system).natural_frequency))])
-    start = time.perf_counter()
-    ways.solved(options, system, omega, solve)
-    return {"chosen": ways.outlook(options, system), "seconds_a_point": time.perf_counter() - start}
+    # Where stability is most often asked for: about twice the highest natural frequency with a mesh deflection.
+    middle = 2 * float(np.nanmax(mean_modes(system).natural_frequency))
+
+    def points(count: int) -> object:
+        return ways.solved(options, system, middle * np.linspace(0.5, 1.5, count + 2)[1:-1], solve)
+
+    return {"chosen": ways.outlook(options, system), "seconds_per_point": seconds_per_point(points)}
 
 
 def text(period: dict[str, Any] | None) -> str:
@@ -65,4 +68,6 @@ def way(found: dict[str, Any]) -> str:
     """The way of exact stability in a line."""
     from gearstab.cli.progress import duration
 
-    return f"{found['chosen']}; {duration(found['seconds_a_point'])} a point"
+    seconds = found["seconds_per_point"]
+    taken = "more than a second" if seconds is None else duration(seconds)
+    return f"{found['chosen']}; {taken} per point on one processor"

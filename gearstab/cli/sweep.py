@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from gearstab.sweep.estimate import Estimate
 
 
+DRY_RUN, LEAST = 1.6, 0.4
+"""Seconds of a dry run, and how many of them it samples at least."""
 SLOW_KERNEL = "note: the compiled kernel was not built; sweeps run on the slower NumPy kernel"
 
 
@@ -67,12 +69,12 @@ def command(
         if dry_run:
             from gearstab.sweep.estimate import estimate
 
-            say(forecast(planned, estimate(planned, jobs), target))
+            left = max(DRY_RUN - (time.perf_counter() - start), LEAST)
+            say(forecast(planned, estimate(planned, jobs, left), target))
             return
         from gearstab.cli import sweep_notes
         from gearstab.cli.progress import reporter
         from gearstab.sweep import limits
-
         limits.refuse(planned, target, jobs, yes)
         summary = run(planned, target, jobs, resume is True, resume is False, reporter(quiet))
     if not quiet:
@@ -121,9 +123,10 @@ def forecast(plan: Plan, found: Estimate, target: Path) -> str:
     from gearstab.cli.progress import duration
     from gearstab.sweep.limits import large
 
-    axes = [[axis.name, f"{axis.size:,}", extent(axis)] for axis in plan.config.axes]
+    axes, more = [[axis.name, f"{axis.size:,}", extent(axis)] for axis in plan.config.axes], "more than "
     methods = [
-        [m.name, f"{m.points:,}", f"{m.blocks:,}", duration(m.seconds), size(m.file_size)] for m in found.methods
+        [m.name, f"{m.points:,}", f"{m.blocks:,}", f"{more * m.at_least}{duration(m.seconds)}", size(m.file_size)]
+        for m in found.methods
     ]
     lines = [plan.config.title, ""]
     lines += [*table(["axis", "values", "from .. to"], axes), ""]
@@ -132,10 +135,8 @@ def forecast(plan: Plan, found: Estimate, target: Path) -> str:
     said = [f"{name}: {text}" for name, text in outlooks if text is not None]
     lines += [*said, ""] if said else []
     lines.append(f"points        {plan.points:,} of {plan.systems:,} system{'s' * (plan.systems != 1)}")
-    lines.append(
-        f"time          {duration(found.seconds)} on {found.jobs} processor{'s' * (found.jobs != 1)} "
-        f"({plan.kernel} kernel)"
-    )
+    total = f"{more * found.at_least}{duration(found.seconds)}"
+    lines.append(f"time          {total} on {found.jobs} processor{'s' * (found.jobs != 1)} ({plan.kernel} kernel)")
     lines.append(f"memory        {size(found.memory)}")
     lines.append(f"file          {size(found.file_size)}, {target}")
     if reasons := large(plan, found):

@@ -1,36 +1,67 @@
-"""What a sweep will take, from a small sample of its own grid."""
+"""What a sweep will take, from samples of its own grid that a clock interrupts.
+
+A sample is a part of a block. Samples grow until one takes a fair part of the time that there is; two of different size
+tell what points share and what each takes. Others elsewhere on the grid tell how much dearer points are there: at low
+mesh frequencies, above all. A method to which a point is a whole range of mesh frequencies, of which none may be done
+in the time that there is, gives an account of its effort, which samples correct where they can.
+"""
 
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import ceil, prod
+from typing import TypeVar
 
 import numpy as np
 
 from gearstab import ckernel
+from gearstab.config import parameters_at
 from gearstab.results.variables import GRID
 from gearstab.sweep import merge
+from gearstab.sweep.clock import within
 from gearstab.sweep.compute import compute, results_of
+from gearstab.sweep.methods.base import Effort
 from gearstab.sweep.plan import Block, Layout, Plan
+from gearstab.systems import build
 
-SECONDS = 0.4
-"""Time that the samples of one method may take."""
-MOST_SAMPLES = 6
-LONG = 5.0
-"""Seconds of a single point that are sample enough."""
-MANY = 20
-"""Points of which a second one is worth its time all the same."""
+BUDGET = 1.0
+"""Seconds for the samples of all methods together."""
+WORD = 1.0
+"""Seconds in which it is found out whether a method takes long."""
+ROWS = 5
+"""Rows that are asked where they differ in structure, as trains of other tooth ratios do."""
+GROWTH = 2.0, 16.0
+"""Least and greatest ratio of a sample's size to that before."""
+PART = 0.25
+"""Of the time that is left, what a sample may take: there are two of its size to come."""
+BRIEF = 1e-4
+"""Seconds below which a sample is not told from no work at all."""
+APART = 4.0
+"""Least ratio of the sizes of two samples whose difference tells what a further point takes."""
+PLACES = (1 / 6, 5 / 6)
+"""Where else on the grid a sample is taken, in parts of each axis; the others lie in the middle."""
+SPREAD = 30.0
+"""No place is so much dearer or cheaper than the middle that its sample is no accident."""
+UNIT = 3e-8
+"""Seconds of a unit of a method's cost, about."""
 OVERHEAD = 2.5
 """Arrays of a block's size that a method holds at once besides its results, roughly."""
+MANY = 1000
+"""Points of which each takes as long as in a sweep."""
+LONG = 120.0
+"""Seconds of a method that are worth a word before it starts."""
+
+Found = TypeVar("Found")
 
 
 @dataclass(frozen=True)
 class MethodEstimate:
     """One method.
 
-    points, blocks: how many. work: seconds on one processor; seconds: on all. file_size: bytes in the file;
-    memory: bytes that one block takes.
+    points, blocks: how many. work: seconds on one processor; seconds: on all; at_least: whether it may be far more than
+    that. file_size: bytes in the file; memory: bytes that one block takes.
     """
 
     name: str
@@ -38,6 +69,7 @@ class MethodEstimate:
     blocks: int
     work: float
     seconds: float
+    at_least: bool
     file_size: float
     memory: float
 
@@ -52,52 +84,205 @@ class Estimate:
     file_size: float
     memory: float
 
+    @property
+    def at_least(self) -> bool:
+        """Whether it may take far longer."""
+        return any(method.at_least for method in self.methods)
 
-def estimate(plan: Plan, jobs: int | None = None) -> Estimate:
-    """Compute growing samples of every method's grid for a fraction of a second and scale what they take."""
+
+@dataclass(frozen=True)
+class Sample:
+    """points: how many; seconds that they took; size: bytes of what is stored."""
+
+    points: int
+    seconds: float
+    size: float
+
+
+class Clock:
+    """What is left of a number of seconds."""
+
+    def __init__(self, seconds: float) -> None:
+        self.total, self._end = seconds, time.perf_counter() + seconds
+
+    @property
+    def left(self) -> float:
+        """Seconds, negative when they are over."""
+        return self._end - time.perf_counter()
+
+    def run(self, work: Callable[[], Found]) -> tuple[Found, float] | None:
+        """What the work returns and the seconds that it takes; None where it does not end in time."""
+        return within(self.left, work) if self.left > 0 else None
+
+
+def estimate(plan: Plan, jobs: int | None = None, budget: float = BUDGET) -> Estimate:
+    """Compute samples of every method's grid for ``budget`` seconds in all, and scale what they take."""
     workers = jobs or ckernel.threads()
+    clock, methods = Clock(budget), []
     with ckernel.using(plan.kernel, threads=1):
-        methods = tuple(_method(plan, layout, workers) for layout in plan.layouts)
+        for layout in plan.layouts[:-1]:
+            # What is called for the first time imports and allocates: that is no part of a method's share.
+            if layout.method.effort is None:
+                _sample(plan, layout, clock, 1.0)
+        for k, layout in enumerate(plan.layouts):
+            share = Clock(clock.left / (len(plan.layouts) - k))
+            methods.append(_method(plan, layout, workers, share))
     file_size = sum(m.file_size for m in methods)
     memory = max(m.memory * min(workers, m.blocks) for m in methods) + min(file_size, merge.IN_MEMORY)
-    return Estimate(methods, workers, sum(m.seconds for m in methods), file_size, memory)
+    return Estimate(tuple(methods), workers, sum(m.seconds for m in methods), file_size, memory)
 
 
-def _method(plan: Plan, layout: Layout, workers: int) -> MethodEstimate:
-    first = sample(layout, 1)
-    start = time.process_time()
-    part = compute(plan, first)  # first calls import and allocate
-    spent, points, size, wanted = time.process_time() - start, first.points, part.size(), 64
-    for _ in range(MOST_SAMPLES if spent < LONG else 0):
-        block = sample(layout, wanted)
-        start = time.process_time()
-        part = compute(plan, block)
-        spent = time.process_time() - start
-        points, size = block.points, part.size()
-        if spent > SECONDS / 4 or points >= min(layout.points, prod(layout.chunk)):
-            break
-        wanted = points * int(min(16, max(2, SECONDS / 2 / max(spent, 1e-4))))
-    work = spent * layout.points / points
-    if points < prod(layout.chunk) and (points > 1 or layout.points >= MANY):
-        work = _shared(plan, layout, points, spent)
+def seconds_per_point(work: Callable[[int], object], most: int = MANY, budget: float = BUDGET) -> float | None:
+    """Seconds on one processor of each of many points that ``work`` is called with; None where not one ends in time."""
+    clock = Clock(budget)
+
+    def sample(wanted: float) -> Sample | None:
+        points = min(most, max(1, round(wanted)))
+        found = clock.run(lambda: work(points))
+        return None if found is None else Sample(points, found[1], 0.0)
+
+    with ckernel.using(threads=1):
+        samples = _samples(sample, most, clock)
+    return samples[-1].seconds / samples[-1].points if samples else None
+
+
+def long_runs(plan: Plan, jobs: int | None = None) -> list[str]:
+    """What the user should know before methods start that are going to take long, one line each."""
+    found = []
+    for layout in plan.layouts:
+        if layout.method.effort is None:
+            continue
+        seconds = by_effort(plan, layout, jobs or ckernel.threads())
+        if seconds > LONG:
+            text = f"{seconds / 60:.0f} minutes" if seconds < 5400 else f"{seconds / 3600:,.0f} hours"
+            text = f"will take some {text}" if np.isfinite(seconds) else "may take very long"
+            found.append(f"methods.{layout.method.name} {text}; {layout.method.relief}")
+    return found
+
+
+def by_effort(plan: Plan, layout: Layout, workers: int) -> float:
+    """Seconds on all processors by a method's own account; infinite where it is not given at once."""
+    work = _by_effort(plan, layout, Clock(WORD))
+    return np.inf if work is None else work / min(workers, layout.count)
+
+
+def _method(plan: Plan, layout: Layout, workers: int, clock: Clock) -> MethodEstimate:
+    """An estimate of one method within the time that is left on its clock."""
+    work, size = _ranges(plan, layout, clock) if layout.method.effort is not None else _points(plan, layout, clock)
+    at_least = work is None
+    if work is None:
+        work = max(clock.total, layout.points * UNIT * layout.method.cost(layout.options, plan.base))
     rounds = ceil(layout.count / min(workers, layout.count))
-    block_work = work / layout.count
-    seconds = block_work * rounds if work > 1 else work
-    memory = prod(layout.chunk) * _bytes_a_point(plan, layout, size / points) * (1 + OVERHEAD)
-    return MethodEstimate(
-        layout.method.name, layout.points, layout.count, work, seconds, size * layout.points / points, memory
+    seconds = work / layout.count * rounds if work > 1 else work
+    memory = prod(layout.chunk) * _bytes_a_point(plan, layout, size / layout.points) * (1 + OVERHEAD)
+    return MethodEstimate(layout.method.name, layout.points, layout.count, work, seconds, at_least, size, memory)
+
+
+def _points(plan: Plan, layout: Layout, clock: Clock) -> tuple[float | None, float]:
+    """Seconds on one processor, None where not even one point is done in time, and bytes in the file."""
+    samples = _samples(lambda wanted: _sample(plan, layout, clock, wanted), prod(layout.chunk), clock)
+    if not samples:
+        return None, 0.0
+    work, size = (_scaled(layout, [getattr(s, name) for s in samples], samples) for name in ("seconds", "size"))
+    return work * _dearer(plan, layout, clock, samples[-1]), size
+
+
+def _ranges(plan: Plan, layout: Layout, clock: Clock) -> tuple[float | None, float]:
+    """The same where a point is a whole range: by the method's own account, corrected by what some rows take."""
+    work = _by_effort(plan, layout, clock)
+    one = None if work is None else _effort(plan, layout, clock, 0.5)
+    if work is None or one is None or one.seconds(1) > PART * clock.left:
+        return work, 0.0
+    wanted = min(prod(layout.chunk), int(PART * clock.left / one.seconds(1)))
+    first, last = (_sample(plan, layout, clock, w) for w in (1.0, max(1.0, wanted)))
+    if first is None or last is None:
+        return work, 0.0
+    factor = last.seconds / one.seconds(last.points)
+    return work * min(max(factor, 1 / SPREAD), SPREAD), last.size * layout.points / last.points
+
+
+def _by_effort(plan: Plan, layout: Layout, clock: Clock) -> float | None:
+    """Seconds of all rows by the account of the method; None where that is not done in time."""
+    structural = any(item.structural for axis in plan.row_axes for item in axis.assignments)
+    places = np.linspace(0.0, 1.0, min(ROWS, layout.points)) if structural else np.array([0.5])
+    efforts = [_effort(plan, layout, clock, float(place)) for place in places]
+    seconds = [e.seconds(layout.points, layout.count) for e in efforts if e is not None]
+    return float(np.mean(seconds)) if len(seconds) == len(efforts) else None
+
+
+def _effort(plan: Plan, layout: Layout, clock: Clock, place: float) -> Effort | None:
+    """What the row at a place of the grid takes; None where that is not found out in time."""
+    ask = layout.method.effort
+    assert ask is not None
+    number = round(place * (layout.points - 1))
+    index = np.unravel_index(number, layout.shape) if layout.shape else ()
+    rows = {name: np.asarray(k) for name, k in zip(layout.dims, index, strict=True)}
+    found = clock.run(
+        lambda: ask(layout.options, build(parameters_at(plan.config, rows)), np.array(plan.mesh_frequency_range))
     )
+    return None if found is None else found[0]
 
 
-def _shared(plan: Plan, layout: Layout, points: int, spent: float) -> float:
-    """The work from samples of less than a block, whose points share some of it: a first and every further point."""
-    block = sample(layout, 1 if points > 1 else 2)
-    start = time.process_time()
-    compute(plan, block)
-    other = time.process_time() - start
-    alone, many, count = (other, spent, points) if points > 1 else (spent, other, block.points)
-    further = min(max(0.0, many - alone) / max(1, count - 1), many / count)
-    return min(alone, many) * layout.count + further * (layout.points - layout.count)
+def _samples(sample: Callable[[float], Sample | None], most: int, clock: Clock) -> list[Sample]:
+    """Samples of ascending size up to ``most`` points; none where not even a point is done in time.
+
+    sample: computes one of about so many points.
+    """
+    wanted, first = 1.0, sample(1.0)
+    if first is None:
+        return []
+    # What is called for the first time imports and allocates as well.
+    again = sample(wanted)
+    samples = [first if again is None else min(first, again, key=lambda s: s.seconds)]
+    while (last := samples[-1]).points < most:
+        room = clock.left / max(last.seconds, BRIEF)
+        # Much of what a single point takes may be shared.
+        growth = APART if len(samples) == 1 and room > APART else 0.0
+        growth = max(growth, min(PART * room, GROWTH[1]))
+        if growth < GROWTH[0]:
+            break
+        wanted = max(wanted, last.points) * growth
+        found = sample(wanted)
+        if found is None:
+            break
+        samples = [s for s in samples if s.points < found.points] + [found]
+    return samples
+
+
+def _scaled(layout: Layout, values: list[float], samples: list[Sample]) -> float:
+    """What all blocks take if samples take ``values``: some of it once a block, the rest for each of its points."""
+    points, total = samples[-1].points, values[-1]
+    if points >= prod(layout.chunk) or len(samples) == 1:
+        return total * layout.points / points
+    # The difference of two that are hardly different is rounding.
+    other = max((k for k, s in enumerate(samples[:-1]) if APART * s.points <= points), default=0)
+    further = (total - values[other]) / (points - samples[other].points)
+    further = min(max(further, 0.0), total / points)
+    return (total - further * points) * layout.count + further * layout.points
+
+
+def _dearer(plan: Plan, layout: Layout, clock: Clock, middle: Sample) -> float:
+    """What a point takes on average over what it takes in the middle of the grid."""
+    ratios = [1.0]
+    for place in PLACES:
+        before = clock.left
+        if before < middle.seconds:
+            break
+        found = _sample(plan, layout, clock, middle.points, place)
+        if found is None:
+            ratios.append(before / middle.seconds)
+        elif found.points == middle.points and middle.seconds > 0:
+            ratios.append(found.seconds / middle.seconds)
+    if len(ratios) < 1 + len(PLACES):
+        return 1.0
+    return float(np.mean(np.clip(ratios, 1 / SPREAD, SPREAD)))
+
+
+def _sample(plan: Plan, layout: Layout, clock: Clock, wanted: float, place: float = 0.5) -> Sample | None:
+    """One sample of about ``wanted`` points somewhere on the grid; None where it does not end in time."""
+    block = block_at(layout, wanted, place)
+    found = clock.run(lambda: compute(plan, block).size())
+    return None if found is None else Sample(block.points, found[1], found[0])
 
 
 def _bytes_a_point(plan: Plan, layout: Layout, encoded: float) -> float:
@@ -109,11 +294,11 @@ def _bytes_a_point(plan: Plan, layout: Layout, encoded: float) -> float:
     return total or 4 * encoded
 
 
-def sample(layout: Layout, wanted: int) -> Block:
-    """A block in the middle of the grid of about ``wanted`` points, of the shape of the method's own blocks."""
+def block_at(layout: Layout, wanted: float, place: float = 0.5) -> Block:
+    """A block of about ``wanted`` points, of the shape of the method's own ones, at a place in parts of each axis."""
     share = min(1.0, wanted / prod(layout.chunk))
     along = [n for n in layout.chunk if n > 1]
     factor = share ** (1 / len(along)) if along else 1.0
     shape = tuple(max(1, min(n, round(n * factor))) for n in layout.chunk)
-    start = tuple((n - m) // 2 for n, m in zip(layout.shape, shape, strict=True))
+    start = tuple(min(max(round(place * n - 0.5 * m), 0), n - m) for n, m in zip(layout.shape, shape, strict=True))
     return Block(layout.method.name, 0, start, shape)

@@ -11,7 +11,7 @@ from gearstab import ckernel
 from gearstab.results.output import free_bytes
 from gearstab.sweep.compute import results_of
 from gearstab.sweep.errors import RequestError
-from gearstab.sweep.estimate import Estimate, estimate
+from gearstab.sweep.estimate import LONG, Estimate, by_effort, estimate
 from gearstab.sweep.parts import PartFolder
 from gearstab.sweep.plan import Layout, Plan
 
@@ -44,15 +44,29 @@ def refuse(plan: Plan, out: Path, jobs: int | None, confirmed: bool) -> None:
             f"{_gigabytes(free)} are free; make room or choose an output on another disk"
         )
     if not confirmed and (reasons := large(plan, found)):
-        raise RequestError(f"the sweep is large: {', '.join(reasons)}; add --yes to begin it, or try --dry-run")
+        costly = [m.name for m in found.methods if m.seconds > LONG]
+        remedies = [
+            f"; methods.{layout.method.name}: {layout.method.relief}"
+            for layout in plan.layouts
+            if layout.method.relief and layout.method.name in costly
+        ]
+        raise RequestError(
+            f"the sweep is large: {', '.join(reasons)}; add --yes to begin it, or try --dry-run{''.join(remedies)}"
+        )
 
 
 def plainly_small(plan: Plan, jobs: int | None, free: float) -> bool:
     """Whether nothing can make a sweep large, by numbers that cost nothing."""
-    seconds = sum(layout.points * layout.method.cost(layout.options, plan.base) for layout in plan.layouts)
-    seconds *= SECONDS_OF_COST / (jobs or ckernel.threads())
+    seconds = sum(_roughly(plan, layout, jobs or ckernel.threads()) for layout in plan.layouts)
     size = 2 * sum(_bytes(plan, layout) for layout in plan.layouts)
     return plan.points <= MOST_POINTS and seconds < SHORT and size < min(free, MOST_BYTES)
+
+
+def _roughly(plan: Plan, layout: Layout, workers: int) -> float:
+    """Seconds of a method; infinite where that is not found out at once."""
+    if layout.method.effort is not None:
+        return by_effort(plan, layout, workers)
+    return layout.points * layout.method.cost(layout.options, plan.base) * SECONDS_OF_COST / workers
 
 
 def large(plan: Plan, found: Estimate) -> list[str]:

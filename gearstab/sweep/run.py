@@ -18,6 +18,7 @@ from gearstab.results.write import rewrite_attributes
 from gearstab.sweep import earlier, merge
 from gearstab.sweep.compute import results_of
 from gearstab.sweep.errors import Interrupted, SweepError
+from gearstab.sweep.estimate import long_runs
 from gearstab.sweep.parts import PartFolder
 from gearstab.sweep.plan import Plan
 from gearstab.sweep.pool import Failure, run_blocks
@@ -90,6 +91,8 @@ def run(
             reporter.message(f"going on with {kept} that are finished in {folder.every}")
         elif resume:
             reporter.message("nothing to go on with: starting anew")
+        for text in long_runs(plan, jobs):
+            reporter.message(f"warning: {text}")
         return _run(plan, store, out, before, jobs or ckernel.threads(), reporter)
 
 

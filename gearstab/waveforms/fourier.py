@@ -118,6 +118,9 @@ def _degrees(coefficients: Array) -> Array:
 def _roots(coefficients: Array) -> Array:
     """``(r, 2 S)``, roots of sum_s c_s z^(S + s) + conj(c_s) z^(S - s), from the companion matrix; c_S is not 0."""
     rows, order = coefficients.shape
+    # A power of two changes no digit, and keeps the quotients of subnormal coefficients finite.
+    shift = -np.frexp(np.abs(coefficients).max(axis=1, keepdims=True))[1]
+    coefficients = np.ldexp(coefficients.real, shift) + 1j * np.ldexp(coefficients.imag, shift)
     middle = np.zeros((rows, 1))
     polynomial = np.concatenate([coefficients[:, ::-1], middle, coefficients.conj()], axis=1)
     companion = np.zeros((rows, 2 * order, 2 * order), dtype=complex)

@@ -146,6 +146,8 @@ def test_info_tells_the_way(tmp_path: Path) -> None:
     facts = json.loads(run("info", path, "--json").stdout)
     assert facts["common_period"] is None
     assert facts["frequencies"]["chosen"].startswith("lyapunov")
+    seconds = facts["frequencies"]["seconds_per_point"]
+    assert seconds is None or seconds > 0
     assert {t["label"] for t in facts["tongues"]} >= {"2w3", "2w3 (second)"}
     text = run("info", path).stdout
     assert "common period  none: a mesh frequency has an irrational ratio" in text

@@ -15,7 +15,8 @@ from gearstab.cli import info_train
 from gearstab.cli.info import describe
 from gearstab.cli.info_text import report, table
 from gearstab.config import load
-from gearstab.gears import Gear, Pair
+from gearstab.gears.geometry import Gear
+from gearstab.gears.pair import Pair
 
 SMALL = """\
 system:

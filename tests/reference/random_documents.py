@@ -20,7 +20,7 @@ COEFFICIENTS = st.lists(st.sampled_from([0.0, 0.5, -0.5]) | st.floats(-0.5, 0.5)
 
 
 def amounts(largest: float) -> st.SearchStrategy[float]:
-    """Of damping: none, or more than what is refused as smaller than of any gear."""
+    """Of damping or of a shaft: none, or more than what is refused as smaller than of any gear."""
     return st.just(0.0) | st.floats(1e-12, largest)
 
 
@@ -104,7 +104,7 @@ def two_stages(draw: st.DrawFn) -> Document:
     return {
         "kind": "two_stage",
         "inertias": draw(st.just([1, 1, 1]) | st.lists(SIZES, min_size=3, max_size=3)),
-        "input_shaft_stiffness": draw(st.sampled_from([0.0, 0.5]) | st.floats(0.0, 3.0)),
+        "input_shaft_stiffness": draw(st.just(0.5) | amounts(3.0)),
         "tooth_ratio": draw(RATIOS),
         "meshes": pair,
     } | draw(dampings(3))

@@ -140,6 +140,17 @@ def test_without_load_there_is_nothing_to_lose() -> None:
     assert growth(law, pieces[:1], []).first_lost is None
 
 
+@pytest.mark.parametrize("torque", [2.1e4, 2.1e7, 2.1e10, 2.1e13])
+def test_variances_stay_positive_where_directions_differ_by_many_digits(torque: float) -> None:
+    """A torque that turns the gears back within a cycle: a variance lost to rounding would be called certain."""
+    law = law_of(pair("rigid_kinematic", damping_ratio=0.05, torque=torque))
+    pieces, events = run(law, (law.load / law.kappa[0], 0.0, 0.0, theta_dot(4500.0) / W0), 60.0)
+    found = growth(law, pieces, events)
+    assert len(found.error) > 1
+    assert np.all(np.isfinite(found.error))
+    assert np.all((found.error > 0) & (found.error <= 1))
+
+
 def test_a_meeting_at_rest_leaves_nothing_certain() -> None:
     law = law_of(pair(torque=21.05))
     pieces, events = run(law, (law.load, 0.0, 0.0, theta_dot(600.0) / W0), 60.0)

@@ -271,6 +271,16 @@ def test_extremes_of_a_series_have_closed_forms() -> None:
     np.testing.assert_allclose(Fourier(np.zeros(30), high).extremes(), [-2.0, 2.0], rtol=1e-13)
 
 
+def test_extremes_of_a_series_scale_with_it_down_to_the_smallest_numbers() -> None:
+    shape = np.array([[0.5, 0.25], [0.0, 0.5]]), np.array([[0.0, -0.25], [0.5, 0.0]])
+    for factor in (2.0**-1020, 2.0**-1072):
+        low, high = Fourier(*(part * factor for part in shape)).extremes()
+        whole = Fourier(*shape).extremes()
+        # 2^-1074 is the spacing of the smallest numbers: products and sums of four are within a few of it.
+        np.testing.assert_allclose(low / factor, whole[0], atol=4 * 2.0**-1074 / factor, rtol=1e-14)
+        np.testing.assert_allclose(high / factor, whole[1], atol=4 * 2.0**-1074 / factor, rtol=1e-14)
+
+
 def test_a_scaled_profile_and_a_constant() -> None:
     wave = Trapezoidal(np.array([1.3, 1.6]), 0.2)
     x = np.linspace(0, 1, 5)[:, None]

@@ -53,6 +53,8 @@ NEARNESS = 0.1
 TURN = 0.5
 """What the order counts beside it: as long as two tongues of a class have not passed each other, their order is that at
 epsilon = 0, and the counts of collisions say whose turn it is."""
+ENTRIES_AT_ONCE = 2**20
+"""Points times modes times frequencies that are treated together: 16 MB for an array."""
 BELOW = 1e-9
 FORBIDDEN = -10.0
 
@@ -70,11 +72,22 @@ def shares(pattern: Pattern, row: Array, cycle: Array) -> list[Shares]:
     logs = np.log(found.values[point, place])
     vectors, turn = found.vectors[point, :, place], first_modes(pattern, row[point])
     vectors = np.concatenate([np.einsum("pij,pj->pi", turn, part) for part in np.split(vectors, 2, axis=1)], axis=1)
-    action = _actions(pattern, row[point], cycle[point], vectors, logs)
-    for k, p in enumerate(point):
-        for root, share in _roots(action[k]).items():
-            result[p][root] = max(share, result[p].get(root, 0.0))
+    # By ascending period, as few frequencies are looked at in short ones, and no more at once than fit in memory.
+    order = np.argsort(cycle[point], kind="stable")
+    step = max(1, ENTRIES_AT_ONCE // (pattern.size * _frequencies(pattern, row[point], cycle[point])))
+    for begin in range(0, len(order), step):
+        own = order[begin : begin + step]
+        action = solution_actions(pattern, row[point[own]], cycle[point[own]], vectors[own], logs[own])
+        for p, part in zip(point[own], action, strict=True):
+            for root, share in _roots(part).items():
+                result[p][root] = max(share, result[p].get(root, 0.0))
     return result
+
+
+def _frequencies(pattern: Pattern, row: Array, cycle: Array) -> int:
+    """How many frequencies k 2 pi/T there are in the band of some points."""
+    highest = np.sqrt(np.abs(pattern.squared_frequency[row]).max())
+    return 2 * int(np.ceil(BAND * highest * pattern.cycles * cycle.max())) + 3
 
 
 def _roots(action: Array) -> Shares:
@@ -200,7 +213,7 @@ def _nearest(cycle: float, roots: list[Root], frequency: Array, cycles: float) -
     return min(roots, key=lambda root: abs(np.log(_center(root, frequency, cycles) / cycle)))
 
 
-def _actions(pattern: Pattern, row: Array, cycle: Array, vector: Array, logs: Array) -> Array:
+def solution_actions(pattern: Pattern, row: Array, cycle: Array, vector: Array, logs: Array) -> Array:
     """Re(w_k) |c_kp|^2 ``(P, n, 2K + 1)`` of the solutions that start at ``vector`` ``(P, 2n)`` with multipliers
     exp(logs).
     """
@@ -208,7 +221,7 @@ def _actions(pattern: Pattern, row: Array, cycle: Array, vector: Array, logs: Ar
     period = 2 * np.pi * pattern.cycles * cycle
     frequency = np.sqrt(pattern.squared_frequency[row].astype(complex))
     frequency = np.where(np.abs(frequency) < 1e-7, 1e-7, frequency)
-    count = int(np.ceil(BAND * np.abs(frequency).max() * period.max() / (2 * np.pi))) + 1
+    count = _frequencies(pattern, row, cycle) // 2
     w = (-1j * logs[:, None] + 2 * np.pi * np.arange(-count, count + 1)) / period[:, None]
     modes = pattern.modes[row]
     total = np.zeros((len(row), n, 2 * count + 1), dtype=complex)

@@ -108,6 +108,8 @@ def reduced(matrix: Array, energy: Array, first: Array, second: Array) -> Array:
     trace = block[:, 1, 1] - block[:, 0, 0]
     mu = np.sqrt(determinant)
     mu = np.where((trace * mu.conj()).real < 0, -mu, mu)
+    fine &= mu != 0
+    mu = np.where(fine, mu, 1.0)
     block = block / mu[:, None, None]
     detuning = (block[:, 0, 0] + block[:, 1, 1]).imag
     coupling = np.abs(block[:, 0, 1] - block[:, 1, 0].conj()) / 2

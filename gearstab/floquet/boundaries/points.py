@@ -29,6 +29,9 @@ from gearstab.system import Array
 
 LARGEST = 1e6
 """Entries of M above this leave less than ten digits to multipliers on the unit circle."""
+LOST = 1e8
+"""The same within the period: a symplectic matrix of this size is singular to sixteen digits, and signs of what is
+solved with it are those of rounding errors."""
 LONGEST = 300.0
 """Hyperbolic angles are cut here: exp(300) is far beyond LARGEST and far from overflow."""
 
@@ -95,7 +98,7 @@ def _along(pattern: Pattern, row: Array, cycle: Array) -> Points:
     x = np.zeros((len(row), 2 * n, 2 * n))
     index = np.zeros(len(row), dtype=np.int64)
     energy = np.zeros_like(x)
-    diagonal = np.arange(n)
+    diagonal, lost = np.arange(n), np.zeros(len(row), dtype=bool)
     for s, state in enumerate(pattern.states):
         squared = frequency[:, state]
         cosine, over, times, turns = _rotation(squared, duration[s])
@@ -117,9 +120,13 @@ def _along(pattern: Pattern, row: Array, cycle: Array) -> Points:
         if len(pattern.states) > 1:
             turn = pattern.change(s)[row]
             x = np.concatenate([turn @ x[:, :n], turn @ x[:, n:]], axis=1)
-    finite = np.abs(x).max(axis=(1, 2)) < LARGEST
+        large = ~(np.abs(x).max(axis=(1, 2)) < LOST)
+        if large.any():
+            lost |= large
+            x[large] = _quarter_turn(n)
+    finite = ~lost & (np.abs(x).max(axis=(1, 2)) < LARGEST)
     a, b, d = x[:, :n, :n], x[:, :n, n:], x[:, n:, n:]
-    inverse = np.linalg.inv(b)
+    inverse = _solve_right(np.broadcast_to(np.eye(n), b.shape), b)
     both = inverse @ a + d @ inverse
     across = inverse + np.swapaxes(inverse, -1, -2)
     return Points(x, energy, index + negative(both + across), index + negative(both - across), finite)
@@ -148,8 +155,20 @@ def _rotation(squared: Array, duration: Array) -> tuple[Array, Array, Array, Arr
 
 
 def _solve_right(a: Array, b: Array) -> Array:
-    """A B^-1 for stacks of matrices."""
-    return np.swapaxes(np.linalg.solve(np.swapaxes(b, -1, -2), np.swapaxes(a, -1, -2)), -1, -2)
+    """A B^-1 for stacks of matrices. A singular B is moved by as much as rounding moves it."""
+    left, right = np.swapaxes(b, -1, -2), np.swapaxes(a, -1, -2)
+    try:
+        found = np.linalg.solve(left, right)
+    except np.linalg.LinAlgError:
+        size = np.finfo(float).eps * np.abs(left).max(axis=(-1, -2), keepdims=True) + np.finfo(float).tiny
+        found = np.linalg.solve(left + size * np.eye(b.shape[-1]), right)
+    return np.swapaxes(found, -1, -2)
+
+
+def _quarter_turn(n: int) -> Array:
+    """A matrix with which a point that is lost goes on harmlessly."""
+    zero, one = np.zeros((n, n)), np.eye(n)
+    return np.block([[zero, one], [-one, zero]])
 
 
 def negative(matrix: Array) -> Array:

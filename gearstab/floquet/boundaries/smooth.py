@@ -88,6 +88,16 @@ def with_damping(
             yield pattern, guide, replace(found[0], intervals=_widened(found[0].intervals, error)), found[1]
 
 
+def undamped_patterns(system: GearSystem, start: float, stop: float, tolerance: float = 1e-10) -> Iterator[Pattern]:
+    """Patterns, in steps as a search between two mesh frequencies begins with, of all rows without damping."""
+
+    def limits(pattern: Pattern) -> tuple[Array, Array]:
+        return pattern.elastic.rate / stop, pattern.elastic.rate / start
+
+    for division in _pieces(replace(system, damping=None)):
+        yield _resolved(division, _resolution(division, limits, tolerance), limits)
+
+
 def _pieces(system: GearSystem) -> Iterator[Division]:
     """All rows, as many at once as fit in memory."""
     for division in divisions(system):

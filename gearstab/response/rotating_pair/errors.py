@@ -10,7 +10,9 @@ the gears are reflected it is the same with the field of one region on both side
 amplifies much: histories with reflections are chaotic.
 
 The error of a computed state is carried along as a covariance matrix, P <- S (Phi P Phi^T + Q) S^T, with the rounding
-errors Q of each piece. That is of first order: once errors are as large as the motion it says no more than that.
+errors Q of each piece. That is of first order: once errors are as large as the motion it says no more than that. What
+is kept is a factor of P = L L^T (square-root form: Bierman 1977), since P itself loses its small variances to rounding
+where directions differ by more than eight digits, and may turn negative.
 """
 
 from __future__ import annotations
@@ -30,6 +32,8 @@ LOST = 0.01
 """Error of phi, as a part of its largest magnitude so far, from which on a history is one of many."""
 LARGEST = 1e100
 """Beyond this amplification there is nothing left to tell."""
+WIDEST = 40
+"""Columns that a factor of the covariance may grow to, four an event, before it is made square again."""
 TINY = float(np.finfo(float).tiny)
 
 
@@ -58,23 +62,24 @@ def growth(law: Law, pieces: Sequence[Piece], events: Sequence[Event]) -> Growth
         return Growth(np.empty(0), np.empty(0))
     steps, noise, size = _steps(law, pieces, events)
     amplification, error = np.full(len(events), LARGEST), np.ones(len(events))
-    total, spread = np.eye(4), np.diag((ROUNDING * np.array([size[0], size[0], 1.0, 1.0])) ** 2)
+    total, root = np.eye(4), np.diag(ROUNDING * np.array([size[0], size[0], 1.0, 1.0]))
     for k, (step, own) in enumerate(zip(steps, noise, strict=True)):
         with np.errstate(invalid="ignore", over="ignore"):
-            total, spread = step @ total, step @ spread @ step.T + own
-            factor, variance = np.sqrt(np.vdot(total, total)), spread[0, 0]
-        if not (factor < LARGEST and np.isfinite(variance)):
+            total, both = step @ total, np.hstack([step @ root, own])
+            factor, deviation = np.sqrt(np.vdot(total, total)), np.sqrt(np.vdot(both[0], both[0]))
+        if not (factor < LARGEST and np.all(np.isfinite(both)) and np.isfinite(deviation)):
             break
-        amplification[k], error[k] = factor, min(np.sqrt(variance) / size[k], 1.0)
-        if variance > size[k] ** 2:
-            # Of no more use, and squares of large numbers overflow.
-            spread = spread * (size[k] ** 2 / variance)
+        root = both if both.shape[1] < WIDEST else np.linalg.qr(both.T)[1].T
+        amplification[k], error[k] = factor, min(deviation / size[k], 1.0)
+        if deviation > size[k]:
+            # Of no more use, and large numbers overflow.
+            root = root * (size[k] / deviation)
     return Growth(amplification, np.maximum.accumulate(error))
 
 
 def _steps(law: Law, pieces: Sequence[Piece], events: Sequence[Event]) -> tuple[Array, Array, Array]:
-    """Derivatives from one event to the next ``(E, 4, 4)``, covariances of the rounding errors that each step adds
-    ``(E, 4, 4)``, and the largest |phi| so far ``(E,)``.
+    """Derivatives from one event to the next ``(E, 4, 4)``, factors of the covariances of the rounding errors that
+    each step adds ``(E, 4, 4)``, and the largest |phi| so far ``(E,)``.
     """
     start = np.array([piece.arc.start for piece in pieces[: len(events)]])
     time = np.array([piece.duration for piece in pieces[: len(events)]])
@@ -91,8 +96,8 @@ def _steps(law: Law, pieces: Sequence[Piece], events: Sequence[Event]) -> tuple[
     turns = 1 + np.sqrt(kappa) * time
     angle = np.pi + (np.abs(start[:, 3]) + np.abs(law.follows * start[:, 1])) * time
     noise = ROUNDING * np.stack([size * turns, size * turns, angle, np.abs(before[:, 3]) + size * turns], axis=-1)
-    spread = derivative * noise[:, None, :] ** 2 @ np.swapaxes(derivative, -1, -2)
-    return derivative @ _flow(law, kappa, time), spread, np.maximum.accumulate(np.maximum(size, TINY))
+    own = derivative * noise[:, None, :]
+    return derivative @ _flow(law, kappa, time), own, np.maximum.accumulate(np.maximum(size, TINY))
 
 
 def _flow(law: Law, kappa: Array, time: Array) -> Array:

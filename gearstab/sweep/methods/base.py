@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 from gearstab.perturbation import Tongue
 from gearstab.results.variables import SIDE, Variable
@@ -59,6 +59,14 @@ FEWEST = 4
 """Points of a block, however costly."""
 
 
+class Effort(Protocol):
+    """What one system takes."""
+
+    def seconds(self, rows: float, batches: float = 1.0) -> float:
+        """Of so many like it, in so many batches."""
+        ...
+
+
 def _few(options: Any) -> int:
     return FEWEST
 
@@ -88,6 +96,9 @@ class Method:
     singly: what to run instead on one system at a time with all its mesh frequencies, where it goes from one of these
         to the next, else None.
     outlook: what there is to say of its cost besides the estimated time, None for nothing.
+    effort: what one system takes, for methods to which a point is a whole range of mesh frequencies, so that not even
+        a single one can be tried; called with the ends of the range.
+    relief: what to do where it takes very long.
     """
 
     name: str
@@ -104,6 +115,8 @@ class Method:
     note: Callable[[Any, GearSystem], str | None] = _silent
     singly: Callable[[Any, GearSystem], Run | None] = _at_once
     outlook: Callable[[Any, GearSystem], str | None] = _silent
+    effort: Callable[[Any, GearSystem, Array], Effort] | None = None
+    relief: str = ""
 
     @property
     def over_tongues(self) -> bool:

@@ -8,7 +8,7 @@ from typing import Any
 
 from gearstab.results.variables import EXACT, OCCURRENCE, TONGUE, Variable
 from gearstab.sweep.errors import OptionError
-from gearstab.sweep.methods.base import RANGE, Key, Method, Outcome, sides
+from gearstab.sweep.methods.base import RANGE, Effort, Key, Method, Outcome, sides
 from gearstab.system import Array, GearSystem
 
 
@@ -49,11 +49,20 @@ def _boundaries_check(options: Any, system: GearSystem) -> None:
         raise OptionError(("boundaries",), message, "use floquet, which takes these too")
 
 
+def _boundaries_effort(options: Any, system: GearSystem, mesh_frequency: Array) -> Effort:
+    from gearstab.sweep.effort import effort
+
+    start, stop = (float(end) for end in mesh_frequency)
+    return effort(system, start, stop)
+
+
 def _boundaries_cost(options: Any, system: GearSystem) -> float:
     return 4000 * max(1.0, 2 * sum(system.common_period()[1]) * system.size**3 / 108)
 
 
 METHOD = Method(
     name="boundaries", frequency=RANGE, variables=_boundary_variables, constants=sides, run=_boundaries,
-    cost=_boundaries_cost, unite=_united_regions, check=_boundaries_check,
+    cost=_boundaries_cost, unite=_united_regions, check=_boundaries_check, effort=_boundaries_effort,
+    relief="narrow the range of mesh_frequency, take ratios of smaller numbers, or remove it: floquet on a fine grid "
+    "shows the regions that damping leaves",
 )  # fmt: skip
