@@ -132,13 +132,14 @@ def _read_system(document: Document, model: type[System], source: FilePath) -> _
     if "damping" in contents:
         from_file["damping"] = {"matrix": contents["damping"]}
     meant = as_meant(raw | from_file, model)
-    layouts = sweep.layouts(sweep.Context(document, model, meant)) if "sweep" in document.data else []
+    context = sweep.Context(document, model, meant)
+    layouts = sweep.layouts(context) if "sweep" in document.data else []
     known = set(sweep.base_values(document, layouts))
     for path, message, hint in model.conflicts(as_meant(raw | from_file, model)):
         document.report(("system", *path), message, hint)
     known |= check_units(document, model, meant, "system", model, known)
     system = validate(document, model, ("system",), known)
-    built = [(layout.name, sweep.build(document, layout)) for layout in layouts]
+    built = [(layout.name, sweep.build(context, layout)) for layout in layouts]
     if system is None:
         return None
     axes = tuple(item[0] for _, item in built if item)

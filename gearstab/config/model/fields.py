@@ -248,6 +248,19 @@ class Choice:
         raise wrong("choice", f"is no {self.what}", hint if hint.endswith(names) else f"{hint} (available: {names})")
 
 
+@dataclass(frozen=True)
+class ShortName:
+    """Marks a number of a mesh whose name alone stands for it in ``sweep`` and ``--set``, of every mesh that has one.
+
+    but_first: of every mesh but the first, against which it counts. rival: the key that a mesh may give in its place.
+    hint: what to do where no mesh has it.
+    """
+
+    but_first: bool = False
+    rival: str = ""
+    hint: str = ""
+
+
 def _whole(value: Any) -> Any:
     """``1e3`` is 1000; a truth value, a text or 2.5 is no count."""
     if isinstance(value, float) and value.is_integer():

@@ -15,10 +15,9 @@ from gearstab.config.model.fields import (
     NonNegative,
     Quantity,
     Section,
-    Turns,
 )
 from gearstab.systems.parts.forcing import TransmissionError
-from gearstab.systems.parts.mesh import Mesh
+from gearstab.systems.parts.mesh import Lag, Mesh
 from gearstab.waveforms.section import shape_conflicts, wave_of_mesh
 
 FRICTIONS = {
@@ -80,7 +79,7 @@ class GearboxMesh(Mesh):
     centre_distance: Length | None = Field(
         default=None, title="centre distance", description="C (m); that of a mesh without backlash, if not given."
     )
-    lag: Turns = Field(
+    lag: Lag = Field(
         default=0.0, title="mesh lag", description="A pair of teeth enters this fraction of the mesh period late (1)."
     )
     damping_ratio: NonNegative | None = Field(

@@ -20,14 +20,26 @@ from gearstab.config.model.fields import (
     NonNegative,
     Quantity,
     Section,
+    ShortName,
     Turns,
 )
 from gearstab.system import Array
 from gearstab.systems.parts.forcing import TransmissionError
-from gearstab.waveforms.section import WaveformSection, build_waveform, has_own_mean, shape_conflicts, wave_of_mesh
+from gearstab.waveforms.section import (
+    WaveformSection,
+    build_waveform,
+    has_no_ratio,
+    has_own_mean,
+    shape_conflicts,
+    wave_of_mesh,
+)
 
 MeshStiffness = Annotated[float, Field(gt=0), Quantity("N/m", ("N m",))]
 """Of a model in coordinates of its own, where a mesh may deflect as an angle."""
+
+WHERE_PHASINGS = "two_stage has a phasing of its second mesh, matrices have lags, planetary has phases"
+WHERE_LAGS = "matrices have lags, two_stage has a phasing of its second mesh, planetary has phases"
+Lag = Annotated[Turns, ShortName(but_first=True, hint=WHERE_LAGS)]
 
 ZEROS = ("middle", "drive_side")
 """Where in its backlash the deflection of a mesh is zero."""
@@ -50,17 +62,17 @@ class ToothMesh(Section):
         title="stiffer level of the mesh stiffness",
         description="The stiffer level k_max, kept (N/m), so that k_g falls as k_a grows; or give mean_stiffness.",
     )
-    epsilon: NonNegative | None = Field(
+    epsilon: Annotated[NonNegative, ShortName(rival="amplitude")] | None = Field(
         default=None,
         title="relative mesh stiffness variation",
         description="epsilon = k_a/k_g, where 2 k_a is the peak-to-peak of the variation (1); or give amplitude.",
     )
-    amplitude: Annotated[float, Field(ge=0), Quantity("N/m")] | None = Field(
+    amplitude: Annotated[float, Field(ge=0), Quantity("N/m"), ShortName(rival="epsilon")] | None = Field(
         default=None,
         title="mesh stiffness amplitude",
         description="k_a, half the peak-to-peak of the variation (N/m); or give epsilon.",
     )
-    contact_ratio: ContactRatio | None = Field(
+    contact_ratio: Annotated[ContactRatio, ShortName(hint="their waveforms have none")] | None = Field(
         default=None,
         title="contact ratio",
         description="c >= 1: floor(c) + 1 pairs of teeth carry for the fraction c - floor(c) of the period (1).",
@@ -131,7 +143,7 @@ class SecondMesh(Mesh):
 
     misplaced: ClassVar[dict[str, str]] = {"lag": "give a phasing, which is a lead: phasing = -lag"}
 
-    phasing: Turns = Field(
+    phasing: Annotated[Turns, ShortName(but_first=True, hint=WHERE_PHASINGS)] = Field(
         default=0.0,
         title="mesh phasing",
         description="h: this mesh leads the first one by h of its own period (1; Lin & Parker 2002).",
@@ -182,9 +194,16 @@ class MatrixMesh(Mesh):
         validate_default=True,
         description='Frequency of this mesh over that of the sweep, exact: 1, 0.5 or "1/2"; see exact.',
     )
-    lag: Turns = Field(
+    lag: Lag = Field(
         default=0.0, title="mesh lag", description="The wave begins this fraction of its own period late (1)."
     )
+
+
+def may_have(name: str, short: ShortName, place: str | int, mesh: Any) -> bool:
+    """Whether a mesh as written, which stands at an index or key, may have the number of a short name."""
+    if not isinstance(mesh, dict) or (place == 0 and short.but_first):
+        return False
+    return mesh.get(short.rival) is None and not (name == "contact_ratio" and has_no_ratio(mesh))
 
 
 def build_mesh(
