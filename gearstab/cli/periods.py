@@ -35,22 +35,21 @@ def frequencies(config: Config, system: GearSystem) -> dict[str, Any] | None:
     """
     import numpy as np
 
-    from gearstab.config.sections.methods import FloquetOptions
-    from gearstab.floquet import solve
+    from gearstab.methods.floquet import Floquet, FloquetOptions
     from gearstab.modal import mean_modes
     from gearstab.sweep.estimate import seconds_per_point
-    from gearstab.sweep.methods import frequencies as ways
 
     if len(set(system.frequency_ratios)) < 2:
         return None
     options = config.methods.floquet or FloquetOptions()
+    whole = Floquet(options.model_copy(update={"modes": None, "block": None, "exponents": False}), system)
     # Where stability is most often asked for: about twice the highest natural frequency with a mesh deflection.
     middle = 2 * float(np.nanmax(mean_modes(system).natural_frequency))
 
     def points(count: int) -> object:
-        return ways.solved(options, system, middle * np.linspace(0.5, 1.5, count + 2)[1:-1], solve)
+        return whole.solved(middle * np.linspace(0.5, 1.5, count + 2)[1:-1])
 
-    return {"chosen": ways.outlook(options, system), "seconds_per_point": seconds_per_point(points)}
+    return {"chosen": whole.outlook(), "seconds_per_point": seconds_per_point(points)}
 
 
 def text(period: dict[str, Any] | None) -> str:

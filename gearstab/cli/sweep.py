@@ -75,6 +75,7 @@ def command(
         from gearstab.cli import sweep_notes
         from gearstab.cli.progress import reporter
         from gearstab.sweep import limits
+
         limits.refuse(planned, target, jobs, yes)
         summary = run(planned, target, jobs, resume is True, resume is False, reporter(quiet))
     if not quiet:
@@ -87,7 +88,7 @@ def command(
 
 def notes(plan: Plan) -> list[str]:
     """What the user should know of choices that were made automatically."""
-    found = [layout.method.note(layout.options, plan.base) for layout in plan.layouts]
+    found = [layout.method.note() for layout in plan.layouts]
     return [note for note in found if note is not None]
 
 
@@ -131,7 +132,7 @@ def forecast(plan: Plan, found: Estimate, target: Path) -> str:
     lines = [plan.config.title, ""]
     lines += [*table(["axis", "values", "from .. to"], axes), ""]
     lines += [*table(["method", "points", "blocks", "time", "in the file"], methods), ""]
-    outlooks = [(layout.method.name, layout.method.outlook(layout.options, plan.base)) for layout in plan.layouts]
+    outlooks = [(layout.method.name, layout.method.outlook()) for layout in plan.layouts]
     said = [f"{name}: {text}" for name, text in outlooks if text is not None]
     lines += [*said, ""] if said else []
     lines.append(f"points        {plan.points:,} of {plan.systems:,} system{'s' * (plan.systems != 1)}")

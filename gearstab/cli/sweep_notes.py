@@ -43,7 +43,7 @@ def notes(plan: Plan, summary: Summary) -> list[str]:
     for layout in plan.layouts:
         name = layout.method.name
         # A history with backlash follows teeth that part; steady states beside growth rates need not repeat these.
-        known = {PARTED, "unstable"} if layout.method.singly(layout.options, plan.base) is not None else set()
+        known = {PARTED, "unstable"} if layout.method.singly else set()
         known |= {"unstable"} if "floquet" in summary.flags else set()
         for flag, count in summary.flags.get(name, {}).items():
             if (name, flag) in FLAGS and flag not in known:

@@ -28,6 +28,7 @@ class Variable:
     units, long_name: as in the CF conventions; attributes: further ones.
     coordinate: whether it describes points of a dimension and is no result itself.
     missing: what stands where nothing was computed; default NaN, or 0 for integers.
+    index_of: the dimension along which the values are positions, "" for none.
     """
 
     name: str
@@ -38,6 +39,7 @@ class Variable:
     attributes: Mapping[str, Any] = field(default_factory=dict)
     coordinate: bool = False
     missing: float | int | None = None
+    index_of: str = ""
 
     @property
     def fill(self) -> float | int:
@@ -160,7 +162,7 @@ EXACT = (
     Variable(
         "holder", ("tongue", ROWS), "i4", "1", "tongue under which the region stands that this tongue lies in",
         {"comment": "position along the dimension tongue, from 0, or -1; the region of merged tongues stands once"},
-        missing=-1,
+        missing=-1, index_of="tongue",
     ),
     Variable("contacts", (ROWS,), "i4", "1", "collisions of multipliers without a region as wide as the width floor"),
     Variable("evaluations", (ROWS,), "i4", "1", "monodromy matrices computed"),

@@ -10,10 +10,9 @@ import numpy as np
 
 from gearstab.config import Axis, parameters_at
 from gearstab.floquet.kernel import choice as kernel
+from gearstab.methods import POINTS, RANGE, Key, Outcome
 from gearstab.results.chunks import encode, holds
-from gearstab.results.variables import GRID, Variable
-from gearstab.sweep.methods import POINTS, RANGE, Key, Outcome
-from gearstab.sweep.methods.base import Run
+from gearstab.results.variables import GRID
 from gearstab.sweep.parts import Finished, Part
 from gearstab.sweep.plan import Block, Layout, Plan
 from gearstab.system import Array
@@ -67,9 +66,8 @@ def structural_groups(axes: tuple[Axis, ...], rows: dict[str, Array], count: int
 
 def run_rows(plan: Plan, layout: Layout, rows: dict[str, Array], count: int, columns: slice) -> Outcome:
     """Run a method on rows of one structure."""
-    alone = layout.method.singly(layout.options, plan.base)
-    if alone is not None:
-        return run_singly(plan, layout, rows, count, columns, alone)
+    if layout.method.singly:
+        return run_singly(plan, layout, rows, count, columns)
     system = build(parameters_at(plan.config, rows))
     frequency = np.zeros(0)
     if layout.method.frequency == POINTS:
@@ -79,17 +77,17 @@ def run_rows(plan: Plan, layout: Layout, rows: dict[str, Array], count: int, col
             system = system.over((count,))
     elif layout.method.frequency == RANGE:
         frequency = np.array(plan.mesh_frequency_range)
-    return layout.method.run(system, frequency, layout.options)
+    return layout.method.of(system).run(frequency)
 
 
-def run_singly(plan: Plan, layout: Layout, rows: dict[str, Array], count: int, columns: slice, alone: Run) -> Outcome:
+def run_singly(plan: Plan, layout: Layout, rows: dict[str, Array], count: int, columns: slice) -> Outcome:
     """The same, one system at a time."""
     outcomes = []
     for k in range(count):
         one = {name: index[k : k + 1] for name, index in rows.items()}
         system = build(parameters_at(plan.config, {name: index[0] for name, index in one.items()}))
         frequency = np.ravel(plan.mesh_frequency(one, columns))
-        outcomes.append(alone(system, frequency, layout.options).values)
+        outcomes.append(layout.method.of(system).run(frequency).values)
     return Outcome({name: np.concatenate([values[name] for values in outcomes]) for name in outcomes[0]})
 
 
@@ -99,7 +97,7 @@ def joined(
     """The results of all groups as arrays over all rows: ``(rows, P, ...)`` over points, else ``(..., rows)``."""
     if not layout.method.over_tongues:
         first = outcomes[0][1].values
-        names = [variable.name for variable in results_of(plan, layout)]
+        names = [variable.name for variable in layout.method.results]
         values = {name: np.empty((count, *first[name].shape[1:]), first[name].dtype) for name in names}
         for members, outcome in outcomes:
             for name in names:
@@ -108,13 +106,13 @@ def joined(
     tongues = layout.method.unite(outcome.tongues for _, outcome in outcomes)
     place = {tongue: k for k, tongue in enumerate(tongues)}
     values = {}
-    for variable in results_of(plan, layout):
+    for variable in layout.method.results:
         over = (len(tongues),) * ("tongue" in variable.dims) + (2,) * ("side" in variable.dims)
         values[variable.name] = np.full((*over, count), variable.fill, dtype=variable.dtype)
         for members, outcome in outcomes:
             index = np.array([place[tongue] for tongue in outcome.tongues], dtype=int)
             part = outcome.values[variable.name]
-            if variable.name == HOLDER:
+            if variable.index_of == "tongue":
                 part = moved(part, index)
             where = [index, *(np.arange(n) for n in over[1:]), members] if over else [members]
             # Without a batch there is one row for all.
@@ -122,24 +120,14 @@ def joined(
     return values, tongues
 
 
-HOLDER = "holder"
-"""The variable whose values are positions along the dimension ``tongue``."""
-
-
 def moved(positions: Array, index: Array) -> Array:
     """Positions in a list of tongues as those in another one; ``index``: where each tongue is there; -1 stays."""
     return np.append(index, -1)[positions]
 
 
-def results_of(plan: Plan, layout: Layout) -> list[Variable]:
-    """The variables that a method's blocks hold: all but coordinates."""
-    every = layout.method.variables(layout.options, plan.base)
-    return [variable for variable in every if not variable.coordinate]
-
-
 def _part(plan: Plan, layout: Layout, block: Block, values: dict[str, Array], tongues: tuple[Key, ...]) -> Part:
     chunks = {}
-    for variable in results_of(plan, layout):
+    for variable in layout.method.results:
         data = values[variable.name].astype(variable.dtype, copy=False)
         if GRID in variable.dims:
             whole = _in_place(plan, layout, block, data)
@@ -159,7 +147,7 @@ def _part(plan: Plan, layout: Layout, block: Block, values: dict[str, Array], to
 
 def _flags(plan: Plan, layout: Layout, values: dict[str, Array]) -> dict[str, int]:
     """How many points of a grid carry each flag of ``status``; nothing of flags that none carries."""
-    for variable in results_of(plan, layout):
+    for variable in layout.method.results:
         if variable.name == "status" and GRID in variable.dims:
             names = str(variable.attributes.get("flag_meanings", "")).split()
             flags = dict(zip(names, variable.attributes.get("flag_masks", ()), strict=True))
@@ -180,8 +168,8 @@ def _counted(status: Array, flags: Mapping[str, int]) -> dict[str, int]:
 def fits(plan: Plan, block: Block, part: Finished) -> bool:
     """Whether a finished block from elsewhere has the variables and the sizes that this one must have."""
     layout = plan.layout(block.method)
-    constants = layout.method.constants(layout.options, plan.base)
-    table = {variable.name: variable for variable in results_of(plan, layout)}
+    constants = layout.method.constants()
+    table = {variable.name: variable for variable in layout.method.results}
     if part.points != block.points or set(part.variables) != set(table):
         return False
     for name, variable in table.items():

@@ -2,16 +2,7 @@
 
 from __future__ import annotations
 
-from gearstab.config.document.problems import Path
 from gearstab.errors import FAILED, INTERRUPTED, UserError
-
-
-class OptionError(ValueError):
-    """The options of a method do not fit the system: ``path`` below ``methods``, what is wrong, what to do."""
-
-    def __init__(self, path: Path, message: str, remedy: str) -> None:
-        super().__init__(message)
-        self.path, self.remedy = path, remedy
 
 
 class SweepError(UserError, RuntimeError):

@@ -18,11 +18,11 @@ import numpy as np
 
 from gearstab import ckernel
 from gearstab.config import parameters_at
+from gearstab.methods import RANGE, Effort
 from gearstab.results.variables import GRID
 from gearstab.sweep import merge
 from gearstab.sweep.clock import within
-from gearstab.sweep.compute import compute, results_of
-from gearstab.sweep.methods.base import Effort
+from gearstab.sweep.compute import compute
 from gearstab.sweep.plan import Block, Layout, Plan
 from gearstab.systems import build
 
@@ -122,7 +122,7 @@ def estimate(plan: Plan, jobs: int | None = None, budget: float = BUDGET) -> Est
     with ckernel.using(plan.kernel, threads=1):
         for layout in plan.layouts[:-1]:
             # What is called for the first time imports and allocates: that is no part of a method's share.
-            if layout.method.effort is None:
+            if layout.method.frequency != RANGE:
                 _sample(plan, layout, clock, 1.0)
         for k, layout in enumerate(plan.layouts):
             share = Clock(clock.left / (len(plan.layouts) - k))
@@ -150,7 +150,7 @@ def long_runs(plan: Plan, jobs: int | None = None) -> list[str]:
     """What the user should know before methods start that are going to take long, one line each."""
     found = []
     for layout in plan.layouts:
-        if layout.method.effort is None:
+        if layout.method.frequency != RANGE:
             continue
         seconds = by_effort(plan, layout, jobs or ckernel.threads())
         if seconds > LONG:
@@ -168,10 +168,10 @@ def by_effort(plan: Plan, layout: Layout, workers: int) -> float:
 
 def _method(plan: Plan, layout: Layout, workers: int, clock: Clock) -> MethodEstimate:
     """An estimate of one method within the time that is left on its clock."""
-    work, size = _ranges(plan, layout, clock) if layout.method.effort is not None else _points(plan, layout, clock)
+    work, size = _ranges(plan, layout, clock) if layout.method.frequency == RANGE else _points(plan, layout, clock)
     at_least = work is None
     if work is None:
-        work = max(clock.total, layout.points * UNIT * layout.method.cost(layout.options, plan.base))
+        work = max(clock.total, layout.points * UNIT * layout.method.cost())
     rounds = ceil(layout.count / min(workers, layout.count))
     seconds = work / layout.count * rounds if work > 1 else work
     memory = prod(layout.chunk) * _bytes_a_point(plan, layout, size / layout.points) * (1 + OVERHEAD)
@@ -212,14 +212,11 @@ def _by_effort(plan: Plan, layout: Layout, clock: Clock) -> float | None:
 
 def _effort(plan: Plan, layout: Layout, clock: Clock, place: float) -> Effort | None:
     """What the row at a place of the grid takes; None where that is not found out in time."""
-    ask = layout.method.effort
-    assert ask is not None
     number = round(place * (layout.points - 1))
     index = np.unravel_index(number, layout.shape) if layout.shape else ()
     rows = {name: np.asarray(k) for name, k in zip(layout.dims, index, strict=True)}
-    found = clock.run(
-        lambda: ask(layout.options, build(parameters_at(plan.config, rows)), np.array(plan.mesh_frequency_range))
-    )
+    ends = np.array(plan.mesh_frequency_range)
+    found = clock.run(lambda: layout.method.of(build(parameters_at(plan.config, rows))).effort(ends))
     return None if found is None else found[0]
 
 
@@ -286,8 +283,8 @@ def _sample(plan: Plan, layout: Layout, clock: Clock, wanted: float, place: floa
 
 
 def _bytes_a_point(plan: Plan, layout: Layout, encoded: float) -> float:
-    total, constants = 0.0, layout.method.constants(layout.options, plan.base)
-    for variable in results_of(plan, layout):
+    total, constants = 0.0, layout.method.constants()
+    for variable in layout.method.results:
         if GRID in variable.dims:
             along = prod(len(constants[dim]) for dim in variable.dims if dim in constants)
             total += np.dtype(variable.dtype).itemsize * along

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from gearstab import ckernel
+from gearstab.methods import RANGE
 from gearstab.results.output import free_bytes
-from gearstab.sweep.compute import results_of
 from gearstab.sweep.errors import RequestError
 from gearstab.sweep.estimate import LONG, Estimate, by_effort, estimate
 from gearstab.sweep.parts import PartFolder
@@ -64,9 +64,9 @@ def plainly_small(plan: Plan, jobs: int | None, free: float) -> bool:
 
 def _roughly(plan: Plan, layout: Layout, workers: int) -> float:
     """Seconds of a method; infinite where that is not found out at once."""
-    if layout.method.effort is not None:
+    if layout.method.frequency == RANGE:
         return by_effort(plan, layout, workers)
-    return layout.points * layout.method.cost(layout.options, plan.base) * SECONDS_OF_COST / workers
+    return layout.points * layout.method.cost() * SECONDS_OF_COST / workers
 
 
 def large(plan: Plan, found: Estimate) -> list[str]:
@@ -83,9 +83,9 @@ def large(plan: Plan, found: Estimate) -> list[str]:
 
 def _bytes(plan: Plan, layout: Layout) -> int:
     """Of a method's results over the grid, not compressed; lists of tongues, of unknown length, as if they had ten."""
-    constants = layout.method.constants(layout.options, plan.base)
+    constants = layout.method.constants()
     total = 0
-    for variable in results_of(plan, layout):
+    for variable in layout.method.results:
         inner = prod(len(constants[dim]) for dim in variable.dims if dim in constants)
         tongues = 10 if "tongue" in variable.dims else 1
         total += np.dtype(variable.dtype).itemsize * inner * tongues * layout.points

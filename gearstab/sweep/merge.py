@@ -7,9 +7,10 @@ import os
 import pickle
 import subprocess
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -17,18 +18,18 @@ from gearstab import interrupts
 from gearstab.config import Axis
 from gearstab.config.sections.targets import INPUT_SPEED, MESH_FREQUENCY
 from gearstab.floquet.kernel import choice as kernel
+from gearstab.methods import Key
 from gearstab.results.chunks import decode, encode
 from gearstab.results.guard import SWEEP
 from gearstab.results.output import Look, move
 from gearstab.results.provenance import modes_group, root_attributes
 from gearstab.results.tree import Chunked, Field, Group, Offset, ResultTree
 from gearstab.results.units import in_units_of
-from gearstab.results.variables import TEXT, Variable, coordinate
+from gearstab.results.variables import OCCURRENCE, TEXT, TONGUE, Variable, coordinate
 from gearstab.results.write import write_on_disk, write_result
 from gearstab.sweep import teeth
-from gearstab.sweep.compute import HOLDER, moved
+from gearstab.sweep.compute import moved
 from gearstab.sweep.earlier import origin
-from gearstab.sweep.methods import Key, tongue_coordinates
 from gearstab.sweep.parts import Finished
 from gearstab.sweep.plan import Layout, Plan
 
@@ -74,9 +75,9 @@ def axis_fields(axis: Axis) -> list[Field]:
 def _method_group(plan: Plan, layout: Layout, finished: Mapping[str, Finished], beside: list[Field]) -> Group:
     parts = {block.key: finished[block.key] for block in layout.blocks()}
     tongues = layout.method.unite(part.tongues for part in parts.values())
-    values = {**tongue_coordinates(tongues), **layout.method.constants(layout.options, plan.base)}
+    values = {**tongue_coordinates(tongues), **layout.method.constants()}
     fields = []
-    for variable in in_units_of(plan.base, layout.method.variables(layout.options, plan.base)):
+    for variable in in_units_of(plan.base, layout.method.variables()):
         resolved = variable.over(plan.grid, plan.rows)
         if variable.coordinate:
             if variable.name in values:
@@ -85,12 +86,18 @@ def _method_group(plan: Plan, layout: Layout, finished: Mapping[str, Finished], 
             fields.append(Field(resolved, _over_points(plan, layout, variable, parts)))
         else:
             fields.append(Field(resolved, _over_tongues(layout, variable, parts, tongues)))
-    return Group((*fields, *beside), layout.method.attributes(layout.options, plan.base))
+    return Group((*fields, *beside), layout.method.attributes())
+
+
+def tongue_coordinates(index: Sequence[Key]) -> dict[str, list[Any]]:
+    """Return the coordinates of the dimension ``tongue``."""
+    found = {variable.name: [getattr(tongue, variable.name) for tongue, _ in index] for variable in TONGUE}
+    return found | {OCCURRENCE.name: [occurrence for _, occurrence in index]}
 
 
 def _over_points(plan: Plan, layout: Layout, variable: Variable, parts: Mapping[str, Finished]) -> Chunked:
     """A variable of one chunk a block."""
-    constants = layout.method.constants(layout.options, plan.base)
+    constants = layout.method.constants()
     rest = tuple(len(constants[dim]) for dim in variable.dims if dim in constants)
 
     def pieces() -> Iterator[tuple[Offset, bytes]]:
@@ -113,7 +120,7 @@ def _over_tongues(
             part = parts[block.key]
             index = np.array([place[tongue] for tongue in part.tongues], dtype=int)
             for k, data in zip(index, part.pieces(variable.name), strict=True):
-                if variable.name == HOLDER:
+                if variable.index_of == "tongue":
                     data = encode(moved(decode(data, shape, variable.dtype), index).astype(variable.dtype), shape)
                 yield (int(k), *(0 for _ in sides), *block.start), data
 

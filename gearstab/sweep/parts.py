@@ -19,10 +19,10 @@ from itertools import accumulate
 from pathlib import Path
 from typing import Any, Protocol
 
+from gearstab.methods import Key
 from gearstab.perturbation import Tongue
 from gearstab.results.errors import OutputError
 from gearstab.results.output import write_bytes
-from gearstab.sweep.methods import Key
 
 MAGIC = b"gearstab part 2\n"
 CHECKSUM = 32

@@ -14,16 +14,14 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
 from math import ceil, prod
-from typing import Any
 
 import numpy as np
 
 from gearstab import __version__
 from gearstab.config import Axis, Config, ConfigError
 from gearstab.floquet.kernel import choice as kernel
+from gearstab.methods import POINTS, Method, OptionError, chosen
 from gearstab.sweep import teeth
-from gearstab.sweep.errors import OptionError
-from gearstab.sweep.methods import POINTS, Method, chosen
 from gearstab.system import Array, GearSystem
 from gearstab.systems import build
 
@@ -62,7 +60,6 @@ class Layout:
     """A method's grid (names and sizes of its axes) and its division: the shape of all blocks but those at the ends."""
 
     method: Method
-    options: Any
     dims: tuple[str, ...]
     shape: tuple[int, ...]
     chunk: tuple[int, ...]
@@ -166,11 +163,11 @@ class Plan:
 def check(config: Config, base: GearSystem) -> None:
     """Raises ConfigError where the options of methods do not fit the base system, with one problem a method."""
     found = []
-    for method, options in chosen(config.methods):
+    for method in chosen(config.methods, base):
         try:
-            method.check(options, base)
+            method.check()
         except OptionError as error:
-            found.append(config.problem(("methods", *error.path), str(error), error.remedy))
+            found.append(config.problem(("methods", method.name, *error.path), str(error), error.remedy))
     if found:
         raise ConfigError(found)
 
@@ -185,25 +182,25 @@ def plan(config: Config) -> Plan:
     base = build(config.parameters)
     check(config, base)
     fast = next((axis for axis in config.axes if [a.path for a in axis.assignments] == [FREQUENCY]), None)
-    layouts = tuple(_layout(config, base, fast, method, options) for method, options in chosen(config.methods))
+    layouts = tuple(_layout(config, fast, method) for method in chosen(config.methods, base))
     return Plan(config, base, fast, layouts, kernel.checked())
 
 
-def _layout(config: Config, base: GearSystem, fast: Axis | None, method: Method, options: Any) -> Layout:
+def _layout(config: Config, fast: Axis | None, method: Method) -> Layout:
     axes = [axis for axis in config.axes if axis is not fast or method.frequency == POINTS]
     shape = tuple(axis.size for axis in axes)
-    cost = method.cost(options, base)
+    cost = method.cost()
     wanted = min(max(prod(shape) * cost / SHARES, LEAST), MOST) / cost
     if method.frequency == POINTS:
-        widest = 8 * max(len(values) for values in ([0], *method.constants(options, base).values()))
+        widest = 8 * max(len(values) for values in ([0], *method.constants().values()))
         wanted = min(wanted, MOST_BYTES / widest)
     inner = next((k for k, axis in enumerate(axes) if axis is fast), None)
-    if inner is not None and method.singly(options, base) is not None:
+    if inner is not None and method.singly:
         wanted = least = shape[inner]
     else:
-        least = method.together(options)
+        least = method.fewest
     chunk = chunk_shape(shape, inner, max(least, int(wanted)))
-    return Layout(method, options, tuple(axis.name for axis in axes), shape, chunk)
+    return Layout(method, tuple(axis.name for axis in axes), shape, chunk)
 
 
 def chunk_shape(shape: tuple[int, ...], inner: int | None, wanted: int) -> tuple[int, ...]:

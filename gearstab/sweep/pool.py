@@ -67,7 +67,7 @@ def run_blocks(
     seconds = 0.0
     while rest:
         layout = plan.layout(rest[0].method)
-        threads = layout.method.parallel(layout.options, plan.base)
+        threads = layout.method.parallel
         if jobs > 1 and len(rest) > 1 and seconds * len(rest) > (WORTH_THREADS if threads else WORTH_PROCESSES):
             break
         start = time.perf_counter()

@@ -16,7 +16,6 @@ from gearstab.results.guard import SWEEP, result_of
 from gearstab.results.output import free_bytes, prepare
 from gearstab.results.write import rewrite_attributes
 from gearstab.sweep import earlier, merge
-from gearstab.sweep.compute import results_of
 from gearstab.sweep.errors import Interrupted, SweepError
 from gearstab.sweep.estimate import long_runs
 from gearstab.sweep.parts import PartFolder
@@ -222,7 +221,7 @@ def _summary(plan: Plan, store: Store, reused: int) -> Summary:
     tells = [
         store.finished[block.key]
         for layout in plan.layouts
-        if any(variable.name == "stable" for variable in results_of(plan, layout))
+        if any(variable.name == "stable" for variable in layout.method.results)
         for block in layout.blocks()
     ]
     unstable = sum(part.unstable for part in tells) if tells else None

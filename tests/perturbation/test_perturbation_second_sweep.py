@@ -14,12 +14,13 @@ from tongue_edges import train
 from gearstab.cli.info import describe
 from gearstab.cli.info_text import report
 from gearstab.config import load
+from gearstab.methods import OptionError
+from gearstab.methods.perturbation import Perturbation, PerturbationOptions
 from gearstab.perturbation import PERTURBATION_FLAGS, second_order
 from gearstab.plots.axes import Request
 from gearstab.plots.maps import boundaries as boundary_figure
 from gearstab.results import open_result
 from gearstab.sweep import plan, run
-from gearstab.sweep.methods import METHODS
 from gearstab.system import PeriodicTerm
 from gearstab.waveforms import Rectangular
 
@@ -83,11 +84,10 @@ def test_figures_draw_the_curved_boundaries(tmp_path: Path) -> None:
 
 def test_other_periodic_terms_are_refused() -> None:
     term = PeriodicTerm("friction", np.ones(3), np.ones(3), Rectangular(1.5), None)
-    options = type("Options", (), {"order": 2, "harmonics": 1})()
-    check = METHODS["perturbation"].check
-    check(options, train())
-    with pytest.raises(ValueError, match="friction"):
-        check(options, replace(train(), terms=(term,)))
+    options = PerturbationOptions(order=2, harmonics=1)
+    Perturbation(options, train()).check()
+    with pytest.raises(OptionError, match="friction"):
+        Perturbation(options, replace(train(), terms=(term,))).check()
 
 
 def test_info_lists_tongues_of_the_order_asked_for(tmp_path: Path) -> None:

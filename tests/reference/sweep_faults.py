@@ -15,15 +15,14 @@ import sys
 import time
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from gearstab.config import load
+from gearstab.methods import Outcome
+from gearstab.methods.floquet import Floquet
 from gearstab.sweep import Plan, Reporter, plan, pool, run, store
 from gearstab.sweep.errors import Interrupted, SweepError
-from gearstab.sweep.methods import Outcome
-from gearstab.system import GearSystem
 
 CONFIG = """
 title: A train
@@ -49,10 +48,18 @@ def value(stiffness: float) -> np.ndarray:
     return np.sin(stiffness * np.array([1.0, 2.0, 3.0]))
 
 
-def method(system: GearSystem, mesh_frequency: np.ndarray, options: Any) -> Outcome:
-    """Computes one row and does what the files tell."""
+class Faulty(Floquet):
+    """Computes one row and does what the files tell. It is no use to run it in threads."""
+
+    parallel = False
+
+    def run(self, mesh_frequency: np.ndarray) -> Outcome:
+        return computed(float(np.squeeze(self.system.stiffness[..., 0, 0])))
+
+
+def computed(stiffness: float) -> Outcome:
+    """What the method gives for a row, unless the files tell otherwise."""
     folder = Path(os.environ[FOLDER])
-    (stiffness,) = np.atleast_1d(system.stiffness[..., 0, 0])
     name = f"{stiffness:g}"
     with open(folder / "log", "a") as log:
         log.write(f"{name}\n")
@@ -68,7 +75,7 @@ def method(system: GearSystem, mesh_frequency: np.ndarray, options: Any) -> Outc
         raise ArithmeticError(f"no luck with {name}")
     if (folder / f"memory-{name}").exists():
         raise MemoryError
-    growth = value(float(stiffness))[None]
+    growth = value(stiffness)[None]
     return Outcome({"growth_rate": growth, "stable": (growth <= 0).astype("i1"), "status": np.zeros((1, 3), "i2")})
 
 
@@ -84,13 +91,8 @@ def faulty(path: Path) -> Plan:
     """The plan of a configuration with this method, in blocks of one row."""
     planned = plan(load(path))
     (layout,) = planned.layouts
-    fake = replace(layout.method, run=method, parallel=never)
+    fake = Faulty(layout.method.options, layout.method.system)
     return replace(planned, layouts=(replace(layout, chunk=(1, 3), method=fake),))
-
-
-def never(options: object, system: object) -> bool:
-    """It is no use to run it in threads."""
-    return False
 
 
 class Spoken(Reporter):

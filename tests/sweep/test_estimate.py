@@ -15,9 +15,9 @@ from click.testing import CliRunner
 from sweep_faults import CONFIG, faulty
 
 from gearstab.cli import group
+from gearstab.floquet.boundaries.effort import effort
 from gearstab.sweep import Plan, estimate
 from gearstab.sweep.clock import within
-from gearstab.sweep.effort import effort
 from gearstab.sweep.plan import Block
 from gearstab.system import GearSystem, Mesh
 from gearstab.waveforms import Rectangular

@@ -1,0 +1,190 @@
+"""What a method of a sweep is: its options, what it needs, declares and computes."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Protocol
+
+from pydantic import Field
+
+from gearstab.config.model.fields import Quantity, Section
+from gearstab.results.variables import SIDE, Variable
+from gearstab.system import Array, GearSystem
+
+if TYPE_CHECKING:
+    from gearstab.perturbation import Tongue
+
+POINTS, RANGE = "points", "range"
+"""What of the mesh frequency a method needs: every point of the grid or the ends of its axis; None for neither."""
+
+FEWEST = 4
+"""Points of a block, however costly."""
+
+Tolerance = Annotated[float, Field(gt=0, lt=1), Quantity()]
+
+Key = tuple["Tongue", int]
+"""What tells the regions along the dimension ``tongue`` apart: where a region is rooted and, as there can be several of
+one root, which one of them it is."""
+
+
+class OptionError(ValueError):
+    """The options of a method do not fit the system: ``path`` below the method, what is wrong, what to do."""
+
+    def __init__(self, path: tuple[str, ...], message: str, remedy: str) -> None:
+        super().__init__(message)
+        self.path, self.remedy = path, remedy
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a method gives for a batch of systems, one a row.
+
+    values: by variable, with GRID as ``(rows, P)`` and ROWS as ``(rows,)`` (one row may stand for all).
+    tongues: what the dimension ``tongue`` consists of, for methods that have it.
+    """
+
+    values: Mapping[str, Array]
+    tongues: tuple[Key, ...] = ()
+
+
+class Effort(Protocol):
+    """What one system takes."""
+
+    def seconds(self, rows: float, batches: float = 1.0) -> float:
+        """Of so many like it, in so many batches."""
+        ...
+
+
+class Method(ABC):
+    """A method, for its options and a system.
+
+    What a sweep declares, and how it divides its grid, goes by the method of the base system. Each block runs
+    :meth:`of` its own batch of systems. A subclass sets the attributes, and overrides :meth:`variables`, :meth:`run`
+    and :meth:`cost`, and of the others those that have more to say than the ones here.
+
+    name: its key in ``methods`` of a configuration, and its group in the result. Options: its section there.
+    frequency: what it needs of the mesh frequency; its results stand over all axes if that is POINTS, else over all but
+        the mesh frequency. A method with RANGE gets it as an array of the two ends.
+    cheap: whether it runs before the others. fewest: the least number of points of its own in a block.
+    singly: whether it runs on one system at a time, with all its mesh frequencies, as it goes from one to the next.
+    relief: what to do where it takes very long.
+    """
+
+    name: ClassVar[str]
+    Options: ClassVar[type[Section]]
+    frequency: ClassVar[str | None] = POINTS
+    cheap: ClassVar[bool] = False
+    singly: ClassVar[bool] = False
+    relief: ClassVar[str] = ""
+
+    def __init__(self, options: Any, system: GearSystem) -> None:
+        self.options, self.system = options, system
+
+    @classmethod
+    def on(cls, options: Any, system: GearSystem) -> Method:
+        """Return the method for a base system: another class where that takes another theory."""
+        return cls(options, system)
+
+    def of(self, system: GearSystem) -> Method:
+        """Return the same method for another system, or a batch of systems."""
+        return type(self)(self.options, system)
+
+    @abstractmethod
+    def variables(self) -> tuple[Variable, ...]:
+        """Return what it computes, coordinates included."""
+
+    @abstractmethod
+    def run(self, mesh_frequency: Array) -> Outcome:
+        """Compute the system at mesh frequencies ``(P,)`` or ``(rows, 1)``."""
+
+    @abstractmethod
+    def cost(self) -> float:
+        """Return about how many points of an undamped system of three coordinates and four segments a point takes."""
+
+    def effort(self, mesh_frequency: Array) -> Effort:
+        """Return what one system takes between the ends of a range, of a method with RANGE.
+
+        To such a method a point is a whole range of mesh frequencies, so that not even a single one can be tried.
+        """
+        raise NotImplementedError(f"{self.name} does not say what a range of mesh frequencies takes")
+
+    def constants(self) -> Mapping[str, Any]:
+        """Return the values of those coordinates that are the same everywhere."""
+        return {}
+
+    def check(self) -> None:  # noqa: B027  # most methods fit every system
+        """Raise OptionError where the options do not fit the system."""
+
+    def report(self) -> Mapping[str, Any]:
+        """Return attributes that say what it makes of the system."""
+        return {}
+
+    def note(self) -> str | None:
+        """Return what the user should know before it runs, None for nothing."""
+        return None
+
+    def outlook(self) -> str | None:
+        """Return what there is to say of its cost besides the estimated time, None for nothing."""
+        return None
+
+    @property
+    def parallel(self) -> bool:
+        """Whether threads of one process can run it side by side: where it spends its time outside of Python."""
+        return False
+
+    @property
+    def fewest(self) -> int:
+        """The least number of points of its own in a block, however costly; more where they share work."""
+        return FEWEST
+
+    @staticmethod
+    def unite(indices: Iterable[Sequence[Key]]) -> tuple[Key, ...]:
+        """Return the list of all regions, from those of the blocks: each once, in order of first appearance."""
+        return tuple(dict.fromkeys(key for index in indices for key in index))
+
+    @property
+    def results(self) -> tuple[Variable, ...]:
+        """The variables that its blocks hold: all but coordinates."""
+        return tuple(variable for variable in self.variables() if not variable.coordinate)
+
+    @property
+    def over_tongues(self) -> bool:
+        """Whether its results stand over instability regions, a list that differs from system to system."""
+        return self.frequency != POINTS
+
+    def attributes(self) -> dict[str, Any]:
+        """Return what the group in the result says of the options and of the system."""
+        return flat(self.options.model_dump(exclude_none=True)) | dict(self.report())
+
+    def only_mesh_stiffness(self, remedy: str = "use floquet, which takes these too") -> None:
+        """Raise OptionError for a system with further periodic terms."""
+        if self.system.terms:
+            names = ", ".join(term.name for term in self.system.terms)
+            raise OptionError((), f"takes periodic mesh stiffness only, and this system has {names} as well", remedy)
+
+    def needs_common_period(self, remedy: str, path: tuple[str, ...] = (), without: str = "common period") -> None:
+        """Raise OptionError for a system without one."""
+        if not self.system.commensurate:
+            raise OptionError(path, f"mesh frequencies of irrational ratio have no {without}", remedy)
+
+
+class TongueMethod(Method):
+    """A method whose results stand over instability regions and both of their edges."""
+
+    frequency: ClassVar[str | None] = None
+
+    def constants(self) -> Mapping[str, Any]:
+        return {SIDE.name: ["lower", "upper"]}
+
+
+def flat(options: Mapping[str, Any]) -> dict[str, Any]:
+    """Return options as attributes: without truth values, those of a section after its name."""
+    found: dict[str, Any] = {}
+    for name, value in options.items():
+        if isinstance(value, Mapping):
+            found |= {f"{name}_{inner}": one for inner, one in flat(value).items()}
+        else:
+            found[name] = int(value) if isinstance(value, bool) else value
+    return found

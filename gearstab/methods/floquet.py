@@ -1,0 +1,294 @@
+"""Exact stability at every point of the grid: ``methods.floquet``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cached_property
+from typing import TYPE_CHECKING, Annotated, Any
+
+import numpy as np
+from pydantic import AfterValidator, BeforeValidator, Field
+
+from gearstab.config.model.fields import Choice, Flag, Quantity, Section, Whole, wrong
+from gearstab.errors import NotPossible
+from gearstab.methods.base import Method, OptionError, Outcome, Tolerance
+from gearstab.results.variables import BY_MESH, ERROR_ESTIMATE, EXPONENTS, FLOQUET, INTERVAL, Variable, flagged
+from gearstab.system import Array, GearSystem
+
+if TYPE_CHECKING:
+    from gearstab.floquet import Floquet as Solved
+    from gearstab.floquet.frequencies import ManyFrequencies
+
+VECTORS = 0.5
+"""Cost of a segment over the square of the number of coordinates, in units of a sweep's costs: carrying the vectors of
+a Lyapunov exponent takes four times as long as the compiled kernel's product at 12 coordinates."""
+MOST = 512.0
+"""Cost of a Lyapunov exponent beyond which blocks of the grid do not get smaller: calls pay for hundreds of points."""
+
+ModeNumber = Annotated[int, Field(ge=1), Whole()]
+
+
+def _each_once(modes: list[int]) -> list[int]:
+    """Ascending; raises a pydantic error where a mode is named twice."""
+    if len(set(modes)) < len(modes):
+        raise wrong("modes", "names a mode twice", "name each mode once")
+    return sorted(modes)
+
+
+def _deflection_type(value: Any) -> Any:
+    """T or a name; raises a pydantic error."""
+    if isinstance(value, bool) or not isinstance(value, int | str) or (isinstance(value, int) and value < 0):
+        raise wrong("deflection_type", "must be a type of mesh deflection", "write T = 0, 1, 2, ... or a type's name")
+    return value
+
+
+class LyapunovOptions(Section):
+    """The largest Lyapunov exponent, for mesh frequencies without a common period."""
+
+    cycles: Annotated[float, Field(ge=20, le=1e7), Quantity()] = Field(
+        default=500, title="cycles", description="Length of the window in periods of the slowest mesh (1)."
+    )
+    confidence: Annotated[float, Field(gt=0.5, lt=1), Quantity()] = Field(
+        default=0.95, title="confidence", description="Of the interval of the growth rate (1)."
+    )
+    seed: Annotated[int, Field(ge=0, le=2**32), Whole()] = Field(
+        default=0, title="seed", description="Of the random part of the start vectors."
+    )
+
+
+class FloquetOptions(Section):
+    """Exact stability at every point of the grid."""
+
+    exponents: Flag = Field(
+        default=False, title="exponents", description="Store all characteristic exponents, not only the growth rate."
+    )
+    tolerance: Tolerance = Field(
+        default=1e-9,
+        title="tolerance",
+        description="Of the multipliers, for waves that are not piecewise constant (1).",
+    )
+    block: Annotated[int | str, BeforeValidator(_deflection_type)] | None = Field(
+        default=None,
+        title="block",
+        description="Restrict the system to one type of mesh deflection, of a system with cyclic symmetry: "
+        "T = 0, 1, 2, ... or its name; default all.",
+    )
+    modes: Annotated[list[ModeNumber], AfterValidator(_each_once)] | None = Field(
+        default=None,
+        min_length=1,
+        title="modes",
+        description="Restrict the system to these modes, numbered from 1 by ascending natural frequency; default all.",
+    )
+    frequencies: Annotated[str, Choice("way", ("auto", "common_period", "per_mesh", "lyapunov"))] = Field(
+        default="auto",
+        title="many mesh frequencies",
+        description="common_period: exact; per_mesh: one frequency at a time, the others at their mean; lyapunov: "
+        "largest Lyapunov exponent with a confidence interval; auto: exact while affordable.",
+    )
+    affordable_segments: Annotated[int, Field(ge=1, le=10_000_000), Whole()] = Field(
+        default=20_000,
+        title="affordable segments",
+        description="A common period of more segments is not the automatic choice.",
+    )
+    lyapunov: LyapunovOptions = Field(
+        default=LyapunovOptions(), title="lyapunov", description="How Lyapunov exponents are estimated."
+    )
+
+
+class Floquet(Method):
+    """Floquet multipliers of a system, or of some of its modes, by the strategy for its mesh frequencies."""
+
+    name = "floquet"
+    Options = FloquetOptions
+
+    @classmethod
+    def on(cls, options: Any, system: GearSystem) -> Method:
+        from gearstab.methods.orbits import Orbits
+        from gearstab.rotating_pair import RotatingPair
+
+        return (Orbits if isinstance(system, RotatingPair) else cls)(options, system)
+
+    @cached_property
+    def basis(self) -> Array | None:
+        """What the options restrict the system to, None where they do not. Raises NotPossible."""
+        from gearstab.floquet.truncation import modes_basis, type_basis
+
+        if self.options.modes is not None:
+            return modes_basis(self.system, self.options.modes)
+        return None if self.options.block is None else type_basis(self.system, self.options.block)
+
+    @cached_property
+    def part(self) -> GearSystem:
+        """The system that is solved."""
+        from gearstab.floquet.truncation import restricted
+
+        return self.system if self.basis is None else restricted(self.system, self.basis)
+
+    @cached_property
+    def strategy(self) -> str:
+        """One of :data:`~gearstab.floquet.frequencies.WAYS`. Raises NotPossible."""
+        from gearstab.floquet.frequencies import choice
+
+        return choice.chosen(self.part, self.options.frequencies, self.options.affordable_segments)
+
+    @property
+    def reason(self) -> str:
+        """The strategy and why it was chosen, in a line."""
+        from gearstab.floquet.frequencies import choice
+
+        return choice.reason(self.part, self.options.frequencies, self.options.affordable_segments)
+
+    @property
+    def several(self) -> bool:
+        """Whether there is more than one mesh frequency."""
+        return len(set(self.part.frequency_ratios)) > 1
+
+    @property
+    def parallel(self) -> bool:
+        from gearstab.floquet.kernel import choice as kernel
+
+        return kernel.name() == "c" and self.strategy != "lyapunov"
+
+    def variables(self) -> tuple[Variable, ...]:
+        from gearstab.floquet import STATUS_FLAGS
+
+        more: tuple[Variable, ...] = EXPONENTS if self.options.exponents else ()
+        exact = self.part.piecewise_constant and not self.part.terms
+        # An interval says more of a Lyapunov exponent, and the error of the steps is part of it.
+        estimate = () if exact or self.strategy == "lyapunov" else (ERROR_ESTIMATE,)
+        by_strategy = {"per_mesh": BY_MESH, "lyapunov": INTERVAL}.get(self.strategy, ())
+        return (*flagged(FLOQUET, STATUS_FLAGS), *estimate, *more, *by_strategy)
+
+    def constants(self) -> Mapping[str, Any]:
+        numbers = {"exponent": np.arange(1, 2 * self.part.size + 1)} if self.options.exponents else {}
+        meshes = {"mesh": [mesh.name for mesh in self.part.meshes]} if self.strategy == "per_mesh" else {}
+        return numbers | meshes
+
+    def run(self, mesh_frequency: Array) -> Outcome:
+        from gearstab.floquet.frequencies import groups
+
+        found = self.solved(mesh_frequency)
+        # What is declared depends on the base system. Systems of other ratios, for which auto may choose another
+        # strategy, have NaN for an estimate and for each mesh, and an interval of zero where they are exact.
+        shape = found.growth_rate.shape
+        none = np.full(shape, np.nan)
+        interval, by_mesh = (getattr(found, name, None) for name in ("interval", "by_mesh"))
+        of = [group.ratio for group in groups(self.part)]
+        index = [of.index(mesh.frequency_ratio) for mesh in self.part.meshes]
+        values = {
+            "growth_rate": found.growth_rate, "stable": found.stable, "status": found.status,
+            "error_estimate": none if found.error_estimate is None else found.error_estimate,
+            "growth_rate_interval": np.broadcast_to(0.0, shape) if interval is None else interval,
+            "growth_rate_mesh": np.broadcast_to(np.nan, (*shape, len(index))) if by_mesh is None
+            else by_mesh[..., index],
+        }  # fmt: skip
+        exponents = getattr(found, "exponents", None)
+        if exponents is not None:
+            values |= {"exponent_real": exponents.real, "exponent_imag": exponents.imag}
+        return Outcome(values)
+
+    def solved(self, mesh_frequency: Array) -> Solved | ManyFrequencies:
+        """Compute the stability of the part of the system by its strategy."""
+        from gearstab.floquet import solve
+        from gearstab.floquet.frequencies import lyapunov, per_mesh
+
+        def exact(system: GearSystem, omega: Array) -> Solved:
+            return solve(system, omega, exponents=self.options.exponents, tolerance=self.options.tolerance)
+
+        if self.strategy == "per_mesh":
+            return per_mesh.solve(self.part, mesh_frequency, exact)
+        if self.strategy == "lyapunov":
+            asked = self.options.lyapunov
+            return lyapunov.solve(self.part, mesh_frequency, asked.cycles, asked.confidence, asked.seed)
+        return exact(self.part, mesh_frequency)
+
+    def cost(self) -> float:
+        from gearstab.floquet.frequencies import groups, per_mesh
+
+        if self.strategy == "per_mesh":
+            return sum(self._exact_cost(per_mesh.alone(self.part, group)) for group in groups(self.part))
+        if self.strategy == "lyapunov":
+            return min(max(1.0, VECTORS * self._segments() * self.part.size**2), MOST)
+        return self._exact_cost(self.part)
+
+    def _exact_cost(self, system: GearSystem) -> float:
+        """Of a system with a common period."""
+        from gearstab.floquet.report import reduction
+
+        work = max(1.0, sum(p.segments * p.size**3 for p in reduction(system).parts) / 108)
+        return work * (5 if self.options.exponents or system.damping is not None else 1)
+
+    def _segments(self) -> float:
+        """In the window of a Lyapunov exponent."""
+        from gearstab.floquet.frequencies import choice, lyapunov
+        from gearstab.floquet.smooth.schemes import CF6_5
+
+        cycles = lyapunov.length(self.part, self.options.lyapunov.cycles)
+        if self.part.piecewise_constant:
+            return choice.segments_a_cycle(self.part) * cycles
+        return 2 * lyapunov.FEWEST_STEPS * CF6_5.exponentials * cycles * max(map(float, self.part.frequency_ratios))
+
+    def report(self) -> Mapping[str, Any]:
+        """Return what of the system was solved, and what that saved."""
+        from gearstab.floquet.report import reduction
+        from gearstab.floquet.truncation import neglected
+
+        found = reduction(self.part)
+        said: dict[str, Any] = {"reduction": found.text()}
+        if self.several:
+            said["frequencies_chosen"] = self.reason
+        if np.isfinite(found.saving) and found.saving > 1:
+            said["reduction_saving"] = found.saving
+        if self.basis is None:
+            return said
+        modes, size = self.options.modes, self.system.size
+        what = f"modes {', '.join(map(str, modes))}" if modes is not None else f"type {self.options.block}"
+        coupling = neglected(self.system, self.basis)
+        left_out = (
+            f"neglects couplings of up to {coupling:.2g} of w_p w_q" if coupling else "which nothing couples to others"
+        )
+        return said | {"restriction": f"{what} of the base system: {self.basis.shape[-1]} of {size} modes, {left_out}"}
+
+    def check(self) -> None:
+        from gearstab.floquet.truncation import torn
+
+        options = self.options
+        if options.modes is not None and options.block is not None:
+            raise OptionError(("modes",), "stands beside block: both block and modes restrict", "keep one of them")
+        try:
+            _ = self.basis
+        except NotPossible as error:
+            key = "block" if options.modes is None else "modes"
+            raise OptionError((key,), error.message, error.remedy) from None
+        if options.modes is not None and (group := torn(self.system, options.modes)):
+            message = f"modes {', '.join(map(str, group))} have equal frequencies"
+            raise OptionError(("modes",), message, "name all of them or none")
+        try:
+            taken = self.strategy
+        except NotPossible as error:
+            raise OptionError(("frequencies",), error.message, error.remedy) from None
+        if options.exponents and taken != "common_period":
+            message = f"there are none without a common period ({taken} was chosen)"
+            remedy = "remove it, or choose frequencies: common_period" if self.system.commensurate else "remove it"
+            raise OptionError(("exponents",), message, remedy)
+
+    def note(self) -> str | None:
+        """Explain an automatic choice of a strategy that is not the exact one."""
+        if self.options.frequencies != "auto" or self.strategy == "common_period":
+            return None
+        return f"methods.floquet.frequencies: {self.reason}"
+
+    def outlook(self) -> str | None:
+        """Return the strategy, with the distinct states of a common period or the length of the window."""
+        from gearstab.floquet.report import reduction
+
+        if not self.several:
+            return None
+        if self.strategy == "common_period" and self.part.piecewise_constant and not self.part.terms:
+            states = max((part.states for part in reduction(self.part).parts), default=1)
+            return f"{self.reason}, {states} distinct states"
+        if self.strategy == "lyapunov":
+            what = "segments" if self.part.piecewise_constant else "exponentials of Magnus steps or more"
+            window = f"a window of {self.options.lyapunov.cycles:,g} cycles of the slowest mesh"
+            return f"{self.reason}; {window}, {self._segments():,.0f} {what}"
+        return self.reason

@@ -1,0 +1,116 @@
+"""Boundaries by perturbation theory, and uncoupled Mathieu equations to compare with."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+from pydantic import Field
+
+from gearstab.config.model.fields import Choice, Section, Whole
+from gearstab.methods.base import FEWEST, OptionError, Outcome, TongueMethod
+from gearstab.results.variables import FIRST_ORDER, SECOND_ORDER, TONGUE, Variable, flagged
+from gearstab.system import Array
+
+if TYPE_CHECKING:
+    from gearstab.perturbation import Tongues
+
+Harmonics = Annotated[int, Field(ge=1, le=1000), Whole()]
+
+
+class PerturbationOptions(Section):
+    """Instability boundaries by perturbation theory."""
+
+    order: Annotated[int, Choice("order", (1, 2))] = Field(
+        default=1,
+        title="order",
+        description="Order of the expansion in epsilon: 1 gives straight boundaries; 2 also shifts and curves them, "
+        "opens tongues by products of harmonics, and estimates the error.",
+    )
+    harmonics: Harmonics = Field(default=3, title="harmonics", description="Up to which harmonic of each mesh.")
+
+
+class UncoupledOptions(Section):
+    """Uncoupled Mathieu equations (Benton & Seireg 1980), to compare with."""
+
+    harmonics: Harmonics = Field(
+        default=3, title="harmonics", description="Up to which harmonic of the mesh stiffness."
+    )
+
+
+class FirstOrder(TongueMethod):
+    """A method that gives straight boundaries."""
+
+    cheap = True
+
+    def variables(self) -> tuple[Variable, ...]:
+        return (*TONGUE, *FIRST_ORDER)
+
+    def cost(self) -> float:
+        return 4.0 * self.system.size**2 * self.options.harmonics
+
+    def outcome(self, found: Tongues) -> Outcome:
+        """Return the results as variables."""
+        names = ("boundary_frequency", "center_frequency", "half_width", "threshold")
+        return Outcome({name: getattr(found, name) for name in names}, tuple((tongue, 0) for tongue in found.index))
+
+
+class Perturbation(FirstOrder):
+    """First and second order, ``methods.perturbation``."""
+
+    name = "perturbation"
+    Options = PerturbationOptions
+
+    @property
+    def fewest(self) -> int:
+        return FEWEST if self.options.order == 1 else 8 * FEWEST
+
+    def variables(self) -> tuple[Variable, ...]:
+        if self.options.order == 1:
+            return super().variables()
+        from gearstab.perturbation import PERTURBATION_FLAGS
+
+        return (*TONGUE, *flagged(SECOND_ORDER, PERTURBATION_FLAGS))
+
+    def run(self, mesh_frequency: Array) -> Outcome:
+        from gearstab.perturbation import first_order, second_order
+
+        if self.options.order == 1:
+            return self.outcome(first_order(self.system, self.options.harmonics))
+        found = second_order(self.system, self.options.harmonics)
+        outcome = self.outcome(found)
+        further = {
+            "first_order_boundary_frequency": found.first_order_boundary, "boundary_error": found.boundary_error,
+            "status": found.status,
+        }  # fmt: skip
+        return replace(outcome, values={**outcome.values, **{name: np.asarray(a) for name, a in further.items()}})
+
+    def cost(self) -> float:
+        # Sums over all modes and some hundred harmonics for every pair of modes: 2 ms for three modes, 6 s for
+        # fifty-nine. Rows that differ by their epsilons alone share them, so that an eighth of it is taken for a row.
+        return super().cost() * (1 if self.options.order == 1 else 10 * self.system.size)
+
+    def check(self) -> None:
+        self.only_mesh_stiffness()
+
+
+class Uncoupled(FirstOrder):
+    """Every mode by itself, ``methods.uncoupled``."""
+
+    name = "uncoupled"
+    Options = UncoupledOptions
+
+    def run(self, mesh_frequency: Array) -> Outcome:
+        from gearstab.perturbation import uncoupled
+
+        return self.outcome(uncoupled(self.system, self.options.harmonics))
+
+    def check(self) -> None:
+        from gearstab.waveforms import Rectangular
+
+        other = [mesh.name for mesh in self.system.meshes if not isinstance(mesh.waveform, Rectangular)]
+        if other or self.system.terms:
+            names = ", ".join(other or [term.name for term in self.system.terms])
+            message = f"averages the contact ratios of rectangular waves, which {names} does not have"
+            raise OptionError((), message, "use floquet instead")

@@ -1,0 +1,124 @@
+"""The response over speed: ``methods.response``; the periodic steady state, or with backlash what motions settle to."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any
+
+from pydantic import Field
+
+from gearstab.config.model.fields import Choice, NonNegative, Quantity, Section, Whole
+from gearstab.methods.base import Method, OptionError, Outcome, Tolerance
+from gearstab.results.variables import BACKLASH_SPEED_RESPONSE, SPEED_RESPONSE, Variable, flagged
+from gearstab.system import Array, GearSystem
+
+
+class ResponseOptions(Section):
+    """The periodic steady state of a driven system at every point of the grid."""
+
+    samples_per_cycle: Annotated[int, Field(ge=8, le=100_000), Whole()] = Field(
+        default=100,
+        title="samples per cycle",
+        description="Samples in a period of the first mesh, between which a polynomial gives the extremes.",
+    )
+    tolerance: Tolerance = Field(
+        default=1e-9,
+        title="tolerance",
+        description="Of the motion over a period, for waves that are not piecewise constant (1).",
+    )
+    continuation: Annotated[str, Choice("direction", ("up", "down"))] | None = Field(
+        default=None,
+        title="continuation",
+        description="With backlash: up or down in the mesh frequency, every motion beginning where the one before led.",
+    )
+    cycles: Annotated[float, Field(gt=0, le=1e6), Quantity()] | None = Field(
+        default=None,
+        title="cycles",
+        description="With backlash: how long every motion is followed, in periods of the first mesh (1).",
+    )
+    discard: NonNegative | None = Field(
+        default=None,
+        title="cycles left out",
+        description="With backlash: how many of the cycles are left for the motion to settle; default half of them.",
+    )
+
+
+class Response(Method):
+    """The periodic steady state of a system whose teeth stay in contact."""
+
+    name = "response"
+    Options = ResponseOptions
+
+    @classmethod
+    def on(cls, options: Any, system: GearSystem) -> Method:
+        from gearstab.response.backlash import has_backlash
+
+        return (BacklashResponse if has_backlash(system) else cls)(options, system)
+
+    def variables(self) -> tuple[Variable, ...]:
+        from gearstab.response.linear.steady import STATUS_FLAGS
+
+        return flagged(SPEED_RESPONSE, STATUS_FLAGS)
+
+    def constants(self) -> Mapping[str, Any]:
+        return {"mesh": [mesh.name for mesh in self.system.meshes]}
+
+    def run(self, mesh_frequency: Array) -> Outcome:
+        from gearstab.response.linear.speeds import speed_response
+
+        options = self.options
+        return Outcome(vars(speed_response(self.system, mesh_frequency, options.samples_per_cycle, options.tolerance)))
+
+    def cost(self) -> float:
+        """Measured: 0.2 ms for 100 samples of three coordinates and two meshes; smooth waves ten times as much."""
+        size = (2 * self.system.size + 5) / 11
+        samples = self.options.samples_per_cycle * max(1, self.system.common_period()[1][0]) / 100
+        return 1000 * size**2 * samples * (1 if self.system.piecewise_constant else 10)
+
+    def check(self) -> None:
+        if not self.system.forced:
+            remedy = "remove it, or give a load (a gearbox: torques of input or outputs), forces or transmission errors"
+            raise OptionError((), "nothing drives the system", remedy)
+        self.check_backlash()
+        self.needs_common_period("remove it, or give exact ratios", without="periodic steady state")
+
+    def check_backlash(self) -> None:
+        """Raise OptionError for options of motions with backlash that do not fit."""
+        for name in ("continuation", "cycles", "discard"):
+            if getattr(self.options, name) is not None:
+                raise OptionError((name,), "no mesh has backlash", "remove it, or give a mesh backlash")
+
+
+class BacklashResponse(Response):
+    """What motions of a system whose teeth may part settle to, from one mesh frequency to the next."""
+
+    singly = True
+    CYCLES = 200.0
+    """How long motions are followed at every mesh frequency, if not said otherwise."""
+
+    @property
+    def cycles(self) -> float:
+        """How long motions are followed at every mesh frequency."""
+        return self.options.cycles or self.CYCLES
+
+    def variables(self) -> tuple[Variable, ...]:
+        from gearstab.response.backlash import BACKLASH_FLAGS
+
+        return flagged(BACKLASH_SPEED_RESPONSE, BACKLASH_FLAGS)
+
+    def run(self, mesh_frequency: Array) -> Outcome:
+        from gearstab.response.backlash.speeds import speed_cycles
+
+        down = self.options.continuation == "down"
+        found = speed_cycles(self.system, mesh_frequency, down, self.cycles, self.options.discard)
+        return Outcome({name: values[None] for name, values in vars(found).items()})
+
+    def cost(self) -> float:
+        """Measured: 0.7 ms a cycle of a gear pair, and more the more modes are faster than the mesh frequency."""
+        cycles = max(self.cycles, 2 * self.system.common_period()[1][0])
+        return 4000 * self.system.size * cycles * (1 if self.system.piecewise_constant else 5)
+
+    def check_backlash(self) -> None:
+        if self.options.discard is not None and self.options.discard >= self.cycles:
+            message = f"leaves nothing of {self.cycles:g} cycles"
+            raise OptionError(("discard",), message, "discard less, or give more cycles")
