@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import Field, create_model
 
-from gearstab.config.model.conflicts import Conflict
+from gearstab.config.model.conflicts import Conflict, below
 from gearstab.config.model.fields import Choice
 from gearstab.waveforms import WAVEFORMS, Waveform
 from gearstab.waveforms.base import Keys
@@ -68,8 +68,7 @@ def shape_conflicts(raw: dict[str, Any], contact_ratio: str = "") -> Iterator[Co
     if wave is None:
         return
     if isinstance(section, dict):
-        for path, message, hint in _conflicts(wave, section):
-            yield ("waveform", *path), message, hint
+        yield from below("waveform", _conflicts(wave, section))
     if ratio is None and wave.has_contact_ratio and contact_ratio:
         yield ("contact_ratio",), "is missing", f"add contact_ratio: {contact_ratio}"
     elif ratio is not None and not wave.has_contact_ratio and not wave.of_teeth:

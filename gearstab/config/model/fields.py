@@ -8,7 +8,15 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Annotated, Any, ClassVar
 
-from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, GetJsonSchemaHandler, StrictBool
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    StrictBool,
+)
 from pydantic_core import PydanticCustomError, core_schema
 
 from gearstab.config.document.problems import nearest
@@ -270,11 +278,8 @@ def _whole(value: Any) -> Any:
     return value
 
 
-class Whole:
-    """A whole number."""
-
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
-        return core_schema.no_info_before_validator_function(_whole, handler(source))
+Whole = BeforeValidator(_whole)
+"""Of a whole number."""
 
 
 def _name(value: Any) -> str:
@@ -285,15 +290,9 @@ def _name(value: Any) -> str:
     return value
 
 
-class Name:
-    """The name of a mesh or coordinate, usable in dotted paths."""
-
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
-        return core_schema.no_info_before_validator_function(_name, handler(source))
-
-
 Flag = StrictBool
-NameText = Annotated[str, Name()]
+NameText = Annotated[str, BeforeValidator(_name)]
+"""The name of a mesh or coordinate, usable in dotted paths."""
 Positive = Annotated[float, Field(gt=0), Quantity()]
 NonNegative = Annotated[float, Field(ge=0), Quantity()]
 Number = Annotated[float, Quantity()]

@@ -38,19 +38,17 @@ class Tie(Section):
     """Several parameters on one axis."""
 
     targets: list[str] = Field(title="targets", min_length=1, description="Names of the parameters that vary together.")
-    values: Annotated[Any, Edge()] | None = Field(
+    values: Annotated[Any, Edge] | None = Field(
         default=None,
         title="values",
         description="One list or range for all targets, or a list of them, one for each target.",
     )
-    start: Annotated[Any, Edge()] | None = Field(
+    start: Annotated[Any, Edge] | None = Field(
         default=None, title="start", description="The first value, of all targets."
     )
-    stop: Annotated[Any, Edge()] | None = Field(
-        default=None, title="stop", description="The last value, of all targets."
-    )
+    stop: Annotated[Any, Edge] | None = Field(default=None, title="stop", description="The last value, of all targets.")
     num: Count | None = Field(default=None, title="number of values", description="How many values; or give step.")
-    step: Annotated[Any, Edge()] | None = Field(
+    step: Annotated[Any, Edge] | None = Field(
         default=None, title="step", description="From value to value; or give num."
     )
     spacing: Spacing | None = Field(default=None, title="spacing", description="linear or log.")

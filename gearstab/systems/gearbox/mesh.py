@@ -7,7 +7,7 @@ from typing import Annotated, Any, ClassVar
 
 from pydantic import Field
 
-from gearstab.config.model.conflicts import Conflict, at_most_one
+from gearstab.config.model.conflicts import Conflict, at_most_one, below
 from gearstab.config.model.fields import (
     Choice,
     Length,
@@ -17,7 +17,7 @@ from gearstab.config.model.fields import (
     Section,
 )
 from gearstab.systems.parts.forcing import TransmissionError
-from gearstab.systems.parts.mesh import Lag, Mesh
+from gearstab.systems.parts.mesh import Lag, Mesh, following_conflicts
 from gearstab.waveforms.section import shape_conflicts, wave_of_mesh
 
 FRICTIONS = {
@@ -119,16 +119,11 @@ class GearboxMesh(Mesh):
                 if raw.get(key) is not None:
                     remedy = "remove it, or choose waveform: {kind: rectangular}; measured values are "
                     yield (key,), "the teeth give it", f"{remedy}single_pair_stiffness and variation"
-        if raw.get("damping_follows_stiffness") is True:
-            if raw.get("damping") is None and raw.get("damping_ratio") is None:
-                yield ("damping",), "is missing", "add damping_ratio or damping, the mean of the damping that follows"
-            if raw.get("transmission_error") is not None:
-                message = "is given, and a damping that follows the stiffness"
-                yield ("transmission_error",), message, "keep one of the two, or make the damping constant"
-        for path, message, hint in TransmissionError.conflicts(raw.get("transmission_error")):
-            yield ("transmission_error", *path), message, hint
+        yield from following_conflicts(
+            raw, ("damping", "damping_ratio"), "add damping_ratio or damping, the mean of the damping that follows"
+        )
+        yield from below("transmission_error", TransmissionError.conflicts(raw.get("transmission_error")))
         if raw.get("friction") is not None and raw.get("backlash"):
             yield ("backlash",), "is not available with friction between the teeth", "keep one of the two"
         if isinstance(raw.get("friction"), dict):
-            for path, message, hint in Friction.conflicts(raw["friction"]):
-                yield ("friction", *path), message, hint
+            yield from below("friction", Friction.conflicts(raw["friction"]))

@@ -11,7 +11,7 @@ from pydantic import Field, GetJsonSchemaHandler
 from pydantic_core import core_schema
 
 from gearstab.config.model.arrays import given, vector
-from gearstab.config.model.conflicts import Conflict
+from gearstab.config.model.conflicts import Conflict, no_direction
 from gearstab.config.model.fields import (
     ExactRatio,
     NameText,
@@ -102,13 +102,7 @@ class Force(Section):
     def conflicts_of_size(cls, raw: Any, size: int | None) -> Iterator[Conflict]:
         """At least one harmonic, and a direction of the size of the system that is not zero."""
         yield from no_harmonics(raw, "N")
-        direction = raw.get("direction") if isinstance(raw, dict) else None
-        if not isinstance(direction, list):
-            return
-        if size is not None and len(direction) != size:
-            yield ("direction",), f"has {len(direction)} entries", f"give {size}, one a coordinate"
-        elif direction and all(entry == 0 for entry in direction):
-            yield ("direction",), "has only zeros", "let the force act on at least one coordinate"
+        yield from no_direction(raw, "direction", size, "let the force act on at least one coordinate")
 
 
 def no_harmonics(raw: Any, unit: str) -> Iterator[Conflict]:
@@ -117,12 +111,6 @@ def no_harmonics(raw: Any, unit: str) -> Iterator[Conflict]:
         return
     if not raw.get("sin") and not raw.get("cos"):
         yield (), "has no harmonics", f"add sin: [..] or cos: [..], amplitudes of the harmonics ({unit})"
-
-
-def wrong_load(load: Any, size: int | None) -> Iterator[Conflict]:
-    """A conflict unless a load has one number a coordinate."""
-    if isinstance(load, list) and size is not None and len(load) != size:
-        yield ("load",), f"has {len(load)} entries", f"give {size}, one a coordinate"
 
 
 def with_forcing(system: GearSystem, p: dict[str, Any]) -> GearSystem:

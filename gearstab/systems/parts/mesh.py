@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from fractions import Fraction
 from typing import Annotated, Any, ClassVar
 
@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field
 
 from gearstab import system
-from gearstab.config.model.conflicts import Conflict, at_most_one, exactly_one
+from gearstab.config.model.conflicts import Conflict, at_most_one, below, exactly_one
 from gearstab.config.model.fields import (
     AnyRatio,
     Choice,
@@ -119,14 +119,24 @@ class ToothMesh(Section):
         yield from (at_most_one if wave is not None and wave.own_variation else exactly_one)(raw, variation)
         description = cls.model_fields["contact_ratio"].description or ""
         yield from shape_conflicts(raw, description.rstrip("."))
-        if raw.get("damping_follows_stiffness") is True:
-            if raw.get("damping") is None:
-                yield ("damping",), "is missing", "add damping, the mean of the damping that follows the stiffness"
-            if raw.get("transmission_error") is not None:
-                message = "is given, and a damping that follows the stiffness"
-                yield ("transmission_error",), message, "keep one of the two, or make the damping constant"
-        for path, message, hint in TransmissionError.conflicts(raw.get("transmission_error")):
-            yield ("transmission_error", *path), message, hint
+        yield from following_conflicts(
+            raw, ("damping",), "add damping, the mean of the damping that follows the stiffness"
+        )
+        yield from below("transmission_error", TransmissionError.conflicts(raw.get("transmission_error")))
+
+
+def following_conflicts(raw: dict[str, Any], keys: Sequence[str], hint: str) -> Iterator[Conflict]:
+    """Yield what contradicts a damping that follows the stiffness.
+
+    keys: those that may give the damping; hint: what to do where none does.
+    """
+    if raw.get("damping_follows_stiffness") is not True:
+        return
+    if all(raw.get(key) is None for key in keys):
+        yield ("damping",), "is missing", hint
+    if raw.get("transmission_error") is not None:
+        message = "is given, and a damping that follows the stiffness"
+        yield ("transmission_error",), message, "keep one of the two, or make the damping constant"
 
 
 class Mesh(ToothMesh, Named):

@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from gearstab.config.model.arrays import vector
-from gearstab.config.model.conflicts import Conflict
+from gearstab.config.model.conflicts import Conflict, below, no_direction
 from gearstab.config.model.fields import (
     AnyRatio,
     ContactRatio,
@@ -120,16 +120,9 @@ class Term(Section):
             yield (), "has neither stiffness nor damping", "add stiffness: {mean: ..}, or damping: {mean: ..}"
         for key in ("stiffness", "damping"):
             if isinstance(raw.get(key), dict):
-                for path, message, hint in VaryingNumber.conflicts(raw[key]):
-                    yield (key, *path), message, hint
+                yield from below(key, VaryingNumber.conflicts(raw[key]))
         for key in ("left", "right"):
-            vector = raw.get(key)
-            if not isinstance(vector, list):
-                continue
-            if size is not None and len(vector) != size:
-                yield (key,), f"has {len(vector)} entries", f"give {size}, one a coordinate"
-            elif vector and all(entry == 0 for entry in vector):
-                yield (key,), "has only zeros", "let the term act on at least one coordinate"
+            yield from no_direction(raw, key, size, "let the term act on at least one coordinate")
 
 
 def periodic_terms(p: dict[str, Any]) -> tuple[PeriodicTerm, ...]:
