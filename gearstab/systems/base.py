@@ -12,6 +12,8 @@ from gearstab.config.document.yaml import Document
 from gearstab.config.model.conflicts import Conflict, below, repeated_names
 from gearstab.config.model.fields import Choice, Flag, NonNegative, Section
 from gearstab.config.sections.names import mesh_items
+from gearstab.config.sections.respond import Respond
+from gearstab.config.sections.respond_pair import PairRespond
 from gearstab.systems import feasibility
 from gearstab.systems.parts.damping import Damping
 from gearstab.systems.parts.mesh import ToothMesh
@@ -38,8 +40,8 @@ class System(Section):
     """Whose rules the meshes follow."""
     needs_units: ClassVar[bool] = False
     """Whether numbers of its own, of materials say, are in SI units."""
-    respond_model: ClassVar[type[Section] | None] = None
-    """The section ``respond`` of this kind, None where it is that of linear systems."""
+    respond_model: ClassVar[type[Respond | PairRespond]] = Respond
+    """The section ``respond`` of this kind."""
 
     damping_ratio: NonNegative | None = Field(
         default=None,

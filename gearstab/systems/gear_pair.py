@@ -12,7 +12,8 @@ from pydantic import Field
 from gearstab import rotating_pair
 from gearstab.config.document.yaml import Document
 from gearstab.config.model.conflicts import Conflict, exactly_one, wrong_length
-from gearstab.config.model.fields import Choice, Inertia, Length, Mass, NonNegative, Quantity, Section, Whole
+from gearstab.config.model.fields import Choice, Inertia, Length, Mass, NonNegative, Quantity, Whole
+from gearstab.config.sections.respond import Respond
 from gearstab.config.sections.respond_pair import PairRespond
 from gearstab.rotating_pair import CLASSICAL, FORMULATIONS, PairNumbers
 from gearstab.system import Array, GearSystem
@@ -97,7 +98,7 @@ class RotatingPair(System):
         "meshes": TOGETHER,
         "speed": "it belongs to the section respond; in a sweep vary mesh_frequency",
     }
-    respond_model: ClassVar[type[Section] | None] = PairRespond
+    respond_model: ClassVar[type[Respond | PairRespond]] = PairRespond
 
     kind: Literal["gear_pair"] = Field(title="kind of system", description="A gear pair on rigid shafts.")
     formulation: Formulation = Field(

@@ -23,8 +23,8 @@ PARABOLA_ENDS = 0.55
 """Stiffness at the ends of contact over that in its middle, of Cai & Hayashi's approximation."""
 
 
-class PairKeys(SampleKeys):
-    """The stiffness of one pair along its contact."""
+class ShapeKeys(Keys):
+    """The stiffness of one pair along its contact, as a formula."""
 
     shape: Annotated[str, Choice("shape", ("constant", "parabolic"))] | None = Field(
         default=None,
@@ -41,6 +41,10 @@ class PairKeys(SampleKeys):
         title="stiffness of one pair",
         description="pair: in the middle of its contact (N/m); the mesh then needs no mean_stiffness.",
     )
+
+
+class PairKeys(SampleKeys, ShapeKeys):
+    """The stiffness of one pair along its contact; messages list its own keys first."""
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 from pydantic import Field
 
@@ -68,14 +68,23 @@ class Respond(Section):
         description="With backlash: how long, in periods of the first mesh, the motion settles before it is summed up.",
     )
 
+    frequency_key: ClassVar[str] = "mesh_frequency"
+    """The key that says how fast the system runs."""
+
+    def of_size(self, size: int) -> Respond:
+        """Return the section with zeros for what the initial state of so many coordinates does not give."""
+        if self.initial is None:
+            return self
+        state = {name: getattr(self.initial, name) or [0.0] * size for name in Initial.model_fields}
+        return self.model_copy(update={"initial": Initial(**state)})
+
     @classmethod
-    def conflicts(
-        cls, raw: dict[str, Any], size: int | None, driven: bool = False, parting: bool = False
-    ) -> Iterator[Conflict]:
+    def conflicts(cls, raw: dict[str, Any], system: dict[str, Any], size: int | None) -> Iterator[Conflict]:
         """One length of time and an initial state of the system's size, or neither for the steady state.
 
-        driven: whether something drives the system; parting: whether its teeth may lose contact.
+        system: its section as written; size: number of its coordinates, None where it cannot be told.
         """
+        driven, parting = drives(system), may_part(system)
         if raw.get("discard") is not None and not parting:
             yield ("discard",), "no mesh has backlash", "remove it, or give a mesh backlash"
         discard, cycles = raw.get("discard"), raw.get("cycles")

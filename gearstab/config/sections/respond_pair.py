@@ -89,8 +89,14 @@ class PairRespond(Section):
         description="discard, window and peaks of the power spectral density of phi.",
     )
 
+    frequency_key: ClassVar[str] = "speed"
+
+    def of_size(self, size: int) -> PairRespond:
+        """Return the section as it is: nothing in it has one number for each coordinate."""
+        return self
+
     @classmethod
-    def conflicts(cls, raw: dict[str, Any], system: dict[str, Any]) -> Iterator[Conflict]:
+    def conflicts(cls, raw: dict[str, Any], system: dict[str, Any], size: int | None) -> Iterator[Conflict]:
         """One length of time; only what loses energy can stall, and only what may change its speed can be held."""
         yield from exactly_one(raw, LENGTHS)
         if raw.get("hold_speed"):
