@@ -4,12 +4,7 @@
    buffers have the sizes that its numbers promise, releases the interpreter's lock while it computes, and runs
    at the level of vector instructions whose name it is given (see levels()). */
 
-#define PY_SSIZE_T_CLEAN
-#include <Python.h>
-#include <stdlib.h>
-#include <string.h>
-
-#include "kernel.h"
+#include "module.h"
 
 static const struct level *const LEVELS[] = {
     &gearstab_plain,
@@ -33,98 +28,12 @@ static int supported(int index) {
     return index == 0;
 }
 
-static const struct level *level_named(const char *name) {
+const struct level *level_named(const char *name) {
     for (int i = 0; i < LEVEL_COUNT; i++)
         if (supported(i) && strcmp(name, LEVELS[i]->name) == 0)
             return LEVELS[i];
     PyErr_Format(PyExc_ValueError, "this processor has no level of vector instructions named %s", name);
     return NULL;
-}
-
-enum { MOST_BUFFERS = 12 };
-
-struct buffers {
-    Py_buffer view[MOST_BUFFERS];
-};
-
-static void release(struct buffers *buffers) {
-    for (int i = 0; i < MOST_BUFFERS; i++)
-        PyBuffer_Release(&buffers->view[i]); /* does nothing to a view that was never filled */
-}
-
-/* Whether the items of a view are of a type, named as in the struct module and in NumPy: i for int64, b for int8, d for
-   double, z for complex double (of which the kernel sees two doubles). */
-static int of_type(const Py_buffer *view, char type) {
-    const char *format = view->format ? view->format : "B";
-    switch (type) {
-    case 'i': return view->itemsize == 8 && (strcmp(format, "q") == 0 || strcmp(format, "l") == 0);
-    case 'b': return strcmp(format, "b") == 0;
-    case 'z': return strcmp(format, "Zd") == 0;
-    default: return strcmp(format, "d") == 0;
-    }
-}
-
-/* The contiguous buffers of some objects, whose types a string gives, capital letters for those that are written to.
-   Objects that were not given (NULL) leave their view empty. */
-static int take(struct buffers *buffers, PyObject *const *objects, const char *types) {
-    for (int i = 0; types[i] && objects[i]; i++) {
-        char type = types[i] | 0x20;
-        int flags = PyBUF_C_CONTIGUOUS | PyBUF_FORMAT | (type == types[i] ? 0 : PyBUF_WRITABLE);
-        if (PyObject_GetBuffer(objects[i], &buffers->view[i], flags) < 0)
-            return 0;
-        if (!of_type(&buffers->view[i], type)) {
-            PyErr_Format(PyExc_TypeError, "array %d has items of type %s instead of %c", i, buffers->view[i].format, type);
-            return 0;
-        }
-    }
-    return 1;
-}
-
-/* Whether the product of the non-negative dimensions times the item's size is the buffer's length. */
-static int fits(const Py_buffer *view, Py_ssize_t item, int dimensions, const Py_ssize_t *shape) {
-    Py_ssize_t size = item;
-    for (int i = 0; i < dimensions; i++) {
-        if (shape[i] < 0 || (shape[i] > 0 && size > PY_SSIZE_T_MAX / shape[i]))
-            return 0;
-        size *= shape[i];
-    }
-    return view->len == size;
-}
-
-#define FITS(view, item, ...)                                                                                              \
-    fits(view, item, (int)(sizeof((Py_ssize_t[]){__VA_ARGS__}) / sizeof(Py_ssize_t)), (Py_ssize_t[]){__VA_ARGS__})
-
-/* A buffer for a result that may be left out by giving an empty one. */
-static void *wanted(const Py_buffer *view) { return view->len ? view->buf : NULL; }
-
-static int indices_within(const Py_buffer *view, Py_ssize_t count, int64_t end) {
-    const int64_t *index = view->buf;
-    for (Py_ssize_t i = 0; i < count; i++)
-        if (index[i] < 0 || index[i] >= end)
-            return 0;
-    return 1;
-}
-
-/* Whether non-zero frequencies come two by two. */
-static int in_pairs(const double *frequency, Py_ssize_t m) {
-    Py_ssize_t i = 0;
-    while (i < m)
-        i += frequency[i] != 0 ? 2 : 1;
-    return i == m;
-}
-
-/* The end of every function: an exception when something did not fit or memory ran out, else None. */
-static PyObject *finish(struct buffers *buffers, int fit, int failed) {
-    release(buffers);
-    if (PyErr_Occurred())
-        return NULL;
-    if (!fit) {
-        PyErr_SetString(PyExc_ValueError, "the arrays do not have the shapes they should have");
-        return NULL;
-    }
-    if (failed)
-        return PyErr_NoMemory();
-    Py_RETURN_NONE;
 }
 
 static PyObject *py_levels(PyObject *self, PyObject *unused) {
@@ -139,23 +48,6 @@ static PyObject *py_levels(PyObject *self, PyObject *unused) {
         Py_XDECREF(name);
     }
     return names;
-}
-
-/* The arguments of every function of conservative patterns: level, numbers, then the objects of the pattern. */
-#define PATTERN "s(nnnnd(ddddd))OOOO"
-#define PATTERN_ARGUMENTS                                                                                                 \
-    &name, &rows, &segments, &states, &n, &pattern.cycles, &pattern.limits.edge, &pattern.limits.discriminant,            \
-        &pattern.limits.growth, &pattern.limits.coefficient, &pattern.limits.large, &o[0], &o[1], &o[2], &o[3]
-#define PATTERN_TYPES "ddid"
-
-static int set_conservative(struct conservative *pattern, Py_ssize_t rows, Py_ssize_t segments, Py_ssize_t states,
-                            Py_ssize_t n, const Py_buffer *view) {
-    pattern->rows = rows, pattern->segments = segments, pattern->states = states, pattern->n = n;
-    pattern->squared = view[0].buf, pattern->fractions = view[1].buf;
-    pattern->state = view[2].buf, pattern->change = view[3].buf;
-    return n > 0 && segments > 0 && FITS(&view[0], 8, rows, states, n) && FITS(&view[1], 8, rows, segments) &&
-           FITS(&view[2], 8, segments) && FITS(&view[3], 8, rows, segments, n, n) &&
-           indices_within(&view[2], segments, states);
 }
 
 static PyObject *py_scan(PyObject *self, PyObject *arguments) {
@@ -230,6 +122,14 @@ static PyObject *py_traces(PyObject *self, PyObject *arguments) {
     return finish(&b, fit, failed);
 }
 
+/* Whether non-zero frequencies come two by two. */
+static int in_pairs(const double *frequency, Py_ssize_t m) {
+    Py_ssize_t i = 0;
+    while (i < m)
+        i += frequency[i] != 0 ? 2 : 1;
+    return i == m;
+}
+
 static PyObject *py_scan_damped(PyObject *self, PyObject *arguments) {
     (void)self;
     struct buffers b = {0};
@@ -280,113 +180,6 @@ static PyObject *py_symmetric(PyObject *self, PyObject *arguments) {
         Py_END_ALLOW_THREADS
     }
     return finish(&b, fit, failed);
-}
-
-/* Edges and what is known of the rows come as bytes of struct edge and struct reach, because nobody knows before how many
-   edges there are. */
-static PyObject *py_edges(PyObject *self, PyObject *arguments) {
-    (void)self;
-    struct buffers b = {0};
-    PyObject *o[MOST_BUFFERS] = {0}, *result = NULL;
-    struct conservative pattern, coarse;
-    struct order order = {.exact = &pattern, .coarse = &coarse};
-    const char *name;
-    Py_ssize_t rows, segments, states, n, more, kinds, first, last;
-    if (!PyArg_ParseTuple(arguments, PATTERN "nnOOOOnndddOO", PATTERN_ARGUMENTS, &more, &kinds, &o[4], &o[5], &o[6], &o[7], &first,
-                          &last, &order.tolerance, &order.floor, &order.density, &o[8], &o[9]) ||
-        !take(&b, o, PATTERN_TYPES PATTERN_TYPES "dd"))
-        return finish(&b, 1, 0);
-    order.level = level_named(name);
-    coarse = (struct conservative){.cycles = pattern.cycles, .limits = pattern.limits};
-    int fit = order.level && set_conservative(&pattern, rows, segments, states, n, b.view) &&
-              set_conservative(&coarse, rows, more, kinds, n, b.view + 4) && 0 <= first && first <= last && last <= rows &&
-              FITS(&b.view[8], 8, rows) && FITS(&b.view[9], 8, rows) && order.tolerance > 0 && order.floor > 0;
-    if (!fit)
-        return finish(&b, 0, 0);
-    struct edge *edges = NULL;
-    struct reach *reach = calloc((size_t)(last - first) + 1, sizeof *reach);
-    int64_t count = 0;
-    int failed = !reach;
-    if (!failed) {
-        Py_BEGIN_ALLOW_THREADS
-        failed = gearstab_edges(&order, first, last, b.view[8].buf, b.view[9].buf, &edges, &count, reach);
-        Py_END_ALLOW_THREADS
-    }
-    if (!failed)
-        result = Py_BuildValue("y#y#", edges ? (const char *)edges : "", (Py_ssize_t)count * (Py_ssize_t)sizeof *edges,
-                               (const char *)reach, (last - first) * (Py_ssize_t)sizeof *reach);
-    free(edges);
-    free(reach);
-    if (failed)
-        return finish(&b, 1, failed);
-    release(&b);
-    return result;
-}
-
-static PyObject *py_shares(PyObject *self, PyObject *arguments) {
-    (void)self;
-    struct buffers b = {0};
-    PyObject *o[MOST_BUFFERS] = {0}, *result = NULL;
-    struct conservative pattern, coarse;
-    const char *name;
-    Py_ssize_t rows, segments, states, n, more, kinds, first, last, points;
-    if (!PyArg_ParseTuple(arguments, PATTERN "nnOOOOnnnOOOO", PATTERN_ARGUMENTS, &more, &kinds, &o[4], &o[5], &o[6], &o[7],
-                          &first, &last, &points, &o[8], &o[9], &o[10], &o[11]) ||
-        !take(&b, o, PATTERN_TYPES PATTERN_TYPES "ddid"))
-        return finish(&b, 1, 0);
-    const struct level *level = level_named(name);
-    coarse = (struct conservative){.cycles = pattern.cycles, .limits = pattern.limits};
-    int fit = level && set_conservative(&pattern, rows, segments, states, n, b.view) &&
-              set_conservative(&coarse, rows, more, kinds, n, b.view + 4) && 0 <= first && first <= last && last <= points &&
-              FITS(&b.view[8], 8, rows, kinds, n, n) && FITS(&b.view[9], 8, rows, n, n) && FITS(&b.view[10], 8, points) &&
-              FITS(&b.view[11], 8, points) && indices_within(&b.view[10], points, rows);
-    if (!fit)
-        return finish(&b, 0, 0);
-    struct shares kept = {0};
-    int failed;
-    Py_BEGIN_ALLOW_THREADS
-    failed = level->shares(&pattern, &coarse, b.view[8].buf, b.view[9].buf, first, last, b.view[10].buf, b.view[11].buf, &kept);
-    Py_END_ALLOW_THREADS
-    if (!failed)
-        result = PyBytes_FromStringAndSize((const char *)kept.share, (Py_ssize_t)kept.count * (Py_ssize_t)sizeof *kept.share);
-    free(kept.share);
-    if (failed)
-        return finish(&b, 1, failed);
-    release(&b);
-    return result;
-}
-
-static PyObject *py_names(PyObject *self, PyObject *arguments) {
-    (void)self;
-    struct buffers b = {0};
-    PyObject *o[MOST_BUFFERS] = {0}, *result = NULL;
-    struct regions all;
-    Py_ssize_t count, rows, n;
-    if (!PyArg_ParseTuple(arguments, "nnndOOOOOO", &count, &rows, &n, &all.cycles, &o[0], &o[1], &o[2], &o[3], &o[4], &o[5]) ||
-        !take(&b, o, "didiib"))
-        return finish(&b, 1, 0);
-    all.count = count, all.rows = rows, all.n = n, all.shares = b.view[5].len / (Py_ssize_t)sizeof *all.share;
-    all.frequency = b.view[0].buf, all.row = b.view[1].buf, all.cycle = b.view[2].buf;
-    all.passed = b.view[3].buf, all.meetings = b.view[4].buf, all.share = b.view[5].buf;
-    int fit = n > 0 && FITS(&b.view[0], 8, rows, n) && FITS(&b.view[1], 8, count) && FITS(&b.view[2], 8, count) &&
-              FITS(&b.view[3], 8, count, 3) && FITS(&b.view[4], 8, count, 3) &&
-              b.view[5].len % (Py_ssize_t)sizeof *all.share == 0 && indices_within(&b.view[1], count, rows);
-    for (int64_t i = 0; fit && i < all.shares; i++) /* p and q are indices too */
-        fit = 0 <= all.share[i].p && all.share[i].p <= all.share[i].q && all.share[i].q < n;
-    if (!fit)
-        return finish(&b, 0, 0);
-    struct names kept = {0};
-    int failed;
-    Py_BEGIN_ALLOW_THREADS
-    failed = gearstab_names(&all, &kept);
-    Py_END_ALLOW_THREADS
-    if (!failed)
-        result = PyBytes_FromStringAndSize((const char *)kept.name, (Py_ssize_t)kept.count * (Py_ssize_t)sizeof *kept.name);
-    free(kept.name);
-    if (failed)
-        return finish(&b, 1, failed);
-    release(&b);
-    return result;
 }
 
 static PyObject *py_trace_change(PyObject *self, PyObject *arguments) {

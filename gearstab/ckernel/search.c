@@ -9,9 +9,6 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
-#ifdef TRACE
-#include <stdio.h>
-#endif
 
 #include "search.h"
 
@@ -363,18 +360,6 @@ static int refine(struct window *w) {
         int first = w->samples;
         if (asking && evaluate(w, asking))
             return -1;
-#ifdef TRACE
-        for (int i = 0; i < asking; i++) {
-            const struct sample *e[2] = {at(w, w->open[i].left), at(w, w->open[i].right)};
-            printf("T %ld %d %d %d %.10g %.10g %.10g", (long)w->row, w->found[i].kind, w->found[i].doubtful, w->open[i].age, e[0]->cycle, e[1]->cycle, w->cycle[i]);
-            for (int k = 0; k < 2; k++) {
-                printf(" | %ld:", (long)e[k]->index);
-                for (int m = 0; m < e[k]->letters; m++) printf(" %.4f%c", e[k]->letter[m].angle, e[k]->letter[m].sign > 0 ? '+' : '-');
-                for (int m = 0; m < e[k]->offs; m++) printf(" %.4fo%.4g(%.3g)", e[k]->off[m].angle, e[k]->off[m].square,e[k]->off[m].slope);
-            }
-            printf("\n");
-        }
-#endif
         w->nexts = 0;
         for (int i = 0; i < asking; i++) {
             struct bracket *b = &w->open[i];

@@ -89,7 +89,8 @@ double blurred(const struct sample *left, const struct sample *right, const stru
         return 0.0;
     const struct off *off = left->stable ? right->off + found->right : left->off + found->left;
     const struct gap *gap = left->stable ? left->gap + found->left : right->gap + found->right;
-    double slope = fabs(off->slope) < fabs(gap->slope) ? fabs(off->slope) : fabs(gap->slope);
+    int outside = fabs(gap->square * off->slope) < fabs(off->square * gap->slope); /* the nearer end, by F over its slope */
+    double slope = fabs(outside ? gap->slope : off->slope);
     return off->place == ELSEWHERE ? 0.0 : 4.0 * (left->stable ? left : right)->noise / slope;
 }
 

@@ -193,7 +193,7 @@ class _Collected:
 
     def _row(self, part: Part, k: int) -> tuple[int, float, list[int]]:
         """Of a part's k-th row: its number, the unit of frequency, and the mode from 0 of each coordinate."""
-        if self.latest[:2] != (part, k):
+        if self.latest[0] is not part or self.latest[1] != k:
             row = int(part.pattern.rows[k])
             numbers = self._modes(row, part.whole)[part.modes[k]].tolist()
             self.latest = part, k, (row, float(part.pattern.elastic.rate[k]), numbers)
