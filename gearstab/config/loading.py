@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
@@ -14,6 +14,7 @@ from gearstab.config.sections.axes import Array, Axis, Config
 from gearstab.config.sections.names import TOP_LEVEL
 
 if TYPE_CHECKING:
+    from gearstab.config.model.conflicts import Conflict
     from gearstab.config.sections.methods import Methods
     from gearstab.config.sections.respond import Respond
     from gearstab.config.sections.respond_pair import PairRespond
@@ -132,13 +133,13 @@ def _read_system(document: Document, model: type[System], source: FilePath) -> _
     if "damping" in contents:
         from_file["damping"] = {"matrix": contents["damping"]}
     meant = as_meant(raw | from_file, model)
-    layouts = sweep.layouts(sweep.Context(document, model, meant)) if "sweep" in document.data else []
+    context = sweep.Context(document, model, meant)
+    layouts = sweep.layouts(context) if "sweep" in document.data else []
     known = set(sweep.base_values(document, layouts))
-    for path, message, hint in model.conflicts(as_meant(raw | from_file, model)):
-        document.report(("system", *path), message, hint)
+    _report(document, ("system",), model.conflicts(as_meant(raw | from_file, model)))
     known |= check_units(document, model, meant, "system", model, known)
     system = validate(document, model, ("system",), known)
-    built = [(layout.name, sweep.build(document, layout)) for layout in layouts]
+    built = [(layout.name, sweep.build(context, layout)) for layout in layouts]
     if system is None:
         return None
     axes = tuple(item[0] for _, item in built if item)
@@ -163,18 +164,19 @@ def _name_meshes(document: Document, model: type[System]) -> None:
 def _read_samples(document: Document, source: FilePath) -> dict[Path, Array]:
     """What the files of waveforms hold, by the place of the waveform below ``system``; problems are reported."""
     from gearstab.config.checks.samples import waveforms
+    from gearstab.waveforms.section import wave_of
 
     found: dict[Path, Array] = {}
     for path, waveform in waveforms(document.data["system"], ()):
-        name = waveform.get("file")
-        if not isinstance(name, str):
+        name, wave = waveform.get("file"), wave_of(waveform)
+        if not isinstance(name, str) or wave is None:
             continue
         from gearstab.config.checks.sample_file import read_samples
         from gearstab.config.document.files import DataFileError
 
         interpolation = waveform.get("interpolation") or "linear"
         try:
-            found[path] = read_samples(source.parent / name, str(waveform.get("kind")), str(interpolation))
+            found[path] = read_samples(source.parent / name, wave, str(interpolation))
         except DataFileError as error:
             document.report(("system", *path, "file"), str(error), error.hint, value=name)
     return found
@@ -222,41 +224,24 @@ def _read_respond(
 ) -> Respond | PairRespond | None:
     if "respond" not in document.data:
         return None
-    if model is not None and model.respond_model is not None:
-        return _read_pair_respond(document, model)
     from gearstab.config.model.dimensions import check_units
     from gearstab.config.model.validation import as_meant, validate
-    from gearstab.config.sections.respond import Initial, Respond, drives, may_part
+    from gearstab.config.sections.respond import Respond
 
-    raw = document.data.get("system")
+    raw, section = document.data.get("system"), document.data["respond"]
+    wanted: type[Respond | PairRespond] = Respond if model is None else model.respond_model
     known = as_meant(raw, model) | (system.contents if system else {}) if isinstance(raw, dict) else {}
     size = model.size(known) if model else None
-    section = document.data["respond"]
     if isinstance(section, dict):
-        meant = as_meant(section, Respond)
-        for path, message, hint in Respond.conflicts(meant, size, drives(known), may_part(known)):
-            document.report(("respond", *path), message, hint)
-    wrong = check_units(document, model, known, "respond", Respond) if model else set()
-    respond = validate(document, Respond, ("respond",), wrong)
-    if respond is None or size is None:
-        return None
-    if respond.initial is None:
-        return respond
-    state = {name: getattr(respond.initial, name) or [0.0] * size for name in Initial.model_fields}
-    return respond.model_copy(update={"initial": Initial(**state)})
+        _report(document, ("respond",), wanted.conflicts(as_meant(section, wanted), known, size))
+    wrong = check_units(document, model, known, "respond", wanted) if model else set()
+    respond: Respond | PairRespond | None = validate(document, wanted, ("respond",), wrong)
+    return None if respond is None or size is None else respond.of_size(size)
 
 
-def _read_pair_respond(document: Document, model: type[System]) -> PairRespond | None:
-    from gearstab.config.model.dimensions import check_units
-    from gearstab.config.model.validation import as_meant, validate
-    from gearstab.config.sections.respond_pair import PairRespond
-
-    section = document.data["respond"]
-    if isinstance(section, dict):
-        for path, message, hint in PairRespond.conflicts(as_meant(section, PairRespond), document.data["system"]):
-            document.report(("respond", *path), message, hint)
-    wrong = check_units(document, model, document.data["system"], "respond", PairRespond)
-    return validate(document, PairRespond, ("respond",), wrong)
+def _report(document: Document, path: Path, conflicts: Iterable[Conflict]) -> None:
+    for inner, message, hint in conflicts:
+        document.report((*path, *inner), message, hint)
 
 
 def _config(

@@ -24,7 +24,7 @@ a Lyapunov exponent takes four times as long as the compiled kernel's product at
 MOST = 512.0
 """Cost of a Lyapunov exponent beyond which blocks of the grid do not get smaller: calls pay for hundreds of points."""
 
-ModeNumber = Annotated[int, Field(ge=1), Whole()]
+ModeNumber = Annotated[int, Field(ge=1), Whole]
 
 
 def _each_once(modes: list[int]) -> list[int]:
@@ -50,7 +50,7 @@ class LyapunovOptions(Section):
     confidence: Annotated[float, Field(gt=0.5, lt=1), Quantity()] = Field(
         default=0.95, title="confidence", description="Of the interval of the growth rate (1)."
     )
-    seed: Annotated[int, Field(ge=0, le=2**32), Whole()] = Field(
+    seed: Annotated[int, Field(ge=0, le=2**32), Whole] = Field(
         default=0, title="seed", description="Of the random part of the start vectors."
     )
 
@@ -84,7 +84,7 @@ class FloquetOptions(Section):
         description="common_period: exact; per_mesh: one frequency at a time, the others at their mean; lyapunov: "
         "largest Lyapunov exponent with a confidence interval; auto: exact while affordable.",
     )
-    affordable_segments: Annotated[int, Field(ge=1, le=10_000_000), Whole()] = Field(
+    affordable_segments: Annotated[int, Field(ge=1, le=10_000_000), Whole] = Field(
         default=20_000,
         title="affordable segments",
         description="A common period of more segments is not the automatic choice.",

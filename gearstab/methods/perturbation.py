@@ -16,7 +16,7 @@ from gearstab.system import Array
 if TYPE_CHECKING:
     from gearstab.perturbation import Tongues
 
-Harmonics = Annotated[int, Field(ge=1, le=1000), Whole()]
+Harmonics = Annotated[int, Field(ge=1, le=1000), Whole]
 
 
 class PerturbationOptions(Section):

@@ -16,7 +16,7 @@ from gearstab.system import Array, GearSystem
 class ResponseOptions(Section):
     """The periodic steady state of a driven system at every point of the grid."""
 
-    samples_per_cycle: Annotated[int, Field(ge=8, le=100_000), Whole()] = Field(
+    samples_per_cycle: Annotated[int, Field(ge=8, le=100_000), Whole] = Field(
         default=100,
         title="samples per cycle",
         description="Samples in a period of the first mesh, between which a polynomial gives the extremes.",

@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from gearstab import interrupts
-from gearstab.config import Axis, Config
-from gearstab.config.sections.targets import INPUT_SPEED, MESH_FREQUENCY, TargetError, resolve
+from gearstab.config import Axis
+from gearstab.config.sections.targets import INPUT_SPEED, MESH_FREQUENCY
 from gearstab.floquet.kernel import choice as kernel
 from gearstab.methods import Key
 from gearstab.results.chunks import decode, encode
@@ -33,7 +33,6 @@ from gearstab.sweep.earlier import origin
 from gearstab.sweep.parts import Finished
 from gearstab.sweep.plan import Layout, Plan
 from gearstab.system import Array
-from gearstab.systems import model_of
 
 IN_MEMORY = 1 << 28
 """Results of fewer bytes are built in memory."""
@@ -41,14 +40,14 @@ IN_MEMORY = 1 << 28
 
 def result_tree(plan: Plan, finished: Mapping[str, Finished], out: Path) -> ResultTree:
     """The whole result, which is to stand at ``out``; ``finished`` has all blocks by key."""
-    axes = [field for axis in plan.config.axes for field in axis_fields(axis, plan.config)]
+    axes = [field for axis in plan.config.axes for field in axis_fields(axis)]
     ran = {name for part in finished.values() for name in part.kernels}
     root = Group(tuple(axes), root_attributes(SWEEP, plan.config, kernel.said(ran)) | origin(plan.config, out))
     groups = {"modes": modes_group(plan.base)}
     for layout in plan.layouts:
         names = set(layout.dims)
         beside = [
-            field for axis in plan.config.axes if axis.name in names for field in axis_fields(axis, plan.config)[1:]
+            field for axis in plan.config.axes if axis.name in names for field in axis_fields(axis)[1:]
         ]
         groups[layout.method.name] = _method_group(plan, layout, finished, beside)
     if plan.teeth is not None:
@@ -56,7 +55,7 @@ def result_tree(plan: Plan, finished: Mapping[str, Finished], out: Path) -> Resu
     return ResultTree(root, groups)
 
 
-def axis_fields(axis: Axis, config: Config) -> list[Field]:
+def axis_fields(axis: Axis) -> list[Field]:
     """The coordinate of an axis and, for an axis of cases, one more for each parameter that its cases set."""
     text = isinstance(axis.values, list)
     own = coordinate(axis.name, axis.name, TEXT if text else "f8", axis.units, axis.long_name)
@@ -66,32 +65,12 @@ def axis_fields(axis: Axis, config: Config) -> list[Field]:
     fields = [Field(own, axis.values)]
     if text:
         for item in axis.assignments:
-            name = dotted(item.path, config.parameters)
-            if name == axis.name:
+            if item.name == axis.name:
                 continue
             values = [str(value) for value in item.values] if item.structural else item.values
             kind = TEXT if item.structural else "f8"
-            fields.append(Field(coordinate(name, axis.name, kind, *units_and_name(name, config)), values))
+            fields.append(Field(coordinate(item.name, axis.name, kind, item.units, item.title), values))
     return fields
-
-
-def units_and_name(name: str, config: Config) -> tuple[str, str]:
-    """The unit of a parameter and what it is; a name that says nothing to the kind of system stands for itself."""
-    try:
-        (target,) = resolve(name, model_of(config.parameters), config.parameters)
-    except TargetError:
-        return "1", name
-    return target.unit, target.title
-
-
-def dotted(path: tuple[str | int, ...], parameters: object) -> str:
-    """A path into the parameters as one writes it: meshes by name."""
-    words = []
-    for part in path:
-        parameters = parameters[part] if isinstance(parameters, dict | list) and path != ("mesh_frequency",) else None  # type: ignore[index]
-        named = isinstance(part, int) and isinstance(parameters, dict) and "name" in parameters
-        words.append(str(parameters["name"]) if named and isinstance(parameters, dict) else str(part))
-    return ".".join(words)
 
 
 def _method_group(plan: Plan, layout: Layout, finished: Mapping[str, Finished], beside: list[Field]) -> Group:

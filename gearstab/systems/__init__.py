@@ -7,8 +7,10 @@ of its parameters; :class:`~gearstab.systems.base.System` says what it may overr
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_args
 
+from gearstab.config.model.fields import ShortName
+from gearstab.config.model.introspection import bare, field_types, is_model, short_name
 from gearstab.system import GearSystem
 from gearstab.systems.base import System
 from gearstab.systems.gear_pair import GearPair
@@ -34,6 +36,18 @@ def model_of(parameters: dict[str, Any]) -> type[System]:
     return KINDS[parameters["kind"]].variant(parameters)
 
 
+def short_names() -> dict[str, ShortName]:
+    """Return all names that stand for a number of every mesh that has one, in any kind of system."""
+    found: dict[str, ShortName] = {}
+    for model in KINDS.values():
+        meshes = bare(field_types(model).get("meshes"))
+        kinds = field_types(meshes).values() if is_model(meshes) else get_args(meshes)
+        for mesh in kinds:
+            names = {name: short_name(annotation) for name, annotation in field_types(mesh).items()}
+            found |= {name: short for name, short in names.items() if short is not None and name not in found}
+    return found
+
+
 def build(parameters: dict[str, Any]) -> GearSystem:
     """Build the system of a validated section ``system``, any number of which may be an array of batch shape.
 
@@ -48,4 +62,4 @@ def train_of(parameters: dict[str, Any]) -> Train | None:
     return model_of(parameters).train(parameters)
 
 
-__all__ = ["KINDS", "build", "model_of", "train_of"]
+__all__ = ["KINDS", "build", "model_of", "short_names", "train_of"]

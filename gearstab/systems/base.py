@@ -9,9 +9,11 @@ from pydantic import Field
 
 from gearstab.config.document.problems import Path
 from gearstab.config.document.yaml import Document
-from gearstab.config.model.conflicts import Conflict
+from gearstab.config.model.conflicts import Conflict, below, repeated_names
 from gearstab.config.model.fields import Choice, Flag, NonNegative, Section
 from gearstab.config.sections.names import mesh_items
+from gearstab.config.sections.respond import Respond
+from gearstab.config.sections.respond_pair import PairRespond
 from gearstab.systems import feasibility
 from gearstab.systems.parts.damping import Damping
 from gearstab.systems.parts.mesh import ToothMesh
@@ -38,8 +40,8 @@ class System(Section):
     """Whose rules the meshes follow."""
     needs_units: ClassVar[bool] = False
     """Whether numbers of its own, of materials say, are in SI units."""
-    respond_model: ClassVar[type[Section] | None] = None
-    """The section ``respond`` of this kind, None where it is that of linear systems."""
+    respond_model: ClassVar[type[Respond | PairRespond]] = Respond
+    """The section ``respond`` of this kind."""
 
     damping_ratio: NonNegative | None = Field(
         default=None,
@@ -134,20 +136,9 @@ class System(Section):
         if raw.get("damping_ratio") is not None and raw.get("damping") is not None:
             yield ("damping",), "damping_ratio is given already", "keep one of damping_ratio, damping"
         if isinstance(raw.get("damping"), dict):
-            for path, message, hint in Damping.conflicts(raw["damping"], cls.size(raw)):
-                yield ("damping", *path), message, hint
-        yield from _meshes(cls, raw.get("meshes"))
-
-
-def _meshes(model: type[System], meshes: Any) -> Iterator[Conflict]:
-    seen: set[str] = set()
-    for i, mesh in mesh_items(meshes):
-        if not isinstance(mesh, dict):
-            continue
-        for path, message, hint in model.mesh_model.conflicts(mesh):
-            yield ("meshes", i, *path), message, hint
-        name = mesh.get("name")
-        if isinstance(name, str) and name in seen:
-            yield ("meshes", i, "name"), f"two meshes are called '{name}'", "give each mesh a name of its own"
-        elif isinstance(name, str):
-            seen.add(name)
+            yield from below("damping", Damping.conflicts(raw["damping"], cls.size(raw)))
+        meshes = mesh_items(raw.get("meshes"))
+        for key, mesh in meshes:
+            if isinstance(mesh, dict):
+                yield from below("meshes", below(key, cls.mesh_model.conflicts(mesh)))
+        yield from below("meshes", repeated_names(meshes, "meshes", "mesh"))

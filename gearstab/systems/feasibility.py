@@ -6,7 +6,7 @@ and all points of other axes. So the cost does not grow with the grid.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -14,21 +14,20 @@ import numpy as np
 
 from gearstab.config.document.problems import Path
 from gearstab.config.document.yaml import Document, value_at
+from gearstab.config.model.arrays import matrix
 from gearstab.config.sections.axes import Array, Config, parameters_at
 from gearstab.config.sections.names import mesh_items
-from gearstab.config.waveforms import kind_of
-from gearstab.systems.parts.arrays import matrix
 from gearstab.systems.parts.mesh import build_mesh
-from gearstab.systems.waveforms import above_mean
+from gearstab.waveforms import WAVEFORMS, Waveform
+from gearstab.waveforms.section import wave_of_mesh
 
 SYMMETRY_TOLERANCE = 1e-9
 """Asymmetry of a matrix, relative to its largest entry, that comes from writing it with few digits."""
 
 LEVEL_KEYS = ("mean_stiffness", "max_stiffness", "epsilon", "amplitude", "contact_ratio", "waveform")
 
-AT_THE_ENDS = ("ramp", "sin", "cos")
-"""Keys of a waveform whose worst value is the least or the greatest: the least value of a trapezoid rises with its
-ramp, and that of a series is a concave function of the coefficients."""
+AT_THE_ENDS = frozenset(key for wave in WAVEFORMS.values() for key in wave.worst_at_ends)
+"""Keys of a waveform whose worst value is the least or the greatest."""
 
 Selection = dict[str, Array]
 """Axis name -> indices of the points that are looked at, all of one shape."""
@@ -43,7 +42,7 @@ def extreme_points(config: Config, concerns: Callable[[Path], bool]) -> Selectio
             continue
         values = [item.values for item in found]
         keys = {_key(item.path) for item in found}
-        known = (len(keys) == 1 or not keys & set(AT_THE_ENDS)) and all(_ends_suffice(config, i.path) for i in found)
+        known = (len(keys) == 1 or not keys & AT_THE_ENDS) and all(_ends_suffice(config, i.path) for i in found)
         if known and all(np.array_equal(v, values[0]) for v in values[1:]):
             # The contact ratio acts through its fraction.
             measure = np.asarray(values[0])
@@ -62,8 +61,8 @@ def _key(path: Path) -> str:
 def _ends_suffice(config: Config, path: Path) -> bool:
     if path[0] != "meshes" or (path[2] == "waveform" and _key(path) in AT_THE_ENDS):
         return True
-    kind = kind_of(config.parameters["meshes"][path[1]].get("waveform"))
-    return path[2] != "waveform" and (path[2] != "contact_ratio" or kind == "rectangular")
+    wave = wave_of_mesh(config.parameters["meshes"][path[1]])
+    return path[2] != "waveform" and (path[2] != "contact_ratio" or (wave is not None and wave.fraction_sets_levels))
 
 
 def check_mesh_levels(document: Document, config: Config) -> None:
@@ -94,7 +93,7 @@ def check_levels(document: Document, config: Config, index: str | int) -> None:
         p = parameters_at(config, selection)["meshes"][index]
         with np.errstate(all="ignore"):  # what overflows is reported, or of no concern
             item = build_mesh({"name": ""} | p, np.ones(1))
-            depth, above = -item.waveform.extremes()[0], above_mean(item.waveform)
+            depth, above = -item.waveform.extremes()[0], item.waveform.stiffer_level
             lowest = item.mean_stiffness - 2 * np.asarray(p.get("amplitude", item.amplitude)) * depth
             checked = np.atleast_1d(item.mean_stiffness if allowed else np.minimum(lowest, item.mean_stiffness))
             relative = checked / np.abs(p.get("mean_stiffness", p.get("max_stiffness", item.mean_stiffness)))
@@ -125,25 +124,25 @@ def _report(
         place = _place(document, config, index, "waveform", chosen)
         document.report(place, f"{start}, which its samples give", f"check the samples{option}")
         return
-    limit, rule = _limit(p, key, allowed, kind_of(own.get("waveform")))
+    limit, rule = _limit(p, key, allowed, wave_of_mesh(own))
     message = f"{start} at {key} {p[key]:.6g}{ratio}: the largest admissible {key} is below {limit:.6g} = {rule}"
     document.report(_place(document, config, index, key, chosen), message, f"reduce {key}{option}")
 
 
-def _limit(p: dict[str, float], key: str, allowed: bool, kind: str) -> tuple[float, str]:
+def _limit(p: dict[str, float], key: str, allowed: bool, wave: type[Waveform] | None) -> tuple[float, str]:
     """The largest epsilon or amplitude, and the formula for it."""
-    depth, above, fraction = p["depth"], p["above"], "d" if kind == "rectangular" else "w"
-    low = f"d = {depth:.6g}" if fraction == "d" else f"-w = {depth:.6g} the least value of the wave"
+    depth, above, fraction = p["depth"], p["above"], wave is not None and wave.fraction_sets_levels
+    low = f"d = {depth:.6g}" if fraction else f"-w = {depth:.6g} the least value of the wave"
     if "max_stiffness" in p and key == "amplitude":
         if allowed:
-            if fraction == "d":
+            if fraction:
                 return p["max_stiffness"] / (2 * above), f"max_stiffness/(2 (1 - d)), d = {1 - above:.6g}"
             return p["max_stiffness"] / (2 * above), f"max_stiffness/(2 w), w = {above:.6g} the stiffer level"
         total = depth + above
-        known = fraction == "d" or abs(total - 1) < 1e-12
+        known = fraction or abs(total - 1) < 1e-12
         rule = "max_stiffness/2" if known else f"max_stiffness/(2 {total:.6g}), the peak-to-peak of the wave"
         return p["max_stiffness"] / (2 * total), rule
-    divisor = "2 d" if fraction == "d" else "-2 w"
+    divisor = "2 d" if fraction else "-2 w"
     if key == "amplitude":
         return p["mean"] / (2 * depth), f"mean_stiffness/({divisor}), {low}"
     return 1 / (2 * depth), f"1/({divisor}), {low}"
@@ -161,13 +160,10 @@ def _place(document: Document, config: Config, index: str | int, key: str, chose
     return ("system", "meshes", index, key)
 
 
-def check_symmetric(document: Document, parameters: dict[str, Any], terms: bool = False) -> bool:
-    """Report matrices that are not symmetric; return whether mass and stiffness are.
-
-    terms: whether the kind has terms, which need not be symmetric.
-    """
+def check_symmetric(document: Document, parameters: dict[str, Any], others: Sequence[tuple[str, ...]] = ()) -> bool:
+    """Report a damping matrix that is not symmetric, and others below ``system``; return whether the others are."""
     good = True
-    for where in (("mass",), ("stiffness",), ("damping", "matrix")):
+    for where in (*others, ("damping", "matrix")):
         found = value_at(parameters, where)
         if found is None:
             continue
@@ -180,7 +176,7 @@ def check_symmetric(document: Document, parameters: dict[str, Any], terms: bool 
             message = f"is not symmetric: entry {i}.{j} is {values[i, j]:.6g}, entry {j}.{i} is {values[j, i]:.6g}"
             full = ".".join(where)
             remedy = f"make {full}.{i}.{j} and {full}.{j}.{i} equal"
-            if terms and name != "mass":
+            if others and name != "mass":
                 remedy += ", and give the rest as terms"
             report_matrix(document, path, name, message, remedy)
     return good

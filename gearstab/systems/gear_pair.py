@@ -11,15 +11,16 @@ from pydantic import Field
 
 from gearstab import rotating_pair
 from gearstab.config.document.yaml import Document
-from gearstab.config.model.conflicts import Conflict, exactly_one
-from gearstab.config.model.fields import Choice, Inertia, Length, Mass, NonNegative, Quantity, Section, Whole
+from gearstab.config.model.conflicts import Conflict, exactly_one, wrong_length
+from gearstab.config.model.fields import Choice, Inertia, Length, Mass, NonNegative, Quantity, Whole
+from gearstab.config.sections.respond import Respond
 from gearstab.config.sections.respond_pair import PairRespond
 from gearstab.rotating_pair import CLASSICAL, FORMULATIONS, PairNumbers
 from gearstab.system import Array, GearSystem
 from gearstab.system import Mesh as MeshOfSystem
 from gearstab.systems.base import System
 from gearstab.systems.parts.damping import with_damping
-from gearstab.systems.parts.forcing import LoadOfOne, with_forcing, wrong_load
+from gearstab.systems.parts.forcing import LoadOfOne, with_forcing
 from gearstab.systems.parts.mesh import Mesh, build_mesh
 from gearstab.waveforms import Rectangular
 
@@ -33,7 +34,7 @@ TOGETHER = f"two gears are given by {', '.join(OF_GEARS[:3])}, single_contact_an
 
 Formulation = Annotated[str, Choice("formulation", FORMULATIONS, axis=True)]
 TorsionalStiffness = Annotated[float, Field(gt=0), Quantity("N m")]
-Teeth = Annotated[int, Field(ge=1, le=100_000), Whole()]
+Teeth = Annotated[int, Field(ge=1, le=100_000), Whole]
 
 
 class GearPair(System):
@@ -68,7 +69,7 @@ class GearPair(System):
     def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
         """A load of one number."""
         yield from super().conflicts(raw)
-        yield from wrong_load(raw.get("load"), 1)
+        yield from wrong_length(raw, "load", 1)
 
     @classmethod
     def variant(cls, raw: dict[str, Any]) -> type[System]:
@@ -97,7 +98,7 @@ class RotatingPair(System):
         "meshes": TOGETHER,
         "speed": "it belongs to the section respond; in a sweep vary mesh_frequency",
     }
-    respond_model: ClassVar[type[Section] | None] = PairRespond
+    respond_model: ClassVar[type[Respond | PairRespond]] = PairRespond
 
     kind: Literal["gear_pair"] = Field(title="kind of system", description="A gear pair on rigid shafts.")
     formulation: Formulation = Field(

@@ -9,13 +9,13 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from gearstab.config.model.conflicts import Conflict
+from gearstab.config.model.arrays import diagonal
+from gearstab.config.model.conflicts import Conflict, wrong_length
 from gearstab.config.model.fields import ExactRatio, Mass, Quantity
 from gearstab.system import GearSystem
 from gearstab.systems.base import System
-from gearstab.systems.parts.arrays import diagonal
 from gearstab.systems.parts.damping import with_damping
-from gearstab.systems.parts.forcing import Load, with_forcing, wrong_load
+from gearstab.systems.parts.forcing import Load, with_forcing
 from gearstab.systems.parts.mesh import Mesh, SecondMesh, build_mesh
 
 
@@ -50,7 +50,7 @@ class TwoStage(System):
     def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
         """A load of one number a coordinate."""
         yield from super().conflicts(raw)
-        yield from wrong_load(raw.get("load"), 3)
+        yield from wrong_length(raw, "load", 3)
 
     @classmethod
     def build(cls, p: dict[str, Any]) -> GearSystem:

@@ -1,6 +1,7 @@
 """Shapes of the periodic mesh stiffness.
 
-A waveform is one small file with one frozen class that follows :class:`Waveform`, and one line in ``WAVEFORMS``.
+A waveform is one file with one frozen class that overrides what :class:`Waveform` asks for, the keys it takes in a
+configuration, and one line in ``WAVEFORMS``; :mod:`.section` puts the keys of all of them together.
 """
 
 from gearstab.waveforms.base import Profile, Waveform

@@ -1,12 +1,19 @@
-"""What every periodic function of the package offers; the contracts stand here once."""
+"""The contracts of the periodic functions of this package and of the keys that describe them in a configuration."""
 
 from __future__ import annotations
 
-from typing import Protocol
+from collections.abc import Iterator, Sequence
+from typing import Any, ClassVar, Protocol, Self
 
 import numpy as np
 
+from gearstab.config.model.conflicts import Conflict
+from gearstab.config.model.fields import Section
+
 Array = np.ndarray
+
+WrongSample = tuple[int | None, str, str]
+"""Index of the first wrong sample, None where it is all of them; message, remedy."""
 
 
 class Profile(Protocol):
@@ -31,17 +38,105 @@ class Profile(Protocol):
         ...
 
 
-class Waveform(Profile, Protocol):
-    """The shape w of a mesh stiffness, k_v = 2 k_a w: period 1 and zero mean.
+class Keys(Section):
+    """Keys that a wave takes in the section ``waveform`` ; each but ``kind`` is None where it is not given.
+
+    A key that several waves take is declared once, in a class that theirs inherit.
+    """
+
+    kind: str = "rectangular"
+
+
+class Waveform:
+    """The shape w of a mesh stiffness, k_v = 2 k_a w: period 1 and zero mean; a :class:`Profile`.
 
     Its peak-to-peak is 1, so that 2 k_a is that of the stiffness, but for a Fourier series, which keeps the
     coefficients that were given.
+
+    A wave overrides ``build``, what :class:`Profile` asks for, ``extremes`` and ``fourier``, and says with the class
+    attributes what it takes in a configuration.
     """
 
+    said: ClassVar[str] = ""
+    """What the documentation of the key ``kind`` says of it."""
+    keys: ClassVar[type[Keys]] = Keys
+    required: ClassVar[tuple[str, ...]] = ()
+    """Keys that must be given."""
+    sources: ClassVar[tuple[str, ...]] = ()
+    """Keys of which exactly one says where the wave comes from."""
+    has_contact_ratio: ClassVar[bool] = True
+    """Whether the mesh gives a contact ratio."""
+    own_variation: ClassVar[bool] = False
+    """Whether it is made from a stiffness, with a mean and an amplitude of its own when the mesh gives none."""
+    of_teeth: ClassVar[bool] = False
+    """Whether it is computed from the teeth of a gearbox, and not by ``build``."""
+    fraction_sets_levels: ClassVar[bool] = False
+    """Whether its levels are 1 - d and -d, d = c - floor(c), so that the ends of an axis of d hold the worst ones."""
+    worst_at_ends: ClassVar[tuple[str, ...]] = ()
+    """Keys along which the least value of the wave is monotonic or concave: the ends of an axis hold the worst one."""
+
+    @classmethod
+    def build(cls, spec: dict[str, Any], contact_ratio: Any = None) -> Self:
+        """Return the wave of a validated section ``waveform``, any number of which may be an array of batch shape."""
+        raise NotImplementedError
+
+    @classmethod
+    def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
+        """Yield what contradicts itself in the section as written, beyond keys that are missing or another wave's."""
+        yield from ()
+
+    @classmethod
+    def has_own_mean(cls, raw: dict[str, Any]) -> bool:
+        """Whether the section as written says how stiff the mesh is."""
+        return False
+
+    @classmethod
+    def wrong_phase(cls, phase: Sequence[float], interpolation: str) -> WrongSample | None:
+        """Return what is wrong with the phases of samples, for waves that take samples."""
+        return None
+
+    @property
+    def piecewise_constant(self) -> bool:
+        """Whether it is constant between its breakpoints, whatever its parameters."""
+        return False
+
+    @property
+    def batch(self) -> tuple[int, ...]:
+        """The shape of the parameters."""
+        raise NotImplementedError
+
+    def value(self, x: Array) -> Array:
+        """Return w at the phase x (in periods), which broadcasts against the batch; continuous from the right."""
+        raise NotImplementedError
+
+    def breakpoints(self) -> Array:
+        """Return ``(..., B)``, the phases in [0, 1) between which the wave is analytic."""
+        raise NotImplementedError
+
     def extremes(self) -> tuple[Array, Array]:
-        """The least and the greatest value of w, ``(...)`` each."""
-        ...
+        """Return the least and the greatest value of w, ``(...)`` each."""
+        raise NotImplementedError
 
     def fourier(self, order: int) -> tuple[Array, Array]:
-        """(a_s, b_s) of w(x) = sum_s a_s sin 2 pi s x + b_s cos 2 pi s x."""
-        ...
+        """Return (a_s, b_s) of w(x) = sum_s a_s sin 2 pi s x + b_s cos 2 pi s x."""
+        raise NotImplementedError
+
+    @property
+    def stiffer_level(self) -> Array:
+        """The level that ``max_stiffness`` keeps, above the mean and in units of 2 k_a."""
+        return self.extremes()[1]
+
+    @property
+    def mean_stiffness(self) -> Array:
+        """Of the stiffness that the wave was made from, for a mesh that does not give it; zeros for other waves."""
+        return np.zeros(self.batch)
+
+    @property
+    def amplitude(self) -> Array:
+        """Half the peak-to-peak of that stiffness; zeros for other waves."""
+        return np.zeros(self.batch)
+
+
+def as_array(value: Any) -> Array:
+    """Return numbers as floats."""
+    return np.asarray(value, dtype=float)

@@ -2,19 +2,40 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
+from pydantic import Field
 
-from gearstab.waveforms.base import Array
+from gearstab.config.model.arrays import vector
+from gearstab.config.model.conflicts import Conflict
+from gearstab.config.model.fields import Number
+from gearstab.waveforms.base import Array, Keys, Waveform
 from gearstab.waveforms.phase import wrapped
+
+MOST_HARMONICS = 200
 
 NEGLIGIBLE = 1e-15
 """Harmonics below this part of the greatest one do not move the extremes by more than rounding does."""
 
 
+class FourierKeys(Keys):
+    """Coefficients of the series."""
+
+    sin: Annotated[list[Number], Field(max_length=MOST_HARMONICS)] | None = Field(
+        default=None,
+        title="sine coefficients",
+        description="fourier: a_s of sin s x, s = 1, 2, ..., x = Omega_i t - 2 pi lag (1).",
+    )
+    cos: Annotated[list[Number], Field(max_length=MOST_HARMONICS)] | None = Field(
+        default=None, title="cosine coefficients", description="fourier: b_s of cos s x, s = 1, 2, ... (1)."
+    )
+
+
 @dataclass(frozen=True)
-class Fourier:
+class Fourier(Waveform):
     """w = sum_s a_s sin 2 pi s x + b_s cos 2 pi s x, s = 1 .. S, with the coefficients as given.
 
     Its peak-to-peak is what these make it: k_v = 2 k_a w.
@@ -24,12 +45,27 @@ class Fourier:
     sin, cos: ``(..., S)``, a_s and b_s.
     """
 
+    said: ClassVar[str] = "a series"
+    keys: ClassVar[type[Keys]] = FourierKeys
+    has_contact_ratio: ClassVar[bool] = False
+    # The least value is a concave function of the coefficients.
+    worst_at_ends: ClassVar[tuple[str, ...]] = ("sin", "cos")
+
     sin: Array
     cos: Array
 
-    @property
-    def piecewise_constant(self) -> bool:
-        return False
+    @classmethod
+    def build(cls, spec: dict[str, Any], contact_ratio: Any = None) -> Self:
+        """From ``sin`` and ``cos``, either of which may be shorter or missing."""
+        sin, cos = list(spec.get("sin") or []), list(spec.get("cos") or [])
+        order = max(len(sin), len(cos))
+        return cls(*(vector([*part, *[0.0] * (order - len(part))]) for part in (sin, cos)))
+
+    @classmethod
+    def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
+        """At least one harmonic."""
+        if not raw.get("sin") and not raw.get("cos"):
+            yield (), "has no harmonics", "add sin: [..] or cos: [..], the coefficients of the harmonics"
 
     @property
     def batch(self) -> tuple[int, ...]:

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from gearstab.waveforms.base import Array
+from gearstab.waveforms.base import Array, Waveform, as_array
 from gearstab.waveforms.phase import stiff_fraction
 
 
 @dataclass(frozen=True)
-class Rectangular:
+class Rectangular(Waveform):
     """Stiff for the fraction d = c - floor(c) of the period, from phase 0 on.
 
         w = 1 - d for 0 <= x < d,    w = -d for d <= x < 1
@@ -22,7 +23,14 @@ class Rectangular:
     floor(c) + 1 pairs are in contact; the paper's (4) is the negative of it); Parker 2009, (7), (8).
     """
 
+    said: ClassVar[str] = "stiff for the fraction c - floor(c) of the period"
+    fraction_sets_levels: ClassVar[bool] = True
+
     contact_ratio: Array | float
+
+    @classmethod
+    def build(cls, spec: dict[str, Any], contact_ratio: Any = None) -> Self:
+        return cls(as_array(contact_ratio))
 
     @property
     def piecewise_constant(self) -> bool:
@@ -49,6 +57,11 @@ class Rectangular:
     def extremes(self) -> tuple[Array, Array]:
         d = self.stiff_fraction
         return -d, np.where(d > 0, 1.0 - d, 0.0)
+
+    @property
+    def stiffer_level(self) -> Array:
+        """That of floor(c) + 1 pairs, also where an integer contact ratio lets the wave not reach it."""
+        return 1.0 - self.stiff_fraction
 
     def fourier(self, order: int) -> tuple[Array, Array]:
         """a_s = (2/s pi) sin^2(s pi d), b_s = (2/s pi) cos(s pi d) sin(s pi d)."""

@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from gearstab.waveforms.base import Array
+from gearstab.config.model.arrays import vector
+from gearstab.config.model.conflicts import Conflict, exactly_one
+from gearstab.waveforms.base import Array, Keys, Waveform, WrongSample
 from gearstab.waveforms.phase import wrapped
-from gearstab.waveforms.splines import Pieces, interpolate
+from gearstab.waveforms.samples import SampleKeys, missing_source, sample_conflicts, wrong_number, wrong_order
+from gearstab.waveforms.splines import FEWEST, Pieces, interpolate
 
 LEVEL = 1e-13
 """A variation below this part of the largest stiffness is rounding: the wave is taken as constant."""
 
 
 @dataclass(frozen=True)
-class Sampled:
+class Sampled(Waveform):
     """w = (k - mean k)/(max k - min k), k the periodic interpolation of samples; 0 where k is constant.
 
     Mean and extremes are those of the interpolation, not of the samples.
@@ -28,13 +33,46 @@ class Sampled:
     interpolation: ``linear`` or ``cubic`` (:func:`~gearstab.waveforms.splines.interpolate`).
     """
 
+    said: ClassVar[str] = "stiffness over a period"
+    keys: ClassVar[type[Keys]] = SampleKeys
+    sources: ClassVar[tuple[str, ...]] = ("file", "stiffness")
+    has_contact_ratio: ClassVar[bool] = False
+    own_variation: ClassVar[bool] = True
+
     phase: Array
     stiffness: Array
     interpolation: str = "linear"
 
-    @property
-    def piecewise_constant(self) -> bool:
-        return False
+    @classmethod
+    def build(cls, spec: dict[str, Any], contact_ratio: Any = None) -> Self:
+        return cls(vector(spec["phase"]), vector(spec["stiffness"]), spec.get("interpolation", "linear"))
+
+    @classmethod
+    def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
+        """One source of the stiffness, and samples that are a function."""
+        if missing := missing_source(cls, raw):
+            yield missing
+            return
+        yield from exactly_one(raw, cls.sources)
+        if any(raw.get(key) is None for key in cls.sources):
+            yield from sample_conflicts(cls, raw)
+
+    @classmethod
+    def has_own_mean(cls, raw: dict[str, Any]) -> bool:
+        return True
+
+    @classmethod
+    def wrong_phase(cls, phase: Sequence[float], interpolation: str) -> WrongSample | None:
+        """Phases in [0, 1), ascending."""
+        if found := wrong_number(phase, FEWEST.get(interpolation, 2), interpolation):
+            return found
+        for i, value in enumerate(phase):
+            if not 0 <= value < 1:
+                again = "; leave it out, phase 1 is phase 0 again" if value == 1 else ""
+                return i, f"phase {value:g} is outside [0, 1)", f"a phase is a fraction of the mesh period{again}"
+            if found := wrong_order(i, phase):
+                return found
+        return None
 
     @property
     def batch(self) -> tuple[int, ...]:

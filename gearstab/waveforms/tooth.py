@@ -5,11 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Annotated, ClassVar
 
 import numpy as np
 from numpy.polynomial import chebyshev, legendre
+from pydantic import Field
 
-from gearstab.waveforms.base import Array
+from gearstab.config.model.fields import Whole
+from gearstab.waveforms.base import Array, Keys, Waveform
+from gearstab.waveforms.fourier import MOST_HARMONICS
 from gearstab.waveforms.phase import wrapped
 from gearstab.waveforms.sampled import normalised, significant
 
@@ -154,14 +158,28 @@ def stacked(curves: Sequence[Piecewise], shape: tuple[int, ...]) -> Piecewise:
     return Piecewise(edges.reshape(*shape, -1), np.stack(padded).reshape(*shape, edges.shape[-1], degrees))
 
 
+class ToothKeys(Keys):
+    """How much of the computed stiffness is kept."""
+
+    harmonics: Annotated[int, Field(ge=1, le=MOST_HARMONICS), Whole] | None = Field(
+        default=None, title="harmonics", description="tooth: keep the wave's first harmonics only; all without."
+    )
+
+
 @dataclass(frozen=True)
-class Tooth:
+class Tooth(Waveform):
     """w = (k - mean k)/(max k - min k) of a stiffness k given piece by piece, such as one computed from the teeth.
 
     Phase 0 is the entry of a pair of teeth. A constant stiffness has w = 0.
 
     contact_ratio: of the teeth, where they are known; None for another periodic stiffness.
     """
+
+    said: ClassVar[str] = "computed from the teeth of a gearbox"
+    keys: ClassVar[type[Keys]] = ToothKeys
+    has_contact_ratio: ClassVar[bool] = False
+    own_variation: ClassVar[bool] = True
+    of_teeth: ClassVar[bool] = True
 
     stiffness: Piecewise
     contact_ratio: Array | float | None = None

@@ -2,22 +2,53 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
+from pydantic import Field
 
-from gearstab.waveforms.base import Array
+from gearstab.config.model.arrays import vector
+from gearstab.config.model.conflicts import Conflict, at_most_one, exactly_one
+from gearstab.config.model.fields import Choice, NonNegative, Quantity
+from gearstab.waveforms.base import Array, Keys, Waveform, WrongSample, as_array
 from gearstab.waveforms.phase import stiff_fraction, wrapped
 from gearstab.waveforms.sampled import normalised, significant
-from gearstab.waveforms.splines import Pieces, cubic_extremes
+from gearstab.waveforms.samples import SampleKeys, missing_source, sample_conflicts, wrong_number, wrong_order
+from gearstab.waveforms.splines import Pieces, cubic_extremes, interpolate
 
 PARABOLA_ENDS = 0.55
 """Stiffness at the ends of contact over that in its middle, of Cai & Hayashi's approximation."""
 
 
+class ShapeKeys(Keys):
+    """The stiffness of one pair along its contact, as a formula."""
+
+    shape: Annotated[str, Choice("shape", ("constant", "parabolic"))] | None = Field(
+        default=None,
+        title="shape of a pair's stiffness",
+        description="pair: along the contact of one pair, constant or parabolic; or give file, or stiffness.",
+    )
+    ends: NonNegative | None = Field(
+        default=None,
+        title="stiffness at the ends of contact",
+        description="pair: of a parabolic shape, over that in the middle (1); 0.55 without (Cai & Hayashi 1994).",
+    )
+    pair_stiffness: Annotated[float, Field(gt=0), Quantity("N/m", ("N m",))] | None = Field(
+        default=None,
+        title="stiffness of one pair",
+        description="pair: in the middle of its contact (N/m); the mesh then needs no mean_stiffness.",
+    )
+
+
+class PairKeys(SampleKeys, ShapeKeys):
+    """The stiffness of one pair along its contact; messages list its own keys first."""
+
+
 @dataclass(frozen=True)
-class Pair:
+class Pair(Waveform):
     """w = (k - mean k)/(max k - min k) of k(x) = sum_j p((x + j)/c), j with 0 <= x + j < c; 0 where k is constant.
 
     p(u) is the stiffness of one pair of teeth along its contact, from its first point u = 0 to its last one u = 1, c
@@ -30,8 +61,55 @@ class Pair:
     shape: p on [0, 1].
     """
 
+    said: ClassVar[str] = "the sum over the pairs of teeth in contact"
+    keys: ClassVar[type[Keys]] = PairKeys
+    sources: ClassVar[tuple[str, ...]] = ("shape", "file", "stiffness")
+    own_variation: ClassVar[bool] = True
+
     contact_ratio: Array | float
     shape: Pieces
+
+    @classmethod
+    def build(cls, spec: dict[str, Any], contact_ratio: Any = None) -> Self:
+        return cls(as_array(contact_ratio), shape_of(spec))
+
+    @classmethod
+    def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
+        """One source of the shape with what belongs to it."""
+        if missing := missing_source(cls, raw):
+            yield missing
+            return
+        yield from exactly_one(raw, cls.sources)
+        if sum(raw.get(key) is not None for key in cls.sources) > 1:
+            return
+        if raw.get("ends") is not None and raw.get("shape") != "parabolic":
+            yield ("ends",), "belongs to a parabolic shape", "remove it, or choose shape: parabolic"
+        if raw.get("shape") is not None:
+            for key in ("phase", "interpolation"):
+                if raw.get(key) is not None:
+                    yield (key,), "belongs to sampled stiffness", "remove it, or give stiffness instead of shape"
+        else:
+            yield from at_most_one(raw, ("pair_stiffness", "file", "stiffness"))
+        yield from sample_conflicts(cls, raw)
+
+    @classmethod
+    def has_own_mean(cls, raw: dict[str, Any]) -> bool:
+        return any(raw.get(key) is not None for key in ("file", "stiffness", "pair_stiffness"))
+
+    @classmethod
+    def wrong_phase(cls, phase: Sequence[float], interpolation: str) -> WrongSample | None:
+        """Phases from 0 to 1, ascending."""
+        if found := wrong_number(phase, 2, interpolation):
+            return found
+        for i, value in enumerate(phase):
+            if not 0 <= value <= 1:
+                hint = "0 is the first point of a pair's contact, 1 the last one"
+                return i, f"phase {value:g} is outside [0, 1]", hint
+            if found := wrong_order(i, phase):
+                return found
+        if phase[0] != 0 or phase[-1] != 1:
+            return None, f"runs from {phase[0]:g} to {phase[-1]:g}", "give a pair's whole contact, from phase 0 to 1"
+        return None
 
     @property
     def piecewise_constant(self) -> bool:
@@ -86,6 +164,17 @@ class Pair:
         c = np.asarray(self.contact_ratio, dtype=float)
         found = c * self.shape.transform(2 * np.pi * order * c)
         return normalised(-2 * found.imag, self._size), normalised(2 * found.real, self._size)
+
+
+def shape_of(spec: dict[str, Any]) -> Pieces:
+    """Return the stiffness of one pair along its contact from the section ``waveform``."""
+    middle = as_array(spec.get("pair_stiffness", 1.0))
+    if spec.get("shape") == "constant":
+        return constant(middle)
+    if spec.get("shape") == "parabolic":
+        return parabolic(as_array(spec.get("ends", PARABOLA_ENDS)), middle)
+    kind = spec.get("interpolation", "linear")
+    return interpolate(vector(spec["phase"]), vector(spec["stiffness"]), kind, periodic=False)
 
 
 def constant(stiffness: Array | float = 1.0) -> Pieces:

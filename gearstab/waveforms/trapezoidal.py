@@ -3,15 +3,28 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
+from pydantic import Field
 
-from gearstab.waveforms.base import Array
+from gearstab.config.model.fields import Quantity
+from gearstab.waveforms.base import Array, Keys, Waveform, as_array
 from gearstab.waveforms.phase import stiff_fraction, wrapped
 
 
+class TrapezoidalKeys(Keys):
+    """A ramp in place of each jump."""
+
+    ramp: Annotated[float, Field(ge=0, le=1), Quantity()] | None = Field(
+        default=None,
+        title="ramp",
+        description="trapezoidal: each jump is a linear ramp of this fraction of the period, centred on the jump (1).",
+    )
+
+
 @dataclass(frozen=True)
-class Trapezoidal:
+class Trapezoidal(Waveform):
     """The rectangular wave whose jumps are linear ramps, of width r and centred on the jumps.
 
         w(x) = -d + sum_j [S(x - j) - S(x - j - d)],    S(y) = 0 for y < -r/2, 1/2 + y/r, 1 for y > r/2,
@@ -25,12 +38,18 @@ class Trapezoidal:
     rectangular one jumps; the level of floor(c) + 1 pairs stays what it is when a plateau gets too short to reach it.
     """
 
+    said: ClassVar[str] = "with ramps"
+    keys: ClassVar[type[Keys]] = TrapezoidalKeys
+    required: ClassVar[tuple[str, ...]] = ("ramp",)
+    # The least value rises with the ramp.
+    worst_at_ends: ClassVar[tuple[str, ...]] = ("ramp",)
+
     contact_ratio: Array | float
     ramp: Array | float
 
-    @property
-    def piecewise_constant(self) -> bool:
-        return False
+    @classmethod
+    def build(cls, spec: dict[str, Any], contact_ratio: Any = None) -> Self:
+        return cls(as_array(contact_ratio), as_array(spec["ramp"]))
 
     @property
     def batch(self) -> tuple[int, ...]:
@@ -69,6 +88,11 @@ class Trapezoidal:
         low = np.where(r > 0, np.maximum(0.0, 1.0 - (1.0 - d) / safe), 0.0)
         high = np.where(r > 0, np.minimum(1.0, d / safe), np.where(d > 0, 1.0, 0.0))
         return low - d, high - d
+
+    @property
+    def stiffer_level(self) -> Array:
+        """That of floor(c) + 1 pairs, also where ramps or an integer contact ratio let the wave not reach it."""
+        return 1.0 - self.stiff_fraction
 
     def fourier(self, order: int) -> tuple[Array, Array]:
         """Those of the rectangular wave times sin(s pi r)/(s pi r)."""

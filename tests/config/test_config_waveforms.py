@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from gearstab.config import ConfigError, load, parameters_at
-from gearstab.config.waveforms import FORMS
 from gearstab.systems import build
 from gearstab.waveforms import WAVEFORMS, Constant, Fourier, Pair, Rectangular, Sampled, Trapezoidal
 
@@ -66,10 +65,6 @@ def test_a_waveform_is_that_of_its_section(kind, tmp_path) -> None:
     assert type(mesh.waveform) is type(expected) is WAVEFORMS[kind]
     np.testing.assert_array_equal(mesh.waveform.value(x), expected.value(x))
     assert (mesh.mean_stiffness, mesh.epsilon) == (2.0, 0.1)
-
-
-def test_every_kind_of_a_configuration_is_a_waveform() -> None:
-    assert set(FORMS) <= set(WAVEFORMS)
 
 
 def test_pairs_of_teeth(tmp_path) -> None:

@@ -208,8 +208,8 @@ def _with_epsilon(system, epsilon: float):
 def test_rows_may_have_their_own_mesh_frequency(make: Make, tmp_path: Path) -> None:
     text = "sweep: {epsilon: [0.1, 0.3], mesh_frequency: [2.0, 4.2, 5.4]}\nmethods: {floquet: {}}\n"
     config = make(text).config
-    frequency = Assignment(("mesh_frequency",), np.array([2.0, 5.4]))
-    stiffness = Assignment(("input_shaft_stiffness",), np.array([0.5, 0.8]))
+    frequency = Assignment(("mesh_frequency",), np.array([2.0, 5.4]), name="mesh_frequency")
+    stiffness = Assignment(("input_shaft_stiffness",), np.array([0.5, 0.8]), name="input_shaft_stiffness")
     case = Axis("case", 2, ["slow", "fast"], "1", "case", (frequency, stiffness))
     tree = computed(plan(replace(config, axes=(case, config.axes[0]))), tmp_path)
     assert tree["floquet"]["growth_rate"].dims == ("case", "epsilon")

@@ -8,7 +8,6 @@ from gearstab.config.checks.plausibility import doubts
 from gearstab.config.document.problems import Problem
 from gearstab.config.document.yaml import Document
 from gearstab.config.sections.axes import Config
-from gearstab.config.sections.respond_pair import PairRespond
 from gearstab.config.sections.targets import MESH_FREQUENCY
 from gearstab.system import GearSystem
 from gearstab.systems import build, model_of
@@ -41,7 +40,7 @@ def _check_phases(document: Document, config: Config, system: GearSystem) -> Non
         if item.path == MESH_FREQUENCY
     ]
     if config.respond is not None:
-        key = "speed" if isinstance(config.respond, PairRespond) else "mesh_frequency"
+        key = config.respond.frequency_key
         found.append((("respond", key), float(getattr(config.respond, key))))
     factor = np.linalg.inv(np.linalg.cholesky(system.mass))
     elastic = np.abs(np.linalg.eigvalsh(factor @ system.mean_stiffness_matrix() @ factor.T))

@@ -117,9 +117,9 @@ def _numbers(document: Document, config: Config, units: set[str] | None) -> Iter
             if item.path == MESH_FREQUENCY and axis.name != INPUT_SPEED:
                 yield from _shaft_speed(document, ("sweep", axis.name))
     if config.respond is not None:
-        for key in ("mesh_frequency", "speed"):
-            if (value := getattr(config.respond, key, None)) is not None:
-                yield from _unusual(document, ("respond", key), key, "rad/s", value, value, units)
+        key = config.respond.frequency_key
+        value = getattr(config.respond, key)
+        yield from _unusual(document, ("respond", key), key, "rad/s", value, value, units)
         yield from _shaft_speed(document, ("respond", "mesh_frequency"))
 
 

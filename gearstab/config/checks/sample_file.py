@@ -19,24 +19,25 @@ from gearstab.config.document.files import (
 )
 from gearstab.config.document.problems import shown
 from gearstab.config.sections.axes import Array
-from gearstab.config.waveforms import MOST_SAMPLES, wrong_phase
+from gearstab.waveforms import Waveform
+from gearstab.waveforms.samples import MOST_SAMPLES
 
 NAMES = ("phase", "stiffness")
 SUFFIXES = (".csv", ".txt", ".h5", ".hdf5")
 
 
-def read_samples(path: FilePath, kind: str, interpolation: str) -> Array:
+def read_samples(path: FilePath, wave: type[Waveform], interpolation: str) -> Array:
     """``(2, N)``: phase and stiffness.
 
     A text file has one sample a line, phase and stiffness separated by a comma, a semicolon or blanks; empty lines and
     what follows a # do not count, and the first line may name the columns. An HDF5 file has two datasets, ``phase`` and
     ``stiffness``, of one dimension.
 
-    kind, interpolation: of the wave, which say what phases it takes. Raises DataFileError, with the line of a text.
+    wave, interpolation: which say what phases it takes. Raises DataFileError, with the line of a text.
     """
     usable(path, ".csv or .h5", SUFFIXES)
     places, phase, stiffness = _lines(text(path)) if path.suffix.lower() in (".csv", ".txt") else _datasets(path)
-    found = wrong_phase(phase, kind, interpolation)
+    found = wave.wrong_phase(phase, interpolation)
     if found is not None:
         index, message, hint = found
         raise DataFileError(message if index is None else f"{places[index]}: {message}", hint)

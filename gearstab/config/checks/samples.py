@@ -10,6 +10,8 @@ import numpy as np
 from gearstab.config.document.problems import Path
 from gearstab.config.document.yaml import Document
 from gearstab.config.sections.axes import Array, Axis
+from gearstab.waveforms import Sampled
+from gearstab.waveforms.section import wave_of
 
 HINT = "leave it out, or check the samples"
 
@@ -23,7 +25,7 @@ def check_variation(document: Document, samples: Mapping[Path, Array], axes: Seq
         values = samples[path][1] if path in samples else waveform.get("stiffness")
         swept = [(axis, item) for axis in axes for item in axis.assignments if item.path[: len(path) - 1] == path[:-1]]
         if (
-            waveform.get("kind") != "sampled"
+            wave_of(waveform) is not Sampled
             or not _constant(values)
             or any(i.path[: len(path)] == path for _, i in swept)
         ):

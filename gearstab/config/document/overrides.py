@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from gearstab.config.document.problems import ConfigError, Path, Problem, nearest, shown
 from gearstab.config.document.yaml import Document, Where, parse_value
-from gearstab.config.sections.names import BUT_THE_FIRST, EVERY_MESH, RIVALS, TOP_LEVEL, mesh_items
+from gearstab.config.sections.names import TOP_LEVEL, mesh_items
+
+if TYPE_CHECKING:
+    from gearstab.config.model.fields import ShortName
 
 
 def apply(document: Document, override: str) -> None:
@@ -40,23 +43,22 @@ def _places(document: Document, name: str, option: str) -> list[Path]:
         return [_path(document, keys, option)]
     if name == "mesh_frequency":
         raise _wrong(option, "is no part of the system", "set sweep.mesh_frequency or respond.mesh_frequency")
-    meshes = document.get(("system", "meshes"))
-    if name in EVERY_MESH + BUT_THE_FIRST and isinstance(meshes, list | dict):
-        return _of_meshes(meshes, name, option)
+    from gearstab.systems import short_names
+
+    meshes, short = document.get(("system", "meshes")), short_names().get(name)
+    if short is not None and isinstance(meshes, list | dict):
+        return _of_meshes(meshes, name, short, option)
     return [_path(document, ["system", *keys], option)]
 
 
-def _of_meshes(meshes: list[Any] | dict[str, Any], name: str, option: str) -> list[Path]:
-    from gearstab.config.waveforms import has_no_ratio
+def _of_meshes(meshes: list[Any] | dict[str, Any], name: str, short: ShortName, option: str) -> list[Path]:
+    from gearstab.systems.parts.mesh import may_have
 
-    rival = RIVALS.get(name, "")
-    found: list[Path] = []
-    for i, mesh in mesh_items(meshes):
-        without = (name == "contact_ratio" and has_no_ratio(mesh)) or (i == 0 and name in BUT_THE_FIRST)
-        if isinstance(mesh, dict) and mesh.get(rival) is None and not without:
-            found.append(("system", "meshes", i, name))
+    found: list[Path] = [
+        ("system", "meshes", i, name) for i, mesh in mesh_items(meshes) if may_have(name, short, i, mesh)
+    ]
     if not found:
-        remedy = f"the meshes give {rival}: set that" if rival else "see `gearstab schema`"
+        remedy = f"the meshes give {short.rival}: set that" if short.rival else "see `gearstab schema`"
         raise _wrong(option, f"no mesh has {name}", remedy)
     return found
 

@@ -8,7 +8,15 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Annotated, Any, ClassVar
 
-from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, GetJsonSchemaHandler, StrictBool
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    StrictBool,
+)
 from pydantic_core import PydanticCustomError, core_schema
 
 from gearstab.config.document.problems import nearest
@@ -248,6 +256,19 @@ class Choice:
         raise wrong("choice", f"is no {self.what}", hint if hint.endswith(names) else f"{hint} (available: {names})")
 
 
+@dataclass(frozen=True)
+class ShortName:
+    """Marks a number of a mesh whose name alone stands for it in ``sweep`` and ``--set``, of every mesh that has one.
+
+    but_first: of every mesh but the first, against which it counts. rival: the key that a mesh may give in its place.
+    hint: what to do where no mesh has it.
+    """
+
+    but_first: bool = False
+    rival: str = ""
+    hint: str = ""
+
+
 def _whole(value: Any) -> Any:
     """``1e3`` is 1000; a truth value, a text or 2.5 is no count."""
     if isinstance(value, float) and value.is_integer():
@@ -257,11 +278,8 @@ def _whole(value: Any) -> Any:
     return value
 
 
-class Whole:
-    """A whole number."""
-
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
-        return core_schema.no_info_before_validator_function(_whole, handler(source))
+Whole = BeforeValidator(_whole)
+"""Of a whole number."""
 
 
 def _name(value: Any) -> str:
@@ -272,15 +290,9 @@ def _name(value: Any) -> str:
     return value
 
 
-class Name:
-    """The name of a mesh or coordinate, usable in dotted paths."""
-
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
-        return core_schema.no_info_before_validator_function(_name, handler(source))
-
-
 Flag = StrictBool
-NameText = Annotated[str, Name()]
+NameText = Annotated[str, BeforeValidator(_name)]
+"""The name of a mesh or coordinate, usable in dotted paths."""
 Positive = Annotated[float, Field(gt=0), Quantity()]
 NonNegative = Annotated[float, Field(ge=0), Quantity()]
 Number = Annotated[float, Quantity()]

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
 from pydantic import BaseModel
 
 from gearstab.config.document.problems import Path
-from gearstab.config.model.fields import Choice, Quantity, Ratio
+from gearstab.config.model.fields import Choice, Quantity, Ratio, ShortName
 
 
 @cache
@@ -52,6 +52,13 @@ def number_kind(annotation: Any) -> Quantity | Ratio | None:
     if get_origin(annotation) is not Annotated:
         return None
     return next((m for m in get_args(annotation)[1:] if isinstance(m, Quantity | Ratio)), None)
+
+
+def short_name(annotation: Any) -> ShortName | None:
+    """What the name of a field stands for by itself, None for other fields."""
+    if get_origin(annotation) is not Annotated:
+        return None
+    return next((m for m in get_args(annotation)[1:] if isinstance(m, ShortName)), None)
 
 
 def axis_choice(annotation: Any) -> Choice | None:

@@ -10,11 +10,10 @@ from pydantic.json_schema import models_json_schema
 from gearstab.config.model.introspection import field_types, is_model, number_kind
 from gearstab.config.sections.expansion import Range
 from gearstab.config.sections.methods import Methods
-from gearstab.config.sections.names import BUT_THE_FIRST, EVERY_MESH
 from gearstab.config.sections.respond import Respond
 from gearstab.config.sections.respond_pair import PairRespond
 from gearstab.config.sections.sweep import Tie
-from gearstab.systems import KINDS
+from gearstab.systems import KINDS, short_names
 from gearstab.systems.gear_pair import RotatingPair
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
@@ -75,8 +74,10 @@ def _sweep() -> dict[str, Any]:
     said = {
         "mesh_frequency": "Frequency of the first mesh (rad/s).",
         "input_speed": "Of a gearbox, in place of mesh_frequency (rad/s, or with a unit such as rpm).",
-        **dict.fromkeys(EVERY_MESH, "Of every mesh that has one."),
-        **dict.fromkeys(BUT_THE_FIRST, "Of every mesh but the first."),
+    }
+    said |= {
+        name: "Of every mesh but the first." if short.but_first else "Of every mesh that has one."
+        for name, short in short_names().items()
     }
     return {
         "description": "The axes of the grid: short names, dotted paths below system, or names of several parameters.",

@@ -30,11 +30,15 @@ class Assignment:
     path: keys and indices into ``Config.parameters``; ``("mesh_frequency",)`` is the mesh frequency itself.
     values: one a point of the axis: a float array, or a list where the parameter is no plain number (an exact ratio).
     factor: of the values over those of the axis.
+    name: the path as one writes it, meshes by name; units and title: SI unit, "1" without one, and what it is.
     """
 
     path: Path
     values: Array | list[Any]
     factor: float = 1.0
+    name: str = ""
+    units: str = "1"
+    title: str = ""
 
     @property
     def structural(self) -> bool:

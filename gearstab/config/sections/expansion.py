@@ -7,8 +7,7 @@ from collections.abc import Callable
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import Field, GetCoreSchemaHandler, GetJsonSchemaHandler, TypeAdapter, ValidationError
-from pydantic_core import core_schema
+from pydantic import Field, TypeAdapter, ValidationError, WithJsonSchema
 
 from gearstab.config.document.problems import Path
 from gearstab.config.document.yaml import Document
@@ -23,29 +22,20 @@ STEP_TOLERANCE = 1e-9
 """How far from the last step, in steps, the stop still counts as hit: (stop - start)/step carries a few roundings."""
 
 
-class Edge:
-    """A number, where the parameter has a unit also a text with one; the parameter itself says which are allowed."""
+Edge = WithJsonSchema({"type": ["number", "string"]})
+"""A number, where the parameter has a unit also a text with one; the parameter itself says which are allowed."""
 
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
-        return core_schema.any_schema()
-
-    def __get_pydantic_json_schema__(
-        self, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler
-    ) -> dict[str, Any]:
-        return {"type": ["number", "string"]}
-
-
-Count = Annotated[int, Field(ge=1, le=LARGEST_AXIS), Whole()]
+Count = Annotated[int, Field(ge=1, le=LARGEST_AXIS), Whole]
 Spacing = Annotated[str, Choice("spacing", ("linear", "log"))]
 
 
 class Range(Section):
     """Equally spaced values, both ends included."""
 
-    start: Annotated[Any, Edge()] = Field(title="start", description="The first value.")
-    stop: Annotated[Any, Edge()] = Field(title="stop", description="The last value.")
+    start: Annotated[Any, Edge] = Field(title="start", description="The first value.")
+    stop: Annotated[Any, Edge] = Field(title="stop", description="The last value.")
     num: Count | None = Field(default=None, title="number of values", description="How many values; or give step.")
-    step: Annotated[Any, Edge()] | None = Field(
+    step: Annotated[Any, Edge] | None = Field(
         default=None,
         title="step",
         description="From value to value; the stop is included when a step hits it. Or give num.",

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 from pydantic import Field
 
-from gearstab.config.model.conflicts import Conflict, exactly_one
+from gearstab.config.model.conflicts import Conflict, below, exactly_one, mapping, mappings, wrong_length
 from gearstab.config.model.fields import (
     AngularFrequency,
     Flag,
@@ -59,7 +59,7 @@ class Respond(Section):
         description="Of a steady state: how much of the histories is stored, in periods of the first mesh (1); the "
         "whole common period without.",
     )
-    samples_per_cycle: Annotated[int, Field(ge=2, le=1_000_000), Whole()] = Field(
+    samples_per_cycle: Annotated[int, Field(ge=2, le=1_000_000), Whole] = Field(
         default=200, title="samples per cycle", description="Stored samples in a period of the first mesh."
     )
     discard: NonNegative | None = Field(
@@ -68,14 +68,23 @@ class Respond(Section):
         description="With backlash: how long, in periods of the first mesh, the motion settles before it is summed up.",
     )
 
+    frequency_key: ClassVar[str] = "mesh_frequency"
+    """The key that says how fast the system runs."""
+
+    def of_size(self, size: int) -> Respond:
+        """Return the section with zeros for what the initial state of so many coordinates does not give."""
+        if self.initial is None:
+            return self
+        state = {name: getattr(self.initial, name) or [0.0] * size for name in Initial.model_fields}
+        return self.model_copy(update={"initial": Initial(**state)})
+
     @classmethod
-    def conflicts(
-        cls, raw: dict[str, Any], size: int | None, driven: bool = False, parting: bool = False
-    ) -> Iterator[Conflict]:
+    def conflicts(cls, raw: dict[str, Any], system: dict[str, Any], size: int | None) -> Iterator[Conflict]:
         """One length of time and an initial state of the system's size, or neither for the steady state.
 
-        driven: whether something drives the system; parting: whether its teeth may lose contact.
+        system: its section as written; size: number of its coordinates, None where it cannot be told.
         """
+        driven, parting = drives(system), may_part(system)
         if raw.get("discard") is not None and not parting:
             yield ("discard",), "no mesh has backlash", "remove it, or give a mesh backlash"
         discard, cycles = raw.get("discard"), raw.get("cycles")
@@ -97,9 +106,8 @@ class Respond(Section):
         if not isinstance(initial, dict):
             return
         states = {name: initial.get(name) for name in ("displacement", "velocity")}
-        for name, values in states.items():
-            if isinstance(values, list) and size is not None and len(values) != size:
-                yield ("initial", name), f"has {len(values)} entries", f"give {size}, one a coordinate"
+        for name in states:
+            yield from below("initial", wrong_length(initial, name, size))
         if not driven and all(v is None or (isinstance(v, list) and all(x == 0 for x in v)) for v in states.values()):
             yield ("initial",), "the system stays at rest", "give a displacement or a velocity that is not zero"
 
@@ -123,8 +131,8 @@ def may_part(system: dict[str, Any]) -> bool:
 def drives(system: dict[str, Any]) -> bool:
     """Whether the section ``system``, as written, has something that drives it."""
     meshes = [mesh for _, mesh in mesh_items(system.get("meshes"))]
-    ends = [system.get("input"), *(system["outputs"] if isinstance(system.get("outputs"), list) else [])]
-    if any(isinstance(end, dict) and end.get("torque") is not None for end in ends):
+    ends = [mapping(system, "input"), *(end for _, end in mappings(system, "outputs"))]
+    if any(end.get("torque") is not None for end in ends):
         return True
     errors = any(isinstance(mesh, dict) and mesh.get("transmission_error") is not None for mesh in meshes)
     return errors or bool(system.get("load")) or bool(system.get("forces"))

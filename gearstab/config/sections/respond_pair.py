@@ -50,7 +50,7 @@ class PairSpectrum(Section):
     window: Annotated[str, Choice("window", ("hann", "boxcar"))] = Field(
         default="hann", title="window", description="hann, or boxcar for a response that repeats itself exactly."
     )
-    peaks: Annotated[int, Field(ge=1, le=1000), Whole()] = Field(
+    peaks: Annotated[int, Field(ge=1, le=1000), Whole] = Field(
         default=20, title="number of peaks", description="How many of the largest peaks are listed."
     )
 
@@ -80,7 +80,7 @@ class PairRespond(Section):
         title="speed held",
         description="Begin on the periodic orbit of the mean speed given, which an unbalanced torque then holds.",
     )
-    samples_per_cycle: Annotated[int, Field(ge=2, le=1_000_000), Whole()] = Field(
+    samples_per_cycle: Annotated[int, Field(ge=2, le=1_000_000), Whole] = Field(
         default=200, title="samples per cycle", description="Stored samples in a mesh cycle at the initial speed."
     )
     spectrum: PairSpectrum = Field(
@@ -89,8 +89,14 @@ class PairRespond(Section):
         description="discard, window and peaks of the power spectral density of phi.",
     )
 
+    frequency_key: ClassVar[str] = "speed"
+
+    def of_size(self, size: int) -> PairRespond:
+        """Return the section as it is: nothing in it has one number for each coordinate."""
+        return self
+
     @classmethod
-    def conflicts(cls, raw: dict[str, Any], system: dict[str, Any]) -> Iterator[Conflict]:
+    def conflicts(cls, raw: dict[str, Any], system: dict[str, Any], size: int | None) -> Iterator[Conflict]:
         """One length of time; only what loses energy can stall, and only what may change its speed can be held."""
         yield from exactly_one(raw, LENGTHS)
         if raw.get("hold_speed"):

@@ -25,7 +25,7 @@ from gearstab.config.sections.expansion import (
     expand_list,
 )
 from gearstab.config.sections.methods import Methods
-from gearstab.config.sections.targets import INPUT_SPEED, MESH_FREQUENCY, Target, TargetError, resolve
+from gearstab.config.sections.targets import INPUT_SPEED, MESH_FREQUENCY, Target, TargetError, described, resolve
 from gearstab.systems.base import System
 
 GROUPS = ("modes", "bench", "teeth", *Methods.model_fields)
@@ -38,19 +38,17 @@ class Tie(Section):
     """Several parameters on one axis."""
 
     targets: list[str] = Field(title="targets", min_length=1, description="Names of the parameters that vary together.")
-    values: Annotated[Any, Edge()] | None = Field(
+    values: Annotated[Any, Edge] | None = Field(
         default=None,
         title="values",
         description="One list or range for all targets, or a list of them, one for each target.",
     )
-    start: Annotated[Any, Edge()] | None = Field(
+    start: Annotated[Any, Edge] | None = Field(
         default=None, title="start", description="The first value, of all targets."
     )
-    stop: Annotated[Any, Edge()] | None = Field(
-        default=None, title="stop", description="The last value, of all targets."
-    )
+    stop: Annotated[Any, Edge] | None = Field(default=None, title="stop", description="The last value, of all targets.")
     num: Count | None = Field(default=None, title="number of values", description="How many values; or give step.")
-    step: Annotated[Any, Edge()] | None = Field(
+    step: Annotated[Any, Edge] | None = Field(
         default=None, title="step", description="From value to value; or give num."
     )
     spacing: Spacing | None = Field(default=None, title="spacing", description="linear or log.")
@@ -325,8 +323,9 @@ def base_values(document: Document, found: list[Layout]) -> Iterator[Path]:
                     yield path
 
 
-def build(document: Document, layout: Layout) -> tuple[Axis, Any] | None:
+def build(context: Context, layout: Layout) -> tuple[Axis, Any] | None:
     """The axis and its resolved specification; None after reporting problems."""
+    document = context.document
     expansions = [[column.expand(document, t) for t in column.targets] for column in layout.columns]
     flat = [e for found in expansions for e in found]
     if not layout.sound or not flat or any(e.values is None for e in flat):
@@ -338,7 +337,12 @@ def build(document: Document, layout: Layout) -> tuple[Axis, Any] | None:
         return None
     targets = [target for column in layout.columns for target in column.targets]
     assignments = tuple(
-        Assignment(path, e.values if target.factor == 1 else np.asarray(e.values) * target.factor, target.factor)
+        Assignment(
+            path,
+            e.values if target.factor == 1 else np.asarray(e.values) * target.factor,
+            target.factor,
+            *described(path, context.model, context.raw),
+        )
         for target, e in zip(targets, flat, strict=True)
         for path in target.paths
         if e.values is not None

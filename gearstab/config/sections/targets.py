@@ -13,7 +13,7 @@ from pydantic.fields import FieldInfo
 from gearstab.config.document.problems import Path, dotted, nearest
 from gearstab.config.document.yaml import value_at
 from gearstab.config.model.dimensions import quantity_at
-from gearstab.config.model.fields import AngularFrequency, Quantity, Ratio
+from gearstab.config.model.fields import AngularFrequency, Quantity, Ratio, ShortName
 from gearstab.config.model.introspection import (
     axis_choice,
     entry_type,
@@ -22,10 +22,11 @@ from gearstab.config.model.introspection import (
     is_model,
     number_kind,
 )
-from gearstab.config.sections.names import BUT_THE_FIRST, EVERY_MESH, RIVALS, mesh_items
-from gearstab.config.waveforms import FORMS, Waveform, has_no_ratio, kind_of
+from gearstab.config.sections.names import mesh_items
+from gearstab.systems import short_names
 from gearstab.systems.base import System
-from gearstab.systems.parts.mesh import Mesh, ToothMesh
+from gearstab.systems.parts.mesh import Mesh, ToothMesh, may_have
+from gearstab.waveforms.section import WaveformSection, name_of, owners, wave_of
 
 MESH_FREQUENCY: Path = ("mesh_frequency",)
 """Where the mesh frequency stands, which no system has."""
@@ -91,6 +92,25 @@ def resolve(name: str, model: type[System], raw: dict[str, Any]) -> list[Target]
     return [_fitted(target, model, raw) for target in _named(name, model, raw)]
 
 
+def described(path: Path, model: type[System], raw: dict[str, Any]) -> tuple[str, str, str]:
+    """Name, unit and title of the number at a path; one that says nothing to the kind of system stands for itself."""
+    name = _written(path, raw)
+    try:
+        (target,) = resolve(name, model, raw)
+    except TargetError:
+        return name, "1", name
+    return name, target.unit, target.title
+
+
+def _written(path: Path, raw: Any) -> str:
+    """A path as one writes it: meshes and other entries by name."""
+    words = []
+    for k, part in enumerate(path, start=1):
+        name = value_at(raw, (*path[:k], "name")) if isinstance(part, int) else None
+        words.append(str(part if name is None else name))
+    return ".".join(words)
+
+
 def _fitted(target: Target, model: type[System], raw: dict[str, Any]) -> Target:
     """With the units that the number has in this very system."""
     kind = number_kind(target.annotation)
@@ -107,34 +127,24 @@ def _named(name: str, model: type[System], raw: dict[str, Any]) -> list[Target]:
     if name == INPUT_SPEED and (cycles := model.cycles_of_input(raw)) is not None:
         own = [Target((path,), AngularFrequency, "input speed") for path in model.follow_speed(raw)]
         return [Target((MESH_FREQUENCY,), AngularFrequency, "input speed", None, cycles), *own]
-    if name in EVERY_MESH + BUT_THE_FIRST and name not in model.model_fields:
-        return _of_meshes(name, model, raw)
+    short = short_names().get(name)
+    if short is not None and name not in model.model_fields:
+        return _of_meshes(name, short, model, raw)
     return [_walk(name, model.expand_path(name.split(".")), model, raw)]
 
 
-def _of_meshes(name: str, model: type[System], raw: dict[str, Any]) -> list[Target]:
+def _of_meshes(name: str, short: ShortName, model: type[System], raw: dict[str, Any]) -> list[Target]:
     found = []
     for i, mesh in mesh_items(raw.get("meshes")):
         kind = inner_type(field_types(model).get("meshes"), i)
-        has_it = isinstance(mesh, dict) and kind is not None and name in field_types(kind)
-        if not has_it or mesh.get(RIVALS.get(name, "")) is not None or (i == 0 and name in BUT_THE_FIRST):
-            continue
-        if name == "contact_ratio" and has_no_ratio(mesh):
+        if kind is None or name not in field_types(kind) or not may_have(name, short, i, mesh):
             continue
         field = kind.model_fields[name]
         found.append(Target((("meshes", i, name),), field_types(kind)[name], field.title, _default(field, name)))
     if found:
         return found
-    if name in RIVALS:
-        raise TargetError(f"no mesh has {name}", f"the meshes give {RIVALS[name]}: use that, or give them {name}")
-    raise TargetError(
-        f"no mesh but the first has {name}" if name in BUT_THE_FIRST else f"no mesh has {name}",
-        {
-            "phasing": "two_stage has a phasing of its second mesh, matrices have lags, planetary has phases",
-            "lag": "matrices have lags, two_stage has a phasing of its second mesh, planetary has phases",
-            "contact_ratio": "their waveforms have none",
-        }.get(name, "list the meshes under system.meshes"),
-    )
+    remedy = f"the meshes give {short.rival}: use that, or give them {name}" if short.rival else short.hint
+    raise TargetError(f"no mesh{' but the first' if short.but_first else ''} has {name}", remedy)
 
 
 def _walk(name: str, parts: list[str], model: type[System], raw: dict[str, Any]) -> Target:
@@ -144,7 +154,7 @@ def _walk(name: str, parts: list[str], model: type[System], raw: dict[str, Any])
     title, owner, default = "", "", None
     step: str | int
     for part in parts:
-        if annotation is Waveform and part in field_types(annotation):
+        if annotation is WaveformSection and part in field_types(annotation):
             _check_waveform(part, value, dotted(("system", *path, part)))
         if is_model(annotation) and part in field_types(annotation):
             field = annotation.model_fields[part]
@@ -176,12 +186,11 @@ def _check_waveform(key: str, waveform: Any, where: str) -> None:
     """A wave varies with the keys of its own kind only. where: path of the key in the document."""
     if key == "kind":
         raise TargetError("is a word, and an axis sets a number", f"run a sweep for each, with --set {where}=..")
-    kind = kind_of(waveform)
-    if kind and key in FORMS[kind].keys:
+    wave = wave_of(waveform)
+    if wave is not None and key in wave.keys.model_fields:
         return
-    owners = ", ".join(other for other, form in FORMS.items() if key in form.keys)
-    message = f"a {kind} wave takes no {key}" if kind else "unknown waveform"
-    raise TargetError(message, f"choose waveform kind: {owners}")
+    message = "unknown waveform" if wave is None else f"a {name_of(wave)} wave takes no {key}"
+    raise TargetError(message, f"choose waveform kind: {owners(key)}")
 
 
 def _of_its_kind(annotation: Any, section: Any) -> Any:
@@ -228,12 +237,12 @@ def _mirrored(path: Path) -> tuple[Path, ...]:
 def candidates(model: type[System], raw: dict[str, Any]) -> list[str]:
     """Names that an axis may have in this system, without the entries of matrices."""
     names = ["mesh_frequency", *([INPUT_SPEED] if model.cycles_of_input(raw) is not None else [])]
-    for short in EVERY_MESH + BUT_THE_FIRST:
+    for name, short in short_names().items():
         try:
-            _of_meshes(short, model, raw)
+            _of_meshes(name, short, model, raw)
         except TargetError:
             continue
-        names.append(short)
+        names.append(name)
     return names + list(_numbers(model, raw, ()))
 
 

@@ -14,13 +14,13 @@ from typing import Any
 
 import numpy as np
 
+from gearstab.config.model.arrays import diagonal
 from gearstab.errors import NotPossible
 from gearstab.system import Array, GearSystem, Mesh, PeriodicForce, PeriodicTerm
 from gearstab.systems.gearbox import friction, matrices, rotors
 from gearstab.systems.gearbox.teeth import MeshTeeth
 from gearstab.systems.gearbox.train import Link, TrainError, mesh_frequency_ratios, mesh_link, speeds
 from gearstab.systems.gearbox.wanted import from_teeth
-from gearstab.systems.parts.arrays import diagonal
 from gearstab.systems.parts.damping import with_damping
 from gearstab.systems.parts.forcing import with_forcing
 from gearstab.systems.parts.mesh import build_mesh

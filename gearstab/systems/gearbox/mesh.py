@@ -7,7 +7,7 @@ from typing import Annotated, Any, ClassVar
 
 from pydantic import Field
 
-from gearstab.config.model.conflicts import Conflict, at_most_one
+from gearstab.config.model.conflicts import Conflict, at_most_one, below
 from gearstab.config.model.fields import (
     Choice,
     Length,
@@ -15,11 +15,10 @@ from gearstab.config.model.fields import (
     NonNegative,
     Quantity,
     Section,
-    Turns,
 )
-from gearstab.config.waveforms import Waveform, form_of, kind_of
 from gearstab.systems.parts.forcing import TransmissionError
-from gearstab.systems.parts.mesh import Mesh
+from gearstab.systems.parts.mesh import Lag, Mesh, following_conflicts
+from gearstab.waveforms.section import shape_conflicts, wave_of_mesh
 
 FRICTIONS = {
     "constant": ("coefficient",),
@@ -80,7 +79,7 @@ class GearboxMesh(Mesh):
     centre_distance: Length | None = Field(
         default=None, title="centre distance", description="C (m); that of a mesh without backlash, if not given."
     )
-    lag: Turns = Field(
+    lag: Lag = Field(
         default=0.0, title="mesh lag", description="A pair of teeth enters this fraction of the mesh period late (1)."
     )
     damping_ratio: NonNegative | None = Field(
@@ -113,28 +112,18 @@ class GearboxMesh(Mesh):
         yield from at_most_one(raw, ("mean_stiffness", "max_stiffness"))
         yield from at_most_one(raw, ("epsilon", "amplitude"))
         yield from at_most_one(raw, ("damping", "damping_ratio"))
-        waveform, form = raw.get("waveform"), form_of(raw)
-        if isinstance(waveform, dict):
-            for path, message, hint in Waveform.conflicts(waveform):
-                yield ("waveform", *path), message, hint
-        tooth = kind_of(waveform) == "tooth"
-        if form is not None and not form.contact_ratio and not tooth and raw.get("contact_ratio") is not None:
-            yield ("contact_ratio",), "the waveform has no contact ratio", "remove it, or choose another waveform"
-        if tooth:
+        yield from shape_conflicts(raw)
+        wave = wave_of_mesh(raw)
+        if wave is not None and wave.of_teeth:
             for key in ("mean_stiffness", "max_stiffness", "epsilon", "amplitude", "contact_ratio"):
                 if raw.get(key) is not None:
                     remedy = "remove it, or choose waveform: {kind: rectangular}; measured values are "
                     yield (key,), "the teeth give it", f"{remedy}single_pair_stiffness and variation"
-        if raw.get("damping_follows_stiffness") is True:
-            if raw.get("damping") is None and raw.get("damping_ratio") is None:
-                yield ("damping",), "is missing", "add damping_ratio or damping, the mean of the damping that follows"
-            if raw.get("transmission_error") is not None:
-                message = "is given, and a damping that follows the stiffness"
-                yield ("transmission_error",), message, "keep one of the two, or make the damping constant"
-        for path, message, hint in TransmissionError.conflicts(raw.get("transmission_error")):
-            yield ("transmission_error", *path), message, hint
+        yield from following_conflicts(
+            raw, ("damping", "damping_ratio"), "add damping_ratio or damping, the mean of the damping that follows"
+        )
+        yield from below("transmission_error", TransmissionError.conflicts(raw.get("transmission_error")))
         if raw.get("friction") is not None and raw.get("backlash"):
             yield ("backlash",), "is not available with friction between the teeth", "keep one of the two"
         if isinstance(raw.get("friction"), dict):
-            for path, message, hint in Friction.conflicts(raw["friction"]):
-                yield ("friction", *path), message, hint
+            yield from below("friction", Friction.conflicts(raw["friction"]))

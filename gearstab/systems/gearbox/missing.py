@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from gearstab.config.model.conflicts import Conflict
+from gearstab.config.model.conflicts import Conflict, entries, mappings
 from gearstab.systems.gearbox.wanted import needs_width
 
 MOST = 4
@@ -17,7 +17,7 @@ def missing_of_teeth(raw: dict[str, Any], shared: set[str]) -> Iterator[Conflict
 
     shared: what ``gears`` gives for all.
     """
-    rotors = {i: rotor for i, rotor in enumerate(_list(raw.get("rotors"))) if isinstance(rotor, dict)}
+    rotors = dict(mappings(raw, "rotors"))
     geared = [i for i, rotor in rotors.items() if rotor.get("teeth") is not None]
     for key in ("module", "pressure_angle"):
         lacking = [i for i in geared if rotors[i].get(key) is None and key not in shared]
@@ -63,16 +63,12 @@ def _of_disc(i: int, rotor: dict[str, Any]) -> Iterator[tuple[int, str, str]]:
 
 def _of_meshes(raw: dict[str, Any], narrow: dict[int, dict[str, Any]]) -> Iterator[tuple[int, str, str]]:
     """Stiffness and lubrication that follow from the teeth."""
-    for k, mesh in enumerate(_list(raw.get("meshes"))):
+    for k, mesh in enumerate(entries(raw, "meshes")):
         sections = [mesh.get(key) or {} for key in ("waveform", "friction")] if isinstance(mesh, dict) else [None]
         if not all(isinstance(section, dict) for section in sections) or not needs_width(mesh):
             continue
         stiff = not needs_width(mesh | {"mean_stiffness": 1.0})
         what, key = ("stiffness", "mean_stiffness") if stiff else ("friction", "")
         for i, rotor in narrow.items():
-            if rotor.get("teeth") is not None and rotor.get("name") in _list(mesh.get("gears")):
+            if rotor.get("teeth") is not None and rotor.get("name") in entries(mesh, "gears"):
                 yield i, f"the {what} of mesh {mesh.get('name', k)}", key
-
-
-def _list(value: Any) -> list[Any]:
-    return value if isinstance(value, list) else []

@@ -10,7 +10,7 @@ from pydantic import Field
 
 from gearstab.config.document.problems import Path, nearest
 from gearstab.config.document.yaml import Document
-from gearstab.config.model.conflicts import Conflict
+from gearstab.config.model.conflicts import Conflict, below, mapping, mappings
 from gearstab.config.model.fields import (
     AngularFrequency,
     Choice,
@@ -248,7 +248,7 @@ class Gearbox(System):
     @classmethod
     def follow_speed(cls, raw: dict[str, Any]) -> list[Path]:
         """Of ``input``, where the friction of lubricated teeth depends on it."""
-        laws = [mesh.get("friction") for _, mesh in _mappings(raw.get("meshes"))]
+        laws = [mesh.get("friction") for _, mesh in mappings(raw, "meshes")]
         lubricated = any(isinstance(law, dict) and law.get("kind") in LUBRICATED for law in laws)
         return [("input", "speed")] if lubricated and isinstance(raw.get("input"), dict) else []
 
@@ -258,15 +258,12 @@ class Gearbox(System):
         yield from super().conflicts(raw)
         if raw.get("units") == "none":
             yield ("units",), "a gearbox is computed from its teeth, in SI units", "remove it"
-        gears = raw.get("gears")
-        shared = {key for key, value in gears.items() if value is not None} if isinstance(gears, dict) else set()
-        rotors = _mappings(raw.get("rotors"))
+        shared = {key for key, value in mapping(raw, "gears").items() if value is not None}
+        rotors = mappings(raw, "rotors")
         for i, rotor in rotors:
-            for path, message, hint in Rotor.conflicts(rotor):
-                yield ("rotors", i, *path), message, hint
-        for i, shaft in _mappings(raw.get("shafts")):
-            for path, message, hint in Shaft.conflicts(shaft):
-                yield ("shafts", i, *path), message, hint
+            yield from below("rotors", below(i, Rotor.conflicts(rotor)))
+        for i, shaft in mappings(raw, "shafts"):
+            yield from below("shafts", below(i, Shaft.conflicts(shaft)))
         named = {rotor["name"]: rotor for _, rotor in rotors if isinstance(rotor.get("name"), str)}
         yield from _names(raw, named)
         yield from missing_of_teeth(raw, shared)
@@ -274,23 +271,19 @@ class Gearbox(System):
         yield from _torques(raw)
 
 
-def _mappings(entries: Any) -> list[tuple[int, dict[str, Any]]]:
-    return [(i, item) for i, item in enumerate(entries if isinstance(entries, list) else []) if isinstance(item, dict)]
-
-
 def _names(raw: dict[str, Any], rotors: dict[str, dict[str, Any]]) -> Iterator[Conflict]:
     """Each rotor and shaft has a name of its own; shafts, meshes, input and outputs name rotors that exist."""
     for section in ("rotors", "shafts"):
-        names = Counter(str(item.get("name")) for _, item in _mappings(raw.get(section)))
-        for i, item in _mappings(raw.get(section)):
+        names = Counter(str(item.get("name")) for _, item in mappings(raw, section))
+        for i, item in mappings(raw, section):
             if isinstance(item.get("name"), str) and names[item["name"]] > 1:
                 names[item["name"]] = 0
                 message = f"two {section} are called '{item['name']}'"
                 yield (section, i, "name"), message, "give each a name of its own"
-    if len(rotors) < len(_mappings(raw.get("rotors"))):
+    if len(rotors) < len(mappings(raw, "rotors")):
         return  # one of two equal names was meant otherwise, which others may refer to
-    used = [(("shafts", i, "between"), item.get("between"), False) for i, item in _mappings(raw.get("shafts"))]
-    used += [(("meshes", i, "gears"), item.get("gears"), True) for i, item in _mappings(raw.get("meshes"))]
+    used = [(("shafts", i, "between"), item.get("between"), False) for i, item in mappings(raw, "shafts")]
+    used += [(("meshes", i, "gears"), item.get("gears"), True) for i, item in mappings(raw, "meshes")]
     for path, ends, geared in used:
         if not isinstance(ends, list):
             continue
@@ -298,9 +291,8 @@ def _names(raw: dict[str, Any], rotors: dict[str, dict[str, Any]]) -> Iterator[C
             yield from _rotor((*path, k), name, rotors, geared)
         if len(ends) == 2 and ends[0] == ends[1]:
             yield path, f"joins '{ends[0]}' to itself", "name two different rotors"
-    if isinstance(raw.get("input"), dict):
-        yield from _rotor(("input", "rotor"), raw["input"].get("rotor"), rotors, False)
-    for i, item in _mappings(raw.get("outputs")):
+    yield from _rotor(("input", "rotor"), mapping(raw, "input").get("rotor"), rotors, False)
+    for i, item in mappings(raw, "outputs"):
         yield from _rotor(("outputs", i, "rotor"), item.get("rotor"), rotors, False)
 
 
@@ -317,32 +309,32 @@ def _rotor(
 
 def _lubricated(raw: dict[str, Any]) -> Iterator[Conflict]:
     """The friction of lubricated teeth depends on speed and load."""
-    driving = raw.get("input") if isinstance(raw.get("input"), dict) else {}
-    laws = [(i, mesh.get("friction")) for i, mesh in _mappings(raw.get("meshes"))]
+    driving = mapping(raw, "input")
+    laws = [(i, mesh.get("friction")) for i, mesh in mappings(raw, "meshes")]
     kinds = [(i, law.get("kind")) for i, law in laws if isinstance(law, dict) and law.get("kind") in LUBRICATED]
     for i, kind in kinds:
-        if (driving or {}).get("speed") is None:
+        if driving.get("speed") is None:
             message = f"{kind} friction depends on the speed, which is missing"
             yield ("meshes", i, "friction"), message, "add speed to input, or choose constant friction"
-        outputs = [item.get("torque") for _, item in _mappings(raw.get("outputs"))]
-        if (driving or {}).get("torque") is None and all(torque is None for torque in outputs):
+        outputs = [item.get("torque") for _, item in mappings(raw, "outputs")]
+        if driving.get("torque") is None and all(torque is None for torque in outputs):
             message = f"{kind} friction depends on the load, and there are no torques"
             yield ("meshes", i, "friction"), message, "add torques to input or outputs, or choose constant friction"
 
 
 def _torques(raw: dict[str, Any]) -> Iterator[Conflict]:
     """Torques that balance: of all outputs, or of the input alone."""
-    outputs = [(i, item.get("torque")) for i, item in _mappings(raw.get("outputs"))]
+    outputs = [(i, item.get("torque")) for i, item in mappings(raw, "outputs")]
     given = [i for i, torque in outputs if torque is not None]
-    driving = raw["input"].get("torque") if isinstance(raw.get("input"), dict) else None
+    driving = mapping(raw, "input").get("torque")
     if given and len(given) < len(outputs):
         missing = next(i for i, torque in outputs if torque is None)
         yield ("outputs", missing, "torque"), "is missing", "give every output a torque, or none"
     if given and driving is not None:
         message = "follows from the torques of the outputs"
         yield ("input", "torque"), message, "remove it, or the torques of the outputs"
-    ends = [(("outputs", i, "rotor"), item.get("rotor")) for i, item in _mappings(raw.get("outputs"))]
-    seen = {str(raw["input"].get("rotor")): "the input"} if isinstance(raw.get("input"), dict) else {}
+    ends = [(("outputs", i, "rotor"), item.get("rotor")) for i, item in mappings(raw, "outputs")]
+    seen = {str(mapping(raw, "input").get("rotor")): "the input"}
     for path, name in ends:
         if isinstance(name, str) and name in seen:
             yield path, f"rotor '{name}' is {seen[name]} already", "name another rotor, or add the torques up"

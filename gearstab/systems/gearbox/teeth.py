@@ -16,7 +16,7 @@ from gearstab.gears.pair import Pair
 from gearstab.system import Array
 from gearstab.systems.gearbox.rotors import number
 from gearstab.systems.gearbox.wanted import CONTACT_RATIO, MEAN, VARIATION, WAVE, from_teeth
-from gearstab.waveforms import Fourier, Tooth
+from gearstab.waveforms import WAVEFORMS, Fourier, Tooth
 from gearstab.waveforms.tooth import Piecewise, stacked
 
 Numbers = dict[tuple[str, str], float]
@@ -107,14 +107,14 @@ class MeshTeeth:
     def filled(self) -> dict[str, Any]:
         """The parameters of the mesh with what the teeth give of mean stiffness, epsilon, contact ratio and wave."""
         p, wanted = dict(self.p), from_teeth(self.p)
-        kind = (p.get("waveform") or {}).get("kind", "rectangular")
+        rectangular = WAVEFORMS[(p.get("waveform") or {}).get("kind", "rectangular")].has_contact_ratio
         if MEAN in wanted:
             p["mean_stiffness"] = self.of_stiffness(lambda mesh: mesh.mean)
-        if CONTACT_RATIO in wanted and kind != "tooth":
+        if CONTACT_RATIO in wanted and rectangular:
             p["contact_ratio"] = self.each(lambda pair: pair.contact_ratio)
         if VARIATION in wanted:
-            keep, whole = p.get("reduction", "levels"), kind in ("tooth", "fourier")
-            p["epsilon"] = self.of_stiffness(lambda mesh: (mesh if whole else mesh.rectangular(keep)).epsilon)
+            keep = p.get("reduction", "levels")
+            p["epsilon"] = self.of_stiffness(lambda mesh: (mesh.rectangular(keep) if rectangular else mesh).epsilon)
         return p | ({"wave": self.wave()} if WAVE in wanted else {})
 
     def wave(self) -> Tooth | Fourier:

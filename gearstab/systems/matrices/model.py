@@ -12,7 +12,16 @@ from pydantic_core import core_schema
 from gearstab.config.document.files import DataFileError
 from gearstab.config.document.problems import Path
 from gearstab.config.document.yaml import Document, value_at
-from gearstab.config.model.conflicts import Conflict
+from gearstab.config.model.arrays import matrix, vector
+from gearstab.config.model.conflicts import (
+    Conflict,
+    below,
+    entries,
+    mappings,
+    no_direction,
+    repeated_names,
+    wrong_length,
+)
 from gearstab.config.model.fields import Choice, NameText, Quantity
 from gearstab.config.model.units import UnitError, to_si
 from gearstab.system import Array, GearSystem
@@ -20,9 +29,8 @@ from gearstab.systems import feasibility
 from gearstab.systems.base import System
 from gearstab.systems.matrices.definite import check_definite
 from gearstab.systems.matrices.file import read_matrices
-from gearstab.systems.parts.arrays import matrix, vector
 from gearstab.systems.parts.damping import not_square, with_damping
-from gearstab.systems.parts.forcing import Force, Load, with_forcing, wrong_load
+from gearstab.systems.parts.forcing import Force, Load, with_forcing
 from gearstab.systems.parts.mesh import MatrixMesh, build_mesh
 from gearstab.systems.parts.terms import Term, periodic_terms
 
@@ -144,7 +152,7 @@ class Matrices(System):
     def check_feasible(cls, document: Document, config: Config) -> None:
         """Matrices that no system has, too."""
         feasibility.check_mesh_levels(document, config)
-        if feasibility.check_symmetric(document, config.parameters, terms=True):
+        if feasibility.check_symmetric(document, config.parameters, [("mass",), ("stiffness",)]):
             check_definite(document, feasibility.numbers_only(config), cls.build)
 
     @classmethod
@@ -158,8 +166,8 @@ class Matrices(System):
         if raw.get("coordinate_units") is None and any(turning):
             units = ["rad" if turns else "m" for turns in turning]
             document.put(("system", "coordinate_units"), units, document.where(("system", "mass")))
-        meshes = raw.get("meshes") if isinstance(raw.get("meshes"), list) else []
-        angles = [_told(mesh, (key,), "N m") for mesh in meshes or [] for key in ("mean_stiffness", "max_stiffness")]
+        meshes = entries(raw, "meshes")
+        angles = [_told(mesh, (key,), "N m") for mesh in meshes for key in ("mean_stiffness", "max_stiffness")]
         if raw.get("deflection_unit") is None and all(cls.turning(raw) or [False]) and any(angles):
             document.put(("system", "deflection_unit"), "rad", document.where(("system", "meshes")))
 
@@ -168,12 +176,12 @@ class Matrices(System):
         """Shapes that agree, names that differ; the matrices themselves are checked as numbers."""
         yield from super().conflicts(raw)
         size = cls.size(raw)
-        yield from wrong_load(raw.get("load"), size)
-        yield from _terms(raw.get("terms"), size)
-        forces = raw.get("forces")
-        for i, force in enumerate(forces if isinstance(forces, list) else []):
-            for path, message, hint in Force.conflicts_of_size(force, size):
-                yield ("forces", i, *path), message, hint
+        yield from wrong_length(raw, "load", size)
+        for i, term in enumerate(entries(raw, "terms")):
+            yield from below("terms", below(i, Term.conflicts(term, size)))
+        yield from below("terms", repeated_names(enumerate(entries(raw, "terms")), "terms", "term"))
+        for i, force in enumerate(entries(raw, "forces")):
+            yield from below("forces", below(i, Force.conflicts_of_size(force, size)))
         for name in ("mass", "stiffness"):
             rows = raw.get(name)
             if rows is None and raw.get("file") is None:
@@ -181,18 +189,20 @@ class Matrices(System):
                 yield (), f"{name} is missing", remedy
             elif isinstance(rows, list) and not rows and size is None:
                 yield (name,), "has no rows", "give one row a coordinate"
-            elif isinstance(rows, list) and size is not None:
-                yield from not_square(rows, size, (name,))
-        if size is not None:
-            yield from _of_size(raw, size)
+            else:
+                yield from not_square(raw, name, size)
+        yield from wrong_length(raw, "coordinates", size)
+        for i, mesh in mappings(raw, "meshes"):
+            wrong = no_direction(mesh, "direction", size, "let the mesh move at least one coordinate")
+            yield from below("meshes", below(i, wrong if size is not None else ()))
         units = raw.get("coordinate_units")
         if isinstance(units, list) and size is not None and len(units) not in (1, size):
             yield ("coordinate_units",), f"has {len(units)} entries", f"give {size}, one a coordinate, or one for all"
         for key in ("coordinate_units", "deflection_unit"):
             if raw.get("units") == "none" and raw.get(key) not in (None, "m"):
                 yield (key,), "is given for a model without units", "remove it, or units: none"
-        names = raw.get("coordinates")
-        if isinstance(names, list) and len({str(n) for n in names}) < len(names):
+        names = entries(raw, "coordinates")
+        if len({str(name) for name in names}) < len(names):
             yield ("coordinates",), "two coordinates have the same name", "give each a name of its own"
 
     @classmethod
@@ -221,18 +231,6 @@ class Matrices(System):
         return with_forcing(with_damping(system, p), p)
 
 
-def _terms(terms: Any, size: int | None) -> Iterator[Conflict]:
-    seen: set[str] = set()
-    for i, term in enumerate(terms if isinstance(terms, list) else []):
-        for path, message, hint in Term.conflicts(term, size):
-            yield ("terms", i, *path), message, hint
-        name = term.get("name") if isinstance(term, dict) else None
-        if isinstance(name, str) and name in seen:
-            yield ("terms", i, "name"), f"two terms are called '{name}'", "give each term a name of its own"
-        elif isinstance(name, str):
-            seen.add(name)
-
-
 def _told(raw: Any, path: Path, unit: str) -> bool:
     """Whether the number at a path is a text with a unit of a kind."""
     text = value_at(raw, path)
@@ -240,18 +238,3 @@ def _told(raw: Any, path: Path, unit: str) -> bool:
         return isinstance(text, str) and to_si(text, (unit,)) is not None
     except UnitError:
         return False
-
-
-def _of_size(raw: dict[str, Any], size: int) -> Iterator[Conflict]:
-    names = raw.get("coordinates")
-    if isinstance(names, list) and len(names) != size:
-        yield ("coordinates",), f"has {len(names)} entries", f"give {size}, one a coordinate"
-    meshes = raw.get("meshes")
-    for i, mesh in enumerate(meshes if isinstance(meshes, list) else []):
-        direction = mesh.get("direction") if isinstance(mesh, dict) else None
-        if not isinstance(direction, list):
-            continue
-        if len(direction) != size:
-            yield ("meshes", i, "direction"), f"has {len(direction)} entries", f"give {size}, one a coordinate"
-        elif all(entry == 0 for entry in direction):
-            yield ("meshes", i, "direction"), "has only zeros", "let the mesh move at least one coordinate"

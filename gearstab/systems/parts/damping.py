@@ -9,11 +9,11 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field
 
-from gearstab.config.model.conflicts import Conflict, exactly_one
+from gearstab.config.model.arrays import given, matrix, vector
+from gearstab.config.model.conflicts import Conflict, exactly_one, wrong_length
 from gearstab.config.model.fields import NonNegative, Quantity, Section
 from gearstab.modal import modal_damping_matrix
 from gearstab.system import Array, GearSystem, Mesh, PeriodicTerm
-from gearstab.systems.parts.arrays import given, matrix, vector
 from gearstab.waveforms import Scaled
 
 MatrixEntry = Annotated[float, Quantity("N s/m", ("N s", "N m s"), entry=True)]
@@ -42,22 +42,20 @@ class Damping(Section):
     def conflicts(cls, raw: dict[str, Any], size: int | None) -> Iterator[Conflict]:
         """Exactly one form, of the size of the system."""
         yield from exactly_one(raw, ("modal", "rayleigh", "matrix"))
-        modal, matrix = raw.get("modal"), raw.get("matrix")
-        if size is None:
-            return
-        if isinstance(modal, list) and len(modal) != size:
-            yield ("modal",), f"has {len(modal)} entries", f"give {size}, one a mode"
-        if isinstance(matrix, list):
-            yield from not_square(matrix, size, ("matrix",))
+        yield from wrong_length(raw, "modal", size, "mode")
+        yield from not_square(raw, "matrix", size)
 
 
-def not_square(rows: list[Any], size: int, path: tuple[str | int, ...]) -> Iterator[Conflict]:
-    """A conflict unless nested lists are ``size`` rows of ``size`` entries."""
+def not_square(raw: Any, key: str, size: int | None) -> Iterator[Conflict]:
+    """A conflict unless the nested lists at a key are ``size`` rows of ``size`` entries."""
+    rows = raw.get(key)
+    if not isinstance(rows, list) or size is None:
+        return
     if len(rows) != size:
-        yield path, f"has {len(rows)} rows", f"give {size} rows of {size} numbers"
+        yield (key,), f"has {len(rows)} rows", f"give {size} rows of {size} numbers"
     for i, row in enumerate(rows):
         if isinstance(row, list) and len(row) != size:
-            yield (*path, i), f"has {len(row)} entries", f"give {size}, one a coordinate"
+            yield (key, i), f"has {len(row)} entries", f"give {size}, one a coordinate"
 
 
 def with_damping(system: GearSystem, p: dict[str, Any]) -> GearSystem:

@@ -10,7 +10,8 @@ import numpy as np
 from pydantic import Field, GetJsonSchemaHandler
 from pydantic_core import core_schema
 
-from gearstab.config.model.conflicts import Conflict
+from gearstab.config.model.arrays import given, vector
+from gearstab.config.model.conflicts import Conflict, no_direction
 from gearstab.config.model.fields import (
     ExactRatio,
     NameText,
@@ -20,7 +21,7 @@ from gearstab.config.model.fields import (
     Turns,
 )
 from gearstab.system import GearSystem, PeriodicForce
-from gearstab.systems.parts.arrays import given, series, vector
+from gearstab.waveforms import Fourier
 
 ErrorAmplitude = Annotated[float, Quantity("m", ("rad",), entry=True)]
 ForceAmplitude = Annotated[float, Quantity("N", ("N m",), entry=True)]
@@ -101,13 +102,7 @@ class Force(Section):
     def conflicts_of_size(cls, raw: Any, size: int | None) -> Iterator[Conflict]:
         """At least one harmonic, and a direction of the size of the system that is not zero."""
         yield from no_harmonics(raw, "N")
-        direction = raw.get("direction") if isinstance(raw, dict) else None
-        if not isinstance(direction, list):
-            return
-        if size is not None and len(direction) != size:
-            yield ("direction",), f"has {len(direction)} entries", f"give {size}, one a coordinate"
-        elif direction and all(entry == 0 for entry in direction):
-            yield ("direction",), "has only zeros", "let the force act on at least one coordinate"
+        yield from no_direction(raw, "direction", size, "let the force act on at least one coordinate")
 
 
 def no_harmonics(raw: Any, unit: str) -> Iterator[Conflict]:
@@ -116,12 +111,6 @@ def no_harmonics(raw: Any, unit: str) -> Iterator[Conflict]:
         return
     if not raw.get("sin") and not raw.get("cos"):
         yield (), "has no harmonics", f"add sin: [..] or cos: [..], amplitudes of the harmonics ({unit})"
-
-
-def wrong_load(load: Any, size: int | None) -> Iterator[Conflict]:
-    """A conflict unless a load has one number a coordinate."""
-    if isinstance(load, list) and size is not None and len(load) != size:
-        yield ("load",), f"has {len(load)} entries", f"give {size}, one a coordinate"
 
 
 def with_forcing(system: GearSystem, p: dict[str, Any]) -> GearSystem:
@@ -135,7 +124,7 @@ def with_forcing(system: GearSystem, p: dict[str, Any]) -> GearSystem:
     meshes = tuple(
         replace(
             item,
-            transmission_error=series(part["transmission_error"]) if part.get("transmission_error") else None,
+            transmission_error=Fourier.build(part["transmission_error"]) if part.get("transmission_error") else None,
             damping=np.asarray(part["damping"], dtype=float) if _constant_damping(part) else 0.0,
             backlash=np.asarray(part["backlash"], dtype=float) if given(part, "backlash") else 0.0,
             backlash_zero=part.get("backlash_zero", "middle"),
@@ -144,8 +133,8 @@ def with_forcing(system: GearSystem, p: dict[str, Any]) -> GearSystem:
     )
     forces = tuple(
         PeriodicForce(
-            part.get("name") or f"force{i + 1}", vector(part["direction"]), series(part), part["frequency_ratio"],
-            np.asarray(part.get("lag", 0.0), dtype=float),
+            part.get("name") or f"force{i + 1}", vector(part["direction"]), Fourier.build(part),
+            part["frequency_ratio"], np.asarray(part.get("lag", 0.0), dtype=float),
         )
         for i, part in enumerate(p.get("forces") or [])
     )  # fmt: skip

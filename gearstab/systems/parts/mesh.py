@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from fractions import Fraction
 from typing import Annotated, Any, ClassVar
 
@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field
 
 from gearstab import system
-from gearstab.config.model.conflicts import Conflict, at_most_one, exactly_one
+from gearstab.config.model.conflicts import Conflict, at_most_one, below, exactly_one
 from gearstab.config.model.fields import (
     AnyRatio,
     Choice,
@@ -20,15 +20,26 @@ from gearstab.config.model.fields import (
     NonNegative,
     Quantity,
     Section,
+    ShortName,
     Turns,
 )
-from gearstab.config.waveforms import Form, Waveform, form_of, has_own_mean, kind_of, shape_conflicts
 from gearstab.system import Array
 from gearstab.systems.parts.forcing import TransmissionError
-from gearstab.systems.waveforms import above_mean, own_variation, waveform
+from gearstab.waveforms.section import (
+    WaveformSection,
+    build_waveform,
+    has_no_ratio,
+    has_own_mean,
+    shape_conflicts,
+    wave_of_mesh,
+)
 
 MeshStiffness = Annotated[float, Field(gt=0), Quantity("N/m", ("N m",))]
 """Of a model in coordinates of its own, where a mesh may deflect as an angle."""
+
+WHERE_PHASINGS = "two_stage has a phasing of its second mesh, matrices have lags, planetary has phases"
+WHERE_LAGS = "matrices have lags, two_stage has a phasing of its second mesh, planetary has phases"
+Lag = Annotated[Turns, ShortName(but_first=True, hint=WHERE_LAGS)]
 
 ZEROS = ("middle", "drive_side")
 """Where in its backlash the deflection of a mesh is zero."""
@@ -51,23 +62,23 @@ class ToothMesh(Section):
         title="stiffer level of the mesh stiffness",
         description="The stiffer level k_max, kept (N/m), so that k_g falls as k_a grows; or give mean_stiffness.",
     )
-    epsilon: NonNegative | None = Field(
+    epsilon: Annotated[NonNegative, ShortName(rival="amplitude")] | None = Field(
         default=None,
         title="relative mesh stiffness variation",
         description="epsilon = k_a/k_g, where 2 k_a is the peak-to-peak of the variation (1); or give amplitude.",
     )
-    amplitude: Annotated[float, Field(ge=0), Quantity("N/m")] | None = Field(
+    amplitude: Annotated[float, Field(ge=0), Quantity("N/m"), ShortName(rival="epsilon")] | None = Field(
         default=None,
         title="mesh stiffness amplitude",
         description="k_a, half the peak-to-peak of the variation (N/m); or give epsilon.",
     )
-    contact_ratio: ContactRatio | None = Field(
+    contact_ratio: Annotated[ContactRatio, ShortName(hint="their waveforms have none")] | None = Field(
         default=None,
         title="contact ratio",
         description="c >= 1: floor(c) + 1 pairs of teeth carry for the fraction c - floor(c) of the period (1).",
     )
-    waveform: Waveform = Field(
-        default=Waveform(kind="rectangular"),
+    waveform: WaveformSection = Field(
+        default=WaveformSection(kind="rectangular"),
         title="waveform",
         description="The shape of the variation over a mesh period.",
     )
@@ -98,24 +109,34 @@ class ToothMesh(Section):
     @classmethod
     def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
         """One of the two ways to give the stiffness, and of the two to give its variation, unless the wave does."""
-        form = form_of(raw) or Form()
-        if kind_of(raw.get("waveform")) == "tooth":
+        wave = wave_of_mesh(raw)
+        if wave is not None and wave.of_teeth:
             message = "the teeth are unknown: only kind: gearbox has numbers of teeth"
             yield ("waveform", "kind"), message, "choose another waveform, or describe the gears in a gearbox"
             return
         stiffness, variation = ("mean_stiffness", "max_stiffness"), ("epsilon", "amplitude")
         yield from (at_most_one if has_own_mean(raw) else exactly_one)(raw, stiffness)
-        yield from (at_most_one if form.own_variation else exactly_one)(raw, variation)
+        yield from (at_most_one if wave is not None and wave.own_variation else exactly_one)(raw, variation)
         description = cls.model_fields["contact_ratio"].description or ""
         yield from shape_conflicts(raw, description.rstrip("."))
-        if raw.get("damping_follows_stiffness") is True:
-            if raw.get("damping") is None:
-                yield ("damping",), "is missing", "add damping, the mean of the damping that follows the stiffness"
-            if raw.get("transmission_error") is not None:
-                message = "is given, and a damping that follows the stiffness"
-                yield ("transmission_error",), message, "keep one of the two, or make the damping constant"
-        for path, message, hint in TransmissionError.conflicts(raw.get("transmission_error")):
-            yield ("transmission_error", *path), message, hint
+        yield from following_conflicts(
+            raw, ("damping",), "add damping, the mean of the damping that follows the stiffness"
+        )
+        yield from below("transmission_error", TransmissionError.conflicts(raw.get("transmission_error")))
+
+
+def following_conflicts(raw: dict[str, Any], keys: Sequence[str], hint: str) -> Iterator[Conflict]:
+    """Yield what contradicts a damping that follows the stiffness.
+
+    keys: those that may give the damping; hint: what to do where none does.
+    """
+    if raw.get("damping_follows_stiffness") is not True:
+        return
+    if all(raw.get(key) is None for key in keys):
+        yield ("damping",), "is missing", hint
+    if raw.get("transmission_error") is not None:
+        message = "is given, and a damping that follows the stiffness"
+        yield ("transmission_error",), message, "keep one of the two, or make the damping constant"
 
 
 class Mesh(ToothMesh, Named):
@@ -132,7 +153,7 @@ class SecondMesh(Mesh):
 
     misplaced: ClassVar[dict[str, str]] = {"lag": "give a phasing, which is a lead: phasing = -lag"}
 
-    phasing: Turns = Field(
+    phasing: Annotated[Turns, ShortName(but_first=True, hint=WHERE_PHASINGS)] = Field(
         default=0.0,
         title="mesh phasing",
         description="h: this mesh leads the first one by h of its own period (1; Lin & Parker 2002).",
@@ -183,9 +204,16 @@ class MatrixMesh(Mesh):
         validate_default=True,
         description='Frequency of this mesh over that of the sweep, exact: 1, 0.5 or "1/2"; see exact.',
     )
-    lag: Turns = Field(
+    lag: Lag = Field(
         default=0.0, title="mesh lag", description="The wave begins this fraction of its own period late (1)."
     )
+
+
+def may_have(name: str, short: ShortName, place: str | int, mesh: Any) -> bool:
+    """Whether a mesh as written, which stands at an index or key, may have the number of a short name."""
+    if not isinstance(mesh, dict) or (place == 0 and short.but_first):
+        return False
+    return mesh.get(short.rival) is None and not (name == "contact_ratio" and has_no_ratio(mesh))
 
 
 def build_mesh(
@@ -197,13 +225,13 @@ def build_mesh(
     2002 section 4: k_g = k_max - 2 k_a (1 - d)), its variation by ``epsilon`` = k_a/k_g or ``amplitude`` = k_a; what is
     not given is that of a ``waveform`` made from stiffnesses.
     """
-    wave = waveform(p)
+    wave = build_waveform(p)
     epsilon, amplitude, maximum = p.get("epsilon"), p.get("amplitude"), p.get("max_stiffness")
     if epsilon is None and amplitude is None:
-        epsilon = _ratio(*own_variation(wave))
+        epsilon = _ratio(wave.mean_stiffness, wave.amplitude)
     if maximum is not None:
         # A wave that keeps its stiffer level does so for an integer contact ratio too, where it is never reached.
-        maximum, above = np.asarray(maximum, dtype=float), above_mean(wave)
+        maximum, above = np.asarray(maximum, dtype=float), wave.stiffer_level
         if amplitude is not None:
             mean = maximum - 2 * np.asarray(amplitude) * above
         else:
@@ -211,7 +239,7 @@ def build_mesh(
     elif p.get("mean_stiffness") is not None:
         mean = np.asarray(p["mean_stiffness"], dtype=float)
     else:
-        mean = own_variation(wave)[0]
+        mean = wave.mean_stiffness
     if amplitude is not None:
         epsilon = np.asarray(amplitude) / mean
     return system.Mesh(p["name"], direction, mean, np.asarray(epsilon, dtype=float), wave, frequency_ratio, lag)

@@ -8,7 +8,8 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field
 
-from gearstab.config.model.conflicts import Conflict
+from gearstab.config.model.arrays import vector
+from gearstab.config.model.conflicts import Conflict, below, no_direction
 from gearstab.config.model.fields import (
     AnyRatio,
     ContactRatio,
@@ -19,11 +20,9 @@ from gearstab.config.model.fields import (
     Section,
     Turns,
 )
-from gearstab.config.waveforms import Waveform, form_of, kind_of, shape_conflicts
 from gearstab.system import PeriodicTerm
-from gearstab.systems.parts.arrays import vector
-from gearstab.systems.waveforms import own_variation, waveform
 from gearstab.waveforms import Constant, Profile, Scaled
+from gearstab.waveforms.section import WaveformSection, build_waveform, shape_conflicts, wave_of_mesh
 
 OfStiffness = Annotated[float, Quantity("N/m", ("N", "N m"), entry=True)]
 OfDamping = Annotated[float, Quantity("N s/m", ("N s", "N m s"), entry=True)]
@@ -35,22 +34,22 @@ class VaryingNumber(Section):
     contact_ratio: ContactRatio | None = Field(
         default=None, title="contact ratio of a term", description="c >= 1, of a waveform that has one (1)."
     )
-    waveform: Waveform | None = Field(
+    waveform: WaveformSection | None = Field(
         default=None, title="waveform of a term", description="w, rectangular without, where there is an amplitude."
     )
 
     @classmethod
     def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
         """A mean or an amplitude, and a waveform that is complete where anything varies."""
-        form = form_of(raw)
+        wave = wave_of_mesh(raw)
         if all(raw.get(key) is None for key in ("amplitude", "contact_ratio", "waveform")):
             if raw.get("mean") is None:
                 yield (), "has neither mean nor amplitude", "add mean, or amplitude and waveform"
             return
-        if kind_of(raw.get("waveform")) == "tooth":
+        if wave is not None and wave.of_teeth:
             yield ("waveform", "kind"), "a term has no teeth", "choose another waveform, such as fourier or sampled"
             return
-        if raw.get("amplitude") is None and form is not None and not form.own_variation:
+        if raw.get("amplitude") is None and wave is not None and not wave.own_variation:
             yield ("amplitude",), "is missing", "add amplitude: half the peak-to-peak of the variation"
         yield from shape_conflicts(raw, "c >= 1, the contact ratio of the wave")
 
@@ -121,16 +120,9 @@ class Term(Section):
             yield (), "has neither stiffness nor damping", "add stiffness: {mean: ..}, or damping: {mean: ..}"
         for key in ("stiffness", "damping"):
             if isinstance(raw.get(key), dict):
-                for path, message, hint in VaryingNumber.conflicts(raw[key]):
-                    yield (key, *path), message, hint
+                yield from below(key, VaryingNumber.conflicts(raw[key]))
         for key in ("left", "right"):
-            vector = raw.get(key)
-            if not isinstance(vector, list):
-                continue
-            if size is not None and len(vector) != size:
-                yield (key,), f"has {len(vector)} entries", f"give {size}, one a coordinate"
-            elif vector and all(entry == 0 for entry in vector):
-                yield (key,), "has only zeros", "let the term act on at least one coordinate"
+            yield from no_direction(raw, key, size, "let the term act on at least one coordinate")
 
 
 def periodic_terms(p: dict[str, Any]) -> tuple[PeriodicTerm, ...]:
@@ -155,9 +147,7 @@ def _profile(p: dict[str, Any] | None) -> Profile | None:
     mean, amplitude = p.get("mean"), p.get("amplitude")
     if all(p.get(key) is None for key in ("amplitude", "contact_ratio", "waveform")):
         return Constant(np.asarray(mean, dtype=float))
-    wave = waveform(p)
-    if mean is None or amplitude is None:
-        found = own_variation(wave)
-        mean = found[0] if mean is None else mean
-        amplitude = found[1] if amplitude is None else amplitude
+    wave = build_waveform(p)
+    mean = wave.mean_stiffness if mean is None else mean
+    amplitude = wave.amplitude if amplitude is None else amplitude
     return Scaled(wave, np.asarray(mean, dtype=float), 2 * np.asarray(amplitude, dtype=float))

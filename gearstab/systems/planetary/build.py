@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from gearstab.config.model.arrays import diagonal, vector
 from gearstab.system import Array, Cyclic, GearSystem, Mesh
-from gearstab.systems.parts.arrays import diagonal, vector
 from gearstab.systems.parts.damping import with_damping
 from gearstab.systems.parts.forcing import with_forcing
 from gearstab.systems.parts.mesh import build_mesh

@@ -7,7 +7,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
-from gearstab.config.model.conflicts import Conflict
+from gearstab.config.model.conflicts import Conflict, below, mapping, wrong_length
 from gearstab.config.model.fields import (
     Choice,
     Mass,
@@ -38,7 +38,7 @@ class Ring(Section):
     kind: Annotated[str, Choice("kind of ring", ("rigid", "elastic"))] = Field(
         title="kind of ring", description="rigid, or elastic: it bends in its plane (Parker 2009)."
     )
-    harmonics: Annotated[int, Field(ge=2, le=MOST_HARMONICS), Whole()] = Field(
+    harmonics: Annotated[int, Field(ge=2, le=MOST_HARMONICS), Whole] = Field(
         default=HARMONICS,
         title="harmonics of the ring's deflection",
         description="J: the elastic deflection has 2 to J waves around an elastic ring.",
@@ -172,7 +172,7 @@ class Phases(Section):
     )
 
 
-Teeth = Annotated[int, Field(ge=4), Whole()]
+Teeth = Annotated[int, Field(ge=4), Whole]
 
 
 class ToothNumbers(Section):
@@ -187,7 +187,7 @@ class Planetary(System):
     """Sun, carrier, equal and equally spaced planets and a ring (Parker 2009)."""
 
     kind: Literal["planetary"] = Field(title="kind of system", description="A planetary gear.")
-    planets: Annotated[int, Field(ge=3, le=MOST_PLANETS), Whole()] = Field(
+    planets: Annotated[int, Field(ge=3, le=MOST_PLANETS), Whole] = Field(
         title="number of planets", description="N >= 3, equally spaced."
     )
     motion: Annotated[str, Choice("motion", ("planar", "rotational"))] = Field(
@@ -225,8 +225,8 @@ class Planetary(System):
 
     @classmethod
     def size(cls, raw: dict[str, Any]) -> int | None:
-        ring: Any = raw.get("ring")
-        kind, harmonics = (ring.get("kind"), ring.get("harmonics", HARMONICS)) if isinstance(ring, dict) else (None, 0)
+        ring = mapping(raw, "ring")
+        kind, harmonics = ring.get("kind"), ring.get("harmonics", HARMONICS if isinstance(raw.get("ring"), dict) else 0)
         planets: Any = raw.get("planets")
         if not (_whole(planets, 3, MOST_PLANETS) and _whole(harmonics, 2, MOST_HARMONICS)):
             return None
@@ -236,12 +236,11 @@ class Planetary(System):
     def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
         """What is missing for the kind of motion and ring, and phases that fit the planets and teeth."""
         yield from super().conflicts(raw)
-        ring = raw.get("ring")
-        if isinstance(ring, dict) and ring.get("kind") == "elastic" and ring.get("bending_stiffness") is None:
+        ring, supports = mapping(raw, "ring"), mapping(raw, "supports")
+        if ring.get("kind") == "elastic" and ring.get("bending_stiffness") is None:
             remedy = "add k_bend = E J/(R^3 (1 - nu^2)), or make the ring rigid"
             yield ("ring", "bending_stiffness"), "is missing", remedy
-        supports = raw.get("supports")
-        if isinstance(ring, dict) and ring.get("kind") == "elastic" and isinstance(supports, dict):
+        if ring.get("kind") == "elastic":
             for key in ("ring", "ring_rotation"):
                 if supports.get(key) is not None:
                     remedy = "give ring_radial and ring_tangential, or make the ring rigid"
@@ -264,13 +263,14 @@ def _phases(raw: dict[str, Any]) -> Iterator[Conflict]:
     phases, teeth, planets = raw.get("phases"), raw.get("teeth"), raw.get("planets")
     if phases is None and teeth is None:
         yield (), "phases or teeth are missing", "add phases: {sun: [one lag a planet], sun_ring: ..}, or teeth"
-    sun = phases.get("sun") if isinstance(phases, dict) else None
+    sun = mapping(raw, "phases").get("sun")
     if sun is not None and teeth is not None:
         yield ("phases", "sun"), "the phases follow from teeth already", "keep phases.sun or teeth"
-    elif isinstance(sun, list) and _whole(planets, 3, MOST_PLANETS) and len(sun) != planets:
-        yield ("phases", "sun"), f"has {len(sun)} entries", f"give {planets}, one a planet"
-    if isinstance(teeth, dict) and all(_whole(teeth.get(k), 4, 10**6) for k in ("sun", "planet", "ring")):
-        yield from _assembly(int(teeth["sun"]), int(teeth["planet"]), int(teeth["ring"]), planets)
+    elif _whole(planets, 3, MOST_PLANETS):
+        yield from below("phases", wrong_length(phases, "sun", planets, "planet"))
+    numbers: list[Any] = [mapping(raw, "teeth").get(key) for key in ("sun", "planet", "ring")]
+    if all(_whole(number, 4, 10**6) for number in numbers):
+        yield from _assembly(int(numbers[0]), int(numbers[1]), int(numbers[2]), planets)
 
 
 def _assembly(sun: int, planet: int, ring: int, planets: Any) -> Iterator[Conflict]:

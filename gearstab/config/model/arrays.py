@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from gearstab.system import Array
-from gearstab.waveforms import Fourier
+Array = np.ndarray
 
 
 def vector(values: Sequence[Any] | Array) -> Array:
@@ -29,13 +28,6 @@ def diagonal(values: Sequence[Any]) -> Array:
     """``(..., n, n)`` diagonal matrix."""
     entries = vector(values)
     return entries[..., :, None] * np.eye(entries.shape[-1])
-
-
-def series(p: dict[str, Any]) -> Fourier:
-    """A Fourier series from its amplitudes ``sin`` and ``cos``, either of which may be shorter or missing."""
-    sin, cos = list(p.get("sin") or []), list(p.get("cos") or [])
-    order = max(len(sin), len(cos))
-    return Fourier(*(vector([*part, *[0.0] * (order - len(part))]) for part in (sin, cos)))
 
 
 def given(p: dict[str, Any], key: str) -> bool:

@@ -1,0 +1,99 @@
+"""Samples of a stiffness: the keys that give them, and what makes them a function of the phase."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Annotated, Any
+
+from pydantic import BeforeValidator, Field, StrictStr
+from pydantic_core import PydanticCustomError
+
+from gearstab.config.model.conflicts import Conflict
+from gearstab.config.model.fields import Choice, Quantity
+from gearstab.waveforms.base import Keys, Waveform, WrongSample
+
+MOST_SAMPLES = 10_000
+"""Far more than a cycle of a mesh needs, and each is a kink that the integration must stop at."""
+NARROWEST = 1e-9
+"""Distance of two samples; closer ones make slopes that double precision cannot hold."""
+
+POSITION = Quantity(turns=True)
+Position = Annotated[float, BeforeValidator(POSITION.number)]
+"""A fraction of a turn that no axis sets."""
+
+
+class SampleKeys(Keys):
+    """Samples, in the section or in a file."""
+
+    file: StrictStr | None = Field(
+        default=None,
+        title="file of samples",
+        description="sampled, pair: a .csv or .h5 file of phase and stiffness, relative to the configuration.",
+    )
+    phase: list[Position] | None = Field(
+        default=None,
+        title="phases of the samples",
+        description="sampled: in [0, 1), ascending; pair: from 0 to 1 along the contact of one pair (1).",
+    )
+    stiffness: list[Annotated[float, Quantity("N/m", ("N m",))]] | None = Field(
+        default=None, title="sampled stiffness", description="sampled, pair: one value a phase (N/m)."
+    )
+    interpolation: Annotated[str, Choice("interpolation", ("linear", "cubic"))] | None = Field(
+        default=None,
+        title="interpolation",
+        description="sampled, pair: linear (order 2, the default) or cubic, a spline (order 4, overshoots at jumps).",
+    )
+
+
+def missing_source(wave: type[Waveform], raw: dict[str, Any]) -> Conflict | None:
+    """Return the conflict of phases without the stiffness that belongs to them."""
+    if raw.get("phase") is not None and all(raw.get(key) is None for key in wave.sources):
+        return ("stiffness",), "is missing", "add stiffness: one number for each phase"
+    return None
+
+
+def sample_conflicts(wave: type[Waveform], raw: dict[str, Any]) -> Iterator[Conflict]:
+    """Yield what contradicts itself in samples as written: phases for the stiffness, as many, in order."""
+    phase, stiffness = raw.get("phase"), raw.get("stiffness")
+    if raw.get("file") is not None and phase is not None:
+        yield ("phase",), "file is given already", "keep one of file, phase"
+    elif stiffness is not None and phase is None:
+        yield ("phase",), "is missing", "add phase: one number for each stiffness"
+    positions = _positions(phase)
+    if positions is not None and isinstance(stiffness, list):
+        if len(positions) != len(stiffness):
+            yield ("stiffness",), f"has {len(stiffness)} entries", f"give {len(positions)}, one a phase"
+        elif found := wave.wrong_phase(positions, str(raw.get("interpolation") or "linear")):
+            index, message, hint = found
+            yield ("phase",) if index is None else ("phase", index), message, hint
+
+
+def wrong_number(phase: Sequence[float], fewest: int, interpolation: str) -> WrongSample | None:
+    """Return what is wrong with the number of samples."""
+    if len(phase) < fewest:
+        hint = f"give at least {fewest} for {interpolation} interpolation"
+        return None, f"has {len(phase)} sample{'s' * (len(phase) != 1)}", hint
+    if len(phase) > MOST_SAMPLES:
+        return None, f"has {len(phase)} samples", f"give at most {MOST_SAMPLES}"
+    return None
+
+
+def wrong_order(i: int, phase: Sequence[float]) -> WrongSample | None:
+    """Return what is wrong with a phase beside the one before it."""
+    value = phase[i]
+    if i and value == phase[i - 1]:
+        return i, f"phase {value:g} is given twice", "give each phase once; a jump is a steep slope"
+    if i and value - phase[i - 1] < NARROWEST:
+        apart = "is not above the one before" if value < phase[i - 1] else "is too close to the one before"
+        return i, f"phase {value:g} {apart}", "sort the samples by phase"
+    return None
+
+
+def _positions(phase: Any) -> list[float] | None:
+    """The phases of samples; None where there is no list, or something in it that is reported value by value."""
+    if not isinstance(phase, list):
+        return None
+    try:
+        return [POSITION.number(value) for value in phase]
+    except PydanticCustomError:
+        return None

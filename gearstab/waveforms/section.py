@@ -1,0 +1,101 @@
+"""The section ``waveform`` of a configuration: the keys of all waves, of which each takes its own."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Annotated, Any
+
+from pydantic import Field, create_model
+
+from gearstab.config.model.conflicts import Conflict, below
+from gearstab.config.model.fields import Choice
+from gearstab.waveforms import WAVEFORMS, Waveform
+from gearstab.waveforms.base import Keys
+
+KIND = "; ".join(f"{name}: {wave.said}" for name, wave in WAVEFORMS.items())
+
+if TYPE_CHECKING:
+
+    class WaveformSection(Keys):
+        """See below."""
+
+else:
+    WaveformSection = create_model(
+        "Waveform",
+        __module__=__name__,
+        __base__=tuple(dict.fromkeys(wave.keys for wave in reversed(WAVEFORMS.values()) if wave.keys is not Keys)),
+        __doc__="The shape of the mesh stiffness over its period; which keys it has depends on its kind.",
+        kind=(
+            Annotated[str, Choice("waveform", tuple(WAVEFORMS))],
+            Field(default="rectangular", title="kind of waveform", description=f"{KIND}."),
+        ),
+    )
+
+
+def wave_of(section: Any) -> type[Waveform] | None:
+    """Return the wave of a section ``waveform`` as written; None for a kind that does not exist."""
+    kind = section.get("kind", "rectangular") if isinstance(section, dict) else None if section else "rectangular"
+    return WAVEFORMS.get(kind) if isinstance(kind, str) else None
+
+
+def wave_of_mesh(mesh: Any) -> type[Waveform] | None:
+    """Return that of a mesh as written."""
+    return wave_of(mesh.get("waveform") if isinstance(mesh, dict) else None)
+
+
+def build_waveform(p: dict[str, Any]) -> Waveform:
+    """Build the wave of a mesh with the parameters p: ``waveform`` and, where its kind has one, ``contact_ratio``."""
+    spec = p.get("waveform") or {}
+    return WAVEFORMS[spec.get("kind", "rectangular")].build(spec, p.get("contact_ratio"))
+
+
+def name_of(wave: type[Waveform]) -> str:
+    """Return its kind."""
+    return next(name for name, other in WAVEFORMS.items() if other is wave)
+
+
+def owners(key: str) -> str:
+    """Return the kinds of waves that take a key, for messages."""
+    return ", ".join(name for name, wave in WAVEFORMS.items() if key in wave.keys.model_fields)
+
+
+def shape_conflicts(raw: dict[str, Any], contact_ratio: str = "") -> Iterator[Conflict]:
+    """Yield what contradicts itself in ``waveform`` and ``contact_ratio`` of a section as written.
+
+    contact_ratio: what to give where it is missing, "" where something else may give it.
+    """
+    section, ratio, wave = raw.get("waveform"), raw.get("contact_ratio"), wave_of_mesh(raw)
+    if wave is None:
+        return
+    if isinstance(section, dict):
+        yield from below("waveform", _conflicts(wave, section))
+    if ratio is None and wave.has_contact_ratio and contact_ratio:
+        yield ("contact_ratio",), "is missing", f"add contact_ratio: {contact_ratio}"
+    elif ratio is not None and not wave.has_contact_ratio and not wave.of_teeth:
+        yield ("contact_ratio",), "the waveform has no contact ratio", "remove it, or choose another waveform"
+
+
+def _conflicts(wave: type[Waveform], raw: dict[str, Any]) -> Iterator[Conflict]:
+    """Yield keys of other waves, keys that are missing, and what the wave itself finds."""
+    fields, name = WaveformSection.model_fields, name_of(wave)
+    for key in raw:
+        if key in fields and key not in wave.keys.model_fields and raw[key] is not None:
+            yield (key,), f"a {name} wave takes no {key}", f"remove it, or choose kind: {owners(key)}"
+    for key in wave.required:
+        if raw.get(key) is None:
+            description = (fields[key].description or "").partition(": ")[2]
+            yield (key,), "is missing", f"add {key}: {description.rstrip('.')}"
+    if raw.keys() <= fields.keys() or wave.sources:
+        yield from wave.conflicts(raw)
+
+
+def has_no_ratio(mesh: Any) -> bool:
+    """Whether the waveform of a mesh as written takes no contact ratio."""
+    wave = wave_of_mesh(mesh)
+    return wave is not None and not wave.has_contact_ratio
+
+
+def has_own_mean(mesh: dict[str, Any]) -> bool:
+    """Whether the wave of a mesh as written says how stiff it is."""
+    section, wave = mesh.get("waveform"), wave_of_mesh(mesh)
+    return wave is not None and wave.has_own_mean(section if isinstance(section, dict) else {})

@@ -1,0 +1,81 @@
+"""A kind of system is one class and one line in a table: a toy one is added, configured, built and described."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Literal
+
+import numpy as np
+import pytest
+from pydantic import Field
+
+from gearstab.config import ConfigError, load, parameters_at
+from gearstab.config.model.fields import Mass, Quantity
+from gearstab.config.model.schema import schema
+from gearstab.system import GearSystem
+from gearstab.systems import KINDS, build
+from gearstab.systems.base import System
+from gearstab.systems.parts.damping import with_damping
+from gearstab.systems.parts.mesh import Mesh, build_mesh
+
+
+class Anchored(System):
+    """One mass on a spring and a mesh."""
+
+    mesh_names: ClassVar[tuple[str, ...]] = ("only",)
+
+    kind: Literal["anchored"] = Field(title="kind of system", description="A mass that a spring holds.")
+    mass: Mass = Field(title="held mass", description="m (kg).")
+    spring: Annotated[float, Field(ge=0), Quantity("N/m")] = Field(title="spring", description="k0 (N/m).")
+    meshes: tuple[Mesh] = Field(title="meshes", description="One tooth mesh.")
+
+    @classmethod
+    def size(cls, raw: dict[str, Any]) -> int:
+        return 1
+
+    @classmethod
+    def build(cls, p: dict[str, Any]) -> GearSystem:
+        mass, spring = (np.asarray(p[key], dtype=float)[..., None, None] for key in ("mass", "spring"))
+        mesh = build_mesh(p["meshes"][0], np.ones(1))
+        return with_damping(GearSystem(mass, spring, (mesh,), coordinates=("x",)), p)
+
+
+TEXT = """\
+system:
+  kind: anchored
+  mass: {mass}
+  spring: 3 N/m
+  damping_ratio: 0.1
+  meshes: [{{mean_stiffness: 1, epsilon: 0.2, contact_ratio: 1.5}}]
+sweep: {{mesh_frequency: {{start: 1, stop: 2, num: 3}}, spring: [3, 8]}}
+methods: {{floquet: {{}}}}
+"""
+
+
+@pytest.fixture
+def written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
+    monkeypatch.setitem(KINDS, "anchored", Anchored)
+
+    def write(mass: str) -> Path:
+        path = tmp_path / "anchored.yaml"
+        path.write_text(TEXT.format(mass=mass))
+        return path
+
+    return write
+
+
+def test_a_new_kind_is_configured_built_and_swept(written: Any) -> None:
+    config = load(written("250 g"))
+    system = build(parameters_at(config, {"spring": np.array([0, 1])}))
+    np.testing.assert_array_equal(system.mass[..., 0, 0], 0.25)
+    np.testing.assert_array_equal(system.mean_stiffness_matrix()[:, 0, 0], [4.0, 9.0])
+    assert system.meshes[0].name == "only"
+    assert (config.axes[1].units, config.axes[1].long_name) == ("N/m", "spring")
+    assert "Anchored" in schema()["$defs"]
+
+
+def test_its_mistakes_are_told_like_those_of_others(written: Any) -> None:
+    with pytest.raises(ConfigError) as caught:
+        load(written("25 mm"))
+    (problem,) = caught.value.problems
+    assert (problem.path, problem.line) == ("system.mass", 3)
