@@ -31,14 +31,14 @@ from gearstab.results.write import write_on_disk, write_result
 from gearstab.sweep import teeth
 from gearstab.sweep.compute import moved
 from gearstab.sweep.earlier import origin
-from gearstab.sweep.parts import Finished
+from gearstab.sweep.parts import Part
 from gearstab.sweep.plan import Layout, Plan
 
 IN_MEMORY = 1 << 28
 """Results of fewer bytes are built in memory."""
 
 
-def result_tree(plan: Plan, finished: Mapping[str, Finished], out: Path) -> ResultTree:
+def result_tree(plan: Plan, finished: Mapping[str, Part], out: Path) -> ResultTree:
     """The whole result, which is to stand at ``out``; ``finished`` has all blocks by key."""
     axes = [field for axis in plan.config.axes for field in axis_fields(axis, plan.config)]
     ran = {name for part in finished.values() for name in part.kernels}
@@ -93,7 +93,7 @@ def dotted(path: tuple[str | int, ...], parameters: object) -> str:
     return ".".join(words)
 
 
-def _method_group(plan: Plan, layout: Layout, finished: Mapping[str, Finished], beside: list[Field]) -> Group:
+def _method_group(plan: Plan, layout: Layout, finished: Mapping[str, Part], beside: list[Field]) -> Group:
     parts = {block.key: finished[block.key] for block in layout.blocks()}
     tongues = layout.method.unite(part.tongues for part in parts.values())
     values = {**tongue_coordinates(tongues), **layout.method.constants()}
@@ -116,7 +116,7 @@ def tongue_coordinates(index: Sequence[Key]) -> dict[str, list[Any]]:
     return found | {OCCURRENCE.name: [occurrence for _, occurrence in index]}
 
 
-def _over_points(plan: Plan, layout: Layout, variable: Variable, parts: Mapping[str, Finished]) -> Chunked:
+def _over_points(plan: Plan, layout: Layout, variable: Variable, parts: Mapping[str, Part]) -> Chunked:
     """A variable of one chunk a block."""
     constants = layout.method.constants()
     rest = tuple(len(constants[dim]) for dim in variable.dims if dim in constants)
@@ -128,9 +128,7 @@ def _over_points(plan: Plan, layout: Layout, variable: Variable, parts: Mapping[
     return Chunked(layout.shape + rest, layout.chunk + rest, pieces, sum(p.size(variable.name) for p in parts.values()))
 
 
-def _over_tongues(
-    layout: Layout, variable: Variable, parts: Mapping[str, Finished], tongues: tuple[Key, ...]
-) -> Chunked:
+def _over_tongues(layout: Layout, variable: Variable, parts: Mapping[str, Part], tongues: tuple[Key, ...]) -> Chunked:
     """A variable of one chunk a tongue and block."""
     sides = (2,) if "side" in variable.dims else ()
     shape = (1, *sides, *layout.chunk)
@@ -149,7 +147,7 @@ def _over_tongues(
     return Chunked((len(tongues), *sides, *layout.shape), shape, pieces, size)
 
 
-def write(plan: Plan, finished: Mapping[str, Finished], out: Path, folder: Path, look: Look) -> None:
+def write(plan: Plan, finished: Mapping[str, Part], out: Path, folder: Path, look: Look) -> None:
     """Write the result to ``out``; ``folder`` holds the part files.
 
     look: raises where ``out`` must not be replaced any more. Raises OSError, whatever else is in the way.
@@ -168,7 +166,7 @@ def write(plan: Plan, finished: Mapping[str, Finished], out: Path, folder: Path,
         interrupts.temporary.discard(str(temporary))
 
 
-def _write_apart(plan: Plan, finished: Mapping[str, Finished], out: Path, path: Path) -> None:
+def _write_apart(plan: Plan, finished: Mapping[str, Part], out: Path, path: Path) -> None:
     """Write a large result in a process of its own: on a full disk HDF5 may crash even if the error is caught."""
     command = [sys.executable, "-c", "from gearstab.sweep.merge import main; main()", str(path)]
     # Its own session: an interrupt from the terminal is handled here.

@@ -1,4 +1,4 @@
-"""Where finished blocks wait for the end of the sweep: in memory for a short one, in part files for a longer one."""
+"""What is finished, and where it waits for the end of a sweep: in memory for a short one, else in part files."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from time import monotonic
 
 from gearstab.sweep.compute import fits
 from gearstab.sweep.hold import Hold
-from gearstab.sweep.parts import Finished, Part, PartFolder
-from gearstab.sweep.plan import Plan
+from gearstab.sweep.parts import Part, PartFolder
+from gearstab.sweep.plan import Layout, Plan
 
 MOST_SECONDS, MOST_BYTES = 2.0, 1 << 26
 """How much work, and how much memory, an unforeseen end of the process may cost."""
@@ -19,7 +19,7 @@ class Store:
 
     def __init__(self, folder: PartFolder) -> None:
         self.folder = folder
-        self.finished: dict[str, Finished] = {}
+        self.finished: dict[str, Part] = {}
         self._hold = Hold(folder.path)
         self._start = monotonic()
         self._waiting: dict[str, Part] = {}
@@ -46,10 +46,10 @@ class Store:
         self._hold.take()
         self.flush()
 
-    def add(self, part: Finished) -> None:
+    def add(self, part: Part) -> None:
         """Take a finished block. Raises OSError if it had to be written and could not be."""
         self.finished[part.key] = part
-        if isinstance(part, Part):
+        if part.path is None:
             self._waiting[part.key] = part
             self._size += part.size()
             if monotonic() - self._start > MOST_SECONDS or self._size > MOST_BYTES:
@@ -74,6 +74,16 @@ class Store:
         """Remove the part files, unless another process that computes the same plan needs them: it then will."""
         if self._hold.alone():
             self.folder.remove()
+
+    def collect(self, keys: set[str]) -> list[Part]:
+        """Take what other processes wrote to the folder of these blocks, seen or not."""
+        found = self.folder.find(keys)
+        self.finished |= found
+        return list(found.values())
+
+    def of(self, layout: Layout) -> list[Part]:
+        """Return what is finished of a method."""
+        return [self.finished[block.key] for block in layout.blocks() if block.key in self.finished]
 
     def close(self) -> None:
         """Leave the part files to other processes."""

@@ -11,9 +11,9 @@ from click.testing import CliRunner
 
 from gearstab.cli import group
 from gearstab.config import load
+from gearstab.errors import PlotError
 from gearstab.gears import Gear, Pair, StiffnessModel, mesh_root_stress, root_stress
 from gearstab.plots import draw
-from gearstab.plots.errors import PlotError
 from gearstab.response.measures.tooth_loads import Teeth, positions, tooth_loads
 from gearstab.results import open_result
 

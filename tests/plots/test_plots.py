@@ -7,11 +7,11 @@ import plot_results as made
 import pytest
 from matplotlib.colors import ListedColormap, Normalize
 
+from gearstab.errors import PlotError
 from gearstab.plots import KINDS, default_kind, draw
 from gearstab.plots.axes import Axis, Request
 from gearstab.plots.drawing.grid import draw_cells
 from gearstab.plots.drawing.style import new_figure
-from gearstab.plots.errors import PlotError
 
 
 def growth_of(tree, **index):
