@@ -107,6 +107,7 @@ bench: $(VENV)/.installed ## speed and error of the methods, side by side
 	@$(BIN)/python scripts/bench.py
 	@$(BIN)/python scripts/bench_kernel.py
 	@$(BIN)/python scripts/bench_blocks.py
+	@$(BIN)/python scripts/bench_boundaries.py
 	@$(BIN)/python scripts/bench_smooth.py
 	@$(foreach scene,$(BENCH),echo; echo "$(scene)"; $(GEARSTAB) bench $(scene) -o results/bench/$(basename $(notdir $(scene))).h5 -q;)
 

@@ -17,7 +17,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
-from math import gcd, lcm
+from math import gcd, lcm, prod
 
 import numpy as np
 
@@ -220,6 +220,25 @@ class GearSystem:
             shapes.append(np.shape(self.load)[:-1])
         shapes += [term.batch for term in self.terms] + [force.batch for force in self.forces]
         return np.broadcast_shapes(*shapes)
+
+    @cached_property
+    def rows(self) -> int:
+        """The number of rows of the flattened batch; 1 for a single system."""
+        return prod(self.batch)
+
+    def flat(self, values: Array | float, core: int = 0) -> Array:
+        """Return values ``(..., *core)`` as ``(rows, *core)``, one entry for each row of the flattened batch.
+
+        core: the number of trailing dimensions that are not of the batch.
+        """
+        found = np.asarray(values, dtype=float)
+        tail = found.shape[found.ndim - core :]
+        return np.broadcast_to(found, (*self.batch, *tail)).reshape(self.rows, *tail)
+
+    def operating_points(self, mesh_frequency: Array) -> Array:
+        """Return Omega ``(rows, P)`` from mesh frequencies ``(P,)`` for all rows or ``(rows, P)``."""
+        omega = np.atleast_1d(np.asarray(mesh_frequency, dtype=float))
+        return np.broadcast_to(omega, (self.rows, omega.shape[-1]))
 
     @property
     def piecewise_constant(self) -> bool:

@@ -38,6 +38,17 @@ struct damped {
     const double *change;    /* (r, S, m, m), from the coordinates of a segment to those of the next */
 };
 
+/* How much of the action of the unstable solutions at a point a root accounts for: modes p <= q and harmonic, see labels.py. */
+struct share {
+    int64_t point, p, q, cycles;
+    double share;
+};
+
+struct shares {
+    struct share *share; /* to be released with free */
+    int64_t count, room;
+};
+
 /* The functions of one level; those that return int return 0, or -1 when there is no memory. */
 struct level {
     const char *name;
@@ -58,9 +69,72 @@ struct level {
        (not NULL) also all multipliers over exp(scale), (r, points, m, 2). */
     int (*scan_damped)(const struct damped *pattern, int64_t first, int64_t last, int64_t points, const double *omega,
                        double *growth, double *scale, double *multipliers);
+    /* Multipliers at scattered periods of one row after the other, see spectra.h. new: NULL when there is no memory; row:
+       the longest window; window: interpolate within; at: points cycle = 1/omega (count,) -> angle, growth (count, n), size. */
+    void *(*spectra_new)(const struct conservative *pattern);
+    void (*spectra_free)(void *spectra);
+    double (*spectra_row)(void *spectra, int64_t row);
+    void (*spectra_window)(void *spectra, double first, double last);
+    void (*spectra_at)(void *spectra, int64_t count, const double *cycle, double *angle, double *growth, double *size);
+    /* Points first..last-1, ordered by row: the shares of their unstable solutions. exact gives the matrices, coarse, of the same
+       rows, the solutions in between; modes (r, D, n, n) of the coarse states in mean coordinates, turn (r, n, n) from
+       the first modes of the exact to those of the coarse pattern. */
+    int (*shares)(const struct conservative *exact, const struct conservative *coarse, const double *modes,
+                  const double *turn, int64_t first, int64_t last, const int64_t *row, const double *cycle,
+                  struct shares *kept);
     /* Symmetric matrices first..last-1 of (count, n, n): eigenvalues (count, n) ascending, columns of eigenvectors. */
     int (*symmetric)(int64_t first, int64_t last, int64_t n, const double *matrix, double *values, double *vectors);
 };
+
+/* An edge of an instability region of a row: where (in 1/omega) and how precisely; enters: from stable to unstable as the
+   period grows; passed: collisions before it, or after an exit, at 1, at -1 and elsewhere. */
+struct edge {
+    int64_t row;
+    double cycle, error;
+    int64_t enters, passed[3];
+};
+
+/* A row: monodromy matrices computed, whether both ends of the range are stable, and the collisions passed there: of pairs
+   that are off the circle as not met (first) and as met (last). */
+struct reach {
+    int64_t evaluations, stable[2], passed[2][3];
+};
+
+struct order {
+    const struct level *level;
+    const struct conservative *exact, *coarse; /* that of the matrices, and one with the same rotation counts */
+    double tolerance, floor; /* of an edge and of a region, relative */
+    double density;          /* points of the scan a collision */
+};
+
+/* The edges of rows first..last-1 between the cycles start and stop (rows,), see search.c, and what is known of these rows,
+   reach (last - first,); *edges is to be released with free. Returns 0, or -1 when there is no memory. */
+int gearstab_edges(const struct order *order, int64_t first, int64_t last, const double *start, const double *stop,
+                   struct edge **edges, int64_t *count, struct reach *reach);
+
+/* Regions that await their names, ordered by row: see class Unnamed of labels.py. */
+struct regions {
+    int64_t count, rows, n, shares;
+    double cycles;               /* N */
+    const double *frequency;     /* (rows, n), of the mean system, times the unit of cycle */
+    const int64_t *row;          /* (count,) */
+    const double *cycle;         /* (count,) */
+    const int64_t *passed, *meetings; /* (count, 3) */
+    const struct share *share;   /* (shares,), ordered by their point, which is the number of a region here */
+};
+
+/* A root of a region; of several, the leading one first. */
+struct name {
+    int64_t region, p, q, cycles;
+};
+
+struct names {
+    struct name *name; /* to be released with free */
+    int64_t count, room;
+};
+
+/* Names of all regions, in their order, see names.c. Returns 0, or -1 when there is no memory. */
+int gearstab_names(const struct regions *all, struct names *kept);
 
 /* Moved traces and their condition, see nearest.c. */
 void gearstab_trace_change(int64_t count, int64_t n, double weight, const double *fine, const double *coarse,

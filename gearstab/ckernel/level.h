@@ -25,9 +25,13 @@ PRAGMA_TARGET(TARGET)
 #include "conservative.h"
 #include "moduli.h"
 #include "damped.h"
+#include "spectra.h"
+#include "actions.h"
 #include "symmetric.h"
 
-const struct level LEVEL = {LEVEL_NAME, scan, monodromy, traces, scan_damped, symmetric};
+const struct level LEVEL = {LEVEL_NAME,   scan,        monodromy,      traces,     scan_damped, spectra_new,
+                            spectra_free, spectra_row, spectra_window, spectra_at, shares,
+                            symmetric};
 
 #if defined(TARGET) && defined(__clang__)
 #pragma clang attribute pop

@@ -4,11 +4,7 @@
    buffers have the sizes that its numbers promise, releases the interpreter's lock while it computes, and runs
    at the level of vector instructions whose name it is given (see levels()). */
 
-#define PY_SSIZE_T_CLEAN
-#include <Python.h>
-#include <string.h>
-
-#include "kernel.h"
+#include "module.h"
 
 static const struct level *const LEVELS[] = {
     &gearstab_plain,
@@ -32,98 +28,12 @@ static int supported(int index) {
     return index == 0;
 }
 
-static const struct level *level_named(const char *name) {
+const struct level *level_named(const char *name) {
     for (int i = 0; i < LEVEL_COUNT; i++)
         if (supported(i) && strcmp(name, LEVELS[i]->name) == 0)
             return LEVELS[i];
     PyErr_Format(PyExc_ValueError, "this processor has no level of vector instructions named %s", name);
     return NULL;
-}
-
-enum { MOST_BUFFERS = 9 };
-
-struct buffers {
-    Py_buffer view[MOST_BUFFERS];
-};
-
-static void release(struct buffers *buffers) {
-    for (int i = 0; i < MOST_BUFFERS; i++)
-        PyBuffer_Release(&buffers->view[i]); /* does nothing to a view that was never filled */
-}
-
-/* Whether the items of a view are of a type, named as in the struct module and in NumPy: i for int64, b for int8, d for
-   double, z for complex double (of which the kernel sees two doubles). */
-static int of_type(const Py_buffer *view, char type) {
-    const char *format = view->format ? view->format : "B";
-    switch (type) {
-    case 'i': return view->itemsize == 8 && (strcmp(format, "q") == 0 || strcmp(format, "l") == 0);
-    case 'b': return strcmp(format, "b") == 0;
-    case 'z': return strcmp(format, "Zd") == 0;
-    default: return strcmp(format, "d") == 0;
-    }
-}
-
-/* The contiguous buffers of some objects, whose types a string gives, capital letters for those that are written to.
-   Objects that were not given (NULL) leave their view empty. */
-static int take(struct buffers *buffers, PyObject *const *objects, const char *types) {
-    for (int i = 0; types[i] && objects[i]; i++) {
-        char type = types[i] | 0x20;
-        int flags = PyBUF_C_CONTIGUOUS | PyBUF_FORMAT | (type == types[i] ? 0 : PyBUF_WRITABLE);
-        if (PyObject_GetBuffer(objects[i], &buffers->view[i], flags) < 0)
-            return 0;
-        if (!of_type(&buffers->view[i], type)) {
-            PyErr_Format(PyExc_TypeError, "array %d has items of type %s instead of %c", i, buffers->view[i].format, type);
-            return 0;
-        }
-    }
-    return 1;
-}
-
-/* Whether the product of the non-negative dimensions times the item's size is the buffer's length. */
-static int fits(const Py_buffer *view, Py_ssize_t item, int dimensions, const Py_ssize_t *shape) {
-    Py_ssize_t size = item;
-    for (int i = 0; i < dimensions; i++) {
-        if (shape[i] < 0 || (shape[i] > 0 && size > PY_SSIZE_T_MAX / shape[i]))
-            return 0;
-        size *= shape[i];
-    }
-    return view->len == size;
-}
-
-#define FITS(view, item, ...)                                                                                              \
-    fits(view, item, (int)(sizeof((Py_ssize_t[]){__VA_ARGS__}) / sizeof(Py_ssize_t)), (Py_ssize_t[]){__VA_ARGS__})
-
-/* A buffer for a result that may be left out by giving an empty one. */
-static void *wanted(const Py_buffer *view) { return view->len ? view->buf : NULL; }
-
-static int indices_within(const Py_buffer *view, Py_ssize_t count, int64_t end) {
-    const int64_t *index = view->buf;
-    for (Py_ssize_t i = 0; i < count; i++)
-        if (index[i] < 0 || index[i] >= end)
-            return 0;
-    return 1;
-}
-
-/* Whether non-zero frequencies come two by two. */
-static int in_pairs(const double *frequency, Py_ssize_t m) {
-    Py_ssize_t i = 0;
-    while (i < m)
-        i += frequency[i] != 0 ? 2 : 1;
-    return i == m;
-}
-
-/* The end of every function: an exception when something did not fit or memory ran out, else None. */
-static PyObject *finish(struct buffers *buffers, int fit, int failed) {
-    release(buffers);
-    if (PyErr_Occurred())
-        return NULL;
-    if (!fit) {
-        PyErr_SetString(PyExc_ValueError, "the arrays do not have the shapes they should have");
-        return NULL;
-    }
-    if (failed)
-        return PyErr_NoMemory();
-    Py_RETURN_NONE;
 }
 
 static PyObject *py_levels(PyObject *self, PyObject *unused) {
@@ -138,23 +48,6 @@ static PyObject *py_levels(PyObject *self, PyObject *unused) {
         Py_XDECREF(name);
     }
     return names;
-}
-
-/* The arguments of every function of conservative patterns: level, numbers, then the objects of the pattern. */
-#define PATTERN "s(nnnnd(ddddd))OOOO"
-#define PATTERN_ARGUMENTS                                                                                                 \
-    &name, &rows, &segments, &states, &n, &pattern.cycles, &pattern.limits.edge, &pattern.limits.discriminant,            \
-        &pattern.limits.growth, &pattern.limits.coefficient, &pattern.limits.large, &o[0], &o[1], &o[2], &o[3]
-#define PATTERN_TYPES "ddid"
-
-static int set_conservative(struct conservative *pattern, Py_ssize_t rows, Py_ssize_t segments, Py_ssize_t states,
-                            Py_ssize_t n, const Py_buffer *view) {
-    pattern->rows = rows, pattern->segments = segments, pattern->states = states, pattern->n = n;
-    pattern->squared = view[0].buf, pattern->fractions = view[1].buf;
-    pattern->state = view[2].buf, pattern->change = view[3].buf;
-    return n > 0 && segments > 0 && FITS(&view[0], 8, rows, states, n) && FITS(&view[1], 8, rows, segments) &&
-           FITS(&view[2], 8, segments) && FITS(&view[3], 8, rows, segments, n, n) &&
-           indices_within(&view[2], segments, states);
 }
 
 static PyObject *py_scan(PyObject *self, PyObject *arguments) {
@@ -227,6 +120,14 @@ static PyObject *py_traces(PyObject *self, PyObject *arguments) {
         Py_END_ALLOW_THREADS
     }
     return finish(&b, fit, failed);
+}
+
+/* Whether non-zero frequencies come two by two. */
+static int in_pairs(const double *frequency, Py_ssize_t m) {
+    Py_ssize_t i = 0;
+    while (i < m)
+        i += frequency[i] != 0 ? 2 : 1;
+    return i == m;
 }
 
 static PyObject *py_scan_damped(PyObject *self, PyObject *arguments) {
@@ -330,9 +231,17 @@ static PyMethodDef METHODS[] = {
     {"scan_damped", py_scan_damped, METH_VARARGS,
      "scan_damped(level, (rows, segments, states, m, cycles), decay, frequency, fractions, state, change, first, last, "
      "points, omega, growth, scale, multipliers=)"},
+    {"names", py_names, METH_VARARGS,
+     "names(regions, rows, n, cycles, frequency, row, cycle, passed, meetings, shares as bytes) -> bytes of names"},
     {"trace_change", py_trace_change, METH_VARARGS, "trace_change(count, n, weight, fine, coarse, change, largest)"},
     {"trace_condition", py_trace_condition, METH_VARARGS, "trace_condition(count, n, rho, least, moved, apart)"},
     {"symmetric", py_symmetric, METH_VARARGS, "symmetric(level, count, n, matrix, values, vectors)"},
+    {"edges", py_edges, METH_VARARGS,
+     "edges(level, numbers, squared, fractions, state, change, segments, states, squared, fractions, state, change, first, last, "
+     "tolerance, floor, density, start, stop) -> bytes of edges and of what is known of rows first..last-1"},
+    {"shares", py_shares, METH_VARARGS,
+     "shares(level, numbers, squared, fractions, state, change, segments, states, squared, fractions, state, change, first, "
+     "last, points, modes, turn, row, cycle) -> bytes of the shares of points first..last-1"},
     {NULL, NULL, 0, NULL},
 };
 

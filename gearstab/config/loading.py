@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from gearstab.config.sections.methods import Methods
     from gearstab.config.sections.respond import Respond
     from gearstab.config.sections.respond_pair import PairRespond
-    from gearstab.config.system import System
+    from gearstab.systems.base import System
 
 PLANNED_SECTIONS = ("design",)
 WITHIN = {
@@ -95,7 +95,7 @@ def _check_top_level(document: Document, needs: Sequence[str]) -> None:
 
 def _find_model(document: Document) -> type[System] | None:
     """The model of ``system.kind``; None after reporting that there is none."""
-    from gearstab.config.kinds import KINDS
+    from gearstab.systems import KINDS
 
     if "system" not in document.data:
         return None
@@ -125,7 +125,7 @@ def _read_system(document: Document, model: type[System], source: FilePath) -> _
 
     raw = document.data["system"]
     _name_meshes(document, model)
-    contents = _read_matrices(document, source)
+    contents = model.read_files(document, source)
     model.complete(document, raw)
     samples = _read_samples(document, source)
     from_file: dict[str, Any] = {k: v for k, v in contents.items() if k != "damping"}
@@ -160,28 +160,6 @@ def _name_meshes(document: Document, model: type[System]) -> None:
             document.put(("system", "meshes", i, "name"), name, document.where(("system", "meshes", i)))
 
 
-def _read_matrices(document: Document, source: FilePath) -> dict[str, Array]:
-    """What ``system.file`` holds; problems are reported."""
-    system = document.data["system"]
-    name = system.get("file")
-    if system["kind"] != "matrices" or not isinstance(name, str):
-        return {}
-    from gearstab.config.checks.files import DataFileError
-    from gearstab.config.checks.model_file import read_matrices
-
-    try:
-        contents = read_matrices(source.parent / name)
-    except DataFileError as error:
-        document.report(("system", "file"), str(error), error.hint, value=name)
-        return {}
-    for key in contents:
-        if system.get(key) is not None:
-            document.report(("system", key), f"the file {name} has {key} already", "keep one of the two")
-    if "damping" in contents and system.get("damping_ratio") is not None:
-        document.report(("system", "damping_ratio"), f"the file {name} has damping already", "keep one of the two")
-    return contents
-
-
 def _read_samples(document: Document, source: FilePath) -> dict[Path, Array]:
     """What the files of waveforms hold, by the place of the waveform below ``system``; problems are reported."""
     from gearstab.config.checks.samples import waveforms
@@ -191,8 +169,8 @@ def _read_samples(document: Document, source: FilePath) -> dict[Path, Array]:
         name = waveform.get("file")
         if not isinstance(name, str):
             continue
-        from gearstab.config.checks.files import DataFileError
         from gearstab.config.checks.sample_file import read_samples
+        from gearstab.config.document.files import DataFileError
 
         interpolation = waveform.get("interpolation") or "linear"
         try:

@@ -86,9 +86,7 @@ def required_damping(
     """
     if system.terms:
         raise ValueError("periodic terms beside the mesh stiffness are not supported here")
-    rows = int(np.prod(system.batch, dtype=int))
-    omega = np.atleast_1d(np.asarray(mesh_frequency, dtype=float))
-    omega = np.broadcast_to(omega, (rows, omega.shape[-1]))
+    omega = system.operating_points(mesh_frequency)
     value, status = np.zeros(omega.shape), np.zeros(omega.shape, dtype=np.int16)
     levels = np.append(0.0, (largest or LARGEST[of]) * 0.5 ** np.arange(LEVELS - 1, -1, -1))
     for block in (_exact if system.piecewise_constant else _smooth)(unit(system, of), omega, levels[1]):
@@ -107,10 +105,9 @@ def required_damping(
 
 def _driven(system: GearSystem) -> Array:
     """``(rows,)`` bool: where the damping of the system feeds a rigid-body mode."""
-    rows = int(np.prod(system.batch, dtype=int))
-    result = np.zeros(rows, dtype=bool)
+    result = np.zeros(system.rows, dtype=bool)
     if system.damping is not None:
-        for elastic in reduce(system, rows):
+        for elastic in reduce(system):
             result[elastic.rows] = elastic.rigid_driven
     return result
 

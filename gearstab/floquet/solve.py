@@ -71,9 +71,7 @@ def solve(
 
     Raises ValueError where the mesh frequencies have no common period.
     """
-    rows = int(np.prod(system.batch, dtype=int))
-    omega = np.atleast_1d(np.asarray(mesh_frequency, dtype=float))
-    omega = np.broadcast_to(omega, (rows, omega.shape[-1]))
+    omega = system.operating_points(mesh_frequency)
     if system.terms:
         return _general(system, omega, exponents, tolerance)
     growth = np.full(omega.shape, -np.inf)

@@ -153,20 +153,6 @@ class Pair:
         """(s_E - s_A)/p_b, of the clipped path with operating values."""
         return (self.path[1] - self.path[0]) / self.base_pitch
 
-    @cached_property
-    def involute_contact_ratio(self) -> float:
-        """The contact ratio of the flanks that the fillets leave: less than ``contact_ratio`` after undercut."""
-        first, last = self.path
-        first = max(first, self._form_contact(self.pinion))
-        if not self.wheel.internal:
-            last = min(last, self.length - self._form_contact(self.wheel))
-        return max(last - first, 0.0) / self.base_pitch
-
-    @staticmethod
-    def _form_contact(gear: Gear) -> float:
-        form = tooth_profile(gear).form_radius
-        return sqrt(max(form**2 - gear.base_radius**2, 0.0))
-
     def phase(self, s: float) -> float:
         """The phase of the mesh cycle, in [0, 1), at which a contact passes s; 0 is the entry of a pair."""
         travelled = self.path[1] - s if self.wheel_drives else s - self.path[0]
@@ -197,16 +183,6 @@ class Pair:
             sign * (self.centre - two.root_radius) - one.tip_radius,
             sign * (self.centre - two.tip_radius) - one.root_radius,
         )
-
-    @property
-    def clearance_shortening(self) -> float:
-        """Tip shortening (metres) that gives back the clearance the rack leaves: (x1 + x2) m - (a - a0), or 0."""
-        one, two = self.pinion, self.wheel
-        standard = (
-            one.module * (one.dedendum - two.addendum),
-            one.module * (two.dedendum - one.addendum),
-        )
-        return max(0.0, standard[1] - self.tip_clearances[0], standard[0] - self.tip_clearances[1])
 
     @property
     def backlash(self) -> float:

@@ -4,6 +4,6 @@ from gearstab.perturbation.mathieu import uncoupled
 from gearstab.perturbation.multiple_scales import first_order
 from gearstab.perturbation.second_order import STATUS_FLAGS as PERTURBATION_FLAGS
 from gearstab.perturbation.second_order import second_order
-from gearstab.perturbation.tongues import Tongue, Tongues, union
+from gearstab.perturbation.tongues import Tongue, Tongues
 
-__all__ = ["PERTURBATION_FLAGS", "Tongue", "Tongues", "first_order", "second_order", "uncoupled", "union"]
+__all__ = ["PERTURBATION_FLAGS", "Tongue", "Tongues", "first_order", "second_order", "uncoupled"]

@@ -113,20 +113,14 @@ class Modal:
 def modal_rows(system: GearSystem) -> Modal:
     """See :class:`Modal`; mesh deflections and damping rates that are rounding are exactly zero."""
     modes = mean_modes(system)
-    batch, n = system.batch, system.size
-
-    def flat(values: Array, core: int) -> Array:
-        tail = values.shape[values.ndim - core :]
-        return np.broadcast_to(values, (*batch, *tail)).reshape(-1, *tail)
-
     deflection = np.where(significant_deflection(modes), modes.mesh_deflection, 0.0)
     damping = None
     if system.damping is not None:
         damping = 0.5 * np.swapaxes(modes.shapes, -1, -2) @ system.damping @ modes.shapes
         largest = np.abs(damping).max(axis=(-2, -1), keepdims=True)
-        damping = flat(np.where(np.abs(damping) <= ROUNDING * largest, 0.0, damping), 2)
-    frequency, squared = (flat(a, 1).reshape(-1, n) for a in (modes.natural_frequency, modes.squared_frequency))
-    return Modal(frequency, squared, flat(deflection, 2), damping, batch)
+        damping = system.flat(np.where(np.abs(damping) <= ROUNDING * largest, 0.0, damping), 2)
+    frequency, squared = (system.flat(a, 1) for a in (modes.natural_frequency, modes.squared_frequency))
+    return Modal(frequency, squared, system.flat(deflection, 2), damping, system.batch)
 
 
 def partitions(frequency: Array) -> Iterator[tuple[Array, list[Group]]]:

@@ -7,7 +7,6 @@ mesh frequencies), never on the numbers of a row, so that every row of a sweep h
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -107,33 +106,6 @@ class Tongues:
     @property
     def frequency_ratio(self) -> tuple[float, ...]:
         return tuple(t.frequency_ratio for t in self.index)
-
-    def reindexed(self, index: Sequence[Tongue]) -> Tongues:
-        """The same tongues in the order of ``index``; NaN for tongues that are not among these.
-
-        With :func:`union` it brings parts of a sweep whose structure differs (another tooth ratio) to one list.
-        """
-        place = {tongue: k for k, tongue in enumerate(self.index)}
-        source = np.array([place.get(tongue, -1) for tongue in index], dtype=int)
-
-        def pick(values: Array) -> Array:
-            out = np.full((len(index), *values.shape[1:]), 0 if values.dtype.kind == "i" else np.nan, values.dtype)
-            out[source >= 0] = values[source[source >= 0]]
-            return out
-
-        return Tongues(
-            tuple(index),
-            pick(self.center_frequency),
-            pick(self.half_width),
-            pick(self.boundary_frequency),
-            pick(self.threshold),
-            *(None if a is None else pick(a) for a in (self.first_order_boundary, self.boundary_error, self.status)),
-        )
-
-
-def union(indices: Iterable[Sequence[Tongue]]) -> tuple[Tongue, ...]:
-    """All tongues of several lists, each once, in order of first appearance."""
-    return tuple(dict.fromkeys(tongue for index in indices for tongue in index))
 
 
 def overlapping(tongues: Tongues) -> Array:

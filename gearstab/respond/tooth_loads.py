@@ -19,10 +19,11 @@ def values(config: Config, wanted: Respond, system: GearSystem, found: Response)
     from gearstab.response.linear.equilibrium import static_mesh_force
     from gearstab.response.measures.tooth_loads import MOST_POINTS, phases, positions, tooth_loads
 
-    if config.kind != "gearbox" or system.load is None or not wanted.steady_state or found.status == "failed":
+    known = teeth(config)
+    if not known or system.load is None or not wanted.steady_state or found.status == "failed":
         return {}
     static = static_mesh_force(system)
-    known, points = teeth(config), min(MOST_POINTS, wanted.samples_per_cycle)
+    points = min(MOST_POINTS, wanted.samples_per_cycle)
     loads = []
     for k, item in enumerate(known):
         phase = phases(system, k, found.time, found.mesh_frequency)
@@ -40,10 +41,10 @@ def values(config: Config, wanted: Respond, system: GearSystem, found: Response)
 
 
 def teeth(config: Config) -> list[Teeth]:
-    """Of all meshes of a gearbox."""
+    """Return those of all meshes, none of a system that is not computed from its teeth."""
     from gearstab.response.measures.tooth_loads import Teeth
-    from gearstab.systems import gearbox
+    from gearstab.systems import train_of
 
-    meshes = config.parameters["meshes"]
-    found = gearbox.teeth(config.parameters)
-    return [Teeth(mesh.pairs[0], mesh.models[0], tuple(p["gears"])) for mesh, p in zip(found, meshes, strict=True)]
+    train = train_of(config.parameters)
+    meshes = [] if train is None else train.teeth_of_meshes
+    return [Teeth(mesh.pairs[0], mesh.models[0], tuple(mesh.p["gears"])) for mesh in meshes]

@@ -16,7 +16,6 @@ import numpy as np
 
 from gearstab import interrupts
 from gearstab.config import Axis, Config
-from gearstab.config.kinds import KINDS
 from gearstab.config.sections.targets import INPUT_SPEED, MESH_FREQUENCY, TargetError, resolve
 from gearstab.floquet.kernel import choice as kernel
 from gearstab.methods import Key
@@ -33,6 +32,7 @@ from gearstab.sweep.compute import moved
 from gearstab.sweep.earlier import origin
 from gearstab.sweep.parts import Part
 from gearstab.sweep.plan import Layout, Plan
+from gearstab.systems import model_of
 
 IN_MEMORY = 1 << 28
 """Results of fewer bytes are built in memory."""
@@ -77,7 +77,7 @@ def axis_fields(axis: Axis, config: Config) -> list[Field]:
 def units_and_name(name: str, config: Config) -> tuple[str, str]:
     """The unit of a parameter and what it is; a name that says nothing to the kind of system stands for itself."""
     try:
-        (target,) = resolve(name, KINDS[config.kind].variant(config.parameters), config.parameters)
+        (target,) = resolve(name, model_of(config.parameters), config.parameters)
     except TargetError:
         return "1", name
     return target.unit, target.title

@@ -34,7 +34,9 @@ class Teeth:
 
 def over_grid(plan: Plan) -> Teeth | None:
     """Look at the teeth of every geometry of the grid; None for systems that are not given by their teeth."""
-    if plan.config.kind != "gearbox":
+    from gearstab.systems import train_of
+
+    if train_of(plan.config.parameters) is None:
         return None
     from gearstab.sweep.compute import structural_groups
     from gearstab.systems.gearbox.notices import GEOMETRY, notice_flags

@@ -1,32 +1,51 @@
-"""From parameters to a :class:`~gearstab.system.GearSystem`: one file a kind, one line in ``BUILDERS``.
+"""Kinds of systems: one class for each kind in a file or folder of its own, and one line in ``KINDS``.
 
-A builder takes the validated ``system`` section as a nested mapping in which any number may be replaced by an
-array of batch shape, and uses array operations only, so that every number of a configuration can be an axis.
+The class is the section ``system`` of the configuration, checks it, and builds the :class:`~gearstab.system.GearSystem`
+of its parameters; :class:`~gearstab.systems.base.System` says what it may override.
 """
 
-from collections.abc import Callable
+from __future__ import annotations
+
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from gearstab.system import GearSystem
-from gearstab.systems import gear_pair, gearbox, matrices, planetary, two_stage
+from gearstab.systems.base import System
+from gearstab.systems.gear_pair import GearPair
+from gearstab.systems.gearbox import Gearbox
+from gearstab.systems.matrices import Matrices
+from gearstab.systems.planetary import Planetary
+from gearstab.systems.two_stage import TwoStage
 
-BUILDERS: dict[str, Callable[[dict[str, Any]], GearSystem]] = {
-    "gear_pair": gear_pair.build,
-    "two_stage": two_stage.build,
-    "planetary": planetary.build,
-    "gearbox": gearbox.build,
-    "matrices": matrices.build,
+if TYPE_CHECKING:
+    from gearstab.systems.gearbox.build import Train
+
+KINDS: dict[str, type[System]] = {
+    "gear_pair": GearPair,
+    "two_stage": TwoStage,
+    "planetary": Planetary,
+    "gearbox": Gearbox,
+    "matrices": Matrices,
 }
 
 
+def model_of(parameters: dict[str, Any]) -> type[System]:
+    """Return the class of a system from its section, as written or as parameters."""
+    return KINDS[parameters["kind"]].variant(parameters)
+
+
 def build(parameters: dict[str, Any]) -> GearSystem:
-    """Build the system of ``parameters["kind"]``; see the file of that kind for its parameters.
+    """Build the system of a validated section ``system``, any number of which may be an array of batch shape.
 
     With ``units: none`` nothing in it has a unit.
     """
-    system = BUILDERS[parameters["kind"]](parameters)
+    system = model_of(parameters).build(parameters)
     return replace(system, dimensionless=("mass", "length", "time")) if parameters.get("units") == "none" else system
 
 
-__all__ = ["BUILDERS", "build"]
+def train_of(parameters: dict[str, Any]) -> Train | None:
+    """Return the train of gears whose teeth a system is computed from; None for other systems."""
+    return model_of(parameters).train(parameters)
+
+
+__all__ = ["KINDS", "build", "model_of", "train_of"]

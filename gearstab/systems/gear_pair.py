@@ -1,63 +1,217 @@
-"""A gear pair on rigid shafts: one degree of freedom, the dynamic transmission error or the deflection of the teeth."""
+"""Gear pairs on rigid shafts: one degree of freedom, the dynamic transmission error or the deflection of the teeth."""
 
 from __future__ import annotations
 
-from math import tau
-from typing import Any
+from collections.abc import Iterator, Sequence
+from math import isclose, tau
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import numpy as np
+from pydantic import Field
 
-from gearstab.rotating_pair import PairNumbers, RotatingPair
-from gearstab.system import Array, GearSystem, Mesh
-from gearstab.systems import assembly
+from gearstab import rotating_pair
+from gearstab.config.document.yaml import Document
+from gearstab.config.model.conflicts import Conflict, exactly_one
+from gearstab.config.model.fields import Choice, Inertia, Length, Mass, NonNegative, Quantity, Section, Whole
+from gearstab.config.sections.respond_pair import PairRespond
+from gearstab.rotating_pair import CLASSICAL, FORMULATIONS, PairNumbers
+from gearstab.system import Array, GearSystem
+from gearstab.system import Mesh as MeshOfSystem
+from gearstab.systems.base import System
+from gearstab.systems.parts.damping import with_damping
+from gearstab.systems.parts.forcing import LoadOfOne, with_forcing, wrong_load
+from gearstab.systems.parts.mesh import Mesh, build_mesh
 from gearstab.waveforms import Rectangular
 
+if TYPE_CHECKING:
+    from gearstab.config.sections.axes import Axis
 
-def build(p: dict[str, Any]) -> GearSystem:
-    """A pair given by its equivalent mass and mesh (:func:`of_mass`) or by its gears (:func:`of_gears`)."""
-    return of_gears(p) if "teeth" in p else of_mass(p)
+OF_GEARS = ("teeth", "inertias", "torsional_stiffness", "single_contact_angle", "torque", "module", "radii")
+"""Keys of a pair that is given by its gears, and not by an equivalent mass and a mesh."""
 
+TOGETHER = f"two gears are given by {', '.join(OF_GEARS[:3])}, single_contact_angle or contact_ratio, torque"
 
-def of_mass(p: dict[str, Any]) -> GearSystem:
-    """m x'' + c x' + k(t) x = f(t).
-
-    Parameters: ``equivalent_mass`` m (kg), one mesh, damping. x is the deflection along the line of action.
-    """
-    mass = np.asarray(p["equivalent_mass"], dtype=float)[..., None, None]
-    mesh = assembly.mesh(p["meshes"][0], np.ones(1))
-    system = GearSystem(mass, np.zeros((1, 1)), (mesh,), coordinates=("x",))
-    return assembly.driven(assembly.damped(system, p), p)
+Formulation = Annotated[str, Choice("formulation", FORMULATIONS, axis=True)]
+TorsionalStiffness = Annotated[float, Field(gt=0), Quantity("N m")]
+Teeth = Annotated[int, Field(ge=1, le=100_000), Whole()]
 
 
-def of_gears(p: dict[str, Any]) -> RotatingPair:
-    """phi''/M2 + (2 zeta w0/M2) phi' + k phi = T0, with k of Omega t or, in other formulations, of the rotation.
+class GearPair(System):
+    """A gear pair on rigid shafts: one degree of freedom, the dynamic transmission error."""
 
-    Parameters: ``formulation``, ``teeth``, ``inertias``, ``torsional_stiffness``, ``single_contact_angle`` or
-    ``contact_ratio``, ``torque``, ``damping_ratio``, and ``module`` or ``radii`` where lengths are known.
-    One pair of teeth is in contact from the beginning of a mesh cycle on. Source: Oh, Grosh & Barber 2005, (1)-(6).
-    """
-    numbers = _numbers(p)
-    batch = numbers.batch
-    soft, stiff = (np.asarray(level, dtype=float) for level in numbers.stiffness)
-    part = numbers.single_part
-    mean = part * soft + (1 - part) * stiff
-    # The wave is stiff first; the cycle begins with one pair.
-    wave = Rectangular(np.asarray(2 - part))
-    mesh = Mesh("mesh", np.ones(1), mean, (stiff - soft) / (2 * mean), wave, lag=part)
-    mass = np.broadcast_to(1 / numbers.m2, batch)[..., None, None]
-    damping = 2 * np.asarray(numbers.zeta) * numbers.w0 / numbers.m2
-    return RotatingPair(
-        mass=mass,
-        stiffness=np.zeros((1, 1)),
-        meshes=(mesh,),
-        damping=damping[..., None, None] if np.any(damping) else None,
-        coordinates=("phi",),
-        units=("rad",),
-        deflection_unit="rad",
-        load=np.asarray(numbers.torque)[..., None],
-        formulation=p.get("formulation", "classical"),
-        numbers=numbers,
+    mesh_names: ClassVar[tuple[str, ...]] = ("mesh",)
+
+    kind: Literal["gear_pair"] = Field(title="kind of system", description="A gear pair on rigid shafts.")
+    formulation: Annotated[str, Choice("formulation", (CLASSICAL,))] = Field(
+        default=CLASSICAL, title="formulation", description="classical: mesh stiffness as a function of time."
     )
+    equivalent_mass: Mass = Field(
+        title="equivalent mass", description="m = 1/(r1^2/J1 + r2^2/J2), along the line of action (kg)."
+    )
+    meshes: tuple[Mesh] = Field(title="meshes", description="Exactly one tooth mesh.")
+    load: LoadOfOne | None = Field(
+        default=None, title="load", description="The static force along the line of action (N)."
+    )
+
+    @classmethod
+    def size(cls, raw: dict[str, Any]) -> int:
+        return 1
+
+    @classmethod
+    def complete(cls, document: Document, raw: dict[str, Any]) -> None:
+        """The load as a number by itself."""
+        if isinstance(raw.get("load"), int | float | str):
+            raw["load"] = [raw["load"]]
+            document.move(("system", "load"), ("system", "load", 0))
+
+    @classmethod
+    def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
+        """A load of one number."""
+        yield from super().conflicts(raw)
+        yield from wrong_load(raw.get("load"), 1)
+
+    @classmethod
+    def variant(cls, raw: dict[str, Any]) -> type[System]:
+        """Two gears, where they are given by their numbers or where the formulation needs them."""
+        formulation = raw.get("formulation", CLASSICAL)
+        by_gears = any(key in raw for key in OF_GEARS) or (formulation in FORMULATIONS and formulation != CLASSICAL)
+        return RotatingPair if by_gears else cls
+
+    @classmethod
+    def build(cls, p: dict[str, Any]) -> GearSystem:
+        """m x'' + c x' + k(t) x = f(t).
+
+        Parameters: ``equivalent_mass`` m (kg), one mesh, damping. x is the deflection along the line of action.
+        """
+        mass = np.asarray(p["equivalent_mass"], dtype=float)[..., None, None]
+        mesh = build_mesh(p["meshes"][0], np.ones(1))
+        system = GearSystem(mass, np.zeros((1, 1)), (mesh,), coordinates=("x",))
+        return with_forcing(with_damping(system, p), p)
+
+
+class RotatingPair(System):
+    """Two gears whose mesh stiffness depends on their rotation (Oh, Grosh & Barber 2005)."""
+
+    misplaced: ClassVar[dict[str, str]] = {
+        "equivalent_mass": TOGETHER,
+        "meshes": TOGETHER,
+        "speed": "it belongs to the section respond; in a sweep vary mesh_frequency",
+    }
+    respond_model: ClassVar[type[Section] | None] = PairRespond
+
+    kind: Literal["gear_pair"] = Field(title="kind of system", description="A gear pair on rigid shafts.")
+    formulation: Formulation = Field(
+        default=CLASSICAL,
+        title="formulation",
+        description="classical: k(Omega t); rigid_kinematic: k(theta); energy_conserving: with the terms in dk/dtheta.",
+    )
+    teeth: tuple[Teeth, Teeth] = Field(title="numbers of teeth", description="[N1, N2]; the first gear drives.")
+    inertias: tuple[Inertia, Inertia] = Field(title="moment of inertia", description="[I1, I2] (kg m^2).")
+    torsional_stiffness: tuple[TorsionalStiffness, TorsionalStiffness] = Field(
+        title="torsional mesh stiffness",
+        description="[k1, k2] with one and with two pairs of teeth in contact; the strain energy is k phi^2 (N m).",
+    )
+    single_contact_angle: Annotated[float, Field(gt=0, lt=tau), Quantity("rad")] | None = Field(
+        default=None,
+        title="angle of single contact",
+        description="Of the 2 pi of a mesh cycle in theta, from its beginning on (rad); or give contact_ratio.",
+    )
+    contact_ratio: Annotated[float, Field(gt=1, lt=2), Quantity()] | None = Field(
+        default=None,
+        title="contact ratio",
+        description="1 < c < 2: one pair for 2 - c of a mesh cycle, two for c - 1; or give single_contact_angle.",
+    )
+    torque: Annotated[float, Quantity("N m")] = Field(
+        title="torque", description="T0: N1 T0 drives the first gear, N2 T0 loads the second one (N m)."
+    )
+    damping_ratio: NonNegative | None = Field(
+        default=None,
+        title="damping ratio",
+        description="zeta, of w0 = sqrt(M2 (k1 + k2)/2); it acts on phi' in both equations (1).",
+    )
+    module: Length | None = Field(
+        default=None, title="module", description="For mesh forces on the pitch circles in newtons (m); or give radii."
+    )
+    radii: tuple[Length, Length] | None = Field(
+        default=None,
+        title="radius",
+        description="[r1, r2] of the circles on which mesh forces act, in the ratio of the teeth (m); or give module.",
+    )
+
+    @classmethod
+    def size(cls, raw: dict[str, Any]) -> int:
+        return 1
+
+    @classmethod
+    def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
+        """One way to say when one pair is in contact; two pairs stiffer than one; radii that fit the teeth."""
+        if raw.get("damping") is not None:
+            yield ("damping",), "is not defined for a pair given by its gears", "give damping_ratio"
+        if raw.get("allow_negative_stiffness"):
+            yield ("allow_negative_stiffness",), "both stiffnesses are given and positive", "remove it"
+        yield from exactly_one(raw, ("single_contact_angle", "contact_ratio"))
+        one, two = _two_numbers(raw.get("torsional_stiffness"))
+        if one is not None and two is not None and 0 < two < one:
+            hint = "give [one pair, two pairs]"
+            yield ("torsional_stiffness",), "two pairs of teeth are softer than one", hint
+        if raw.get("module") is not None and raw.get("radii") is not None:
+            yield ("radii",), "module is given already", "keep one of module, radii"
+            return
+        (r1, r2), (n1, n2) = _two_numbers(raw.get("radii")), _two_numbers(raw.get("teeth"))
+        if r1 and r2 and n1 and n2 and not isclose(r1 * n2, r2 * n1, rel_tol=1e-6):
+            hint = f"make r1/r2 = N1/N2 = {n1:g}/{n2:g}"
+            yield ("radii",), "are not in the ratio of the numbers of teeth", hint
+
+    @classmethod
+    def unfit(cls, parameters: dict[str, Any], axes: Sequence[Axis], methods: Sequence[str]) -> Iterator[Conflict]:
+        """Only Floquet theory knows formulations in which the mesh stiffness depends on the rotation."""
+        values = {parameters["formulation"]}
+        for axis in axes:
+            values |= {v for item in axis.assignments if item.path == ("formulation",) for v in item.values}
+        other = sorted(values - {CLASSICAL})
+        for name in methods:
+            if other and name != "floquet":
+                message = f"does not apply to the formulation {' and '.join(other)}"
+                yield (name,), message, "remove it: floquet alone tells the stability of its orbits"
+
+    @classmethod
+    def build(cls, p: dict[str, Any]) -> rotating_pair.RotatingPair:
+        """phi''/M2 + (2 zeta w0/M2) phi' + k phi = T0, with k of Omega t or, in other formulations, of the rotation.
+
+        Parameters: ``formulation``, ``teeth``, ``inertias``, ``torsional_stiffness``, ``single_contact_angle`` or
+        ``contact_ratio``, ``torque``, ``damping_ratio``, and ``module`` or ``radii`` where lengths are known.
+        One pair of teeth is in contact from the beginning of a mesh cycle on. Source: Oh, Grosh & Barber 2005, (1)-(6).
+        """
+        numbers = _numbers(p)
+        batch = numbers.batch
+        soft, stiff = (np.asarray(level, dtype=float) for level in numbers.stiffness)
+        part = numbers.single_part
+        mean = part * soft + (1 - part) * stiff
+        # The wave is stiff first; the cycle begins with one pair.
+        wave = Rectangular(np.asarray(2 - part))
+        mesh = MeshOfSystem("mesh", np.ones(1), mean, (stiff - soft) / (2 * mean), wave, lag=part)
+        mass = np.broadcast_to(1 / numbers.m2, batch)[..., None, None]
+        damping = 2 * np.asarray(numbers.zeta) * numbers.w0 / numbers.m2
+        return rotating_pair.RotatingPair(
+            mass=mass,
+            stiffness=np.zeros((1, 1)),
+            meshes=(mesh,),
+            damping=damping[..., None, None] if np.any(damping) else None,
+            coordinates=("phi",),
+            units=("rad",),
+            deflection_unit="rad",
+            load=np.asarray(numbers.torque)[..., None],
+            formulation=p.get("formulation", "classical"),
+            numbers=numbers,
+        )
+
+
+def _two_numbers(values: Any) -> tuple[float | None, float | None]:
+    """Two plain numbers as written; None for what is none, or carries a unit."""
+    if not isinstance(values, list) or len(values) != 2:
+        return None, None
+    first, second = (float(v) if isinstance(v, int | float) and not isinstance(v, bool) else None for v in values)
+    return first, second
 
 
 def _numbers(p: dict[str, Any]) -> PairNumbers:

@@ -2,31 +2,74 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Iterator
+from fractions import Fraction
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
+from pydantic import Field
 
+from gearstab.config.model.conflicts import Conflict
+from gearstab.config.model.fields import ExactRatio, Mass, Quantity
 from gearstab.system import GearSystem
-from gearstab.systems import assembly
+from gearstab.systems.base import System
+from gearstab.systems.parts.arrays import diagonal
+from gearstab.systems.parts.damping import with_damping
+from gearstab.systems.parts.forcing import Load, with_forcing, wrong_load
+from gearstab.systems.parts.mesh import Mesh, SecondMesh, build_mesh
 
 
-def build(p: dict[str, Any]) -> GearSystem:
-    """Three rotations measured along the lines of action, an input shaft and two meshes.
+class TwoStage(System):
+    """Three or four gears with two meshes on an elastic input shaft (Lin & Parker 2002, Fig. 1)."""
 
-        M = diag(m1, m2, m3),  K0 = diag(k0, 0, 0),  g_1 = (1, 1, 0),  g_2 = (0, 1, 1)
+    mesh_names: ClassVar[tuple[str, ...]] = ("first", "second")
 
-    Parameters: ``inertias`` m1..m3, ``input_shaft_stiffness`` k0, ``tooth_ratio`` R = Z2/Z4 = Omega_1/Omega_2 (a
-    Fraction; 1 for three gears), ``meshes``; ``phasing`` h of the second mesh is a *lead* by h of its own period;
-    ``load``: constant forces, one a coordinate.
-
-    Source: Lin & Parker 2002, (1), (2) and section 3.2.
-    """
-    first, second = p["meshes"]
-    stiffness = assembly.diagonal([p["input_shaft_stiffness"], 0.0, 0.0])
-    phasing = np.asarray(second.get("phasing", 0.0), dtype=float)
-    meshes = (
-        assembly.mesh(first, np.array([1.0, 1.0, 0.0])),
-        assembly.mesh(second, np.array([0.0, 1.0, 1.0]), frequency_ratio=1 / p["tooth_ratio"], lag=-phasing),
+    kind: Literal["two_stage"] = Field(title="kind of system", description="Two meshes in a row, three or four gears.")
+    inertias: tuple[Mass, Mass, Mass] = Field(
+        title="equivalent mass", description="Equivalent masses [m1, m2, m3], inertias over squared base radii (kg)."
     )
-    system = GearSystem(assembly.diagonal(p["inertias"]), stiffness, meshes, coordinates=("x1", "x2", "x3"))
-    return assembly.driven(assembly.damped(system, p), p)
+    input_shaft_stiffness: Annotated[float, Field(ge=0), Quantity("N/m")] = Field(
+        title="input shaft stiffness",
+        description="k0, along the line of action (N/m); 0 leaves the train free to rotate.",
+    )
+    tooth_ratio: ExactRatio = Field(
+        default=Fraction(1),
+        title="tooth ratio",
+        description='R = Z2/Z4 = Omega_1/Omega_2, exact: 1 (three gears; the default), 0.6 or "3/5".',
+    )
+    meshes: tuple[Mesh, SecondMesh] = Field(title="meshes", description="The first and the second tooth mesh.")
+    load: Load | None = Field(
+        default=None, title="load", description="Constant forces along the lines of action, one a coordinate (N)."
+    )
+
+    @classmethod
+    def size(cls, raw: dict[str, Any]) -> int:
+        return 3
+
+    @classmethod
+    def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
+        """A load of one number a coordinate."""
+        yield from super().conflicts(raw)
+        yield from wrong_load(raw.get("load"), 3)
+
+    @classmethod
+    def build(cls, p: dict[str, Any]) -> GearSystem:
+        """Three rotations measured along the lines of action, an input shaft and two meshes.
+
+            M = diag(m1, m2, m3),  K0 = diag(k0, 0, 0),  g_1 = (1, 1, 0),  g_2 = (0, 1, 1)
+
+        Parameters: ``inertias`` m1..m3, ``input_shaft_stiffness`` k0, ``tooth_ratio`` R = Z2/Z4 = Omega_1/Omega_2 (a
+        Fraction; 1 for three gears), ``meshes``; ``phasing`` h of the second mesh is a *lead* by h of its own period;
+        ``load``: constant forces, one a coordinate.
+
+        Source: Lin & Parker 2002, (1), (2) and section 3.2.
+        """
+        first, second = p["meshes"]
+        stiffness = diagonal([p["input_shaft_stiffness"], 0.0, 0.0])
+        phasing = np.asarray(second.get("phasing", 0.0), dtype=float)
+        meshes = (
+            build_mesh(first, np.array([1.0, 1.0, 0.0])),
+            build_mesh(second, np.array([0.0, 1.0, 1.0]), frequency_ratio=1 / p["tooth_ratio"], lag=-phasing),
+        )
+        system = GearSystem(diagonal(p["inertias"]), stiffness, meshes, coordinates=("x1", "x2", "x3"))
+        return with_forcing(with_damping(system, p), p)

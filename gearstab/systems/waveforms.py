@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from gearstab.system import Array
-from gearstab.systems.arrays import series, vector
+from gearstab.systems.parts.arrays import series, vector
 from gearstab.waveforms import Pair, Rectangular, Sampled, Trapezoidal, Waveform
 from gearstab.waveforms import tooth_pair as shapes
 from gearstab.waveforms.splines import Pieces, interpolate

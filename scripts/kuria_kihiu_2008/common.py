@@ -13,11 +13,12 @@ import numpy as np
 
 from gearstab.config import load
 from gearstab.floquet.frequencies import groups, per_mesh
-from gearstab.gears import Pair, mesh_root_stress
+from gearstab.gears.pair import Pair
+from gearstab.gears.stress import mesh_root_stress
 from gearstab.response.linear.equilibrium import static_mesh_force
 from gearstab.response.linear.speeds import SpeedResponse, speed_response
 from gearstab.systems import build
-from gearstab.systems.gearbox import teeth
+from gearstab.systems.gearbox.build import Train
 from statements import CONFIGS
 
 STAGES = ("I", "II", "III", "IV")
@@ -91,7 +92,7 @@ def of_stages(design: Design, measure: str) -> np.ndarray:
 @cache
 def pairs(design: Design = Design()) -> list[Pair]:
     """The gears of stages I to IV."""
-    return [mesh.pairs[0] for mesh in teeth(parameters(design))[:4]]
+    return [mesh.pairs[0] for mesh in Train(parameters(design)).teeth_of_meshes[:4]]
 
 
 @cache

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from gearstab.floquet import solve
-from gearstab.gears import load_shares, mesh_root_stress
+from gearstab.gears.stress import load_shares, mesh_root_stress
 from gearstab.modal import mean_modes
 from gearstab.response.linear.speeds import speed_response
 from gearstab.systems import build

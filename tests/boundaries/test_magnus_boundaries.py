@@ -17,7 +17,7 @@ from gearstab.floquet.boundaries import boundaries
 from gearstab.floquet.boundaries.krein import evaluate
 from gearstab.floquet.boundaries.points import exact
 from gearstab.floquet.boundaries.smooth import _resolved
-from gearstab.floquet.smooth.schemes import CF4_3
+from gearstab.floquet.smooth.schemes import CF4_2
 from gearstab.floquet.smooth.steps import divisions
 from gearstab.waveforms import Rectangular, Trapezoidal
 
@@ -125,7 +125,7 @@ class TestIntegers:
 
         few = _resolved(division, 4, limits)
         # Of positive durations, as the Morse index wants them, and far finer than the rough ones.
-        many = division.pattern(CF4_3, 12)
+        many = division.pattern(CF4_2, 14)
         assert len(many.states) > 10 * len(few.states)
         assert len(exact(few).states) > len(few.states)
         cycle = np.linspace(*(limit[0] for limit in limits(many)), 300)

@@ -10,22 +10,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gearstab.gears import (
+from gearstab.gears.friction import (
     BenedictKelley,
     ConstantFriction,
     Contact,
-    Gear,
-    Pair,
-    StiffnessModel,
     XuKahraman,
     contact_state,
-    contact_stiffness,
-    load_shares,
     mesh_friction,
-    mesh_stiffness,
+    sliding_contact,
     sliding_sign,
 )
-from gearstab.gears.friction import sliding_contact
+from gearstab.gears.geometry import Gear
+from gearstab.gears.mesh_stiffness import StiffnessModel, contact_stiffness, mesh_stiffness
+from gearstab.gears.pair import Pair
+from gearstab.gears.stress import load_shares
 
 PAIR = Pair(Gear(19, 0.003175, face_width=0.016), Gear(48, 0.003175, face_width=0.016))
 RING = Pair(Gear(24, 0.002), Gear(70, 0.002, addendum=0.7, internal=True))

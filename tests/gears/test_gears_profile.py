@@ -1,9 +1,8 @@
-"""Tooth profiles: the fillet against the rack that cuts it, areas and inertia against polygons."""
+"""Tooth profiles: the fillet against the rack that cuts it, and discs."""
 
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from math import cos, isclose, pi, sin, sqrt, tan
 
 import numpy as np
@@ -12,7 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from places import DATA
 
-from gearstab.gears import Gear, disc_inertia, gear_inertia, tooth_profile
+from gearstab.gears.geometry import Gear
+from gearstab.gears.profile import tooth_profile
+from gearstab.systems.gearbox import rotors
 
 REFERENCE = json.loads((DATA / "gears_reference.json").read_text())
 
@@ -114,61 +115,14 @@ def test_the_form_radius_is_where_the_straight_flank_ends(z, x, alpha) -> None:
     assert np.all(np.diff(np.hypot(*profile.outline(30))) > -1e-12)
 
 
-def polygon(gear, points=4000):
-    """Area and polar moment of the outline's polygon, the whole gear less its bore."""
-    profile = tooth_profile(gear)
-    x, y = profile.outline(points)
-    top = np.linspace(np.arctan2(x[-1], y[-1]), 0, points)
-    land = np.linspace(pi / gear.teeth, profile.root_half_angle, points)
-    radius = np.concatenate([np.full(points, gear.root_radius), np.hypot(x, y), np.full(points, gear.tip_radius)])
-    angle = np.concatenate([land, np.arctan2(x, y), top])
-    x, y = radius * np.sin(angle), radius * np.cos(angle)
-    cross = y[1:] * x[:-1] - x[1:] * y[:-1]
-    moments = x[:-1] ** 2 + x[:-1] * x[1:] + x[1:] ** 2 + y[:-1] ** 2 + y[:-1] * y[1:] + y[1:] ** 2
-    whole = 2 * gear.teeth
-    return (
-        whole * np.sum(cross) / 2 - pi * gear.bore**2,
-        whole * np.sum(cross * moments) / 12 - pi / 2 * gear.bore**4,
-    )
-
-
-@each
-def test_inertia_is_that_of_the_polygon(gear) -> None:
-    area, polar = polygon(gear)
-    found = gear_inertia(gear)
-    layer = gear.density * gear.face_width
-    # A polygon of 12000 sides a half tooth: sides of 1e-4 modules miss 1e-9 of the area.
-    assert isclose(found.mass, layer * area, rel_tol=1e-8)
-    assert isclose(found.polar, layer * polar, rel_tol=1e-8)
-
-
-def test_inertia_of_an_internal_gear() -> None:
-    """By the thickness of its teeth at many radii; they have no fillets."""
-    ring = Gear(60, 0.002, addendum=0.8, dedendum=0.8, rack_tip_radius=0.0, profile_shift=0.2, internal=True)
-    found = gear_inertia(ring)
-    r = np.linspace(ring.tip_radius, ring.root_radius, 200001)
-    thick = np.array([ring.thickness(v) for v in r[::2000]])
-    fine = np.interp(r, r[::2000], thick)
-    layer = ring.density * ring.face_width
-    area = pi * (ring.bore**2 - ring.root_radius**2) + 60 * np.trapezoid(fine, r)
-    polar = pi / 2 * (ring.bore**4 - ring.root_radius**4) + 60 * np.trapezoid(fine * r**2, r)
-    # Linear interpolation of the thickness between 101 radii.
-    assert isclose(found.mass, layer * area, rel_tol=1e-6)
-    assert isclose(found.polar, layer * polar, rel_tol=1e-6)
-    low = gear_inertia(replace(ring, addendum=2.5))  # tips inside the base circle
-    assert low.mass > found.mass
-
-
 def test_discs_of_the_reference() -> None:
     """Discs of the base radius, as Kuria & Kihiu 2008 take their gears."""
-    data = REFERENCE["disc"]
+    data, density = REFERENCE["disc"], 7850.0
     for z, bore, mass, polar in zip(*(data[k] for k in ("teeth", "bore_radius", "mass", "polar")), strict=True):
-        disc = disc_inertia(Gear(z, data["module"], face_width=data["face_width"]), bore_radius=bore)
-        assert isclose(disc.mass, mass, rel_tol=1e-8)
-        assert isclose(disc.polar, polar, rel_tol=1e-8)
-    hollow = disc_inertia(Gear(34, 0.003), 0.05, 0.02)
-    assert isclose(hollow.mass, 7850 * 0.02 * pi * (0.05**2 - 0.02**2), rel_tol=1e-12)
-    assert isclose(hollow.polar, hollow.mass * (0.05**2 + 0.02**2) / 2, rel_tol=1e-12)
+        gear = Gear(z, data["module"], face_width=data["face_width"])
+        rotor = {"body_radius": gear.base_radius, "bore_radius": bore, "face_width": gear.face_width}
+        assert isclose(rotors.mass(rotor, density), mass, rel_tol=1e-8)
+        assert isclose(rotors.inertia(rotor, density), polar, rel_tol=1e-8)
 
 
 def test_what_a_rack_cannot_cut() -> None:

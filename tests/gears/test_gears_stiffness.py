@@ -11,21 +11,15 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from iso6336 import iso_stiffness
 from places import DATA
 from scipy.integrate import quad
 
-from gearstab.gears import (
-    Gear,
-    Pair,
-    StiffnessModel,
-    contact_compliance,
-    contact_stiffness,
-    iso_stiffness,
-    mesh_stiffness,
-    pair_stiffness,
-    tooth_compliance,
-    tooth_profile,
-)
+from gearstab.gears.compliance import contact_compliance, pair_stiffness, tooth_compliance
+from gearstab.gears.geometry import Gear
+from gearstab.gears.mesh_stiffness import StiffnessModel, contact_stiffness, mesh_stiffness
+from gearstab.gears.pair import Pair
+from gearstab.gears.profile import tooth_profile
 
 REFERENCE = json.loads((DATA / "gears_reference.json").read_text())
 NAMES = list(REFERENCE["pairs"])

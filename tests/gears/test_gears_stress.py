@@ -9,17 +9,17 @@ import numpy as np
 import pytest
 from places import DATA
 
-from gearstab.gears import (
-    Gear,
-    Pair,
-    StiffnessModel,
+from gearstab.gears.geometry import Gear
+from gearstab.gears.mesh_stiffness import StiffnessModel
+from gearstab.gears.pair import Pair
+from gearstab.gears.profile import tooth_profile
+from gearstab.gears.stress import (
     contact_pressure,
     critical_section,
     load_shares,
     mesh_root_stress,
     root_stress,
     root_stress_factors,
-    tooth_profile,
 )
 
 REFERENCE = json.loads((DATA / "gears_reference.json").read_text())

@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 from gearbox_trains import RPM, gear, mesh, tractor, train
 
-from gearstab.gears import Gear, MeshFriction, Pair, XuKahraman, contact_state, mesh_friction
+from gearstab.gears.friction import MeshFriction, XuKahraman, contact_state, mesh_friction
+from gearstab.gears.geometry import Gear
+from gearstab.gears.pair import Pair
 from gearstab.response import driven_response
 from gearstab.response.linear.equilibrium import static_equilibrium, static_mesh_force
 from gearstab.system import GearSystem

@@ -15,7 +15,8 @@ from gearstab.cli.info import train as info_train
 from gearstab.cli.info.command import describe
 from gearstab.cli.info.text import report, table
 from gearstab.config import load
-from gearstab.gears import Gear, Pair
+from gearstab.gears.geometry import Gear
+from gearstab.gears.pair import Pair
 
 SMALL = """\
 system:

@@ -9,7 +9,9 @@ import pytest
 from gearbox_trains import REFERENCE, gear, mesh, train
 from test_gearbox_stability import crosscheck
 
-from gearstab.gears import Gear, Pair, StiffnessModel
+from gearstab.gears.geometry import Gear
+from gearstab.gears.mesh_stiffness import StiffnessModel
+from gearstab.gears.pair import Pair
 from gearstab.response import steady_state
 from gearstab.response.linear.equilibrium import static_mesh_force
 from gearstab.response.linear.speeds import speed_response

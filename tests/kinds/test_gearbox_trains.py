@@ -13,7 +13,9 @@ from gearbox_trains import gear, mesh, tractor, train, turned
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gearstab.gears import Gear, Pair, mesh_stiffness
+from gearstab.gears.geometry import Gear
+from gearstab.gears.mesh_stiffness import mesh_stiffness
+from gearstab.gears.pair import Pair
 from gearstab.modal import mean_modes
 from gearstab.response.linear.equilibrium import static_mesh_force
 from gearstab.systems import build

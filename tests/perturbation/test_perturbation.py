@@ -15,7 +15,7 @@ from places import DATA
 from tongue_edges import scaled, train
 
 from gearstab.modal import mean_modes
-from gearstab.perturbation import Tongues, first_order, union
+from gearstab.perturbation import Tongues, first_order
 from gearstab.perturbation.tongues import excitations, kind_of, label_of
 from gearstab.system import GearSystem, Mesh
 from gearstab.systems import build
@@ -254,21 +254,6 @@ def test_harmonics_beyond_the_limit_count_where_another_mesh_brings_the_frequenc
     system = train(tooth_ratio="1/2")
     parts = {float(e.ratio): e.parts for e in excitations(system, 2)}
     assert parts == {1.0: ((0, 1),), 2.0: ((0, 2), (1, 1)), 4.0: ((0, 4), (1, 2))}
-
-
-def test_lists_of_different_structure_unite() -> None:
-    one, other = first_order(train(), 2), first_order(train(tooth_ratio="1/2"), 2)
-    index = union([one.index, other.index])
-    # With R = 1 both meshes excite Omega and 2 Omega, with R = 1/2 the first, both, and both Omega, 2 Omega, 4 Omega.
-    assert len(index) == len(set(index)) == 4 * 6
-    wide = other.reindexed(index)
-    assert wide.index == index
-    absent = np.array([t not in other.index for t in index])
-    assert absent.sum() == 6
-    assert np.isnan(wide.half_width[absent]).all()
-    assert_array_equal(
-        np.sort(wide.boundary_frequency[~absent], axis=None), np.sort(other.boundary_frequency, axis=None)
-    )
 
 
 # ---- invariance

@@ -18,7 +18,7 @@ from gearstab.config.document.problems import ConfigError
 from gearstab.response.rotating_pair import STATUS, Start, respond
 from gearstab.response.rotating_pair.stability import stability
 from gearstab.results import open_result
-from gearstab.systems import build, gear_pair
+from gearstab.systems import build
 
 SYSTEM = """
 title: two gears
@@ -75,7 +75,7 @@ def problems(folder: Path, text: str, *settings: str) -> dict[str, str]:
 
 def test_the_file_holds_the_response(tmp_path: Path) -> None:
     found = answered(tmp_path)["response"]
-    system = gear_pair.of_gears(load(tmp_path / "pair.yaml").parameters)
+    system = build(load(tmp_path / "pair.yaml").parameters)
     step = tau / (24 * 600 * pi / 30) / 50
     expected = respond(system, Start(24 * 600 * pi / 30, 0.01472027972), step, cycles=12)
     for name in ("time", "phi", "phi_dot", "theta", "theta_dot", "energy"):

@@ -154,7 +154,7 @@ def _reductions(system: GearSystem) -> dict[str, Any]:
     return {
         "summary": found.text(),
         "rigid_modes": list(found.rigid),
-        "rigid_driven": bool(any(part.rigid_driven.any() for part in reduce(system, 1))),
+        "rigid_driven": bool(any(part.rigid_driven.any() for part in reduce(system))),
         "dropped_modes": list(found.dropped),
         "blocks": blocks,
         "saving": _number(found.saving),

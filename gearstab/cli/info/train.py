@@ -28,14 +28,16 @@ NOTICES = {
 
 def facts(config: Config, system: GearSystem) -> dict[str, Any] | None:
     """All that is said of a train, as plain numbers, texts and lists; None for other kinds of systems."""
-    if config.kind != "gearbox":
-        return None
     import numpy as np
 
     from gearstab.response.linear.equilibrium import static_mesh_force
-    from gearstab.systems.gearbox.build import Train, torques
+    from gearstab.systems import train_of
 
-    train = Train(config.parameters)
+    train = train_of(config.parameters)
+    if train is None:
+        return None
+    from gearstab.systems.gearbox.build import torques
+
     loaded = system.load is not None
     forces = np.abs(static_mesh_force(system)) if loaded else np.full(len(system.meshes), np.nan)
     speed = (config.parameters.get("input") or {}).get("speed")

@@ -8,19 +8,22 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from gearstab.config.document.problems import Path, Problem
 from gearstab.config.document.yaml import Document, value_at
-from gearstab.config.kinds import KINDS
 from gearstab.config.model.fields import Quantity
 from gearstab.config.model.introspection import number_kind, type_at
 from gearstab.config.model.units import to_si
 from gearstab.config.sections.axes import Axis, Config
 from gearstab.config.sections.targets import INPUT_SPEED, MESH_FREQUENCY
 from gearstab.system import GearSystem
+from gearstab.systems import model_of, train_of
+
+if TYPE_CHECKING:
+    from gearstab.systems.gearbox.build import Train
 
 USUAL: dict[tuple[str, str], tuple[float, float, str]] = {
     ("module", "m"): (2e-5, 0.2, "mm"),
@@ -73,8 +76,8 @@ def doubts(document: Document, config: Config, system: GearSystem) -> list[Probl
     found = [*_axes(document, config)]
     known = {*ALWAYS} if not _in_si(document, config, system) else None
     found += _numbers(document, config, known)
-    if known is None and config.kind == "gearbox" and not found:
-        found += _gears(document, config)
+    if known is None and not found and (train := train_of(config.parameters)) is not None:
+        found += _gears(document, config, train)
     return list(dict.fromkeys(found))
 
 
@@ -84,7 +87,7 @@ def _in_si(document: Document, config: Config, system: GearSystem) -> bool:
         return False
     least = SOFTEST_TORSION if system.deflection_unit == "rad" else SOFTEST
     stiff = any(np.max(np.abs(mesh.mean_stiffness)) >= least for mesh in system.meshes)
-    return stiff or KINDS[config.kind].needs_units
+    return stiff or model_of(config.parameters).needs_units
 
 
 # ---- numbers
@@ -95,7 +98,7 @@ def _numbers(document: Document, config: Config, units: set[str] | None) -> Iter
 
     units: those of the numbers that are looked at, None for all.
     """
-    model = KINDS[config.kind].variant(document.data["system"])
+    model = model_of(document.data["system"])
     swept = {item.path for axis in config.axes for item in axis.assignments}
     for path, value in _leaves(config.parameters, ()):
         kind = number_kind(type_at(model, path))
@@ -179,12 +182,10 @@ def _leaves(value: Any, path: Path) -> Iterator[tuple[Path, Any]]:
 # ---- gears
 
 
-def _gears(document: Document, config: Config) -> Iterator[Problem]:
+def _gears(document: Document, config: Config, train: Train) -> Iterator[Problem]:
     """Gears of a gearbox whose inertia or mass does not fit their size, and gears that turn too fast for it."""
-    from gearstab.systems.gearbox.build import Train
     from gearstab.systems.gearbox.rotors import pitch_radius
 
-    train = Train(config.parameters)
     fastest = _fastest(config, train)
     for k, rotor in enumerate(train.rotors):
         if rotor.get("teeth") is None:

@@ -9,7 +9,7 @@ from pathlib import Path as FilePath
 
 import numpy as np
 
-from gearstab.config.checks.files import (
+from gearstab.config.document.files import (
     DataFileError,
     arrays,
     numbers,

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path as FilePath
 from typing import Any
 
-from gearstab.config.checks.files import LARGEST_TEXT, NO_REGULAR
+from gearstab.config.document.files import LARGEST_TEXT, NO_REGULAR
 from gearstab.config.document.problems import ConfigError, Path, Problem, dotted, shown
 
 Node = Any

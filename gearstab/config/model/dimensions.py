@@ -15,7 +15,7 @@ from gearstab.config.model.fields import Quantity
 from gearstab.config.model.introspection import number_kind, type_at
 
 if TYPE_CHECKING:
-    from gearstab.config.system import System
+    from gearstab.systems.base import System
 
 TURNED = {
     "m": ("m", "rad"),

@@ -7,8 +7,6 @@ from typing import Any
 from pydantic import BaseModel
 from pydantic.json_schema import models_json_schema
 
-from gearstab.config.gear_pair import RotatingPair
-from gearstab.config.kinds import KINDS
 from gearstab.config.model.introspection import field_types, is_model, number_kind
 from gearstab.config.sections.expansion import Range
 from gearstab.config.sections.methods import Methods
@@ -16,6 +14,8 @@ from gearstab.config.sections.names import BUT_THE_FIRST, EVERY_MESH
 from gearstab.config.sections.respond import Respond
 from gearstab.config.sections.respond_pair import PairRespond
 from gearstab.config.sections.sweep import Tie
+from gearstab.systems import KINDS
+from gearstab.systems.gear_pair import RotatingPair
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 NUMBER = {"type": ["number", "string"]}

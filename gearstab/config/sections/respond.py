@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
-from gearstab.config.mesh import Conflict, exactly_one
+from gearstab.config.model.conflicts import Conflict, exactly_one
 from gearstab.config.model.fields import (
     AngularFrequency,
     Flag,

@@ -26,7 +26,7 @@ from gearstab.config.sections.expansion import (
 )
 from gearstab.config.sections.methods import Methods
 from gearstab.config.sections.targets import INPUT_SPEED, MESH_FREQUENCY, Target, TargetError, resolve
-from gearstab.config.system import System
+from gearstab.systems.base import System
 
 GROUPS = ("modes", "bench", "teeth", *Methods.model_fields)
 """Names of the groups of a result."""

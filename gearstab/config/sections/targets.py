@@ -12,7 +12,6 @@ from pydantic.fields import FieldInfo
 
 from gearstab.config.document.problems import Path, dotted, nearest
 from gearstab.config.document.yaml import value_at
-from gearstab.config.mesh import Mesh, ToothMesh
 from gearstab.config.model.dimensions import quantity_at
 from gearstab.config.model.fields import AngularFrequency, Quantity, Ratio
 from gearstab.config.model.introspection import (
@@ -24,8 +23,9 @@ from gearstab.config.model.introspection import (
     number_kind,
 )
 from gearstab.config.sections.names import BUT_THE_FIRST, EVERY_MESH, RIVALS, mesh_items
-from gearstab.config.system import System
 from gearstab.config.waveforms import FORMS, Waveform, has_no_ratio, kind_of
+from gearstab.systems.base import System
+from gearstab.systems.parts.mesh import Mesh, ToothMesh
 
 MESH_FREQUENCY: Path = ("mesh_frequency",)
 """Where the mesh frequency stands, which no system has."""
@@ -109,10 +109,7 @@ def _named(name: str, model: type[System], raw: dict[str, Any]) -> list[Target]:
         return [Target((MESH_FREQUENCY,), AngularFrequency, "input speed", None, cycles), *own]
     if name in EVERY_MESH + BUT_THE_FIRST and name not in model.model_fields:
         return _of_meshes(name, model, raw)
-    parts = name.split(".")
-    if model.__name__ == "Matrices" and parts[0] == "damping" and len(parts) == 3 and parts[1].isdecimal():
-        parts.insert(1, "matrix")
-    return [_walk(name, parts, model, raw)]
+    return [_walk(name, model.expand_path(name.split(".")), model, raw)]
 
 
 def _of_meshes(name: str, model: type[System], raw: dict[str, Any]) -> list[Target]:

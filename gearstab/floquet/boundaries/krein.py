@@ -36,8 +36,9 @@ One gap remains for n >= 3: a pair that is off the circle does not interact with
 overtake it, with or against the direction of its motion; against it, floor falls by what the meeting has added. Equal
 C then excludes a tongue only if no three multipliers come together between the two points. That is tested with the
 speeds of the phases, which the formula above gives exactly: a bracket is empty only if, from one of its ends, no pair
-could have met inside at its present speed; and two unstable ends belong to one tongue only if, seen from one of them,
-its pair cannot have left the tongue.
+could have met inside at its present speed; two unstable ends belong to one tongue only if, seen from one of them,
+its pair cannot have left the tongue; and between a stable and an unstable point there is one edge only if, from one
+of them, no third multiplier could have been where two meet or part.
 """
 
 from __future__ import annotations
@@ -85,6 +86,8 @@ class Verdicts:
     behind: Pair
     soon: Array
     since: Array
+    crowded: Array
+    crowding: Array
 
 
 @dataclass(frozen=True)
@@ -152,33 +155,33 @@ def evaluate(pattern: Pattern, row: Array, cycle: Array) -> Verdicts:
     begun = 2 * n * winding + _meetings(phase, real)
     ended = begun - is_off.sum(axis=1)
     ahead, behind = pairs.nearest(matrix, points.energy, found, order, phase, is_off)
-    soon, since = _times(pattern, points, found, order, phase, stable, ahead)
+    times = _times(pattern, points, found, order, phase, is_off, ahead)
     at_real = np.stack([winding, winding + (phase > np.pi).sum(axis=1)])
-    return Verdicts(stable, begun, ended, known & sure, at_real, ahead, behind, soon, since)
+    return Verdicts(stable, begun, ended, known & sure, at_real, ahead, behind, *times)
 
 
 def _times(
-    pattern: Pattern, points: Points, found: Spectrum, order: Array, phase: Array, stable: Array, pair: Pair
-) -> tuple[Array, Array]:
-    """Cycles until the next and since the last event at the present speeds.
+    pattern: Pattern, points: Points, found: Spectrum, order: Array, phase: Array, off: Array, pair: Pair
+) -> tuple[Array, Array, Array, Array]:
+    """Cycles until the next and since the last event at the present speeds, and since the last and until the next
+    one at which a third multiplier can be.
 
     Stable points: a meeting of a positive multiplier with the mirror image of another; unstable ones: the return of
     the pair nearest to the circle, and its departure. Infinite for n < 3, where no third multiplier can disturb the
     count.
     """
-    n, per_cycle = phase.shape[1], 2 * np.pi * pattern.cycles
+    n, per_cycle, stable = phase.shape[1], 2 * np.pi * pattern.cycles, ~off.any(axis=1)
     if n < 3:
         never = np.full(len(phase), np.inf)
-        return never, never
+        return never, never, never, never
     vectors = np.take_along_axis(found.vectors, order[:, None, :], axis=2)
     action = np.take_along_axis(found.sign, order, axis=1)
     mean = np.einsum("pik,pik->pk", vectors.conj(), points.energy @ vectors).real
     with np.errstate(divide="ignore", invalid="ignore"):
-        speed = mean / action
+        speed = mean / action * per_cycle
         total = (phase[:, :, None] + phase[:, None, :]) % (2 * np.pi)
-        rate = (speed[:, :, None] + speed[:, None, :]) * per_cycle
-        different = ~np.tri(n, dtype=bool)
-        meeting = [np.min((gap / rate)[:, different], axis=1) for gap in (2 * np.pi - total, total)]
+        rate = speed[:, :, None] + speed[:, None, :]
+        meeting = [gap / rate for gap in (2 * np.pi - total, total)]
         half = np.sqrt(np.maximum(pair.coupling**2 - 0.25 * pair.detuning**2, 0.0))
         # delta and b come with a factor sinh(g)/g for a pair that grows by exp(g).
         shrink = np.where(half > 0, np.arcsinh(half) / half, 1.0) / (pair.slope * per_cycle)
@@ -186,7 +189,34 @@ def _times(
             np.nanmin(np.append(d * shrink, np.full((1, len(phase)), np.inf), axis=0), axis=0)
             for d in (2 * pair.coupling - pair.detuning, 2 * pair.coupling + pair.detuning)
         ]
-    return np.where(stable, meeting[0], leaving[0]), np.where(stable, meeting[1], leaving[1])
+        third = _third(phase, speed, off)
+    different = ~np.tri(n, dtype=bool)
+    soon, since = (np.where(stable, m[:, different].min(axis=1), d) for m, d in zip(meeting, leaving, strict=True))
+    crowding, crowded = (
+        np.where(stable, np.maximum(m, third).min(axis=(1, 2)), np.maximum(d, third.min(axis=(1, 2))))
+        for m, d in zip(meeting, leaving, strict=True)
+    )
+    return soon, since, crowded, crowding
+
+
+def _third(phase: Array, speed: Array, off: Array) -> Array:
+    """Cycles ``(P, n, n)`` within which a third multiplier, or its mirror image, can be where the i-th or the j-th is
+    now; at unstable points only of those on the circle where one off it is. For a pair off the circle no speed is
+    known, and that of the third stands for it.
+    """
+    n = phase.shape[1]
+    apart = np.minimum(
+        *(np.abs((phase[:, :, None] + sign * phase[:, None, :] + np.pi) % (2 * np.pi) - np.pi) for sign in (-1, 1))
+    )
+    known = np.where(off, 0.0, speed)
+    mixed = np.asarray(off.any(axis=1))[:, None, None]
+    reach = apart / (np.where(off[:, :, None], known[:, None, :], known[:, :, None]) + known[:, None, :])
+    wrong = mixed & ~(off[:, :, None] & ~off[:, None, :])
+    reach = np.where(wrong | np.eye(n, dtype=bool), np.inf, reach)
+    both = np.minimum(reach[:, :, None, :], reach[:, None, :, :])
+    each = np.arange(n)
+    both[:, each, :, each] = both[:, :, each, each] = np.inf
+    return np.asarray(both.min(axis=-1))
 
 
 def _winding(points: Points, phase: Array, off: Array, real: Array) -> tuple[Array, Array]:

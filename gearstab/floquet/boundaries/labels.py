@@ -131,13 +131,31 @@ def assign(regions: list[Unnamed], frequency: Array, cycles: float) -> list[tupl
     classes = [_classes(region) for region in regions]
     leading = [max(region.shares, key=region.shares.__getitem__, default=None) for region in regions]
     plain = [
-        r is not None and c == [class_of(r)] and region.shares[r] > 0.5
+        r is not None
+        and c == [class_of(r)]
+        and region.shares[r] > 0.5
+        and _rank(r, frequency, cycles) == region.passed[class_of(r)]
         for r, c, region in zip(leading, classes, regions, strict=True)
     ]
-    if all(plain) and len(set(leading)) == len(leading):
-        return [(root,) for root in leading if root is not None]
+    sure = [lead for lead, known in zip(leading, plain, strict=True) if known]
+    left = [k for k, lead in enumerate(leading) if not plain[k] or sure.count(lead) > 1]
+    taken = {root for k, root in enumerate(leading) if root is not None and k not in left}
+    result: list[tuple[Root, ...]] = [() if root is None else (root,) for root in leading]
+    found = _distributed([regions[k] for k in left], [classes[k] for k in left], taken, frequency, cycles)
+    for k, own in zip(left, found, strict=True):
+        result[k] = own
+    return result
+
+
+def _distributed(
+    regions: list[Unnamed], classes: list[list[int]], taken: set[Root], frequency: Array, cycles: float
+) -> list[tuple[Root, ...]]:
+    """The roots of those regions whose solutions do not settle them; taken: roots of the others."""
+    if not regions:
+        return []
+    leading = [max(region.shares, key=region.shares.__getitem__, default=None) for region in regions]
     slots = [(k, c, own[:j].count(c)) for k, own in enumerate(classes) for j, c in enumerate(own)]
-    roots = _candidates(regions, frequency, cycles)
+    roots = [root for root in _candidates(regions, frequency, cycles) if root not in taken]
     score = _scores(regions, slots, roots, frequency, cycles)
     from scipy.optimize import linear_sum_assignment
 

@@ -4,7 +4,7 @@ A bracket lies between two neighbouring samples of a row. Its integers (:mod:`~g
 what it holds:
 
 * nothing (both ends stable, equal C; or nowhere stable: begun at the left end exceeds ended at the right end): done;
-* exactly one edge (one end stable, and the integers of the two agree): refined to the tolerance;
+* exactly one edge (one end stable, the integers of the two agree, no third multiplier near): refined to the tolerance;
 * narrow: both ends stable, C differs: tongues or contacts; refined until an unstable sample or the width floor is met;
 * open: anything else, e.g. two unstable ends that may have a stable gap between them: halved.
 
@@ -34,7 +34,7 @@ COARSEST = 6
 PATIENCE = 4
 """Rounds of interpolation in which a bracket must halve."""
 NEAR = 1.2
-"""Margin by which a pair must miss each other for a bracket to be empty."""
+"""Margin by which a pair must miss each other for a bracket to be empty, and a third multiplier for one edge."""
 ATTEMPTS = 4
 """Points tried where signs are lost in rounding, before a bracket is left as it is."""
 ROUNDS = 200
@@ -58,6 +58,8 @@ class Samples:
     behind: Array
     soon: Array
     since: Array
+    crowded: Array
+    crowding: Array
 
     def __len__(self) -> int:
         return len(self.row)
@@ -124,9 +126,9 @@ def sample(pattern: Pattern, row: Array, cycle: Array) -> Samples:
         v = evaluate(pattern, row[part], cycle[part])
         ahead = np.stack([v.ahead.detuning, v.ahead.coupling])
         behind = np.stack([v.behind.detuning, v.behind.coupling])
-        parts.append(
-            Samples(row[part], cycle[part], v.stable, v.begun, v.ended, v.known, v.real, ahead, behind, v.soon, v.since)
-        )
+        verdicts = v.stable, v.begun, v.ended, v.known, v.real
+        times = v.soon, v.since, v.crowded, v.crowding
+        parts.append(Samples(row[part], cycle[part], *verdicts, ahead, behind, *times))
     total = parts[0]
     for more in parts[1:]:
         total = total.joined(more)
@@ -209,8 +211,10 @@ def classify(samples: Samples, brackets: Brackets, spacing: Array) -> Array:
     near = (samples.soon[a] < NEAR * width) & (samples.since[b] < NEAR * width)
     kind = np.full(len(a), OPEN)
     same = begun == ended
-    kind[stable_a & ~stable_b & same] = ENTRANCE
-    kind[~stable_a & stable_b & same] = EXIT
+    # Where a third multiplier overtakes a tongue, three edges can count like one.
+    single = same & ((samples.crowding[a] > NEAR * width) | (samples.crowded[b] > NEAR * width))
+    kind[stable_a & ~stable_b & single] = ENTRANCE
+    kind[~stable_a & stable_b & single] = EXIT
     kind[stable_a & stable_b & ~same] = NARROW
     kind[~near & ((stable_a & stable_b & same) | (~stable_a & ~stable_b & (begun > ended)))] = NOTHING
     small = width < 0.26 * spacing[samples.row[a]]

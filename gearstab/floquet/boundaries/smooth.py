@@ -21,7 +21,8 @@ import numpy as np
 from gearstab.floquet.boundaries import damped
 from gearstab.floquet.boundaries.krein import evaluate
 from gearstab.floquet.boundaries.points import Resolved
-from gearstab.floquet.boundaries.search import Interval, Search, search
+from gearstab.floquet.boundaries.search import Interval, Search
+from gearstab.floquet.boundaries.undamped import search
 from gearstab.floquet.segments.pattern import Pattern
 from gearstab.floquet.smooth.compare import difference, scan
 from gearstab.floquet.smooth.control import SAFETY, Ladder, first

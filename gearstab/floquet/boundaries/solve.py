@@ -8,20 +8,17 @@ from fractions import Fraction
 
 import numpy as np
 
-from gearstab.floquet.boundaries import damped, labels, smooth
+from gearstab.floquet.boundaries import damped, labels, naming, smooth
 from gearstab.floquet.boundaries.labels import Unnamed
 from gearstab.floquet.boundaries.parts import Part, Region, separated, united, without_damping
 from gearstab.floquet.boundaries.regions import Boundaries, tongue_of
-from gearstab.floquet.boundaries.search import Interval, Search, by_row, search
+from gearstab.floquet.boundaries.search import Interval, Search, by_row
+from gearstab.floquet.boundaries.undamped import search
 from gearstab.floquet.segments.pattern import Pattern, prepare
 from gearstab.modal import mean_modes
 from gearstab.perturbation.tongues import Tongue, self_excited
 from gearstab.system import Array, GearSystem
 
-ASIDE = 0.03
-"""Points near the edges of merged regions at which their tongues are looked for, as a part of the width."""
-UNDEFLECTED = 1e-9
-"""A modal mesh deflection below this part of the largest one is rounding."""
 PRESENT = 0.4
 """The share that a tongue of a merged undamped region needs somewhere in a damped region to be named as part of it."""
 
@@ -128,6 +125,7 @@ class _Collected:
         self.squared = np.broadcast_to(modes.squared_frequency, (*self.system.batch, n)).reshape(rows, n)
         self.period = self.system.common_period()[0]
         self.tongues: dict[tuple[int, int, int], Tongue] = {}
+        self.latest: tuple[Part | None, int, tuple[int, float, list[int]]] = None, -1, (-1, 0.0, [])
 
     def undamped(self, part: Part, found: Search) -> None:
         """Name and keep the regions of a part."""
@@ -152,7 +150,7 @@ class _Collected:
             for j, c in _probes(interval, [(int(j), free.intervals[j]) for j in guides[interval.row]])
         ]
         rows = np.array([found.intervals[k].row for k, _, _ in probes], dtype=int)
-        seen = labels.shares(guide, rows, np.array([c for _, _, c in probes])) if probes else []
+        seen = naming.shares(guide, rows, np.array([c for _, _, c in probes])) if probes else []
         self.evaluations[pattern.rows] += np.bincount(rows, minlength=len(pattern.rows))
         shares: list[labels.Shares] = [{} for _ in found.intervals]
         for (k, j, _), there in zip(probes, seen, strict=True):
@@ -172,18 +170,9 @@ class _Collected:
 
     def _named(self, part: Part, pattern: Pattern, intervals: list[Interval]) -> list[tuple[labels.Root, ...]]:
         """The roots of each region of a part's undamped pattern, modes counted from 0 in the part."""
-        unnamed, extra = _unnamed(pattern, intervals)
+        frequency = np.stack([self._frequency(part, k) for k in range(len(pattern.rows))])
+        names, extra = naming.named(pattern, intervals, frequency)
         self.evaluations[pattern.rows] += extra
-        names: list[tuple[labels.Root, ...]] = [()] * len(intervals)
-        owner = np.array([i.row for i in intervals], dtype=int)
-        for k, mine in enumerate(by_row(owner, len(pattern.rows))):
-            if len(mine):
-                frequency = self._frequency(part, k)
-                coupled = _coupled(pattern.elastic.directions[k])
-                roots = labels.assign([unnamed[j] for j in mine], frequency, pattern.cycles)
-                for j, own in zip(mine, roots, strict=True):
-                    # Modes that never act on each other pass through: a collision, but no tongue.
-                    names[j] = tuple(root for root in own if coupled[root.p, root.q]) or own[:1]
         return names
 
     def _nearest(self, part: Part, interval: Interval) -> tuple[labels.Root, ...]:
@@ -199,9 +188,16 @@ class _Collected:
 
     def _modes(self, row: int, elastic: int) -> Array:
         """Numbers from 0 of the elastic modes: rigid ones come between negative and positive squared frequencies."""
-        below = int((self.squared[row] < 0).sum())
-        rigid = self.system.size - elastic
-        return np.array([k for k in range(self.system.size) if not below <= k < below + rigid])
+        below, size = int((self.squared[row] < 0).sum()), self.squared.shape[1]
+        return np.delete(np.arange(size), np.arange(below, below + size - elastic))
+
+    def _row(self, part: Part, k: int) -> tuple[int, float, list[int]]:
+        """Of a part's k-th row: its number, the unit of frequency, and the mode from 0 of each coordinate."""
+        if self.latest[0] is not part or self.latest[1] != k:
+            row = int(part.pattern.rows[k])
+            numbers = self._modes(row, part.whole)[part.modes[k]].tolist()
+            self.latest = part, k, (row, float(part.pattern.elastic.rate[k]), numbers)
+        return self.latest[2]
 
     def _rigid(self, row: int, elastic: int) -> int:
         """Number from 0 of the first rigid-body mode."""
@@ -211,17 +207,15 @@ class _Collected:
         """Of a mode from 0."""
         return self.tongues.setdefault((mode + 1, mode + 1, 0), self_excited(self.system, mode + 1))
 
-    def _tongue(self, root: labels.Root, numbers: Array) -> Tongue:
-        key = int(numbers[root.p]) + 1, int(numbers[root.q]) + 1, root.cycles
+    def _tongue(self, root: labels.Root, numbers: list[int]) -> Tongue:
+        key = numbers[root.p] + 1, numbers[root.q] + 1, root.cycles
         if key not in self.tongues:
             self.tongues[key] = tongue_of(self.system, key[0], key[1], Fraction(root.cycles) / self.period)
         return self.tongues[key]
 
     def _keep(self, part: Part, interval: Interval, roots: tuple[labels.Root, ...], growing: int = -1) -> None:
         """growing: the coordinate that grows by itself, after the elastic ones for rigid-body modes; -1 for none."""
-        pattern = part.pattern
-        row, rate = int(pattern.rows[interval.row]), float(pattern.elastic.rate[interval.row])
-        numbers = self._modes(row, part.whole)[part.modes[interval.row]]
+        row, rate, numbers = self._row(part, interval.row)
         cut_upper, cut_lower = interval.cut
         # The ends of the range itself, not what two divisions make of them.
         lower = self.start if cut_lower else rate / interval.stop
@@ -229,7 +223,7 @@ class _Collected:
         error = interval.error[1] / interval.stop, interval.error[0] / interval.start
         members = tuple(self._tongue(root, numbers) for root in roots)
         if growing >= 0:
-            mode = int(numbers[growing]) if growing < len(numbers) else self._rigid(row, part.whole)
+            mode = numbers[growing] if growing < len(numbers) else self._rigid(row, part.whole)
             members = (self._self_excited(mode), *members)
         self.regions.append(Region(row, (lower, upper), error, (cut_lower, cut_upper), members))
 
@@ -249,39 +243,6 @@ class _Collected:
             self.evaluations,
             self.floor,
         )
-
-
-def _coupled(directions: Array) -> Array:
-    """Which modes ``(n, n)`` are coupled by the meshes ``(meshes, n)``, directly or through others."""
-    deflects = np.abs(directions) > UNDEFLECTED * np.abs(directions).max(initial=0.0)
-    reached = deflects.T.astype(int) @ deflects > 0
-    for _ in range(len(reached).bit_length()):
-        reached = reached.astype(int) @ reached > 0
-    return reached
-
-
-def _unnamed(pattern: Pattern, intervals: list[Interval]) -> tuple[list[Unnamed], Array]:
-    """Look for the unstable solutions inside each region: in the middle, and near both edges of one that may hold
-    several tongues. Also the number of evaluations of each row.
-    """
-    owner, cycle = [], []
-    for k, i in enumerate(intervals):
-        width, middle = i.stop - i.start, 0.5 * (i.start + i.stop)
-        single = sum(i.meetings) <= 1 and not any(i.cut)
-        points = [middle] if single else [middle, i.start + ASIDE * width, i.stop - ASIDE * width]
-        owner += [k] * len(points)
-        cycle += points
-    row = np.array([intervals[k].row for k in owner], dtype=int)
-    seen = labels.shares(pattern, row, np.array(cycle)) if owner else []
-    shares: list[labels.Shares] = [{} for _ in intervals]
-    for k, there in zip(owner, seen, strict=True):
-        for root, share in there.items():
-            shares[k][root] = max(share, shares[k].get(root, 0.0))
-    result = []
-    for i, own in zip(intervals, shares, strict=True):
-        meetings = (0, 0, 0) if any(i.cut) else i.meetings
-        result.append(Unnamed(0.5 * (i.start + i.stop), own, i.passed, meetings))
-    return result, np.bincount(row, minlength=len(pattern.rows))
 
 
 def _probes(interval: Interval, guides: list[tuple[int, Interval]]) -> list[tuple[int, float]]:

@@ -74,12 +74,10 @@ def solve(
     if system.terms:
         raise ValueError("Lyapunov exponents need systems without periodic terms beside the mesh stiffness")
     kernel.record("numpy")
-    rows = int(np.prod(system.batch, dtype=int))
-    omega = np.atleast_1d(np.asarray(mesh_frequency, dtype=float))
-    omega = np.broadcast_to(omega, (rows, omega.shape[-1]))
+    omega = system.operating_points(mesh_frequency)
     growth, upper, lower = (np.full(omega.shape, -np.inf) for _ in range(3))
     status = np.zeros(omega.shape, dtype=np.int16)
-    conservative = np.ones((rows, 1), dtype=bool)
+    conservative = np.ones((system.rows, 1), dtype=bool)
     settings = (confidence, seed)
     found = (_piecewise if system.piecewise_constant else _smooth)(system, length(system, cycles), omega, settings)
     for row, elastic, negative, value, half in found:

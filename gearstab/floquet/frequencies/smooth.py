@@ -57,7 +57,7 @@ class Window:
 
 def windows(system: GearSystem, cycles: float) -> Iterator[Window]:
     """Every row once."""
-    for elastic in reduce(system, int(np.prod(system.batch, dtype=int))):
+    for elastic in reduce(system):
         for k, row in enumerate(elastic.rows):
             edges = _edges(system, int(row), cycles)
             length = np.diff(edges)
@@ -72,9 +72,9 @@ def _edges(system: GearSystem, row: int, cycles: float) -> Array:
     found = [np.array([0.0, cycles])]
     for mesh in system.meshes:
         every = mesh.waveform.breakpoints()
-        points = np.array([_of_row(system, place, row) for place in np.moveaxis(every, -1, 0)])
-        points, ratio = points + _of_row(system, mesh.lag, row), float(mesh.frequency_ratio)
-        if len(points) and _of_row(system, mesh.epsilon, row) != 0:
+        points = system.flat(every, 1)[row]
+        points, ratio = points + system.flat(mesh.lag)[row], float(mesh.frequency_ratio)
+        if len(points) and system.flat(mesh.epsilon)[row] != 0:
             turns = np.arange(np.floor(-points.max()), np.ceil(ratio * cycles - points.min()) + 1)
             found.append(((points[:, None] + turns) / ratio).ravel())
     edges = np.concatenate(found)
@@ -87,15 +87,11 @@ def stiffness(system: GearSystem, row: int, place: Array) -> Array:
 
 
 def _mesh_stiffness(system: GearSystem, mesh: Mesh, row: int, place: Array) -> Array:
-    x = float(mesh.frequency_ratio) * place.ravel() - _of_row(system, mesh.lag, row)
+    x = float(mesh.frequency_ratio) * place.ravel() - system.flat(mesh.lag)[row]
     if mesh.waveform.batch == ():
         value = mesh.waveform.value(x)
     else:
         every = np.broadcast_to(x.reshape(-1, *(1,) * len(system.batch)), (len(x), *system.batch))
         value = mesh.waveform.value(every).reshape(len(x), -1)[:, row]
-    mean, amplitude = (_of_row(system, part, row) for part in (mesh.mean_stiffness, mesh.amplitude))
+    mean, amplitude = (system.flat(part)[row] for part in (mesh.mean_stiffness, mesh.amplitude))
     return (mean + 2 * amplitude * value).reshape(place.shape)
-
-
-def _of_row(system: GearSystem, values: Array | float, row: int) -> float:
-    return float(np.broadcast_to(np.asarray(values, dtype=float), system.batch).reshape(-1)[row])

@@ -58,14 +58,7 @@ def generators(system: GearSystem) -> list[Generator]:
 
 def _modals(system: GearSystem) -> tuple[list[_Modal], Array, Array]:
     """Modal matrices, rigid-body modes of the meshes ``(rows, n)`` and rates ``(rows,)`` of all rows."""
-    rows = int(np.prod(system.batch, dtype=int))
-    n = system.size
-
-    def full(values: Array, core: int) -> Array:
-        values = np.asarray(values, dtype=float)
-        tail = values.shape[values.ndim - core :]
-        return np.broadcast_to(values, (*system.batch, *tail)).reshape(rows, *tail)
-
+    rows, n, full = system.rows, system.size, system.flat
     modes = mean_modes(system)
     shapes = full(modes.shapes, 2)
     back = np.swapaxes(shapes, -1, -2)

@@ -73,21 +73,19 @@ class Schedule:
 
 def schedule(system: GearSystem) -> Schedule:
     """Cut the common period of every row at all jumps and kinks."""
-    return divided(sources(system), system.batch)
+    return divided(system, sources(system))
 
 
-def divided(found: list[Source], batch: tuple[int, ...]) -> Schedule:
-    """The same for any functions of one common period, of the parameters of a batch."""
-    rows = int(np.prod(batch, dtype=int))
+def divided(system: GearSystem, found: list[Source]) -> Schedule:
+    """The same for any functions of one common period, of the parameters of the system's batch."""
+    rows = system.rows
     cuts = [np.zeros((rows, 1)), np.ones((rows, 1))]
     for source in found:
-        points = source.profile.breakpoints()
-        width = points.shape[-1]
-        at = np.broadcast_to(points + source.lag[..., None], (*batch, width)).reshape(rows, width)
+        at = system.flat(source.profile.breakpoints() + source.lag[..., None], 1)
         at = ((at[:, :, None] + np.arange(source.cycles)) / source.cycles).reshape(rows, -1)
         cuts.append(at - np.floor(at))
     edges = np.sort(np.concatenate(cuts, axis=1), axis=1)
     close = np.diff(edges, axis=1) < MERGED
     edges[:, 1:] = np.where(close, edges[:, :-1], edges[:, 1:])
     edges[:, -1] = 1.0
-    return Schedule(found, batch, edges)
+    return Schedule(found, system.batch, edges)

@@ -162,6 +162,103 @@ def multipliers_damped(
     return growth, scale, values
 
 
+POINTS_OF_A_ROW = 500
+"""Monodromy matrices that the boundaries of a row take, about."""
+SHARES_OF_A_POINT = 30
+"""The shares of a point take so many times the operations of a monodromy matrix, about."""
+SHARE = np.dtype([("point", "i8"), ("p", "i8"), ("q", "i8"), ("cycles", "i8"), ("share", "f8")])
+"""``struct share`` of kernel.h."""
+NAME = np.dtype([("region", "i8"), ("p", "i8"), ("q", "i8"), ("cycles", "i8")])
+"""``struct name`` of kernel.h."""
+EDGE = np.dtype([("row", "i8"), ("cycle", "f8"), ("error", "f8"), ("enters", "i8"), ("passed", "i8", 3)])
+"""``struct edge`` of kernel.h."""
+REACH = np.dtype([("evaluations", "i8"), ("stable", "i8", 2), ("passed", "i8", (2, 3))])
+"""``struct reach`` of kernel.h."""
+
+
+def edges(
+    pattern: Pattern,
+    coarse: Pattern,
+    first: Array,
+    last: Array,
+    tolerance: float,
+    floor: float,
+    density: float,
+    limit: int | None = None,
+) -> tuple[Array, Array]:
+    """Edges of instability regions (EDGE, by row and place) between two cycles ``(r,)``, and what is known of the rows
+    (REACH, ``(r,)``).
+
+    coarse: the pattern that gives the rotation counts, of the same rows; density: points of the scan a collision.
+    """
+    begin, end = _contiguous(first), _contiguous(last)
+    found: dict[int, tuple[bytes, bytes]] = {}
+    segments = max(len(pattern.states), len(coarse.states))
+    for rows in _portions(len(begin), segments, pattern.size):
+        given = _arguments(pattern, rows)
+        other = given if coarse is pattern else _arguments(coarse, rows)
+        arguments = (*given, *other[0][1:3], *other[1:])
+        options = (tolerance, floor, density, begin[rows], end[rows])
+
+        def part(low: int, high: int, all_of: tuple[Any, ...] = (arguments, options), base: int = rows.start) -> None:
+            found[base + low] = _library().edges(ckernel.simd(), *all_of[0], low, high, *all_of[1])
+
+        _in_threads(part, rows.stop - rows.start, POINTS_OF_A_ROW * _cost(pattern), limit)
+    known = np.empty(len(begin), dtype=REACH)
+    every = [np.empty(0, dtype=EDGE)]
+    for base, (of_edges, of_rows) in sorted(found.items()):
+        rows_of = np.frombuffer(of_rows, dtype=REACH)
+        known[base : base + len(rows_of)] = rows_of
+        every.append(np.frombuffer(of_edges, dtype=EDGE))
+    total = np.concatenate(every)
+    return total[np.lexsort((total["cycle"], total["row"]))], known
+
+
+def shares(pattern: Pattern, coarse: Pattern, turn: Array, row: Array, cycle: Array, limit: int | None = None) -> Array:
+    """Shares of roots (SHARE) in the unstable solutions at points (row, cycle) ``(P,)``, see labels.py.
+
+    coarse: the pattern that gives the solutions between the ends of the period; turn: ``(r, n, n)``, from the first
+    modes of the pattern to those of the coarse one.
+    """
+    order = np.argsort(row, kind="stable")
+    index, place = np.ascontiguousarray(row[order], dtype=np.int64), _contiguous(cycle[order])
+    found: dict[int, Array] = {}
+    segments = max(len(pattern.states), len(coarse.states))
+    for rows in _portions(len(pattern.rows), segments, pattern.size):
+        low, high = np.searchsorted(index, (rows.start, rows.stop))
+        if low == high:
+            continue
+        given = _arguments(pattern, rows)
+        other = given if coarse is pattern else _arguments(coarse, rows)
+        arguments = (*given, *other[0][1:3], *other[1:])
+        bases = _contiguous(coarse.modes[rows]), _contiguous(turn[rows])
+        points = (*bases, index[low:high] - rows.start, place[low:high])
+
+        def part(first: int, last: int, all_of: tuple[Any, ...] = (arguments, points), base: int = int(low)) -> None:
+            raw = _library().shares(ckernel.simd(), *all_of[0], first, last, len(all_of[1][2]), *all_of[1])
+            own = np.frombuffer(raw, dtype=SHARE).copy()
+            own["point"] = order[own["point"] + base]
+            found[base + first] = own
+
+        _in_threads(part, int(high - low), SHARES_OF_A_POINT * _cost(coarse), limit)
+    return np.concatenate([np.empty(0, dtype=SHARE), *(found[k] for k in sorted(found))])
+
+
+def names(
+    frequency: Array, cycles: float, row: Array, cycle: Array, passed: Array, meetings: Array, found: Array
+) -> Array:
+    """The roots (NAME) of R regions that are ordered by row, each region's leading one first, see labels.py.
+
+    frequency: ``(r, n)``, of the mean systems in the units of 1/cycle; passed, meetings: ``(R, 3)``; found: shares
+    (SHARE) whose points are numbers of regions, in their order.
+    """
+    count, (rows, n) = len(row), frequency.shape
+    whole = (np.ascontiguousarray(part, dtype=np.int64) for part in (passed, meetings))
+    index, known = np.ascontiguousarray(row, dtype=np.int64), np.ascontiguousarray(found).view(np.int8)
+    given = (_contiguous(frequency), index, _contiguous(cycle), *whole, known)
+    return np.frombuffer(_library().names(count, rows, n, float(cycles), *given), dtype=NAME)
+
+
 def _left_over(generator: Generators, growth: Array) -> list[int]:
     """Rows for the NumPy kernel: not safe to diagonalise, or without a result somewhere."""
     return [int(row) for row in np.flatnonzero(~generator.well_conditioned | np.isnan(growth).any(axis=1))]

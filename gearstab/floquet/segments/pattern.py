@@ -145,7 +145,7 @@ def prepare(system: GearSystem) -> list[Pattern]:
     """
     _check(system)
     cycles, counts = system.common_period()
-    edges, bits = _segments_of_rows(system, counts, int(np.prod(system.batch, dtype=int)))
+    edges, bits = _segments_of_rows(system, counts)
     return _patterns(system, float(cycles), edges, bits)
 
 
@@ -161,18 +161,17 @@ def _check(system: GearSystem) -> None:
 def window(system: GearSystem, cycles: float) -> list[Pattern]:
     """All rows over the first ``cycles`` periods 2 pi/Omega from t = 0, whatever the ratios of the mesh frequencies."""
     _check(system)
-    count = int(np.prod(system.batch, dtype=int))
-    edges = [np.zeros((count, 1))]
+    edges = [np.zeros((system.rows, 1))]
     for mesh in system.meshes:
         ratio = float(mesh.frequency_ratio)
-        jumps = _jumps(mesh, system.batch, count)
+        jumps = _jumps(system, mesh)
         turns = np.arange(np.floor(-jumps.max()), np.ceil(ratio * cycles - jumps.min()) + 1)
-        edges.append(((jumps[:, :, None] + turns) / ratio).reshape(count, -1))
+        edges.append(((jumps[:, :, None] + turns) / ratio).reshape(system.rows, -1))
     found = np.sort(np.clip(np.concatenate(edges, axis=1), 0.0, cycles), axis=1)
     middle = found + 0.5 * np.diff(found, axis=1, append=cycles)
     bits = np.zeros(found.shape, dtype=np.int64)
     for i, mesh in enumerate(system.meshes):
-        bits |= _stiff(mesh, system.batch, float(mesh.frequency_ratio) * middle).astype(np.int64) << i
+        bits |= _stiff(system, mesh, float(mesh.frequency_ratio) * middle).astype(np.int64) << i
     return _patterns(system, cycles, found / cycles, bits, closed=False)
 
 
@@ -181,9 +180,9 @@ def _patterns(system: GearSystem, cycles: float, edges: Array, bits: Array, clos
     count = len(edges)
     lengths = np.diff(edges, axis=1, append=edges[:, :1] + 1 if closed else np.ones((count, 1)))
     signature = np.where(lengths > SHORTEST, bits, -1)
-    levels = _levels(system.meshes, count)
+    levels = _levels(system)
     patterns = []
-    for elastic in reduce(system, count):
+    for elastic in reduce(system):
         for index, key in equal_rows(signature[elastic.rows]):
             members = elastic.rows[index]
             states, fractions, start = merged(key, lengths[members], edges[members], closed)
@@ -197,12 +196,12 @@ def _patterns(system: GearSystem, cycles: float, edges: Array, bits: Array, clos
     return patterns
 
 
-def _segments_of_rows(system: GearSystem, counts: tuple[int, ...], rows: int) -> tuple[Array, Array]:
+def _segments_of_rows(system: GearSystem, counts: tuple[int, ...]) -> tuple[Array, Array]:
     """Jumps ``(rows, S)`` in [0, 1), ascending, and which meshes are stiff after each, as bits ``(rows, S)``."""
-    edges = [np.zeros((rows, 1))] if not system.meshes else []
+    edges = [np.zeros((system.rows, 1))] if not system.meshes else []
     for mesh, n in zip(system.meshes, counts, strict=True):
-        points = _jumps(mesh, system.batch, rows)
-        edges.append(((points[:, :, None] + np.arange(n)) / n).reshape(rows, -1))
+        points = _jumps(system, mesh)
+        edges.append(((points[:, :, None] + np.arange(n)) / n).reshape(system.rows, -1))
     found = np.concatenate(edges, axis=1)
     found = np.sort(found - np.floor(found), axis=1)
     found = np.where(found >= 1.0, 0.0, found)
@@ -210,34 +209,28 @@ def _segments_of_rows(system: GearSystem, counts: tuple[int, ...], rows: int) ->
     middle = found + 0.5 * np.diff(found, axis=1, append=found[:, :1] + 1)
     bits = np.zeros(found.shape, dtype=np.int64)
     for i, (mesh, n) in enumerate(zip(system.meshes, counts, strict=True)):
-        bits |= _stiff(mesh, system.batch, n * middle).astype(np.int64) << i
+        bits |= _stiff(system, mesh, n * middle).astype(np.int64) << i
     return found, bits
 
 
-def _jumps(mesh: Mesh, batch: tuple[int, ...], rows: int) -> Array:
+def _jumps(system: GearSystem, mesh: Mesh) -> Array:
     """``(rows, B)``, where the wave jumps, in periods of the mesh."""
-    points = mesh.waveform.breakpoints()
-    lag = np.broadcast_to(np.asarray(mesh.lag, dtype=float), batch).reshape(rows, 1)
-    return np.broadcast_to(points, (*batch, points.shape[-1])).reshape(rows, -1) + lag
+    return system.flat(mesh.waveform.breakpoints(), 1) + system.flat(mesh.lag)[:, None]
 
 
-def _stiff(mesh: Mesh, batch: tuple[int, ...], phase: Array) -> Array:
+def _stiff(system: GearSystem, mesh: Mesh, phase: Array) -> Array:
     """Whether the mesh is above its mean at the given phases (rows, S); never where its stiffness does not vary."""
-
-    def flat(values: Array | float) -> Array:
-        return np.broadcast_to(values, batch).reshape(-1, 1)
-
-    x = (phase - flat(mesh.lag)).T
-    value = mesh.waveform.value(x.reshape(-1, *batch)).reshape(x.shape).T
-    return (value > 0) & (flat(mesh.epsilon) != 0)
+    x = (phase - system.flat(mesh.lag)[:, None]).T
+    value = mesh.waveform.value(x.reshape(-1, *system.batch)).reshape(x.shape).T
+    return (value > 0) & (system.flat(mesh.epsilon)[:, None] != 0)
 
 
-def _levels(meshes: tuple[Mesh, ...], rows: int) -> Array:
+def _levels(system: GearSystem) -> Array:
     """``(rows, meshes, 2)``, the softer and the stiffer level of each mesh; both the mean where it does not vary."""
     table = []
-    for mesh in meshes:
+    for mesh in system.meshes:
         pair = [mesh.mean_stiffness + 2 * mesh.amplitude * w for w in mesh.waveform.extremes()]
-        table.append(np.stack([np.broadcast_to(np.ravel(level), (rows,)) for level in pair], axis=-1))
+        table.append(np.stack([system.flat(level) for level in pair], axis=-1))
     return np.stack(table, axis=1)
 
 

@@ -84,23 +84,16 @@ class Elastic:
         return total
 
 
-def reduce(system: GearSystem, rows: int) -> Iterator[Elastic]:
+def reduce(system: GearSystem) -> Iterator[Elastic]:
     """Group the rows by number of rigid-body modes and kind of damping; each row comes once."""
-    n = system.size
-
-    def full(matrix: Array) -> Array:
-        return np.broadcast_to(matrix, (*system.batch, n, n)).reshape(rows, n, n)
-
-    modes = mean_modes(system)
-    shapes = full(modes.shapes)
-    deflection = np.broadcast_to(modes.mesh_deflection, (*system.batch, n, len(system.meshes)))
-    deflection = np.swapaxes(deflection.reshape(rows, n, -1), -1, -2)
-    squared = np.broadcast_to(modes.squared_frequency, (*system.batch, n)).reshape(rows, n)
+    n, modes = system.size, mean_modes(system)
+    shapes, squared = system.flat(modes.shapes, 2), system.flat(modes.squared_frequency, 1)
+    deflection = np.swapaxes(system.flat(modes.mesh_deflection, 2), -1, -2)
     rigid = rigid_modes(squared, deflection)
     rate = np.sqrt(np.maximum(np.mean(np.abs(squared), axis=-1), np.finfo(float).tiny))
-    drag = None if system.damping is None else _damping(shapes, full(system.damping), rigid)
-    static = _modal(shapes, full(system.stiffness))
-    turn = None if system.symmetry is None else _modal(shapes, full(system.mass @ system.symmetry.turn))
+    drag = None if system.damping is None else _damping(shapes, system.flat(system.damping, 2), rigid)
+    static = _modal(shapes, system.flat(system.stiffness, 2))
+    turn = None if system.symmetry is None else _modal(shapes, system.flat(system.mass @ system.symmetry.turn, 2))
     for members, key in equal_rows(_kinds(rigid, drag)):
         elastic = np.nonzero(~rigid[members])[1].reshape(len(members), -1)
         inner = _take(static[members], elastic, elastic)

@@ -15,7 +15,7 @@ degree 3 at most.
 
 Schemes of sixth order have an exponential of negative duration.
 
-Source: Alvermann & Fehske 2011, J. Comput. Phys. 230, 5930-5956, optimized propagators CFET 4:2, 4:3 and 6:5; the first
+Source: Alvermann & Fehske 2011, J. Comput. Phys. 230, 5930-5956, optimized propagators CFET 4:2 and 6:5; the first
 is that of Blanes & Moan 2006, Appl. Numer. Math. 56, 1519-1537. f_23 and f_33 of CFET 6:5 were computed from the other
 coefficients and the order conditions sum_i f_i3 = 0, sum_(i<k) (f_i2 f_k3 - f_k2 f_i3) = -1/15.
 """
@@ -69,7 +69,6 @@ def _from_moments(name: str, order: int, moments: list[tuple[float, float, float
 
 
 CF4_2 = _from_moments("CF4:2", 4, [(1 / 2, 1 / 3, 0.0)])
-CF4_3 = _from_moments("CF4:3", 4, [(11 / 40, 20 / 87, 7 / 50), (9 / 20, 0.0, -7 / 25)])
 CF6_5 = _from_moments(
     "CF6:5",
     6,
@@ -79,6 +78,3 @@ CF6_5 = _from_moments(
         (-0.09272748639892473025, 0.0, 0.02286992812707748200),
     ],
 )
-
-SCHEMES = {scheme.name: scheme for scheme in (CF4_2, CF4_3, CF6_5)}
-"""By name: the order and the number of exponentials a step."""

@@ -49,16 +49,6 @@ class Sampler:
     system: GearSystem
 
     @cached_property
-    def batch(self) -> tuple[int, ...]:
-        """Of the system."""
-        return self.system.batch
-
-    @property
-    def count(self) -> int:
-        """The number of rows of the flattened batch."""
-        return int(np.prod(self.batch, dtype=int))
-
-    @cached_property
     def cycles(self) -> tuple[int, ...]:
         """Of each mesh in a common period."""
         return self.system.common_period()[1][: len(self.system.meshes)]
@@ -68,22 +58,18 @@ class Sampler:
         """Mean stiffness, amplitude, lag and epsilon of each mesh, ``(meshes, rows)``."""
         meshes = self.system.meshes
         table = [(mesh.mean_stiffness, mesh.amplitude, mesh.lag, mesh.epsilon) for mesh in meshes]
-        mean, amplitude, lag, epsilon = (np.array([self._flat(v) for v in part]) for part in zip(*table, strict=True))
+        mean, amplitude, lag, epsilon = (np.array([*map(self.system.flat, part)]) for part in zip(*table, strict=True))
         return mean, amplitude, lag, epsilon
-
-    def _flat(self, values: Array | float) -> Array:
-        return np.broadcast_to(np.asarray(values, dtype=float), self.batch).reshape(-1)
 
     def edges(self) -> Array:
         """``(rows, Q)``: jumps and kinks in parts of the common period, ascending from [0, 1) on.
 
         Rows with fewer of them than others have the end of the period for the rest; without any, 0 is one.
         """
-        count, found = self.count, []
+        count, found = self.system.rows, []
         _, _, lag, epsilon = self._rows
         for i, (mesh, turns) in enumerate(zip(self.system.meshes, self.cycles, strict=True)):
-            points = mesh.waveform.breakpoints()
-            points = np.broadcast_to(points, (*self.batch, points.shape[-1])).reshape(count, -1) + lag[i][:, None]
+            points = self.system.flat(mesh.waveform.breakpoints(), 1) + lag[i][:, None]
             each = ((points[:, :, None] + np.arange(turns)) / turns).reshape(count, -1)
             # A mesh whose stiffness does not vary has no jumps; another one's edge stands for its.
             found.append(np.where(epsilon[i][:, None] != 0, each, np.nan))
@@ -99,7 +85,7 @@ class Sampler:
 
     def lowest(self, rows: Array) -> Array:
         """``(r, meshes)``, the least mesh stiffnesses."""
-        return np.stack([self._flat(mesh.lowest_stiffness)[rows] for mesh in self.system.meshes], axis=-1)
+        return np.stack([self.system.flat(mesh.lowest_stiffness)[rows] for mesh in self.system.meshes], axis=-1)
 
     def __call__(self, rows: Array, place: Array) -> Array:
         """``(r, Q, meshes)``, mesh stiffnesses of ``rows`` (r,) at the places ``(r, Q)``, parts of the period."""
@@ -113,9 +99,9 @@ class Sampler:
                 # Often the same times and the same wave for all rows.
                 value = mesh.waveform.value(x[:1] if alike and np.all(lag == lag[0]) else x)
             else:
-                every = np.zeros((place.shape[1], self.count))
+                every = np.zeros((place.shape[1], self.system.rows))
                 every[:, rows] = x.T
-                every = mesh.waveform.value(every.reshape(-1, *self.batch)).reshape(every.shape)
+                every = mesh.waveform.value(every.reshape(-1, *self.system.batch)).reshape(every.shape)
                 value = every[:, rows].T
             result[..., i] = means[i][rows, None] + 2 * amplitudes[i][rows, None] * value
         return result
@@ -202,7 +188,7 @@ def divisions(system: GearSystem) -> Iterator[Division]:
     edges = sampler.edges()
     length = np.diff(edges, axis=1, append=edges[:, :1] + 1)
     span, code = _kinds(sampler, edges, length)
-    for elastic in reduce(system, sampler.count):
+    for elastic in reduce(system):
         for index, key in equal_rows(code[elastic.rows]):
             members = elastic.rows[index]
             own = (key == VARYING) | (key == STILL)
@@ -226,7 +212,7 @@ def divisions(system: GearSystem) -> Iterator[Division]:
 def _kinds(sampler: Sampler, edges: Array, length: Array) -> tuple[Array, Array]:
     """By how much the stiffness varies (relative) on each piece ``(rows, Q)``, and the kind of the piece."""
     place = edges[:, :, None] + length[:, :, None] * PROBES
-    known = sampler(np.arange(sampler.count), place.reshape(len(place), -1)).reshape(*place.shape, -1)
+    known = sampler(np.arange(sampler.system.rows), place.reshape(len(place), -1)).reshape(*place.shape, -1)
     size = np.maximum(np.abs(known).max(axis=(1, 2)), np.finfo(float).tiny)
     span = ((known.max(axis=2) - known.min(axis=2)) / size[:, None]).max(axis=2, initial=0.0)
     kind = np.where(length > SHORTEST, np.where(span > CONSTANT, VARYING, STILL), LEFT_OUT)

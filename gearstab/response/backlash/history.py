@@ -11,9 +11,8 @@ from gearstab.response.backlash.dynamics import Dynamics, dynamics
 from gearstab.response.backlash.follow import Chatter, Event, Stretch, follow
 from gearstab.response.backlash.measure import LimitCycle, Meter
 from gearstab.response.linear.basis import bases
-from gearstab.response.linear.driven import driven
+from gearstab.response.linear.driven import ON_A_JUMP, driven
 from gearstab.response.linear.history import RESPONSE_FLAGS, Response, assembled, checked, samples_until
-from gearstab.response.linear.sampling import ON_A_JUMP
 from gearstab.response.linear.steady import unbalanced
 from gearstab.system import Array, GearSystem
 

@@ -62,13 +62,6 @@ class Basis:
         return self.constant + varying.reshape(*varying.shape[:-1], self.size, self.size)
 
 
-def full(system: GearSystem, values: Array | float, core: int) -> Array:
-    """Values with ``core`` trailing dimensions as ``(rows, ...)``, one entry for each row of the flattened batch."""
-    found = np.asarray(values, dtype=float)
-    tail = found.shape[found.ndim - core :]
-    return np.broadcast_to(found, (*system.batch, *tail)).reshape(-1, *tail)
-
-
 @dataclass(frozen=True)
 class _Modal:
     """Modal matrices of all rows; ``parts`` are (whether it acts on velocities, matrix)."""
@@ -102,19 +95,19 @@ def bases(system: GearSystem, whole: bool = False) -> Iterator[Basis]:
 
 def _modal(system: GearSystem) -> tuple[_Modal, Array]:
     modes = mean_modes(system)
-    shapes, squared = full(system, modes.shapes, 2), full(system, modes.squared_frequency, 1)
-    deflection = np.swapaxes(full(system, modes.mesh_deflection, 2), -1, -2)
+    shapes, squared = system.flat(modes.shapes, 2), system.flat(modes.squared_frequency, 1)
+    deflection = np.swapaxes(system.flat(modes.mesh_deflection, 2), -1, -2)
     back = np.swapaxes(shapes, -1, -2)
     rate = np.sqrt(np.maximum(np.abs(squared).mean(axis=-1), np.finfo(float).tiny))
     drag = np.zeros(shapes.shape)
     if system.damping is not None:
-        drag = back @ full(system, system.damping, 2) @ shapes
+        drag = back @ system.flat(system.damping, 2) @ shapes
     parts = [(False, deflection[:, i, :, None] * deflection[:, i, None, :]) for i in range(len(system.meshes))]
     for term in system.terms:
-        u, v = (np.einsum("rnp,rn->rp", shapes, full(system, end, 1)) for end in (term.left, term.right))
+        u, v = (np.einsum("rnp,rn->rp", shapes, system.flat(end, 1)) for end in (term.left, term.right))
         kinds = [on for on, profile in enumerate((term.stiffness, term.damping)) if profile is not None]
         parts += [(bool(on), u[:, :, None] * v[:, None, :]) for on in kinds]
-    static = back @ full(system, system.stiffness, 2) @ shapes
+    static = back @ system.flat(system.stiffness, 2) @ shapes
     return _Modal(shapes, squared, rate, static, drag, parts), rigid_modes(squared, deflection)
 
 

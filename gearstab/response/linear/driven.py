@@ -13,12 +13,14 @@ import numpy as np
 from gearstab.response.linear.basis import Basis, bases
 from gearstab.response.linear.excitation import Excitation, excitation
 from gearstab.response.linear.intervals import Points, intervals, occupied
-from gearstab.response.linear.sampling import first_sample
 from gearstab.response.linear.steady import period_map, resolution
 from gearstab.system import Array, GearSystem
 
 FEW = 4
 """Periods that are followed one by one, state by state, instead of by the map to each sample."""
+ON_A_JUMP = 1e-9
+"""A sample closer to a jump than this part of the sampling step is taken as lying on it, with the stiffness just after;
+position and velocity do not jump, so that only the force and the energy depend on it."""
 
 
 @dataclass(frozen=True)
@@ -104,3 +106,8 @@ def driven(system: GearSystem, mesh_frequency: float, tolerance: float = 1e-9) -
     at, omega = np.zeros(1, dtype=int), np.array([float(mesh_frequency)])
     steps = 1 if drive.exact else resolution(drive, basis, at, omega, tolerance)
     return Driven(drive, basis, Points(drive, basis, at, omega, steps))
+
+
+def first_sample(edges: Array) -> Array:
+    """The first sample at or after each edge; both in sampling steps."""
+    return np.ceil(edges - ON_A_JUMP).astype(int)

@@ -20,7 +20,6 @@ from functools import cached_property
 import numpy as np
 
 from gearstab.floquet.general.schedule import Schedule, Source, divided
-from gearstab.response.linear.basis import full
 from gearstab.system import Array, GearSystem, PeriodicForce, shared_period
 from gearstab.waveforms import Fourier
 
@@ -98,24 +97,24 @@ def excitation(system: GearSystem) -> Excitation:
         count * s for profile, count, _ in (*waves, *errors) if profile is not None
         for s in range(1, np.shape(profile.sin)[-1] + 1)
     ]).astype(int)  # fmt: skip
-    rows, width = int(np.prod(system.batch, dtype=int)), 1 + 2 * len(harmonics)
+    rows, width = system.rows, 1 + 2 * len(harmonics)
     fixed = np.zeros((rows, system.size, width))
     if system.load is not None:
-        fixed[:, :, 0] += full(system, system.load, 1)
+        fixed[:, :, 0] += system.flat(system.load, 1)
     for force, count in driven:
         if isinstance(force.profile, Fourier):
             series = _series(system, force.profile, count, force.lag, harmonics)
-            fixed += full(system, force.direction, 1)[:, :, None] * series[:, None]
+            fixed += system.flat(force.direction, 1)[:, :, None] * series[:, None]
     table = np.zeros((rows, len(meshes), width))
     for i, (profile, count, lag) in enumerate(errors):
         if profile is not None:
             table[:, i] = _series(system, profile, count, lag, harmonics)
     return Excitation(
-        cycles=float(cycles), counts=meshes, schedule=divided(sources, system.batch), exact=exact, harmonics=harmonics,
+        cycles=float(cycles), counts=meshes, schedule=divided(system, sources), exact=exact, harmonics=harmonics,
         fixed=fixed, errors=table, slopes=_derivative(table, harmonics, float(cycles)),
-        directions=np.stack([full(system, mesh.direction, 1) for mesh in system.meshes], axis=1),
-        dampings=np.stack([full(system, mesh.damping, 0) for mesh in system.meshes], axis=1),
-        others=np.stack([full(system, force.direction, 1) for force, _ in shaped], axis=-1)
+        directions=np.stack([system.flat(mesh.direction, 1) for mesh in system.meshes], axis=1),
+        dampings=np.stack([system.flat(mesh.damping, 0) for mesh in system.meshes], axis=1),
+        others=np.stack([system.flat(force.direction, 1) for force, _ in shaped], axis=-1)
         if shaped else np.zeros((rows, system.size, 0)),
     )  # fmt: skip
 
@@ -138,8 +137,8 @@ def _source_of(force: PeriodicForce, count: int) -> Source:
 
 def _series(system: GearSystem, profile: Fourier, count: int, lag: Array | float, harmonics: Array) -> Array:
     """``(rows, L)`` with profile(count tau - lag) = series z(tau)."""
-    sin, cos = (full(system, part, 1) for part in (profile.sin, profile.cos))
-    angle = 2 * np.pi * full(system, lag, 0)
+    sin, cos = (system.flat(part, 1) for part in (profile.sin, profile.cos))
+    angle = 2 * np.pi * system.flat(lag, 0)
     result = np.zeros((len(sin), 1 + 2 * len(harmonics)))
     for s in range(1, sin.shape[-1] + 1):
         at = 1 + 2 * int(np.searchsorted(harmonics, count * s))

@@ -7,15 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gearstab import floquet
-from gearstab.floquet.segments.pattern import prepare
 from gearstab.response.linear.basis import bases
 from gearstab.response.linear.driven import driven
 from gearstab.response.linear.equilibrium import static_mesh_force
-from gearstab.response.linear.propagation import Advance, propagator
-from gearstab.response.linear.sampling import first_sample
 from gearstab.response.linear.steady import STATUS_FLAGS, unbalanced
 from gearstab.system import Array, GearSystem
-from gearstab.waveforms import Rectangular
 
 RESPONSE_FLAGS = STATUS_FLAGS | {"overflow": 128}
 """Bits of a response's ``flags``: those of a steady state (:mod:`~gearstab.response.linear.steady`), of a history as
@@ -79,9 +75,8 @@ def free_response(
 ) -> Response:
     """Free vibration M q'' + C(t) q' + K(t) q = 0 from q(0), q'(0), whatever drives the system otherwise.
 
-    Within a segment of constant stiffness the solution is written down (modes, or a matrix exponential with damping),
-    and every segment starts exactly at a jump, so that the spacing of the samples does not affect the accuracy. Smooth
-    waves are followed in steps of the sixth-order Magnus expansion, to a relative error of 1e-9 a period.
+    Exact between the jumps of the mesh stiffness, whatever the spacing of the samples. Smooth waves are followed in
+    steps of the sixth-order Magnus expansion, to a relative error of 1e-9 a period.
 
     Parameters
     ----------
@@ -97,23 +92,8 @@ def free_response(
 
     Source: piecewise exact solution as in Lin & Parker 2002, section 4 and Fig. 9 (there by numerical integration).
     """
-    start = checked(system, mesh_frequency, displacement, velocity, duration, samples_per_cycle)
     system = at_rest(system)
-    if system.terms or not all(isinstance(mesh.waveform, Rectangular) for mesh in system.meshes):
-        return _followed(system, mesh_frequency, start, duration, samples_per_cycle)
-    cycles, counts = system.common_period()
-    period = float(cycles) * 2 * np.pi / mesh_frequency
-    grid = counts[0] * samples_per_cycle
-    samples = samples_until(duration, period / grid)
-    edges, levels = _segments(system)
-    coordinates, advance = propagator(system, levels, period / grid)
-    # Growth without bound is an answer, not an error: the history is cut where it stops being finite.
-    with np.errstate(over="ignore", invalid="ignore"):
-        x = _history(edges * grid, advance, period / grid, coordinates.state(*start), samples)
-        q, v = coordinates.physical(x)
-    q[0], v[0] = start
-    stiffness = levels[_segment_of(edges * grid, samples)]
-    return assembled(system, mesh_frequency, (q, v), stiffness, np.zeros(stiffness.shape), period / grid, period)
+    return driven_response(system, mesh_frequency, displacement, velocity, duration, samples_per_cycle)
 
 
 def driven_response(
@@ -131,18 +111,6 @@ def driven_response(
     :func:`free_response`. Parameters and errors as there; ValueError also where there is no common period.
     """
     start = checked(system, mesh_frequency, displacement, velocity, duration, samples_per_cycle)
-    return _followed(system, mesh_frequency, start, duration, samples_per_cycle)
-
-
-def at_rest(system: GearSystem) -> GearSystem:
-    """The same system with nothing that drives it."""
-    meshes = tuple(replace(mesh, transmission_error=None) for mesh in system.meshes)
-    return replace(system, load=None, forces=(), meshes=meshes)
-
-
-def _followed(
-    system: GearSystem, mesh_frequency: float, start: tuple[Array, Array], duration: float, samples_per_cycle: int
-) -> Response:
     motion = driven(system, mesh_frequency)
     grid = motion.drive.counts[0] * samples_per_cycle
     samples = samples_until(duration, motion.period / grid)
@@ -153,6 +121,12 @@ def _followed(
     found = assembled(system, mesh_frequency, (q, v), stiffness, errors, motion.period / grid, motion.period)
     pushed = bool(unbalanced(motion.drive, next(bases(system)))[0])
     return replace(found, flags=found.flags | RESPONSE_FLAGS["unbalanced"] * pushed)
+
+
+def at_rest(system: GearSystem) -> GearSystem:
+    """The same system with nothing that drives it."""
+    meshes = tuple(replace(mesh, transmission_error=None) for mesh in system.meshes)
+    return replace(system, load=None, forces=(), meshes=meshes)
 
 
 def samples_until(duration: float, step: float) -> int:
@@ -209,51 +183,3 @@ def checked(
         if part.shape != (system.size,) or not np.all(np.isfinite(part)):
             raise ValueError(f"initial {name}: {system.size} finite numbers are needed")
     return state
-
-
-def _segments(system: GearSystem) -> tuple[Array, Array]:
-    """Edges ``(S + 1,)`` from 0 to 1 in parts of the common period; the mesh stiffnesses between ``(S, meshes)``."""
-    pattern = prepare(system)[0]
-    begins = pattern.start[0] + np.concatenate([[0.0], np.cumsum(pattern.fractions[0])[:-1]])
-    wrapped = begins - np.floor(begins)
-    order = np.argsort(wrapped)
-    levels = pattern.levels[0][pattern.states[order]]
-    inner = wrapped[order]
-    if inner[0] > 0:
-        # The period begins within the segment that its end is in, too.
-        inner, levels = np.concatenate([[0.0], inner]), np.concatenate([levels[-1:], levels])
-    return np.append(inner, 1.0), levels
-
-
-def _segment_of(edges: Array, samples: int) -> Array:
-    """Which segment of the common period each of the samples is in."""
-    counts = np.diff(first_sample(edges))
-    return np.resize(np.repeat(np.arange(len(counts)), counts), samples)
-
-
-def _history(edges: Array, advance: Advance, step: float, start: Array, samples: int) -> Array:
-    """x at all samples, ``(samples, 2n)``. ``edges``: the segments of a common period in sampling steps.
-
-    The states at the beginning of all common periods come first; then every segment is treated for all periods at once.
-    """
-    grid = int(np.rint(edges[-1]))
-    periods = -(-samples // grid)
-    durations = np.diff(edges) * step
-    columns = np.empty((len(start), periods))
-    columns[:, 0] = start
-    if periods > 1:
-        monodromy = np.eye(len(start))
-        for s, duration in enumerate(durations):
-            monodromy = advance(s, duration, 1, monodromy)[0]
-        for k in range(1, periods):
-            columns[:, k] = monodromy @ columns[:, k - 1]
-    first = first_sample(edges)
-    table = np.full((grid, len(start), periods), np.nan)
-    for s, duration in enumerate(durations):
-        if first[s] >= samples:
-            break
-        offset = max(first[s] - edges[s], 0.0) * step
-        count = min(first[s + 1], samples) - first[s]
-        table[first[s] : first[s] + count] = advance(s, offset, count, columns)
-        columns = advance(s, duration, 1, columns)[0]
-    return np.moveaxis(table, -1, 0).reshape(grid * periods, -1)[:samples]

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from gearstab.errors import NotPossible
-from gearstab.response.linear.basis import full
 from gearstab.response.linear.equilibrium import static_mesh_force
 from gearstab.response.linear.steady import STATUS_FLAGS, Start, starts
 from gearstab.response.measures.pairs_in_contact import Contact, contact
@@ -71,10 +70,8 @@ def speed_response(
     """
     if not system.forced:
         raise NotPossible("nothing drives the system: give a load, forces or transmission errors")
-    rows = int(np.prod(system.batch, dtype=int))
-    omega = np.atleast_1d(np.asarray(mesh_frequency, dtype=float))
-    omega = np.broadcast_to(omega, (rows, omega.shape[-1]))
-    static = full(system, static_mesh_force(system), 1)
+    omega = system.operating_points(mesh_frequency)
+    static = system.flat(static_mesh_force(system), 1)
     pairs = contact(system)
     table = np.full((9, *omega.shape, len(system.meshes)), np.nan)
     status = np.zeros(omega.shape, dtype=np.int16)

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gearstab.response.linear.basis import full
 from gearstab.system import Array, GearSystem
 
 
@@ -32,6 +31,6 @@ class Contact:
 def contact(system: GearSystem) -> Contact:
     """Of a system of any batch."""
     ratios = [getattr(mesh.waveform, "contact_ratio", None) for mesh in system.meshes]
-    c = np.stack([full(system, np.nan if ratio is None else ratio, 0) for ratio in ratios], axis=-1)
-    lag = np.stack([full(system, mesh.lag, 0) for mesh in system.meshes], axis=-1)
+    c = np.stack([system.flat(np.nan if ratio is None else ratio, 0) for ratio in ratios], axis=-1)
+    lag = np.stack([system.flat(mesh.lag, 0) for mesh in system.meshes], axis=-1)
     return Contact(c - np.floor(c), np.floor(c), lag)

@@ -11,7 +11,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gearstab.gears import Pair, StiffnessModel, load_shares, root_stress
+from gearstab.gears.mesh_stiffness import StiffnessModel
+from gearstab.gears.pair import Pair
+from gearstab.gears.stress import load_shares, root_stress
 from gearstab.system import Array, GearSystem
 
 MOST_POINTS = 100

@@ -67,14 +67,12 @@ def stability(pair: RotatingPair, mesh_frequency: Array) -> PairStability:
     """
     if pair.formulation == CLASSICAL:
         raise ValueError("the classical formulation is a linear system: use Floquet analysis")
-    rows = int(np.prod(pair.batch, dtype=int))
-    omega = np.atleast_1d(np.asarray(mesh_frequency, dtype=float))
-    omega = np.broadcast_to(omega, (rows, omega.shape[-1]))
+    omega = pair.operating_points(mesh_frequency)
     problem = problem_of(pair, omega)
     parts = [np.arange(i, min(i + AT_ONCE, omega.size)) for i in range(0, omega.size, AT_ONCE)]
     found = [_stability(problem.at(index)) for index in parts]
     growth, stable, status, exponents, speed, drive = (np.concatenate(item) for item in zip(*found, strict=True))
-    rate = np.broadcast_to(np.ravel(np.broadcast_to(pair.numbers.w0, pair.batch))[:, None], omega.shape)
+    rate = np.broadcast_to(pair.flat(pair.numbers.w0)[:, None], omega.shape)
     return PairStability(
         growth.reshape(omega.shape) * rate,
         stable.reshape(omega.shape),
@@ -90,8 +88,7 @@ def problem_of(pair: RotatingPair, omega: Array) -> Problem:
     numbers = pair.numbers
 
     def flat(values: Array) -> Array:
-        column = np.ravel(np.broadcast_to(values, pair.batch))[:, None]
-        return np.ravel(np.broadcast_to(column, omega.shape)).astype(float)
+        return np.ravel(np.broadcast_to(pair.flat(values)[:, None], omega.shape))
 
     return Problem(
         m=flat(numbers.m),

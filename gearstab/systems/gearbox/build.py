@@ -16,11 +16,14 @@ import numpy as np
 
 from gearstab.errors import NotPossible
 from gearstab.system import Array, GearSystem, Mesh, PeriodicForce, PeriodicTerm
-from gearstab.systems import assembly
 from gearstab.systems.gearbox import friction, matrices, rotors
 from gearstab.systems.gearbox.teeth import MeshTeeth
 from gearstab.systems.gearbox.train import Link, TrainError, mesh_frequency_ratios, mesh_link, speeds
 from gearstab.systems.gearbox.wanted import from_teeth
+from gearstab.systems.parts.arrays import diagonal
+from gearstab.systems.parts.damping import with_damping
+from gearstab.systems.parts.forcing import with_forcing
+from gearstab.systems.parts.mesh import build_mesh
 
 STEEL = {"young": 206.8e9, "poisson": 0.3, "density": 7850.0, "shear": 80e9}
 
@@ -99,6 +102,11 @@ class Train:
     def _teeth(self) -> dict[int, MeshTeeth]:
         return {}
 
+    @property
+    def teeth_of_meshes(self) -> list[MeshTeeth]:
+        """The teeth of all meshes, from which their stiffness may or may not come."""
+        return [self.teeth_of(k) for k in range(len(self.meshes))]
+
     def push(self, mesh: int) -> tuple[Array, Array]:
         """The direction in which the driver of a mesh pushes. Raises TrainError for gears that cannot mesh."""
         teeth = self.teeth_of(mesh)
@@ -137,24 +145,18 @@ def build(p: dict[str, Any]) -> GearSystem:
     layout = train.layout
     filled = [_filled(train, k) for k in range(len(train.meshes))]
     meshes = tuple(mesh(train, k, filled[k]) for k in range(len(train.meshes)))
-    mass = assembly.diagonal([*train.inertias, *(m for m in train.masses.values() for _ in "xy")])
+    mass = diagonal([*train.inertias, *(m for m in train.masses.values() for _ in "xy")])
     stiffness, held = _shafts_and_supports(train)
     factor = rotors.number(p, "damping_factor", 1.0)
     held = factor[..., None, None] * held
     drag = [factor * _mesh_damping(train, k, item) for k, item in enumerate(meshes)]
     given = [part | {"damping": c if np.any(c) else None} for part, c in zip(filled, drag, strict=True)]
     bare = GearSystem(mass, stiffness, meshes, None, layout.coordinates, units=layout.units)
-    system = assembly.damped(bare, p | {"meshes": given})
+    system = with_damping(bare, p | {"meshes": given})
     damping = held if system.damping is None else held + system.damping
     system = replace(system, damping=damping if np.any(damping) else None)
-    system = assembly.driven(system, {"meshes": given})
+    system = with_forcing(system, {"meshes": given})
     return _rubbed(train, replace(system, load=load(train)), drag)
-
-
-def teeth(p: dict[str, Any]) -> list[MeshTeeth]:
-    """The teeth of all meshes, from which their stiffness may or may not come."""
-    train = Train(p)
-    return [train.teeth_of(k) for k in range(len(train.meshes))]
 
 
 def _filled(train: Train, k: int) -> dict[str, Any]:
@@ -176,7 +178,7 @@ def mesh(train: Train, k: int, p: dict[str, Any]) -> Mesh:
     ratio, lag = train.frequency_ratios[k], rotors.number(p, "lag")
     if "wave" in p:
         return Mesh(p["name"], direction, p["mean_stiffness"], p["epsilon"], p["wave"], ratio, lag)
-    return assembly.mesh(p, direction, ratio, lag)
+    return build_mesh(p, direction, ratio, lag)
 
 
 def _rubbed(train: Train, system: GearSystem, drag: list[Array]) -> GearSystem:

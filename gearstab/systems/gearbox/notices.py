@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from gearstab.system import Array
-from gearstab.systems.gearbox.build import teeth
+from gearstab.systems.gearbox.build import Train
 from gearstab.systems.gearbox.teeth import OF_GEAR
 
 NOTICE_FLAGS = {
@@ -24,6 +24,6 @@ def notice_flags(p: dict[str, Any]) -> Array:
     """Return ``(..., meshes)`` flags for the parameters of a gearbox, whose batch is that of its teeth."""
     found = [
         mesh.each(lambda pair: sum(NOTICE_FLAGS[name] for name in {notice.name for notice in pair.notices}))
-        for mesh in teeth(p)
+        for mesh in Train(p).teeth_of_meshes
     ]
     return np.stack(np.broadcast_arrays(*found), axis=-1).astype(np.int16)

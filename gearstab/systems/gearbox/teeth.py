@@ -9,19 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from gearstab.gears import (
-    BenedictKelley,
-    ConstantFriction,
-    Friction,
-    Gear,
-    MeshFriction,
-    MeshStiffness,
-    Pair,
-    StiffnessModel,
-    XuKahraman,
-    mesh_friction,
-    mesh_stiffness,
-)
+from gearstab.gears.friction import BenedictKelley, ConstantFriction, Friction, MeshFriction, XuKahraman, mesh_friction
+from gearstab.gears.geometry import Gear
+from gearstab.gears.mesh_stiffness import MeshStiffness, StiffnessModel, mesh_stiffness
+from gearstab.gears.pair import Pair
 from gearstab.system import Array
 from gearstab.systems.gearbox.rotors import number
 from gearstab.systems.gearbox.wanted import CONTACT_RATIO, MEAN, VARIATION, WAVE, from_teeth

@@ -133,7 +133,7 @@ def _matlab(path: FilePath, names: Collection[str], most: int) -> dict[str, Any]
     command = [
         sys.executable,
         "-c",
-        "from gearstab.config.checks.files import main; main()",
+        "from gearstab.config.document.files import main; main()",
         str(path),
         str(most),
         *names,

@@ -1,4 +1,4 @@
-"""Whether the stiffness of every mesh is positive wherever it is asked for.
+"""Whether systems can exist: the stiffness of every mesh is positive wherever it is asked for, matrices symmetric.
 
 Only points that can be the worst are looked at: the ends of an axis along which the levels are monotonic or concave,
 and all points of other axes. So the cost does not grow with the grid.
@@ -7,16 +7,22 @@ and all points of other axes. So the cost does not grow with the grid.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from gearstab.config.document.problems import Path
-from gearstab.config.document.yaml import Document
+from gearstab.config.document.yaml import Document, value_at
 from gearstab.config.sections.axes import Array, Config, parameters_at
+from gearstab.config.sections.names import mesh_items
 from gearstab.config.waveforms import kind_of
-from gearstab.systems.assembly import mesh
+from gearstab.systems.parts.arrays import matrix
+from gearstab.systems.parts.mesh import build_mesh
 from gearstab.systems.waveforms import above_mean
+
+SYMMETRY_TOLERANCE = 1e-9
+"""Asymmetry of a matrix, relative to its largest entry, that comes from writing it with few digits."""
 
 LEVEL_KEYS = ("mean_stiffness", "max_stiffness", "epsilon", "amplitude", "contact_ratio", "waveform")
 
@@ -60,6 +66,19 @@ def _ends_suffice(config: Config, path: Path) -> bool:
     return path[2] != "waveform" and (path[2] != "contact_ratio" or kind == "rectangular")
 
 
+def check_mesh_levels(document: Document, config: Config) -> None:
+    """Report meshes whose stiffness is not positive somewhere on the grid."""
+    config = numbers_only(config)
+    for key, _ in mesh_items(config.parameters.get("meshes")):
+        check_levels(document, config, key)
+
+
+def numbers_only(config: Config) -> Config:
+    """Return the configuration without exact ratios on its axes, which play no part and must not change in a batch."""
+    axes = [replace(a, assignments=tuple(item for item in a.assignments if not item.structural)) for a in config.axes]
+    return replace(config, axes=tuple(axes))
+
+
 def check_levels(document: Document, config: Config, index: str | int) -> None:
     """Both extremes of a mesh stiffness, or its mean where negative stiffness is allowed, must be positive."""
 
@@ -74,7 +93,7 @@ def check_levels(document: Document, config: Config, index: str | int) -> None:
     for selection in selections:
         p = parameters_at(config, selection)["meshes"][index]
         with np.errstate(all="ignore"):  # what overflows is reported, or of no concern
-            item = mesh({"name": ""} | p, np.ones(1))
+            item = build_mesh({"name": ""} | p, np.ones(1))
             depth, above = -item.waveform.extremes()[0], above_mean(item.waveform)
             lowest = item.mean_stiffness - 2 * np.asarray(p.get("amplitude", item.amplitude)) * depth
             checked = np.atleast_1d(item.mean_stiffness if allowed else np.minimum(lowest, item.mean_stiffness))
@@ -140,3 +159,35 @@ def _place(document: Document, config: Config, index: str | int, key: str, chose
                 inner = [(*path, point), (*path, "values", point), (*path, "values")]
                 return next((p for p in inner if p in document.values and document.get(p) is not None), path)
     return ("system", "meshes", index, key)
+
+
+def check_symmetric(document: Document, parameters: dict[str, Any], terms: bool = False) -> bool:
+    """Report matrices that are not symmetric; return whether mass and stiffness are.
+
+    terms: whether the kind has terms, which need not be symmetric.
+    """
+    good = True
+    for where in (("mass",), ("stiffness",), ("damping", "matrix")):
+        found = value_at(parameters, where)
+        if found is None:
+            continue
+        name, values = where[0], matrix(found)
+        difference = np.abs(values - values.T)
+        if np.max(difference) > SYMMETRY_TOLERANCE * np.max(np.abs(values)):
+            good = good and name == "damping"
+            i, j = np.unravel_index(np.argmax(difference), difference.shape)
+            path: Path = ("system", *where, int(i), int(j))
+            message = f"is not symmetric: entry {i}.{j} is {values[i, j]:.6g}, entry {j}.{i} is {values[j, i]:.6g}"
+            full = ".".join(where)
+            remedy = f"make {full}.{i}.{j} and {full}.{j}.{i} equal"
+            if terms and name != "mass":
+                remedy += ", and give the rest as terms"
+            report_matrix(document, path, name, message, remedy)
+    return good
+
+
+def report_matrix(document: Document, path: Path, name: str, message: str, hint: str) -> None:
+    """At the entry as written, or at the file that holds it."""
+    if document.get(path[:2]) is None:
+        path, message = ("system", "file"), f"{name} {message}"
+    document.report(path, message, hint)

@@ -1,23 +1,35 @@
-"""The section ``system`` of a model given as matrices."""
+"""Any linear model from elsewhere: matrices and one direction vector for each mesh."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field, GetCoreSchemaHandler, GetJsonSchemaHandler, StrictStr
 from pydantic_core import core_schema
 
-from gearstab.config.damping import not_square
+from gearstab.config.document.files import DataFileError
 from gearstab.config.document.problems import Path
 from gearstab.config.document.yaml import Document, value_at
-from gearstab.config.forcing import Force, Load, wrong_load
-from gearstab.config.mesh import Conflict, MatrixMesh
+from gearstab.config.model.conflicts import Conflict
 from gearstab.config.model.fields import Choice, NameText, Quantity
 from gearstab.config.model.units import UnitError, to_si
-from gearstab.config.system import System
-from gearstab.config.terms import Term
+from gearstab.system import Array, GearSystem
+from gearstab.systems import feasibility
+from gearstab.systems.base import System
+from gearstab.systems.matrices.definite import check_definite
+from gearstab.systems.matrices.file import read_matrices
+from gearstab.systems.parts.arrays import matrix, vector
+from gearstab.systems.parts.damping import not_square, with_damping
+from gearstab.systems.parts.forcing import Force, Load, with_forcing, wrong_load
+from gearstab.systems.parts.mesh import MatrixMesh, build_mesh
+from gearstab.systems.parts.terms import Term, periodic_terms
+
+if TYPE_CHECKING:
+    from pathlib import Path as FilePath
+
+    from gearstab.config.sections.axes import Config
 
 UNITS = ("m", "rad")
 TOLD = {"mass": "kg m^2", "stiffness": "N m"}
@@ -104,6 +116,38 @@ class Matrices(System):
         return raw.get("deflection_unit") == "rad"
 
     @classmethod
+    def read_files(cls, document: Document, source: FilePath) -> dict[str, Array]:
+        """Mass, stiffness and damping."""
+        system = document.data["system"]
+        name = system.get("file")
+        if not isinstance(name, str):
+            return {}
+        try:
+            contents = read_matrices(source.parent / name)
+        except DataFileError as error:
+            document.report(("system", "file"), str(error), error.hint, value=name)
+            return {}
+        for key in contents:
+            if system.get(key) is not None:
+                document.report(("system", key), f"the file {name} has {key} already", "keep one of the two")
+        if "damping" in contents and system.get("damping_ratio") is not None:
+            document.report(("system", "damping_ratio"), f"the file {name} has damping already", "keep one of the two")
+        return contents
+
+    @classmethod
+    def expand_path(cls, parts: list[str]) -> list[str]:
+        """``damping.0.1`` is an entry of ``damping.matrix``."""
+        entry = parts[0] == "damping" and len(parts) == 3 and parts[1].isdecimal()
+        return ["damping", "matrix", *parts[1:]] if entry else parts
+
+    @classmethod
+    def check_feasible(cls, document: Document, config: Config) -> None:
+        """Matrices that no system has, too."""
+        feasibility.check_mesh_levels(document, config)
+        if feasibility.check_symmetric(document, config.parameters, terms=True):
+            check_definite(document, feasibility.numbers_only(config), cls.build)
+
+    @classmethod
     def complete(cls, document: Document, raw: dict[str, Any]) -> None:
         """The damping matrix as nested lists by itself, and units of coordinates that those of their inertias tell."""
         if isinstance(raw.get("damping"), list):
@@ -150,6 +194,31 @@ class Matrices(System):
         names = raw.get("coordinates")
         if isinstance(names, list) and len({str(n) for n in names}) < len(names):
             yield ("coordinates",), "two coordinates have the same name", "give each a name of its own"
+
+    @classmethod
+    def build(cls, p: dict[str, Any]) -> GearSystem:
+        """M q'' + C q' + [K0 + sum_i k_i(t) g_i g_i^T] q = f(t).
+
+        Parameters: ``mass``, ``stiffness`` (K0, without meshes) as nested numbers or arrays, damping, ``meshes`` with
+        ``direction`` g_i, ``frequency_ratio`` Omega_i/Omega (a Fraction) and ``lag`` (in periods of the mesh), ``load``
+        and ``forces`` (:func:`~gearstab.systems.parts.forcing.with_forcing`) and ``terms``
+        (:func:`~gearstab.systems.parts.terms.periodic_terms`); ``coordinate_units`` (one for all, or one for each
+        coordinate) and ``deflection_unit``, m or rad.
+        """
+        mass = matrix(p["mass"])
+        meshes = tuple(
+            build_mesh(m, vector(m["direction"]), m["frequency_ratio"], np.asarray(m.get("lag", 0.0), float))
+            for m in p["meshes"]
+        )
+        names = tuple(p.get("coordinates") or (f"q{i + 1}" for i in range(mass.shape[-1])))
+        stiffness, terms = matrix(p["stiffness"]), periodic_terms(p)
+        units = tuple(p.get("coordinate_units") or ("m",))
+        units = units * len(names) if len(units) == 1 else units
+        deflection = p.get("deflection_unit", "m")
+        system = GearSystem(
+            mass, stiffness, meshes, coordinates=names, terms=terms, units=units, deflection_unit=deflection
+        )
+        return with_forcing(with_damping(system, p), p)
 
 
 def _terms(terms: Any, size: int | None) -> Iterator[Conflict]:

@@ -1,4 +1,4 @@
-"""What all kinds of systems share."""
+"""The contract of a kind of system, and the keys of the section ``system`` that every kind has."""
 
 from __future__ import annotations
 
@@ -7,19 +7,29 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from pydantic import Field
 
-from gearstab.config.damping import Damping
 from gearstab.config.document.problems import Path
 from gearstab.config.document.yaml import Document
-from gearstab.config.mesh import Conflict, ToothMesh
+from gearstab.config.model.conflicts import Conflict
 from gearstab.config.model.fields import Choice, Flag, NonNegative, Section
 from gearstab.config.sections.names import mesh_items
+from gearstab.systems import feasibility
+from gearstab.systems.parts.damping import Damping
+from gearstab.systems.parts.mesh import ToothMesh
 
 if TYPE_CHECKING:
-    from gearstab.config.sections.axes import Axis
+    from pathlib import Path as FilePath
+
+    from gearstab.config.sections.axes import Axis, Config
+    from gearstab.system import Array, GearSystem
+    from gearstab.systems.gearbox.build import Train
 
 
 class System(Section):
-    """Keys of the section ``system`` that every kind has."""
+    """The section ``system`` of a kind: its fields are the keys, and its methods all that other rooms ask of a kind.
+
+    A kind must override ``build`` and ``size``; everything else has a default that fits a linear system given by
+    numbers alone. ``raw`` is the section as written, ``p`` the validated parameters.
+    """
 
     mesh_names: ClassVar[tuple[str, ...]] = ()
     """Names of meshes that are given none; further ones are called mesh1, mesh2, ..."""
@@ -51,6 +61,11 @@ class System(Section):
     )
 
     @classmethod
+    def build(cls, p: dict[str, Any]) -> GearSystem:
+        """Build the system; any number of ``p`` may be an array of batch shape, so that every number can be an axis."""
+        raise NotImplementedError
+
+    @classmethod
     def size(cls, raw: dict[str, Any]) -> int | None:
         """Number of coordinates, None where it cannot be told."""
         raise NotImplementedError
@@ -68,6 +83,27 @@ class System(Section):
     @classmethod
     def complete(cls, document: Document, raw: dict[str, Any]) -> None:
         """Write out what may be written in short, in the section as written."""
+
+    @classmethod
+    def read_files(cls, document: Document, source: FilePath) -> dict[str, Array]:
+        """Return what files named in the section hold, by key; report problems. source: path of the configuration."""
+        return {}
+
+    @classmethod
+    def expand_path(cls, parts: list[str]) -> list[str]:
+        """Return the whole path of a parameter that may be named in short."""
+        return parts
+
+    @classmethod
+    def train(cls, p: dict[str, Any]) -> Train | None:
+        """Return the train whose teeth the system is computed from; None where no teeth are known."""
+        return None
+
+    @classmethod
+    def check_feasible(cls, document: Document, config: Config) -> None:
+        """Report what cannot exist somewhere on the grid, or at the base values where a response asks for them."""
+        feasibility.check_mesh_levels(document, config)
+        feasibility.check_symmetric(document, config.parameters)
 
     @classmethod
     def variant(cls, raw: dict[str, Any]) -> type[System]:

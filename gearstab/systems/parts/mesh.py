@@ -1,13 +1,15 @@
-"""Models of a tooth mesh: its stiffness, how much it varies, and when."""
+"""Tooth meshes: the sections that describe their stiffness, how much it varies and when, and what they build."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from fractions import Fraction
 from typing import Annotated, Any, ClassVar
 
+import numpy as np
 from pydantic import Field
 
-from gearstab.config.forcing import TransmissionError
+from gearstab import system
 from gearstab.config.model.conflicts import Conflict, at_most_one, exactly_one
 from gearstab.config.model.fields import (
     AnyRatio,
@@ -21,6 +23,9 @@ from gearstab.config.model.fields import (
     Turns,
 )
 from gearstab.config.waveforms import Form, Waveform, form_of, has_own_mean, kind_of, shape_conflicts
+from gearstab.system import Array
+from gearstab.systems.parts.forcing import TransmissionError
+from gearstab.systems.waveforms import above_mean, own_variation, waveform
 
 MeshStiffness = Annotated[float, Field(gt=0), Quantity("N/m", ("N m",))]
 """Of a model in coordinates of its own, where a mesh may deflect as an angle."""
@@ -181,3 +186,37 @@ class MatrixMesh(Mesh):
     lag: Turns = Field(
         default=0.0, title="mesh lag", description="The wave begins this fraction of its own period late (1)."
     )
+
+
+def build_mesh(
+    p: dict[str, Any], direction: Array, frequency_ratio: Fraction | float = Fraction(1), lag: Any = 0.0
+) -> system.Mesh:
+    """Return the mesh of the given parameters.
+
+    The stiffness is given by ``mean_stiffness`` k_g or ``max_stiffness`` k_max (the stiffer level is kept, Lin & Parker
+    2002 section 4: k_g = k_max - 2 k_a (1 - d)), its variation by ``epsilon`` = k_a/k_g or ``amplitude`` = k_a; what is
+    not given is that of a ``waveform`` made from stiffnesses.
+    """
+    wave = waveform(p)
+    epsilon, amplitude, maximum = p.get("epsilon"), p.get("amplitude"), p.get("max_stiffness")
+    if epsilon is None and amplitude is None:
+        epsilon = _ratio(*own_variation(wave))
+    if maximum is not None:
+        # A wave that keeps its stiffer level does so for an integer contact ratio too, where it is never reached.
+        maximum, above = np.asarray(maximum, dtype=float), above_mean(wave)
+        if amplitude is not None:
+            mean = maximum - 2 * np.asarray(amplitude) * above
+        else:
+            mean = maximum / (1 + 2 * np.asarray(epsilon) * above)
+    elif p.get("mean_stiffness") is not None:
+        mean = np.asarray(p["mean_stiffness"], dtype=float)
+    else:
+        mean = own_variation(wave)[0]
+    if amplitude is not None:
+        epsilon = np.asarray(amplitude) / mean
+    return system.Mesh(p["name"], direction, mean, np.asarray(epsilon, dtype=float), wave, frequency_ratio, lag)
+
+
+def _ratio(mean: Array, amplitude: Array) -> Array:
+    """amplitude/mean; 0 where the mean is, which is an error that the configuration reports."""
+    return np.where(mean != 0, amplitude / np.where(mean != 0, mean, 1.0), 0.0)

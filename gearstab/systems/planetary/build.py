@@ -9,8 +9,11 @@ from typing import Any
 import numpy as np
 
 from gearstab.system import Array, Cyclic, GearSystem, Mesh
-from gearstab.systems import assembly
-from gearstab.systems.phasing import lags
+from gearstab.systems.parts.arrays import diagonal, vector
+from gearstab.systems.parts.damping import with_damping
+from gearstab.systems.parts.forcing import with_forcing
+from gearstab.systems.parts.mesh import build_mesh
+from gearstab.systems.planetary.phasing import lags
 
 CENTRAL = ("ring", "carrier", "sun")
 """The bodies on the axis of the gear."""
@@ -42,9 +45,9 @@ def build(p: dict[str, Any]) -> GearSystem:
     Parameters: ``planets`` N, ``ring`` (``kind`` rigid or elastic, ``harmonics`` J, ``bending_stiffness``), ``motion``,
     ``masses``, ``inertias`` (I/r^2; the ring's is m_r/cos^2 a_r of a thin rim unless given), ``supports`` (``ring`` and
     ``ring_rotation``, k_r and k_ru of Lin & Parker 1999, hold a rigid ring only),
-    ``pressure_angles``, ``meshes`` (``sun``, ``ring``), ``phases`` or ``teeth`` (:mod:`~gearstab.systems.phasing`),
-    damping, ``load`` (torques over radii on ``ring``, ``carrier``, ``sun``). ``scaling: dimensionless`` refers masses
-    to m_r, stiffnesses to the mean k_rp and so frequencies to sqrt(k_rp/m_r); lengths keep their scale.
+    ``pressure_angles``, ``meshes`` (``sun``, ``ring``), ``phases`` or ``teeth`` (:mod:`.phasing`), damping,
+    ``load`` (torques over radii on ``ring``, ``carrier``, ``sun``). ``scaling: dimensionless`` refers masses to m_r,
+    stiffnesses to the mean k_rp and so frequencies to sqrt(k_rp/m_r); lengths keep their scale.
 
     Source: Parker 2009, (1)-(8), (26)-(28) and appendix; derived again from the energies, since L2, L4 and M_j are
     misprinted there (derivatives in L2 act on v and v is projected on |m| >= 2; b_r of L4 depends on n and belongs
@@ -57,7 +60,7 @@ def build(p: dict[str, Any]) -> GearSystem:
         for n in range(1, gear.planets + 1):
             parts.append(p["meshes"][name] | {"name": f"{name}{n}"})
             direction = gear.vector(_deflection(gear, name, n, angle[name]))
-            meshes.append(assembly.mesh(parts[-1], direction, lag=lag[n - 1]))
+            meshes.append(build_mesh(parts[-1], direction, lag=lag[n - 1]))
     full = GearSystem(
         gear.diagonal(_masses(gear, p, angle["ring"])), _stiffness(gear, p, angle["ring"]), tuple(meshes),
         coordinates=gear.names, symmetry=Cyclic(gear.planets, gear.turn(), ("rotational", "translational", "planet")),
@@ -65,8 +68,8 @@ def build(p: dict[str, Any]) -> GearSystem:
     system = full if p["motion"] == "planar" else _rotational(full, gear)
     if gear.harmonics > 1 and system.symmetry is not None:
         system = replace(system, symmetry=replace(system.symmetry, still="purely ring"))
-    system = assembly.damped(system, p | {"meshes": parts})
-    system = assembly.driven(system, {"meshes": parts, "load": _load(system.coordinates, p.get("load"))})
+    system = with_damping(system, p | {"meshes": parts})
+    system = with_forcing(system, {"meshes": parts, "load": _load(system.coordinates, p.get("load"))})
     if p["scaling"] == "SI":
         return system
     return _scaled(system, np.asarray(p["masses"]["ring"], dtype=float), meshes[-1].mean_stiffness)
@@ -109,11 +112,11 @@ class _Gear:
 
     def vector(self, entries: dict[str, Any]) -> Array:
         """``(..., n)`` with the given entries, which may have a batch shape; 0 elsewhere."""
-        return assembly.vector([entries.get(name, 0.0) for name in self.names])
+        return vector([entries.get(name, 0.0) for name in self.names])
 
     def diagonal(self, entries: dict[str, Any]) -> Array:
         """``(..., n, n)`` with the given entries on the diagonal."""
-        return assembly.diagonal([entries.get(name, 0.0) for name in self.names])
+        return diagonal([entries.get(name, 0.0) for name in self.names])
 
     def turn(self) -> Array:
         """``(n, n)``, the displacements turned by 2 pi/N: planet n takes what planet n - 1 had."""

@@ -11,8 +11,8 @@ import numpy as np
 from gearstab.config.document.problems import Path
 from gearstab.config.document.yaml import Document
 from gearstab.config.sections.axes import Array, Axis, Config, parameters_at
-from gearstab.systems.gearbox import TrainError, build
-from gearstab.systems.gearbox.build import Train
+from gearstab.systems.gearbox.build import Train, build
+from gearstab.systems.gearbox.train import TrainError
 
 MOST_CORNERS = 32
 """Of the grid that are looked at."""

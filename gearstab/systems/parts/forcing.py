@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Annotated, Any
 
+import numpy as np
 from pydantic import Field, GetJsonSchemaHandler
 from pydantic_core import core_schema
 
-from gearstab.config.document.problems import Path
+from gearstab.config.model.conflicts import Conflict
 from gearstab.config.model.fields import (
     ExactRatio,
     NameText,
@@ -17,9 +19,8 @@ from gearstab.config.model.fields import (
     Section,
     Turns,
 )
-
-Conflict = tuple[Path, str, str]
-"""What contradicts itself: path below the section, message, remedy."""
+from gearstab.system import GearSystem, PeriodicForce
+from gearstab.systems.parts.arrays import given, series, vector
 
 ErrorAmplitude = Annotated[float, Quantity("m", ("rad",), entry=True)]
 ForceAmplitude = Annotated[float, Quantity("N", ("N m",), entry=True)]
@@ -28,7 +29,7 @@ Load = list[ForceAmplitude]
 
 
 class OneAsWell:
-    """Lets the schema of a list admit its one entry by itself, which :mod:`gearstab.config.loading` makes a list."""
+    """Lets the schema of a list admit its one entry by itself, which ``complete`` of a system makes a list."""
 
     def __get_pydantic_json_schema__(
         self, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler
@@ -121,3 +122,36 @@ def wrong_load(load: Any, size: int | None) -> Iterator[Conflict]:
     """A conflict unless a load has one number a coordinate."""
     if isinstance(load, list) and size is not None and len(load) != size:
         yield ("load",), f"has {len(load)} entries", f"give {size}, one a coordinate"
+
+
+def with_forcing(system: GearSystem, p: dict[str, Any]) -> GearSystem:
+    """The system with what drives it.
+
+    ``load``: constant generalised forces, one a coordinate; ``forces``: periodic ones, each a ``direction`` and a
+    Fourier series ``sin``, ``cos`` with ``frequency_ratio`` and ``lag``; ``transmission_error`` of a mesh: ``sin``,
+    ``cos``. A transmission error acts through the mesh's own damping too. ``backlash`` of a mesh, 2 b, and its
+    ``backlash_zero``, which only the response heeds, come with it.
+    """
+    meshes = tuple(
+        replace(
+            item,
+            transmission_error=series(part["transmission_error"]) if part.get("transmission_error") else None,
+            damping=np.asarray(part["damping"], dtype=float) if _constant_damping(part) else 0.0,
+            backlash=np.asarray(part["backlash"], dtype=float) if given(part, "backlash") else 0.0,
+            backlash_zero=part.get("backlash_zero", "middle"),
+        )
+        for part, item in zip(p["meshes"], system.meshes, strict=True)
+    )
+    forces = tuple(
+        PeriodicForce(
+            part.get("name") or f"force{i + 1}", vector(part["direction"]), series(part), part["frequency_ratio"],
+            np.asarray(part.get("lag", 0.0), dtype=float),
+        )
+        for i, part in enumerate(p.get("forces") or [])
+    )  # fmt: skip
+    load = vector(p["load"]) if p.get("load") is not None else None
+    return replace(system, meshes=meshes, forces=forces, load=load)
+
+
+def _constant_damping(p: dict[str, Any]) -> bool:
+    return given(p, "damping") and not p.get("damping_follows_stiffness")

@@ -7,8 +7,6 @@ from typing import Annotated, Any, ClassVar
 
 from pydantic import Field
 
-from gearstab.config.forcing import TransmissionError
-from gearstab.config.mesh import Mesh
 from gearstab.config.model.conflicts import Conflict, at_most_one
 from gearstab.config.model.fields import (
     Choice,
@@ -20,6 +18,8 @@ from gearstab.config.model.fields import (
     Turns,
 )
 from gearstab.config.waveforms import Waveform, form_of, kind_of
+from gearstab.systems.parts.forcing import TransmissionError
+from gearstab.systems.parts.mesh import Mesh
 
 FRICTIONS = {
     "constant": ("coefficient",),

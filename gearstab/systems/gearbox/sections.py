@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
-from typing import Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
 from gearstab.config.document.problems import Path, nearest
-from gearstab.config.gearbox_mesh import LUBRICATED, GearboxMesh
-from gearstab.config.gearbox_teeth import missing_of_teeth
-from gearstab.config.mesh import Named, ToothMesh
+from gearstab.config.document.yaml import Document
 from gearstab.config.model.conflicts import Conflict
 from gearstab.config.model.fields import (
     AngularFrequency,
@@ -28,7 +26,16 @@ from gearstab.config.model.fields import (
     Section,
     ToothCount,
 )
-from gearstab.config.system import System
+from gearstab.system import GearSystem
+from gearstab.systems.base import System
+from gearstab.systems.gearbox.build import Train, build
+from gearstab.systems.gearbox.feasibility import check_train
+from gearstab.systems.gearbox.mesh import LUBRICATED, GearboxMesh
+from gearstab.systems.gearbox.missing import missing_of_teeth
+from gearstab.systems.parts.mesh import Named, ToothMesh
+
+if TYPE_CHECKING:
+    from gearstab.config.sections.axes import Config
 
 TorsionalStiffness = Annotated[float, Field(gt=0), Quantity("N m")]
 Torque = Annotated[float, Field(gt=0), Quantity("N m")]
@@ -203,6 +210,20 @@ class Gearbox(System):
     )
 
     @classmethod
+    def build(cls, p: dict[str, Any]) -> GearSystem:
+        """See :func:`gearstab.systems.gearbox.build.build`."""
+        return build(p)
+
+    @classmethod
+    def train(cls, p: dict[str, Any]) -> Train:
+        return Train(p)
+
+    @classmethod
+    def check_feasible(cls, document: Document, config: Config) -> None:
+        """See :func:`gearstab.systems.gearbox.feasibility.check_train`."""
+        check_train(document, config)
+
+    @classmethod
     def size(cls, raw: dict[str, Any]) -> int | None:
         rotors = raw.get("rotors")
         if not isinstance(rotors, list) or not all(isinstance(rotor, dict) for rotor in rotors):
@@ -217,8 +238,6 @@ class Gearbox(System):
     @classmethod
     def cycles_of_input(cls, raw: dict[str, Any]) -> float | None:
         """Teeth times speed of the first mesh's driver over that of the input."""
-        from gearstab.systems.gearbox.build import Train
-
         train = Train(raw)
         try:
             driver = train.meshes[0][0]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path as FilePath
 
-from gearstab.config.checks.files import DataFileError, arrays, numbers, present, usable
+from gearstab.config.document.files import DataFileError, arrays, numbers, present, usable
 from gearstab.config.sections.axes import Array
 
 REQUIRED = ("mass", "stiffness")

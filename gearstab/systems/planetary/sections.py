@@ -1,4 +1,4 @@
-"""The section ``system`` of a planetary gear."""
+"""The section ``system`` of a planetary gear: sun, carrier, planets and ring."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
-from gearstab.config.mesh import Conflict, ToothMesh
+from gearstab.config.model.conflicts import Conflict
 from gearstab.config.model.fields import (
     Choice,
     Mass,
@@ -16,7 +16,10 @@ from gearstab.config.model.fields import (
     Turns,
     Whole,
 )
-from gearstab.config.system import System
+from gearstab.system import GearSystem
+from gearstab.systems.base import System
+from gearstab.systems.parts.mesh import ToothMesh
+from gearstab.systems.planetary.build import build, coordinates
 
 HARMONICS = 12
 """Default of J. Natural frequencies converge as J^-3: of a gear as in Parker (2009, Table 1) with 3 to 8 planets
@@ -216,9 +219,12 @@ class Planetary(System):
     )
 
     @classmethod
-    def size(cls, raw: dict[str, Any]) -> int | None:
-        from gearstab.systems.planetary import coordinates
+    def build(cls, p: dict[str, Any]) -> GearSystem:
+        """See :func:`gearstab.systems.planetary.build.build`."""
+        return build(p)
 
+    @classmethod
+    def size(cls, raw: dict[str, Any]) -> int | None:
         ring: Any = raw.get("ring")
         kind, harmonics = (ring.get("kind"), ring.get("harmonics", HARMONICS)) if isinstance(ring, dict) else (None, 0)
         planets: Any = raw.get("planets")

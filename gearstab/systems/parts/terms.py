@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Annotated, Any
 
+import numpy as np
 from pydantic import Field
 
 from gearstab.config.model.conflicts import Conflict
@@ -19,12 +20,16 @@ from gearstab.config.model.fields import (
     Turns,
 )
 from gearstab.config.waveforms import Waveform, form_of, kind_of, shape_conflicts
+from gearstab.system import PeriodicTerm
+from gearstab.systems.parts.arrays import vector
+from gearstab.systems.waveforms import own_variation, waveform
+from gearstab.waveforms import Constant, Profile, Scaled
 
 OfStiffness = Annotated[float, Quantity("N/m", ("N", "N m"), entry=True)]
 OfDamping = Annotated[float, Quantity("N s/m", ("N s", "N m s"), entry=True)]
 
 
-class Part(Section):
+class VaryingNumber(Section):
     """A number that may vary periodically, mean + 2 amplitude w(x)."""
 
     contact_ratio: ContactRatio | None = Field(
@@ -50,7 +55,7 @@ class Part(Section):
         yield from shape_conflicts(raw, "c >= 1, the contact ratio of the wave")
 
 
-class StiffnessPart(Part):
+class StiffnessPart(VaryingNumber):
     """The stiffness of a term."""
 
     mean: OfStiffness | None = Field(
@@ -63,7 +68,7 @@ class StiffnessPart(Part):
     )
 
 
-class DampingPart(Part):
+class DampingPart(VaryingNumber):
     """The damping of a term."""
 
     mean: OfDamping | None = Field(
@@ -116,7 +121,7 @@ class Term(Section):
             yield (), "has neither stiffness nor damping", "add stiffness: {mean: ..}, or damping: {mean: ..}"
         for key in ("stiffness", "damping"):
             if isinstance(raw.get(key), dict):
-                for path, message, hint in Part.conflicts(raw[key]):
+                for path, message, hint in VaryingNumber.conflicts(raw[key]):
                     yield (key, *path), message, hint
         for key in ("left", "right"):
             vector = raw.get(key)
@@ -126,3 +131,33 @@ class Term(Section):
                 yield (key,), f"has {len(vector)} entries", f"give {size}, one a coordinate"
             elif vector and all(entry == 0 for entry in vector):
                 yield (key,), "has only zeros", "let the term act on at least one coordinate"
+
+
+def periodic_terms(p: dict[str, Any]) -> tuple[PeriodicTerm, ...]:
+    """The terms of ``p["terms"]``.
+
+    Each has ``left`` u, ``right`` v, ``stiffness`` a(x) and ``damping`` c(x) (``mean``, ``amplitude``, ``waveform``,
+    ``contact_ratio``: mean + 2 amplitude w(x)), ``frequency_ratio`` and ``lag``, in periods of its own.
+    """
+    return tuple(
+        PeriodicTerm(
+            part.get("name") or f"term{i + 1}", vector(part["left"]), vector(part["right"]),
+            _profile(part.get("stiffness")), _profile(part.get("damping")), part["frequency_ratio"],
+            np.asarray(part.get("lag", 0.0), dtype=float),
+        )
+        for i, part in enumerate(p.get("terms") or [])
+    )  # fmt: skip
+
+
+def _profile(p: dict[str, Any] | None) -> Profile | None:
+    if p is None:
+        return None
+    mean, amplitude = p.get("mean"), p.get("amplitude")
+    if all(p.get(key) is None for key in ("amplitude", "contact_ratio", "waveform")):
+        return Constant(np.asarray(mean, dtype=float))
+    wave = waveform(p)
+    if mean is None or amplitude is None:
+        found = own_variation(wave)
+        mean = found[0] if mean is None else mean
+        amplitude = found[1] if amplitude is None else amplitude
+    return Scaled(wave, np.asarray(mean, dtype=float), 2 * np.asarray(amplitude, dtype=float))

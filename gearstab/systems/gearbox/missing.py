@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from gearstab.config.model.conflicts import Conflict
+from gearstab.systems.gearbox.wanted import needs_width
 
 MOST = 4
 """Things that a message lists."""
@@ -62,8 +63,6 @@ def _of_disc(i: int, rotor: dict[str, Any]) -> Iterator[tuple[int, str, str]]:
 
 def _of_meshes(raw: dict[str, Any], narrow: dict[int, dict[str, Any]]) -> Iterator[tuple[int, str, str]]:
     """Stiffness and lubrication that follow from the teeth."""
-    from gearstab.systems.gearbox.wanted import needs_width
-
     for k, mesh in enumerate(_list(raw.get("meshes"))):
         sections = [mesh.get(key) or {} for key in ("waveform", "friction")] if isinstance(mesh, dict) else [None]
         if not all(isinstance(section, dict) for section in sections) or not needs_width(mesh):

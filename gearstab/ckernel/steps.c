@@ -1,0 +1,186 @@
+/* Where to look next between two points of a row.
+
+   The edge function of two multipliers that meet is F = (theta_i - theta_j)^2, the square of the distance of the one from the
+   mirror image of the other: F = d^2 on the circle, d the gap between two letters (twice the distance to 1 or -1 of one that
+   meets its own image), and F = -4 g^2 off it with growth g. It is analytic across the edge, nearly a parabola
+   gamma^2 x^2 - 4 b^2 over the whole tongue, so that a cubic through both ends of a bracket, with slopes, tells the edges of
+   a tongue from far away. */
+
+#include <math.h>
+
+#include "search.h"
+
+#define CLOSED 0.4 /* a tongue predicted to be narrower than this part of the floor is enclosed between stable points */
+#define BESIDE 0.45
+#define SAME_DEPTH 0.005 /* relative errors of F, and of its slope times the width, that confirm a cubic */
+#define SAME_SLOPE 0.02
+#define INSIDE 0.05 /* of the bracket: no proposal for an open one is nearer to its ends */
+
+static struct cubic through(double f, double s, double g, double t) {
+    return (struct cubic){f, s, 3.0 * (g - f) - 2.0 * s - t, s + t - 2.0 * (g - f)};
+}
+
+static double value(const struct cubic *c, double x) { return c->f + x * (c->s + x * (c->p + x * c->q)); }
+static double slope(const struct cubic *c, double x) { return c->s + x * (2.0 * c->p + x * 3.0 * c->q); }
+
+/* The highest local maximum between 0 and 1, and where; minus infinity if there is none. */
+double highest(const struct cubic *c, double *place) {
+    double d = c->p * c->p - 3.0 * c->s * c->q, top = -INFINITY;
+    for (int side = -1; d >= 0.0 && side <= 1; side += 2) {
+        double x = c->q != 0.0 ? (-c->p + side * sqrt(d)) / (3.0 * c->q) : c->p != 0.0 ? -0.5 * c->s / c->p : -1.0;
+        if (x > 0.0 && x < 1.0 && value(c, x) > top) {
+            top = value(c, x);
+            *place = x;
+        }
+    }
+    return top;
+}
+
+/* The zero between 0 and 1 of a cubic that changes its sign there: Newton, halving where that leaves the bracket. */
+static double zero(const struct cubic *c) {
+    double low = 0.0, high = 1.0, end = c->f + c->s + c->p + c->q, x = c->f / (c->f - end);
+    for (int k = 0; k < 60; k++) {
+        double y = value(c, x);
+        if (y == 0.0)
+            break;
+        if ((y > 0.0) == (c->f > 0.0))
+            low = x;
+        else
+            high = x;
+        double next = x - y / slope(c, x);
+        if (!(next > low && next < high))
+            next = 0.5 * (low + high);
+        if (fabs(next - x) < 1e-15)
+            break;
+        x = next;
+    }
+    return x;
+}
+
+/* The ends of a bracket as the pair sees them that meets in it: F and its slope times the width. */
+struct cubic course(const struct sample *left, const struct sample *right, const struct finding *found) {
+    double width = right->cycle - left->cycle, f, s, g, t;
+    if (left->stable)
+        f = left->gap[found->left].square, s = left->gap[found->left].slope;
+    else
+        f = left->off[found->left].square, s = left->off[found->left].slope;
+    if (right->stable)
+        g = right->gap[found->right].square, t = right->gap[found->right].slope;
+    else
+        g = right->off[found->right].square, t = right->off[found->right].slope;
+    return through(f, s * width, g, t * width);
+}
+
+/* The edge in an ENTRANCE or EXIT by Newton's step from the end that is nearer to it, and how far from that end it is. */
+double edge_between(const struct sample *left, const struct sample *right, const struct finding *found, double *distance) {
+    struct cubic c = course(left, right, found);
+    double width = right->cycle - left->cycle, g = c.f + c.s + c.p + c.q, t = c.s + 2.0 * c.p + 3.0 * c.q;
+    double from_left = -c.f / c.s, from_right = g / t; /* both positive, and at most 1, where they mean something */
+    from_left = from_left >= 0.0 && from_left < 1.0 ? from_left : 1.0;
+    from_right = from_right >= 0.0 && from_right < 1.0 ? from_right : 1.0;
+    *distance = width * (from_left < from_right ? from_left : from_right);
+    return from_left < from_right ? left->cycle + width * from_left : right->cycle - width * from_right;
+}
+
+/* How far rounding errors may have moved an edge at 1 or -1: there F = 4 (2 -+ rho) but for higher terms, so that their share
+   in it does not fall with F, as elsewhere, while its slope is that of a narrow tongue. */
+double blurred(const struct sample *left, const struct sample *right, const struct finding *found) {
+    if (found->left < 0 || found->right < 0)
+        return 0.0;
+    const struct off *off = left->stable ? right->off + found->right : left->off + found->left;
+    const struct gap *gap = left->stable ? left->gap + found->left : right->gap + found->right;
+    int outside = fabs(gap->square * off->slope) < fabs(off->square * gap->slope); /* the nearer end, by F over its slope */
+    double slope = fabs(outside ? gap->slope : off->slope);
+    return off->place == ELSEWHERE ? 0.0 : 4.0 * (left->stable ? left : right)->noise / slope;
+}
+
+/* A bracket with one tongue between stable points: its middle, or beside it where it is likely to be closed. */
+static double into_tongue(const struct sample *left, const struct sample *right, const struct finding *found, double floor) {
+    struct cubic c = course(left, right, found);
+    double x = left->cycle, width = right->cycle - x, end = c.s + 2.0 * c.p + 3.0 * c.q;
+    if (!(c.s < 0.0 && end > 0.0))
+        return NAN;
+    /* The lowest point of the cubic. */
+    double d = sqrt(c.p * c.p - 3.0 * c.s * c.q), place = c.p > 0.0 ? -c.s / (c.p + d) : (d - c.p) / (3.0 * c.q);
+    double lowest = value(&c, place), curvature = c.p + 3.0 * c.q * place;
+    double at = x + width * place, least = floor * x;
+    if (!(place > 0.0 && place < 1.0))
+        return NAN;
+    /* F = curvature (x - place)^2 + lowest, of half width sqrt(-lowest/curvature) */
+    if (4.0 * width * width * -lowest > CLOSED * CLOSED * least * least * curvature)
+        return at;
+    double probe = at - x > (BESIDE + 0.01) * least ? at - BESIDE * least : at + BESIDE * least;
+    return probe > x && probe < right->cycle ? probe : NAN;
+}
+
+/* When the next event after a point (direction 1), or the last before it (-1), would be at present speeds; in cycles. */
+static double until_event(const struct sample *s, int direction) {
+    double least = INFINITY;
+    if (!s->stable) {
+        for (int m = 0; m < s->offs; m++) {
+            double rise = direction * s->off[m].slope, time = rise > 0.0 ? -s->off[m].square / rise : INFINITY;
+            least = time < least ? time : least;
+        }
+        return least;
+    }
+    for (int k = 0; k <= s->letters; k++) {
+        double fall = -direction * s->gap[k].slope, time = fall > 0.0 ? 2.0 * s->gap[k].square / fall : INFINITY;
+        least = time < least ? time : least;
+    }
+    return least;
+}
+
+/* Between what the left end expects as its next event and the right end as its last. */
+static double among_several(const struct sample *left, const struct sample *right) {
+    double width = right->cycle - left->cycle;
+    double a = until_event(left, 1), b = width - until_event(right, -1);
+    if (!(a > 0.0 && a < b && b < width))
+        return NAN;
+    double middle = 0.5 * (a + b);
+    middle = middle < INSIDE * width ? INSIDE * width : middle > (1.0 - INSIDE) * width ? (1.0 - INSIDE) * width : middle;
+    return left->cycle + middle;
+}
+
+/* Between unstable points: where F comes nearest to 0, if it does, or in the middle. */
+static double through_gap(const struct sample *left, const struct sample *right, const struct finding *found) {
+    if (found->left < 0)
+        return NAN;
+    double place;
+    struct cubic c = course(left, right, found);
+    double top = highest(&c, &place), end = c.f + c.s + c.p + c.q;
+    if (!(top > 0.5 * (c.f > end ? c.f : end) && place > INSIDE && place < 1.0 - INSIDE))
+        place = 0.5;
+    return left->cycle + place * (right->cycle - left->cycle);
+}
+
+/* Whether the cubic through both ends, unstable, has foretold what was found between them. Two tongues with a gap between
+   them do not look like one from inside: neither the depth nor the slope fits. */
+int as_foreseen(const struct sample *left, const struct sample *right, const struct finding *found, const struct sample *between) {
+    if (found->left < 0 || between->stable)
+        return 0;
+    struct cubic c = course(left, right, found);
+    double width = right->cycle - left->cycle, x = (between->cycle - left->cycle) / width;
+    double angle = left->off[found->left].angle * (1.0 - x) + right->off[found->right].angle * x, least = INFINITY;
+    const struct off *own = 0;
+    for (int k = 0; k < between->offs; k++)
+        if (between->off[k].place == ELSEWHERE && fabs(between->off[k].angle - angle) < least) {
+            own = between->off + k;
+            least = fabs(own->angle - angle);
+        }
+    return own && fabs(own->square - value(&c, x)) < SAME_DEPTH * fabs(own->square) &&
+           fabs(own->slope * width - slope(&c, x)) < SAME_SLOPE * fabs(own->square);
+}
+
+/* The next point of a bracket whose ends are known; NaN if nothing better than its middle is. */
+double propose(const struct sample *left, const struct sample *right, const struct finding *found, double tolerance,
+               double floor) {
+    double width = right->cycle - left->cycle, least = 0.4 * tolerance * left->cycle;
+    if (found->kind == NARROW)
+        return into_tongue(left, right, found, floor);
+    if (found->kind == OPEN)
+        return left->stable || right->stable ? among_several(left, right) : through_gap(left, right, found);
+    struct cubic c = course(left, right, found);
+    double at = left->cycle + width * zero(&c);
+    at = at < left->cycle + least ? left->cycle + least : at;
+    return at > right->cycle - least ? right->cycle - least : at;
+}

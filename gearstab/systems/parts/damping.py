@@ -1,0 +1,101 @@
+"""The forms of damping a linear system takes, and the damping matrix and periodic terms they come to."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import Field
+
+from gearstab.config.model.conflicts import Conflict, exactly_one
+from gearstab.config.model.fields import NonNegative, Quantity, Section
+from gearstab.modal import modal_damping_matrix
+from gearstab.system import Array, GearSystem, Mesh, PeriodicTerm
+from gearstab.systems.parts.arrays import given, matrix, vector
+from gearstab.waveforms import Scaled
+
+MatrixEntry = Annotated[float, Quantity("N s/m", ("N s", "N m s"), entry=True)]
+
+
+class Damping(Section):
+    """Damping of the whole system, in one of three forms."""
+
+    modal: list[NonNegative] | None = Field(
+        default=None,
+        title="modal damping ratios",
+        description="One damping ratio a mode, by ascending natural frequency (1).",
+    )
+    rayleigh: (
+        tuple[Annotated[float, Field(ge=0), Quantity("1/s")], Annotated[float, Field(ge=0), Quantity("s")]] | None
+    ) = Field(
+        default=None,
+        title="Rayleigh damping",
+        description="[alpha (1/s), beta (s)]: C = alpha M + beta K of the mean system.",
+    )
+    matrix: list[list[MatrixEntry]] | None = Field(
+        default=None, title="damping matrix", description="C, one row a coordinate (N s/m); symmetric."
+    )
+
+    @classmethod
+    def conflicts(cls, raw: dict[str, Any], size: int | None) -> Iterator[Conflict]:
+        """Exactly one form, of the size of the system."""
+        yield from exactly_one(raw, ("modal", "rayleigh", "matrix"))
+        modal, matrix = raw.get("modal"), raw.get("matrix")
+        if size is None:
+            return
+        if isinstance(modal, list) and len(modal) != size:
+            yield ("modal",), f"has {len(modal)} entries", f"give {size}, one a mode"
+        if isinstance(matrix, list):
+            yield from not_square(matrix, size, ("matrix",))
+
+
+def not_square(rows: list[Any], size: int, path: tuple[str | int, ...]) -> Iterator[Conflict]:
+    """A conflict unless nested lists are ``size`` rows of ``size`` entries."""
+    if len(rows) != size:
+        yield path, f"has {len(rows)} rows", f"give {size} rows of {size} numbers"
+    for i, row in enumerate(rows):
+        if isinstance(row, list) and len(row) != size:
+            yield (*path, i), f"has {len(row)} entries", f"give {size}, one a coordinate"
+
+
+def with_damping(system: GearSystem, p: dict[str, Any]) -> GearSystem:
+    """The system with the damping its parameters ask for.
+
+    ``damping_ratio`` zeta: C = M Phi diag(2 zeta w) Phi^T M; ``damping``: ``{modal: [...]}``, ``{rayleigh: [alpha,
+    beta]}`` (C = alpha M + beta K of the mean system) or ``{matrix: C}``; ``damping`` of a mesh adds c_i g_i g_i^T,
+    or with ``damping_follows_stiffness`` the periodic term c_i k_i(t)/k_gi g_i g_i^T. Exactly no damping stays None,
+    so that the undamped theory applies.
+    """
+    mean = system.mean_stiffness_matrix()
+    parts: list[Array] = []
+    if given(p, "damping_ratio"):
+        parts.append(modal_damping_matrix(system.mass, mean, np.asarray(p["damping_ratio"])[..., None]))
+    spec = p.get("damping") or {}
+    if spec.get("modal") is not None:
+        parts.append(modal_damping_matrix(system.mass, mean, vector(spec["modal"])))
+    if spec.get("rayleigh") is not None:
+        alpha, beta = (np.asarray(v)[..., None, None] for v in spec["rayleigh"])
+        parts.append(alpha * system.mass + beta * mean)
+    if spec.get("matrix") is not None:
+        parts.append(matrix(spec["matrix"]))
+    terms = []
+    for part, item in zip(p["meshes"], system.meshes, strict=True):
+        if given(part, "damping") and part.get("damping_follows_stiffness") and np.any(item.epsilon):
+            terms.append(_following(item, np.asarray(part["damping"], dtype=float)))
+        elif given(part, "damping"):
+            parts.append(np.asarray(part["damping"])[..., None, None] * item.outer)
+    total = np.zeros_like(mean)
+    for part in parts:
+        total = total + part
+    system = replace(system, terms=system.terms + tuple(terms))
+    return replace(system, damping=total) if np.any(total) else system
+
+
+def _following(mesh: Mesh, damping: Array) -> PeriodicTerm:
+    """c k(t)/k_g g g^T: a mesh damping that varies as the mesh stiffness does."""
+    profile = Scaled(mesh.waveform, damping, 2 * mesh.epsilon * damping)
+    g = mesh.direction
+    name, ratio = f"damping of {mesh.name}", mesh.frequency_ratio
+    return PeriodicTerm(name, g, g, damping=profile, frequency_ratio=ratio, lag=mesh.lag, mesh=mesh.name)

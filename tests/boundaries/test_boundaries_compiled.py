@@ -1,0 +1,171 @@
+"""The compiled search against the NumPy search it replaces: counts, edges, names."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from kernel_systems import KINDS, system
+from tongue_edges import train
+
+from gearstab.ckernel import library
+from gearstab.floquet.boundaries import boundaries, compiled
+from gearstab.floquet.boundaries import search as reference
+from gearstab.floquet.boundaries.parts import separated
+from gearstab.floquet.boundaries.search import Interval, Search
+from gearstab.floquet.kernel import c_kernel
+from gearstab.floquet.kernel.choice import using
+from gearstab.floquet.segments.pattern import Pattern, prepare
+from gearstab.system import GearSystem, Mesh
+from gearstab.waveforms import Rectangular
+
+pytestmark = pytest.mark.skipif(library is None, reason="the compiled kernel was not built")
+
+TOLERANCE, FLOOR = 1e-10, 1e-6
+
+
+def random_train(seed: int) -> GearSystem:
+    """A chain of one to six masses with one to three meshes, whose ratios have denominators up to seven."""
+    rng = np.random.default_rng([77, seed])
+    n = int(rng.integers(1, 7))
+    difference = np.eye(n) - np.eye(n, k=-1)
+    mass, stiffness = np.diag(rng.uniform(0.4, 2.5, n)), difference.T @ np.diag(rng.uniform(0.3, 3, n)) @ difference
+    meshes = []
+    for i in range(int(rng.integers(1, 4))):
+        direction = np.ones(1)
+        if n > 1:
+            p, direction = int(rng.integers(1, n)), np.zeros(n)
+            direction[p - 1 : p + 1] = rng.choice([-1, 1]) * rng.uniform(0.5, 2), 1
+        ratio = Fraction(1) if i == 0 else Fraction(int(rng.integers(1, 9)), int(rng.integers(1, 8)))
+        level, epsilon = np.array(rng.uniform(0.5, 2)), np.array([rng.uniform(0.01, 0.5)])
+        wave = Rectangular(rng.uniform(1.1, 2.9))
+        meshes.append(Mesh(f"m{i}", direction, level, epsilon, wave, ratio, rng.uniform()))
+    return GearSystem(mass, stiffness, tuple(meshes))
+
+
+def patterns(item: GearSystem, start: float, stop: float) -> list[tuple[Pattern, np.ndarray, np.ndarray]]:
+    found = []
+    for pattern in prepare(item):
+        for part in separated(pattern, True):
+            rate = part.pattern.elastic.rate
+            found.append((part.pattern, rate / stop, rate / start))
+    return found
+
+
+def unstable(intervals: list[Interval], row: int) -> np.ndarray:
+    """``(I, 2)``; stable gaps narrower than the floor may be found or not: they are closed."""
+    merged: list[list[float]] = []
+    for i in sorted((i for i in intervals if i.row == row), key=lambda i: i.start):
+        if merged and i.start - merged[-1][1] < FLOOR * i.start:
+            merged[-1][1] = i.stop
+        else:
+            merged.append([i.start, i.stop])
+    return np.array(merged).reshape(-1, 2)
+
+
+def place(interval: Interval) -> tuple[int, str, str]:
+    return interval.row, f"{interval.start:.7e}", f"{interval.stop:.7e}"
+
+
+def check(found: Search, known: Search, rows: int) -> int:
+    """The same regions but for what is narrower than the floor; the number of edges compared."""
+    compared = 0
+    for row in range(rows):
+        own, other = unstable(found.intervals, row), unstable(known.intervals, row)
+        # Regions next to the floor may be on either side of it.
+        own, other = (v[v[:, 1] - v[:, 0] > 1.01 * FLOOR * v[:, 0]] for v in (own, other))
+        assert len(own) == len(other)
+        apart = np.abs(own / other - 1)
+        # A region may have swallowed another one, narrower than the floor, beside it.
+        assert ((apart < 3e-10) | ((apart > 1e-8) & (apart < FLOOR))).all()
+        compared += own.size
+    return compared
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_random_trains(seed: int) -> None:
+    """One to six coordinates: every region, its edges, and the collisions below and inside it."""
+    item = random_train(seed)
+    cycles = float(item.common_period()[0])
+    highest = np.sqrt(np.linalg.eigvals(np.linalg.solve(item.mass, item.stiffness)).real.max() + 2)
+    for pattern, first, last in patterns(item, max(0.4, 0.05 * highest * cycles), 3 * highest):
+        found = compiled.search(pattern, first, last, TOLERANCE, FLOOR)
+        known = reference.search(pattern, first, last, TOLERANCE, FLOOR)
+        check(found, known, len(first))
+        places = {
+            (round(i.start, 8), round(i.stop, 8)): (i.passed, i.meetings) for i in known.intervals if not any(i.cut)
+        }
+        same = [(round(i.start, 8), round(i.stop, 8)) for i in found.intervals]
+        for i, place in zip(found.intervals, same, strict=True):
+            assert (i.passed, i.meetings) == places.get(place, (i.passed, i.meetings))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("n", [2, 3, 4])
+def test_kinds(n: int, kind: str) -> None:
+    """Free and rigid modes, negative stiffness, several ratios."""
+    item = system(n, kind, 1, epsilon=0.5)
+    for pattern, first, last in patterns(item, 0.7, 9.0):
+        found = compiled.search(pattern, first, last, TOLERANCE, FLOOR)
+        check(found, reference.search(pattern, first, last, TOLERANCE, FLOOR), len(first))
+
+
+@pytest.mark.parametrize("ratio", [1, "3/5"])
+def test_names(ratio: str | int) -> None:
+    """The names of all regions that both searches find, merged ones included."""
+    epsilon = np.linspace(0.02, 0.5, 7)
+    item = train(contact_ratio=(1.5, 1.7), tooth_ratio=ratio, epsilon=(epsilon, epsilon))
+    found = boundaries(item, 1.0, 7.0)
+    with using(kernel="numpy"):
+        known = boundaries(item, 1.0, 7.0)
+    places = {
+        (row, f"{low:.7e}", f"{high:.7e}"): label
+        for row, low, high, label in zip(known.row, known.lower, known.upper, known.labels(), strict=True)
+    }
+    both = [
+        (label, places[row, f"{low:.7e}", f"{high:.7e}"])
+        for row, low, high, label in zip(found.row, found.lower, found.upper, found.labels(), strict=True)
+        if (row, f"{low:.7e}", f"{high:.7e}") in places
+    ]
+    assert len(both) > 0.9 * len(known.row)
+    assert [a for a, _ in both] == [b for _, b in both]
+
+
+def test_results_do_not_depend_on_threads_or_instructions(monkeypatch: pytest.MonkeyPatch) -> None:
+    epsilon = np.linspace(0.02, 0.5, 16)
+    ((pattern, first, last),) = patterns(train(tooth_ratio="3/5", epsilon=(epsilon, epsilon)), 0.7, 7.0)
+    edges, reach = c_kernel.edges(pattern, pattern, first, last, TOLERANCE, FLOOR, 1.0, limit=1)
+    again, same = c_kernel.edges(pattern, pattern, first, last, TOLERANCE, FLOOR, 1.0, limit=3)
+    np.testing.assert_array_equal(edges, again)
+    np.testing.assert_array_equal(reach, same)
+    assert library is not None
+    for level in library.levels():
+        monkeypatch.setenv("GEARSTAB_SIMD", level)
+        other, _ = c_kernel.edges(pattern, pattern, first, last, TOLERANCE, FLOOR, 1.0)
+        assert len(other) == len(edges)
+        np.testing.assert_array_equal(other["passed"], edges["passed"])
+        bracket = 0.5 * (other["error"] + edges["error"]) + TOLERANCE * edges["cycle"]
+        assert (np.abs(other["cycle"] - edges["cycle"]) < bracket).all()
+
+
+@pytest.mark.parametrize("density", [0.6, 0.8, 1.3])
+def test_regions_do_not_depend_on_the_density_of_the_scan(density: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A tongue that a third multiplier overtakes may count for nothing: neither search may pass over its gaps."""
+    epsilon = np.linspace(0.02, 0.5, 26)
+    item = train(contact_ratio=(1.5, 1.7), tooth_ratio="3/5", epsilon=(epsilon, epsilon))
+    ((pattern, first, last),) = patterns(item, 0.35, 7.0)
+    known = compiled.search(pattern, first, last, TOLERANCE, FLOOR)
+    points = reference.collisions
+    monkeypatch.setattr(compiled, "DENSITY", density)
+    monkeypatch.setattr(reference, "collisions", lambda *given: np.ceil(density * points(*given)).astype(int))
+    assert check(compiled.search(pattern, first, last, TOLERANCE, FLOOR), known, len(first)) > 4000
+    assert check(reference.search(pattern, first, last, TOLERANCE, FLOOR), known, len(first)) > 4000
+
+
+def test_no_rows_and_no_regions() -> None:
+    ((pattern, first, _),) = patterns(train(epsilon=(np.array([0.1]), np.array([0.1]))), 1.0, 7.0)
+    edges, reach = c_kernel.edges(pattern, pattern, first, first * 1.0001, TOLERANCE, FLOOR, 1.0)
+    assert len(edges) == 0
+    assert reach["evaluations"][0] > 0
+    assert len(c_kernel.shares(pattern, pattern, np.eye(3)[None], np.zeros(0, dtype=int), np.zeros(0))) == 0
