@@ -1,10 +1,12 @@
 """Errors whose text is meant for the user. A command prints them, without a traceback, and exits with their code.
 
 Everything else that is raised, a plain ValueError or LinAlgError of the numerics among it, is a fault of the program
-and keeps its traceback. This module imports nothing, so that every room may use it.
+and keeps its traceback. This module imports nothing of the package, so that every room may use it.
 """
 
 from __future__ import annotations
+
+from collections.abc import Iterable
 
 FAILED, WRONG_INPUT, INTERRUPTED = 1, 2, 130
 """Exit codes: a run failed, the input is wrong, the run was interrupted."""
@@ -29,3 +31,38 @@ class NotPossible(UserError, ValueError):
 
 class SettingError(UserError, ValueError):
     """An environment variable of gearstab has a value that cannot be used here."""
+
+
+class ResultError(UserError, ValueError):
+    """A file cannot be read as a result."""
+
+
+class OutputError(UserError, ValueError):
+    """A file must not be written, for what is there or for its name. Nothing was computed or written."""
+
+
+class PlotError(UserError, ValueError):
+    """A figure that the result cannot give; the message is one line and says what is possible instead."""
+
+
+class RequestError(UserError, ValueError):
+    """What was asked for is too large. Nothing was computed."""
+
+
+class SweepError(UserError, RuntimeError):
+    """The sweep could not be finished; what is finished is kept."""
+
+    exit_code = FAILED
+
+
+class Interrupted(UserError, RuntimeError):
+    """The user or the system asked the sweep to stop; what is finished is kept."""
+
+    exit_code = INTERRUPTED
+
+
+def listed(names: Iterable[str], most: int = 12) -> str:
+    """Return ``a, b, c`` for a message; long lists are cut and counted, so that it stays one line."""
+    items = [str(name) for name in names]
+    shown = ", ".join(items[:most]) or "none"
+    return shown if len(items) <= most else f"{shown}, ... ({len(items)} in all)"

@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from gearstab.cli.respond import respond
 from gearstab.config import load
 from gearstab.floquet.boundaries import BOUNDARY_FLAGS
+from gearstab.respond import respond
 from gearstab.results import open_result
 from gearstab.sweep import plan, run
 

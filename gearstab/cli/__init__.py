@@ -21,7 +21,7 @@ BLAS_THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "V
 COMMANDS = {
     "sweep": ("gearstab.cli.sweep:command", "Compute stability over the grid of a configuration."),
     "plot": ("gearstab.cli.plot:command", "Draw a figure from a result file."),
-    "info": ("gearstab.cli.info:command", "Show modes and tongues, or what a result holds."),
+    "info": ("gearstab.cli.info.command:command", "Show modes and tongues, or what a result holds."),
     "check": ("gearstab.cli.check:command", "Validate a configuration; list every mistake."),
     "respond": ("gearstab.cli.respond:command", "Compute a time response."),
     "bench": ("gearstab.cli.bench:command", "Compare speed and error of the methods."),

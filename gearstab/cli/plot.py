@@ -57,7 +57,7 @@ def command(
 
 def selections(texts: tuple[str, ...]) -> dict[str, str]:
     """``AXIS=VALUE`` texts as a mapping; a label may itself hold an equals sign. Raises PlotError for anything else."""
-    from gearstab.plots.errors import PlotError
+    from gearstab.errors import PlotError
 
     chosen: dict[str, str] = {}
     for text in texts:

@@ -3,21 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING
 
 import click
 
 from gearstab.cli.console import tell
 
 if TYPE_CHECKING:
-    from gearstab.config import Config
-    from gearstab.config.sections.respond import Respond
     from gearstab.response import Response
+    from gearstab.response.backlash import BacklashResponse
     from gearstab.response.rotating_pair import PairResponse
-    from gearstab.system import GearSystem
-
-MOST_NUMBERS = 250_000_000
-"""Numbers that a result may hold (2 GB); working on them takes some five times as much memory."""
 
 
 @click.command(name="respond", short_help="Compute a time response.")
@@ -35,6 +30,7 @@ def command(config: Path, output: Path | None, overrides: tuple[str, ...], quiet
 
     with user_errors():
         from gearstab.config import load
+        from gearstab.respond import respond
         from gearstab.results.guard import RESPOND, result_of
         from gearstab.results.output import prepare
 
@@ -49,100 +45,8 @@ def command(config: Path, output: Path | None, overrides: tuple[str, ...], quiet
         tell(summary(found, out))
 
 
-def respond(config: Config, out: Path) -> Response | PairResponse:
-    """Compute the response and write the result file ``out``; raises ConfigError and OSError."""
-    from gearstab.cli.respond_backlash import respond_backlash
-    from gearstab.cli.respond_linear import result
-    from gearstab.cli.respond_pair import respond_pair
-    from gearstab.config.sections.respond_pair import PairRespond
-    from gearstab.errors import NotPossible
-    from gearstab.floquet.kernel import choice as kernel
-    from gearstab.response.backlash import has_backlash
-    from gearstab.results import write_result
-    from gearstab.systems import build
-
-    if isinstance(config.respond, PairRespond):
-        return respond_pair(config, config.respond, out)
-    if config.respond is None:
-        raise ValueError("the configuration has no section respond")
-    wanted, system = config.respond, build(config.parameters)
-    try:
-        _affordable(config, wanted, system)
-        if has_backlash(system):
-            return respond_backlash(config, wanted, system, _duration(wanted, system), out)
-        with kernel.recorded() as ran:
-            found = _steady(wanted, system) if wanted.steady_state else _history(wanted, system)
-    except NotPossible as error:
-        _refuse(config, ("respond",), error.message, error.remedy)
-    write_result(out, result(config, wanted, system, found, kernel.said(ran)))
-    return found
-
-
-def _steady(wanted: Respond, system: GearSystem) -> Response:
-    from gearstab.response import steady_state
-
-    return steady_state(system, wanted.mesh_frequency, wanted.samples_per_cycle)
-
-
-def _history(wanted: Respond, system: GearSystem) -> Response:
-    import numpy as np
-
-    from gearstab.response import driven_response, free_response
-    from gearstab.response.linear.equilibrium import static_equilibrium
-
-    follow = driven_response if system.forced else free_response
-    if wanted.initial is None:
-        start = static_equilibrium(system), np.zeros(system.size)
-    else:
-        start = np.array(wanted.initial.displacement), np.array(wanted.initial.velocity)
-    return follow(system, wanted.mesh_frequency, *start, _duration(wanted, system), wanted.samples_per_cycle)
-
-
-def _period(wanted: Respond, system: GearSystem) -> float:
-    """Of the first mesh."""
-    from math import tau
-
-    return tau / (wanted.mesh_frequency * float(system.meshes[0].frequency_ratio))
-
-
-def _duration(wanted: Respond, system: GearSystem) -> float:
-    if wanted.duration is not None:
-        return wanted.duration
-    if wanted.steady_state:
-        from gearstab.system import shared_period
-
-        ratios = system.frequency_ratios + [force.frequency_ratio for force in system.forces]
-        return shared_period(ratios)[1][0] * _period(wanted, system)
-    return (wanted.cycles or 0.0) * _period(wanted, system)
-
-
-def _affordable(config: Config, wanted: Respond, system: GearSystem) -> None:
-    """Refuse what would exhaust the memory."""
-    samples = _duration(wanted, system) / _period(wanted, system) * wanted.samples_per_cycle + 1
-    numbers = samples * (2 * system.size + 2 * len(system.meshes) + 2)
-    if numbers > MOST_NUMBERS:
-        asked = next((key for key in ("duration", "cycles") if getattr(wanted, key) is not None), "samples_per_cycle")
-        message = (
-            f"{samples:.3g} samples would make a file of {8e-9 * numbers:.3g} GB, more than {8e-9 * MOST_NUMBERS:g} GB"
-        )
-        _refuse(
-            config,
-            ("respond", asked),
-            message,
-            f"ask for less than {MOST_NUMBERS / numbers:.2g} times that or fewer samples_per_cycle",
-        )
-
-
-def _refuse(config: Config, path: tuple[str, ...], message: str, hint: str) -> NoReturn:
-    from gearstab.config import ConfigError
-
-    raise ConfigError([config.problem(path, message, hint)])
-
-
 def summary(found: Response | PairResponse, out: Path) -> str:
     """What came out, in one line; a second one if the history was cut."""
-    from gearstab.cli.respond_backlash import summary as backlash_summary
-    from gearstab.cli.respond_pair import summary as pair_summary
     from gearstab.response.backlash import BacklashResponse
     from gearstab.response.rotating_pair import PairResponse
 
@@ -169,3 +73,47 @@ def _long_run(found: Response) -> str:
     if found.growth_rate > 0:
         return f"unstable: grows as exp({found.growth_rate:.4g} t)"
     return f"decays as exp({found.growth_rate:.4g} t)" if found.growth_rate < 0 else "bounded"
+
+
+ENDED = {
+    "overflow": "the response outgrew double precision there; the history ends",
+    "chatter": "too many impacts in too short a time there; the history ends",
+}
+
+
+def backlash_summary(found: BacklashResponse, out: Path) -> str:
+    """What came out, in a few lines."""
+    end = found.time[-1]
+    lines = [f"response: {out}: {len(found.time):,} samples to t = {end:.6g}, {len(found.events):,} changes of contact"]
+    if found.cycle is not None:
+        cycle = found.cycle
+        loss = ", ".join(f"{100 * part:.3g} %" for part in cycle.contact_loss)
+        settled = f"period {cycle.period}" if cycle.period else "not periodic (yet)"
+        span = ", ".join(f"{value:.4g}" for value in cycle.peak_to_peak)
+        lines.append(f"settled: {settled}; peak-to-peak mesh deflection {span}; without contact {loss} of the time")
+    if found.status in ENDED:
+        lines.append(f"warning: {ENDED[found.status]}")
+    if "grazing" in found.findings:
+        lines.append("note: a flank is hardly touched or hardly missed: small changes may do much")
+    if "unbalanced" in found.findings:
+        lines.append("note: the load accelerates the train as a whole")
+    return "\n".join(lines)
+
+
+def pair_summary(found: PairResponse, out: Path) -> str:
+    """What came out, in one line; a second one if the history is chaotic."""
+    from math import inf
+
+    import numpy as np
+
+    turned = f"{found.advance:,.4g} mesh cycle{'s' * (found.advance != 1)}"
+    if found.asked is not None and found.advance < found.asked * (1 - 1e-9):
+        turned = f"stopped after {turned} of the {found.asked:,g} asked for"
+    text = f"response: {out}: {len(found.time):,} samples to t = {found.time[-1]:.6g}, {turned}, {found.status_text}"
+    if found.predictable == inf:
+        return text
+    number = 1 + int(np.argmax(found.events.time >= found.predictable))
+    return (
+        f"{text}\nwarning: from t = {found.predictable:.6g} on (event {number:,}) this is one of many histories: "
+        "rounding errors have grown to 1 % of phi by then, and the least change of the initial state gives another one"
+    )

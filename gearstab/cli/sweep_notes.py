@@ -10,25 +10,6 @@ import numpy as np
 if TYPE_CHECKING:
     from gearstab.sweep import Plan, Summary
 
-FLAGS = {
-    ("floquet", "not_converged"): "the error estimate exceeds the tolerance at {points}; see error_estimate",
-    ("floquet", "undecided"): "the stability is undecided at {points}: the confidence interval contains zero",
-    ("required_damping", "beyond"): "no damping up to `largest` suffices at {points}",
-    ("response", "unstable"): "the steady state is unstable at {points}: it is not what would be seen",
-    ("response", "separation"): "teeth would part at {points}: the linear answer does not hold there, loads are "
-    "overstated; give the meshes a backlash",
-    ("response", "unresolved"): "too few samples for the fastest vibration at {points}: raise samples_per_cycle",
-    ("response", "unbalanced"): "the load accelerates the train as a whole at {points}; a steady state leaves that "
-    "part of it out",
-    ("response", "ill_conditioned"): "the steady state is sensitive at {points}: a Floquet multiplier is near 1, or "
-    "the system grows strongly",
-    ("response", "failed"): "there is no steady state at {points}: a Floquet multiplier is 1",
-    ("response", "chatter"): "the history ends at {points} because impacts come too many or too close",
-}
-"""By method and flag of ``status``."""
-
-PARTED = "separation"
-
 TEETH = {
     "undercut": "are undercut", "top_land": "are pointed", "interference": "interfere, so that contact is cut off",
     "fillet_contact": "touch inside of a fillet", "contact_ratio": "lose contact (contact ratio below 1)",
@@ -42,13 +23,11 @@ def notes(plan: Plan, summary: Summary) -> list[str]:
     """Return one line for each flag that points carry, and for each mesh whose teeth are not sound."""
     found = []
     for layout in plan.layouts:
-        name = layout.method.name
-        # A history with backlash follows teeth that part; steady states beside growth rates need not repeat these.
-        known = {PARTED, "unstable"} if layout.method.singly else set()
-        known |= {"unstable"} if "floquet" in summary.flags else set()
-        for flag, count in summary.flags.get(name, {}).items():
-            if (name, flag) in FLAGS and flag not in known:
-                found.append(FLAGS[name, flag].format(points=share(count, layout.points)))
+        for flag, count in summary.flags.get(layout.method.name, {}).items():
+            # Steady states beside growth rates need not repeat these.
+            known = flag == "unstable" and "floquet" in summary.flags
+            if flag in layout.method.flag_notes and not known:
+                found.append(layout.method.flag_notes[flag].format(points=share(count, layout.points)))
     return found + teeth(plan)
 
 

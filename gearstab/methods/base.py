@@ -70,6 +70,7 @@ class Method(ABC):
     cheap: whether it runs before the others. fewest: the least number of points of its own in a block.
     singly: whether it runs on one system at a time, with all its mesh frequencies, as it goes from one to the next.
     relief: what to do where it takes very long.
+    flag_notes: what is said at the end of a sweep of ``{points}`` that carry a flag of ``status``, by flag.
     """
 
     name: ClassVar[str]
@@ -78,6 +79,7 @@ class Method(ABC):
     cheap: ClassVar[bool] = False
     singly: ClassVar[bool] = False
     relief: ClassVar[str] = ""
+    flag_notes: ClassVar[Mapping[str, str]] = {}
 
     def __init__(self, options: Any, system: GearSystem) -> None:
         self.options, self.system = options, system

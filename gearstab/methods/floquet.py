@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cached_property
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field
@@ -99,6 +99,10 @@ class Floquet(Method):
 
     name = "floquet"
     Options = FloquetOptions
+    flag_notes: ClassVar[Mapping[str, str]] = {
+        "not_converged": "the error estimate exceeds the tolerance at {points}; see error_estimate",
+        "undecided": "the stability is undecided at {points}: the confidence interval contains zero",
+    }
 
     @classmethod
     def on(cls, options: Any, system: GearSystem) -> Method:

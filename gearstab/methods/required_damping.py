@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cached_property
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from pydantic import Field
@@ -49,6 +49,7 @@ class RequiredDamping(Method):
 
     name = "required_damping"
     Options = RequiredDampingOptions
+    flag_notes: ClassVar[Mapping[str, str]] = {"beyond": "no damping up to `largest` suffices at {points}"}
 
     @cached_property
     def strategy(self) -> str:

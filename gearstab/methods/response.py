@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 from pydantic import Field
 
@@ -43,11 +43,26 @@ class ResponseOptions(Section):
     )
 
 
+FLAG_NOTES = {
+    "unresolved": "too few samples for the fastest vibration at {points}: raise samples_per_cycle",
+    "unbalanced": "the load accelerates the train as a whole at {points}; a steady state leaves that part of it out",
+    "ill_conditioned": "the steady state is sensitive at {points}: a Floquet multiplier is near 1, or the system grows "
+    "strongly",
+    "failed": "there is no steady state at {points}: a Floquet multiplier is 1",
+}
+
+
 class Response(Method):
     """The periodic steady state of a system whose teeth stay in contact."""
 
     name = "response"
     Options = ResponseOptions
+    flag_notes: ClassVar[Mapping[str, str]] = {
+        **FLAG_NOTES,
+        "unstable": "the steady state is unstable at {points}: it is not what would be seen",
+        "separation": "teeth would part at {points}: the linear answer does not hold there, loads are overstated; "
+        "give the meshes a backlash",
+    }
 
     @classmethod
     def on(cls, options: Any, system: GearSystem) -> Method:
@@ -93,6 +108,11 @@ class BacklashResponse(Response):
     """What motions of a system whose teeth may part settle to, from one mesh frequency to the next."""
 
     singly = True
+    # A history follows teeth that part, and motions that repel are none that it settles to.
+    flag_notes: ClassVar[Mapping[str, str]] = {
+        **FLAG_NOTES,
+        "chatter": "the history ends at {points} because impacts come too many or too close",
+    }
     CYCLES = 200.0
     """How long motions are followed at every mesh frequency, if not said otherwise."""
 

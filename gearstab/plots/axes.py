@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
+from typing import Self
 
 import numpy as np
 import xarray as xr
 
+from gearstab.errors import PlotError, listed
 from gearstab.plots.drawing.text import (
     axis_label,
     number_text,
@@ -16,7 +18,6 @@ from gearstab.plots.drawing.text import (
     tongue_label,
     unit_text,
 )
-from gearstab.plots.errors import PlotError, listed
 
 Array = np.ndarray
 
@@ -265,7 +266,7 @@ class View:
         """The axis drawn along which the mesh frequency varies."""
         return next((axis for axis in (self.x, self.y) if axis is not None and axis.name in SPEEDS), None)
 
-    def at(self, **fixed: int) -> View:
+    def at(self, **fixed: int) -> Self:
         """The view with further axes fixed."""
         return replace(
             self, fixed={**self.fixed, **fixed}, free=tuple(axis for axis in self.free if axis.name not in fixed)
@@ -279,6 +280,13 @@ class View:
             if axis is not None and axis.name in part.dims:
                 part = part.isel({axis.name: axis.order})
         return part.transpose(*dims).values
+
+
+@dataclass(frozen=True)
+class MapView(View):
+    """A view over two axes."""
+
+    y: Axis
 
 
 @dataclass(frozen=True)
@@ -297,16 +305,27 @@ class Request:
     dpi: int | None = None
     partial: bool = False
 
+    def wide(self, default: str = "single") -> bool:
+        """Whether the figure is as wide as two columns of a journal; default: its size unless one is asked for."""
+        return (self.size or default) == "double"
 
-def view_of(
-    tree: xr.DataTree, dims: Iterable[str], request: Request, own: xr.Dataset | None = None, two: bool = True
-) -> View:
-    """The part of a result over ``dims`` that a request means.
 
-    Axes with one value are fixed by themselves; ``own`` is the group of the variable, whose list of tongues counts;
-    ``two=False`` is for figures over x alone.
-    Raises PlotError for unknown axes or values, and if a second axis is needed and there is none.
+def view_of(tree: xr.DataTree, dims: Iterable[str], request: Request, own: xr.Dataset | None = None) -> MapView:
+    """The part of a result over ``dims`` that a request means, over two axes.
+
+    Axes with one value are fixed by themselves; ``own`` is the group of the variable, whose list of tongues counts.
+    Raises PlotError for unknown axes or values, and if there are no two axes.
     """
+    found = _view(tree, dims, request, own, True)
+    return MapView(**{item.name: getattr(found, item.name) for item in fields(found)})
+
+
+def view_along(tree: xr.DataTree, dims: Iterable[str], request: Request, own: xr.Dataset) -> View:
+    """The same, over x alone."""
+    return _view(tree, dims, request, own, False)
+
+
+def _view(tree: xr.DataTree, dims: Iterable[str], request: Request, own: xr.Dataset | None, two: bool) -> View:
     every = sweep_axes(tree)
     if own is not None:
         every.update({name: axis_of(own, name, mesh_numbers(tree)) for name in map(str, own.sizes) if name in every})

@@ -7,8 +7,8 @@ from itertools import product
 
 import numpy as np
 
+from gearstab.errors import PlotError
 from gearstab.plots.axes import Axis
-from gearstab.plots.errors import PlotError
 
 Index = dict[str, int]
 

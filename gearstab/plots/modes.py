@@ -13,12 +13,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from gearstab.errors import PlotError, listed
 from gearstab.plots import gear_bodies
 from gearstab.plots.axes import Request
 from gearstab.plots.drawing.heading import write_title
 from gearstab.plots.drawing.style import CASES, LINE, WIDTHS, new_figure
 from gearstab.plots.drawing.text import fitted, number_text, plain, unit_text
-from gearstab.plots.errors import PlotError, listed
+from gearstab.plots.kinds import Contents, Kind
 
 Array = np.ndarray
 Artists = dict[str, Any]
@@ -150,7 +151,7 @@ def draw_charts(tree: xr.DataTree, modes: xr.Dataset, kept: list[int], request: 
     wide, room = WIDTHS.get(size, 1.0), max(len(str(name)) for name in names)
     upright = 0.05 * room * len(names) > 0.8 * wide
     below = (0.05 * room if upright else 0.15) + 0.75
-    figure = new_figure(size, (1.0 * len(kept) + below) / wide, request.dpi)
+    figure = new_figure(request, (1.0 * len(kept) + below) / wide, size)
     axes = figure.subplots(len(kept), 1, sharex=True, squeeze=False).ravel()
     drawn = []
     for ax, p in zip(axes, kept, strict=True):
@@ -193,7 +194,7 @@ def draw_pictures(tree: xr.DataTree, modes: xr.Dataset, kept: list[int], request
     rows, columns = arrangement(len(kept), ACROSS if size == "double" else 2)
     wide = WIDTHS.get(size, 1.0)  # new_figure says what is wrong with another size
     panel = wide / columns
-    figure = new_figure(size, (rows * (panel + 0.22) + 0.75) / wide, request.dpi)
+    figure = new_figure(request, (rows * (panel + 0.22) + 0.75) / wide, size)
     grid = figure.subplots(rows, columns, squeeze=False).ravel()
     pictures = []
     for ax, p in zip(grid, kept, strict=False):
@@ -221,3 +222,12 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     kept = chosen_modes(modes, request)
     drawn = draw_pictures if gear_bodies.is_planetary(modes) else draw_charts
     return drawn(tree, modes, kept, request)
+
+
+def _suits(contents: Contents) -> bool:
+    """Of modes alone, and of a single point of a sweep, which gives nothing else to draw."""
+    idle = contents.by_itself and not contents.free and not contents.request.select
+    return contents.holds("modes") and (idle or not contents.axes)
+
+
+KIND = Kind("modes", "modes: bodies of a planetary gear displaced, charts of other systems", draw, _suits)

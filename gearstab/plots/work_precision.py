@@ -9,10 +9,11 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from gearstab.errors import PlotError, listed
 from gearstab.plots.axes import Request
 from gearstab.plots.drawing.heading import write_title
 from gearstab.plots.drawing.style import CASES, new_figure
-from gearstab.plots.errors import PlotError, listed
+from gearstab.plots.kinds import Kind
 
 Artists = dict[str, Any]
 
@@ -25,7 +26,7 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     """The whole figure; its artists are ``lines``, one a method. Raises PlotError without benchmark results."""
     if "bench" not in tree.children:
         raise PlotError(f"this result holds no benchmark; it holds {listed(tree.children)}")
-    figure = new_figure(request.size or "single", 0.95)
+    figure = new_figure(request, 0.95)
     ax = figure.add_subplot()
     lines = draw_methods(ax, tree["bench"].to_dataset())
     figure.legend(handles=lines, loc="outside lower center", ncols=2, fontsize=6.5, handlelength=1.6)
@@ -57,3 +58,11 @@ def draw_methods(ax: Axes, dataset: xr.Dataset) -> list[Any]:
     ax.set_ylabel("time a point (s)")
     ax.grid(True, which="major", linewidth=0.3, color="#c8c8c8")
     return lines
+
+
+KIND = Kind(
+    "work-precision",
+    "time against error of the methods of a benchmark",
+    draw,
+    lambda c: not c.axes and c.holds("bench"),
+)

@@ -1,6 +1,6 @@
 """Result files: what they hold, how they are written, how they are opened."""
 
-from gearstab.results.errors import OutputError, ResultError
+from gearstab.errors import OutputError, ResultError
 from gearstab.results.read import open_result
 from gearstab.results.tree import Chunked, Field, Group, ResultTree, fields_of
 from gearstab.results.variables import Variable, coordinate

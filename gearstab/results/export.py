@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gearstab.results.errors import ResultError
+from gearstab.errors import ResultError
 from gearstab.results.output import FIGURES, OTHERS, RESULTS, Content, writing
 from gearstab.results.read import reading
 from gearstab.results.variables import every_variable

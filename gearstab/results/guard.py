@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import partial
 from pathlib import Path
 
-from gearstab.results.errors import ResultError
+from gearstab.errors import ResultError
 from gearstab.results.output import FIGURES, OTHERS, TABLES, Content
 from gearstab.results.read import attributes
 

@@ -22,7 +22,7 @@ from pathlib import Path
 from uuid import uuid4
 
 from gearstab import interrupts
-from gearstab.results.errors import OutputError
+from gearstab.errors import OutputError
 
 DESCRIPTOR = re.compile(r"/dev/(?:stdout|stderr|fd/(\d+))|/proc/self/fd/(\d+)")
 """Names of files that this process has open; opened anew they would be written from their beginning."""

@@ -9,8 +9,7 @@ from math import ceil, prod
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gearstab.errors import UserError
-from gearstab.results.errors import ResultError
+from gearstab.errors import ResultError, UserError
 from gearstab.results.seal import intact
 from gearstab.results.tree import FORMAT, NO_VARIABLE
 

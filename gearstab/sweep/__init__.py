@@ -1,6 +1,6 @@
 """Sweeps: the plan of a grid, its computation on many processors, parts that survive a crash, the result file."""
 
-from gearstab.sweep.errors import Interrupted, RequestError, SweepError
+from gearstab.errors import Interrupted, RequestError, SweepError
 from gearstab.sweep.plan import Plan, plan
 from gearstab.sweep.reporter import Reporter
 from gearstab.sweep.run import Summary, run

@@ -13,7 +13,7 @@ from gearstab.floquet.kernel import choice as kernel
 from gearstab.methods import POINTS, RANGE, Key, Outcome
 from gearstab.results.chunks import encode, holds
 from gearstab.results.variables import GRID, STRETCH
-from gearstab.sweep.parts import Finished, Part
+from gearstab.sweep.parts import Part, places_of
 from gearstab.sweep.plan import Block, Layout, Plan
 from gearstab.system import Array
 from gearstab.systems import build
@@ -147,7 +147,9 @@ def _part(plan: Plan, layout: Layout, block: Block, values: dict[str, Array], to
             ]
     stable = values.get("stable", np.zeros(0))
     unstable, failed = int(np.sum(stable == 0)), int(np.sum(stable < 0))
-    return Part(block.key, tongues, chunks, block.points, unstable, failed, _flags(plan, layout, values))
+    places = places_of({name: [len(chunk) for chunk in pieces] for name, pieces in chunks.items()})
+    held = b"".join(chunk for pieces in chunks.values() for chunk in pieces)
+    return Part(block.key, tongues, places, block.points, unstable, failed, _flags(plan, layout, values), held=held)
 
 
 def _flags(plan: Plan, layout: Layout, values: dict[str, Array]) -> dict[str, int]:
@@ -170,7 +172,7 @@ def _counted(status: Array, flags: Mapping[str, int]) -> dict[str, int]:
     }
 
 
-def fits(plan: Plan, block: Block, part: Finished) -> bool:
+def fits(plan: Plan, block: Block, part: Part) -> bool:
     """Whether a finished block from elsewhere has the variables and the sizes that this one must have."""
     layout = plan.layout(block.method)
     constants = layout.method.constants()

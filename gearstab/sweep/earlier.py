@@ -13,7 +13,7 @@ from pathlib import Path
 
 from gearstab import __version__
 from gearstab.config import Config
-from gearstab.results.errors import OutputError
+from gearstab.errors import OutputError
 from gearstab.results.guard import SWEEP, result_of
 from gearstab.results.read import attributes, is_sealed
 from gearstab.results.tree import FORMAT

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from gearstab import ckernel
+from gearstab.errors import RequestError
 from gearstab.methods import RANGE
 from gearstab.results.output import free_bytes
-from gearstab.sweep.errors import RequestError
 from gearstab.sweep.estimate import LONG, Estimate, by_effort, estimate
 from gearstab.sweep.parts import PartFolder
 from gearstab.sweep.plan import Layout, Plan

@@ -30,7 +30,7 @@ from gearstab.results.write import write_on_disk, write_result
 from gearstab.sweep import teeth
 from gearstab.sweep.compute import moved
 from gearstab.sweep.earlier import origin
-from gearstab.sweep.parts import Finished
+from gearstab.sweep.parts import Part
 from gearstab.sweep.plan import Layout, Plan
 from gearstab.system import Array
 
@@ -38,7 +38,7 @@ IN_MEMORY = 1 << 28
 """Results of fewer bytes are built in memory."""
 
 
-def result_tree(plan: Plan, finished: Mapping[str, Finished], out: Path) -> ResultTree:
+def result_tree(plan: Plan, finished: Mapping[str, Part], out: Path) -> ResultTree:
     """The whole result, which is to stand at ``out``; ``finished`` has all blocks by key."""
     axes = [field for axis in plan.config.axes for field in axis_fields(axis)]
     ran = {name for part in finished.values() for name in part.kernels}
@@ -73,7 +73,7 @@ def axis_fields(axis: Axis) -> list[Field]:
     return fields
 
 
-def _method_group(plan: Plan, layout: Layout, finished: Mapping[str, Finished], beside: list[Field]) -> Group:
+def _method_group(plan: Plan, layout: Layout, finished: Mapping[str, Part], beside: list[Field]) -> Group:
     parts = {block.key: finished[block.key] for block in layout.blocks()}
     tongues = layout.method.unite(part.tongues for part in parts.values())
     values = {**tongue_coordinates(tongues), **layout.method.constants()}
@@ -97,7 +97,7 @@ def tongue_coordinates(index: Sequence[Key]) -> dict[str, list[Any]]:
     return found | {OCCURRENCE.name: [occurrence for _, occurrence in index]}
 
 
-def _over_points(plan: Plan, layout: Layout, variable: Variable, parts: Mapping[str, Finished]) -> Chunked:
+def _over_points(plan: Plan, layout: Layout, variable: Variable, parts: Mapping[str, Part]) -> Chunked:
     """A variable of one chunk a block."""
     constants = layout.method.constants()
     rest = tuple(len(constants[dim]) for dim in variable.dims if dim in constants)
@@ -110,7 +110,7 @@ def _over_points(plan: Plan, layout: Layout, variable: Variable, parts: Mapping[
 
 
 def _places(
-    variable: Variable, parts: Mapping[str, Finished], tongues: tuple[Key, ...]
+    variable: Variable, parts: Mapping[str, Part], tongues: tuple[Key, ...]
 ) -> tuple[dict[str, Array], int]:
     """Where the chunks of each block stand along the variable's first dimension, and how long that is."""
     if STRETCH in variable.dims:
@@ -121,7 +121,7 @@ def _places(
 
 
 def _listed(
-    layout: Layout, variable: Variable, parts: Mapping[str, Finished], places: Mapping[str, Array], count: int
+    layout: Layout, variable: Variable, parts: Mapping[str, Part], places: Mapping[str, Array], count: int
 ) -> Chunked:
     """A variable of one chunk a tongue, or stretch, and block."""
     sides = (2,) if "side" in variable.dims else ()
@@ -139,7 +139,7 @@ def _listed(
     return Chunked((count, *sides, *layout.shape), shape, pieces, size)
 
 
-def write(plan: Plan, finished: Mapping[str, Finished], out: Path, folder: Path, look: Look) -> None:
+def write(plan: Plan, finished: Mapping[str, Part], out: Path, folder: Path, look: Look) -> None:
     """Write the result to ``out``; ``folder`` holds the part files.
 
     look: raises where ``out`` must not be replaced any more. Raises OSError, whatever else is in the way.
@@ -158,7 +158,7 @@ def write(plan: Plan, finished: Mapping[str, Finished], out: Path, folder: Path,
         interrupts.temporary.discard(str(temporary))
 
 
-def _write_apart(plan: Plan, finished: Mapping[str, Finished], out: Path, path: Path) -> None:
+def _write_apart(plan: Plan, finished: Mapping[str, Part], out: Path, path: Path) -> None:
     """Write a large result in a process of its own: on a full disk HDF5 may crash even if the error is caught."""
     command = [sys.executable, "-c", "from gearstab.sweep.merge import main; main()", str(path)]
     # Its own session: an interrupt from the terminal is handled here.

@@ -9,6 +9,7 @@ whole or not there; it carries the digest of its sweep, its own key and a checks
 from __future__ import annotations
 
 import hashlib
+import io
 import json
 import shutil
 import stat
@@ -17,88 +18,27 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass, fields
 from itertools import accumulate
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
+from gearstab.errors import OutputError
 from gearstab.methods import Key
 from gearstab.perturbation import Tongue
-from gearstab.results.errors import OutputError
 from gearstab.results.output import write_bytes
 
 MAGIC = b"gearstab part 2\n"
 CHECKSUM = 32
 
 
-class Finished(Protocol):
-    """A finished block, wherever its chunks are."""
-
-    @property
-    def key(self) -> str: ...
-
-    @property
-    def tongues(self) -> tuple[Key, ...]: ...
-
-    @property
-    def points(self) -> int: ...
-
-    @property
-    def unstable(self) -> int: ...
-
-    @property
-    def failed(self) -> int: ...
-
-    @property
-    def kernels(self) -> tuple[str, ...]: ...
-
-    @property
-    def flags(self) -> Mapping[str, int]: ...
-
-    @property
-    def variables(self) -> Collection[str]: ...
-
-    def size(self, variable: str | None = None) -> int:
-        """Bytes of a variable's chunks, of all variables without a name."""
-
-    def pieces(self, variable: str) -> list[bytes]:
-        """The encoded chunks of a variable: one, or one a tongue."""
-
-
 @dataclass(frozen=True)
 class Part:
-    """A finished block in memory.
+    """A finished block.
 
-    key: of the block. tongues: of the dimension ``tongue`` of this block. chunks: by variable, one, or one a tongue.
+    key: of the block. tongues: of the dimension ``tongue`` of this block. places: by variable, (offset, length) of its
+    chunks, one, or one a tongue, in the part file at ``path``, or else in ``held``, in memory.
     points: how many it holds; unstable, failed: how many of them are; flags: how many carry each flag of ``status``.
     kernels: which ones computed it.
     """
 
-    key: str
-    tongues: tuple[Key, ...]
-    chunks: Mapping[str, list[bytes]]
-    points: int
-    unstable: int
-    failed: int
-    flags: Mapping[str, int]
-    kernels: tuple[str, ...] = ()
-
-    @property
-    def variables(self) -> Collection[str]:
-        """Names of its variables."""
-        return self.chunks.keys()
-
-    def size(self, variable: str | None = None) -> int:
-        """Bytes of a variable's chunks, of all variables without a name."""
-        return sum(len(chunk) for name, chunks in self.chunks.items() if variable in (None, name) for chunk in chunks)
-
-    def pieces(self, variable: str) -> list[bytes]:
-        """The encoded chunks of a variable."""
-        return self.chunks[variable]
-
-
-@dataclass(frozen=True)
-class StoredPart:
-    """A finished block in a file; places: by variable, (offset, length) of its chunks."""
-
-    path: Path
     key: str
     tongues: tuple[Key, ...]
     places: Mapping[str, list[tuple[int, int]]]
@@ -107,6 +47,8 @@ class StoredPart:
     failed: int
     flags: Mapping[str, int]
     kernels: tuple[str, ...] = ()
+    held: bytes = b""
+    path: Path | None = None
 
     @property
     def variables(self) -> Collection[str]:
@@ -118,13 +60,23 @@ class StoredPart:
         return sum(length for name, places in self.places.items() if variable in (None, name) for _, length in places)
 
     def pieces(self, variable: str) -> list[bytes]:
-        """The encoded chunks of a variable."""
+        """The encoded chunks of a variable: one, or one a tongue."""
         found = []
-        with open(self.path, "rb") as file:
+        with io.BytesIO(self.held) if self.path is None else open(self.path, "rb") as file:
             for offset, length in self.places[variable]:
                 file.seek(offset)
                 found.append(file.read(length))
         return found
+
+
+def places_of(lengths: Mapping[str, list[int]], offset: int = 0) -> dict[str, list[tuple[int, int]]]:
+    """Return (offset, length) of all chunks, which follow one another from ``offset`` on."""
+    places = {}
+    for name, sizes in lengths.items():
+        ends = list(accumulate(sizes, initial=offset))
+        places[name] = list(zip(ends[:-1], sizes, strict=True))
+        offset = ends[-1]
+    return places
 
 
 def to_bytes(part: Part, digest: str) -> bytes:
@@ -132,17 +84,16 @@ def to_bytes(part: Part, digest: str) -> bytes:
     header = {
         "digest": digest, "key": part.key,
         "tongues": [[asdict(tongue), occurrence] for tongue, occurrence in part.tongues],
-        "chunks": {name: [len(chunk) for chunk in chunks] for name, chunks in part.chunks.items()},
+        "chunks": {name: [length for _, length in places] for name, places in part.places.items()},
         "points": part.points, "unstable": part.unstable, "failed": part.failed, "flags": dict(part.flags),
         "kernels": part.kernels,
     }  # fmt: skip
     text = json.dumps(header).encode()
-    payload = [chunk for chunks in part.chunks.values() for chunk in chunks]
-    data = b"".join([MAGIC, len(text).to_bytes(8, "little"), text, *payload])
+    data = b"".join([MAGIC, len(text).to_bytes(8, "little"), text, part.held])
     return data + hashlib.sha256(data).digest()
 
 
-def from_bytes(data: bytes, path: Path, digest: str) -> StoredPart | None:
+def from_bytes(data: bytes, path: Path, digest: str) -> Part | None:
     """A part file by its contents, or None where it is damaged, cut short, or of another sweep or block."""
     body = memoryview(data)[:-CHECKSUM]
     if not data.startswith(MAGIC) or hashlib.sha256(body).digest() != data[-CHECKSUM:]:
@@ -154,24 +105,20 @@ def from_bytes(data: bytes, path: Path, digest: str) -> StoredPart | None:
     return part
 
 
-def _from_body(body: memoryview, path: Path, digest: str) -> StoredPart | None:
+def _from_body(body: memoryview, path: Path, digest: str) -> Part | None:
     start = len(MAGIC) + 8
     offset = start + int.from_bytes(body[len(MAGIC) : start], "little")
     header = json.loads(bytes(body[start:offset]))
     if header["digest"] != digest or header["key"] != path.stem:
         return None
-    places: dict[str, list[tuple[int, int]]] = {}
-    for name, lengths in header["chunks"].items():
-        ends = list(accumulate(lengths, initial=offset))
-        places[name] = list(zip(ends[:-1], lengths, strict=True))
-        offset = ends[-1]
+    places = places_of(header["chunks"], offset)
     tongues = tuple((_tongue(tongue), int(occurrence)) for tongue, occurrence in header["tongues"])
     points, unstable, failed = (int(header[name]) for name in ("points", "unstable", "failed"))
     flags = {str(name): int(count) for name, count in header["flags"].items()}
     kernels = tuple(str(name) for name in header["kernels"])
-    if offset != len(body):
+    if offset + sum(length for chunks in places.values() for _, length in chunks) != len(body):
         return None
-    return StoredPart(path, header["key"], tongues, places, points, unstable, failed, flags, kernels)
+    return Part(header["key"], tongues, places, points, unstable, failed, flags, kernels, path=path)
 
 
 def _tongue(entries: Mapping[str, Any]) -> Tongue:
@@ -179,7 +126,7 @@ def _tongue(entries: Mapping[str, Any]) -> Tongue:
     return Tongue(**{item.name: kinds[str(item.type)](entries[item.name]) for item in fields(Tongue)})
 
 
-def read_part(path: Path, digest: str) -> StoredPart | None:
+def read_part(path: Path, digest: str) -> Part | None:
     """The part file at a path, None where there is no valid one; a link or a pipe is none."""
     try:
         return from_bytes(path.read_bytes(), path, digest) if stat.S_ISREG(path.lstat().st_mode) else None
@@ -202,7 +149,7 @@ class PartFolder:
                 what = "a link" if path.is_symlink() else "no folder"
                 raise OutputError(f"{path}: is {what}, but finished blocks go there; remove it or choose another -o")
 
-    def write(self, part: Part) -> StoredPart:
+    def write(self, part: Part) -> Part:
         """Write a part file. Raises OSError."""
         path = self.path / f"{part.key}.part"
         data = to_bytes(part, self.digest)
@@ -214,7 +161,7 @@ class PartFolder:
             raise ValueError(f"{path}: a part that cannot be read back")
         return stored
 
-    def find(self, keys: set[str]) -> dict[str, StoredPart]:
+    def find(self, keys: set[str]) -> dict[str, Part]:
         """All part files of these blocks that are valid."""
         found = {}
         for path in sorted(self.path.glob("*.part")) if self.path.is_dir() else ():

@@ -4,6 +4,12 @@ A first block is computed here. If what remains is worth it the others go to thr
 outside of Python, and else to processes (joblib's loky), which write part files and return receipts: a process that is
 killed costs no result. The blocks it may have been working on then run one by one in processes of their own, and one
 that kills its process again is given up and named, while all others go on.
+
+This takes joblib's own pool (``joblib.externals.loky``) and not ``joblib.Parallel(return_as="generator_unordered")``,
+with which three things would be lost. An interrupt or an error closes its generator, which kills the processes, so that
+the blocks in work are computed again; here they are finished and kept. A single job (n_jobs=1) runs in the process of
+the caller, which a block that kills its process would end; here it gets a pool of one. And joblib starts the processes
+with signals as they are, so that an interrupt from the terminal would reach them; here they are started without.
 """
 
 from __future__ import annotations
@@ -13,7 +19,7 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -23,9 +29,10 @@ from typing import Any
 from gearstab.floquet.kernel import choice as kernel
 from gearstab.interrupts import end_with
 from gearstab.sweep.compute import compute
-from gearstab.sweep.parts import Finished, Part, PartFolder, StoredPart
+from gearstab.sweep.parts import Part, PartFolder
 from gearstab.sweep.plan import Block, Plan
 from gearstab.sweep.reporter import Reporter
+from gearstab.sweep.store import Store
 
 WORTH_THREADS, WORTH_PROCESSES = 0.05, 3.0
 """Seconds of remaining work from which threads and processes (which take about a second to start) pay."""
@@ -47,21 +54,20 @@ class Failure:
     error: BaseException | None
 
 
-Result = Finished | Failure
+Result = Part | Failure
 
 
 def run_blocks(
     plan: Plan,
     blocks: Sequence[Block],
-    folder: PartFolder,
+    store: Store,
     jobs: int,
-    before_processes: Callable[[], None],
     reporter: Reporter,
 ) -> Generator[Result, None, None]:
     """Compute blocks of one method, in any order.
 
-    before_processes: called once before processes start. Closing the generator (or an exception in it) stops all work;
-    blocks that are being computed are finished before.
+    Processes write to the folder of the store. Closing the generator (or an exception in it) stops all work; blocks
+    that are being computed are finished before.
     """
     rest = list(blocks)
     seconds = 0.0
@@ -79,8 +85,8 @@ def run_blocks(
     if threads:
         yield from _in_threads(plan, rest, jobs, reporter)
     else:
-        before_processes()
-        yield from _in_processes(plan, rest, folder, jobs, reporter)
+        store.open_folder()
+        yield from _in_processes(plan, rest, store, jobs, reporter)
 
 
 def attempt(plan: Plan, block: Block, threads: int) -> Part | Failure:
@@ -116,22 +122,20 @@ def _in_threads(plan: Plan, blocks: list[Block], jobs: int, reporter: Reporter) 
             pool.shutdown(wait=True, cancel_futures=True)
 
 
-def _in_processes(
-    plan: Plan, blocks: list[Block], folder: PartFolder, jobs: int, reporter: Reporter
-) -> Iterator[Result]:
+def _in_processes(plan: Plan, blocks: list[Block], store: Store, jobs: int, reporter: Reporter) -> Iterator[Result]:
     pending = {block.key: block for block in blocks}
     while pending:
         started: dict[str, Block] = {}
-        for result in _pooled(plan, list(pending.values()), folder, min(jobs, len(pending)), started, reporter):
+        for result in _pooled(plan, list(pending.values()), store.folder, min(jobs, len(pending)), started, reporter):
             del pending[_key(result)]
             yield result
         # What the pool left undone was in a process that died, or waiting; what finished unseen is in its part file.
-        for key, part in folder.find(set(pending)).items():
-            del pending[key]
+        for part in store.collect(set(pending)):
+            del pending[part.key]
             yield part
         for key in [key for key in started if key in pending]:
             block = pending.pop(key)
-            results = list(_pooled(plan, [block], folder, 1, {}, reporter))
+            results = list(_pooled(plan, [block], store.folder, 1, {}, reporter))
             yield results[0] if results else Failure(block, None)
 
 
@@ -152,7 +156,7 @@ def _pooled(
         resource_tracker.ensure_running()
         multiprocessing.resource_tracker.ensure_running()
     waiting = iter(blocks)
-    running: set[Future[StoredPart | Failure]] = set()
+    running: set[Future[Part | Failure]] = set()
     with _interrupts_later():
         pool = get_reusable_executor(
             jobs, env=dict.fromkeys(ONE_THREAD, "1"), initializer=_prepare, initargs=(os.getpid(),)
@@ -205,7 +209,7 @@ def _quiet_trackers() -> Iterator[None]:
             os.environ[WARNINGS] = before
 
 
-def _end(running: set[Future[StoredPart | Failure]], pool: Any, reporter: Reporter) -> None:
+def _end(running: set[Future[Part | Failure]], pool: Any, reporter: Reporter) -> None:
     """Let processes finish their blocks, so that these are kept; a second interrupt ends them at once."""
     try:
         with _told_if_long(reporter):
@@ -245,7 +249,7 @@ def _interrupts_later() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _work(plan: Plan, block: Block, folder: PartFolder) -> StoredPart | Failure:
+def _work(plan: Plan, block: Block, folder: PartFolder) -> Part | Failure:
     """In a process of the pool: compute a block and write its part file."""
     part = attempt(plan, block, 1)
     if isinstance(part, Failure):

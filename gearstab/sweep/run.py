@@ -13,13 +13,12 @@ from pathlib import Path
 import numpy as np
 
 from gearstab import ckernel, interrupts
+from gearstab.errors import Interrupted, OutputError, SweepError
 from gearstab.results.chunks import decode
-from gearstab.results.errors import OutputError
 from gearstab.results.guard import SWEEP, result_of
 from gearstab.results.output import free_bytes, prepare
 from gearstab.results.write import rewrite_attributes
 from gearstab.sweep import earlier, merge
-from gearstab.sweep.errors import Interrupted, SweepError
 from gearstab.sweep.estimate import long_runs
 from gearstab.sweep.parts import PartFolder
 from gearstab.sweep.plan import Plan
@@ -145,10 +144,10 @@ def _compute(plan: Plan, store: Store, jobs: int, reporter: Reporter) -> None:
     try:
         for layout in plan.layouts:
             missing = [block for block in layout.blocks() if block.key not in store]
-            there = [part for block in layout.blocks() if (part := store.finished.get(block.key))]
+            there = store.of(layout)
             reporter.begin(layout.method.name, layout.points, sum(part.points for part in there))
             reporter.advance(0, sum(part.unstable for part in there), sum(part.failed for part in there))
-            with closing(run_blocks(plan, missing, store.folder, jobs, store.open_folder, reporter)) as results:
+            with closing(run_blocks(plan, missing, store, jobs, reporter)) as results:
                 for result in results:
                     if isinstance(result, Failure):
                         _note(result, store, failures)
@@ -225,19 +224,15 @@ def _interrupted(kept: int, total: int, folder: PartFolder) -> str:
 
 
 def _summary(plan: Plan, store: Store, reused: int) -> Summary:
-    tells = [
-        store.finished[block.key]
-        for layout in plan.layouts
-        if any(variable.name == "stable" for variable in layout.method.results)
-        for block in layout.blocks()
-    ]
+    telling = [layout for layout in plan.layouts if any(v.name == "stable" for v in layout.method.results)]
+    tells = [part for layout in telling for part in store.of(layout)]
     unstable = sum(part.unstable for part in tells) if tells else None
     failed, kernels = sum(part.failed for part in tells), {k for part in store.finished.values() for k in part.kernels}
     flags = {}
     for layout in plan.layouts:
         total: Counter[str] = Counter()
-        for block in layout.blocks():
-            total.update(store.finished[block.key].flags)
+        for part in store.of(layout):
+            total.update(part.flags)
         flags[layout.method.name] = dict(total)
     proved, counted = (_mean(plan, store, name) for name in ("proved_share", "counted_share"))
     ran = tuple(sorted(kernels))

@@ -1,14 +1,20 @@
-"""Where finished blocks wait for the end of the sweep: in memory for a short one, in part files for a longer one."""
+"""What is finished, and where it waits for the end of a sweep: in memory for a short one, else in part files."""
 
 from __future__ import annotations
 
+import os
 from contextlib import suppress
+from pathlib import Path
 from time import monotonic
 
 from gearstab.sweep.compute import fits
-from gearstab.sweep.hold import Hold
-from gearstab.sweep.parts import Finished, Part, PartFolder
-from gearstab.sweep.plan import Plan
+from gearstab.sweep.parts import Part, PartFolder
+from gearstab.sweep.plan import Layout, Plan
+
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None  # type: ignore[assignment]
 
 MOST_SECONDS, MOST_BYTES = 2.0, 1 << 26
 """How much work, and how much memory, an unforeseen end of the process may cost."""
@@ -19,7 +25,7 @@ class Store:
 
     def __init__(self, folder: PartFolder) -> None:
         self.folder = folder
-        self.finished: dict[str, Finished] = {}
+        self.finished: dict[str, Part] = {}
         self._hold = Hold(folder.path)
         self._start = monotonic()
         self._waiting: dict[str, Part] = {}
@@ -46,10 +52,10 @@ class Store:
         self._hold.take()
         self.flush()
 
-    def add(self, part: Finished) -> None:
+    def add(self, part: Part) -> None:
         """Take a finished block. Raises OSError if it had to be written and could not be."""
         self.finished[part.key] = part
-        if isinstance(part, Part):
+        if part.path is None:
             self._waiting[part.key] = part
             self._size += part.size()
             if monotonic() - self._start > MOST_SECONDS or self._size > MOST_BYTES:
@@ -75,6 +81,78 @@ class Store:
         if self._hold.alone():
             self.folder.remove()
 
+    def collect(self, keys: set[str]) -> list[Part]:
+        """Take what other processes wrote to the folder of these blocks, seen or not."""
+        found = self.folder.find(keys)
+        self.finished |= found
+        return list(found.values())
+
+    def of(self, layout: Layout) -> list[Part]:
+        """Return what is finished of a method."""
+        return [self.finished[block.key] for block in layout.blocks() if block.key in self.finished]
+
     def close(self) -> None:
         """Leave the part files to other processes."""
         self._hold.drop()
+
+
+NAME = "lock"
+ATTEMPTS = 100
+
+
+class Hold:
+    """This process's hold on a folder that several sweeps may use at once; not to be passed to other processes.
+
+    The last of them removes the folder: every sweep holds a shared lock on a file in it. A lock ends with its process,
+    however that ends. Where the system has no such locks a sweep takes itself to be the only one.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self._handle: int | None = None
+
+    def take(self) -> None:
+        """Make the folder, if need be, and keep others from removing it. Raises OSError."""
+        if self._handle is not None:
+            return
+        for _ in range(ATTEMPTS):
+            self.folder.mkdir(parents=True, exist_ok=True)
+            if fcntl is None:
+                return
+            # Another sweep may remove the folder at any moment up to the lock.
+            with suppress(FileNotFoundError):
+                handle = os.open(self.folder / NAME, os.O_RDWR | os.O_CREAT, 0o666)
+                with suppress(OSError):
+                    fcntl.flock(handle, fcntl.LOCK_SH)
+                with suppress(FileNotFoundError):
+                    if os.path.samestat(os.fstat(handle), os.stat(self.folder / NAME)):
+                        self._handle = handle
+                        return
+                os.close(handle)
+        raise FileNotFoundError(2, "is removed again and again by another process", str(self.folder))
+
+    def alone(self) -> bool:
+        """Whether no other process holds the folder; if so none can until :meth:`drop` or :meth:`share`."""
+        if self._handle is None:
+            return True
+        try:
+            fcntl.flock(self._handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            with suppress(OSError):
+                fcntl.flock(self._handle, fcntl.LOCK_SH)
+            return False
+        except OSError:
+            pass  # a file system without locks
+        return True
+
+    def share(self) -> None:
+        """Let others hold the folder again."""
+        if self._handle is not None:
+            with suppress(OSError):
+                fcntl.flock(self._handle, fcntl.LOCK_SH)
+
+    def drop(self) -> None:
+        """Give the hold up."""
+        if self._handle is not None:
+            os.close(self._handle)
+            self._handle = None

@@ -103,7 +103,7 @@ def test_our_own_errors_keep_their_traceback(monkeypatch: pytest.MonkeyPatch) ->
 
 def expected() -> list[tuple[Exception, int]]:
     from gearstab.config import ConfigError, Problem
-    from gearstab.plots.errors import PlotError
+    from gearstab.errors import PlotError
     from gearstab.results import ResultError
     from gearstab.sweep import Interrupted, RequestError, SweepError
 

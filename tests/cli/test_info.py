@@ -13,8 +13,8 @@ from numpy.testing import assert_allclose
 from places import CONFIGS, DATA
 from tongue_edges import train
 
-from gearstab.cli.info import command
-from gearstab.cli.info_text import table
+from gearstab.cli.info.command import command
+from gearstab.cli.info.text import table
 from gearstab.modal import mean_modes, mesh_energy_shares, modal_damping_ratios, mode_types
 from gearstab.system import GearSystem, Mesh
 from gearstab.waveforms import Rectangular

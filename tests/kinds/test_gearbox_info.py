@@ -11,9 +11,9 @@ import pytest
 from gearbox_trains import REFERENCE
 from ruamel.yaml import YAML
 
-from gearstab.cli import info_train
-from gearstab.cli.info import describe
-from gearstab.cli.info_text import report, table
+from gearstab.cli.info import train as info_train
+from gearstab.cli.info.command import describe
+from gearstab.cli.info.text import report, table
 from gearstab.config import load
 from gearstab.gears.geometry import Gear
 from gearstab.gears.pair import Pair

@@ -11,12 +11,12 @@ from click.testing import CliRunner
 
 from gearstab.cli import group
 from gearstab.config import load
+from gearstab.errors import PlotError
 from gearstab.gears.geometry import Gear
 from gearstab.gears.mesh_stiffness import StiffnessModel
 from gearstab.gears.pair import Pair
 from gearstab.gears.stress import mesh_root_stress, root_stress
 from gearstab.plots import draw
-from gearstab.plots.errors import PlotError
 from gearstab.response.measures.tooth_loads import Teeth, positions, tooth_loads
 from gearstab.results import open_result
 

@@ -11,8 +11,8 @@ from matplotlib import pyplot
 from numpy.testing import assert_array_equal
 from tongue_edges import train
 
-from gearstab.cli.info import describe
-from gearstab.cli.info_text import report
+from gearstab.cli.info.command import describe
+from gearstab.cli.info.text import report
 from gearstab.config import load
 from gearstab.methods import OptionError
 from gearstab.methods.perturbation import Perturbation, PerturbationOptions

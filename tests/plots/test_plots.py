@@ -7,11 +7,11 @@ import plot_results as made
 import pytest
 from matplotlib.colors import ListedColormap, Normalize
 
+from gearstab.errors import PlotError
 from gearstab.plots import KINDS, default_kind, draw
 from gearstab.plots.axes import Axis, Request
 from gearstab.plots.drawing.grid import draw_cells
 from gearstab.plots.drawing.style import new_figure
-from gearstab.plots.errors import PlotError
 
 
 def growth_of(tree, **index):
@@ -231,7 +231,7 @@ def test_cells_narrower_than_a_pixel_are_averaged_and_wide_ones_stay_sharp():
     """A pixel with one unstable cell of ten has a tenth of its colour; a row of cells does not bleed into the next."""
     values = np.ma.masked_all((2, 4000))
     values[0, 5::10] = 1.0
-    figure = new_figure("single", 0.5)
+    figure = new_figure(Request(), 0.5)
     figure.set_layout_engine("none")
     ax = figure.add_axes((0, 0, 1, 1))
     frequency, case = Axis("mesh_frequency", np.arange(4000.0)), Axis("case", np.array(["a", "b"], dtype=object))

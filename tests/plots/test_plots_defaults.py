@@ -11,10 +11,10 @@ import xarray as xr
 from click.testing import CliRunner
 
 from gearstab.cli import group
+from gearstab.errors import PlotError
 from gearstab.plots import default_kind, draw
 from gearstab.plots.axes import Request
 from gearstab.plots.cases import thinned
-from gearstab.plots.errors import PlotError
 
 ENTRIES = {
     "mesh_frequency": [1.0, 2.0, 4.0],

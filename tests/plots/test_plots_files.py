@@ -13,9 +13,9 @@ from click.testing import CliRunner
 from planetary_result import planetary
 
 from gearstab.cli.plot import command, selections
+from gearstab.errors import PlotError
 from gearstab.plots import KINDS, draw
 from gearstab.plots.drawing.style import save
-from gearstab.plots.errors import PlotError
 
 SIGNATURES = {".png": b"\x89PNG", ".pdf": b"%PDF", ".svg": b"<?xml"}
 

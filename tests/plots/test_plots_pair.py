@@ -6,9 +6,9 @@ import numpy as np
 import plot_results as made
 import pytest
 
+from gearstab.errors import PlotError
 from gearstab.plots import default_kind, draw
 from gearstab.plots.axes import Request
-from gearstab.plots.errors import PlotError
 
 
 def test_a_response_of_a_pair_is_drawn_by_default() -> None:

@@ -19,10 +19,10 @@ from pathlib import Path
 import numpy as np
 
 from gearstab.config import load
+from gearstab.errors import Interrupted, SweepError
 from gearstab.methods import Outcome
 from gearstab.methods.floquet import Floquet
 from gearstab.sweep import Plan, Reporter, plan, pool, run, store
-from gearstab.sweep.errors import Interrupted, SweepError
 
 CONFIG = """
 title: A train

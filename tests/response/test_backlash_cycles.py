@@ -17,8 +17,8 @@ from places import ROOT
 from gearstab import floquet
 from gearstab.cli import group
 from gearstab.config import ConfigError, load
+from gearstab.errors import PlotError
 from gearstab.plots import draw
-from gearstab.plots.errors import PlotError
 from gearstab.response.backlash import BACKLASH_FLAGS, BacklashResponse, backlash_response
 from gearstab.response.backlash.crossing import bernstein, first_below
 from gearstab.response.backlash.measure import extremes

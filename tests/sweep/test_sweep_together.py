@@ -21,8 +21,8 @@ from gearstab.errors import UserError
 from gearstab.results import OutputError, open_result
 from gearstab.results.read import attributes
 from gearstab.sweep import Reporter, SweepError, run, store
-from gearstab.sweep.hold import Hold
 from gearstab.sweep.parts import CHECKSUM, MAGIC
+from gearstab.sweep.store import Hold
 
 SCRIPT = ROOT / "tests" / "reference" / "sweep_faults.py"
 OTHER = CONFIG.replace("7.0, 8.0]", "7.0, 9.0]")

@@ -11,7 +11,7 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import matplotlib as mpl
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -19,8 +19,11 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-from gearstab.plots.errors import PlotError, listed
+from gearstab.errors import PlotError, listed
 from gearstab.results.output import Content, write_bytes
+
+if TYPE_CHECKING:
+    from gearstab.plots.axes import Request
 
 WIDTHS = {"single": 3.46, "double": 7.09}
 """Width in inches of one column (88 mm) and of two (180 mm)."""
@@ -102,16 +105,18 @@ def style() -> Iterator[None]:
         yield
 
 
-def new_figure(size: str, aspect: float, dpi: int | None = None) -> Figure:
-    """An empty figure of a column width and of height ``aspect`` times that, on a canvas that can measure text.
+def new_figure(request: Request, aspect: float | tuple[float, float], default: str = "single") -> Figure:
+    """An empty figure of the size asked for, on a canvas that can measure text.
 
-    Raises PlotError for an unknown size.
+    aspect: height over width, or one for a column and one for two of them. Raises PlotError for an unknown size.
     """
+    size = request.size or default
     if size not in WIDTHS:
         raise PlotError(f"size {size!r} is not known; use {listed(WIDTHS)}")
     width = WIDTHS[size]
+    aspect = aspect[size == "double"] if isinstance(aspect, tuple) else aspect
     layout = ConstrainedLayoutEngine(w_pad=0.03, h_pad=0.03, wspace=0.03, hspace=0.03)
-    figure = Figure(figsize=(width, aspect * width), layout=layout, dpi=dpi or RESOLUTION)
+    figure = Figure(figsize=(width, aspect * width), layout=layout, dpi=request.dpi or RESOLUTION)
     FigureCanvasAgg(figure)
     return figure
 

@@ -12,13 +12,14 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from gearstab.plots.axes import FREQUENCY, SPEEDS, Request, View, swept_groups, view_of
+from gearstab.errors import PlotError
+from gearstab.plots.axes import FREQUENCY, SPEEDS, MapView, Request, swept_groups, view_of
 from gearstab.plots.cases import caption, some
 from gearstab.plots.drawing import grid, names, tongues
 from gearstab.plots.drawing.heading import write_legend, write_title
 from gearstab.plots.drawing.style import CASES, DASHES, LINE, SHADE, new_figure
 from gearstab.plots.drawing.tongues import Tongues
-from gearstab.plots.errors import PlotError
+from gearstab.plots.kinds import Contents, Kind
 from gearstab.plots.maps import proved
 
 Array = np.ndarray
@@ -31,7 +32,7 @@ ROWS_WITH_MARKS = 24
 """Marks of the exact boundaries stand at about this many values of the parameter: more would be a thick line."""
 
 
-def view_boundaries(tree: xr.DataTree, request: Request) -> View:
+def view_boundaries(tree: xr.DataTree, request: Request) -> MapView:
     """The view over the mesh frequency and one parameter. Raises PlotError if the result holds no boundaries."""
     groups = [tree[group] for group in swept_groups(tree)]
     dims = [str(dim) for group in groups for variable in group.data_vars.values() for dim in variable.dims]
@@ -47,9 +48,8 @@ def view_boundaries(tree: xr.DataTree, request: Request) -> View:
     return view
 
 
-def draw_regions(tree: xr.DataTree, ax: Axes, view: View, colour: Any) -> object | None:
+def draw_regions(tree: xr.DataTree, ax: Axes, view: MapView, colour: Any) -> object | None:
     """Fill the unstable points of the Floquet grid with one light colour; None without a grid."""
-    assert view.y is not None
     dims = view.y.name, view.x.name
     if "floquet" not in tree.children or not set(dims) <= set(map(str, tree["floquet"].sizes)):
         return None
@@ -84,7 +84,7 @@ def draw_marks(ax: Axes, exact: Tongues, frequency_on_x: bool, colour: str) -> t
 
 
 def draw_case(
-    tree: xr.DataTree, ax: Axes, view: View, number: int = 0, fill: Any = SHADE, marks: bool = True
+    tree: xr.DataTree, ax: Axes, view: MapView, number: int = 0, fill: Any = SHADE, marks: bool = True
 ) -> Artists:
     """Draw one case into a frame: ``regions``, ``perturbation``, ``uncoupled``, ``boundaries``, ``thin`` (see
     :func:`draw_marks`) and ``proved``, None where the result does not hold them.
@@ -94,7 +94,6 @@ def draw_case(
     """
     found = tongues.parameter_axis(view)
     assert found is not None
-    assert view.y is not None
     parameter, frequency_on_x = found
     colour, dash = CASES[number], DASHES[number]
     regions = draw_regions(tree, ax, view, fill)
@@ -140,7 +139,7 @@ def legend_handles(cases: list[Artists], captions: list[str]) -> list[Any]:
     return [*handles, *proved.legend_of(cases[0]["proved"])]
 
 
-def named_cases(tree: xr.DataTree, ax: Axes, views: list[View]) -> names.NamedTongues:
+def named_cases(tree: xr.DataTree, ax: Axes, views: list[MapView]) -> names.NamedTongues:
     """Name every tongue once, where it is widest among the cases."""
     axis = tongues.parameter_axis(views[0])
     assert axis is not None
@@ -166,8 +165,7 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     view = view_boundaries(tree, request)
     chosen, note = some(view.free, len(CASES), "overlaid cases", request.partial)
     views = [view.at(**case) for case in chosen]
-    size = request.size or "single"
-    figure = new_figure(size, 0.78 if size == "single" else 0.5, request.dpi)
+    figure = new_figure(request, (0.78, 0.5))
     ax = figure.add_subplot()
     tints = [SHADE] if len(views) == 1 else [to_rgba(CASES[k], 0.18) for k in range(len(views))]
     cases = [draw_case(tree, ax, item, k, tints[k], len(views) == 1) for k, item in enumerate(views)]
@@ -178,3 +176,17 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     named = named_cases(tree, ax, views)
     names.freeze(figure)
     return figure, {"cases": cases, "names": named, "legend": legend, "left_out": note}
+
+
+def _suits(contents: Contents) -> bool:
+    """Of boundaries alone, and of what they compare: uncoupled modes, or cases beside one axis of numbers."""
+    numeric = [axis for axis in contents.parameters if axis.numeric]
+    if not (contents.by_itself and contents.over_speed and numeric):
+        return False
+    if not contents.growth:
+        return contents.drawn is None
+    lines = any(contents.holds(group) for group in ("perturbation", "boundaries", "uncoupled"))
+    return lines and len(numeric) == 1 and (contents.holds("uncoupled") or len(contents.parameters) == 2)
+
+
+KIND = Kind("boundaries", "boundaries of several theories or cases over one parameter", draw, _suits)

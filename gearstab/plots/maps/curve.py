@@ -10,14 +10,15 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from gearstab.plots.axes import SPEEDS, Request, View, view_of
+from gearstab.plots.axes import SPEEDS, Request, View, view_along
 from gearstab.plots.cases import caption, some
 from gearstab.plots.drawing import grid, names, tongues
 from gearstab.plots.drawing.heading import write_legend, write_title
 from gearstab.plots.drawing.style import CASES, DASHES, SHADE, new_figure
 from gearstab.plots.drawing.text import fitted
+from gearstab.plots.kinds import Kind
 from gearstab.plots.maps import doubt, proved
-from gearstab.plots.maps.stability_map import GROWTH_RATE, colour_label, default_variable, find_variable
+from gearstab.plots.variables import GROWTH_RATE, colour_label, default_variable, find_variable
 
 Array = np.ndarray
 Artists = dict[str, Any]
@@ -62,11 +63,11 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     """
     variable = request.variable or default_variable(tree)
     dataset, data = find_variable(tree, variable)
-    view = view_of(tree, map(str, data.dims), request, dataset, two=False)
+    view = view_along(tree, map(str, data.dims), request, dataset)
     cases, note = some(
         view.free, len(CASES), "curves", request.partial, lambda c: peak(view.at(**c).cut(data, view.x.name))
     )
-    figure = new_figure(request.size or "single", 0.62, request.dpi)
+    figure = new_figure(request, 0.62)
     ax = figure.add_subplot()
     lines = [draw_curve(ax, data, view.at(**c), k, caption(view.free, c)) for k, c in enumerate(cases)]
     doubted = []
@@ -90,3 +91,6 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     named = names.name_tongues(ax, found, True) if found is not None else None
     names.freeze(figure)
     return figure, {"lines": lines, "bands": bands, "proved": tint, "names": named, "left_out": note}
+
+
+KIND = Kind("curve", "growth rate over one axis", draw, lambda c: c.dimensions is not None and c.dimensions < 2)

@@ -12,7 +12,7 @@ from matplotlib.collections import PolyCollection
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from gearstab.plots.axes import View
+from gearstab.plots.axes import MapView, View
 from gearstab.plots.drawing import grid
 
 Array = np.ndarray
@@ -71,9 +71,8 @@ def _masks(
     return found
 
 
-def hatch(ax: Axes, view: View, masks: Mapping[tuple[str, str], Array]) -> dict[str, PolyCollection]:
+def hatch(ax: Axes, view: MapView, masks: Mapping[tuple[str, str], Array]) -> dict[str, PolyCollection]:
     """Hatch the cells of a map, ``masks`` over (y, x); the artists by their words."""
-    assert view.y is not None
     found = {}
     for (words, pattern), mask in masks.items():
         patches = grid.runs(view.x, view.y, mask)

@@ -11,12 +11,13 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from gearstab.plots.axes import Request, View, two_axes_only, view_of
-from gearstab.plots.drawing import grid, names
-from gearstab.plots.drawing.heading import write_title
-from gearstab.plots.drawing.style import GROWTH, LINE, new_figure
-from gearstab.plots.drawing.text import axis_label, fitted
-from gearstab.plots.errors import PlotError
+from gearstab.errors import PlotError
+from gearstab.plots.axes import MapView, Request
+from gearstab.plots.drawing import grid
+from gearstab.plots.drawing.style import GROWTH, LINE
+from gearstab.plots.drawing.text import axis_label
+from gearstab.plots.kinds import Contents, Kind
+from gearstab.plots.maps.stability_map import whole_map
 
 Array = np.ndarray
 Artists = dict[str, Any]
@@ -33,12 +34,11 @@ def words(dataset: xr.Dataset) -> str:
     return axis_label(NAME, f"required {what}", "1")
 
 
-def draw_map(ax: Axes, view: View, data: xr.DataArray, norm: Normalize | None = None) -> Artists:
+def draw_map(ax: Axes, view: MapView, data: xr.DataArray, norm: Normalize | None = None) -> Artists:
     """Draw one map into a frame: ``cells`` (white where none is required), ``failed`` (hatched: none was found),
     ``contours`` (None where the grid is a line, has an axis of labels or is all of one value) and ``note`` (where no
     point requires any).
     """
-    assert view.y is not None
     values = view.cut(data, view.y.name, view.x.name).astype(float)
     failed = ~np.isfinite(values)
     shown = np.ma.masked_where(failed | (values <= 0), values)
@@ -75,19 +75,12 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
         raise PlotError("this result holds no required damping (methods.required_damping was not run)")
     dataset = tree[NAME].to_dataset()
     data = dataset[NAME]
-    view = view_of(tree, map(str, data.dims), request, dataset)
-    two_axes_only(view)
-    figure = new_figure(request.size or "single", 0.78 if (request.size or "single") == "single" else 0.52, request.dpi)
-    ax = figure.add_subplot()
-    artists = draw_map(ax, view, data)
-    label = fitted(words(dataset), 1.8, 8.5)
-    bar = figure.colorbar(artists["cells"], ax=ax, label=label, pad=0.02, aspect=28)
-    bar.outline.set_linewidth(0.5)
-    if artists["contours"] is not None:
-        bar.add_lines(artists["contours"])
-    artists["colour_bar"] = bar
-    write_title(figure, tree, request, view)
-    names.settle(figure)
-    artists["names"] = names.name_view(tree, ax, view)
-    names.freeze(figure)
-    return figure, artists
+    return whole_map(tree, request, dataset, data, lambda ax, view: (draw_map(ax, view, data), words(dataset)))
+
+
+def _suits(contents: Contents) -> bool:
+    other = contents.growth or contents.holds("response") or not contents.holds(NAME)
+    return contents.by_itself and not other and len(contents.own(NAME)) == 2
+
+
+KIND = Kind("required-damping", "damping that suppresses instability, over two axes", draw, _suits)

@@ -11,14 +11,15 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from gearstab.plots.axes import Request, View, view_of
+from gearstab.plots.axes import MapView, Request, view_of
 from gearstab.plots.cases import Index, caption, some
 from gearstab.plots.drawing import names
 from gearstab.plots.drawing.heading import write_legend, write_title
 from gearstab.plots.drawing.style import new_figure
 from gearstab.plots.drawing.text import fitted
+from gearstab.plots.kinds import Kind
 from gearstab.plots.maps import doubt, proved, stability_map
-from gearstab.plots.maps.stability_map import colour_label, default_variable, find_variable
+from gearstab.plots.variables import colour_label, default_variable, find_variable
 
 Artists = dict[str, Any]
 
@@ -36,7 +37,7 @@ def arrangement(panels: Sequence[Index]) -> tuple[int, int]:
     return ceil(count / columns), columns
 
 
-def draw_panel(tree: xr.DataTree, ax: Axes, view: View, variable: str, norm: Any, text: str) -> Artists:
+def draw_panel(tree: xr.DataTree, ax: Axes, view: MapView, variable: str, norm: Any, text: str) -> Artists:
     """One map with its caption above (the names of the tongues stand between)."""
     artists = stability_map.draw_map(tree, ax, view, variable, norm)
     artists["caption"] = ax.set_title(text, loc="left", pad=18)
@@ -57,7 +58,7 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     chosen, note = some(view.free, MOST, "panels", request.partial)
     views = [view.at(**panel) for panel in chosen]
     rows, columns = arrangement(chosen)
-    figure = new_figure(request.size or "double", min(1.25, 0.12 + 0.88 * rows / columns), request.dpi)
+    figure = new_figure(request, min(1.25, 0.12 + 0.88 * rows / columns), "double")
     grid = np.ravel(figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False))
     values = np.ma.stack([stability_map.read_cells(tree, item, variable)[0] for item in views])
     norm = stability_map.colours(values, variable)[1]
@@ -77,10 +78,15 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     tint = next((panel["proved"] for panel in panels if panel["proved"] is not None), None)
     write_legend(figure, [*proved.legend_of(tint), *doubt.legend_of_map(doubtful)], "outside lower right")
     figure.supxlabel(view.x.label, fontsize=8.5)
-    figure.supylabel(view.y.label, fontsize=8.5)  # type: ignore[union-attr]
+    figure.supylabel(view.y.label, fontsize=8.5)
     write_title(figure, tree, request, view)
     names.settle(figure)
     for ax, item, artists in zip(grid, views, panels, strict=False):
         artists["names"] = names.name_view(tree, ax, item, rows=1)
     names.freeze(figure)
     return figure, {"panels": panels, "colour_bar": bar, "left_out": note}
+
+
+KIND = Kind(
+    "slices", "maps over a third axis, one panel a value", draw, lambda c: c.dimensions is not None and c.dimensions > 2
+)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -10,59 +11,29 @@ from matplotlib.axes import Axes
 from matplotlib.colors import Colormap, LogNorm, Normalize
 from matplotlib.figure import Figure
 
-from gearstab.plots.axes import Request, View, swept_groups, two_axes_only, view_of
+from gearstab.plots.axes import MapView, Request, two_axes_only, view_of
 from gearstab.plots.drawing import grid, names, tongues
 from gearstab.plots.drawing.heading import write_legend, write_title
 from gearstab.plots.drawing.style import GROWTH, LINE, new_figure
-from gearstab.plots.drawing.text import axis_label, fitted
-from gearstab.plots.errors import PlotError, listed
+from gearstab.plots.drawing.text import fitted
+from gearstab.plots.kinds import Kind
 from gearstab.plots.maps import doubt, proved
+from gearstab.plots.variables import GROWTH_RATE, LOAD_FACTOR, colour_label, default_variable, find_variable
 
 Array = np.ndarray
 Artists = dict[str, Any]
 
-GROWTH_RATE = "growth_rate"
-LOAD_FACTOR = "dynamic_load_factor"
-FORCE = "mesh_force_peak"
-REQUIRED = "required_damping"
 WIDE = 30
 """Values that differ by more than this factor are coloured by their logarithms."""
 MOST = 1000
 """Larger ones, beside a single point of resonance, share the last colour."""
 
 
-def find_variable(tree: xr.DataTree, name: str) -> tuple[xr.Dataset, xr.DataArray]:
-    """A numeric variable over the axes of the sweep, Floquet's first. Raises PlotError naming those there are."""
-    known: list[str] = []
-    for group in swept_groups(tree):
-        dataset = tree[group].to_dataset()
-        if name in dataset.data_vars and dataset[name].dtype.kind in "fiu":
-            return dataset, dataset[name]
-        known += [str(v) for v in dataset.data_vars if dataset[v].dtype.kind in "fiu" and dataset[v].ndim > 1]
-    if name == GROWTH_RATE and known:
-        raise PlotError(
-            f"this result has no growth rates (methods.floquet was not run); --variable: {listed(dict.fromkeys(known))}"
-        )
-    raise PlotError(f"no variable {name!r} to draw in this result; there is {listed(dict.fromkeys(known))}")
-
-
-def default_variable(tree: xr.DataTree) -> str:
-    """Growth rates; where there are none the load factor of steady states, else the required damping."""
-    held = swept_groups(tree)
-    if "floquet" in held or not {"response", REQUIRED} & set(held):
-        return GROWTH_RATE
-    if "response" not in held:
-        return REQUIRED
-    dataset = tree["response"].to_dataset()
-    return LOAD_FACTOR if LOAD_FACTOR in dataset and np.isfinite(dataset[LOAD_FACTOR].values).any() else FORCE
-
-
-def read_cells(tree: xr.DataTree, view: View, variable: str) -> tuple[Array, Array]:
+def read_cells(tree: xr.DataTree, view: MapView, variable: str) -> tuple[Array, Array]:
     """(values, failed), both ``(y.size, x.size)``.
 
     Masked are the values of stable points in a map of growth rates, and of unstable ones in one of steady states.
     """
-    assert view.y is not None
     dataset, data = find_variable(tree, variable)
     dims = view.y.name, view.x.name
     values = view.cut(data, *dims).astype(float)
@@ -92,7 +63,7 @@ def colours(values: Array, variable: str) -> tuple[Colormap, Normalize]:
 
 
 def draw_map(
-    tree: xr.DataTree, ax: Axes, view: View, variable: str = GROWTH_RATE, norm: Normalize | None = None
+    tree: xr.DataTree, ax: Axes, view: MapView, variable: str = GROWTH_RATE, norm: Normalize | None = None
 ) -> Artists:
     """Draw one map into a frame.
 
@@ -101,7 +72,6 @@ def draw_map(
     ``perturbation`` (lines), ``boundaries`` and ``thin`` (see ``tongues.exact_lines``), ``doubtful`` (hatchings by
     their words, see :mod:`gearstab.plots.maps.doubt`), ``proved`` (a tint of what is proved stable).
     """
-    assert view.y is not None
     values, failed = read_cells(tree, view, variable)
     cmap, own = colours(values, variable)
     artists: Artists = {
@@ -121,12 +91,11 @@ def draw_map(
     return {**artists, **draw_boundaries(tree, ax, view if overlaid else None, artists["neutral"] is not None)}
 
 
-def draw_neutral(tree: xr.DataTree, ax: Axes, view: View) -> object | None:
+def draw_neutral(tree: xr.DataTree, ax: Axes, view: MapView) -> object | None:
     """The contour growth_rate = 0 where damping makes stable points decay; None without such points.
 
     There is none across an axis of labels, between which nothing lies.
     """
-    assert view.y is not None
     if not (view.x.numeric and view.y.numeric):
         return None
     data = find_variable(tree, GROWTH_RATE)[1]
@@ -140,7 +109,7 @@ def draw_neutral(tree: xr.DataTree, ax: Axes, view: View) -> object | None:
     return ax.contour(x, y, np.ma.masked_invalid(values), levels=[0.0], colors=LINE, linewidths=0.5, zorder=2)
 
 
-def draw_boundaries(tree: xr.DataTree, ax: Axes, view: View | None, dashed: bool) -> Artists:
+def draw_boundaries(tree: xr.DataTree, ax: Axes, view: MapView | None, dashed: bool) -> Artists:
     """Exact boundaries (solid) and those of perturbation theory (dashed next to another line) of the view, if any."""
     artists: Artists = {"perturbation": None, "boundaries": None, "thin": None, "proved": None}
     found = tongues.parameter_axis(view) if view is not None else None
@@ -160,13 +129,6 @@ def draw_boundaries(tree: xr.DataTree, ax: Axes, view: View | None, dashed: bool
     return artists
 
 
-def colour_label(tree: xr.DataTree, variable: str) -> str:
-    """What stands beside the colour bar."""
-    attributes = find_variable(tree, variable)[1].attrs
-    words = "growth rate" if variable == GROWTH_RATE else str(attributes.get("long_name", ""))
-    return axis_label(variable, words, str(attributes.get("units", "1")))
-
-
 def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     """The whole figure; its artists are those of :func:`draw_map`, ``names`` and ``colour_bar``.
 
@@ -174,20 +136,47 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     """
     variable = request.variable or default_variable(tree)
     dataset, data = find_variable(tree, variable)
+
+    def painted(ax: Axes, view: MapView) -> tuple[Artists, str]:
+        artists = draw_map(tree, ax, view, variable)
+        white = ", white where unstable" if LOAD_FACTOR in dataset and artists["cells"].get_array().mask.any() else ""
+        return artists, colour_label(tree, variable) + white
+
+    return whole_map(tree, request, dataset, data, painted, ", or --kind slices")
+
+
+def whole_map(
+    tree: xr.DataTree,
+    request: Request,
+    dataset: xr.Dataset,
+    data: xr.DataArray,
+    paint: Callable[[Axes, MapView], tuple[Artists, str]],
+    otherwise: str = "",
+) -> tuple[Figure, Artists]:
+    """Draw a figure of one map, its colour bar and the names of the tongues.
+
+    paint: draws into a frame and gives the artists and what stands beside the colour bar.
+    otherwise: another way to draw what has more than two axes.
+    """
     view = view_of(tree, map(str, data.dims), request, dataset)
-    two_axes_only(view, ", or --kind slices")
-    figure = new_figure(request.size or "single", 0.78 if (request.size or "single") == "single" else 0.52, request.dpi)
+    two_axes_only(view, otherwise)
+    figure = new_figure(request, (0.78, 0.52))
     ax = figure.add_subplot()
-    artists = draw_map(tree, ax, view, variable)
-    white = ", white where unstable" if LOAD_FACTOR in dataset and artists["cells"].get_array().mask.any() else ""
-    bar = figure.colorbar(
-        artists["cells"], ax=ax, label=fitted(colour_label(tree, variable) + white, 1.8, 8.5), pad=0.02, aspect=28
-    )
+    artists, label = paint(ax, view)
+    bar = figure.colorbar(artists["cells"], ax=ax, label=fitted(label, 1.8, 8.5), pad=0.02, aspect=28)
     bar.outline.set_linewidth(0.5)
+    if artists.get("contours") is not None:
+        bar.add_lines(artists["contours"])
     artists["colour_bar"] = bar
-    write_legend(figure, [*proved.legend_of(artists["proved"]), *doubt.legend_of_map(artists["doubtful"])])
+    tint, doubtful = artists.get("proved"), artists.get("doubtful", {})
+    write_legend(figure, [*proved.legend_of(tint), *doubt.legend_of_map(doubtful)])
     write_title(figure, tree, request, view)
     names.settle(figure)
     artists["names"] = names.name_view(tree, ax, view)
     names.freeze(figure)
     return figure, artists
+
+
+KIND = Kind(
+    "map", "growth rate over two axes with boundaries and names of the tongues", draw, lambda c: c.dimensions == 2
+)

@@ -7,16 +7,18 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
+from matplotlib import rc_context
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, NullLocator
 from mpl_toolkits.mplot3d import Axes3D  # type: ignore[import-untyped]
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection  # type: ignore[import-untyped]
 
-from gearstab.plots.axes import FREQUENCY, Axis, Request, View, axis_of, mesh_numbers, view_of
+from gearstab.errors import PlotError
+from gearstab.plots.axes import FREQUENCY, Axis, MapView, Request, axis_of, mesh_numbers, view_of
 from gearstab.plots.drawing.heading import write_title
 from gearstab.plots.drawing.style import LINE, new_figure
 from gearstab.plots.drawing.text import axis_label, tongue_label
-from gearstab.plots.errors import PlotError
+from gearstab.plots.kinds import Contents, Kind
 
 Array = np.ndarray
 Artists = dict[str, Any]
@@ -34,9 +36,8 @@ ELEVATION, AZIMUTH = 22, -125
 UPPER, LOWER, EDGE = "#b9cce4", "#f2d3ad", "#3d3d3d"
 
 
-def read_surface(tree: xr.DataTree, view: View, tongue: int) -> Array:
+def read_surface(tree: xr.DataTree, view: MapView, tongue: int) -> Array:
     """``(2, y.size, x.size)``: lower and upper boundary of a tongue, NaN where it is closed."""
-    assert view.y is not None
     data = boundary_data(tree)
     return view.at(tongue=tongue).cut(data, "side", view.y.name, view.x.name)
 
@@ -82,11 +83,10 @@ def vanishing_points(x: Array, y: Array, lower: Array, upper: Array) -> Array:
     return found[np.argsort(found[:, 0] / np.ptp(x) + found[:, 1] / np.ptp(y))]
 
 
-def chosen_tongue(tree: xr.DataTree, view: View) -> int:
+def chosen_tongue(tree: xr.DataTree, view: MapView) -> int:
     """The tongue to draw: the one selected; else the widest that vanishes inside the range; else the widest."""
     if "tongue" in view.fixed:
         return view.fixed["tongue"]
-    assert view.y is not None
     count = boundary_data(tree).sizes["tongue"]
     x, y = view.x.positions[view.x.order], view.y.positions[view.y.order]
     width, vanishes = np.zeros(count), np.zeros(count, dtype=bool)
@@ -117,13 +117,12 @@ def thinned(axis: Axis) -> Array:
     return np.unique([*range(0, last, even[0] if even else step), last])
 
 
-def draw_surface(ax: Axes3D, view: View, lower: Array, upper: Array) -> Artists:
+def draw_surface(ax: Axes3D, view: MapView, lower: Array, upper: Array) -> Artists:
     """Draw both boundaries with hidden lines removed, and the line where the tongue vanishes.
 
     Returns ``surfaces`` (one collection, so that its facets are sorted by depth together) and ``vanishing`` (None if
     there is no such line).
     """
-    assert view.y is not None
     x, y = view.x.positions[view.x.order], view.y.positions[view.y.order]
     i, j = thinned(view.x), thinned(view.y)
     sheets = [facets(x[i], y[j], z[np.ix_(j, i)]) for z in (lower, upper)]
@@ -147,7 +146,7 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     data = boundary_data(tree)
     dims = [str(name) for name in data.dims if name not in ("tongue", "side")]
     view = view_of(tree, dims, request, data.to_dataset())
-    if view.free or not view.x.numeric or view.y is None or not view.y.numeric:
+    if view.free or not view.x.numeric or not view.y.numeric:
         left = "; ".join(f"{axis.name}: {axis.extent()}" for axis in view.free)
         needed = "a surface needs exactly two axes of numbers besides mesh_frequency"
         raise PlotError(f"{needed}; left over: {left}" if left else needed)
@@ -155,9 +154,11 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     lower, upper = read_surface(tree, view, tongue)
     if not np.isfinite(upper - lower).any():
         raise PlotError("this tongue is closed everywhere in the result: nothing to draw")
-    figure = new_figure(request.size or "single", 0.86, request.dpi)
+    figure = new_figure(request, 0.86)
     figure.set_layout_engine("none")
-    ax: Axes3D = figure.add_axes((0.0, 0.02, 0.95, 0.9), projection="3d", computed_zorder=False)
+    # The grid of such axes has no other public handle, and keeps what holds when they are made.
+    with rc_context({"grid.color": "#cccccc", "grid.linewidth": 0.3}):
+        ax: Axes3D = figure.add_axes((0.0, 0.02, 0.95, 0.9), projection="3d", computed_zorder=False)
     artists = draw_surface(ax, view, lower, upper)
     dress(ax, view, data)
     label = axis_of(data, "tongue", mesh_numbers(tree)).text(tongue)
@@ -166,10 +167,10 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     return figure, artists
 
 
-def dress(ax: Axes3D, view: View, data: xr.DataArray) -> None:
+def dress(ax: Axes3D, view: MapView, data: xr.DataArray) -> None:
     """Labels, a view from above, white panes and a light grid."""
     ax.set_xlabel(view.x.short_label, labelpad=-4)
-    ax.set_ylabel(view.y.short_label, labelpad=-4)  # type: ignore[union-attr]
+    ax.set_ylabel(view.y.short_label, labelpad=-4)
     ax.set_zlabel(axis_label(FREQUENCY, "mesh frequency", str(data.attrs.get("units", "1"))), labelpad=-2, rotation=90)
     for axis in (ax.xaxis, ax.yaxis, ax.zaxis):
         axis.set_rotate_label(False)
@@ -179,6 +180,17 @@ def dress(ax: Axes3D, view: View, data: xr.DataArray) -> None:
         axis.set_pane_color((1, 1, 1, 0))
         axis.set_major_locator(MaxNLocator(5, steps=[1, 2, 2.5, 5, 10], prune="lower" if axis is ax.yaxis else None))
         axis.set_minor_locator(NullLocator())
-        axis._axinfo["grid"].update(color="#cccccc", linewidth=0.3)
-        axis._axinfo["tick"].update(inward_factor=0.0, outward_factor=0.15)
     ax.tick_params(pad=-2)
+
+
+LONG = 6
+"""A surface wants more values than this on both of its axes."""
+
+
+def _suits(contents: Contents) -> bool:
+    axes = contents.parameters
+    alone = contents.by_itself and contents.drawn is None
+    return alone and len(axes) == 2 and all(axis.numeric and axis.size > LONG for axis in axes)
+
+
+KIND = Kind("surface", "boundaries of one tongue over two amplitudes", draw, _suits)

@@ -9,10 +9,11 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from gearstab.errors import PlotError
 from gearstab.plots.axes import Request
 from gearstab.plots.drawing.heading import write_title
 from gearstab.plots.drawing.style import CASES, SHADE, new_figure
-from gearstab.plots.errors import PlotError
+from gearstab.plots.kinds import Contents, Kind
 from gearstab.plots.motions.response import LONG, refuse_a_moment
 from gearstab.plots.motions.spectrum import FLOOR, largest
 
@@ -100,9 +101,8 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
         )
     spectral = "power_spectral_density" in data and bool(np.isfinite(data["normalised_frequency"].values).all())
     count = 3 if spectral else 2
-    size = request.size or "single"
-    wide = size == "double"
-    figure = new_figure(size, 0.36 if wide else 0.46 * count, request.dpi)
+    wide = request.wide()
+    figure = new_figure(request, (0.46 * count, 0.36))
     axes = np.ravel(figure.subplots(1 if wide else count, count if wide else 1, squeeze=False))
     artists = draw_deflection(axes[0], data)
     artists["energy"] = draw_energy(axes[1], data)
@@ -111,3 +111,12 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
         figure.align_ylabels(list(axes))
     write_title(figure, tree, request)
     return figure, artists
+
+
+def _suits(contents: Contents) -> bool:
+    request = contents.request
+    whole = not contents.axes and request.variable is None and not request.select
+    return whole and contents.holds("response") and "phi" in contents.tree["response"].data_vars
+
+
+KIND = Kind("pair", "deflection, energy and spectrum of a gear pair given by its gears", draw, _suits)

@@ -9,11 +9,12 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from gearstab.errors import PlotError, listed
 from gearstab.plots.axes import Request
 from gearstab.plots.drawing.heading import write_title
 from gearstab.plots.drawing.style import CASES, SHADE, new_figure
 from gearstab.plots.drawing.text import fitted, plain, unit_text
-from gearstab.plots.errors import PlotError, listed
+from gearstab.plots.kinds import Kind
 from gearstab.plots.motions.response import LONG, refuse_a_moment
 
 Array = np.ndarray
@@ -98,10 +99,9 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     """The whole figure, a row a mesh: ``histories``, ``planes``, ``sections``, ``bands``, lists by mesh."""
     data = read_backlash(tree)
     names = meshes_of(data, request)
-    size = request.size or "double"
-    wide = size == "double"
+    wide = request.wide("double")
     rows, columns = (len(names), 2) if wide else (2 * len(names), 1)
-    figure = new_figure(size, (0.36 if wide else 0.6) * rows, request.dpi)
+    figure = new_figure(request, (0.6 * rows, 0.36 * rows), "double")
     axes = np.ravel(figure.subplots(rows, columns, squeeze=False, width_ratios=[1.5, 1] if wide else [1]))
     artists: Artists = {"histories": [], "planes": [], "sections": [], "bands": []}
     for i, mesh in enumerate(names):
@@ -112,3 +112,6 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     figure.align_ylabels(list(axes))
     write_title(figure, tree, request)
     return figure, artists
+
+
+KIND = Kind("phase-plane", "mesh deflections with backlash, over time and as orbits", draw)

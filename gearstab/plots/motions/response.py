@@ -11,11 +11,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullLocator
 
+from gearstab.errors import PlotError, listed
 from gearstab.plots.axes import Request
 from gearstab.plots.drawing.heading import write_title
 from gearstab.plots.drawing.style import CASES, new_figure
 from gearstab.plots.drawing.text import fitted, plain, unit_text
-from gearstab.plots.errors import PlotError, listed
+from gearstab.plots.kinds import Kind
 
 Array = np.ndarray
 Artists = dict[str, Any]
@@ -186,9 +187,7 @@ def fit_labels(axes: Sequence[Axes]) -> None:
 def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     """The whole figure, panels over one another on a common time axis; its artists are ``lines``."""
     panels, note = histories(read_response(tree), request)
-    size = request.size or "single"
-    height = (0.28 if size == "single" else 0.14) * len(panels) + (0.2 if size == "single" else 0.1)
-    figure = new_figure(size, height, request.dpi)
+    figure = new_figure(request, (0.28 * len(panels) + 0.2, 0.14 * len(panels) + 0.1))
     axes = np.ravel(figure.subplots(len(panels), 1, sharex=True, squeeze=False))
     lines = []
     for ax, (label, data) in zip(axes, panels, strict=True):
@@ -200,3 +199,6 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     write_title(figure, tree, request)
     fit_labels(list(axes))
     return figure, {"lines": lines, "left_out": note}
+
+
+KIND = Kind("response", "displacements and mesh forces over time", draw, lambda c: not c.axes and c.holds("response"))

@@ -9,11 +9,12 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from gearstab.errors import PlotError, listed
 from gearstab.plots.axes import Request
 from gearstab.plots.drawing.heading import write_title
 from gearstab.plots.drawing.style import CASES, new_figure
 from gearstab.plots.drawing.text import unit_text
-from gearstab.plots.errors import PlotError, listed
+from gearstab.plots.kinds import Kind
 from gearstab.plots.motions.response import MOST_PANELS, columns, fit_labels
 
 Array = np.ndarray
@@ -106,8 +107,7 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     values = [np.asarray(panel.values, dtype=float) for _, panel in panels]
     end = reach(x, values, harmonics)
     height = {1: 0.62}.get(len(panels), 0.4 * len(panels) + 0.15)
-    size = request.size or "single"
-    figure = new_figure(size, height * (1.0 if size == "single" else 0.55), request.dpi)
+    figure = new_figure(request, (height, 0.55 * height))
     axes = list(np.ravel(figure.subplots(len(panels), 1, sharex=True, squeeze=False)))
     lines = []
     for ax, (name, _), part in zip(axes, panels, values, strict=True):
@@ -120,3 +120,6 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     write_title(figure, tree, request)
     fit_labels(axes)
     return figure, {"lines": lines, "modes": modes}
+
+
+KIND = Kind("spectrum", "spectra of a response", draw)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import prod
 from typing import Any
 
 import numpy as np
@@ -10,16 +11,17 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from gearstab.plots.axes import SPEEDS, Request, View, view_of
+from gearstab.errors import PlotError, listed
+from gearstab.plots.axes import SPEEDS, Request, View, view_along
 from gearstab.plots.cases import caption, some
 from gearstab.plots.drawing import grid, names, tongues
 from gearstab.plots.drawing.heading import write_legend, write_title
 from gearstab.plots.drawing.style import CASES, DASHES, SHADE, new_figure
 from gearstab.plots.drawing.text import fitted
-from gearstab.plots.errors import PlotError, listed
+from gearstab.plots.kinds import Contents, Kind
 from gearstab.plots.maps import doubt
 from gearstab.plots.maps.curve import peak
-from gearstab.plots.maps.stability_map import colour_label, find_variable
+from gearstab.plots.variables import colour_label, find_variable
 
 Array = np.ndarray
 Artists = dict[str, Any]
@@ -87,13 +89,13 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     dataset = read_speeds(tree)
     variable = measure(dataset, request.variable)
     own, data = find_variable(tree, variable)
-    view = view_of(tree, map(str, data.dims), request, own, two=False)
+    view = view_along(tree, map(str, data.dims), request, own)
     if view.x.name not in SPEEDS:
         raise PlotError(f"response curves are drawn over {SPEEDS[0]}, not over {view.x.name}; use --kind curve")
     cases, note = some(
         view.free, len(CASES), "curves", request.partial, lambda c: peak(view.at(**c).cut(data, view.x.name))
     )
-    figure = new_figure(request.size or "single", 0.66 if (request.size or "single") == "single" else 0.4, request.dpi)
+    figure = new_figure(request, (0.66, 0.4))
     ax = figure.add_subplot()
     x = view.x.positions[view.x.order]
     others = [axis for axis in view.free if axis.name != "mesh"]
@@ -140,3 +142,15 @@ def scale(ax: Axes, curves: list[Array]) -> None:
         grid.number_decades(ax.yaxis)
     elif high > low:
         ax.set_ylim(max(low - 0.06 * (high - low), 0.0 if low >= 0 else -np.inf), high + 0.08 * (high - low))
+
+
+def _suits(contents: Contents) -> bool:
+    """Of responses over speed, as long as there are few curves."""
+    over = contents.by_itself and contents.holds("response")
+    if not over or not any(axis.name in SPEEDS for axis in contents.own("response")):
+        return False
+    curves = prod(axis.size for axis in (*contents.parameters, *contents.mesh))
+    return not contents.parameters or (not contents.growth and curves <= len(CASES))
+
+
+KIND = Kind("speeds", "load factor or mesh force of the steady state over the mesh frequency", draw, _suits)

@@ -8,11 +8,12 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
+from gearstab.errors import PlotError, listed
 from gearstab.plots.axes import Request
 from gearstab.plots.drawing.heading import write_title
 from gearstab.plots.drawing.style import CASES, new_figure
 from gearstab.plots.drawing.text import plain
-from gearstab.plots.errors import PlotError, listed
+from gearstab.plots.kinds import Kind
 from gearstab.plots.motions.response import MOST_PANELS, columns, read_response
 
 Artists = dict[str, Any]
@@ -34,10 +35,9 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     if len(panels) > MOST_PANELS:
         raise PlotError(f"{len(panels)} panels are too many (at most {MOST_PANELS}): choose with --select")
     stress = name == "root_stress"
-    size = request.size or "double"
     across = 2 if len(panels) > 1 else 1
     down = -(-len(panels) // across)
-    figure = new_figure(size, 0.28 * down + 0.08, request.dpi)
+    figure = new_figure(request, 0.28 * down + 0.08, "double")
     axes = np.ravel(figure.subplots(down, across, sharex=True, squeeze=False))
     lines, still = [], []
     for ax, (label, data, rest) in zip(axes, panels, strict=False):
@@ -58,3 +58,6 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     axes[0].legend(loc="lower center", fontsize="small", frameon=False)
     write_title(figure, tree, request)
     return figure, {"lines": lines, "static": still}
+
+
+KIND = Kind("teeth", "load or root stress of teeth along their contact, static and dynamic", draw)

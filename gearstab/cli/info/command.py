@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gearstab.cli import info_train, periods
 from gearstab.cli.console import say
-from gearstab.cli.info_text import report
+from gearstab.cli.info import periods, train
+from gearstab.cli.info.text import report
 
 if TYPE_CHECKING:
     from gearstab.config import Config
@@ -33,15 +33,15 @@ def command(config: Path, overrides: tuple[str, ...], harmonics: int | None, as_
 
     Of a file RESULT: where it comes from, its groups, axes and variables.
     """
-    from gearstab.cli import info_result
     from gearstab.cli.errors import user_errors, warn
+    from gearstab.cli.info import result
 
     with user_errors():
-        if info_result.is_result(config):
+        if result.is_result(config):
             if overrides or harmonics:
                 raise click.UsageError(f"{config} is a result, which --set and --harmonics do not change")
-            known = info_result.describe(config)
-            say(json.dumps(known, indent=2, allow_nan=False) if as_json else info_result.report(known))
+            known = result.describe(config)
+            say(json.dumps(known, indent=2, allow_nan=False) if as_json else result.report(known))
             return
         from gearstab.config import load
 
@@ -73,7 +73,7 @@ def describe(config: Config, harmonics: int | None = None) -> dict[str, Any]:
         "common_period": periods.common_period(system),
         "frequencies": periods.frequencies(config, system),
         **_modes(system),
-        "train": info_train.facts(config, system),
+        "train": train.facts(config, system),
         "reductions": _reductions(system),
         "terms": [term.name for term in system.terms],
         "order": asked.order if asked else 1,

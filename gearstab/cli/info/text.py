@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from gearstab.cli import info_train, periods
+from gearstab.cli.info import periods, train
 
 FEW_MESHES = 4
 """Up to so many meshes have columns of their own."""
@@ -69,7 +69,7 @@ def _mesh_table(facts: dict[str, Any]) -> str:
 
 
 def _train(facts: dict[str, Any]) -> str:
-    return f"{info_train.drawing(facts['train'])}\n\n{info_train.teeth(facts['train'], table)}"
+    return f"{train.drawing(facts['train'])}\n\n{train.teeth(facts['train'], table)}"
 
 
 def _gears(names: Sequence[str]) -> dict[str, list[str]]:
@@ -83,7 +83,7 @@ def _gears(names: Sequence[str]) -> dict[str, list[str]]:
 
 
 def _mode_table(facts: dict[str, Any]) -> str:
-    lines = [info_train.modes(facts, table)] if facts["train"] else _mode_lines(facts)
+    lines = [train.modes(facts, table)] if facts["train"] else _mode_lines(facts)
     equal = facts["equal_frequencies"]
     if len(equal) > FEW_GROUPS:
         listed = "; ".join(" ".join(map(str, group)) for group in equal)

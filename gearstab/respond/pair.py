@@ -1,30 +1,35 @@
-"""The part of ``gearstab respond`` for a gear pair that is given by its gears."""
+"""The response of a gear pair that is given by its gears."""
 
 from __future__ import annotations
 
 from dataclasses import fields, replace
 from math import inf, tau
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from gearstab.config import ConfigError
+from gearstab.errors import NotPossible
+from gearstab.response.rotating_pair import SHORTEST, STATUS, Start, held, respond, spectrum
+from gearstab.results import Group, ResultTree, fields_of
+from gearstab.results.guard import RESPOND
+from gearstab.results.provenance import modes_group, root_attributes
+from gearstab.results.units import in_brackets, unit_of
+from gearstab.results.variables import PAIR_RESPONSE, flagged
+from gearstab.rotating_pair import RotatingPair
+from gearstab.systems import build
 
 if TYPE_CHECKING:
     from gearstab.config import Config
     from gearstab.config.sections.respond_pair import PairRespond
-    from gearstab.response.rotating_pair import PairResponse, Start
-    from gearstab.results import Group, ResultTree
-    from gearstab.rotating_pair import RotatingPair
+    from gearstab.response.rotating_pair import PairResponse
 
 MOST_SAMPLES, BYTES = 20_000_000, 64
 """Samples that a result may hold, and the bytes of each."""
 
 
-def respond_pair(config: Config, wanted: PairRespond, out: Path) -> PairResponse:
-    """Compute the response and write the result file ``out``; raises ConfigError and OSError."""
-    from gearstab.response.rotating_pair import Start, respond
-    from gearstab.results import write_result
-    from gearstab.rotating_pair import RotatingPair
-    from gearstab.systems import build
-
+def response(config: Config, wanted: PairRespond) -> tuple[PairResponse, ResultTree]:
+    """Compute the response, and the result to be written; raises ConfigError."""
     pair = build(config.parameters)
     if not isinstance(pair, RotatingPair):
         raise TypeError("the section respond is that of a pair given by its gears")
@@ -35,30 +40,15 @@ def respond_pair(config: Config, wanted: PairRespond, out: Path) -> PairResponse
     start = Start(speed, initial.phi, initial.phi_dot, initial.theta)
     if wanted.hold_speed:
         start, drive = _held(config, pair, speed)
-    found = respond(
-        pair,
-        start,
-        step,
-        inf if wanted.duration is None else wanted.duration,
-        wanted.cycles,
-        MOST_SAMPLES,
-        drive,
-    )
-    tree = result(config, wanted, pair, found, step)
-    if wanted.hold_speed:
-        group = tree.groups["response"]
-        held = replace(group, attributes={**group.attributes, "holding_torque": drive})
-        tree = replace(tree, groups={**tree.groups, "response": held})
-    write_result(out, tree)
-    return found
+    duration = inf if wanted.duration is None else wanted.duration
+    found = respond(pair, start, step, duration, wanted.cycles, MOST_SAMPLES, drive)
+    group = _group(wanted, pair, found, step, {"holding_torque": drive} if wanted.hold_speed else {})
+    root = Group((), root_attributes(RESPOND, config, "none"))
+    return found, ResultTree(root, {"modes": modes_group(pair), "response": group})
 
 
 def _held(config: Config, pair: RotatingPair, mesh_frequency: float) -> tuple[Start, float]:
     """State and torque on the periodic orbit; raises ConfigError where there is none."""
-    from gearstab.config import ConfigError
-    from gearstab.errors import NotPossible
-    from gearstab.response.rotating_pair import held
-
     try:
         return held(pair, mesh_frequency)
     except NotPossible as error:
@@ -68,8 +58,6 @@ def _held(config: Config, pair: RotatingPair, mesh_frequency: float) -> tuple[St
 
 def _affordable(config: Config, wanted: PairRespond, speed: float) -> None:
     """Refuse what would exhaust the memory, as far as that is known beforehand."""
-    from gearstab.config import ConfigError
-
     cycles = wanted.cycles if wanted.duration is None else wanted.duration * speed / tau
     samples = 0.0 if cycles is None else cycles * wanted.samples_per_cycle
     if samples > MOST_SAMPLES:
@@ -79,25 +67,10 @@ def _affordable(config: Config, wanted: PairRespond, speed: float) -> None:
         raise ConfigError([config.problem(path, message, "ask for less, or fewer samples_per_cycle")])
 
 
-def result(config: Config, wanted: PairRespond, pair: RotatingPair, found: PairResponse, step: float) -> ResultTree:
-    """The response as a result: its root, ``/modes`` and ``/response``."""
-    from gearstab.results import Group, ResultTree
-    from gearstab.results.guard import RESPOND
-    from gearstab.results.provenance import modes_group, root_attributes
-
-    groups = {"modes": modes_group(pair), "response": response_group(wanted, pair, found, step)}
-    return ResultTree(Group((), root_attributes(RESPOND, config, "none")), groups)
-
-
-def response_group(wanted: PairRespond, pair: RotatingPair, found: PairResponse, step: float) -> Group:
-    """The group ``/response``."""
-    import numpy as np
-
-    from gearstab.response.rotating_pair import STATUS
-    from gearstab.results import Group, fields_of
-    from gearstab.results.units import unit_of
-    from gearstab.results.variables import PAIR_RESPONSE
-
+def _group(
+    wanted: PairRespond, pair: RotatingPair, found: PairResponse, step: float, holding: dict[str, float]
+) -> Group:
+    """The group ``/response``; holding: the attribute of a speed that is held."""
     sections, events = found.sections, found.events
     values: dict[str, Any] = {
         name: getattr(found, name) for name in ("time", "phi", "phi_dot", "theta", "theta_dot", "energy", "status")
@@ -112,22 +85,17 @@ def response_group(wanted: PairRespond, pair: RotatingPair, found: PairResponse,
     }
     values |= {f"section_{f.name}": getattr(sections, f.name) for f in fields(sections) if f.name != "cycle"}
     values |= {f"event_{f.name}": getattr(events, f.name) for f in fields(events)}
-    spectrum = _spectrum(wanted, pair, found, step)
-    flags = {"flag_masks": list(STATUS.values()), "flag_meanings": " ".join(STATUS)}
-    changed: dict[str, dict[str, Any]] = {"status": {"attributes": flags}}
+    table = flagged(PAIR_RESPONSE, STATUS)
     if pair.numbers.lever is None:
-        changed["mesh_force"] = {"units": "N m", "long_name": "elastic mesh force times half the module"}
-    table = tuple(replace(v, **changed.get(v.name, {})) for v in PAIR_RESPONSE)
+        words = "elastic mesh force times half the module"
+        table = tuple(replace(v, units="N m", long_name=words) if v.name == "mesh_force" else v for v in table)
     table = tuple(replace(v, units=unit_of(pair, v.units)) for v in table)
-    return Group(fields_of(table, values | spectrum), _attributes(wanted, pair, found))
+    values |= _spectrum(wanted, pair, found, step)
+    return Group(fields_of(table, values), _attributes(wanted, pair, found) | holding)
 
 
 def _spectrum(wanted: PairRespond, pair: RotatingPair, found: PairResponse, step: float) -> dict[str, Any]:
     """Spectrum and peaks of phi; nothing for a response that is too short."""
-    import numpy as np
-
-    from gearstab.response.rotating_pair import SHORTEST, spectrum
-
     # The last sample is where the next period of a response that repeats itself begins.
     history = found.phi[round(wanted.spectrum.discard * wanted.samples_per_cycle) : -1]
     if len(history) < SHORTEST:
@@ -146,7 +114,6 @@ def _spectrum(wanted: PairRespond, pair: RotatingPair, found: PairResponse, step
 
 
 def _attributes(wanted: PairRespond, pair: RotatingPair, found: PairResponse) -> dict[str, Any]:
-    from gearstab.results.units import in_brackets
 
     numbers = pair.numbers
     speed, angle, time = (in_brackets(pair, unit) for unit in ("rad/s", "rad", "s"))
@@ -167,20 +134,3 @@ def _attributes(wanted: PairRespond, pair: RotatingPair, found: PairResponse) ->
     }
     known |= {"stall_time": found.stalled} if found.stalled < inf else {}
     return known | ({"predictable_until": found.predictable} if found.predictable < inf else {})
-
-
-def summary(found: PairResponse, out: Path) -> str:
-    """What came out, in one line; a second one if the history is chaotic."""
-    import numpy as np
-
-    turned = f"{found.advance:,.4g} mesh cycle{'s' * (found.advance != 1)}"
-    if found.asked is not None and found.advance < found.asked * (1 - 1e-9):
-        turned = f"stopped after {turned} of the {found.asked:,g} asked for"
-    text = f"response: {out}: {len(found.time):,} samples to t = {found.time[-1]:.6g}, {turned}, {found.status_text}"
-    if found.predictable == inf:
-        return text
-    number = 1 + int(np.argmax(found.events.time >= found.predictable))
-    return (
-        f"{text}\nwarning: from t = {found.predictable:.6g} on (event {number:,}) this is one of many histories: "
-        "rounding errors have grown to 1 % of phi by then, and the least change of the initial state gives another one"
-    )

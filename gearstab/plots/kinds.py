@@ -1,0 +1,114 @@
+"""What a kind of figure is, and what a result holds that makes one kind suit it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import xarray as xr
+from matplotlib.figure import Figure
+
+from gearstab.plots.axes import SPEEDS, Axis, Request, find_axis, sweep_axes
+from gearstab.plots.variables import find_variable
+
+INNER = ("tongue", "side", "stretch", "exponent", "mesh")
+"""Dimensions of what was computed at a point, or of boundaries; they are no axes of the sweep."""
+
+
+@dataclass(frozen=True)
+class Contents:
+    """What a result holds, and which axes a request leaves free."""
+
+    tree: xr.DataTree
+    request: Request
+
+    @cached_property
+    def axes(self) -> dict[str, Axis]:
+        """All axes of a sweep; none in a response over time, a benchmark, or modes alone."""
+        return sweep_axes(self.tree)
+
+    @cached_property
+    def fixed(self) -> set[str]:
+        """Names of the axes that the request fixes. Raises PlotError where there is no such axis."""
+        return {find_axis(self.axes, name).name for name in self.request.select}
+
+    @cached_property
+    def free(self) -> list[Axis]:
+        """The axes of the sweep with several values that are not fixed."""
+        return [a for a in self.axes.values() if a.size > 1 and a.name not in {*self.fixed, *INNER}]
+
+    @property
+    def parameters(self) -> list[Axis]:
+        """Those along which the mesh frequency does not vary."""
+        return [axis for axis in self.free if axis.name not in SPEEDS]
+
+    @property
+    def mesh(self) -> list[Axis]:
+        """The axis of meshes where it is not fixed, as a list."""
+        return [self.axes["mesh"]] if "mesh" in self.axes and "mesh" not in self.fixed else []
+
+    @property
+    def over_speed(self) -> bool:
+        """Whether one of the free axes is that of the mesh frequency."""
+        return len(self.parameters) < len(self.free)
+
+    def holds(self, group: str) -> bool:
+        """Whether there is such a group."""
+        return group in self.tree.children
+
+    @property
+    def growth(self) -> bool:
+        """Whether there are growth rates."""
+        return self.holds("floquet") and "growth_rate" in self.tree["floquet"].data_vars
+
+    def own(self, group: str) -> list[Axis]:
+        """The free axes over which a group stands."""
+        return [axis for axis in self.free if axis.name in map(str, self.tree[group].sizes)]
+
+    @cached_property
+    def drawn(self) -> list[Axis] | None:
+        """The axes of the variable asked for, else of growth rates, responses or required damping; None without."""
+        if not self.axes:
+            return None
+        if self.request.variable is not None:
+            dims = [self.axes[str(dim)] for dim in find_variable(self.tree, self.request.variable)[1].dims]
+            return [axis for axis in dims if axis.name not in self.fixed]
+        if self.growth:
+            over = set(map(str, self.tree["floquet"]["growth_rate"].dims))
+            return [axis for axis in self.free if axis.name in over]
+        if self.holds("response"):
+            return [*self.own("response"), *self.mesh]
+        return self.own("required_damping") if self.holds("required_damping") else None
+
+    @property
+    def dimensions(self) -> int | None:
+        """How many of these have several values."""
+        return None if self.drawn is None else sum(axis.size > 1 for axis in self.drawn)
+
+    @property
+    def by_itself(self) -> bool:
+        """Whether a sweep's own figure is asked for, and not one of a certain variable."""
+        return bool(self.axes) and self.request.variable is None
+
+
+def _only_if_asked(contents: Contents) -> bool:
+    return False
+
+
+Draw = Callable[[xr.DataTree, Request], tuple[Figure, dict[str, Any]]]
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of figure: what it shows, how it is drawn, and of what it is the default.
+
+    draw: gives the figure and its artists by name; raises PlotError where the result does not hold what it needs.
+    suits: whether it is the figure for these contents; of several kinds the last in the table is.
+    """
+
+    name: str
+    summary: str
+    draw: Draw
+    suits: Callable[[Contents], bool] = _only_if_asked

@@ -1,0 +1,208 @@
+"""The response of a system of coordinates: free, driven or steady, and that of teeth that part."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from math import tau
+from typing import TYPE_CHECKING, Any, NoReturn
+
+import numpy as np
+
+from gearstab.config import ConfigError
+from gearstab.errors import NotPossible
+from gearstab.floquet.kernel import choice as kernel
+from gearstab.respond import tooth_loads
+from gearstab.response import (
+    RESPONSE_FLAGS,
+    backlash,
+    driven_response,
+    free_response,
+    harmonics,
+    steady_state,
+)
+from gearstab.response.linear.equilibrium import static_equilibrium, static_mesh_force
+from gearstab.response.measures.spectra import Spectra, amplitudes, densities
+from gearstab.results import Group, ResultTree, Variable, fields_of
+from gearstab.results.guard import RESPOND
+from gearstab.results.provenance import modes_group, root_attributes
+from gearstab.results.units import in_brackets, in_units_of
+from gearstab.results.variables import BACKLASH_RESPONSE, RESPONSE, TOOTH_LOADS, flagged
+from gearstab.system import GearSystem, shared_period
+from gearstab.systems import build
+
+if TYPE_CHECKING:
+    from gearstab.config import Config
+    from gearstab.config.sections.respond import Respond
+    from gearstab.response import Response
+    from gearstab.response.backlash import BacklashResponse
+
+MOST_NUMBERS = 250_000_000
+"""Numbers that a result may hold (2 GB); working on them takes some five times as much memory."""
+HARMONICS = 8
+"""A harmonic is stored for every so many samples of a common period."""
+MOST_HARMONICS = 4000
+
+HISTORIES = ("time", "displacement", "velocity", "mesh_deflection", "mesh_force", "energy")
+
+
+def response(config: Config, wanted: Respond) -> tuple[Response, ResultTree]:
+    """Compute the response, and the result to be written; raises ConfigError."""
+    system = build(config.parameters)
+    try:
+        _affordable(config, wanted, system)
+        if backlash.has_backlash(system):
+            parting = _parting(wanted, system)
+            return parting, _backlash_result(config, wanted, system, parting)
+        with kernel.recorded() as ran:
+            found = _steady(wanted, system) if wanted.steady_state else _history(wanted, system)
+    except NotPossible as error:
+        _refuse(config, ("respond",), error.message, error.remedy)
+    return found, _linear_result(config, wanted, system, found, kernel.said(ran))
+
+
+def _steady(wanted: Respond, system: GearSystem) -> Response:
+    return steady_state(system, wanted.mesh_frequency, wanted.samples_per_cycle)
+
+
+def _history(wanted: Respond, system: GearSystem) -> Response:
+    follow = driven_response if system.forced else free_response
+    given = _initial(wanted)
+    displacement, velocity = (static_equilibrium(system), np.zeros(system.size)) if given is None else given
+    duration, samples = _duration(wanted, system), wanted.samples_per_cycle
+    return follow(system, wanted.mesh_frequency, displacement, velocity, duration, samples)
+
+
+def _parting(wanted: Respond, system: GearSystem) -> BacklashResponse:
+    discard = None
+    if wanted.discard is not None:
+        discard = wanted.discard * tau / (wanted.mesh_frequency * float(system.meshes[0].frequency_ratio))
+    duration = _duration(wanted, system)
+    return backlash.backlash_response(
+        system, wanted.mesh_frequency, duration, _initial(wanted), wanted.samples_per_cycle, discard
+    )
+
+
+def _initial(wanted: Respond) -> tuple[np.ndarray, np.ndarray] | None:
+    if wanted.initial is None:
+        return None
+    return np.array(wanted.initial.displacement), np.array(wanted.initial.velocity)
+
+
+def _period(wanted: Respond, system: GearSystem) -> float:
+    """Of the first mesh."""
+    return tau / (wanted.mesh_frequency * float(system.meshes[0].frequency_ratio))
+
+
+def _duration(wanted: Respond, system: GearSystem) -> float:
+    if wanted.duration is not None:
+        return wanted.duration
+    if wanted.steady_state:
+        ratios = system.frequency_ratios + [force.frequency_ratio for force in system.forces]
+        return shared_period(ratios)[1][0] * _period(wanted, system)
+    return (wanted.cycles or 0.0) * _period(wanted, system)
+
+
+def _affordable(config: Config, wanted: Respond, system: GearSystem) -> None:
+    """Refuse what would exhaust the memory."""
+    samples = _duration(wanted, system) / _period(wanted, system) * wanted.samples_per_cycle + 1
+    numbers = samples * (2 * system.size + 2 * len(system.meshes) + 2)
+    if numbers > MOST_NUMBERS:
+        asked = next((key for key in ("duration", "cycles") if getattr(wanted, key) is not None), "samples_per_cycle")
+        message = (
+            f"{samples:.3g} samples would make a file of {8e-9 * numbers:.3g} GB, more than {8e-9 * MOST_NUMBERS:g} GB"
+        )
+        remedy = f"ask for less than {MOST_NUMBERS / numbers:.2g} times that or fewer samples_per_cycle"
+        _refuse(config, ("respond", asked), message, remedy)
+
+
+def _refuse(config: Config, path: tuple[str, ...], message: str, hint: str) -> NoReturn:
+    raise ConfigError([config.problem(path, message, hint)])
+
+
+def _linear_result(config: Config, wanted: Respond, system: GearSystem, found: Response, ran: str) -> ResultTree:
+    kept = len(found.time)
+    if wanted.stored_cycles is not None:
+        kept = min(kept, round(wanted.stored_cycles * wanted.samples_per_cycle) + 1)
+    values = {name: getattr(found, name)[:kept] for name in HISTORIES}
+    if found.drift is not None:
+        values["mean_velocity"] = found.drift
+    loads = tooth_loads.values(config, wanted, system, found)
+    table = flagged((*RESPONSE, *(TOOTH_LOADS if loads else ())), RESPONSE_FLAGS)
+    kind = "periodic steady state" if wanted.steady_state else "driven response" if system.forced else "free response"
+    comment = (
+        f"{kind}; growth_rate: largest real part of the characteristic exponents{in_brackets(system, '1/s')}; "
+        f"largest_multiplier: growth over a common_period{in_brackets(system, 's')} of all that varies and drives"
+    )
+    return _tree(config, wanted, system, found, table, values | loads, {"comment": comment}, ran)
+
+
+def _backlash_result(config: Config, wanted: Respond, system: GearSystem, found: BacklashResponse) -> ResultTree:
+    events = found.events
+    values: dict[str, Any] = {
+        "play": np.stack([found.teeth.low, found.teeth.high], axis=1),
+        "bound": ["lower", "upper"],
+        "event": np.arange(1, len(events) + 1),
+        "event_time": np.array([event.time for event in events]),
+        "event_mesh": [system.meshes[event.mesh].name for event in events],
+        "event_kind": [backlash.KINDS[event.kind] for event in events],
+        "event_velocity": np.array([event.speed for event in events]),
+        **{name: getattr(found, name) for name in (*HISTORIES, "mesh_velocity", "contact")},
+    }
+    attributes: dict[str, Any] = {
+        "comment": "response with loss of contact; growth_rate, largest_multiplier: of the linear system with teeth "
+        f"in contact; settled: from settled_from to settled_until{in_brackets(system, 's')}; period: number of "
+        "common periods after which the motion repeats itself, 0 if it does not, by section_difference, relative to "
+        "the extent of the motion",
+    }
+    if found.cycle is not None:
+        cycle = found.cycle
+        values |= {"peak_to_peak": cycle.peak_to_peak, "rms": cycle.rms}
+        values |= {"mesh_force_peak": cycle.force_peak, "contact_loss_ratio": cycle.contact_loss}
+        attributes |= {"settled_from": cycle.begin, "settled_until": cycle.end}
+        attributes |= {"period": cycle.period, "section_difference": cycle.difference}
+    table = flagged(BACKLASH_RESPONSE, backlash.BACKLASH_FLAGS)
+    return _tree(config, wanted, system, found, table, values, attributes, "none")
+
+
+def _tree(
+    config: Config, wanted: Respond, system: GearSystem, found: Response, table: Sequence[Variable],
+    values: Mapping[str, Any], attributes: Mapping[str, Any], ran: str,
+) -> ResultTree:  # fmt: skip
+    """The response as a result: its root, ``/modes`` and ``/response``; ran: the kernel that did."""
+    common: dict[str, Any] = {
+        "dof": list(system.coordinates),
+        "dof_units": list(system.coordinate_units),
+        "mesh": [mesh.name for mesh in system.meshes],
+        "status": found.flags,
+    }
+    if system.load is not None:
+        common["static_mesh_force"] = static_mesh_force(system)
+    said = ("status", "mesh_frequency", "common_period", "growth_rate", "largest_multiplier")
+    fields = fields_of(in_units_of(system, table), {**common, **values, **_spectral(wanted, system, found)})
+    group = Group(fields, {**{name: getattr(found, name) for name in said}, **attributes})
+    root = Group((), root_attributes(RESPOND, config, ran))
+    return ResultTree(root, {"modes": modes_group(system), "response": group})
+
+
+def _spectral(wanted: Respond, system: GearSystem, found: Response) -> dict[str, Any]:
+    """Amplitudes of the harmonics of a steady state, else power spectral densities of the history."""
+    if not wanted.steady_state:
+        spectra = densities(found)
+        return {} if spectra is None else _named(spectra, "density", system)
+    if found.status == "failed":
+        return {}
+    order = max(1, min((len(found.time) - 1) // HARMONICS, MOST_HARMONICS))
+    return _named(amplitudes(harmonics(system, found.mesh_frequency, order)), "amplitude", system)
+
+
+def _named(spectra: Spectra, what: str, system: GearSystem) -> dict[str, Any]:
+    index, mesh = spectra.peak_index, spectra.peak_mesh
+    return {
+        "frequency": spectra.frequency,
+        f"mesh_force_{what}": spectra.force,
+        f"mesh_deflection_{what}": spectra.deflection,
+        "peak": range(1, len(index) + 1),
+        "peak_mesh": [system.meshes[i].name for i in mesh],
+        "peak_frequency": spectra.frequency[index],
+        f"peak_{what}": spectra.force[index, mesh],
+    }
