@@ -256,7 +256,7 @@ def test_a_result_says_where_it_comes_from(cases: tuple[Plan, xr.DataTree], tmp_
     again = tmp_path / "again.yaml"
     again.write_text(tree.attrs["config"])
     assert load(again).digest == planned.config.digest == tree.attrs["config_digest"]
-    assert tree.attrs["kernel"] == floquet.kernel.name()
+    assert tree.attrs["kernel"] == floquet.kernel.choice.name()
     assert tree.attrs["Conventions"] == "CF-1.11"
     assert tree["perturbation"].attrs["harmonics"] == 2
     assert tree["boundaries"].attrs["width_floor"] == 1e-3
