@@ -169,7 +169,7 @@ def preparation(rounds: int) -> None:
 
     def rows_only() -> None:
         for pattern in prepare(train("1", rows)):
-            c_kernel._arguments(pattern)
+            c_kernel.pattern_arguments(pattern)
 
     (pattern,) = prepare(train("1", 50))
     omega = np.linspace(0.35, 7, 1000) / pattern.elastic.rate[:, None]

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 from hypothesis import settings
-from places import ROOT
 
 os.environ.setdefault("MPLBACKEND", "Agg")
 # Thousands of small matrix products: threads of the linear algebra library only wait for each other.
@@ -21,4 +20,4 @@ settings.load_profile("gearstab")
 @pytest.fixture(scope="session")
 def root() -> Path:
     """The root of the source tree."""
-    return ROOT
+    return Path(__file__).resolve().parents[1]

@@ -32,11 +32,11 @@ def growth(scene: Scene, omega: float) -> float:
     A conservative system whose dominant multiplier is on the unit circle within 1e-10 has growth 0.
     """
     if not scene.constant or scene.system.terms:
-        logarithm = _collocation(scene, omega)
+        logarithm = collocation(scene, omega)
     elif scene.system.size > SMALL and np.finfo(np.longdouble).nmant >= 63:
-        logarithm = _extended(scene, omega)
+        logarithm = extended(scene, omega)
     else:
-        logarithm = _multiprecision(scene, omega)
+        logarithm = multiprecision(scene, omega)
     if scene.conservative and scene.system.damping is None and abs(logarithm) < ON_CIRCLE:
         return 0.0
     return logarithm
@@ -50,7 +50,8 @@ def _dominant(matrix: Array) -> complex:
 # ---- 30 digits
 
 
-def _multiprecision(scene: Scene, omega: float) -> float:
+def multiprecision(scene: Scene, omega: float) -> float:
+    """Return ln max |lambda| of a scene of exact segments, in 30 digits."""
     with mp.workdps(DIGITS):
         period = 2 * mp.pi / mp.mpf(float(omega))
         total = mp.eye(2 * scene.system.size)
@@ -83,7 +84,8 @@ def _refined(matrix: Any, value: complex) -> Any:
 # ---- extended doubles
 
 
-def _extended(scene: Scene, omega: float) -> float:
+def extended(scene: Scene, omega: float) -> float:
+    """Return ln max |lambda| of a scene of exact segments, in extended doubles."""
     # pi to 64 bits: its double and the rest.
     two_pi = 2 * (np.longdouble(np.pi) + np.longdouble(1.2246467991473532e-16))
     period = two_pi / np.longdouble(omega)
@@ -165,7 +167,8 @@ def _legendre_root(x: float) -> Any:
     return root
 
 
-def _collocation(scene: Scene, omega: float) -> float:
+def collocation(scene: Scene, omega: float) -> float:
+    """Return ln max |lambda| of a scene of smooth stiffness, by Gauss collocation in extended doubles."""
     size = 2 * scene.system.size
     period = 2 * np.longdouble(np.pi) * np.longdouble(scene.cycles) / np.longdouble(omega)
     total, scale = np.eye(size, dtype=np.longdouble), 0.0

@@ -151,14 +151,14 @@ def write(plan: Plan, finished: Mapping[str, Part], out: Path, folder: Path, loo
     temporary = folder / f"result-{os.getpid()}.tmp"
     interrupts.temporary.add(str(temporary))
     try:
-        _write_apart(plan, finished, out, temporary)
+        write_apart(plan, finished, out, temporary)
         move(temporary, out, look)
     finally:
         temporary.unlink(missing_ok=True)
         interrupts.temporary.discard(str(temporary))
 
 
-def _write_apart(plan: Plan, finished: Mapping[str, Part], out: Path, path: Path) -> None:
+def write_apart(plan: Plan, finished: Mapping[str, Part], out: Path, path: Path) -> None:
     """Write a large result in a process of its own: on a full disk HDF5 may crash even if the error is caught."""
     command = [sys.executable, "-c", "from gearstab.sweep.merge import main; main()", str(path)]
     # Its own session: an interrupt from the terminal is handled here.

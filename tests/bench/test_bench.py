@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import hard_cases
 import numpy as np
 import oracle
 import pytest
+import systems
 from click.testing import CliRunner
 
 from gearstab.bench import Scene, measure, reference
@@ -34,7 +34,7 @@ methods: {floquet: {}}
 
 
 def test_reference_agrees_with_the_oracle():
-    scene = Scene(hard_cases.train(0.3, (1.4, 1.7), 0.2, "1/2"), 0.5, 7.0)
+    scene = Scene(systems.train(0.3, (1.4, 1.7), 0.2, "1/2"), 0.5, 7.0)
     for omega in (0.61, 2.05, 5.3):
         exact = oracle.solve(oracle.plain(scene.system), omega)
         expected = float(exact.growth_rate * exact.period)
@@ -45,14 +45,14 @@ def test_reference_agrees_with_the_oracle():
 def test_extended_doubles_agree_with_thirty_digits():
     if np.finfo(np.longdouble).nmant < 63:
         pytest.skip("this processor has no extended doubles")
-    scene = Scene(hard_cases.train(0.3, (1.4, 1.7), damping=np.diag([0.02, 0.01, 0.03])), 0.5, 7.0)
+    scene = Scene(systems.train(0.3, (1.4, 1.7), damping=np.diag([0.02, 0.01, 0.03])), 0.5, 7.0)
     for omega in (0.6, 2.0, 5.3):
         # A period of ten segments in 64 bits, 5e-20 each operation, some hundred operations an exponential.
-        assert reference._extended(scene, omega) == pytest.approx(reference._multiprecision(scene, omega), abs=2e-16)
+        assert reference.extended(scene, omega) == pytest.approx(reference.multiprecision(scene, omega), abs=2e-16)
 
 
 def test_scene_has_the_segments_of_the_oracle():
-    scene = Scene(hard_cases.train(0.3, (1.4, 1.7), 0.2, "2/3"), 0.5, 7.0)
+    scene = Scene(systems.train(0.3, (1.4, 1.7), 0.2, "2/3"), 0.5, 7.0)
     ours = [s for s in scene.segments if s[0] > 1e-12]
     theirs = [s for s in oracle.segments(oracle.plain(scene.system)) if s[0] > 1e-12]
     np.testing.assert_allclose([d for d, _ in ours], [float(d) for d, _ in theirs], atol=1e-14)
@@ -62,8 +62,8 @@ def test_scene_has_the_segments_of_the_oracle():
 @pytest.mark.parametrize("entry", METHODS, ids=lambda entry: entry.name)
 def test_every_method_finds_the_growth(entry: Entry):
     """At its finest tolerance, on points well inside tongues, where the growth is a smooth function of M."""
-    damped = hard_cases.train(0.3, damping=np.diag([0.02, 0.01, 0.03]))
-    for system in (hard_cases.train(0.3), damped):
+    damped = systems.train(0.3, damping=np.diag([0.02, 0.01, 0.03]))
+    for system in (systems.train(0.3), damped):
         scene = Scene(system, 1.95, 5.4)
         if not entry.fits(scene):
             continue
@@ -75,10 +75,10 @@ def test_every_method_finds_the_growth(entry: Entry):
 
 def smooth_train(**other: object) -> GearSystem:
     """The train with a trapezoidal and a harmonic wave at other frequencies, and what is asked for."""
-    first, second = hard_cases.train(0.3).meshes
+    first, second = systems.train(0.3).meshes
     waves = Trapezoidal(np.array(1.6), np.array(0.2)), Fourier(np.array([0.3, 0.1]), np.array([0.2, 0.0]))
     meshes = replace(first, waveform=waves[0]), replace(second, waveform=waves[1], lag=0.15)
-    return replace(hard_cases.train(0.3), meshes=meshes, **other)
+    return replace(systems.train(0.3), meshes=meshes, **other)
 
 
 FRICTION = PeriodicTerm("friction", np.array([0.1, 0.05, -0.02]), np.array([1.0, 1.0, 0.0]), Trapezoidal(1.4, 0.3))
@@ -99,15 +99,15 @@ def test_every_method_finds_the_growth_of_smooth_systems(entry: Entry, terms: tu
 
 
 def test_collocation_agrees_with_thirty_digits():
-    scene = Scene(hard_cases.train(0.3, (1.4, 1.7), damping=np.diag([0.02, 0.01, 0.03])), 0.5, 7.0)
+    scene = Scene(systems.train(0.3, (1.4, 1.7), damping=np.diag([0.02, 0.01, 0.03])), 0.5, 7.0)
     for omega in (0.6, 2.0, 5.3):
         # Of order 16 with short steps, in 64 bits.
-        assert reference._collocation(scene, omega) == pytest.approx(reference._multiprecision(scene, omega), abs=2e-16)
+        assert reference.collocation(scene, omega) == pytest.approx(reference.multiprecision(scene, omega), abs=2e-16)
 
 
 def test_measurements_are_honest():
     """Exact methods to rounding error; the error of an integrator falls with its tolerance."""
-    found = measure(Scene(hard_cases.train(0.3), 0.5, 7.0), points=4, budget=0.0)
+    found = measure(Scene(systems.train(0.3), 0.5, 7.0), points=4, budget=0.0)
     by_name: dict[str, list[float]] = {}
     for m in found:
         by_name.setdefault(m.method, []).append(m.error)
@@ -120,7 +120,7 @@ def test_measurements_are_honest():
 
 
 def test_mass_proportional_damping_is_measured_by_every_method():
-    system = hard_cases.train(0.3)
+    system = systems.train(0.3)
     scene = Scene(replace(system, damping=0.02 * system.mass), 0.5, 7.0)
     names = {m.method for m in measure(scene, points=2, budget=0.0) if m.error < 1e-6}
     assert "NumPy products + eigvals" in names

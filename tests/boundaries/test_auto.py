@@ -7,7 +7,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from places import DATA
+from scenes import DATA
 
 from gearstab.floquet.boundaries import boundaries
 from gearstab.systems import build

@@ -10,10 +10,9 @@ import oracle
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from places import DATA
-from region_checks import disagreements, inside
+from scenes import DATA
 from scipy.optimize import brentq
-from tongue_edges import train
+from tongues import disagreements, inside, train
 
 from gearstab.floquet import solve
 from gearstab.floquet.boundaries import BOUNDARY_FLAGS, boundaries, union

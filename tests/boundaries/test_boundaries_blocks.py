@@ -6,7 +6,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from test_planetary import parameters, with_epsilon
+from planetary_gears import planetary
 
 from gearstab.floquet.boundaries import Boundaries, boundaries
 from gearstab.floquet.segments.blocks import split
@@ -14,17 +14,6 @@ from gearstab.floquet.segments.pattern import prepare
 from gearstab.modal import mean_modes
 from gearstab.system import GearSystem
 from gearstab.systems import build
-
-SUPPORTS = {
-    "carrier": 2e8, "sun": 2e8, "planet": 3e8, "carrier_rotation": 1e8, "sun_rotation": 2e8,
-    "ring_radial": 1e8, "ring_tangential": 1e8,
-}  # fmt: skip
-"""Soft ones, so that few high modes add their narrow tongues."""
-
-
-def planetary(**changes: object) -> GearSystem:
-    """21 coordinates in blocks of 6, 12 and 3."""
-    return build(with_epsilon(parameters(harmonics=1, supports=SUPPORTS, **changes), 0.2))
 
 
 def pairs(first: float, second: float, damping: list[float] | None = None, **other: object) -> GearSystem:

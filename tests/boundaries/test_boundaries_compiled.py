@@ -6,8 +6,8 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from kernel_systems import KINDS, system
-from tongue_edges import train
+from systems import KINDS, system
+from tongues import train
 
 from gearstab.ckernel import library
 from gearstab.floquet.boundaries import boundaries, compiled

@@ -7,9 +7,8 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from region_checks import disagreements
 from scipy.optimize import brentq
-from tongue_edges import train
+from tongues import disagreements, train
 
 from gearstab.floquet import solve
 from gearstab.floquet.boundaries import boundaries

@@ -6,7 +6,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from tongue_edges import train
+from tongues import train
 
 from gearstab.floquet.boundaries.krein import evaluate, spectrum
 from gearstab.floquet.boundaries.points import negative, propagate

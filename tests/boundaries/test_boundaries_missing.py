@@ -10,8 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from region_checks import inside, near_edge
-from tongue_edges import train
+from tongues import inside, near_edge, train
 
 from gearstab.floquet import solve
 from gearstab.floquet.boundaries import boundaries

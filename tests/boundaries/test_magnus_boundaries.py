@@ -7,10 +7,10 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from cyclic_gears import cyclic
+from planetary_gears import cyclic
 from scipy.optimize import brentq
 from scipy.special import mathieu_a, mathieu_b
-from test_magnus import COSINE, GENERAL, TRAPEZOID, WAVE, one_mesh, two_stage
+from systems import COSINE, GENERAL, TRAPEZOID, WAVE, oscillator, smooth_train
 
 from gearstab.floquet import solve
 from gearstab.floquet.boundaries import boundaries
@@ -45,7 +45,7 @@ class TestMathieu:
     @pytest.mark.parametrize("epsilon", [0.05, 0.2, 0.45])
     def test_transition_curves(self, epsilon):
         """The product's edges are within their stored tolerance of scipy's curves, and that is below 1e-10."""
-        found = boundaries(one_mesh(COSINE, epsilon), 0.36, 4.0, 1e-11, 1e-9)
+        found = boundaries(oscillator(COSINE, epsilon), 0.36, 4.0, 1e-11, 1e-9)
         names = {"2w1": 1, "w1": 2, "2w1/3": 3, "w1/2": 4, "2w1/5": 5}
         assert set(names) - {"2w1/5", "w1/2"} <= set(found.labels())
         for label, lower, upper, tolerance, cut in zip(
@@ -59,7 +59,7 @@ class TestMathieu:
                 assert abs(edge - known) <= (tolerance + 1e-13) * known
 
     def test_a_coarse_tolerance_is_kept_too(self):
-        found = boundaries(one_mesh(COSINE, 0.3), 1.3, 4.0, 1e-5)
+        found = boundaries(oscillator(COSINE, 0.3), 1.3, 4.0, 1e-5)
         (lower, upper), known = (found.lower[0], found.upper[0]), mathieu_edges(0.3, 1)
         np.testing.assert_allclose((lower, upper), known, rtol=float(found.tolerance[0]))
         assert found.tolerance[0] < 2e-5
@@ -86,24 +86,24 @@ def check_edges(found, systems, least=0.0):
 class TestEdges:
     def test_conservative_rows(self):
         epsilon = np.array([0.0, 0.15, 0.3])
-        found = boundaries(two_stage(TRAPEZOID, WAVE, epsilon), 1.5, 6.5)
-        check_edges(found, [two_stage(TRAPEZOID, WAVE, e) for e in epsilon])
+        found = boundaries(smooth_train(TRAPEZOID, WAVE, epsilon), 1.5, 6.5)
+        check_edges(found, [smooth_train(TRAPEZOID, WAVE, e) for e in epsilon])
         assert set(found.row) == {1, 2}
         assert np.all(found.tolerance < 1.2e-10)
 
     @pytest.mark.slow
     def test_two_frequencies(self):
-        system = two_stage(WAVE, Rectangular(1.4), 0.2, Fraction(3, 5))
+        system = smooth_train(WAVE, Rectangular(1.4), 0.2, Fraction(3, 5))
         check_edges(boundaries(system, 3.0, 6.5), [system])
 
     @pytest.mark.parametrize("damping", [0.03 * np.diag([1.0, 0.3, 4.0]), GENERAL], ids=["alike", "general"])
     def test_damped(self, damping):
-        system = two_stage(WAVE, TRAPEZOID, damping=damping)
+        system = smooth_train(WAVE, TRAPEZOID, damping=damping)
         check_edges(boundaries(system, 1.5, 6.5), [system], least=1e-5)
 
     def test_ramps_of_no_width_are_a_rectangle(self):
-        found = boundaries(two_stage(Trapezoidal(1.4, 0.0), Trapezoidal(1.6, 0.0)), 1.0, 6.5)
-        known = boundaries(two_stage(Rectangular(1.4), Rectangular(1.6)), 1.0, 6.5)
+        found = boundaries(smooth_train(Trapezoidal(1.4, 0.0), Trapezoidal(1.6, 0.0)), 1.0, 6.5)
+        known = boundaries(smooth_train(Rectangular(1.4), Rectangular(1.6)), 1.0, 6.5)
         assert found.labels() == known.labels()
         # Each within 1e-10 of the truth.
         np.testing.assert_allclose(found.lower, known.lower, rtol=2e-10)
@@ -119,7 +119,7 @@ class TestEdges:
 class TestIntegers:
     def test_rough_segments_count_as_the_fine_ones_do(self):
         """The integers of the search are those of segments as fine as the matrices', where these may be asked."""
-        (division,) = divisions(two_stage(WAVE, TRAPEZOID, 0.4))
+        (division,) = divisions(smooth_train(WAVE, TRAPEZOID, 0.4))
 
         limits = Limits(0.8, 7.0, 1e-10, 1e-6, 0.0)
         few = _resolved(division, 4, limits)

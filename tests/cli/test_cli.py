@@ -8,21 +8,13 @@ import sys
 
 import click
 import pytest
-from places import ROOT
+from scenes import ROOT, code
 
 from gearstab import __version__
 from gearstab.cli import COMMANDS, errors, group, main
 from gearstab.cli.progress import duration, quantity
 
 HEAVY = {"numpy", "scipy", "pydantic", "h5py", "xarray", "matplotlib", "rich", "pint", "joblib", "ruamel", "h5netcdf"}
-
-
-def called(*args: str) -> int:
-    """The exit code of a command line in this process."""
-    with pytest.raises(SystemExit) as raised:
-        main(args)
-    assert isinstance(raised.value.code, int)
-    return raised.value.code
 
 
 SHOW_MODULES = """
@@ -50,28 +42,28 @@ def test_every_command_is_there_and_helps(name: str, capsys: pytest.CaptureFixtu
     command = group.get_command(context, name)
     assert isinstance(command, click.Command)
     assert command.help
-    assert called(name, "--help") == 0
+    assert code(name, "--help") == 0
     assert name in capsys.readouterr().out
 
 
 def test_help_lists_all_commands(capsys: pytest.CaptureFixture[str]) -> None:
-    assert called("--help") == 0
+    assert code("--help") == 0
     shown = capsys.readouterr().out
     assert all(name in shown and summary in shown for name, (_, summary) in COMMANDS.items())
 
 
 def test_version(capsys: pytest.CaptureFixture[str]) -> None:
-    assert called("--version") == 0
+    assert code("--version") == 0
     assert __version__ in capsys.readouterr().out
 
 
 def test_a_misspelt_command_is_corrected(capsys: pytest.CaptureFixture[str]) -> None:
-    assert called("swep") == 2
+    assert code("swep") == 2
     assert "did you mean 'sweep'?" in capsys.readouterr().err
 
 
 def test_an_unknown_option_is_wrong_input(capsys: pytest.CaptureFixture[str]) -> None:
-    assert called("sweep", "x.yaml", "--fast") == 2
+    assert code("sweep", "x.yaml", "--fast") == 2
     assert "--fast" in capsys.readouterr().err
 
 
@@ -86,7 +78,7 @@ def test_an_interrupt_is_130(monkeypatch: pytest.MonkeyPatch, capsys: pytest.Cap
         raise KeyboardInterrupt
 
     monkeypatch.setattr(group, "get_command", lambda context, name: command)
-    assert called("check") == 130
+    assert code("check") == 130
     assert "interrupted" in capsys.readouterr().err
 
 

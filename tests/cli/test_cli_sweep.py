@@ -11,27 +11,21 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scenes import TRAIN, code
 
-from gearstab.cli import main
 from gearstab.cli.progress import Bar, Messages, reporter
 from gearstab.results import open_result
 
-CONFIG = """
-title: A train
-system:
-  kind: two_stage
-  inertias: [1.0, 0.3, 4.0]
-  input_shaft_stiffness: 0.5
-  tooth_ratio: 1
-  meshes:
-    - {name: first, mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5}
-    - {name: second, mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5}
+CONFIG = (
+    TRAIN
+    + """\
 sweep:
   case: [{label: "in phase, h = 0", phasing: 0.0}, {label: against, phasing: 0.5}]
   mesh_frequency: {start: 4.0, stop: 6.0, num: 5}
   epsilon: [0.1, 0.3]
 methods: {floquet: {}, perturbation: {harmonics: 1}}
 """
+)
 
 
 @pytest.fixture
@@ -41,19 +35,12 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def called(*args: str) -> int:
-    with pytest.raises(SystemExit) as raised:
-        main(args)
-    assert isinstance(raised.value.code, int)
-    return raised.value.code
-
-
 def test_the_result_goes_where_nothing_else_is_said(
     folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # A chosen kernel is not commented on, whatever was built.
     monkeypatch.setenv("GEARSTAB_KERNEL", "numpy")
-    assert called("sweep", "train.yaml") == 0
+    assert code("sweep", "train.yaml") == 0
     said = capsys.readouterr()
     assert said.out == ""
     assert said.err.startswith(f"{Path('results/train.h5')}: 20 points")
@@ -62,37 +49,37 @@ def test_the_result_goes_where_nothing_else_is_said(
 
 
 def test_overrides_and_output(folder: Path) -> None:
-    assert called("sweep", "train.yaml", "-o", "a/b.h5", "--set", "sweep.epsilon=[0.2]", "-j", "1", "-q") == 0
+    assert code("sweep", "train.yaml", "-o", "a/b.h5", "--set", "sweep.epsilon=[0.2]", "-j", "1", "-q") == 0
     with open_result(folder / "a" / "b.h5") as tree:
         assert tree["floquet"]["growth_rate"].shape == (2, 5, 1)
 
 
 def test_quiet_says_nothing(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert called("sweep", "train.yaml", "-q") == 0
+    assert code("sweep", "train.yaml", "-q") == 0
     assert capsys.readouterr() == ("", "")
 
 
 def test_a_finished_result_is_told(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert called("sweep", "train.yaml", "-q") == 0
+    assert code("sweep", "train.yaml", "-q") == 0
     for flag in ([], ["--resume"]):
         capsys.readouterr()
-        assert called("sweep", "train.yaml", *flag) == 0
+        assert code("sweep", "train.yaml", *flag) == 0
         assert "already complete" in capsys.readouterr().err
-    assert called("sweep", "train.yaml", "--overwrite") == 0
+    assert code("sweep", "train.yaml", "--overwrite") == 0
     assert "20 points" in capsys.readouterr().err
 
 
 def test_another_result_is_not_overwritten(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert called("sweep", "train.yaml", "-q") == 0
-    assert called("sweep", "train.yaml", "--set", "sweep.epsilon=[0.2]") == 2
+    assert code("sweep", "train.yaml", "-q") == 0
+    assert code("sweep", "train.yaml", "--set", "sweep.epsilon=[0.2]") == 2
     said = capsys.readouterr().err
     assert "another configuration" in said
     assert said.count("\n") == 1
-    assert called("sweep", "train.yaml", "--set", "sweep.epsilon=[0.2]", "--overwrite", "-q") == 0
+    assert code("sweep", "train.yaml", "--set", "sweep.epsilon=[0.2]", "--overwrite", "-q") == 0
 
 
 def test_a_dry_run_prints_and_writes_nothing(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert called("sweep", "train.yaml", "--dry-run") == 0
+    assert code("sweep", "train.yaml", "--dry-run") == 0
     said = capsys.readouterr()
     assert said.err == ""
     for text in ("mesh_frequency", "in phase, h = 0; against", "20 of 4 systems", "floquet", "memory", "file", "time"):
@@ -109,7 +96,7 @@ def test_a_dry_run_prints_and_writes_nothing(folder: Path, capsys: pytest.Captur
 def test_a_users_mistake_is_code_2_and_nothing_is_written(
     folder: Path, capsys: pytest.CaptureFixture[str], args: list[str]
 ) -> None:
-    assert called("sweep", *args) == 2
+    assert code("sweep", *args) == 2
     said = capsys.readouterr()
     assert said.out == ""
     assert said.err
@@ -120,7 +107,7 @@ def test_a_users_mistake_is_code_2_and_nothing_is_written(
 
 def test_a_configuration_without_sweep_cannot_be_swept(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (folder / "train.yaml").write_text(CONFIG[: CONFIG.index("sweep:")])
-    assert called("sweep", "train.yaml") == 2
+    assert code("sweep", "train.yaml") == 2
     assert "sweep" in capsys.readouterr().err
 
 
@@ -146,13 +133,13 @@ def test_the_bar_counts(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def exported(*args: str) -> list[dict[str, str]]:
-    assert called("export", "results/train.h5", "-o", "out.csv", *args) == 0
+    assert code("export", "results/train.h5", "-o", "out.csv", *args) == 0
     with open("out.csv", newline="") as file:
         return list(csv.DictReader(file))
 
 
 def test_export_is_tidy_and_exact(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    called("sweep", "train.yaml", "-q")
+    code("sweep", "train.yaml", "-q")
     rows = exported()
     assert len(rows) == 20
     assert list(rows[0]) == [
@@ -169,7 +156,7 @@ def test_export_is_tidy_and_exact(folder: Path, capsys: pytest.CaptureFixture[st
 
 
 def test_export_of_tongues(folder: Path) -> None:
-    called("sweep", "train.yaml", "-q")
+    code("sweep", "train.yaml", "-q")
     rows = exported("--group", "perturbation")
     with open_result(folder / "results" / "train.h5") as tree:
         data = tree["perturbation"].to_dataset().load()
@@ -183,14 +170,14 @@ def test_export_of_tongues(folder: Path) -> None:
 
 
 def test_export_takes_what_there_is(folder: Path) -> None:
-    called("sweep", "train.yaml", "-q", "--set", "methods={perturbation: {}}")
+    code("sweep", "train.yaml", "-q", "--set", "methods={perturbation: {}}")
     assert "boundary_frequency" in exported()[0]
 
 
 def test_export_in_blocks_is_the_same(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from gearstab.results import export
 
-    called("sweep", "train.yaml", "-q")
+    code("sweep", "train.yaml", "-q")
     whole = exported()
     monkeypatch.setattr(export, "ROWS_AT_ONCE", 3)
     assert exported() == whole
@@ -198,14 +185,14 @@ def test_export_in_blocks_is_the_same(folder: Path, monkeypatch: pytest.MonkeyPa
 
 def test_missing_numbers_are_empty_cells(folder: Path) -> None:
     methods = "methods={boundaries: {width_floor: 1.0e-3, tolerance: 1.0e-6}}"
-    called("sweep", "train.yaml", "-q", "--set", methods, "--set", "sweep.epsilon=[0.0, 0.3]")
+    code("sweep", "train.yaml", "-q", "--set", methods, "--set", "sweep.epsilon=[0.0, 0.3]")
     cells = [row["boundary_frequency"] for row in exported()]
     assert "" in cells
     assert np.all(np.isfinite([float(cell) for cell in cells if cell]))
 
 
 def test_export_to_standard_output(folder: Path) -> None:
-    called("sweep", "train.yaml", "-q")
+    code("sweep", "train.yaml", "-q")
     command = [sys.executable, "-m", "gearstab", "export", "results/train.h5", "-o", "-"]
     done = subprocess.run(
         command, capture_output=True, text=True, check=True, env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
@@ -219,9 +206,9 @@ def test_export_to_standard_output(folder: Path) -> None:
                                   ["results/train.h5", "-o", "results/train.h5"], ["results/train.h5", "-o", "results"],
                                   ["results/train.h5"]])  # fmt: skip
 def test_what_cannot_be_exported(folder: Path, capsys: pytest.CaptureFixture[str], args: list[str]) -> None:
-    called("sweep", "train.yaml", "-q")
+    code("sweep", "train.yaml", "-q")
     before = (folder / "results" / "train.h5").read_bytes()
-    assert called("export", *args) == 2
+    assert code("export", *args) == 2
     said = capsys.readouterr().err
     assert said
     assert "Traceback" not in said
@@ -236,7 +223,7 @@ def test_a_configuration_is_never_overwritten(
 ) -> None:
     (folder / "link.h5").symlink_to("train.yaml")
     options = ["--overwrite"] if command == "sweep" else []
-    assert called(command, "train.yaml", "-o", name, *options) == 2
+    assert code(command, "train.yaml", "-o", name, *options) == 2
     assert capsys.readouterr().err == f"{name}: is the input itself; choose another output\n"
     assert (folder / "train.yaml").read_text() == CONFIG
 
@@ -248,7 +235,7 @@ def test_a_foreign_file_is_never_overwritten(folder: Path, capsys: pytest.Captur
         f"{CONFIG}respond: {{mesh_frequency: 5, cycles: 2, initial: {{velocity: [1, 0, 0]}}}}\n"
     )
     options = ["--overwrite"] if command == "sweep" else []
-    assert called(command, "train.yaml", "-o", "notes.txt", *options) == 2
+    assert code(command, "train.yaml", "-o", "notes.txt", *options) == 2
     said = capsys.readouterr().err
     assert said.startswith("notes.txt: is no result file")
     assert said.count("\n") == 1
@@ -256,27 +243,27 @@ def test_a_foreign_file_is_never_overwritten(folder: Path, capsys: pytest.Captur
 
 
 def test_a_result_may_be_overwritten(folder: Path) -> None:
-    assert called("sweep", "train.yaml", "-q") == 0
-    assert called("sweep", "train.yaml", "-q", "--overwrite") == 0
+    assert code("sweep", "train.yaml", "-q") == 0
+    assert code("sweep", "train.yaml", "-q", "--overwrite") == 0
 
 
 def test_a_picture_replaces_neither_configuration_nor_result(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (folder / "train.png").write_text(CONFIG)
-    assert called("bench", "train.png", "-o", "train.h5") == 2
+    assert code("bench", "train.png", "-o", "train.h5") == 2
     assert capsys.readouterr().err.startswith("train.png: is the input itself")
-    assert called("bench", "train.yaml", "-o", "other.png") == 2
+    assert code("bench", "train.yaml", "-o", "other.png") == 2
     assert capsys.readouterr().err.startswith("other.png: is the name of the picture too")
-    assert called("sweep", "train.yaml", "-o", "map.h5", "-q") == 0
+    assert code("sweep", "train.yaml", "-o", "map.h5", "-q") == 0
     (folder / "map.h5").rename("map.png")
     before = (folder / "map.png").read_bytes()
-    assert called("plot", "map.png") == 2
+    assert code("plot", "map.png") == 2
     assert capsys.readouterr().err.startswith("map.png: is the input itself")
     assert (folder / "map.png").read_bytes() == before
 
 
 def test_what_cases_set_carries_its_unit_and_title(folder: Path) -> None:
     case = ", ".join(f"{{label: {k}, inertias.1: 0.{k}, input_shaft_stiffness: 0.{k}}}" for k in (3, 4))
-    assert called("sweep", "train.yaml", "-q", "--set", f"sweep.case=[{case}]", "-o", "t.h5") == 0
+    assert code("sweep", "train.yaml", "-q", "--set", f"sweep.case=[{case}]", "-o", "t.h5") == 0
     with open_result(Path("t.h5")) as tree:
         for group in ("/", "floquet", "perturbation"):
             stiffness, inertia = tree[group]["input_shaft_stiffness"], tree[group]["inertias.1"]
@@ -292,10 +279,10 @@ def test_the_slow_kernel_is_said_unless_it_was_chosen(
     monkeypatch.delenv("GEARSTAB_KERNEL", raising=False)
     monkeypatch.setattr("gearstab.ckernel.library", None)
     note = "note: the compiled kernel was not built; sweeps run on the slower NumPy kernel"
-    assert called("sweep", "train.yaml") == 0
+    assert code("sweep", "train.yaml") == 0
     assert capsys.readouterr().err.splitlines()[1:] == [note]
-    assert called("sweep", "train.yaml", "-q", "--overwrite") == 0
+    assert code("sweep", "train.yaml", "-q", "--overwrite") == 0
     assert capsys.readouterr().err == ""
     monkeypatch.setenv("GEARSTAB_KERNEL", "numpy")
-    assert called("sweep", "train.yaml", "--overwrite") == 0
+    assert code("sweep", "train.yaml", "--overwrite") == 0
     assert note not in capsys.readouterr().err

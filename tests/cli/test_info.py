@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 from numpy.testing import assert_allclose
-from places import CONFIGS, DATA
-from tongue_edges import train
+from scenes import CONFIGS, DATA
+from tongues import train
 
 from gearstab.cli.info.command import command
 from gearstab.cli.info.text import table
@@ -149,8 +149,6 @@ def test_a_mistake_is_one_line_and_exit_code_2(tmp_path: Path) -> None:
     missing = info(tmp_path / "absent.yaml")
     assert missing.exit_code == 2
     assert len(missing.stderr.strip().splitlines()) == 1
-
-
 
 
 @pytest.mark.parametrize("path", sorted(CONFIGS.rglob("*.yaml")), ids=lambda path: path.stem)

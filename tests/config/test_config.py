@@ -18,6 +18,7 @@ import scipy.sparse
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from ruamel.yaml import YAML
+from scenes import read
 
 from gearstab.config import Config, ConfigError, load
 from gearstab.config.document.yaml import parse, write
@@ -45,12 +46,6 @@ MASS, STIFFNESS, DAMPING = (
     np.array([[3.0, -1.0], [-1.0, 1.0]]),
     np.array([[0.1, 0.2], [0.2, 0.3]]),
 )
-
-
-def read(folder: Path, text: str, *overrides: str) -> Config:
-    path = folder / "case.yaml"
-    path.write_text(text)
-    return load(path, overrides)
 
 
 def test_a_whole_configuration(root: Path) -> None:

@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from scenes import read
 
-from gearstab.config import Axis, Config, load, parameters_at
+from gearstab.config import Axis, Config, parameters_at
 from gearstab.systems import build
 
 TRAIN = """\
@@ -39,12 +40,6 @@ methods: {perturbation: }
 """
 
 shared = settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=60)
-
-
-def read(folder: Path, text: str) -> Config:
-    path = folder / "case.yaml"
-    path.write_text(text)
-    return load(path)
 
 
 def axis(folder: Path, line: str, base: str = TRAIN) -> Axis:

@@ -6,8 +6,8 @@ import os
 from pathlib import Path
 
 import pytest
-from places import DATA
 from ruamel.yaml import YAML
+from scenes import DATA
 
 from gearstab.config import ConfigError, Problem, load
 

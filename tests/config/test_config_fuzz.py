@@ -15,8 +15,8 @@ import pytest
 from click.testing import CliRunner
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from places import CONFIGS
 from ruamel.yaml import YAML
+from scenes import CONFIGS
 
 from gearstab.cli import group
 from gearstab.config import Config, ConfigError, load

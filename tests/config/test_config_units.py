@@ -9,10 +9,10 @@ import pytest
 from click.testing import CliRunner
 from hypothesis import given
 from hypothesis import strategies as st
-from places import CONFIGS
+from scenes import CONFIGS, read
 
 from gearstab.cli import group
-from gearstab.config import ConfigError, load
+from gearstab.config import ConfigError
 from gearstab.config.model.units import UnitError, to_si
 from gearstab.results.units import unit_of
 from gearstab.systems import build
@@ -62,15 +62,9 @@ system:
 """
 
 
-def loaded(folder: Path, text: str, *overrides: str):
-    path = folder / "scene.yaml"
-    path.write_text(text)
-    return load(path, overrides)
-
-
 def first_problem(folder: Path, text: str, *overrides: str):
     with pytest.raises(ConfigError) as caught:
-        loaded(folder, text, *overrides)
+        read(folder, text, *overrides)
     assert len(caught.value.problems) == 1, caught.value
     return caught.value.problems[0]
 
@@ -98,9 +92,9 @@ NUMBERS = [
 def test_a_text_with_a_unit_is_a_number(tmp_path, text, override, path, value):
     if path is None:
         with pytest.raises(ConfigError):
-            loaded(tmp_path, text, override)
+            read(tmp_path, text, override)
         return
-    found = loaded(tmp_path, text, override).parameters
+    found = read(tmp_path, text, override).parameters
     for key in path:
         found = found[key]
     assert found == pytest.approx(value, rel=1e-14)
@@ -152,26 +146,26 @@ SWEPT = [
 @pytest.mark.parametrize(("sweep", "path"), SWEPT, ids=[path for _, path in SWEPT])
 def test_axes_take_the_units_of_their_very_number(tmp_path, sweep, path):
     with pytest.raises(ConfigError) as caught:
-        loaded(tmp_path, MIXED + sweep + "\nmethods: {floquet: {}}\n")
+        read(tmp_path, MIXED + sweep + "\nmethods: {floquet: {}}\n")
     assert path in {problem.path for problem in caught.value.problems}
 
 
 def test_units_of_axes_are_those_of_their_very_number(tmp_path):
     text = MIXED + "sweep: {mesh_frequency: [1, 2], load.1: [1, 2], stiffness.0.0: [1, 2]}\nmethods: {floquet: {}}\n"
-    assert [axis.units for axis in loaded(tmp_path, text).axes] == ["rad/s", "N m", "N/m"]
+    assert [axis.units for axis in read(tmp_path, text).axes] == ["rad/s", "N m", "N/m"]
 
 
 # ---- coordinates of matrices
 
 
 def test_one_unit_may_stand_for_all_coordinates(tmp_path):
-    system = build(loaded(tmp_path, MIXED, "coordinate_units=rad").parameters)
+    system = build(read(tmp_path, MIXED, "coordinate_units=rad").parameters)
     assert system.coordinate_units == ("rad", "rad")
 
 
 def test_inertias_tell_which_coordinates_turn(tmp_path):
     text = MIXED.replace("  coordinate_units: [m, rad]\n", "").replace("0.01]]", "100 kg cm^2]]")
-    config = loaded(tmp_path, text)
+    config = read(tmp_path, text)
     assert build(config.parameters).coordinate_units == ("m", "rad")
     assert config.tree["system"]["coordinate_units"] == ["m", "rad"]
 
@@ -284,7 +278,7 @@ def test_a_model_without_units_takes_none(tmp_path, override, path):
 
 def test_a_scaled_planetary_gear_has_lengths_only(tmp_path):
     """Masses, stiffnesses and times are scaled, displacements are not: forces over a stiffness are lengths."""
-    config = loaded(tmp_path, PLANETARY, "scaling=dimensionless")
+    config = read(tmp_path, PLANETARY, "scaling=dimensionless")
     system = build(config.parameters)
     expected = {"rad/s": "1", "1/s": "1", "kg^-1/2": "1", "m": "m", "m/s": "m", "N": "m", "J": "m^2", "s": "1"}
     expected |= {"N^2 s": "m^2", "m^2 s": "m^2", "1": "1"}

@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 
 import pytest
-from places import ROOT
+from scenes import ROOT
 
 from gearstab.config import load
 from gearstab.config.model.schema import schema

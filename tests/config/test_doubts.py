@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
-from places import ROOT
+from scenes import ROOT
 
 from gearstab.cli import group
 from gearstab.config import load

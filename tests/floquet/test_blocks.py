@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from fractions import Fraction
 
 import numpy as np
 import pytest
-from cyclic_gears import cyclic
-from hard_cases import HARD_CASES, star, train
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from planetary_gears import cyclic
 from scipy.linalg import expm
 from scipy.optimize import linear_sum_assignment
+from systems import HARD_CASES, random_split, rotated, star, train
 
-from gearstab import modal
 from gearstab.floquet import solve
 from gearstab.floquet.report import reduction
 from gearstab.floquet.segments import reduction as elastic_reduction
@@ -134,23 +132,6 @@ def test_what_is_left_out_is_rounding():
         assert np.abs(q.T @ q - np.eye(q.shape[1])).max() < 1e-13
 
 
-def rotated(seed):
-    """Modes of the mean system with the basis of each group of equal frequencies turned at random."""
-
-    def turned(system):
-        rng = np.random.default_rng(seed)
-        modes = modal.mean_modes(system)
-        shapes, squared = modes.shapes.copy(), modes.squared_frequency
-        edges = np.flatnonzero(np.diff(squared) > 1e-9 * np.abs(squared[1:])) + 1
-        for group in np.split(np.arange(len(squared)), edges):
-            turn, _ = np.linalg.qr(rng.standard_normal((len(group), len(group))))
-            shapes[:, group] = shapes[:, group] @ turn
-        deflection = [modal.mesh_deflection(shapes, mesh.direction) for mesh in system.meshes]
-        return replace(modes, shapes=shapes, mesh_deflection=np.stack(deflection, axis=-1))
-
-    return turned
-
-
 @pytest.mark.parametrize("system", [star(), cyclic(4), cyclic(5, harmonics=8)], ids=["star", "four", "elastic"])
 def test_the_basis_of_a_degenerate_pair_does_not_matter(monkeypatch, system):
     first = solve(system, OMEGA)
@@ -234,28 +215,6 @@ def test_a_train_is_one_block():
 @pytest.mark.parametrize("case", [c for c in HARD_CASES if c.system.size < 10], ids=lambda c: c.name)
 def test_hard_cases_agree_with_the_whole(case):
     assert_same(case.system, np.array(case.omega), exponents=False)
-
-
-def random_split(rng, groups, copies):
-    """Independent systems of one mesh each, hidden by an orthogonal change of coordinates; the first one repeated."""
-    n = sum(groups) + (copies - 1) * groups[0]
-    mass, spring = np.zeros((n, n)), np.zeros((n, n))
-    meshes, start = [], 0
-    own = [rng.standard_normal((m, m)) for m in groups]
-    shape = [rng.standard_normal(m) for m in groups]
-    for k in [0] * copies + list(range(1, len(groups))):
-        m = groups[k]
-        part = slice(start, start + m)
-        mass[part, part] = np.eye(m)
-        spring[part, part] = own[k] @ own[k].T + 0.3 * np.eye(m)
-        direction = np.zeros(n)
-        direction[part] = shape[k]
-        lag = 0.1 * k
-        meshes.append(Mesh(f"m{start}", direction, 0.5 + 0.2 * k, 0.3, Rectangular(1.4 + 0.1 * k), Fraction(1), lag))
-        start += m
-    turn, _ = np.linalg.qr(rng.standard_normal((n, n)))
-    turned = tuple(replace(mesh, direction=turn @ mesh.direction) for mesh in meshes)
-    return GearSystem(turn @ mass @ turn.T, turn @ spring @ turn.T, turned)
 
 
 @settings(max_examples=15)

@@ -7,11 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from cyclic_gears import cyclic
-from hard_cases import star
-from test_blocks import random_split, rotated
-from test_boundaries_blocks import planetary
-from test_planetary import parameters, with_epsilon
+from planetary_gears import cyclic, parameters, planetary, with_epsilon
+from systems import random_split, rotated, star
 
 from gearstab.floquet.segments import blocks, reduction
 from gearstab.floquet.segments.blocks import split

@@ -12,7 +12,8 @@ from fractions import Fraction
 import numpy as np
 import oracle
 import pytest
-from scipy.linalg import expm
+from systems import star, train
+from tongues import monodromy
 
 from gearstab.floquet import solve
 from gearstab.modal import mean_modes
@@ -20,18 +21,6 @@ from gearstab.system import GearSystem, Mesh
 from gearstab.waveforms import Rectangular
 
 CLEARLY_OFF, CLEARLY_ON = 1e-4, 1e-11
-
-
-def train(epsilon, contact, lag=0.0, ratio=Fraction(1), inertias=(1.0, 0.3, 4.0), shaft=0.5):
-    g = np.array([[1.0, 1.0, 0.0], [0.0, 1.0, 1.0]])
-    return GearSystem(
-        np.diag(inertias),
-        np.diag([shaft, 0.0, 0.0]),
-        (
-            Mesh("first", g[0], 1.0, epsilon, Rectangular(contact[0])),
-            Mesh("second", g[1], 1.0, epsilon, Rectangular(contact[1]), ratio, lag),
-        ),
-    )
 
 
 def twins(epsilon, contact, coupling=0.0):
@@ -43,31 +32,9 @@ def twins(epsilon, contact, coupling=0.0):
     )
 
 
-def star(epsilon, contact, phases):
-    """A hub and three identical satellites, like a small planetary train: one pair of degenerate modes."""
-    g = np.array([[1.0, -1.0, 0, 0], [1.0, 0, -1.0, 0], [1.0, 0, 0, -1.0]])
-    meshes = tuple(Mesh(str(i), g[i], 1.0, epsilon, Rectangular(contact), Fraction(1), phases[i]) for i in range(3))
-    return GearSystem(np.diag([1.7, 0.6, 0.6, 0.6]), np.diag([0.4, 0.2, 0.2, 0.2]), meshes)
-
-
-def multipliers(system, omega):
-    """``(P, 2n)`` eigenvalues of the product of exponentials over the segments of the common period."""
-    plain = oracle.plain(system)
-    n = system.size
-    inverse = np.linalg.inv(system.mass)
-    total = np.broadcast_to(np.eye(2 * n), (len(omega), 2 * n, 2 * n))
-    for duration, levels in oracle.segments(plain):
-        if duration == 0:
-            continue
-        stiffness = inverse @ system.stiffness_matrix([float(level) for level in levels])
-        generator = np.block([[np.zeros((n, n)), np.eye(n)], [-stiffness, np.zeros((n, n))]])
-        total = expm(generator * (float(duration) * 2 * np.pi / omega)[:, None, None]) @ total
-    return np.linalg.eigvals(total)
-
-
 def judge(system, omega):
     """The true flags, and how many of them the oracle had to settle."""
-    excess = np.abs(multipliers(system, omega)).max(axis=1) - 1
+    excess = np.abs(np.linalg.eigvals(monodromy(system, omega))).max(axis=1) - 1
     truth = excess < CLEARLY_ON
     doubtful = np.flatnonzero((excess >= CLEARLY_ON) & (excess <= CLEARLY_OFF))
     for k in doubtful:
@@ -87,11 +54,11 @@ def generic(rng, rows, points):
         ratio = [Fraction(1), Fraction(1, 2), Fraction(2, 3)][rng.integers(3)]
         system = train(
             rng.uniform(0.05, 0.45),
-            rng.uniform(1, 2, 2),
+            tuple(rng.uniform(1, 2, 2)),
             rng.uniform(),
             ratio,
-            rng.uniform(0.3, 4, 3),
-            rng.uniform(0.1, 2),
+            inertias=rng.uniform(0.3, 4, 3),
+            shaft=rng.uniform(0.1, 2),
         )
         yield system, rng.uniform(0.3, 7, points)
 
@@ -99,14 +66,14 @@ def generic(rng, rows, points):
 def near_edges(rng, rows):
     """Points at distances of 1e-3 to 1e-9 from the edges of real tongues: where a rounding error could flip a flag."""
     for _ in range(rows):
-        system = train(rng.uniform(0.1, 0.4), rng.uniform(1.1, 1.9, 2), rng.uniform())
+        system = train(rng.uniform(0.1, 0.4), tuple(rng.uniform(1.1, 1.9, 2)), rng.uniform())
         grid = np.linspace(0.8, 6, 300)
-        stable = np.abs(multipliers(system, grid)).max(axis=1) - 1 < 1e-6
+        stable = np.abs(np.linalg.eigvals(monodromy(system, grid))).max(axis=1) - 1 < 1e-6
         k = rng.choice(np.flatnonzero(stable[:-1] != stable[1:]))
         low, high = grid[k], grid[k + 1]
         for _ in range(34):
             middle = 0.5 * (low + high)
-            same = (np.abs(multipliers(system, np.array([middle]))).max() - 1 < 1e-6) == stable[k]
+            same = (np.abs(np.linalg.eigvals(monodromy(system, np.array([middle])))).max() - 1 < 1e-6) == stable[k]
             low, high = (middle, high) if same else (low, middle)
         offsets = np.array([1e-3, 1e-5, 1e-7, 1e-9])
         yield system, low * (1 + np.concatenate([offsets, -offsets]))

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from places import DATA
+from scenes import DATA
 from scipy.linalg import expm
+from systems import pair, two_stage
 
 from gearstab.floquet import STATUS_FLAGS, solve
 from gearstab.floquet.kernel import damped, decision, graded, invariants, numpy_kernel
@@ -22,19 +23,8 @@ from gearstab.systems import build
 from gearstab.waveforms import Rectangular
 
 
-def two_stage(ratio="1", epsilon=0.3, contact=(1.5, 1.5), phasing=0.0, shaft=0.5, **damping):
-    """The train of Lin & Parker 2002, Table 1."""
-    meshes = [
-        {"name": "first", "mean_stiffness": 1.0, "epsilon": epsilon, "contact_ratio": contact[0]},
-        {"name": "second", "mean_stiffness": 1.0, "epsilon": epsilon, "contact_ratio": contact[1], "phasing": phasing},
-    ]
-    section = {"kind": "two_stage", "inertias": [1.0, 0.3, 4.0], "input_shaft_stiffness": shaft, "meshes": meshes}
-    return build({**section, "tooth_ratio": Fraction(ratio), **damping})
-
-
-def pair(epsilon=0.3, contact=1.5, **damping):
-    mesh = {"name": "mesh", "mean_stiffness": 1.0, "epsilon": epsilon, "contact_ratio": contact}
-    return build({"kind": "gear_pair", "equivalent_mass": 1.0, "meshes": [mesh], **damping})
+def train(ratio=1, epsilon=0.3, contact_ratio=1.5, phasing=0.0, shaft=0.5, **changes):
+    return build(two_stage(ratio, epsilon, contact_ratio, phasing, input_shaft_stiffness=shaft, **changes))
 
 
 def random_system(rng, n, meshes=3, damping=False):
@@ -90,7 +80,7 @@ def test_edges_of_the_reference(case):
     """
     item = json.loads((DATA / "lin_parker_2002_edges.json").read_text())["cases"][case]
     edges = np.array(item["edges"])
-    system = two_stage(item["R"], item["epsilon"], item["contact_ratio"], item["phasing"])
+    system = train(item["R"], item["epsilon"], item["contact_ratio"], item["phasing"])
     below, above = solve(system, edges - 3e-6).stable, solve(system, edges + 3e-6).stable
     np.testing.assert_array_equal(below[0] ^ above[0], 1)
 
@@ -98,7 +88,7 @@ def test_edges_of_the_reference(case):
 @pytest.mark.parametrize("omega", [0.05, 0.4, 1.3, 3.1])
 def test_meissner(omega):
     """One degree of freedom with two levels: tr M = 2 c1 c2 - (w1/w2 + w2/w1) s1 s2 (Meissner 1918)."""
-    result = solve(pair(), np.array([omega]), exponents=True)
+    result = solve(build(pair()), np.array([omega]), exponents=True)
     w1, w2 = np.sqrt(1.3), np.sqrt(0.7)
     half = np.pi / omega
     trace = 2 * np.cos(w1 * half) * np.cos(w2 * half) - (w1 / w2 + w2 / w1) * np.sin(w1 * half) * np.sin(w2 * half)
@@ -128,7 +118,7 @@ def test_exponents_equal_those_of_matrix_exponentials(n, damping):
 
 
 def test_without_variation_the_multipliers_turn_with_the_natural_frequencies():
-    system = two_stage(epsilon=0.0)
+    system = train(epsilon=0.0)
     omega = np.array([0.3, 2.0])
     found = solve(system, omega, exponents=True)
     w = mean_modes(system).natural_frequency
@@ -142,7 +132,7 @@ def test_without_variation_the_multipliers_turn_with_the_natural_frequencies():
 
 @pytest.mark.parametrize("contact", [1.0, 2.0, 3.0])
 def test_integer_contact_ratio_gives_no_tongue(contact):
-    found = solve(two_stage(contact=(contact, contact)), np.linspace(0.2, 7, 500))
+    found = solve(train(contact_ratio=(contact, contact)), np.linspace(0.2, 7, 500))
     assert np.all(found.stable == 1)
     assert np.all(found.growth_rate == 0)
 
@@ -174,7 +164,7 @@ def test_determinant_tells_the_damping(kind):
         "matrix": {"damping": {"matrix": [[0.02, 0.01, 0], [0.01, 0.03, 0], [0, 0, 0.05]]}},
         "mesh": {},
     }[kind]
-    system = two_stage("2/3", **extra)
+    system = train("2/3", **extra)
     if kind == "mesh":
         drag = 0.02 * system.meshes[0].outer + 0.05 * system.meshes[1].outer
         system = GearSystem(system.mass, system.stiffness, system.meshes, drag)
@@ -188,9 +178,9 @@ def test_mass_proportional_damping_is_a_shift():
     """C = alpha M shifts every exponent by -alpha/2 of the system with K - alpha^2/4 M; general damping must agree."""
     alpha = 0.04
     omega = np.linspace(0.4, 6, 57)
-    shifted = solve(two_stage(damping={"rayleigh": [alpha, 0.0]}), omega, exponents=True)
+    shifted = solve(train(damping={"rayleigh": [alpha, 0.0]}), omega, exponents=True)
     # A hair of stiffness-proportional damping forces the general path.
-    general = solve(two_stage(damping={"rayleigh": [alpha, 1e-11]}), omega, exponents=True)
+    general = solve(train(damping={"rayleigh": [alpha, 1e-11]}), omega, exponents=True)
     np.testing.assert_allclose(shifted.growth_rate, general.growth_rate, atol=1e-9)
     np.testing.assert_array_equal(shifted.stable, general.stable)
     assert shifted.growth_rate.min() == pytest.approx(-alpha / 2, abs=1e-15)
@@ -198,7 +188,7 @@ def test_mass_proportional_damping_is_a_shift():
 
 @pytest.mark.parametrize("zeta", [0.999, 1.0, 1.001, 3.0])
 def test_critical_and_overdamped_pair(zeta):
-    found = solve(pair(epsilon=0.0, damping_ratio=zeta), np.array([0.5, 2.0]), exponents=True)
+    found = solve(build(pair({"epsilon": 0.0}, damping_ratio=zeta)), np.array([0.5, 2.0]), exponents=True)
     roots = np.roots([1, 2 * zeta, 1])
     np.testing.assert_allclose(found.growth_rate[0], roots.real.max(), atol=1e-7)
     np.testing.assert_allclose(found.exponents[0].sum(axis=-1).real, -2 * zeta, rtol=1e-12)
@@ -206,7 +196,7 @@ def test_critical_and_overdamped_pair(zeta):
 
 def test_critically_damped_mode_of_a_train():
     """Where a state's generator is defective the exponential takes over; the determinant still tells the damping."""
-    system = two_stage(epsilon=0.0, damping={"modal": [1.0, 0.3, 0.1]})
+    system = train(epsilon=0.0, damping={"modal": [1.0, 0.3, 0.1]})
     found = solve(system, np.array([0.7, 3.0]), exponents=True)
     w = mean_modes(system).natural_frequency
     expected = np.sort(
@@ -218,7 +208,7 @@ def test_critically_damped_mode_of_a_train():
 
 def test_rigid_modes_take_no_part():
     omega = np.linspace(0.3, 6, 200)
-    found = solve(two_stage(shaft=0.0), omega, exponents=True)
+    found = solve(train(shaft=0.0), omega, exponents=True)
     assert np.all(np.abs(found.exponents).min(axis=-1) == 0)
     # The same elastic system written in its two mesh deflections.
     free = GearSystem(
@@ -237,10 +227,10 @@ def test_a_batch_equals_its_rows():
     contact = (np.array([1.5, 1.2, 2.0, 1.7]), 1.5)
     omega = np.linspace(0.5, 6, 40) + 0.1 * np.arange(4)[:, None]
     ratio = np.array([0.0, 0.01, 0.0, 0.02])
-    whole = solve(two_stage("1/2", epsilon, contact, 0.3, shaft, damping_ratio=ratio), omega, exponents=True)
+    whole = solve(train("1/2", epsilon, contact, 0.3, shaft, damping_ratio=ratio), omega, exponents=True)
     for r in range(4):
         one = solve(
-            two_stage("1/2", epsilon[r], (contact[0][r], 1.5), 0.3, shaft[r], damping_ratio=ratio[r]),
+            train("1/2", epsilon[r], (contact[0][r], 1.5), 0.3, shaft[r], damping_ratio=ratio[r]),
             omega[r],
             exponents=True,
         )
@@ -249,7 +239,7 @@ def test_a_batch_equals_its_rows():
 
 
 def test_every_row_is_in_exactly_one_pattern():
-    system = two_stage("3/5", np.linspace(0, 0.5, 11), (np.linspace(1, 2, 11), 1.5), 0.0, np.tile([0.5, 0.0], 6)[:11])
+    system = train("3/5", np.linspace(0, 0.5, 11), (np.linspace(1, 2, 11), 1.5), 0.0, np.tile([0.5, 0.0], 6)[:11])
     patterns = prepare(system)
     np.testing.assert_array_equal(np.sort(np.concatenate([p.rows for p in patterns])), np.arange(11))
     for p in patterns:
@@ -262,7 +252,7 @@ def test_growth_beyond_double_precision():
     Half of the period k = 1 - eps < 0: x grows like exp(sqrt(eps - 1) t); the other half it turns. The growth rate
     tends to sqrt(eps - 1)/2 for long periods, with a relative error of (ln 4)/(growth a period).
     """
-    result = solve(pair(epsilon=2.0), np.array([0.002]), exponents=True)
+    result = solve(build(pair({"epsilon": 2.0})), np.array([0.002]), exponents=True)
     period = 2 * np.pi / 0.002
     assert result.growth_rate[0, 0] * period > np.log(1e300)
     assert result.growth_rate[0, 0] == pytest.approx(0.5, rel=5e-3)

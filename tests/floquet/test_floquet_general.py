@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from itertools import pairwise
 
 import mpmath as mp
 import numpy as np
 import pytest
+import systems
 from click.testing import CliRunner
-from scipy.integrate import solve_ivp
+from driven import integrated
 
 from gearstab.cli import group
 from gearstab.floquet import STATUS_FLAGS, solve
@@ -18,7 +18,7 @@ from gearstab.floquet.general import analyse
 from gearstab.floquet.report import reduction
 from gearstab.floquet.truncation import modes_basis, neglected, restricted
 from gearstab.linear.magnus import expm
-from gearstab.system import GearSystem, Mesh, PeriodicTerm
+from gearstab.system import PeriodicTerm
 from gearstab.waveforms import Constant, Rectangular, Scaled
 
 G1, G2 = np.array([1.0, 1.0, 0.0]), np.array([0.0, 1.0, 1.0])
@@ -46,58 +46,12 @@ class Smooth:
 
 
 def train(damping=None, stiffness=SHAFT, terms=()):
-    meshes = (
-        Mesh("first", G1, 1.0, 0.3, Rectangular(1.5)),
-        Mesh("second", G2, 1.0, 0.2, Rectangular(1.4), Fraction(3, 5), 0.2),
-    )
-    return GearSystem(MASS, stiffness, meshes, damping, terms=tuple(terms))
+    system = systems.train((0.3, 0.2), (1.5, 1.4), 0.2, "3/5", damping=damping)
+    return replace(system, stiffness=stiffness, terms=tuple(terms))
 
 
 def friction(stiffness, damping=None, left=(0.3, -0.1, 0.2), right=G1, **other):
     return PeriodicTerm("friction", np.array(left), np.asarray(right, dtype=float), stiffness, damping, **other)
-
-
-def integrated(system, omega):
-    """Monodromy matrix by DOP853, broken nowhere but with steps far shorter than any segment."""
-    n, inverse = system.size, np.linalg.inv(system.mass)
-    period = 2 * np.pi * float(system.common_period()[0]) / omega
-
-    def rhs(t, x):
-        phase = omega * t / (2 * np.pi)
-        k = np.array(system.stiffness, dtype=float)
-        c = np.zeros((n, n)) if system.damping is None else np.array(system.damping)
-        for mesh in system.meshes:
-            level = mesh.mean_stiffness * (
-                1 + 2 * mesh.epsilon * mesh.waveform.value(np.asarray(phase * float(mesh.frequency_ratio) - mesh.lag))
-            )
-            k = k + level * np.outer(mesh.direction, mesh.direction)
-        for term in system.terms:
-            x_term = np.asarray(phase * float(term.frequency_ratio) - term.lag)
-            outer = np.outer(term.left, term.right)
-            k = k + (0 if term.stiffness is None else term.stiffness.value(x_term)) * outer
-            c = c + (0 if term.damping is None else term.damping.value(x_term)) * outer
-        state = x.reshape(2 * n, -1)
-        return np.concatenate([state[n:], -inverse @ (k @ state[:n] + c @ state[n:])]).ravel()
-
-    cuts = np.unique(np.concatenate([[0.0, 1.0], *(_jumps(system))]))
-    state = np.eye(2 * n).ravel()
-    for a, b in pairwise(cuts):
-        # A hair inside, so that the right side is that of this segment at both ends.
-        inside = (a + 1e-13) * period, (b - 1e-13) * period
-        state = solve_ivp(rhs, inside, state, method="DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
-    return state.reshape(2 * n, 2 * n), period
-
-
-def _jumps(system):
-    counts = system.common_period()[1]
-    parts = [(mesh.waveform, mesh.lag) for mesh in system.meshes]
-    parts += [(profile, term.lag) for term in system.terms for profile in term.profiles]
-    ratios = list(counts[: len(system.meshes)])
-    for term, count in zip(system.terms, counts[len(system.meshes) :], strict=True):
-        ratios += [count] * len(term.profiles)
-    for (profile, lag), count in zip(parts, ratios, strict=True):
-        points = (np.atleast_1d(profile.breakpoints())[:, None] + lag + np.arange(count)) / count
-        yield np.ravel(points) % 1.0
 
 
 @pytest.mark.parametrize("damping", [None, DAMPING])
@@ -149,7 +103,8 @@ CASES = {
 def test_growth_agrees_with_integration(name, omega):
     system = CASES[name]
     found = analyse(system, np.array([[omega]]), exponents=True, tolerance=1e-11)
-    matrix, period = integrated(system, omega)
+    period = 2 * np.pi * float(system.common_period()[0]) / omega
+    matrix = integrated(system, omega, np.eye(2 * system.size), period)
     expected = np.log(np.abs(np.linalg.eigvals(matrix)).max()) / period
     # DOP853 at 1e-12 over a few hundred steps.
     assert found.growth_rate[0, 0] == pytest.approx(expected, abs=1e-9)

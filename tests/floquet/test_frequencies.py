@@ -5,6 +5,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+import systems
 
 from gearstab.floquet import STATUS_FLAGS, solution, solve
 from gearstab.floquet.frequencies import chosen, common_period, groups, lyapunov, per_mesh, reason
@@ -18,18 +19,13 @@ from gearstab.waveforms import Fourier, Rectangular, Scaled, Trapezoidal
 GOLDEN = (np.sqrt(5) - 1) / 2
 
 
-def train(ratio=Fraction(3, 5), epsilon=(0.3, 0.3), damping_ratio=0.0, lag=0.0):
-    """Lin & Parker's three-gear train (2002, Table 1) with a second mesh of any frequency."""
-    mass, stiffness = np.diag([1.0, 0.3, 4.0]), np.diag([0.5, 0.0, 0.0])
-    first = Mesh("first", np.array([1.0, 1.0, 0.0]), np.asarray(1.0), np.asarray(epsilon[0]), Rectangular(1.5))
-    second = Mesh(
-        "second", np.array([0.0, 1.0, 1.0]), np.asarray(1.0), np.asarray(epsilon[1]), Rectangular(1.3), ratio, lag
-    )
-    system = GearSystem(mass, stiffness, (first, second))
+def train(ratio="3/5", epsilon=(0.3, 0.3), damping_ratio=0.0, lag=0.0):
+    """Lin & Parker's train with a second mesh of any frequency."""
+    system = systems.train(epsilon, (1.5, 1.3), lag, ratio)
     if not damping_ratio:
         return system
     ratios = np.full(3, damping_ratio)
-    return replace(system, damping=modal_damping_matrix(mass, system.mean_stiffness_matrix(), ratios))
+    return replace(system, damping=modal_damping_matrix(system.mass, system.mean_stiffness_matrix(), ratios))
 
 
 class TestLongPeriods:

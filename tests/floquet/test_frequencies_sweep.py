@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
-from click.testing import CliRunner, Result
+from click.testing import Result
+from scenes import ran
 
-from gearstab.cli import group
 from gearstab.config import load
 from gearstab.floquet import STATUS_FLAGS, solve
 from gearstab.floquet.frequencies import per_mesh
@@ -45,14 +45,10 @@ def written(folder: Path, ratio: str) -> Path:
     return path
 
 
-def run(*args: str | Path) -> Result:
-    return CliRunner().invoke(group, [str(arg) for arg in args])
-
-
 def swept(path: Path, *sets: str) -> tuple[Result, xr.DataTree]:
     out = path.with_name(f"{len(list(path.parent.glob('*.h5')))}.h5")
     options = [part for text in sets for part in ("--set", text)]
-    done = run("sweep", path, "-o", out, "-j", "1", *options)
+    done = ran("sweep", path, "-o", out, "-j", "1", *options)
     assert done.exit_code == 0, done.output
     with xr.open_datatree(out) as tree:
         return done, tree.load()
@@ -115,7 +111,7 @@ def test_one_mesh_at_a_time(tmp_path: Path) -> None:
     ],
 )
 def test_what_has_no_answer_is_one_line(tmp_path: Path, change: str, said: str) -> None:
-    done = run("sweep", written(tmp_path, GOLDEN), "-o", tmp_path / "out.h5", "--set", change)
+    done = ran("sweep", written(tmp_path, GOLDEN), "-o", tmp_path / "out.h5", "--set", change)
     assert done.exit_code == 2
     assert said in done.stderr
     assert not (tmp_path / "out.h5").exists()
@@ -127,29 +123,29 @@ def test_other_commands_need_a_common_period(tmp_path: Path, command: str) -> No
     if command == "respond":
         text = path.read_text().split("sweep:")[0]
         path.write_text(text + "respond: {mesh_frequency: 2.0, initial: {displacement: [1, 0, 0]}, cycles: 3}\n")
-    done = run(command, path, "-o", tmp_path / "out.h5")
+    done = ran(command, path, "-o", tmp_path / "out.h5")
     assert done.exit_code == 2
     assert "no common period" in done.stderr
     assert done.stderr.count("\n") == 1
 
 
 def test_a_dry_run_tells_the_cost(tmp_path: Path) -> None:
-    done = run("sweep", written(tmp_path, RATIONAL), "--dry-run")
+    done = ran("sweep", written(tmp_path, RATIONAL), "--dry-run")
     assert "a common period of 17 + 7 mesh cycles with 46 segments), 4 distinct states" in done.stdout
-    done = run("sweep", written(tmp_path, GOLDEN), "--dry-run")
+    done = ran("sweep", written(tmp_path, GOLDEN), "--dry-run")
     # 60 cycles of the second mesh and 97.08 of the first, two segments each.
     assert "a window of 60 cycles of the slowest mesh, 314 segments" in done.stdout
 
 
 def test_info_tells_the_way(tmp_path: Path) -> None:
     path = written(tmp_path, GOLDEN)
-    facts = json.loads(run("info", path, "--json").stdout)
+    facts = json.loads(ran("info", path, "--json").stdout)
     assert facts["common_period"] is None
     assert facts["frequencies"]["chosen"].startswith("lyapunov")
     seconds = facts["frequencies"]["seconds_per_point"]
     assert seconds is None or seconds > 0
     assert {t["label"] for t in facts["tongues"]} >= {"2w3", "2w3 (second)"}
-    text = run("info", path).stdout
+    text = ran("info", path).stdout
     assert "common period  none: a mesh frequency has an irrational ratio" in text
 
 
@@ -173,7 +169,7 @@ def test_a_factor_is_in_proportion_to_the_ratio(tmp_path: Path) -> None:
     factor = swept(path, "methods={required_damping: {of: factor}}")[1]["required_damping"]
     assert factor.attrs["frequencies_chosen"] == "per_mesh"
     np.testing.assert_allclose(0.005 * factor["required_damping"], ratio["required_damping"], rtol=3e-6)
-    done = run("sweep", path, "--set", "damping_ratio=0", "--set", "methods={required_damping: {of: factor}}")
+    done = ran("sweep", path, "--set", "damping_ratio=0", "--set", "methods={required_damping: {of: factor}}")
     assert done.exit_code == 2
     assert "there is no damping to multiply" in done.stderr
 

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import hard_cases
 import numpy as np
 import oracle
 import pytest
+import systems
 from scipy.integrate import solve_ivp
 
 from gearstab.floquet import STATUS_FLAGS, solve
 from gearstab.modal import mean_modes
 
-CASES = {case.name: case for case in hard_cases.HARD_CASES}
+CASES = {case.name: case for case in systems.HARD_CASES}
 SETTLED = [
     pytest.param(name, marks=pytest.mark.slow if case.tags & {"many", "long"} else ())
     for name, case in CASES.items()
@@ -104,7 +104,7 @@ def integrated_distance(system, omega, logs, rtol):
 @pytest.mark.parametrize(("low", "high"), [(5.0, 5.4), (5.45, 5.8), (1.9, 2.0), (2.6, 2.71)])
 def test_flags_next_to_a_boundary(low, high):
     """At relative distances down to 1e-12 from an edge of a tongue the flag is the one of high precision."""
-    system = hard_cases.train(0.1)
+    system = systems.train(0.1)
     if solve(system, np.array([low])).stable[0, 0] == solve(system, np.array([high])).stable[0, 0]:
         pytest.fail("no edge in this range")
     edge = edge_of_tongue(system, low, high)

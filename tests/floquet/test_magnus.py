@@ -8,60 +8,27 @@ from fractions import Fraction
 import numpy as np
 import periodic_reference as reference
 import pytest
-from cyclic_gears import cyclic
+from planetary_gears import cyclic
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 from scipy.special import mathieu_a, mathieu_b
+from systems import (
+    COSINE,
+    GENERAL,
+    SMOOTH_OMEGA,
+    SMOOTH_SYSTEMS,
+    TRAPEZOID,
+    WAVE,
+    oscillator,
+    smooth_train,
+    with_ramps,
+)
 
 from gearstab.floquet import STATUS_FLAGS, solve
 from gearstab.floquet.kernel import choice as kernel
 from gearstab.floquet.smooth import steps
 from gearstab.floquet.smooth.schemes import CF4_2, CF6_5
-from gearstab.system import GearSystem, Mesh
-from gearstab.waveforms import Fourier, Rectangular, Sampled, Trapezoidal
-
-WAVE = Fourier(np.array([0.6, 0.2, -0.1, 0.05]), np.array([0.1, 0.15, 0.05, -0.02]))
-COSINE = Fourier(np.array([0.0]), np.array([1.0]))
-TRAPEZOID = Trapezoidal(1.5, 0.2)
-SHORT_RAMPS = Trapezoidal(1.7, 0.05)
-LINES = Sampled(np.array([0.0, 0.15, 0.4, 0.7, 0.9]), np.array([1.0, 2.0, 1.8, 0.7, 0.9]))
-CURVE = Sampled(np.linspace(0, 1, 7)[:-1], np.array([1.0, 2.0, 1.8, 0.7, 0.9, 0.8]), "cubic")
-GENERAL = np.array([[0.02, -0.01, 0.0], [-0.01, 0.03, 0.005], [0.0, 0.005, 0.05]])
-
-
-def two_stage(first, second, epsilon=0.3, ratio=Fraction(1), damping=None, lag=0.1):
-    """Lin & Parker's train with any waves."""
-    mass, stiffness = np.diag([1.0, 0.3, 4.0]), np.diag([0.5, 0.0, 0.0])
-    meshes = (
-        Mesh("a", np.array([1.0, 1.0, 0.0]), np.array(1.0), np.asarray(epsilon), first),
-        Mesh("b", np.array([0.0, 1.0, 1.0]), np.array(1.0), np.asarray(epsilon), second, ratio, lag),
-    )
-    return GearSystem(mass, stiffness, meshes, damping)
-
-
-def with_ramps(system):
-    """The same system with trapezoids in place of rectangles."""
-    meshes = tuple(replace(m, waveform=Trapezoidal(m.waveform.contact_ratio, 0.1)) for m in system.meshes)
-    return replace(system, meshes=meshes)
-
-
-def one_mesh(wave, epsilon, damping=None):
-    """y'' + c y' + (1 + 2 eps w) y = 0."""
-    mesh = Mesh("m", np.ones(1), np.array(1.0), np.asarray(epsilon), wave)
-    return GearSystem(np.eye(1), np.zeros((1, 1)), (mesh,), damping)
-
-
-SCENES = {
-    "Fourier": (two_stage(WAVE, WAVE), 40),
-    "trapezoids": (two_stage(TRAPEZOID, SHORT_RAMPS), 40),
-    "mixed with a rectangle": (two_stage(Rectangular(1.4), WAVE, 0.4), 40),
-    "samples": (two_stage(LINES, CURVE), 40),
-    "two frequencies": (two_stage(WAVE, TRAPEZOID, 0.3, Fraction(1, 2)), 70),
-    "decay of all alike": (two_stage(TRAPEZOID, WAVE, 0.3, damping=0.03 * np.diag([1.0, 0.3, 4.0])), 40),
-    "general damping": (two_stage(WAVE, TRAPEZOID, 0.3, damping=GENERAL), 40),
-    "one coordinate": (one_mesh(COSINE, 0.35), 40),
-}
-OMEGA = np.sort(np.random.default_rng(3).uniform(0.8, 6.0, 24))
+from gearstab.waveforms import Fourier, Rectangular, Trapezoidal
 
 
 def multipliers(system, omega, found):
@@ -75,7 +42,9 @@ def references():
     """Multipliers of all scenes; twice the steps change them by less than 1e-14."""
     if not reference.EXTENDED:
         pytest.skip("no extended precision here")
-    return {name: reference.multipliers(system, OMEGA, steps) for name, (system, steps) in SCENES.items()}
+    return {
+        name: reference.multipliers(system, SMOOTH_OMEGA, steps) for name, (system, steps) in SMOOTH_SYSTEMS.items()
+    }
 
 
 class TestSchemes:
@@ -121,11 +90,11 @@ class TestEstimate:
     """The estimate is never below the error, and not far above it."""
 
     @pytest.mark.parametrize("tolerance", [1e-4, 1e-6, 1e-9, 1e-12])
-    @pytest.mark.parametrize("name", SCENES)
+    @pytest.mark.parametrize("name", SMOOTH_SYSTEMS)
     def test_honest_and_within_the_tolerance(self, name, tolerance, references):
-        system, _ = SCENES[name]
-        found = solve(system, OMEGA, exponents=True, tolerance=tolerance)
-        error = reference.distance(multipliers(system, OMEGA, found), references[name])
+        system, _ = SMOOTH_SYSTEMS[name]
+        found = solve(system, SMOOTH_OMEGA, exponents=True, tolerance=tolerance)
+        error = reference.distance(multipliers(system, SMOOTH_OMEGA, found), references[name])
         estimate = found.error_estimate[0]
         assert np.all(error <= estimate), (error / estimate).max()
         flagged = found.status[0] & STATUS_FLAGS["not_converged"] > 0
@@ -135,12 +104,12 @@ class TestEstimate:
         # A reference of which 1e-15 is rounding does not tell ratios at 1e-12.
         assert np.median(estimate / np.maximum(error, 1e-15)) < 30
 
-    @pytest.mark.parametrize("name", SCENES)
+    @pytest.mark.parametrize("name", SMOOTH_SYSTEMS)
     def test_growth_is_as_right_as_the_largest_multiplier(self, name, references):
-        system, _ = SCENES[name]
-        found = solve(system, OMEGA, tolerance=1e-9)
+        system, _ = SMOOTH_SYSTEMS[name]
+        found = solve(system, SMOOTH_OMEGA, tolerance=1e-9)
         largest = np.log(np.abs(references[name]).max(axis=1))
-        period = 2 * np.pi * float(system.common_period()[0]) / OMEGA
+        period = 2 * np.pi * float(system.common_period()[0]) / SMOOTH_OMEGA
         growth = found.growth_rate[0] * period
         # Relative to multipliers below 1 an absolute error of theirs is the larger, the more they have decayed.
         allowed = found.error_estimate[0] * np.exp(np.maximum(-largest, 0.0)) + 1e-13
@@ -150,10 +119,10 @@ class TestEstimate:
 
     @pytest.mark.parametrize("name", ["Fourier", "trapezoids", "two frequencies", "decay of all alike"])
     def test_points_among_many_are_as_honest(self, name, references):
-        system, _ = SCENES[name]
+        system, _ = SMOOTH_SYSTEMS[name]
         # Many enough for matrices to be interpolated.
-        omega = np.sort(np.concatenate([OMEGA, np.linspace(0.7, 6.2, 900)]))
-        chosen = np.searchsorted(omega, OMEGA)
+        omega = np.sort(np.concatenate([SMOOTH_OMEGA, np.linspace(0.7, 6.2, 900)]))
+        chosen = np.searchsorted(omega, SMOOTH_OMEGA)
         largest = np.log(np.abs(references[name]).max(axis=1))
         for tolerance in (1e-4, 1e-9):
             found = solve(system, omega, exponents=True, tolerance=tolerance)
@@ -167,15 +136,15 @@ class TestEstimate:
 
     def test_single_points_are_as_honest(self, references):
         name = "Fourier"
-        system, _ = SCENES[name]
-        for k in range(0, len(OMEGA), 5):
-            one = OMEGA[k : k + 1]
+        system, _ = SMOOTH_SYSTEMS[name]
+        for k in range(0, len(SMOOTH_OMEGA), 5):
+            one = SMOOTH_OMEGA[k : k + 1]
             found = solve(system, one, exponents=True, tolerance=1e-7)
             error = reference.distance(multipliers(system, one, found), references[name][k : k + 1])
             assert error[0] <= found.error_estimate[0, 0] <= 1e-7
 
     def test_what_cannot_be_reached_is_said(self):
-        found = solve(SCENES["Fourier"][0], OMEGA, tolerance=1e-17)
+        found = solve(SMOOTH_SYSTEMS["Fourier"][0], SMOOTH_OMEGA, tolerance=1e-17)
         assert np.all(found.status & STATUS_FLAGS["not_converged"])
         assert np.all(found.error_estimate > 1e-17)
         assert np.median(found.error_estimate) < 1e-12
@@ -183,7 +152,7 @@ class TestEstimate:
     def test_fast_variation_is_not_overlooked(self):
         # Thirty cycles of the wave's highest harmonic a period, far more than the first steps could see.
         wave = Fourier(np.zeros(30), np.append(np.zeros(29), 1.0))
-        system = one_mesh(wave, 0.45)
+        system = oscillator(wave, 0.45)
         omega = np.array([0.0668, 0.5])
         found = solve(system, omega, exponents=True, tolerance=1e-6)
         exact = reference.multipliers(system, omega, 100)
@@ -194,55 +163,55 @@ class TestIdentities:
     """Same answers in different words."""
 
     def test_ramps_of_no_width_are_a_rectangle(self):
-        ramps = two_stage(Trapezoidal(1.4, 0.0), Trapezoidal(1.6, 0.0))
-        jumps = two_stage(Rectangular(1.4), Rectangular(1.6))
-        found, exact = solve(ramps, OMEGA, exponents=True), solve(jumps, OMEGA, exponents=True)
+        ramps = smooth_train(Trapezoidal(1.4, 0.0), Trapezoidal(1.6, 0.0))
+        jumps = smooth_train(Rectangular(1.4), Rectangular(1.6))
+        found, exact = solve(ramps, SMOOTH_OMEGA, exponents=True), solve(jumps, SMOOTH_OMEGA, exponents=True)
         np.testing.assert_allclose(found.growth_rate, exact.growth_rate, rtol=0, atol=1e-12)
         np.testing.assert_array_equal(found.stable, exact.stable)
         assert exact.error_estimate is None
         assert found.error_estimate.max() < 1e-13
 
     def test_nothing_varies(self):
-        found = solve(two_stage(WAVE, TRAPEZOID, 0.0), OMEGA, exponents=True)
-        exact = solve(two_stage(Rectangular(1.5), Rectangular(1.5), 0.0), OMEGA, exponents=True)
+        found = solve(smooth_train(WAVE, TRAPEZOID, 0.0), SMOOTH_OMEGA, exponents=True)
+        exact = solve(smooth_train(Rectangular(1.5), Rectangular(1.5), 0.0), SMOOTH_OMEGA, exponents=True)
         np.testing.assert_array_equal(found.growth_rate, 0.0)
         np.testing.assert_allclose(found.exponents, exact.exponents, rtol=0, atol=1e-12)
 
     def test_origin_of_time(self):
-        system = two_stage(WAVE, TRAPEZOID, 0.3, Fraction(1, 2))
+        system = smooth_train(WAVE, TRAPEZOID, 0.3, Fraction(1, 2))
         moved = replace(
             system, meshes=tuple(replace(m, lag=m.lag + 0.237 * float(m.frequency_ratio)) for m in system.meshes)
         )
-        first, second = (solve(s, OMEGA, exponents=True, tolerance=1e-10) for s in (system, moved))
-        gap = reference.distance(multipliers(system, OMEGA, first), multipliers(moved, OMEGA, second))
+        first, second = (solve(s, SMOOTH_OMEGA, exponents=True, tolerance=1e-10) for s in (system, moved))
+        gap = reference.distance(multipliers(system, SMOOTH_OMEGA, first), multipliers(moved, SMOOTH_OMEGA, second))
         assert np.all(gap <= first.error_estimate[0] + second.error_estimate[0])
         np.testing.assert_array_equal(first.stable, second.stable)
 
     def test_multipliers_of_a_damped_system_have_the_determinant_of_liouville(self):
-        system = two_stage(WAVE, TRAPEZOID, 0.3, damping=GENERAL)
-        found = solve(system, OMEGA, exponents=True, tolerance=1e-6)
+        system = smooth_train(WAVE, TRAPEZOID, 0.3, damping=GENERAL)
+        found = solve(system, SMOOTH_OMEGA, exponents=True, tolerance=1e-6)
         # det M = exp(-T tr M^-1 C) holds for every Magnus step, whatever its length.
         trace = np.trace(np.linalg.solve(system.mass, system.damping))
         np.testing.assert_allclose(found.exponents[0].sum(axis=1).real, -trace, rtol=1e-11)
 
     def test_the_kernels_agree(self):
         for name in ("Fourier", "mixed with a rectangle", "general damping"):
-            system = SCENES[name][0]
+            system = SMOOTH_SYSTEMS[name][0]
             with kernel.using("numpy"):
-                other = solve(system, OMEGA, exponents=True, tolerance=1e-8)
-            found = solve(system, OMEGA, exponents=True, tolerance=1e-8)
-            gap = reference.distance(multipliers(system, OMEGA, found), multipliers(system, OMEGA, other))
+                other = solve(system, SMOOTH_OMEGA, exponents=True, tolerance=1e-8)
+            found = solve(system, SMOOTH_OMEGA, exponents=True, tolerance=1e-8)
+            gap = reference.distance(multipliers(system, SMOOTH_OMEGA, found), multipliers(system, SMOOTH_OMEGA, other))
             assert np.all(gap <= found.error_estimate[0] + other.error_estimate[0])
             np.testing.assert_array_equal(found.stable, other.stable)
 
     def test_rows_of_a_batch_are_systems_of_their_own(self):
         contact, epsilon = np.array([1.2, 1.5, 2.0, 1.9]), np.array([0.3, 0.0, 0.4, 0.2])
-        rows = two_stage(Trapezoidal(contact, 0.15), WAVE, epsilon, lag=np.array([0.0, 0.2, 0.3, 0.3]))
-        found = solve(rows, OMEGA, tolerance=1e-10)
+        rows = smooth_train(Trapezoidal(contact, 0.15), WAVE, epsilon, lag=np.array([0.0, 0.2, 0.3, 0.3]))
+        found = solve(rows, SMOOTH_OMEGA, tolerance=1e-10)
         for k in range(4):
             wave = Trapezoidal(contact[k], 0.15)
-            one = solve(two_stage(wave, WAVE, epsilon[k], lag=rows.meshes[1].lag[k]), OMEGA, tolerance=1e-10)
-            period = 2 * np.pi / OMEGA
+            one = solve(smooth_train(wave, WAVE, epsilon[k], lag=rows.meshes[1].lag[k]), SMOOTH_OMEGA, tolerance=1e-10)
+            period = 2 * np.pi / SMOOTH_OMEGA
             gap = np.abs(found.growth_rate[k] - one.growth_rate[0]) * period
             assert np.all(gap <= found.error_estimate[k] + one.error_estimate[0])
             np.testing.assert_array_equal(found.stable[k], one.stable[0])
@@ -272,20 +241,20 @@ class TestMathieu:
             # Stable between a_m and b_(m + 1).
             stable = np.any((a > upper) & (a < lower), axis=0)
             sure = np.abs(np.concatenate([upper, lower]) - a).min(axis=0) > 1e-8
-            found = solve(one_mesh(COSINE, epsilon), omega)
+            found = solve(oscillator(COSINE, epsilon), omega)
             np.testing.assert_array_equal(found.stable[0][sure], stable[sure])
 
     def test_points_at_an_edge_are_marked(self):
         epsilon = 0.3
         edge = 2 / np.sqrt(_edge(lambda q: mathieu_b(1, q), epsilon))
-        found = solve(one_mesh(COSINE, epsilon), edge * (1 + np.array([-1e-12, 1e-12, 1e-3])), tolerance=1e-7)
+        found = solve(oscillator(COSINE, epsilon), edge * (1 + np.array([-1e-12, 1e-12, 1e-3])), tolerance=1e-7)
         near = found.status[0] & STATUS_FLAGS["near_boundary"] > 0
         assert near[:2].any()
         assert not near[2]
 
     def test_negative_stiffness_is_marked_where_it_occurs(self):
         soft, stiff = (
-            solve(one_mesh(COSINE, e), OMEGA).status & STATUS_FLAGS["negative_stiffness"] for e in (0.6, 0.4)
+            solve(oscillator(COSINE, e), SMOOTH_OMEGA).status & STATUS_FLAGS["negative_stiffness"] for e in (0.6, 0.4)
         )
         assert np.all(soft)
         assert not np.any(stiff)
@@ -303,7 +272,7 @@ class TestDivision:
     """The period is cut where it should be."""
 
     def test_constant_pieces_are_one_segment(self):
-        (division,) = steps.divisions(two_stage(TRAPEZOID, TRAPEZOID, lag=0.0))
+        (division,) = steps.divisions(smooth_train(TRAPEZOID, TRAPEZOID, lag=0.0))
         np.testing.assert_allclose(division.length.sum(axis=1), 1.0)
         assert division.constant.tolist() == [True, False, True, False]
         counts = [division.counts(k) for k in range(6)]
@@ -314,14 +283,14 @@ class TestDivision:
         np.testing.assert_allclose(pattern.fractions.sum(axis=1), 1.0)
 
     def test_jumps_of_what_does_not_vary_cut_nothing(self):
-        system = two_stage(Rectangular(1.5), WAVE)
+        system = smooth_train(Rectangular(1.5), WAVE)
         meshes = (replace(system.meshes[0], epsilon=np.array(0.0)), system.meshes[1])
         (division,) = steps.divisions(replace(system, meshes=meshes))
         assert division.length.shape == (1, 1)
 
     def test_mean_of_the_exponentials_is_the_mean_stiffness(self):
         for name in ("Fourier", "trapezoids", "samples"):
-            for division in steps.divisions(SCENES[name][0]):
+            for division in steps.divisions(SMOOTH_SYSTEMS[name][0]):
                 pattern = division.pattern(CF6_5, 4)
                 mean = np.einsum("rs,rsm->rm", pattern.fractions, pattern.levels)
                 # Gauss-Legendre nodes on analytic pieces: exact for ramps and cubics.

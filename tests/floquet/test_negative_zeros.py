@@ -6,17 +6,13 @@ import h5py
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from scenes import TRAIN
 
 from gearstab.cli import group
 
-SWEEP = """\
-system:
-  kind: two_stage
-  inertias: [1.0, 0.3, 4.0]
-  input_shaft_stiffness: 0.5
-  meshes:
-    - {mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5}
-    - {mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5}
+SWEEP = (
+    TRAIN
+    + """\
 sweep:
   epsilon: [0.0, 0.3]
   mesh_frequency: {start: 0.35, stop: 7.0, num: 40}
@@ -26,6 +22,7 @@ methods:
   boundaries: {}
   uncoupled: {}
 """
+)
 APART = """\
 system:
   kind: gear_pair

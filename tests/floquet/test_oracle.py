@@ -10,6 +10,7 @@ import mpmath as mp
 import numpy as np
 import pytest
 from oracle import Plain, PlainMesh, assert_exponents_match, plain, rigid_modes, segments, solve, verdict
+from systems import two_stage
 
 from gearstab.systems import build
 
@@ -18,26 +19,17 @@ DIGITS = 40
 CLOSE = mp.mpf(10) ** (5 - DIGITS)
 
 
+def train(*ratio: Fraction, **changes: object) -> Plain:
+    """Lin & Parker's three masses and two meshes."""
+    meshes = {"epsilon": (0.3, 0.25), "contact_ratio": (1.47, 1.57), "phasing": 0.1}
+    return plain(build(two_stage(*ratio, **meshes | changes)))
+
+
 def single(
     epsilon: float, contact_ratio: float, damping: float = 0.0, mean: float = 1.7, mass: float = 0.8, lag: float = 0.0
 ) -> Plain:
     mesh = PlainMesh([1.0], mean, epsilon, contact_ratio, lag)
     return Plain([[mass]], [[0.0]], [mesh], [[damping]] if damping else None)
-
-
-def train(tooth_ratio: Fraction = Fraction(1), **changes: object) -> Plain:
-    """Lin & Parker's three masses and two meshes."""
-    parameters = {
-        "kind": "two_stage",
-        "inertias": [1.0, 0.3, 4.0],
-        "input_shaft_stiffness": 0.5,
-        "tooth_ratio": tooth_ratio,
-        "meshes": [
-            {"name": "first", "mean_stiffness": 1.0, "epsilon": 0.3, "contact_ratio": 1.47},
-            {"name": "second", "mean_stiffness": 1.0, "epsilon": 0.25, "contact_ratio": 1.57, "phasing": 0.1},
-        ],
-    }
-    return plain(build(parameters | changes))
 
 
 def hill_trace(p: Plain, omega: float) -> mp.mpf:

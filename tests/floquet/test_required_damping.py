@@ -1,10 +1,10 @@
 """The damping that makes a system stable."""
 
 from dataclasses import replace
-from fractions import Fraction
 
 import numpy as np
 import pytest
+from systems import train
 
 from gearstab.floquet import solve
 from gearstab.floquet.required_damping import FLAGS, required_damping
@@ -12,16 +12,6 @@ from gearstab.modal import mean_modes, modal_damping_matrix
 from gearstab.perturbation import first_order
 from gearstab.system import GearSystem, Mesh
 from gearstab.waveforms import Fourier, Rectangular, Trapezoidal
-
-
-def train(epsilon=0.3, ratio=Fraction(1), contact_ratio=1.5):
-    """Lin & Parker's three-gear train (2002, Table 1)."""
-    mass, stiffness = np.diag([1.0, 0.3, 4.0]), np.diag([0.5, 0.0, 0.0])
-    rows = [("first", np.array([1.0, 1.0, 0.0]), Fraction(1)), ("second", np.array([0.0, 1.0, 1.0]), ratio)]
-    meshes = tuple(
-        Mesh(name, g, np.asarray(1.0), np.asarray(epsilon), Rectangular(contact_ratio), r) for name, g, r in rows
-    )
-    return GearSystem(mass, stiffness, meshes)
 
 
 def with_ratio(system, value):

@@ -7,11 +7,10 @@ import json
 import numpy as np
 import pytest
 import xarray as xr
-from click.testing import CliRunner
-from cyclic_gears import cyclic
-from hard_cases import star, train
+from planetary_gears import cyclic
+from scenes import ran
+from systems import star, train
 
-from gearstab.cli import group
 from gearstab.floquet import solve
 from gearstab.floquet.report import reduction
 from gearstab.floquet.truncation import modes_basis, neglected, restricted, split_degenerate_group, type_basis
@@ -41,10 +40,6 @@ def config(tmp_path):
     path = tmp_path / "star.yaml"
     path.write_text(STAR)
     return path
-
-
-def run(*words):
-    return CliRunner().invoke(group, [str(word) for word in words])
 
 
 def turned_star():
@@ -124,7 +119,7 @@ def test_torn_pairs():
 
 def test_result_says_what_was_reduced(config, tmp_path):
     out = tmp_path / "star.h5"
-    assert run("sweep", config, "-o", out, "-q").exit_code == 0
+    assert ran("sweep", config, "-o", out, "-q").exit_code == 0
     with xr.open_datatree(out) as tree:
         found = tree["floquet"].attrs
         assert found["reduction"] == "blocks of 2, 1 (twice) modes"
@@ -135,7 +130,7 @@ def test_result_says_what_was_reduced(config, tmp_path):
 
 def test_map_of_chosen_modes(config, tmp_path):
     out = tmp_path / "star.h5"
-    done = run("sweep", config, "-o", out, "-q", "--set", "methods.floquet={modes: [3, 2], exponents: true}")
+    done = ran("sweep", config, "-o", out, "-q", "--set", "methods.floquet={modes: [3, 2], exponents: true}")
     assert done.exit_code == 0, done.output
     with xr.open_datatree(out) as tree:
         group = tree["floquet"]
@@ -164,15 +159,15 @@ def test_map_of_chosen_modes(config, tmp_path):
     ],
 )
 def test_wrong_choices_are_named(config, tmp_path, options, message):
-    done = run("sweep", config, "-o", tmp_path / "x.h5", "--set", f"methods.floquet={options}")
+    done = ran("sweep", config, "-o", tmp_path / "x.h5", "--set", f"methods.floquet={options}")
     assert done.exit_code == 2
     assert message in done.output
 
 
 def test_info_shows_the_reduction(config):
-    text = run("info", config).output
+    text = ran("info", config).output
     assert "Reductions applied: blocks of 2, 1 (twice) modes." in text
-    facts = json.loads(run("info", config, "--json").output)["reductions"]
+    facts = json.loads(ran("info", config, "--json").output)["reductions"]
     assert facts["dropped_modes"] == []
     assert {tuple(block["modes"]) for block in facts["blocks"]} == {(1, 4), (2, 3)}
     assert sorted((block["size"], block["copies"]) for block in facts["blocks"]) == [(1, 2), (2, 1)]

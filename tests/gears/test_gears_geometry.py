@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from places import DATA
+from scenes import DATA
 from scipy.optimize import brentq
 
 from gearstab.gears.geometry import Gear, inverse_involute, involute

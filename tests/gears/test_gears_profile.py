@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from places import DATA
+from scenes import DATA
 
 from gearstab.gears.geometry import Gear
 from gearstab.gears.profile import tooth_profile

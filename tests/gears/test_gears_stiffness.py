@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from iso6336 import iso_stiffness
-from places import DATA
+from scenes import DATA
 from scipy.integrate import quad
 
 from gearstab.gears.compliance import contact_compliance, pair_stiffness, tooth_compliance

@@ -7,7 +7,7 @@ from math import cos, isclose, pi, radians, sin, sqrt, tan
 
 import numpy as np
 import pytest
-from places import DATA
+from scenes import DATA
 
 from gearstab.gears.geometry import Gear
 from gearstab.gears.mesh_stiffness import StiffnessModel

@@ -9,10 +9,10 @@ from functools import cache
 import mpmath as mp
 import numpy as np
 import pytest
-from kernel_systems import KINDS, chain, damped_patterns, patterns, system
 from oracle import plain
 from oracle import solve as reference
 from scipy.linalg import eig
+from systems import KINDS, chain, damped_patterns, patterns, system, two_stage
 
 from gearstab import ckernel
 from gearstab.floquet import solve
@@ -151,27 +151,19 @@ def test_all_exponents(level, n, kind):
     assert np.median(apart.min(axis=-1)) < 1e-13
 
 
-def train(ratio):
-    """Lin & Parker's train, two unequal meshes."""
-    mesh = {"mean_stiffness": 1.0, "epsilon": 0.3}
-    return build({
-        "kind": "two_stage", "inertias": [1.0, 0.3, 4.0], "input_shaft_stiffness": 0.5, "tooth_ratio": ratio,
-        "meshes": [
-            {"name": "first", "contact_ratio": 1.47} | mesh,
-            {"name": "second", "contact_ratio": 1.64, "phasing": 0.13} | mesh,
-        ],
-    })  # fmt: skip
+def two_meshes(ratio):
+    return build(two_stage(ratio, contact_ratio=(1.47, 1.64), phasing=0.13))
 
 
 @cache
 def exact_rho(ratio, omega):
-    return [value + 1 / value for value in reference(plain(train(ratio)), omega).multipliers]
+    return [value + 1 / value for value in reference(plain(two_meshes(ratio)), omega).multipliers]
 
 
 @pytest.mark.parametrize("ratio", [Fraction(1), Fraction(3, 5)], ids=str)
 def test_rho_in_high_precision(level, ratio):
     """1e-13 of rho for Omega >= 0.1, against 40 digits; relative where rho is large."""
-    (pattern,) = prepare(train(ratio))
+    (pattern,) = prepare(two_meshes(ratio))
     omegas = np.array([0.1, 0.57, 1.93, 6.1])
     found = c_kernel.traces(pattern, omegas[None] / pattern.elastic.rate[0])[0]
     for omega, rho in zip(omegas, found, strict=True):

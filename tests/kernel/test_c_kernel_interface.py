@@ -7,7 +7,7 @@ import os
 import mpmath as mp
 import numpy as np
 import pytest
-from kernel_systems import patterns, system
+from systems import patterns, system
 
 from gearstab import ckernel
 from gearstab.floquet.kernel import c_kernel
@@ -23,7 +23,7 @@ class TestArguments:
 
     def arguments(self):
         ((pattern, omega), *_) = patterns(system(2, "one mesh", 1), 5)
-        numbers, *arrays = c_kernel._arguments(pattern)
+        numbers, *arrays = c_kernel.pattern_arguments(pattern)
         rows, points = omega.shape
         result = [np.zeros(omega.shape, dtype=np.int8), np.zeros(omega.shape)]
         return ["plain", numbers, *arrays, 0, rows, points, np.ascontiguousarray(omega), *result]

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from kernel_systems import system
+from systems import system
 
 from gearstab import ckernel
 from gearstab.cli import main

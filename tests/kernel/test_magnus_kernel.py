@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from cyclic_gears import cyclic
-from test_magnus import OMEGA, SCENES, WAVE, two_stage, with_ramps
+from planetary_gears import cyclic
+from systems import SMOOTH_OMEGA, SMOOTH_SYSTEMS, WAVE, smooth_train, with_ramps
 
 from gearstab import ckernel
 from gearstab.floquet.kernel import c_kernel, numpy_kernel
@@ -43,9 +43,9 @@ class TestKernel:
         np.testing.assert_allclose(found, np.broadcast_to(np.eye(4), found.shape), rtol=0, atol=1e-9)
 
     def test_traces_come_with_a_scan(self):
-        (division,) = steps.divisions(two_stage(WAVE, WAVE))
+        (division,) = steps.divisions(smooth_train(WAVE, WAVE))
         pattern = division.pattern(CF6_5, 2)
-        omega = OMEGA[None] / division.elastic.rate[:, None]
+        omega = SMOOTH_OMEGA[None] / division.elastic.rate[:, None]
         for module in (numpy_kernel, *([c_kernel] if "c" in kernel.available() else [])):
             verdict, growth, rho, _ = module.scan_traces(pattern, omega)
             plain = module.scan(pattern, omega)
@@ -63,7 +63,7 @@ class TestKernel:
     @pytest.mark.parametrize("name", ["one coordinate", "Fourier", "planets"])
     def test_interpolated_matrices_are_those_of_propagation(self, name, level, monkeypatch):
         monkeypatch.setenv("GEARSTAB_SIMD", level)
-        system = SCENES[name][0] if name in SCENES else with_ramps(cyclic(3, epsilon=0.3))
+        system = SMOOTH_SYSTEMS[name][0] if name in SMOOTH_SYSTEMS else with_ramps(cyclic(3, epsilon=0.3))
         (division,) = steps.divisions(system)
         pattern = division.pattern(CF6_5, 2)
         # Vectors of points in any order straddle panels and are propagated.
@@ -97,7 +97,7 @@ class TestKernel:
         np.testing.assert_allclose(ours, theirs, rtol=1e-12, atol=0)
 
     def test_rounding_of_a_thousand_exponentials(self):
-        (division,) = steps.divisions(two_stage(WAVE, WAVE))
+        (division,) = steps.divisions(smooth_train(WAVE, WAVE))
         pattern = division.pattern(CF6_5, 9)
         assert len(pattern.states) > 1000
         omega = np.array([1.0, 2.0, 5.0]) / division.elastic.rate[0]

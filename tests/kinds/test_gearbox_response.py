@@ -6,8 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from gearbox_trains import REFERENCE, gear, mesh, train
-from test_gearbox_stability import crosscheck
+from gearbox_trains import REFERENCE, crosscheck, gear, mesh, train
 
 from gearstab.gears.geometry import Gear
 from gearstab.gears.mesh_stiffness import StiffnessModel

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-from gearbox_trains import MESHES, REFERENCE, tractor
+from gearbox_trains import CROSSCHECK, MESHES, REFERENCE, crosscheck
 
 from gearstab.config import load
 from gearstab.floquet import solve
@@ -17,21 +16,9 @@ from gearstab.results import open_result
 from gearstab.sweep import plan, run
 from gearstab.systems import build
 
-CROSSCHECK = REFERENCE["stability_crosscheck"]
 SPEEDS = 2 * np.pi * np.array(CROSSCHECK["f_in_Hz"])
 PRINTED = 5.001e-4
 """Half of the last digit of growth rates in 1/s, and rounding."""
-
-
-def crosscheck(**changes: Any) -> dict[str, Any]:
-    """The train of the cross-check: levels of the stiffness as given, whose mean is theirs, and little damping."""
-    p = tractor(damping_factor=CROSSCHECK["damping_scale"], **changes)
-    levels = zip(p["meshes"], REFERENCE["assumed"]["k_mesh_low_high"], REFERENCE["c_mesh"], strict=True)
-    for mesh, (low, high), damping in levels:
-        mean = low + (mesh["contact_ratio"] - 1) * (high - low)
-        del mesh["damping_ratio"]
-        mesh |= {"mean_stiffness": mean, "epsilon": (high - low) / (2 * mean), "damping": damping}
-    return p
 
 
 def close(found: np.ndarray, printed: list[float]) -> None:

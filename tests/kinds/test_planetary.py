@@ -7,8 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from places import DATA
-from planetary_result import matrices as matrices_by_hand
+from planetary_gears import ANGLE, SEQUENTIAL, parameters, with_epsilon
+from plot_results import matrices as matrices_by_hand
+from scenes import DATA
 from scipy.linalg import eigh
 
 from gearstab.floquet import solve
@@ -22,35 +23,6 @@ from gearstab.systems.planetary.phasing import phases_of
 REFERENCE = json.loads((DATA / "planetary.json").read_text())
 """Computed elsewhere with another basis (exponentials, projected operators); half-widths by singular values, crossings
 by bisection on monodromy matrices of the modes named."""
-
-ANGLE = np.deg2rad(24.6)
-
-
-def parameters(planets=4, harmonics=12, **changes):
-    """Parker 2009, Table 1, in phase, with k_cu = 1e11 N/m."""
-    ring = {"kind": "elastic", "harmonics": harmonics, "bending_stiffness": 5e7} if harmonics > 1 else {"kind": "rigid"}
-    return {
-        "kind": "planetary", "planets": planets, "ring": ring, "motion": "planar", "scaling": "dimensionless",
-        "masses": {"ring": 6.35, "carrier": 5.43, "sun": 0.4, "planet": 4.0},
-        "inertias": {"carrier": 6.0, "sun": 2.5, "planet": 2.0},
-        "supports": {
-            "carrier": 5e11, "sun": 5e11, "planet": 5e11, "carrier_rotation": 1e11, "sun_rotation": 5e11,
-            "ring_radial": 0.0, "ring_tangential": 0.0,
-        },
-        "pressure_angles": {"sun": ANGLE, "ring": ANGLE},
-        "meshes": {
-            "sun": {"mean_stiffness": 1e8, "epsilon": 0.1, "contact_ratio": 1.4},
-            "ring": {"mean_stiffness": 1e8, "epsilon": 0.1, "contact_ratio": 1.6},
-        },
-        "phases": {"sun": [0.0] * planets, "sun_ring": 0.5},
-    } | changes  # fmt: skip
-
-
-SEQUENTIAL = {"sun": [0.0, 0.25, 0.5, 0.75], "sun_ring": 0.5}
-
-
-def with_epsilon(p, epsilon):
-    return p | {"meshes": {name: mesh | {"epsilon": epsilon} for name, mesh in p["meshes"].items()}}
 
 
 def frequencies(p):

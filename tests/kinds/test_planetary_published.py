@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from places import CONFIGS
+from scenes import CONFIGS
 
 from gearstab.config import load
 from gearstab.config.sections.axes import parameters_at

@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from places import CONFIGS
+from scenes import CONFIGS
 from scipy.integrate import solve_ivp
 
 from gearstab.config import load

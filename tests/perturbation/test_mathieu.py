@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from places import CONFIGS
+from scenes import CONFIGS
 from scipy.linalg import eigh
 from scipy.optimize import brentq
 from scipy.special import mathieu_a, mathieu_b
+from systems import oscillator
 
 from gearstab.config import load
 from gearstab.floquet import solve
 from gearstab.floquet.boundaries import boundaries
-from gearstab.system import GearSystem, Mesh
+from gearstab.system import GearSystem
 from gearstab.systems import build
 from gearstab.waveforms import Fourier, Pair, Rectangular, Sampled, Trapezoidal
 from gearstab.waveforms.tooth_pair import parabolic
@@ -25,10 +26,6 @@ def mathieu(epsilon) -> GearSystem:
     """The gear pair of the configuration: a = 4/Omega^2, q = epsilon a."""
     p = load(CONFIG).parameters
     return build(p | {"meshes": [p["meshes"][0] | {"epsilon": np.asarray(epsilon, dtype=float)}]})
-
-
-def pair(wave, epsilon: float) -> GearSystem:
-    return GearSystem(np.eye(1), np.zeros((1, 1)), (Mesh("mesh", np.ones(1), np.array(1.0), np.array(epsilon), wave),))
 
 
 def on_the_ray(characteristic, order: int, epsilon: float) -> float:
@@ -130,7 +127,7 @@ def test_edges_are_those_of_hills_method(name: str) -> None:
     wave, epsilon, harmonics, tolerance = WAVES[name]
     expected = hill(wave, epsilon, harmonics)
     expected = expected[(expected > 0.5) & (expected < 3.0)]
-    found, _ = edges(pair(wave, epsilon), 0.5, 3.0, 1e-11)
+    found, _ = edges(oscillator(wave, epsilon), 0.5, 3.0, 1e-11)
     # Edges of closed tongues coincide: pairs narrower than the error of the truncated series say nothing.
     closed = np.flatnonzero(np.diff(expected) < 3 * tolerance)
     expected = np.delete(expected, np.concatenate([closed, closed + 1]))
@@ -140,10 +137,10 @@ def test_edges_are_those_of_hills_method(name: str) -> None:
 
 def test_a_trapezoid_with_short_ramps_is_nearly_the_rectangle() -> None:
     """Meissner's equation is the limit: harmonics change by (s pi r)^2/6, and so do the edges."""
-    exact, _ = edges(pair(Rectangular(1.5), 0.3), 0.8, 3.0, 1e-12)
+    exact, _ = edges(oscillator(Rectangular(1.5), 0.3), 0.8, 3.0, 1e-12)
     shift = []
     for ramp in (0.02, 0.01):
-        found, _ = edges(pair(Trapezoidal(1.5, ramp), 0.3), 0.8, 3.0, 1e-12)
+        found, _ = edges(oscillator(Trapezoidal(1.5, ramp), 0.3), 0.8, 3.0, 1e-12)
         assert len(found) == len(exact)
         shift.append(np.abs(found - exact).max())
     # The next term is of fourth order: (s pi r)^2/20 of this one.

@@ -11,8 +11,9 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
-from places import DATA
-from tongue_edges import scaled, train
+from scenes import DATA
+from systems import random_rotation, turned_star
+from tongues import scaled, train
 
 from gearstab.modal import mean_modes
 from gearstab.perturbation import Tongues, first_order
@@ -316,34 +317,17 @@ def test_widths_are_proportional_to_epsilon() -> None:
 # ---- repeated frequencies
 
 
-def star(rotation: np.ndarray, damping: np.ndarray | None = None) -> GearSystem:
-    """A hub with three equal branches in rotated coordinates: two modes of one frequency, in a basis eigh picks."""
-    meshes = []
-    for k, lag in enumerate((0.0, 0.3, 0.45)):
-        direction = np.zeros(4)
-        direction[0], direction[k + 1] = 1.0, -1.0
-        wave = Rectangular(1.3 + 0.1 * k)
-        meshes.append(Mesh(f"m{k}", rotation.T @ direction, np.asarray(1.0), np.asarray(0.2 + 0.1 * k), wave, lag=lag))
-    mass, ground = np.diag([2.0, 1.0, 1.0, 1.0]), np.diag([0.4, 0.7, 0.7, 0.7])
-    turned = [None if a is None else rotation.T @ a @ rotation for a in (mass, ground, damping)]
-    return GearSystem(turned[0], turned[1], tuple(meshes), turned[2])
-
-
-def random_rotation(seed: int) -> np.ndarray:
-    return np.linalg.qr(np.random.default_rng(seed).normal(size=(4, 4)))[0]
-
-
 @pytest.mark.parametrize("damping", [None, np.diag([0.01, 0.03, 0.02, 0.05])], ids=["undamped", "damped"])
 def test_basis_of_a_degenerate_pair_does_not_matter(damping: np.ndarray | None) -> None:
-    assert mean_modes(star(np.eye(4))).natural_frequency[1:3] == pytest.approx(np.sqrt([1.7, 1.7]), rel=1e-14)
-    plain = first_order(star(np.eye(4), damping), 3)
+    assert mean_modes(turned_star(np.eye(4))).natural_frequency[1:3] == pytest.approx(np.sqrt([1.7, 1.7]), rel=1e-14)
+    plain = first_order(turned_star(np.eye(4), damping), 3)
     carried = dict(zip(plain.label, ~np.isnan(plain.half_width), strict=True))
     first_harmonic = {label: there for label, there in carried.items() if "/" not in label and "w" in label[1:]}
     present = {label for label, there in first_harmonic.items() if there}
     assert present == {"2w1", "w1+w2", "w1+w4", "2w2", "w2+w4", "2w4"}
     assert plain.half_width[plain.label.index("2w2")] > 0.01
     for seed in range(5):
-        turned = first_order(star(random_rotation(seed), damping), 3)
+        turned = first_order(turned_star(random_rotation(seed), damping), 3)
         # A rotation of the coordinates perturbs the modes by rounding, some 1e-15, and the widths by little more.
         assert_allclose(turned.half_width, plain.half_width, rtol=1e-12, atol=1e-12)
         assert_allclose(turned.boundary_frequency, plain.boundary_frequency, rtol=1e-12)
@@ -354,7 +338,7 @@ def test_groups_may_differ_from_row_to_row() -> None:
     """A batch in which one row is symmetric and the others are not equals its rows."""
 
     def detuned(extra: np.ndarray) -> GearSystem:
-        system = star(np.eye(4), np.diag([0.01, 0.03, 0.02, 0.05]))
+        system = turned_star(np.eye(4), np.diag([0.01, 0.03, 0.02, 0.05]))
         added = np.zeros((4, 4))
         added[1, 1] = 1.0
         return GearSystem(system.mass, system.stiffness + extra[..., None, None] * added, system.meshes, system.damping)

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from scipy.optimize import brentq
-from test_perturbation import random_rotation, star
-from tongue_edges import monodromy, scaled, segments, squared_half_width, train
+from systems import random_rotation, turned_star
+from tongues import damping_matrix, first_outside, log_growth, scaled, segments, squared_half_width, train, with_damping
 
 from gearstab import floquet
 from gearstab.modal import mean_modes
@@ -90,15 +90,6 @@ def test_package_floquet_agrees_just_inside_and_outside() -> None:
 # ---- damping
 
 
-def log_growth(system: GearSystem, omega: float) -> float:
-    """ln of the largest multiplier over the common period."""
-    return float(np.log(np.abs(np.linalg.eigvals(monodromy(system, np.array([omega]))[0])).max()))
-
-
-def with_damping(system: GearSystem, damping: np.ndarray, factor: float) -> GearSystem:
-    return replace(scaled(system, factor), damping=damping * factor)
-
-
 def damped_half_width(system: GearSystem, center: float, half: float) -> float:
     """From the two zeros of the growth at a finite epsilon, bracketed around the first-order edges."""
     edges = []
@@ -114,16 +105,6 @@ DAMPINGS = {
     "mesh": ("mesh", [0.02, 0.1]),
     "general": ("matrix", [[0.05, 0.01, 0.0], [0.01, 0.02, -0.01], [0.0, -0.01, 0.2]]),
 }
-
-
-def damping_matrix(system: GearSystem, kind: str, values: list) -> np.ndarray:
-    if kind == "matrix":
-        return np.array(values)
-    if kind == "mesh":
-        return sum(c * m.outer for c, m in zip(values, system.meshes, strict=True))
-    modes = mean_modes(system)
-    weighted = system.mass @ modes.shapes
-    return (weighted * (2 * np.array(values) * modes.natural_frequency)) @ weighted.T
 
 
 @pytest.mark.parametrize("name", DAMPINGS)
@@ -185,21 +166,9 @@ def test_one_undamped_mode_of_two_is_unstable_far_from_resonance() -> None:
 # ---- repeated frequencies
 
 
-def first_outside(system: GearSystem, inner: float, outer: float) -> float:
-    """Bisection on the multipliers leaving the unit circle by more than 1e-7."""
-    limit_of = 1e-7
-    for _ in range(60):
-        middle = 0.5 * (inner + outer)
-        if log_growth(system, middle) > limit_of:
-            inner = middle
-        else:
-            outer = middle
-    return 0.5 * (inner + outer)
-
-
 @pytest.mark.parametrize("label", ["2w2", "w1+w2", "w2+w4", "w2", "2w4"])
 def test_tongues_of_a_degenerate_pair(label: str) -> None:
-    system = star(random_rotation(1))
+    system = turned_star(random_rotation(1))
     tongues = first_order(system, 2)
     k = tongues.label.index(label)
     center, half = tongues.center_frequency[k], tongues.half_width[k]
@@ -217,8 +186,8 @@ def test_damped_tongues_of_a_degenerate_pair() -> None:
     damping = np.diag([0.004, 0.006, 0.016, 0.01])
     damping[1, 2] = damping[2, 1] = 0.004
     rotation = random_rotation(2)
-    tongues = first_order(star(rotation, damping), 1)
-    system = star(rotation)
+    tongues = first_order(turned_star(rotation, damping), 1)
+    system = turned_star(rotation)
     small = np.array([0.5e-3, 1e-3, 2e-3])
     for label in ("2w2", "w1+w2", "w2+w4"):
         k = tongues.label.index(label)

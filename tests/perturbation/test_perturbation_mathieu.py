@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.integrate import solve_ivp
 from scipy.linalg import eigh_tridiagonal
 from scipy.special import mathieu_a, mathieu_b
-from tongue_edges import scaled, train
+from tongues import scaled, train
 
 from gearstab.modal import mean_modes
 from gearstab.perturbation import first_order, uncoupled

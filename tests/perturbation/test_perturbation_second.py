@@ -11,26 +11,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.special import mathieu_a, mathieu_b
-from test_perturbation import random_rotation, star
-from test_waveforms import ALL, IDS
-from tongue_edges import scaled, train
+from systems import COSINE, oscillator, random_rotation, turned_star
+from tongues import scaled, train
+from waves import ALL, IDS
 
 from gearstab.modal import modal_damping_matrix
 from gearstab.perturbation import PERTURBATION_FLAGS, Tongues, first_order, second_order
 from gearstab.system import GearSystem, Mesh
 from gearstab.waveforms import WAVEFORMS, Rectangular, Waveform
 from gearstab.waveforms.fourier import Fourier
-
-
-def oscillator(wave: Waveform, epsilon: object, stiffness: object = 1.0, damping: float | None = None) -> GearSystem:
-    """One mass on one mesh, of natural frequency sqrt(stiffness)."""
-    mesh = Mesh("mesh", np.ones(1), np.asarray(stiffness), np.asarray(epsilon), wave)
-    friction = None if damping is None else np.array([[damping]])
-    return GearSystem(np.eye(1), np.zeros((1, 1)), (mesh,), friction)
-
-
-COSINE = Fourier(np.zeros(1), np.ones(1))
-SINE = Fourier(np.ones(1), np.zeros(1))
 
 
 def edges(tongues: Tongues, label: str) -> np.ndarray:
@@ -40,7 +29,7 @@ def edges(tongues: Tongues, label: str) -> np.ndarray:
 # ---- exact expansions
 
 
-@pytest.mark.parametrize("wave", [COSINE, SINE], ids=["cosine", "sine"])
+@pytest.mark.parametrize("wave", [COSINE, Fourier(np.ones(1), np.zeros(1))], ids=["cosine", "sine"])
 def test_series_of_mathieus_characteristic_values(wave: Waveform) -> None:
     """a_1, b_1 = 1 +- q - q^2/8, a_2 = 4 + 5 q^2/12, b_2 = 4 - q^2/12, a_3, b_3 = 9 + q^2/16 (McLachlan 1947, 2.151).
 
@@ -215,10 +204,10 @@ def test_batches_are_rows_put_together() -> None:
 
 @pytest.mark.parametrize("damping", [None, np.diag([0.01, 0.03, 0.02, 0.05])], ids=["undamped", "damped"])
 def test_basis_of_a_degenerate_pair_does_not_matter(damping: np.ndarray | None) -> None:
-    plain = second_order(star(np.eye(4), damping), 2)
+    plain = second_order(turned_star(np.eye(4), damping), 2)
     assert np.isfinite(plain.half_width[plain.label.index("2w2")])
     for seed in range(3):
-        turned = second_order(star(random_rotation(seed), damping), 2)
+        turned = second_order(turned_star(random_rotation(seed), damping), 2)
         # Where multipliers meet, rounding parts them by its square root; bisection stops at a millionth of the growth.
         assert_allclose(turned.boundary_frequency, plain.boundary_frequency, rtol=1e-10)
         assert_allclose(turned.half_width, plain.half_width, rtol=1e-8, atol=1e-10)

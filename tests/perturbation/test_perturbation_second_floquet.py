@@ -6,11 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from planetary_gears import SEQUENTIAL, parameters
 from scipy.optimize import brentq
-from test_perturbation import random_rotation, star
-from test_perturbation_floquet import damping_matrix, first_outside, log_growth, with_damping
-from test_planetary import SEQUENTIAL, parameters
-from tongue_edges import scaled, squared_half_width, train
+from systems import random_rotation, turned_star
+from tongues import damping_matrix, first_outside, log_growth, scaled, squared_half_width, train, with_damping
 
 from gearstab.floquet.boundaries import boundaries
 from gearstab.floquet.truncation import modes_basis, restricted
@@ -148,7 +147,7 @@ def test_secondary_regions_that_first_order_misses_by_sixty_per_cent() -> None:
 
 @pytest.mark.parametrize("label", ["2w2", "w1+w2", "w2+w4", "w2", "2w4"])
 def test_errors_of_a_degenerate_pair(label: str) -> None:
-    system = star(random_rotation(1))
+    system = turned_star(random_rotation(1))
     found = second_order(scaled(system, EPSILON), 2)
     tongue = found.label.index(label)
     exact = []
@@ -203,7 +202,7 @@ def test_errors_of_a_damped_degenerate_pair() -> None:
     damping = np.diag([0.004, 0.006, 0.016, 0.01])
     damping[1, 2] = damping[2, 1] = 0.004
     rotation = random_rotation(2)
-    system, turned = star(rotation), rotation.T @ damping @ rotation
+    system, turned = turned_star(rotation), rotation.T @ damping @ rotation
     rows = replace(scaled(system, EPSILON), damping=turned * EPSILON[:, None, None])
     found = second_order(rows, 1)
     for label in ("2w2", "w1+w2", "w2+w4"):

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from matplotlib import pyplot
 from numpy.testing import assert_array_equal
-from tongue_edges import train
+from scenes import TRAIN
+from tongues import train
 
 from gearstab.cli.info.command import describe
 from gearstab.cli.info.text import report
@@ -24,20 +25,16 @@ from gearstab.sweep import plan, run
 from gearstab.system import PeriodicTerm
 from gearstab.waveforms import Rectangular
 
-CONFIG = """
-system:
-  kind: two_stage
-  inertias: [1.0, 0.3, 4.0]
-  input_shaft_stiffness: 0.5
-  meshes:
-    - {name: first, mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5}
-    - {name: second, mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5, phasing: 0.0}
+CONFIG = (
+    TRAIN
+    + """\
 sweep:
   mesh_frequency: [0.4, 6.5]
   epsilon: {start: 0.0, stop: 0.4, num: 5}
 methods:
   perturbation: {order: 2, harmonics: 2}
 """
+)
 
 
 def swept(folder: Path, text: str = CONFIG) -> Path:

@@ -10,7 +10,7 @@ import plot_results as made
 import pytest
 import xarray as xr
 from click.testing import CliRunner
-from planetary_result import planetary
+from plot_results import planetary
 
 from gearstab.cli.plot import command, selections
 from gearstab.errors import PlotError

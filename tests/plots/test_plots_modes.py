@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-import planetary_result as planetary
+import plot_results as planetary
 import pytest
 from plot_results import tree
 

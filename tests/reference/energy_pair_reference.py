@@ -7,7 +7,7 @@ from math import pi
 from typing import Any
 
 import numpy as np
-from places import DATA
+from scenes import DATA
 
 from gearstab.rotating_pair import RotatingPair
 from gearstab.systems import gear_pair

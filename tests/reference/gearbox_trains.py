@@ -7,7 +7,7 @@ from math import cos, pi, radians
 from typing import Any
 
 import numpy as np
-from places import DATA
+from scenes import DATA
 
 REFERENCE: dict[str, Any] = json.loads((DATA / "gearbox_train.json").read_text())
 RPM = 2 * pi / 60
@@ -51,6 +51,20 @@ def tractor(**changes: Any) -> dict[str, Any]:
         "input": {"rotor": "input", "speed": 1500 * RPM},
         "outputs": [{"rotor": "left", "torque": 650.0}, {"rotor": "right", "torque": 650.0}],
     } | changes
+
+
+CROSSCHECK = REFERENCE["stability_crosscheck"]
+
+
+def crosscheck(**changes: Any) -> dict[str, Any]:
+    """The train of the cross-check: levels of the stiffness as given, whose mean is theirs, and little damping."""
+    p = tractor(damping_factor=CROSSCHECK["damping_scale"], **changes)
+    levels = zip(p["meshes"], REFERENCE["assumed"]["k_mesh_low_high"], REFERENCE["c_mesh"], strict=True)
+    for mesh, (low, high), damping in levels:
+        mean = low + (mesh["contact_ratio"] - 1) * (high - low)
+        del mesh["damping_ratio"]
+        mesh |= {"mean_stiffness": mean, "epsilon": (high - low) / (2 * mean), "damping": damping}
+    return p
 
 
 SUPPORT = {"stiffness": 2e8, "damping_ratio": 0.02}

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from backlash_reference import integrated
+import systems
 from click.testing import CliRunner
+from driven import integrated_with_backlash
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from places import ROOT
+from scenes import ROOT
 
 from gearstab import floquet
 from gearstab.cli import group
@@ -33,9 +33,12 @@ CONFIG = ROOT / "configs" / "response" / "backlash.yaml"
 
 def pair(scale: float = 1.0) -> GearSystem:
     """At twice its natural frequency, in the middle of the principal instability region; lengths times ``scale``."""
-    mesh = {"name": "mesh", "mean_stiffness": 1.0, "epsilon": 0.3, "contact_ratio": 1.5, "backlash": 2.0 * scale}
-    pair = {"kind": "gear_pair", "equivalent_mass": 1.0, "damping_ratio": 0.05, "load": [0.5 * scale]}
-    return build(pair | {"meshes": [mesh]})
+    return build(systems.pair({"backlash": 2.0 * scale}, damping_ratio=0.05, load=[0.5 * scale]))
+
+
+def loaded_a(phasing: float, damping: float, backlash: float) -> GearSystem:
+    """Point A with backlash and a load."""
+    return build(systems.point_a(phasing, {"backlash": backlash}, damping_ratio=damping, load=[0.0, 0.0, 0.5]))
 
 
 def settled(system: GearSystem, omega: float, x: float, cycles: int = 120) -> BacklashResponse:
@@ -57,7 +60,7 @@ def test_a_tongue_ends_in_a_limit_cycle_of_half_the_mesh_frequency() -> None:
     period = 2 * found.common_period
     last = np.array([found.displacement[-1, 0], found.velocity[-1, 0]])
     times = np.linspace(0.0, period, 4001)
-    around, changes = integrated(pair(), np.array([[-1.0, 1.0]]), 2.0, last, times)
+    around, changes = integrated_with_backlash(pair(), np.array([[-1.0, 1.0]]), 2.0, last, times)
     np.testing.assert_allclose(around[-1], last, atol=1e-8)
     assert len(changes) == 2
     x = around[:, 0]
@@ -89,20 +92,9 @@ def test_below_the_tongue_two_motions_coexist_and_above_only_one() -> None:
     assert high.peak_to_peak > 10 * low.peak_to_peak
 
 
-def point_a(phasing: float, damping: float, backlash: float) -> GearSystem:
-    """Lin & Parker 2002, point A of Fig. 8, loaded."""
-    mesh = {"max_stiffness": 1.0, "amplitude": 0.3, "backlash": backlash}
-    meshes = [
-        mesh | {"name": "first", "contact_ratio": 1.47},
-        mesh | {"name": "second", "contact_ratio": 1.57, "phasing": phasing},
-    ]
-    train = {"kind": "two_stage", "inertias": [1.0, 0.3, 4.0], "input_shaft_stiffness": 0.5, "tooth_ratio": Fraction(1)}
-    return build(train | {"damping_ratio": damping, "load": [0.0, 0.0, 0.5], "meshes": meshes})
-
-
 def test_point_a_stays_bounded_with_damping_and_quiet_where_it_is_stable() -> None:
     duration = 120 * 2 * np.pi / 4.2
-    unstable = backlash_response(point_a(0.0, 0.07, 10.0), 4.2, duration, None, 10)
+    unstable = backlash_response(loaded_a(0.0, 0.07, 10.0), 4.2, duration, None, 10)
     assert unstable.growth_rate > 0.05
     assert unstable.cycle is not None
     assert (unstable.cycle.contact_loss > 0.1).all()
@@ -110,14 +102,14 @@ def test_point_a_stays_bounded_with_damping_and_quiet_where_it_is_stable() -> No
     half = len(unstable.time) // 2
     first, second = unstable.mesh_deflection[half // 2 : half], unstable.mesh_deflection[half:]
     assert np.ptp(second) < 1.5 * np.ptp(first)
-    stable = backlash_response(point_a(0.4, 0.07, 10.0), 4.2, duration, None, 10)
+    stable = backlash_response(loaded_a(0.4, 0.07, 10.0), 4.2, duration, None, 10)
     assert stable.growth_rate < 0
     assert not stable.events
 
 
 def test_much_larger_motions_than_the_backlash_grow_as_without_it() -> None:
     """What loss of contact cannot stop: the rate is that of the linear system, by Floquet theory."""
-    system, omega = point_a(0.0, 0.01, 2.0), 4.2
+    system, omega = loaded_a(0.0, 0.01, 2.0), 4.2
     period = 2 * np.pi / omega
     found = backlash_response(system, omega, 300 * period, (np.array([1.0, 1.0, 1.0]), np.zeros(3)), 4)
     size = np.abs(found.displacement[::4]).max(axis=1)

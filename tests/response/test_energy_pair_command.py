@@ -8,11 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
-from click.testing import CliRunner, Result
 from energy_pair_reference import REFERENCE, W0
+from scenes import ran
 
 from gearstab import floquet
-from gearstab.cli import group
 from gearstab.config import load
 from gearstab.config.document.problems import ConfigError
 from gearstab.response.rotating_pair import STATUS, Start, respond
@@ -53,15 +52,11 @@ def written(folder: Path, text: str) -> Path:
     return path
 
 
-def call(*arguments: str | Path) -> Result:
-    return CliRunner().invoke(group, [str(a) for a in arguments])
-
-
 def answered(folder: Path, *settings: str) -> xr.DataTree:
     """The result of ``respond`` with changed values."""
     out = folder / "out.h5"
     sets = [part for text in settings for part in ("--set", text)]
-    done = call("respond", written(folder, SYSTEM + RESPOND), "-o", out, *sets)
+    done = ran("respond", written(folder, SYSTEM + RESPOND), "-o", out, *sets)
     assert done.exit_code == 0, done.output
     with open_result(out) as tree:
         return tree.load()
@@ -125,7 +120,7 @@ def test_without_a_damped_frequency_there_are_no_normalised_ones(tmp_path: Path,
 def test_a_response_until_the_gears_stall(tmp_path: Path) -> None:
     text = SYSTEM + 'respond: {speed: "60 rpm", until: stalled}\n'
     out = tmp_path / "out.h5"
-    done = call("respond", written(tmp_path, text), "-o", out)
+    done = ran("respond", written(tmp_path, text), "-o", out)
     assert done.exit_code == 0, done.output
     assert "stalled" in done.stderr
     with open_result(out) as tree:
@@ -138,7 +133,7 @@ def test_gears_that_wander_are_given_up(tmp_path: Path) -> None:
     """Without damping, too slow to get past the change of stiffness for good: they turn back and forth."""
     respond = 'respond: {speed: "600 rpm", cycles: 100, samples_per_cycle: 50}\n'
     path = written(tmp_path, SYSTEM.replace("damping_ratio: 0.1", "damping_ratio: 0") + respond)
-    done = call("respond", path, "-o", tmp_path / "out.h5")
+    done = ran("respond", path, "-o", tmp_path / "out.h5")
     assert done.exit_code == 0, done.output
     with open_result(tmp_path / "out.h5") as tree:
         found = tree["response"].load()
@@ -193,7 +188,7 @@ methods: {{floquet: {{}}}}
 
 def test_a_sweep_puts_the_formulations_side_by_side(tmp_path: Path) -> None:
     path, out = written(tmp_path, SYSTEM + SWEEP), tmp_path / "map.h5"
-    done = call("sweep", path, "-o", out, "-j", "1", "-q")
+    done = ran("sweep", path, "-o", out, "-j", "1", "-q")
     assert done.exit_code == 0, done.output
     parameters = load(path).parameters
     with open_result(out) as tree:
@@ -222,7 +217,7 @@ def test_the_contact_ratio_can_be_an_axis(tmp_path: Path) -> None:
         "sweep:\n  contact_ratio: [1.3, 1.7]\n  mesh_frequency: [30000.0, 32000.0]\nmethods:\n  floquet: {}\n"
     )
     out = tmp_path / "map.h5"
-    done = call("sweep", written(tmp_path, text), "-o", out, "-j", "1", "-q")
+    done = ran("sweep", written(tmp_path, text), "-o", out, "-j", "1", "-q")
     assert done.exit_code == 0, done.output
     with open_result(out) as tree:
         assert tree["floquet"]["growth_rate"].shape == (2, 2)
@@ -235,7 +230,7 @@ def test_other_methods_know_the_classical_formulation_only(tmp_path: Path, metho
     assert set(found) == {f"methods.{method}"}
     assert "energy_conserving" in found[f"methods.{method}"]
     classical = written(tmp_path, SYSTEM.replace("energy_conserving", "classical") + sweep)
-    done = call("sweep", classical, "-o", tmp_path / "o.h5", "-q")
+    done = ran("sweep", classical, "-o", tmp_path / "o.h5", "-q")
     assert done.exit_code == 0, done.output
 
 
@@ -247,7 +242,7 @@ def test_one_classical_method_beside_an_axis_of_formulations_is_refused(tmp_path
 @pytest.mark.parametrize("option", ["modes: [1]", "block: 0"])
 def test_an_orbit_has_no_modes_to_choose(tmp_path: Path, option: str) -> None:
     sweep = f"sweep: {{mesh_frequency: [20000.0]}}\nmethods: {{floquet: {{{option}}}}}\n"
-    done = call("sweep", written(tmp_path, SYSTEM + sweep), "-o", tmp_path / "o.h5", "-q")
+    done = ran("sweep", written(tmp_path, SYSTEM + sweep), "-o", tmp_path / "o.h5", "-q")
     assert done.exit_code == 2
     assert "no modes to choose from" in done.stderr
 
@@ -307,7 +302,7 @@ def test_a_formulation_has_no_range(tmp_path: Path) -> None:
 
 def test_too_many_samples_are_refused(tmp_path: Path) -> None:
     out = tmp_path / "o.h5"
-    done = call("respond", written(tmp_path, SYSTEM + RESPOND), "-o", out, "--set", "respond.cycles=1e7")
+    done = ran("respond", written(tmp_path, SYSTEM + RESPOND), "-o", out, "--set", "respond.cycles=1e7")
     assert done.exit_code == 2
     assert "respond.cycles: 5e+08 samples would make a file of 32 GB, more than 1.3 GB" in done.stderr
     assert not out.exists()
@@ -323,23 +318,23 @@ system:
 respond: {mesh_frequency: 1.0, cycles: 3, initial: {displacement: [0.1]}}
 """
     out = tmp_path / "o.h5"
-    assert call("respond", written(tmp_path, text), "-o", out).exit_code == 0
+    assert ran("respond", written(tmp_path, text), "-o", out).exit_code == 0
     with open_result(out) as tree:
         assert "displacement" in tree["response"]
 
 
 def test_info_says_whose_modes_and_tongues_it_shows(tmp_path: Path) -> None:
     path = written(tmp_path, SYSTEM + RESPOND)
-    assert call("check", path).exit_code == 0
-    done = call("info", path)
+    assert ran("check", path).exit_code == 0
+    done = ran("info", path)
     assert done.exit_code == 0, done.output
     assert "energy_conserving; modes and tongues below are those of the classical one" in done.stdout
-    assert "formulation" not in call("info", path, "--set", "formulation=classical").stdout
+    assert "formulation" not in ran("info", path, "--set", "formulation=classical").stdout
 
 
 def test_a_benchmark_knows_the_classical_formulation_only(tmp_path: Path) -> None:
     sweep = "sweep: {mesh_frequency: {start: 20000, stop: 36000, num: 5}}\nmethods: {floquet: {}}\n"
-    done = call("bench", written(tmp_path, SYSTEM + sweep), "-o", tmp_path / "b.h5")
+    done = ran("bench", written(tmp_path, SYSTEM + sweep), "-o", tmp_path / "b.h5")
     assert done.exit_code == 2
     assert "system.formulation" in done.stderr
 
@@ -353,7 +348,7 @@ def test_a_held_speed_gives_the_lines_of_the_reference(tmp_path: Path) -> None:
         "spectrum: {window: boxcar}}\n"
     )
     out = tmp_path / "o.h5"
-    done = call("respond", written(tmp_path, text), "-o", out)
+    done = ran("respond", written(tmp_path, text), "-o", out)
     assert done.exit_code == 0, done.output
     with open_result(out) as tree:
         found = tree["response"].load()
@@ -384,7 +379,7 @@ def test_what_contradicts_a_held_speed(tmp_path: Path, respond: str, setting: st
 def test_a_speed_without_an_orbit_cannot_be_held(tmp_path: Path) -> None:
     text = SYSTEM + f"respond: {{speed: {7750 / 24!r}, cycles: 3, hold_speed: true}}\n"
     out = tmp_path / "o.h5"
-    done = call(
+    done = ran(
         "respond", written(tmp_path, text), "-o", out, "--set", "torque=168.4", "--set", "damping_ratio=0"
     )  # fmt: skip
     assert done.exit_code == 2

@@ -13,6 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.linalg import eigh
+from systems import pair, point_a, unequal
 
 from gearstab import floquet
 from gearstab.response import Response, free_response
@@ -23,32 +24,8 @@ START = np.array([0.1, 0.1, 0.1])
 REST = np.zeros(3)
 
 
-def train(tooth_ratio: Fraction = Fraction(1), epsilon: float = 0.3, **changes: Any) -> GearSystem:
-    """Lin & Parker's train, unequal meshes."""
-    parameters: dict[str, Any] = {
-        "kind": "two_stage",
-        "inertias": [1.0, 0.3, 4.0],
-        "input_shaft_stiffness": 0.5,
-        "tooth_ratio": tooth_ratio,
-        "meshes": [
-            {"name": "first", "mean_stiffness": 1.0, "epsilon": epsilon, "contact_ratio": 1.47},
-            {"name": "second", "mean_stiffness": 1.1, "epsilon": 0.8 * epsilon, "contact_ratio": 1.57, "phasing": 0.2},
-        ],
-    }
-    return build(parameters | changes)
-
-
-def pair(damping_ratio: float = 0.0, **mesh: Any) -> GearSystem:
-    meshes = [{"name": "mesh", "mean_stiffness": 1.0, "epsilon": 0.3, "contact_ratio": 1.5} | mesh]
-    return build({"kind": "gear_pair", "equivalent_mass": 1.0, "damping_ratio": damping_ratio, "meshes": meshes})
-
-
-def point_a(phasing: float, **changes: Any) -> GearSystem:
-    """Lin & Parker 2002, section 4: the stiffer level 1 of both meshes is kept, k_a = 0.3."""
-    mesh = {"max_stiffness": 1.0, "amplitude": 0.3}
-    first = mesh | {"name": "first", "contact_ratio": 1.47}
-    second = mesh | {"name": "second", "contact_ratio": 1.57, "phasing": phasing}
-    return train(meshes=[first, second], **changes)
+def train(*args: Any, **changes: Any) -> GearSystem:
+    return build(unequal(*args, **changes))
 
 
 def states(found: Response) -> np.ndarray:
@@ -156,7 +133,7 @@ def test_constant_stiffness_is_modal_superposition() -> None:
 
 
 def test_energy_is_constant_between_jumps_and_jumps_with_the_stiffness() -> None:
-    system, omega, samples = pair(contact_ratio=1.5), 1.3, 40
+    system, omega, samples = build(pair()), 1.3, 40
     found = free_response(system, omega, np.array([0.1]), np.array([0.0]), 5 * 2 * np.pi / omega, samples)
     halves = found.energy[:-1].reshape(-1, samples // 2)
     # Sample 0 and sample 20 of a cycle lie on the jumps and belong to the segment that begins there.
@@ -184,7 +161,7 @@ def test_energy_of_a_damped_system_is_lost_as_the_damping_says() -> None:
 def test_point_a_of_lin_and_parker_grows_without_phasing_and_is_bounded_with_it() -> None:
     """Lin & Parker 2002, Fig. 9: Omega = 4.2, k_a = 0.3, x = 0.1, x' = 0; h = 0 grows, h = 0.4 does not."""
     omega = 4.2
-    system = point_a(0.0)
+    system = build(point_a(0.0))
     found = free_response(system, omega, START, REST, 200 * 2 * np.pi / omega, 20)
     growth = float(floquet.solve(system, np.array([omega])).growth_rate.item())
     assert growth > 0.2
@@ -193,7 +170,7 @@ def test_point_a_of_lin_and_parker_grows_without_phasing_and_is_bounded_with_it(
     norms = np.linalg.norm(states(found)[::20], axis=1)
     rate = np.log(norms[150] / norms[100]) / (found.time[3000] - found.time[2000])
     assert rate == pytest.approx(growth, rel=1e-11)
-    bounded = free_response(point_a(0.4), omega, START, REST, 2000 * 2 * np.pi / omega, 20)
+    bounded = free_response(build(point_a(0.4)), omega, START, REST, 2000 * 2 * np.pi / omega, 20)
     assert bounded.growth_rate == 0
     peaks = np.max(np.abs(bounded.displacement.reshape(-1, 3)[:-1].reshape(20, -1, 3)), axis=(1, 2))
     # Quasi-periodic: the peak of every tenth of the history stays within a factor of the first.
@@ -236,7 +213,9 @@ def test_the_samples_do_not_depend_on_their_number(
 
 def test_critical_damping_has_no_eigenvectors_to_rely_on() -> None:
     """Constant stiffness, zeta = 1: x = (x0 + (v0 + w x0) t) exp(-w t)."""
-    found = free_response(pair(1.0, epsilon=0.0), 1.0, np.array([1.0]), np.array([-0.2]), 20.0, 30)
+    found = free_response(
+        build(pair({"epsilon": 0.0}, damping_ratio=1.0)), 1.0, np.array([1.0]), np.array([-0.2]), 20.0, 30
+    )
     expected = (1.0 + 0.8 * found.time) * np.exp(-found.time)
     np.testing.assert_allclose(found.displacement[:, 0], expected, rtol=0, atol=1e-14)
 
@@ -255,7 +234,7 @@ def test_a_train_that_is_free_in_space_drifts_uniformly() -> None:
 
 def test_a_softer_level_of_zero_is_free_flight() -> None:
     """epsilon = 1, c = 1.5: stiffness 2 for half a cycle, then none."""
-    found = free_response(pair(epsilon=1.0), 1.1, np.array([0.2]), np.array([0.0]), 2 * np.pi / 1.1, 10)
+    found = free_response(build(pair({"epsilon": 1.0})), 1.1, np.array([0.2]), np.array([0.0]), 2 * np.pi / 1.1, 10)
     speed = found.velocity[5:11, 0]
     np.testing.assert_allclose(speed, speed[0], rtol=1e-14)
     expected = found.displacement[5, 0] + speed[0] * (found.time[5:] - found.time[5])
@@ -264,7 +243,7 @@ def test_a_softer_level_of_zero_is_free_flight() -> None:
 
 @pytest.mark.parametrize("changes", [{}, {"damping_ratio": 0.02}])
 def test_growth_beyond_double_precision_ends_the_history(changes: dict[str, Any]) -> None:
-    system = point_a(0.0, **changes)
+    system = build(point_a(0.0, **changes))
     found = free_response(system, 4.2, START, REST, 4000.0, 10)
     assert found.status == "overflow"
     assert found.time[-1] < 4000.0

@@ -4,12 +4,18 @@ from __future__ import annotations
 
 from dataclasses import replace
 from fractions import Fraction
-from typing import Any
 
 import mpmath as mp
 import numpy as np
 import pytest
-from driven_reference import force_and_matrices, integrated, series
+from driven import (
+    CASES,
+    force_and_matrices,
+    integrated,
+    pair,
+    series,
+    train,
+)
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -17,70 +23,7 @@ from gearstab.response import RESPONSE_FLAGS, driven_response, free_response, ha
 from gearstab.response.linear.eigen import divided_exponential
 from gearstab.response.linear.equilibrium import static_equilibrium, static_mesh_force
 from gearstab.response.measures.spectra import amplitudes, densities
-from gearstab.system import GearSystem, PeriodicForce, PeriodicTerm
-from gearstab.systems import build
-from gearstab.waveforms import Constant, Fourier, Rectangular, Scaled, Trapezoidal
-
-ERROR = {"sin": [0.1, 0.02], "cos": [0.0, 0.03]}
-
-
-def train(tooth_ratio: Fraction = Fraction(1), epsilon: float = 0.3, **changes: Any) -> GearSystem:
-    """Lin & Parker's train under load, with a transmission error and damping of its first mesh."""
-    first = {"name": "first", "mean_stiffness": 1.0, "epsilon": epsilon, "contact_ratio": 1.47, "damping": 0.05}
-    second = {"name": "second", "mean_stiffness": 1.1, "epsilon": 0.8 * epsilon, "contact_ratio": 1.57, "phasing": 0.2}
-    parameters: dict[str, Any] = {
-        "kind": "two_stage",
-        "inertias": [1.0, 0.3, 4.0],
-        "input_shaft_stiffness": 0.5,
-        "tooth_ratio": tooth_ratio,
-        "damping_ratio": 0.1,
-        "load": [0.2, 0.0, 0.5],
-        "meshes": [first | {"transmission_error": ERROR}, second],
-    }
-    return build(parameters | changes)
-
-
-def pair(**changes: Any) -> GearSystem:
-    mesh = {"name": "mesh", "mean_stiffness": 4.0, "epsilon": 0.0, "contact_ratio": 1.5}
-    parameters = {"kind": "gear_pair", "equivalent_mass": 1.0, "meshes": [mesh | changes.pop("mesh", {})]}
-    return build(parameters | changes)
-
-
-def with_waves(system: GearSystem, *waves: Any) -> GearSystem:
-    meshes = [replace(mesh, waveform=wave) for mesh, wave in zip(system.meshes, waves, strict=True)]
-    return replace(system, meshes=tuple(meshes))
-
-
-def with_friction(system: GearSystem, profile: Any) -> GearSystem:
-    """Forces across the line of action, and a damping that varies."""
-    g, across = system.meshes[0].direction, np.array([0.3, -0.1, 0.2])
-    terms = (
-        PeriodicTerm("friction", across, g, stiffness=profile, lag=0.1),
-        PeriodicTerm("damping", g, g, damping=Scaled(profile, 0.05, 0.02)),
-    )
-    return replace(system, terms=terms)
-
-
-SMOOTH = Trapezoidal(1.47, 0.2), Fourier(np.array([0.4, 0.1]), np.array([0.2, 0.0]))
-FORCE = PeriodicForce(
-    "force", np.array([0.0, 1.0, 0.0]), Fourier(np.array([0.2]), np.array([0.1])), Fraction(1, 2), 0.3
-)
-PULSES = PeriodicForce("pulses", np.array([0.0, 0.0, 1.0]), Scaled(Rectangular(1.3), 0.1, 0.5), Fraction(2), 0.1)
-RAMPS = PeriodicForce("ramps", np.array([1.0, 0.0, 0.0]), Trapezoidal(1.4, 0.3))
-
-FULL = [[0.3, 0.02, 0], [0.02, 0.3, -0.03], [0, -0.03, 0.4]]
-
-CASES: dict[str, tuple[GearSystem, float]] = {
-    "piecewise constant": (train(), 2.6),
-    "unequal frequencies": (train(Fraction(2, 3)), 1.31),
-    "forces": (replace(train(), forces=(FORCE, PULSES)), 1.7),
-    "force of ramps": (replace(train(), forces=(RAMPS,)), 1.7),
-    "full damping": (train(damping_ratio=0.0, damping={"matrix": FULL}), 0.83),
-    "smooth waves": (with_waves(train(), *SMOOTH), 1.9),
-    "friction": (with_friction(train(), Rectangular(1.6)), 1.4),
-    "smooth friction": (with_friction(with_waves(train(), *SMOOTH), Fourier(np.array([0.2]), np.array([0.1]))), 1.4),
-    "constant friction": (with_friction(train(), Constant(0.1)), 2.1),
-}  # fmt: skip
+from gearstab.waveforms import Fourier
 
 
 @pytest.mark.parametrize("name", CASES)

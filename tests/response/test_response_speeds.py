@@ -8,11 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from driven_reference import force_peaks
+from driven import CASES, force_peaks, pair, train, with_waves
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from places import ROOT
-from test_response_driven import CASES, pair, train, with_waves
+from scenes import ROOT
 
 from gearstab import floquet
 from gearstab.cli import group

@@ -14,6 +14,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from scenes import TRAIN, code
 
 from gearstab.cli import main
 from gearstab.results import ResultError, open_result
@@ -38,17 +39,12 @@ sweep:
   epsilon: [0.1, 0.2, 0.3]
 methods: {floquet: {}, perturbation: {harmonics: 1}, response: {}}
 """,
-    "respond": """
-title: A train
-system:
-  kind: two_stage
-  inertias: [1.0, 0.3, 4.0]
-  input_shaft_stiffness: 0.5
-  meshes:
-    - {name: first, mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5}
-    - {name: second, mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5}
+    "respond": (
+        TRAIN
+        + """\
 respond: {mesh_frequency: 5, cycles: 20, initial: {velocity: [1, 0, 0]}}
-""",
+"""
+    ),
 }
 COMMANDS = {
     "plot": ["plot", "-o", "out.png", "--dpi", "50"],
@@ -62,7 +58,7 @@ def originals(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("originals")
     for command, text in CONFIGS.items():
         (folder / f"{command}.yaml").write_text(text)
-        assert call(command, str(folder / f"{command}.yaml"), "-o", str(folder / f"{command}.h5"), "-q") == 0
+        assert code(command, str(folder / f"{command}.yaml"), "-o", str(folder / f"{command}.h5"), "-q") == 0
     return folder
 
 
@@ -73,18 +69,11 @@ def folder(originals: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     return tmp_path
 
 
-def call(*args: str) -> int:
-    with pytest.raises(SystemExit) as raised:
-        main(args)
-    assert isinstance(raised.value.code, int)
-    return raised.value.code
-
-
 def said(capsys: pytest.CaptureFixture[str], command: str, name: str) -> tuple[int, str]:
     """The exit code of a command on a result, and its messages. An exception that is not caught fails the test."""
     capsys.readouterr()
     first, *rest = COMMANDS[command]
-    return call(first, name, *rest), capsys.readouterr().err
+    return code(first, name, *rest), capsys.readouterr().err
 
 
 def refused(capsys: pytest.CaptureFixture[str], command: str, name: str) -> str:
@@ -158,7 +147,7 @@ def test_a_damaged_result_is_not_complete(folder: Path, capsys: pytest.CaptureFi
         path.write_bytes(data)
         spoil()
         capsys.readouterr()
-        assert call("sweep", "sweep.yaml", "-o", "sweep.h5") == 0
+        assert code("sweep", "sweep.yaml", "-o", "sweep.h5") == 0
         first, second, *notes = capsys.readouterr().err.splitlines()
         assert text in first
         assert "54 points" in second
@@ -166,7 +155,7 @@ def test_a_damaged_result_is_not_complete(folder: Path, capsys: pytest.CaptureFi
         assert is_sealed(path)
         with open_result(path) as tree:
             np.testing.assert_array_equal(tree["floquet"]["growth_rate"].values, expected)
-    assert call("sweep", "sweep.yaml", "-o", "sweep.h5") == 0
+    assert code("sweep", "sweep.yaml", "-o", "sweep.h5") == 0
     assert "already complete" in capsys.readouterr().err
 
 
@@ -180,7 +169,7 @@ def test_another_version_of_the_format_is_refused(folder: Path, capsys: pytest.C
         for command in COMMANDS:
             assert "version 99 of the format" in refused(capsys, command, path.name)
     # A sweep of the same configuration computes it again.
-    assert call("sweep", "sweep.yaml", "-o", "sweep.h5", "-q") == 0
+    assert code("sweep", "sweep.yaml", "-o", "sweep.h5", "-q") == 0
     assert said(capsys, "info", "sweep.h5")[0] == 0
 
 
@@ -313,7 +302,7 @@ def test_a_fault_of_the_program_keeps_its_traceback(folder: Path, monkeypatch: p
         main(["export", "sweep.h5", "-o", "out.csv"])
     with h5py.File("sweep.h5", "r+") as file:
         file.attrs["note"] = "mine"
-    assert call("export", "sweep.h5", "-o", "out.csv") == 2
+    assert code("export", "sweep.h5", "-o", "out.csv") == 2
 
 
 def test_a_result_that_was_changed_can_be_read(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

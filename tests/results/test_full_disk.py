@@ -11,24 +11,20 @@ import sys
 from pathlib import Path
 
 import pytest
+from scenes import TRAIN
 
 resource = pytest.importorskip("resource")
 
-CONFIG = """
-title: A train
-system:
-  kind: two_stage
-  inertias: [1.0, 0.3, 4.0]
-  input_shaft_stiffness: 0.5
-  meshes:
-    - {name: first, mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5}
-    - {name: second, mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5}
+CONFIG = (
+    TRAIN
+    + """\
 sweep:
   mesh_frequency: {start: 4.0, stop: 6.0, num: 200}
   epsilon: {start: 0.0, stop: 0.4, num: 100}
 methods: {floquet: {}}
 respond: {mesh_frequency: 5, cycles: 50, initial: {velocity: [1, 0, 0]}}
 """
+)
 COMMANDS = {
     "sweep": ["sweep", "other.yaml", "-o", "out.h5", "--overwrite"],
     "respond": ["respond", "train.yaml", "-o", "response.h5"],

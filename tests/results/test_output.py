@@ -13,8 +13,8 @@ from pathlib import Path
 
 import h5py
 import pytest
+from scenes import TRAIN, code
 
-from gearstab.cli import main
 from gearstab.errors import UserError
 from gearstab.interrupts import temporary
 from gearstab.plots.drawing.style import FIGURE
@@ -23,22 +23,16 @@ from gearstab.results.export import TABLE
 from gearstab.results.guard import BENCH, RESPOND, SWEEP, result_of
 from gearstab.results.output import free_bytes, move, prepare, write_bytes, writing
 
-CONFIG = """
-title: A train
-system:
-  kind: two_stage
-  inertias: [1.0, 0.3, 4.0]
-  input_shaft_stiffness: 0.5
-  tooth_ratio: 1
-  meshes:
-    - {name: first, mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5}
-    - {name: second, mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5}
+CONFIG = (
+    TRAIN
+    + """\
 sweep:
   mesh_frequency: {start: 4.0, stop: 6.0, num: 5}
   epsilon: [0.1, 0.3]
 methods: {floquet: {}}
 respond: {mesh_frequency: 5, cycles: 2, initial: {velocity: [1, 0, 0]}}
 """
+)
 
 unix = pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs named pipes")
 linux = pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
@@ -62,13 +56,6 @@ def folder(tmp_path: Path, results: Path, monkeypatch: pytest.MonkeyPatch) -> It
     yield tmp_path
     assert not list(tmp_path.rglob("*.tmp"))
     assert not temporary
-
-
-def code(*args: str) -> int:
-    with pytest.raises(SystemExit) as raised:
-        main(args)
-    assert isinstance(raised.value.code, int)
-    return raised.value.code
 
 
 def refused(capsys: pytest.CaptureFixture[str], *args: str) -> str:

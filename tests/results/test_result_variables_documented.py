@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from fnmatch import fnmatch
 
-from places import DOCS
+from scenes import DOCS
 
 from gearstab.floquet import STATUS_FLAGS
 from gearstab.floquet.required_damping import FLAGS as DAMPING_FLAGS

@@ -10,27 +10,22 @@ import time
 from pathlib import Path
 
 import pytest
-from places import ROOT
+from scenes import ROOT, TRAIN
 
 from gearstab import interrupts
 
 pytestmark = pytest.mark.skipif(not hasattr(signal, "SIGHUP"), reason="needs signals of POSIX")
 
-CONFIG = """
-title: A train
-system:
-  kind: two_stage
-  inertias: [1.0, 0.3, 4.0]
-  input_shaft_stiffness: 0.5
-  meshes:
-    - {name: first, mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5}
-    - {name: second, mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5}
+CONFIG = (
+    TRAIN
+    + """\
 sweep:
   mesh_frequency: {start: 4.0, stop: 6.0, num: 300}
   epsilon: {start: 0.0, stop: 0.4, num: 300}
 methods: {floquet: {}}
 respond: {mesh_frequency: 5, cycles: 20000, initial: {velocity: [1, 0, 0]}}
 """
+)
 SIGNALS = [signal.SIGINT, signal.SIGTERM, signal.SIGHUP]
 COMMANDS = {
     "plot": ["plot", "map.h5", "-o", "out.png", "--dpi", "600"],

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
+from scenes import TRAIN
 
 from gearstab import floquet
 from gearstab.config import Assignment, Axis, load
@@ -20,18 +21,6 @@ from gearstab.results import open_result
 from gearstab.sweep import Plan, plan, run
 from gearstab.sweep.plan import chunk_shape
 from gearstab.systems import build
-
-TRAIN = """
-title: A train
-system:
-  kind: two_stage
-  inertias: [1.0, 0.3, 4.0]
-  input_shaft_stiffness: 0.5
-  tooth_ratio: 1
-  meshes:
-    - {name: first, mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5}
-    - {name: second, mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5, phasing: 0.0}
-"""
 
 Make = Callable[..., Plan]
 

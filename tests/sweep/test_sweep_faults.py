@@ -16,7 +16,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from places import ROOT
+from scenes import ROOT
 from sweep_faults import CONFIG, FOLDER, faulty, value
 
 from gearstab.results import OutputError, open_result
@@ -292,7 +292,7 @@ def test_a_disk_that_is_full_in_the_end(scene: Scene, monkeypatch: pytest.Monkey
 
     if large:
         monkeypatch.setattr(merge, "IN_MEMORY", 0)
-    monkeypatch.setattr(merge, "_write_apart" if large else "write_result", full)
+    monkeypatch.setattr(merge, "write_apart" if large else "write_result", full)
     with pytest.raises(SweepError, match="no space left on device; 8 finished blocks are kept"):
         scene.run()
     assert not scene.out.exists()

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from places import CONFIGS
+from scenes import CONFIGS
 
 from gearstab.config import load
 from gearstab.errors import UserError

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from places import ROOT
+from scenes import ROOT
 from sweep_faults import CONFIG, FOLDER, faulty, value
 
 from gearstab.errors import UserError

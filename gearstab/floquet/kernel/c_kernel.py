@@ -65,7 +65,7 @@ def _scan(
     asked = _contiguous(omega)
     verdict, growth = np.empty(asked.shape, dtype=np.int8), np.empty(asked.shape)
     for rows in _portions(len(asked), len(pattern.states), pattern.size):
-        arguments = _arguments(pattern, rows)
+        arguments = pattern_arguments(pattern, rows)
         own = [asked.shape[1], asked[rows], verdict[rows], growth[rows], rho[rows]]
         if magnified is not None:
             own.append(magnified[rows])
@@ -87,7 +87,7 @@ def monodromy(pattern: Pattern, row: int | Array, omega: Array) -> tuple[Array, 
         members = np.flatnonzero((index >= rows.start) & (index < rows.stop))
         if len(members) == 0:
             continue
-        points, arguments = len(members), _arguments(pattern, rows)
+        points, arguments = len(members), pattern_arguments(pattern, rows)
         found, size_of = np.empty((points, size, size)), np.empty(points)
         own = (index[members] - rows.start, asked[members], found, size_of)
         _library().monodromy(ckernel.simd(), *arguments, 0, points, points, *own)
@@ -104,7 +104,7 @@ def traces(pattern: Pattern, omega: Array, bound: float = np.inf, limit: int | N
     asked = _contiguous(omega)
     rho = np.empty((*asked.shape, pattern.size), dtype=complex)
     for rows in _portions(len(asked), len(pattern.states), pattern.size):
-        arguments = _arguments(pattern, rows)
+        arguments = pattern_arguments(pattern, rows)
         own = (asked.shape[1], float(bound), asked[rows], rho[rows])
 
         def part(first: int, last: int, given: tuple[Any, ...] = (arguments, own)) -> None:
@@ -196,8 +196,8 @@ def edges(
     found: dict[int, tuple[bytes, bytes]] = {}
     segments = max(len(pattern.states), len(coarse.states))
     for rows in _portions(len(begin), segments, pattern.size):
-        given = _arguments(pattern, rows)
-        other = given if coarse is pattern else _arguments(coarse, rows)
+        given = pattern_arguments(pattern, rows)
+        other = given if coarse is pattern else pattern_arguments(coarse, rows)
         arguments = (*given, *other[0][1:3], *other[1:])
         options = (tolerance, floor, density, begin[rows], end[rows])
 
@@ -229,8 +229,8 @@ def shares(pattern: Pattern, coarse: Pattern, turn: Array, row: Array, cycle: Ar
         low, high = np.searchsorted(index, (rows.start, rows.stop))
         if low == high:
             continue
-        given = _arguments(pattern, rows)
-        other = given if coarse is pattern else _arguments(coarse, rows)
+        given = pattern_arguments(pattern, rows)
+        other = given if coarse is pattern else pattern_arguments(coarse, rows)
         arguments = (*given, *other[0][1:3], *other[1:])
         bases = _contiguous(coarse.modes[rows]), _contiguous(turn[rows])
         points = (*bases, index[low:high] - rows.start, place[low:high])
@@ -362,7 +362,7 @@ def _portions(rows: int, segments: int, size: int) -> Iterator[slice]:
         yield slice(first, min(rows, first + step))
 
 
-def _arguments(pattern: Pattern, rows: slice = slice(None)) -> tuple[Any, ...]:
+def pattern_arguments(pattern: Pattern, rows: slice = slice(None)) -> tuple[Any, ...]:
     """Rows of a conservative pattern as the C functions take it."""
     squared = pattern.squared_frequency[rows]
     numbers = (len(squared), len(pattern.states), *squared.shape[1:], float(pattern.cycles), LIMITS)

@@ -1,4 +1,4 @@
-"""Edges of single instability tongues from the Floquet problem, independent of the package's methods.
+"""Instability regions: edges of single tongues from the Floquet problem, independent of the package's methods.
 
 Near a tongue two Floquet multipliers lambda_1, lambda_2 meet on the unit circle. There
 
@@ -6,35 +6,32 @@ Near a tongue two Floquet multipliers lambda_1, lambda_2 meet on the unit circle
 
 is a smooth function of Omega, positive where the two are apart on the circle and negative where they have left it, so
 that the edges are its two zeros. A polynomial through a few points around the tongue gives them without any search.
+Regions that the package finds are compared with its flags.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
-from fractions import Fraction
-from itertools import pairwise
-from math import gcd, lcm
+from typing import Any
 
 import numpy as np
+import oracle
 from scipy.linalg import expm
+from systems import two_stage
 
+from gearstab.floquet import solve
+from gearstab.floquet.boundaries import Boundaries
+from gearstab.modal import mean_modes
 from gearstab.system import GearSystem
 from gearstab.systems import build
 
 
 def train(
-    contact_ratio: tuple[object, object] = (1.5, 1.5),
-    phasing: object = 0.0,
-    tooth_ratio: str | int = 1,
-    epsilon: object = (1.0, 1.0),
-    **changes: object,
+    contact_ratio: Any = (1.5, 1.5), phasing: Any = 0.0, tooth_ratio: Any = 1, epsilon: Any = 1.0, **changes: Any
 ) -> GearSystem:
-    """Lin & Parker's two-stage train, Table 1."""
-    pairs = list(zip(("first", "second"), epsilon, contact_ratio, strict=True))
-    meshes = [{"name": n, "mean_stiffness": 1.0, "epsilon": e, "contact_ratio": c} for n, e, c in pairs]
-    meshes[1]["phasing"] = phasing
-    base = {"kind": "two_stage", "inertias": [1.0, 0.3, 4.0], "input_shaft_stiffness": 0.5, "meshes": meshes}
-    return build({**base, "tooth_ratio": Fraction(tooth_ratio), **changes})
+    """Lin & Parker's two-stage train, Table 1, of unit variation."""
+    return build(two_stage(tooth_ratio, epsilon, contact_ratio, phasing, **changes))
 
 
 def scaled(system: GearSystem, factor: float) -> GearSystem:
@@ -44,26 +41,13 @@ def scaled(system: GearSystem, factor: float) -> GearSystem:
 
 def segments(system: GearSystem) -> tuple[float, list[tuple[float, np.ndarray]]]:
     """(period, [(duration, K)]) in units of 2 pi/Omega for a single system."""
-    ratios = [Fraction(mesh.frequency_ratio) for mesh in system.meshes]
-    period = Fraction(lcm(*(r.denominator for r in ratios)), gcd(*(r.numerator for r in ratios)))
-    edges = {0.0, float(period)}
-    for mesh in system.meshes:
-        duty = float(mesh.waveform.contact_ratio) % 1.0
-        for phase in (0.0, duty):
-            for cycle in range(int(period * mesh.frequency_ratio)):
-                edges.add((float(mesh.lag) + phase + cycle) / float(mesh.frequency_ratio) % float(period))
-    ordered = sorted(edges)
-    pieces = []
-    for start, stop in pairwise(ordered):
-        stiffness = np.array(system.stiffness, dtype=float)
-        for mesh in system.meshes:
-            duty = float(mesh.waveform.contact_ratio) % 1.0
-            phase = (float(mesh.frequency_ratio) * 0.5 * (start + stop) - float(mesh.lag)) % 1.0
-            wave = 1 - duty if phase < duty else -duty
-            level = float(mesh.mean_stiffness) * (1 + 2 * float(mesh.epsilon) * wave)
-            stiffness = stiffness + level * np.outer(mesh.direction, mesh.direction)
-        pieces.append((stop - start, stiffness))
-    return float(period), pieces
+    p, outer = oracle.plain(system), [mesh.outer for mesh in system.meshes]
+    pieces = [
+        (float(duration), system.stiffness + sum(float(k) * g for k, g in zip(levels, outer, strict=True)))
+        for duration, levels in oracle.segments(p)
+        if duration
+    ]
+    return float(oracle.common_period(p)), pieces
 
 
 def monodromy(system: GearSystem, omega: np.ndarray) -> np.ndarray:
@@ -112,3 +96,64 @@ def squared_half_width(system: GearSystem, pair: tuple[float, float], nu: float,
         center, squared = center + reach * middle, reach**2 * squared
         half = max(np.sqrt(abs(squared)), 0.2 * reach if squared <= 0 else 0.0)
     return center, squared
+
+
+def log_growth(system: GearSystem, omega: float) -> float:
+    """ln of the largest multiplier over the common period."""
+    return float(np.log(np.abs(np.linalg.eigvals(monodromy(system, np.array([omega]))[0])).max()))
+
+
+def with_damping(system: GearSystem, damping: np.ndarray, factor: float) -> GearSystem:
+    return replace(scaled(system, factor), damping=damping * factor)
+
+
+def damping_matrix(system: GearSystem, kind: str, values: list) -> np.ndarray:
+    if kind == "matrix":
+        return np.array(values)
+    if kind == "mesh":
+        return sum(c * m.outer for c, m in zip(values, system.meshes, strict=True))
+    modes = mean_modes(system)
+    weighted = system.mass @ modes.shapes
+    return (weighted * (2 * np.array(values) * modes.natural_frequency)) @ weighted.T
+
+
+def first_outside(system: GearSystem, inner: float, outer: float) -> float:
+    """Bisection on the multipliers leaving the unit circle by more than 1e-7."""
+    limit_of = 1e-7
+    for _ in range(60):
+        middle = 0.5 * (inner + outer)
+        if log_growth(system, middle) > limit_of:
+            inner = middle
+        else:
+            outer = middle
+    return 0.5 * (inner + outer)
+
+
+# ---- regions against flags
+
+
+def inside(found: Boundaries, row: int, omega: np.ndarray) -> np.ndarray:
+    """Which mesh frequencies lie in a region of a row."""
+    mine = found.row == row
+    low, high = found.lower[mine], found.upper[mine]
+    return ((omega[:, None] > low) & (omega[:, None] < high)).any(axis=1)
+
+
+def near_edge(found: Boundaries, row: int, omega: np.ndarray, distance: float) -> np.ndarray:
+    """Which mesh frequencies are within a relative distance of an edge."""
+    mine = found.row == row
+    edges = np.concatenate([found.lower[mine], found.upper[mine]])
+    return (np.abs(omega[:, None] / edges - 1) < distance).any(axis=1)
+
+
+def disagreements(found: Boundaries, system: GearSystem, start: float, stop: float, points: int) -> Mapping[int, list]:
+    """Raster points, uniform in the period, whose flag is not that of the regions; none at all where empty."""
+    omega = 1 / np.linspace(1 / stop, 1 / start, points + 2)[1:-1]
+    stable = solve(system, omega).stable
+    result = {}
+    for row in range(found.rows):
+        wrong = inside(found, row, omega) == (stable[row] == 1)
+        wrong &= ~near_edge(found, row, omega, 1e-9)
+        if wrong.any():
+            result[row] = omega[wrong].tolist()
+    return result

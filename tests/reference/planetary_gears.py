@@ -1,4 +1,4 @@
-"""Gears of cyclic symmetry made by hand: a sun, N planets on springs, a ring that may be elastic; planar."""
+"""Planetary gears: Parker's of 2009 as parameters, and ones of cyclic symmetry put together by hand; all planar."""
 
 from __future__ import annotations
 
@@ -7,13 +7,56 @@ from fractions import Fraction
 import numpy as np
 
 from gearstab.system import GearSystem, Mesh
+from gearstab.systems import build
 from gearstab.waveforms import Rectangular
 
 ALPHA = np.deg2rad(24.0)
+ANGLE = np.deg2rad(24.6)
+
+
+def parameters(planets=4, harmonics=12, **changes):
+    """Parker 2009, Table 1, in phase, with k_cu = 1e11 N/m."""
+    ring = {"kind": "elastic", "harmonics": harmonics, "bending_stiffness": 5e7} if harmonics > 1 else {"kind": "rigid"}
+    return {
+        "kind": "planetary", "planets": planets, "ring": ring, "motion": "planar", "scaling": "dimensionless",
+        "masses": {"ring": 6.35, "carrier": 5.43, "sun": 0.4, "planet": 4.0},
+        "inertias": {"carrier": 6.0, "sun": 2.5, "planet": 2.0},
+        "supports": {
+            "carrier": 5e11, "sun": 5e11, "planet": 5e11, "carrier_rotation": 1e11, "sun_rotation": 5e11,
+            "ring_radial": 0.0, "ring_tangential": 0.0,
+        },
+        "pressure_angles": {"sun": ANGLE, "ring": ANGLE},
+        "meshes": {
+            "sun": {"mean_stiffness": 1e8, "epsilon": 0.1, "contact_ratio": 1.4},
+            "ring": {"mean_stiffness": 1e8, "epsilon": 0.1, "contact_ratio": 1.6},
+        },
+        "phases": {"sun": [0.0] * planets, "sun_ring": 0.5},
+    } | changes  # fmt: skip
+
+
+SEQUENTIAL = {"sun": [0.0, 0.25, 0.5, 0.75], "sun_ring": 0.5}
+
+
+def with_epsilon(p, epsilon):
+    return p | {"meshes": {name: mesh | {"epsilon": epsilon} for name, mesh in p["meshes"].items()}}
+
+
+SUPPORTS = {
+    "carrier": 2e8, "sun": 2e8, "planet": 3e8, "carrier_rotation": 1e8, "sun_rotation": 2e8,
+    "ring_radial": 1e8, "ring_tangential": 1e8,
+}  # fmt: skip
+"""Soft ones, so that few high modes add their narrow tongues."""
+
+
+def planetary(**changes: object) -> GearSystem:
+    """21 coordinates in blocks of 6, 12 and 3."""
+    return build(with_epsilon(parameters(harmonics=1, supports=SUPPORTS, **changes), 0.2))
 
 
 def cyclic(planets, phases=None, epsilon=0.3, harmonics=1, damping=0.0):
-    """N planets with meshes on the sun and the ring; ``phases`` of the suns', the ring's lag half a period behind.
+    """A sun, N planets on springs and a ring that may be elastic, with meshes on both.
+
+    phases: of the suns' meshes; the ring's lag half a period behind.
 
     damping: C over K of the mean system. Coordinates: (x, y, u) of sun, ring and planets, then the ring's waves.
     """

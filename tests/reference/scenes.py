@@ -1,0 +1,76 @@
+"""Where things lie in the source tree, texts of configurations, and what a program says to them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+
+from gearstab.cli import group, main
+from gearstab.config import Config, ConfigError, Problem, load
+
+ROOT = Path(__file__).resolve().parents[2]
+CONFIGS, DOCS, DATA = ROOT / "configs", ROOT / "docs", ROOT / "tests" / "data"
+
+TRAIN = """\
+title: A train
+system:
+  kind: two_stage
+  inertias: [1.0, 0.3, 4.0]
+  input_shaft_stiffness: 0.5
+  tooth_ratio: 1
+  meshes:
+    - {name: first, mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5}
+    - {name: second, mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5}
+"""
+"""Lin & Parker's two-stage train (2002, Table 1)."""
+
+
+def written(folder: Path, text: str | bytes, name: str = "case.yaml") -> Path:
+    """Write a configuration into a folder."""
+    path = folder / name
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return path
+
+
+def read(folder: Path, text: str | bytes, *overrides: str) -> Config:
+    """Write a configuration and load it."""
+    return load(written(folder, text), overrides)
+
+
+def problems(folder: Path, text: str | bytes, *overrides: str) -> Sequence[Problem]:
+    """What is wrong with a configuration, of which something must be."""
+    with pytest.raises(ConfigError) as caught:
+        read(folder, text, *overrides)
+    return caught.value.problems
+
+
+def problem(folder: Path, text: str | bytes, *overrides: str) -> Problem:
+    """The only thing that is wrong with a configuration."""
+    found = problems(folder, text, *overrides)
+    assert len(found) == 1, found
+    return found[0]
+
+
+def ran(*words: object) -> Result:
+    """The end of a command line, whatever it is."""
+    return CliRunner().invoke(group, [str(word) for word in words])
+
+
+def done(*words: object) -> Result:
+    """The end of a command line that must end well."""
+    found = ran(*words)
+    if found.exception is not None and not isinstance(found.exception, SystemExit):
+        raise found.exception
+    assert found.exit_code == 0, found.output
+    return found
+
+
+def code(*words: str) -> int:
+    """The exit code of a command line as the entry point gives it, its messages on the streams of the test."""
+    with pytest.raises(SystemExit) as raised:
+        main(words)
+    assert isinstance(raised.value.code, int)
+    return raised.value.code
