@@ -9,7 +9,7 @@
    modulus win; where many squarings were needed they are done again with errors magnified. A point where any of this is
    more than TRUSTED is left to the QR algorithm.
 
-   What it is worth: with QR for every point a scan of a damped pattern takes 2.9 to 5.2 times the time with AVX-512, 2.2 to
+   What it is worth: with QR for every point a scan of a damped pattern takes 2.8 to 5.2 times the time with AVX-512, 2.1 to
    4.2 with AVX2 and 1.8 to 3.2 without either (m = 4 and 6; the least with 16 segments a period, where propagation counts
    most), and floquet.solve on a map of 200 x 2000 points 3.6 times, with the same status everywhere and growths within
    1e-13. One point in 50,000 is left to QR at usual damping, one in 23 at damping ratios of 1e-6, where most are squared
