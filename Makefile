@@ -24,7 +24,7 @@ FIGURES := $(patsubst results/%.h5,results/figures/%.$(FORMAT),$(SWEEP_RESULTS) 
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help install demo test test-all test-portable test-sanitized lint figures bench reproduction lock clean distclean
+.PHONY: help install demo test test-all test-portable test-sanitized test-oldest lint figures bench reproduction lock clean distclean
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-15s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -79,6 +79,15 @@ test-sanitized: $(VENV)/.installed ## tests of the C kernel built with address a
 	@grep -q __asan_ $(SANITIZED)/lib/gearstab/ckernel/_kernel*.so
 	@PYTHONPATH=$(CURDIR)/$(SANITIZED)/lib LD_PRELOAD="$$($(CC) -print-file-name=libasan.so)" ASAN_OPTIONS=detect_leaks=0 \
 	  UBSAN_OPTIONS=print_stacktrace=1 $(BIN)/python -P -c '$(RUN_SANITIZED)' -q -s $(SANITIZED_TESTS)
+
+# The oldest versions that pyproject.toml allows have wheels for Python 3.11 and 3.12 only.
+OLDEST := build/oldest
+
+test-oldest: ## the fast tests with the oldest allowed version of every dependency (PYTHON=python3.11)
+	@$(PYTHON) -m venv --clear $(OLDEST)
+	@$(OLDEST)/bin/python -m pip install -qq --disable-pip-version-check --only-binary :all: --requirement scripts/oldest.txt
+	@$(OLDEST)/bin/python -m pip install -qq --disable-pip-version-check --no-build-isolation --no-deps --editable .
+	@$(OLDEST)/bin/python -m pytest -q -n auto --dist worksteal
 
 lint: $(VENV)/.installed ## linter and type checker
 	@$(BIN)/ruff check .

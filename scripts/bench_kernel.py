@@ -13,12 +13,18 @@ import os
 for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ[variable] = "1"  # one core for everybody; read when NumPy is imported
 
+import importlib.util
+import subprocess
 import sys
+import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import pairwise
+from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -28,6 +34,7 @@ from gearstab import ckernel
 from gearstab.floquet import solve
 from gearstab.floquet.kernel import c_kernel, damped, numpy_kernel
 from gearstab.floquet.kernel import choice as kernel
+from gearstab.floquet.kernel.invariants import DOUBTFUL
 from gearstab.floquet.segments.pattern import Pattern, prepare
 from gearstab.system import Array, GearSystem, Mesh
 from gearstab.systems import build
@@ -180,6 +187,78 @@ def preparation(rounds: int) -> None:
     compare(f"preparation of {rows} rows (a 'point' is a row)", ways, rounds)
 
 
+DAMPING = {
+    "usual damping": [0.01, 0.02, 0.05],
+    "hardly any damping": [1e-6, 2e-6, 5e-6],
+    "heavy damping": [0.4, 0.6, 0.8],
+}
+"""Damping ratios of the three modes of the train."""
+
+
+@contextmanager
+def counting() -> Iterator[ModuleType]:
+    """Use a kernel that counts the points that take each way, built for the purpose."""
+    root, usual = Path(__file__).parent.parent, ckernel.library
+    with tempfile.TemporaryDirectory() as folder:
+        build_it = [sys.executable, "setup.py", "-q", "build", "--build-base", folder, "--build-lib", folder]
+        flags = os.environ.get("GEARSTAB_CFLAGS", "") + " -O1 -DGEARSTAB_COUNT_PATHS"
+        chosen = os.environ | {"GEARSTAB_CFLAGS": flags}
+        subprocess.run(build_it, cwd=root, env=chosen, check=True, capture_output=True)
+        (built,) = Path(folder).glob("gearstab/ckernel/_kernel*.so")
+        spec = importlib.util.spec_from_file_location("gearstab.ckernel._kernel", built)
+        assert spec is not None
+        assert spec.loader is not None
+        ckernel.library = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(ckernel.library)
+        try:
+            yield ckernel.library
+        finally:
+            ckernel.library = usual
+
+
+def shares() -> None:
+    """Which part of the points the fast ways take, and what they leave to the slow ones."""
+    print("shares of the points of a map of 100 x 1000")
+    with counting() as counter:
+        for name, ratios in DAMPING.items():
+            (pattern,) = prepare(train("1", ROWS, {"damping": {"modal": ratios}}))
+            generator = damped.generators(pattern, pattern.elastic.damping)  # type: ignore[arg-type]
+            omega = np.linspace(0.35, 7, 1000) / pattern.elastic.rate[:, None]
+            counter.paths()
+            c_kernel.scan_damped(pattern, generator, omega, 1)
+            share(f"moduli.h, {name}", counter.paths(), omega.size, "squared", "squared twice", "left to QR")
+        (pattern,) = prepare(train("1", ROWS))
+        omega = np.linspace(0.35, 7, 1000) / pattern.elastic.rate[:, None]
+        verdict, *_ = c_kernel.scan_traces(pattern, omega, True, 1)
+        share("interpolation.h", counter.paths(), omega.size, "interpolated", "propagated")
+        doubtful = int((verdict == DOUBTFUL).sum())
+        counts = {"decided": omega.size - doubtful, "doubtful": doubtful}
+        share("traces.h, n = 3", counts, omega.size, *counts)
+    print()
+
+
+def share(name: str, counts: dict[str, int], points: int, *ways: str) -> None:
+    """Print one line of :func:`shares`."""
+    print(f"  {name:34} " + ", ".join(f"{100 * counts[way] / points:.3f} % {way}" for way in ways))
+
+
+def moved_traces(rounds: int) -> None:
+    """What compare.py asks of two resolutions of a smooth wave."""
+    rng = np.random.default_rng(1)
+    fine = rng.normal(size=(40, 1024, 3)) + 0j
+    coarse, least = fine + 1e-9, np.full(1024, 1e-13)
+
+    def work(of: ModuleType) -> None:
+        of.trace_change(fine, coarse, 1.5)
+        of.trace_condition(fine[0], least)
+
+    ways = [
+        Way("compiled", fine[..., 0].size, lambda: work(c_kernel)),
+        Way("NumPy kernel", fine[..., 0].size, lambda: work(numpy_kernel)),
+    ]
+    compare("moved traces, n = 3", ways, rounds)
+
+
 def general_damping(rounds: int) -> None:
     """n = 3, unequal modal damping."""
     (pattern,) = prepare(train("1", ROWS, {"damping": {"modal": [0.01, 0.02, 0.05]}}))
@@ -243,7 +322,9 @@ def main() -> None:
         general_damping(rounds)
         many_coordinates(rounds)
         whole_map(rounds)
+        moved_traces(rounds)
         threads(rounds)
+        shares()
 
 
 if __name__ == "__main__":

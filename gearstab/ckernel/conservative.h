@@ -67,8 +67,10 @@ INLINE void store_traces(double *rho, int64_t n, int64_t k, int64_t points, cons
 INLINE vec matrix_at(const struct row *row, int64_t n, const struct room *room, vec period, int64_t k, int64_t points,
                      double *magnified) {
     vec larger_by = all(1.0), scale = all(0.0);
-    if (!interpolate(&room->panels, n, period, room->x, &larger_by))
+    int interpolated = interpolate(&room->panels, n, period, room->x, &larger_by);
+    if (!interpolated)
         scale = propagate(row, n, period, room->x, room->work);
+    COUNT(interpolated ? INTERPOLATED : PROPAGATED, points - k < LANES ? points - k : LANES);
     if (magnified)
         store_part(magnified, k, points, larger_by);
     return scale;

@@ -253,9 +253,12 @@ INLINE void scan_damped_row(const struct damped *pattern, int64_t m, int small, 
             int64_t at = k + c * LANES;
             vec value = choose(sure, spectrum[c].value, all(0.0));
             store_part(growth, at, points, load_part(scale, at, points) + value);
-            if (!any(~sure))
+            if (!any(~sure)) {
+                COUNT(SQUARED, points - at < LANES ? points - at : LANES);
                 continue;
+            }
             for (int64_t lane = 0; lane < LANES && at + lane < points; lane++) {
+                COUNT(sure[lane] ? SQUARED : LEFT_TO_QR, 1);
                 if (sure[lane])
                     continue;
                 for (int64_t i = 0; i < m * m; i++)

@@ -155,6 +155,16 @@ struct names {
 /* Names of all regions, in their order, see names.c. Returns 0, or -1 when there is no memory. */
 int gearstab_names(const struct regions *all, struct names *kept);
 
+/* How many points took each way. Only scripts/bench_kernel.py asks, with a build of its own: counting everywhere would cost
+   threads a shared line of memory. */
+enum path { PROPAGATED, INTERPOLATED, SQUARED, LEFT_TO_QR, SQUARED_TWICE, PATHS };
+#ifdef GEARSTAB_COUNT_PATHS
+extern int64_t gearstab_paths[PATHS];
+#define COUNT(path, points) (gearstab_paths[path] += (points))
+#else
+#define COUNT(path, points) ((void)0)
+#endif
+
 /* Moved traces and their condition, see nearest.c. */
 void gearstab_trace_change(int64_t count, int64_t n, double weight, const double *fine, const double *coarse,
                            double *change, double *largest);

@@ -186,7 +186,23 @@ static PyObject *py_trace_condition(PyObject *self, PyObject *arguments) {
     return finish(&b, fit, 0);
 }
 
+#ifdef GEARSTAB_COUNT_PATHS
+int64_t gearstab_paths[PATHS];
+
+static PyObject *py_paths(PyObject *self, PyObject *unused) {
+    (void)self, (void)unused;
+    const int64_t *p = gearstab_paths;
+    PyObject *counts = Py_BuildValue("{sL sL sL sL sL}", "propagated", p[PROPAGATED], "interpolated", p[INTERPOLATED],
+                                     "squared", p[SQUARED], "left to QR", p[LEFT_TO_QR], "squared twice", p[SQUARED_TWICE]);
+    memset(gearstab_paths, 0, sizeof gearstab_paths);
+    return counts;
+}
+#endif
+
 static PyMethodDef METHODS[] = {
+#ifdef GEARSTAB_COUNT_PATHS
+    {"paths", py_paths, METH_NOARGS, "paths(): how many points took each way since the last call."},
+#endif
     {"levels", py_levels, METH_NOARGS, "levels(): names of the levels of vector instructions available, the best last."},
     {"scan", py_scan, METH_VARARGS,
      "scan(level, (rows, segments, states, n, cycles, limits), squared, fractions, state, change, first, last, points, omega, "

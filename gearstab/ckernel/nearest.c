@@ -1,4 +1,7 @@
-/* How far the traces rho = lambda + 1/lambda of many points have moved between two computations. */
+/* How far the traces rho = lambda + 1/lambda of many points have moved between two computations.
+
+   It takes 2 to 6 % of the time of a smooth sweep (waveforms/harmonics.yaml and trapezoidal.yaml of configs/, 40 x 1024 and
+   1 x 4000 points); the same in NumPy (numpy_kernel.py) takes 13 to 34 % and makes the whole 1.15 to 1.5 times as long. */
 
 #include <float.h>
 #include <math.h>

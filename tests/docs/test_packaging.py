@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
+from packaging.version import Version
 
 import gearstab
 
@@ -77,6 +78,15 @@ def test_lock_pins_what_the_project_asks_for(root: Path, project: dict) -> None:
     assert wanted.keys() <= pins.keys()
     for name, requirement in wanted.items():
         assert all(requirement.specifier.contains(version) for version, _ in pins[name]), name
+
+
+def test_the_oldest_versions_allowed_are_those_tested(root: Path, project: dict) -> None:
+    lines = (root / "scripts" / "oldest.txt").read_text().splitlines()
+    tested = requirements([line for line in lines if line and not line.startswith("#")])
+    for name, requirement in requirements(project["dependencies"]).items():
+        (floor,), (pin,) = requirement.specifier, tested[name].specifier
+        assert (floor.operator, pin.operator) == (">=", "=="), name
+        assert Version(floor.version) == Version(pin.version), name
 
 
 def test_lock_is_hashed_and_names_no_host(root: Path) -> None:

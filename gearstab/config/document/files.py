@@ -156,7 +156,7 @@ def main() -> None:
         held = {name: shape for name, shape, _ in whosmat(path)}
         for name in held.keys() & set(names):
             _checked(name, held[name], most)
-        wanted = loadmat(path, spmatrix=False, variable_names=names)
+        wanted = loadmat(path, variable_names=names)
         values = {name: numbers(name, wanted[name]) if name in names else np.zeros(0) for name in held}
         np.savez(sys.stdout.buffer, allow_pickle=False, **values)
     except Exception as error:
