@@ -9,7 +9,7 @@ import pytest
 from random_trains import missed, random_train
 from scipy.linalg import expm
 from test_boundaries_damped import half_trace
-from tongue_edges import train
+from tongues import train
 
 from gearstab import ckernel
 from gearstab.floquet import solve

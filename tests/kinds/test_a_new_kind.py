@@ -1,4 +1,7 @@
-"""A kind of system is one class and one line in a table: a toy one is added, configured, built and described."""
+"""A kind of system is one class and one line in a table: a toy one is added, configured, built and described.
+
+Its mesh has a number of its own, whose field alone makes it an axis and gives it a short name.
+"""
 
 from __future__ import annotations
 
@@ -10,13 +13,19 @@ import pytest
 from pydantic import Field
 
 from gearstab.config import ConfigError, load, parameters_at
-from gearstab.config.model.fields import Mass, Quantity
+from gearstab.config.model.fields import Mass, Quantity, ShortName
 from gearstab.config.model.schema import schema
 from gearstab.system import GearSystem
 from gearstab.systems import KINDS, build
 from gearstab.systems.base import System
 from gearstab.systems.parts.damping import with_damping
 from gearstab.systems.parts.mesh import Mesh, build_mesh
+
+
+class Preloaded(Mesh):
+    """A mesh with a number that other meshes have not."""
+
+    preload: Annotated[float, Quantity("N"), ShortName()] = Field(default=0.0, title="preload", description="F (N).")
 
 
 class Anchored(System):
@@ -27,7 +36,7 @@ class Anchored(System):
     kind: Literal["anchored"] = Field(title="kind of system", description="A mass that a spring holds.")
     mass: Mass = Field(title="held mass", description="m (kg).")
     spring: Annotated[float, Field(ge=0), Quantity("N/m")] = Field(title="spring", description="k0 (N/m).")
-    meshes: tuple[Mesh] = Field(title="meshes", description="One tooth mesh.")
+    meshes: tuple[Preloaded] = Field(title="meshes", description="One tooth mesh.")
 
     @classmethod
     def size(cls, raw: dict[str, Any]) -> int:
@@ -47,7 +56,7 @@ system:
   spring: 3 N/m
   damping_ratio: 0.1
   meshes: [{{mean_stiffness: 1, epsilon: 0.2, contact_ratio: 1.5}}]
-sweep: {{mesh_frequency: {{start: 1, stop: 2, num: 3}}, spring: [3, 8]}}
+sweep: {{mesh_frequency: {{start: 1, stop: 2, num: 3}}, spring: [3, 8], preload: [1 kN, 2 kN]}}
 methods: {{floquet: {{}}}}
 """
 
@@ -72,6 +81,13 @@ def test_a_new_kind_is_configured_built_and_swept(written: Any) -> None:
     assert system.meshes[0].name == "only"
     assert (config.axes[1].units, config.axes[1].long_name) == ("N/m", "spring")
     assert "Anchored" in schema()["$defs"]
+
+
+def test_a_number_with_a_short_name_is_an_axis(written: Any) -> None:
+    config = load(written("250 g"), ("preload=3",))
+    assert (config.axes[2].name, config.axes[2].units, config.axes[2].long_name) == ("preload", "N", "preload")
+    parameters = parameters_at(config, {"preload": np.array([0, 1])})
+    np.testing.assert_array_equal(parameters["meshes"][0]["preload"], [1000.0, 2000.0])
 
 
 def test_its_mistakes_are_told_like_those_of_others(written: Any) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from fractions import Fraction
 
 import numpy as np
-from region_checks import inside, near_edge
+from tongues import inside, near_edge
 
 from gearstab.floquet import solve
 from gearstab.floquet.boundaries import Boundaries
