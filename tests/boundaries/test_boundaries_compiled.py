@@ -10,10 +10,11 @@ from systems import KINDS, system
 from tongues import train
 
 from gearstab.ckernel import library
-from gearstab.floquet.boundaries import boundaries, compiled
-from gearstab.floquet.boundaries import search as reference
+from gearstab.floquet.boundaries import boundaries
 from gearstab.floquet.boundaries.parts import separated
-from gearstab.floquet.boundaries.search import Interval, Search
+from gearstab.floquet.boundaries.undamped import compiled
+from gearstab.floquet.boundaries.undamped import search as reference
+from gearstab.floquet.boundaries.undamped.search import Interval, Search
 from gearstab.floquet.kernel import c_kernel
 from gearstab.floquet.kernel.choice import using
 from gearstab.floquet.segments.pattern import Pattern, prepare

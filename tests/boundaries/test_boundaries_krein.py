@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from tongues import train
 
-from gearstab.floquet.boundaries.krein import evaluate, spectrum
-from gearstab.floquet.boundaries.points import negative, propagate
+from gearstab.floquet.boundaries.counting.krein import evaluate, spectrum
+from gearstab.floquet.boundaries.counting.points import negative, propagate
 from gearstab.floquet.segments.pattern import Pattern, prepare
 from gearstab.systems import build
 

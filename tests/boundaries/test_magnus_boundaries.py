@@ -14,9 +14,9 @@ from systems import COSINE, GENERAL, TRAPEZOID, WAVE, oscillator, smooth_train
 
 from gearstab.floquet import solve
 from gearstab.floquet.boundaries import boundaries
-from gearstab.floquet.boundaries.damped import Limits
-from gearstab.floquet.boundaries.krein import evaluate
-from gearstab.floquet.boundaries.points import exact
+from gearstab.floquet.boundaries.counting.krein import evaluate
+from gearstab.floquet.boundaries.counting.points import exact
+from gearstab.floquet.boundaries.damped.search import Limits
 from gearstab.floquet.boundaries.smooth import _resolved
 from gearstab.floquet.smooth.schemes import CF4_2
 from gearstab.floquet.smooth.steps import divisions

@@ -17,16 +17,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gearstab.ckernel import in_use
-from gearstab.floquet.boundaries import naming, smooth, undamped
-from gearstab.floquet.boundaries.damped import COARSEST, Limits
-from gearstab.floquet.boundaries.krein import evaluate
-from gearstab.floquet.boundaries.labels import solution_actions
+from gearstab.floquet.boundaries import smooth
+from gearstab.floquet.boundaries.counting.krein import evaluate
+from gearstab.floquet.boundaries.counting.points import Resolved, exact
+from gearstab.floquet.boundaries.damped.proof import FEWEST, FIRST, MODULI, PROOF, damping_ratio
+from gearstab.floquet.boundaries.damped.search import COARSEST, Limits
+from gearstab.floquet.boundaries.names import naming
+from gearstab.floquet.boundaries.names.labels import solution_actions
 from gearstab.floquet.boundaries.parts import without_damping
-from gearstab.floquet.boundaries.points import Resolved, exact
-from gearstab.floquet.boundaries.proof import FEWEST, FIRST, MODULI, PROOF, damping_ratio
-from gearstab.floquet.boundaries.search import collisions
 from gearstab.floquet.boundaries.solve import BUDGET
 from gearstab.floquet.boundaries.solve import FEW as FEW_COLLISIONS
+from gearstab.floquet.boundaries.undamped import choice as undamped
+from gearstab.floquet.boundaries.undamped.search import collisions
 from gearstab.floquet.kernel import choice as kernel
 from gearstab.floquet.kernel.chain import chain
 from gearstab.floquet.segments.blocks import split

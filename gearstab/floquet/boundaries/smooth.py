@@ -2,7 +2,7 @@
 
 The search asks for three things: monodromy matrices, which must be as right as the edges are to be; integers that
 count rotations, which any nearby path of matrices gives; and speeds, of which a few digits do. So a pattern of many
-segments gives the matrices and one of few the rest (:class:`~gearstab.floquet.boundaries.points.Resolved`).
+segments gives the matrices and one of few the rest (:class:`~gearstab.floquet.boundaries.counting.points.Resolved`).
 
 A collision of multipliers is passed at 2 pi k, k >= 1, in the sum of two phases that grow with the period: an error
 of the multipliers moves an edge by at most 1/pi of it, relatively. Whether the number of steps was enough is found out
@@ -18,10 +18,10 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from gearstab.floquet.boundaries.damped import Found, Limits
-from gearstab.floquet.boundaries.krein import evaluate
-from gearstab.floquet.boundaries.points import Resolved, exact
-from gearstab.floquet.boundaries.search import Interval, Search
+from gearstab.floquet.boundaries.counting.krein import evaluate
+from gearstab.floquet.boundaries.counting.points import Resolved, exact
+from gearstab.floquet.boundaries.damped.search import Found, Limits
+from gearstab.floquet.boundaries.undamped.search import Interval, Search
 from gearstab.floquet.kernel import choice as kernel
 from gearstab.floquet.kernel.chain import ROUNDING, Chain, chain
 from gearstab.floquet.segments.pattern import Pattern

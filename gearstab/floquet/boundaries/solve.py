@@ -8,12 +8,13 @@ from fractions import Fraction
 
 import numpy as np
 
-from gearstab.floquet.boundaries import harmonics, labels, naming, smooth
+from gearstab.floquet.boundaries import smooth
 from gearstab.floquet.boundaries.coverage import Coverage
-from gearstab.floquet.boundaries.damped import Found, Guide, Limits, collisions, growing
+from gearstab.floquet.boundaries.damped.search import Found, Guide, Limits, collisions, growing
+from gearstab.floquet.boundaries.names import harmonics, labels, naming
 from gearstab.floquet.boundaries.parts import Part, Region, separated, united, without_damping
 from gearstab.floquet.boundaries.regions import Boundaries, tongue_of
-from gearstab.floquet.boundaries.search import Interval, Search, by_row
+from gearstab.floquet.boundaries.undamped.search import Interval, Search, by_row
 from gearstab.floquet.kernel.chain import Chain, chain
 from gearstab.floquet.segments.pattern import Pattern, prepare
 from gearstab.modal import mean_modes
@@ -38,14 +39,14 @@ def boundaries(
     """All instability regions between the mesh frequencies ``start`` and ``stop`` of the first mesh.
 
     Conservative rows: an integer count of the collisions of multipliers finds regions however narrow, and stable gaps
-    too (:mod:`~gearstab.floquet.boundaries.krein`; for three and more modes with a test on the speeds of the phases).
-    Edges lie in brackets between a stable and an unstable point. Damped rows: Lyapunov functions prove, in floating
-    point, where the system is stable and where it is not, within a budget; the rest is scanned with a step set by
-    damping (:mod:`~gearstab.floquet.boundaries.damped`). The result says what is proved and what is counted.
-    Where negative damping makes a mode grow by itself, be it a rigid-body mode, it is named first (``self-excited``).
-    Where the mesh stiffness is smooth the tolerance of an edge contains the error of the Magnus steps
-    (:mod:`~gearstab.floquet.boundaries.smooth`). Otherwise parts that the meshes do not couple are searched one by
-    one and their regions united (:mod:`~gearstab.floquet.boundaries.parts`).
+    too (:mod:`~gearstab.floquet.boundaries.counting.krein`; for three and more modes with a test on the speeds of the
+    phases). Edges lie in brackets between a stable and an unstable point. Damped rows: Lyapunov functions prove, in
+    floating point, where the system is stable and where it is not, within a budget; the rest is scanned with a step
+    set by damping (:mod:`~gearstab.floquet.boundaries.damped.search`). The result says what is proved and what is
+    counted. Where negative damping makes a mode grow by itself, be it a rigid-body mode, it is named first
+    (``self-excited``). Where the mesh stiffness is smooth the tolerance of an edge contains the error of the Magnus
+    steps (:mod:`~gearstab.floquet.boundaries.smooth`). Otherwise parts that the meshes do not couple are searched one
+    by one and their regions united (:mod:`~gearstab.floquet.boundaries.parts`).
 
     Parameters
     ----------

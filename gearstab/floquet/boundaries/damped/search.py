@@ -1,11 +1,12 @@
 """Edges of damped regions: the stable part proved, the rest scanned.
 
-1. :mod:`~gearstab.floquet.boundaries.proof` covers the range with stretches on which no multiplier crosses the unit
-   circle, and finds the edges between stable and unstable ones, within a budget.
-2. What it leaves open, :mod:`~gearstab.floquet.boundaries.scan` samples with a step set by damping, as long as the same
-   budget allows for it. Where damping is too light for that, or a mode has none, the regions of the same system without
-   damping are a guide: to first order the growth is greatest in the middle of a tongue, whatever the damping, while its
-   edges may move outwards (see :mod:`gearstab.perturbation.damped`); g is sampled in and about each of them.
+1. :mod:`~gearstab.floquet.boundaries.damped.proof` covers the range with stretches on which no multiplier crosses the
+   unit circle, and finds the edges between stable and unstable ones, within a budget.
+2. What it leaves open, :mod:`~gearstab.floquet.boundaries.damped.scan` samples with a step set by damping, as long as
+   the same budget allows for it. Where damping is too light for that, or a mode has none, the regions of the same
+   system without damping are a guide: to first order the growth is greatest in the middle of a tongue, whatever the
+   damping, while its edges may move outwards (see :mod:`gearstab.perturbation.damped`); g is sampled in and about each
+   of them.
 3. Regions are where the growth rate is positive; every edge is a change of its sign between two points that are a
    tolerance apart.
 """
@@ -17,12 +18,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gearstab.floquet.boundaries import search as counting
-from gearstab.floquet.boundaries import undamped
-from gearstab.floquet.boundaries.proof import MODULI, PROVED, Cover, cover, damping_ratio
-from gearstab.floquet.boundaries.roots import Brackets, narrowed
-from gearstab.floquet.boundaries.scan import STEP, Scan
-from gearstab.floquet.boundaries.search import Interval, Search
+from gearstab.floquet.boundaries.damped.proof import MODULI, PROVED, Cover, cover, damping_ratio
+from gearstab.floquet.boundaries.damped.roots import Brackets, narrowed
+from gearstab.floquet.boundaries.damped.scan import STEP, Scan
+from gearstab.floquet.boundaries.undamped import choice as undamped
+from gearstab.floquet.boundaries.undamped import search as counting
+from gearstab.floquet.boundaries.undamped.search import Interval, Search
 from gearstab.floquet.kernel import damped as general
 from gearstab.floquet.kernel.chain import Chain
 from gearstab.floquet.segments.pattern import Pattern

@@ -25,7 +25,7 @@ import numpy as np
 from gearstab.system import Array
 
 if TYPE_CHECKING:
-    from gearstab.floquet.boundaries.krein import Spectrum
+    from gearstab.floquet.boundaries.counting.krein import Spectrum
 
 SELF, COMBINATION = 0, 1
 """Classes of pairs: a multiplier and its complex conjugate, which meet at +-1, and all others."""

@@ -15,8 +15,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from gearstab.floquet.boundaries.halves import halves
-from gearstab.floquet.boundaries.proof import Cover, Gaps, Samples
+from gearstab.floquet.boundaries.damped.halves import halves
+from gearstab.floquet.boundaries.damped.proof import Cover, Gaps, Samples
 from gearstab.floquet.kernel.chain import Chain
 from gearstab.floquet.solution import DAMPED_ON_CIRCLE
 from gearstab.system import Array

@@ -23,8 +23,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gearstab.floquet.boundaries.krein import spectrum
-from gearstab.floquet.boundaries.points import first_modes, propagate
+from gearstab.floquet.boundaries.counting.krein import spectrum
+from gearstab.floquet.boundaries.counting.points import first_modes, propagate
 from gearstab.floquet.segments.pattern import Pattern
 from gearstab.system import Array
 

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gearstab.floquet.boundaries.roots import Brackets, narrowed
+from gearstab.floquet.boundaries.damped.roots import Brackets, narrowed
 from gearstab.floquet.kernel import choice as kernel
 from gearstab.floquet.kernel.chain import Chain
 from gearstab.system import Array
@@ -221,8 +221,10 @@ class Cover:
         """Where to try a proof next (row, x) in gaps in which no multiplier is known to cross the circle."""
         items, width = self.items, gaps.width
         left, right = items.kind[gaps.before], items.kind[gaps.after]
-        radius = [np.where(left == PROVED, gaps.left - items.x[gaps.before], 0.0),
-                  np.where(right == PROVED, items.x[gaps.after] - gaps.right, 0.0)]
+        radius = [
+            np.where(left == PROVED, gaps.left - items.x[gaps.before], 0.0),
+            np.where(right == PROVED, items.x[gaps.after] - gaps.right, 0.0),
+        ]
         rows, places = [], []
 
         def add(which: Array, x: Array) -> None:
@@ -243,7 +245,8 @@ class Cover:
         inner = whole - BEYOND * (one + two)
         add(near, gaps.left[near] + np.where(inner > 0, BEYOND * one + 0.5 * inner, whole * one / (one + two)))
         for own, other, end, sign, size in (
-            (left, right, gaps.right, -1.0, radius[0]), (right, left, gaps.left, 1.0, radius[1])
+            (left, right, gaps.right, -1.0, radius[0]),
+            (right, left, gaps.left, 1.0, radius[1]),
         ):
             # Towards an edge: the radius is a part of the distance to it.
             k = np.flatnonzero((own == PROVED) & (other == EDGE) & (width > floor))

@@ -22,8 +22,8 @@ positive multipliers pass each other, but C is not: with Theta_i = phi_i + 2 pi 
     C = 2 n W + sum_(i, j) floor((phi_i + phi_j)/2 pi),    W = sum_i k_i,
 
 depends on the phases of M and on the total winding W alone (the fundamental group of the symplectic group is that of
-the integers). W is exact, from a Morse index (:mod:`~gearstab.floquet.boundaries.points`): each theta is passed once
-by every positive multiplier upwards and by every negative one downwards, so that (Bott)
+the integers). W is exact, from a Morse index (:mod:`~gearstab.floquet.boundaries.counting.points`): each theta is
+passed once by every positive multiplier upwards and by every negative one downwards, so that (Bott)
 
     N(theta) = sum_i floor((Theta_i - theta)/2 pi) + floor((Theta_i + theta)/2 pi) + 1;
     N(0) = 2 W + n,    N(pi) = 2 W + 2 #{phi_i > pi}.
@@ -47,9 +47,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gearstab.floquet.boundaries import pairs
-from gearstab.floquet.boundaries.pairs import Pair
-from gearstab.floquet.boundaries.points import Points, propagate
+from gearstab.floquet.boundaries.counting import pairs
+from gearstab.floquet.boundaries.counting.pairs import Pair
+from gearstab.floquet.boundaries.counting.points import Points, propagate
 from gearstab.floquet.kernel.decision import ON_CIRCLE
 from gearstab.floquet.segments.pattern import Pattern
 from gearstab.system import Array

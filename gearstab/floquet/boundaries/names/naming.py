@@ -1,5 +1,5 @@
 """The names of the unstable intervals of a pattern by the kernel in use: where to look, and what :mod:`labels
-<gearstab.floquet.boundaries.labels>` makes of it.
+<gearstab.floquet.boundaries.names.labels>` makes of it.
 """
 
 from __future__ import annotations
@@ -7,10 +7,10 @@ from __future__ import annotations
 import numpy as np
 
 from gearstab.ckernel import in_use
-from gearstab.floquet.boundaries import labels
-from gearstab.floquet.boundaries.labels import Root, Shares, Unnamed
-from gearstab.floquet.boundaries.points import exact, first_modes
-from gearstab.floquet.boundaries.search import Interval, by_row
+from gearstab.floquet.boundaries.counting.points import exact, first_modes
+from gearstab.floquet.boundaries.names import labels
+from gearstab.floquet.boundaries.names.labels import Root, Shares, Unnamed
+from gearstab.floquet.boundaries.undamped.search import Interval, by_row
 from gearstab.floquet.kernel import c_kernel
 from gearstab.floquet.segments.pattern import Pattern
 from gearstab.system import Array
@@ -45,7 +45,7 @@ def coupled(pattern: Pattern, intervals: list[Interval], names: list[tuple[Root,
 
 
 def shares(pattern: Pattern, row: Array, cycle: Array) -> list[Shares]:
-    """As :func:`gearstab.floquet.boundaries.labels.shares`."""
+    """As :func:`gearstab.floquet.boundaries.names.labels.shares`."""
     if not in_use():
         return labels.shares(pattern, row, cycle)
     result: list[Shares] = [{} for _ in row]

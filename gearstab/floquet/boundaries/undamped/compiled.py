@@ -1,5 +1,5 @@
-"""The search of :mod:`~gearstab.floquet.boundaries.search` in the compiled kernel: the same intervals in a fraction of
-the time.
+"""The search of :mod:`~gearstab.floquet.boundaries.undamped.search` in the compiled kernel: the same intervals in a
+fraction of the time.
 
 The same counts of collisions decide, from the same points of view; what differs is how they are come by. Krein signs
 and speeds of multipliers are told by a second monodromy matrix a tiny step in the period later instead of by
@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from gearstab.floquet.boundaries.krein import evaluate
-from gearstab.floquet.boundaries.pairs import COMBINATION, SELF
-from gearstab.floquet.boundaries.points import exact
-from gearstab.floquet.boundaries.search import Interval, Search
+from gearstab.floquet.boundaries.counting.krein import evaluate
+from gearstab.floquet.boundaries.counting.pairs import COMBINATION, SELF
+from gearstab.floquet.boundaries.counting.points import exact
+from gearstab.floquet.boundaries.undamped.search import Interval, Search
 from gearstab.floquet.kernel import c_kernel
 from gearstab.floquet.segments.pattern import Pattern
 from gearstab.system import Array
@@ -37,7 +37,7 @@ TRUSTED = 0.25
 
 def search(pattern: Pattern, first: Array, last: Array, tolerance: float, floor: float) -> Search:
     """Unstable intervals of all rows between the cycles ``first`` and ``last`` ``(r,)``, 1/Omega in the pattern's
-    units, as of :func:`gearstab.floquet.boundaries.search.search`.
+    units, as of :func:`gearstab.floquet.boundaries.undamped.search.search`.
     """
     if len(pattern.states) == 1 and np.all(pattern.squared_frequency > 0):
         # Constant stiffness: multipliers only pass through each other.
@@ -69,9 +69,9 @@ def search(pattern: Pattern, first: Array, last: Array, tolerance: float, floor:
 def _sharpen(pattern: Pattern, start: Array, stop: Array, meetings: Array, tolerance: float) -> Array:
     """Replace edges that rounding blurs, of narrow tongues at +-1, and return the evaluations of each row.
 
-    Inside such a tongue delta^2 - 4 |b|^2 of its pair (:mod:`~gearstab.floquet.boundaries.pairs`) comes without
-    cancellation. It is analytic across the edges, where it vanishes, and so nearly a parabola that a cubic through four
-    points is exact.
+    Inside such a tongue delta^2 - 4 |b|^2 of its pair (:mod:`~gearstab.floquet.boundaries.counting.pairs`) comes
+    without cancellation. It is analytic across the edges, where it vanishes, and so nearly a parabola that a cubic
+    through four points is exact.
     """
     blurred = [(end["cut"] == 0) & (end["error"] > BLURRED * tolerance * end["cycle"]) for end in (start, stop)]
     width = stop["cycle"] - start["cycle"]

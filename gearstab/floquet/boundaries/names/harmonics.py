@@ -2,8 +2,8 @@
 bounds.
 
 The growing Floquet solution is sampled over a common period and its harmonics c_k are found by the fast Fourier
-transform; what they say is explained in :mod:`~gearstab.floquet.boundaries.labels`. With damping the Krein form does
-not vanish, but positive and negative actions still have their leading parts at the two modes of the tongue.
+transform; what they say is explained in :mod:`~gearstab.floquet.boundaries.names.labels`. With damping the Krein form
+does not vanish, but positive and negative actions still have their leading parts at the two modes of the tongue.
 """
 
 from __future__ import annotations
@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gearstab.floquet.boundaries.halves import halves
-from gearstab.floquet.boundaries.labels import BAND, Root, Shares, leading_roots
-from gearstab.floquet.boundaries.search import Interval, by_row
+from gearstab.floquet.boundaries.damped.halves import halves
+from gearstab.floquet.boundaries.names.labels import BAND, Root, Shares, leading_roots
+from gearstab.floquet.boundaries.undamped.search import Interval, by_row
 from gearstab.floquet.kernel.chain import Chain
 from gearstab.system import Array
 

@@ -1,7 +1,7 @@
 """All unstable intervals of a conservative pattern along the period, by refinement of brackets.
 
-A bracket lies between two neighbouring samples of a row. Its integers (:mod:`~gearstab.floquet.boundaries.krein`) say
-what it holds:
+A bracket lies between two neighbouring samples of a row. Its integers
+(:mod:`~gearstab.floquet.boundaries.counting.krein`) say what it holds:
 
 * nothing (both ends stable, equal C; or nowhere stable: begun at the left end exceeds ended at the right end): done;
 * exactly one edge (one end stable, the integers of the two agree, no third multiplier near): refined to the tolerance;
@@ -9,9 +9,9 @@ what it holds:
 * open: anything else, e.g. two unstable ends that may have a stable gap between them: halved.
 
 All brackets of all rows are refined at once, one point a bracket and round. Points are proposed by interpolation of
-the detuning of the colliding pair (:mod:`~gearstab.floquet.boundaries.pairs`), and by halving where that does not
-help; what counts is only the verdict at the point, so that every edge ends between two samples that are a tolerance
-apart.
+the detuning of the colliding pair (:mod:`~gearstab.floquet.boundaries.counting.pairs`), and by halving where that does
+not help; what counts is only the verdict at the point, so that every edge ends between two samples that are a
+tolerance apart.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from gearstab.floquet.boundaries.krein import evaluate
-from gearstab.floquet.boundaries.pairs import COMBINATION, SELF
+from gearstab.floquet.boundaries.counting.krein import evaluate
+from gearstab.floquet.boundaries.counting.pairs import COMBINATION, SELF
 from gearstab.floquet.segments.pattern import Pattern
 from gearstab.system import Array
 
@@ -42,7 +42,7 @@ ROUNDS = 200
 
 @dataclass
 class Samples:
-    """What is known at the points sampled so far; see :class:`~gearstab.floquet.boundaries.krein.Verdicts`.
+    """What is known at the points sampled so far; see :class:`~gearstab.floquet.boundaries.counting.krein.Verdicts`.
 
     row, cycle ``(P,)``; ahead, behind ``(2, 2, P)``: detuning and coupling of each class.
     """

@@ -1,0 +1,1 @@
+"""Counting the collisions of multipliers: Krein signatures, pairs, points of a scan."""

@@ -1,0 +1,1 @@
+"""Which tongues a region holds."""

@@ -1,0 +1,1 @@
+"""The search for the unstable intervals of conservative rows, in NumPy and compiled."""
