@@ -16,8 +16,9 @@ from setuptools import Extension, setup
 from setuptools.command.build_ext import build_ext
 from setuptools.errors import BaseError, CCompilerError
 
-SOURCES = sorted(glob("gearstab/ckernel/*.c"))
-HEADERS = sorted(glob("gearstab/ckernel/*.h"))
+SOURCES = sorted(glob("gearstab/ckernel/**/*.c", recursive=True))
+HEADERS = sorted(glob("gearstab/ckernel/**/*.h", recursive=True))
+FOLDERS = sorted({os.path.dirname(path) for path in (*SOURCES, *HEADERS)})
 
 # One binary serves every Python from 3.11 on; a build without the global lock has no stable interface yet.
 STABLE_INTERFACE = not sysconfig.get_config_var("Py_GIL_DISABLED")
@@ -47,7 +48,12 @@ def kernel() -> Extension:
     """The extension module."""
     stable: dict[str, Any] = {"define_macros": [("Py_LIMITED_API", "0x030b0000")], "py_limited_api": True}
     return Extension(
-        "gearstab.ckernel._kernel", SOURCES, depends=HEADERS, optional=True, **(stable if STABLE_INTERFACE else {})
+        "gearstab.ckernel._kernel",
+        SOURCES,
+        depends=HEADERS,
+        include_dirs=FOLDERS,
+        optional=True,
+        **(stable if STABLE_INTERFACE else {}),
     )
 
 
