@@ -73,13 +73,19 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+def heed() -> None:
+    """Heed all signals, also where the tests run in the background or under nohup, which ignore some."""
+    for number in SIGNALS:
+        signal.signal(number, signal.SIG_DFL)
+
+
 def start(folder: Path, args: list[str], before: str = "") -> subprocess.Popen[str]:
     """Start a command as its entry point does; ``before``: code that runs first."""
     code = f"{before}\nimport sys\nfrom gearstab.__main__ import main\nsys.argv[0] = 'gearstab'\nmain()"
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
     return subprocess.Popen(
         [sys.executable, "-c", code, *args], cwd=folder, env=environment, text=True, stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE, preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+        stderr=subprocess.PIPE, preexec_fn=heed,
     )  # fmt: skip
 
 
@@ -151,7 +157,7 @@ def test_a_stopped_worker_keeps_no_interrupted_sweep_alive(tmp_path: Path) -> No
     command = [sys.executable, str(script), str(tmp_path / "train.yaml"), str(tmp_path / "out.h5"), "2", str(tmp_path)]
     process = subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+        preexec_fn=heed,
     )  # fmt: skip
     try:
         assert process.stdout is not None
