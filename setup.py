@@ -9,6 +9,7 @@ import logging
 import os
 import shlex
 import sysconfig
+from contextlib import suppress
 from glob import glob
 from typing import Any
 
@@ -27,6 +28,17 @@ STABLE_INTERFACE = not sysconfig.get_config_var("Py_GIL_DISABLED")
 class BuildKernel(build_ext):
     """Build the kernel where that works; elsewhere say once that the NumPy kernel serves."""
 
+    def run(self) -> None:
+        """Build all; a kernel that an earlier build left in the tree must not outlive a failed one."""
+        for ext in self.extensions if self.inplace else []:
+            self.remove(ext)
+        super().run()
+
+    def remove(self, ext: Extension) -> None:
+        """Remove what an earlier build left where the next one goes."""
+        with suppress(OSError):
+            os.remove(self.get_ext_fullpath(ext.name))
+
     def build_extension(self, ext: Extension) -> None:
         """Build one extension, or say why not."""
         if self.compiler.compiler_type != "msvc":
@@ -37,6 +49,7 @@ class BuildKernel(build_ext):
         try:
             super().build_extension(ext)
         except (CCompilerError, BaseError, OSError) as error:
+            self.remove(ext)
             logging.warning(
                 "gearstab: the compiled kernel was not built (%s); the NumPy kernel serves, with the same results. "
                 "Install a C compiler and the Python headers and install again for the faster one.",

@@ -156,3 +156,13 @@ def test_with_a_compiler_the_kernel_is_built(source: Path) -> None:
     assert done.returncode == 0, done.stderr
     assert list((source / "gearstab" / "ckernel").glob("_kernel*.so"))
     assert "NumPy kernel" not in done.stdout + done.stderr
+
+
+@pytest.mark.skipif(shutil.which("cc") is None and shutil.which("gcc") is None, reason="needs a C compiler")
+def test_a_kernel_of_before_does_not_outlive_a_failed_build(source: Path) -> None:
+    assert build(source).returncode == 0
+    (source / "gearstab" / "ckernel" / "_kernel.c").write_text("no C at all")
+    done = build(source, CFLAGS="-w")
+    assert done.returncode == 0, done.stderr
+    assert "the NumPy kernel serves" in done.stdout + done.stderr
+    assert not list((source / "gearstab" / "ckernel").glob("_kernel*.so"))
