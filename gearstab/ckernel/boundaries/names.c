@@ -103,7 +103,8 @@ static void settle(struct naming *w) {
         const struct share *lead = w->leading[k];
         int class;
         w->fixed[k] = meetings_of(w, k, &class) == 1 && lead && class == class_of(lead->p, lead->q, lead->cycles) &&
-                      lead->share > SURE && rank_of(w, lead->p, lead->q, lead->cycles) == w->all->passed[3 * k + class];
+                      lead->share > SURE && w->frequency[lead->p] + w->frequency[lead->q] > 0 &&
+                      rank_of(w, lead->p, lead->q, lead->cycles) == w->all->passed[3 * k + class];
     }
     for (int64_t k = w->first; k < w->last; k++)
         for (int64_t j = k + 1; w->fixed[k] && j < w->last; j++)

@@ -51,6 +51,8 @@ KEPT = 2.0
 """Seconds of all over those of the compiled search and names: 1.4 to 2.3 for ratios of 49/50 and 99/100."""
 TIMED = 64
 """Segments that are timed."""
+LONGEST = 30.0
+"""Periods over the shortest one, beyond which time is taken to grow in proportion."""
 QUICK = 1e-3
 """Seconds of a segment from which on more are not timed."""
 
@@ -130,13 +132,14 @@ def _evaluated(pattern: Pattern, low: np.ndarray, high: np.ndarray) -> tuple[flo
         spent.append(time.process_time() - begin)
     scale = len(pattern.states) / kept
     point = max(spent[2] - spent[1], 0.1 * spent[2]) / (MANY - FEW)
-    each = EVALUATIONS * point * scale + NAMED * _naming(pattern, float(high[0]))
+    each = EVALUATIONS * point * scale + NAMED * _naming(pattern, float(low[0]), float(high[0]))
     return max(spent[1] - FEW * point, 0.0) * scale, each
 
 
-def _naming(pattern: Pattern, cycle: float) -> float:
+def _naming(pattern: Pattern, low: float, high: float) -> float:
     """Seconds of looking at a solution: segments times frequencies, of which a long period has many."""
-    each = 0.0
+    # Frequencies, and the memory they take, are as many as the period is long.
+    each, cycle = 0.0, min(high, LONGEST * low)
     for points, segments in ((1, 2), (FEW, TIMED)):
         part = _first_segments(pattern, segments)
         solution, still = np.ones((points, 2 * pattern.size), dtype=complex), np.zeros(points, dtype=complex)
@@ -145,7 +148,7 @@ def _naming(pattern: Pattern, cycle: float) -> float:
         each = (time.process_time() - begin) / points / len(part.states)
         if each > QUICK:
             break
-    return each * len(pattern.states)
+    return each * len(pattern.states) * high / cycle
 
 
 def _first_segments(pattern: Pattern, count: int) -> Pattern:

@@ -134,6 +134,7 @@ def assign(regions: list[Unnamed], frequency: Array, cycles: float) -> list[tupl
         r is not None
         and c == [class_of(r)]
         and region.shares[r] > 0.5
+        and frequency[r.p] + frequency[r.q] > 0
         and _rank(r, frequency, cycles) == region.passed[class_of(r)]
         for r, c, region in zip(leading, classes, regions, strict=True)
     ]
