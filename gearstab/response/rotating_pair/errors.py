@@ -97,7 +97,9 @@ def _steps(law: Law, pieces: Sequence[Piece], events: Sequence[Event]) -> tuple[
     angle = np.pi + (np.abs(start[:, 3]) + np.abs(law.follows * start[:, 1])) * time
     noise = ROUNDING * np.stack([size * turns, size * turns, angle, np.abs(before[:, 3]) + size * turns], axis=-1)
     own = derivative * noise[:, None, :]
-    return derivative @ _flow(law, kappa, time), own, np.maximum.accumulate(np.maximum(size, TINY))
+    with np.errstate(invalid="ignore"):  # a meeting at rest: infinite derivatives
+        steps = derivative @ _flow(law, kappa, time)
+    return steps, own, np.maximum.accumulate(np.maximum(size, TINY))
 
 
 def _flow(law: Law, kappa: Array, time: Array) -> Array:
