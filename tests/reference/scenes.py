@@ -47,25 +47,9 @@ def problems(folder: Path, text: str | bytes, *overrides: str) -> Sequence[Probl
     return caught.value.problems
 
 
-def problem(folder: Path, text: str | bytes, *overrides: str) -> Problem:
-    """The only thing that is wrong with a configuration."""
-    found = problems(folder, text, *overrides)
-    assert len(found) == 1, found
-    return found[0]
-
-
 def ran(*words: object) -> Result:
     """The end of a command line, whatever it is."""
     return CliRunner().invoke(group, [str(word) for word in words])
-
-
-def done(*words: object) -> Result:
-    """The end of a command line that must end well."""
-    found = ran(*words)
-    if found.exception is not None and not isinstance(found.exception, SystemExit):
-        raise found.exception
-    assert found.exit_code == 0, found.output
-    return found
 
 
 def code(*words: str) -> int:

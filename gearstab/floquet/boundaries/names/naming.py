@@ -37,21 +37,11 @@ def named(pattern: Pattern, intervals: list[Interval], frequency: Array) -> tupl
 
 def coupled(pattern: Pattern, intervals: list[Interval], names: list[tuple[Root, ...]]) -> list[tuple[Root, ...]]:
     """The roots of modes that act on each other; others pass through: a collision, but no tongue."""
-    coupled = _coupled(pattern.elastic.directions)
+    acting = _coupled(pattern.elastic.directions)
     return [
-        roots if len(roots) == 1 else tuple(r for r in roots if coupled[i.row, r.p, r.q]) or roots[:1]
+        roots if len(roots) == 1 else tuple(r for r in roots if acting[i.row, r.p, r.q]) or roots[:1]
         for i, roots in zip(intervals, names, strict=True)
     ]
-
-
-def shares(pattern: Pattern, row: Array, cycle: Array) -> list[Shares]:
-    """As :func:`gearstab.floquet.boundaries.names.labels.shares`."""
-    if not in_use():
-        return labels.shares(pattern, row, cycle)
-    result: list[Shares] = [{} for _ in row]
-    for point, p, q, cycles, share in _records(pattern, row, cycle).tolist():
-        result[point][Root(p, q, cycles)] = share
-    return result
 
 
 def _points(intervals: list[Interval]) -> tuple[Array, Array, Array]:
