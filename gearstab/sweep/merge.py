@@ -16,7 +16,7 @@ import numpy as np
 
 from gearstab import interrupts
 from gearstab.config import Axis
-from gearstab.config.sections.targets import INPUT_SPEED, MESH_FREQUENCY
+from gearstab.config.sections.targets import INPUT_SPEED
 from gearstab.floquet.kernel import choice as kernel
 from gearstab.methods import Key
 from gearstab.results.chunks import decode, encode
@@ -59,9 +59,8 @@ def axis_fields(axis: Axis) -> list[Field]:
     """The coordinate of an axis and, for an axis of cases, one more for each parameter that its cases set."""
     text = isinstance(axis.values, list)
     own = coordinate(axis.name, axis.name, TEXT if text else "f8", axis.units, axis.long_name)
-    factors = [item.factor for item in axis.assignments if item.path == MESH_FREQUENCY]
-    if axis.name == INPUT_SPEED and factors:
-        own = replace(own, attributes={"mesh_frequency_factor": factors[0]})
+    if axis.name == INPUT_SPEED and axis.mesh_frequency:
+        own = replace(own, attributes={"mesh_frequency_factor": axis.mesh_frequency.factor})
     fields = [Field(own, axis.values)]
     if text:
         for item in axis.assignments:

@@ -19,13 +19,12 @@ import numpy as np
 
 from gearstab import __version__
 from gearstab.config import Axis, Config, ConfigError
+from gearstab.config.sections.axes import MESH_FREQUENCY
 from gearstab.floquet.kernel import choice as kernel
 from gearstab.methods import POINTS, Method, OptionError, chosen
 from gearstab.sweep import teeth
 from gearstab.system import Array, GearSystem
 from gearstab.systems import build
-
-FREQUENCY = ("mesh_frequency",)
 
 LEAST, MOST = 1 << 17, 1 << 20
 """Size of a block in points of a small system: enough to make calls cheap, few enough to be done in a second."""
@@ -153,7 +152,7 @@ class Plan:
         """The mesh frequency of rows (indices by axis name): ``(P,)`` of its own axis, else ``(rows, 1)``."""
         if self.fast is not None:
             return np.asarray(self.fast.assignments[0].values, dtype=float)[columns]
-        found = [(axis, a.values) for axis in self.row_axes for a in axis.assignments if a.path == FREQUENCY]
+        found = [(axis, m.values) for axis in self.row_axes if (m := axis.mesh_frequency)]
         if not found:
             raise ValueError("no axis sets the mesh frequency")
         axis, values = found[-1]
@@ -181,7 +180,7 @@ def plan(config: Config) -> Plan:
         raise ValueError("a sweep needs axes and methods")
     base = build(config.parameters)
     check(config, base)
-    fast = next((axis for axis in config.axes if [a.path for a in axis.assignments] == [FREQUENCY]), None)
+    fast = next((axis for axis in config.axes if [a.path for a in axis.assignments] == [MESH_FREQUENCY]), None)
     layouts = tuple(_layout(config, fast, method) for method in chosen(config.methods, base))
     return Plan(config, base, fast, layouts, kernel.checked())
 

@@ -272,6 +272,29 @@ def test_units_along_axes(tmp_path: Path) -> None:
     assert stepped.values.tolist() == [1, 1.25, 1.5, 1.75, 2]
 
 
+@pytest.mark.parametrize(
+    ("line", "units"),
+    [
+        ('mesh_frequency: ["60 rpm", "90rpm"]', "rpm"),
+        ('mesh_frequency: {start: "60 rpm", stop: "90 rpm", num: 3}', "rpm"),
+        ('mesh_frequency: {start: "60 rpm", stop: "2 Hz", num: 3}', ""),
+        ('mesh_frequency: ["60 rpm", 90]', ""),
+        ("mesh_frequency: [60, 90]", ""),
+        ('both: {targets: [inertias.0, inertias.1], values: ["1 g", "2 g"]}', "g"),
+        ('both: {targets: [inertias.0, inertias.1], values: [["1 g", "2 g"], ["1 kg", "2 kg"]]}', ""),
+        ('case: [{label: slow, mesh_frequency: "60 rpm"}, {label: fast, mesh_frequency: "90 rpm"}]', ""),
+    ],
+)
+def test_an_axis_knows_the_unit_that_was_typed(tmp_path: Path, line: str, units: str) -> None:
+    assert axis(tmp_path, line).typed_units == units
+
+
+def test_parameters_of_cases_know_the_unit_that_was_typed(tmp_path: Path) -> None:
+    found = axis(tmp_path, 'case: [{label: slow, mesh_frequency: "60 rpm"}, {label: fast, mesh_frequency: "90 rpm"}]')
+    assert found.mesh_frequency is not None
+    assert found.mesh_frequency.typed_units == "rpm"
+
+
 def test_base_values_come_from_the_axes(tmp_path: Path) -> None:
     text = TRAIN.replace("epsilon: 0.3, contact_ratio: 1.5", "").replace(", phasing: 0.1", "")
     sweep = "sweep:\n  epsilon: [0.1, 0.4]\n  contact_ratio: {start: 1.2, stop: 1.4, num: 3}\n  phasing: [0.3]\n"

@@ -84,7 +84,7 @@ def describe(config: Config, harmonics: int | None = None) -> dict[str, Any]:
 
 def _frequency_range(config: Config) -> list[float] | None:
     """The lowest and highest mesh frequency of the sweep."""
-    found = [item.values for axis in config.axes for item in axis.assignments if item.path == ("mesh_frequency",)]
+    found = [axis.mesh_frequency.values for axis in config.axes if axis.mesh_frequency]
     return [float(min(found[0])), float(max(found[0]))] if found else None
 
 

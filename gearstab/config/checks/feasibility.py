@@ -8,7 +8,6 @@ from gearstab.config.checks.plausibility import doubts
 from gearstab.config.document.problems import Problem
 from gearstab.config.document.yaml import Document
 from gearstab.config.sections.axes import Config
-from gearstab.config.sections.targets import MESH_FREQUENCY
 from gearstab.system import GearSystem
 from gearstab.systems import build, model_of
 
@@ -33,12 +32,7 @@ def _check_phases(document: Document, config: Config, system: GearSystem) -> Non
     """Mesh frequencies so low that phase and decay of a vibration after a period are beyond double precision."""
     if not system.commensurate:
         return
-    found = [
-        (("sweep", axis.name), float(np.min(item.values)))
-        for axis in config.axes
-        for item in axis.assignments
-        if item.path == MESH_FREQUENCY
-    ]
+    found = [(("sweep", axis.name), float(np.min(m.values))) for axis in config.axes if (m := axis.mesh_frequency)]
     if config.respond is not None:
         key = config.respond.frequency_key
         found.append((("respond", key), float(getattr(config.respond, key))))

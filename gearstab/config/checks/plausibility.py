@@ -17,8 +17,8 @@ from gearstab.config.document.yaml import Document, value_at
 from gearstab.config.model.fields import Quantity
 from gearstab.config.model.introspection import number_kind, type_at
 from gearstab.config.model.units import to_si
-from gearstab.config.sections.axes import Axis, Config
-from gearstab.config.sections.targets import INPUT_SPEED, MESH_FREQUENCY
+from gearstab.config.sections.axes import MESH_FREQUENCY, Axis, Config
+from gearstab.config.sections.targets import INPUT_SPEED
 from gearstab.system import GearSystem
 from gearstab.systems import model_of, train_of
 
@@ -218,9 +218,8 @@ def _fastest(config: Config, train: Any) -> tuple[Path, float] | None:
     found: list[tuple[float, Path]] = []
     cycles = train.teeth(train.meshes[0][0]) * float(abs(train.speeds[train.meshes[0][0]]))
     for axis in config.axes:
-        for item in axis.assignments:
-            if item.path == MESH_FREQUENCY:
-                found.append((float(np.max(item.values)) / cycles, ("sweep", axis.name)))
+        if axis.mesh_frequency:
+            found.append((float(np.max(axis.mesh_frequency.values)) / cycles, ("sweep", axis.name)))
     speed = (config.parameters.get("input") or {}).get("speed")
     if speed is not None:
         found.append((float(speed), ("system", "input", "speed")))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterable
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
@@ -92,6 +93,12 @@ def to_si(text: str, units: tuple[str, ...], turns: bool = False) -> float:
         raise UnitError("does not say whether it counts radians or turns", 'use a unit such as "rad/s", "rpm" or "Hz"')
     expected = " or ".join(f"{MEANING[u]} in {u}" for u in units)
     raise DimensionError("has the wrong dimension", f"give {expected}, or another unit of it")
+
+
+def typed_unit(values: Iterable[Any]) -> str:
+    """The unit that texts such as ``"600 rpm"`` have in common; "" where one is a plain number or has another unit."""
+    found = {match[2] if isinstance(v, str) and (match := NUMBER.match(v)) else "" for v in values}
+    return found.pop() if len(found) == 1 else ""
 
 
 def _comma(sign: str, whole: str, fraction: str, rest: str) -> UnitError:

@@ -22,15 +22,19 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 
+MESH_FREQUENCY: Path = ("mesh_frequency",)
+"""Where the mesh frequency stands, which no system has."""
+
 
 @dataclass(frozen=True)
 class Assignment:
     """One parameter that an axis sets.
 
-    path: keys and indices into ``Config.parameters``; ``("mesh_frequency",)`` is the mesh frequency itself.
+    path: keys and indices into ``Config.parameters``; MESH_FREQUENCY is the mesh frequency itself.
     values: one a point of the axis: a float array, or a list where the parameter is no plain number (an exact ratio).
     factor: of the values over those of the axis.
     name: the path as one writes it, meshes by name; units and title: SI unit, "1" without one, and what it is.
+    typed_units: the unit that the user wrote at every value, such as rpm; "" for plain numbers or several units.
     """
 
     path: Path
@@ -39,6 +43,7 @@ class Assignment:
     name: str = ""
     units: str = "1"
     title: str = ""
+    typed_units: str = ""
 
     @property
     def structural(self) -> bool:
@@ -64,6 +69,17 @@ class Axis:
     long_name: str
     assignments: tuple[Assignment, ...]
     ends: tuple[float, float] | None = None
+
+    @property
+    def typed_units(self) -> str:
+        """The unit that the user wrote at every value, such as rpm; "" for plain numbers, several units and labels."""
+        found = {item.typed_units for item in self.assignments}
+        return found.pop() if len(found) == 1 and not isinstance(self.values, list) else ""
+
+    @property
+    def mesh_frequency(self) -> Assignment | None:
+        """The mesh frequency along the axis; None where something else sets it."""
+        return next((item for item in self.assignments if item.path == MESH_FREQUENCY), None)
 
     @property
     def span(self) -> tuple[float, float]:
@@ -148,7 +164,7 @@ def parameters_at(config: Config, selection: Mapping[str, Array]) -> dict[str, A
             continue
         rows = np.asarray(selection[axis.name])
         for item in axis.assignments:
-            if item.path != ("mesh_frequency",):
+            if item.path != MESH_FREQUENCY:
                 parameters = _replaced(parameters, item.path, _values(axis, item, rows))
     return dict(parameters)
 

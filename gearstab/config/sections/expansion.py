@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import Annotated, Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from gearstab.config.document.problems import Path
 from gearstab.config.document.yaml import Document
 from gearstab.config.model.fields import Choice, Section, Whole
 from gearstab.config.model.introspection import axis_choice, number_kind
+from gearstab.config.model.units import typed_unit
 from gearstab.config.model.validation import explain, validate
 from gearstab.config.sections.axes import Array
 from gearstab.config.sections.targets import Target
@@ -45,17 +47,19 @@ class Range(Section):
     )
 
 
+@dataclass(frozen=True)
 class Expansion:
     """The values of one parameter along an axis.
 
     values: a float array, or a list of exact ratios; None after problems. spec: the same as plain data, resolved.
     ends: start and stop of a range, whichever values lie between them; None where the values are given one by one.
+    typed_units: the unit that the user wrote at every value; "" for plain numbers or several units.
     """
 
-    def __init__(self, values: Array | list[Any] | None, spec: Any, ends: tuple[float, float] | None = None) -> None:
-        self.values = values
-        self.spec = spec
-        self.ends = ends
+    values: Array | list[Any] | None
+    spec: Any
+    ends: tuple[float, float] | None = None
+    typed_units: str = ""
 
     @property
     def size(self) -> int:
@@ -87,8 +91,8 @@ def expand(document: Document, path: Path, target: Target) -> Expansion:
         return FAILED
     found = _expand_range(document, path, given, ends)
     if target.exact and found.values is not None:
-        return Expansion(list(map(float, found.values)), found.spec, found.ends)
-    return found
+        return replace(found, values=list(map(float, found.values)))
+    return replace(found, typed_units=typed_unit([spec["start"], spec["stop"]]))
 
 
 def expand_list(document: Document, items: list[Any], places: list[Path], target: Target, path: Path) -> Expansion:
@@ -105,7 +109,7 @@ def expand_list(document: Document, items: list[Any], places: list[Path], target
         return FAILED
     if target.exact:
         return Expansion(values, [str(v) for v in values])
-    return Expansion(np.array(values, dtype=float), values)
+    return Expansion(np.array(values, dtype=float), values, typed_units=typed_unit(items))
 
 
 def _number(document: Document, path: Path, name: str, target: Target, *, ranged: bool) -> float | None:

@@ -14,7 +14,7 @@ from pydantic import Field
 from gearstab.config.document.problems import Path, dotted, nearest
 from gearstab.config.document.yaml import Document, value_at
 from gearstab.config.model.fields import Section
-from gearstab.config.sections.axes import Assignment, Axis
+from gearstab.config.sections.axes import MESH_FREQUENCY, Assignment, Axis
 from gearstab.config.sections.expansion import (
     Count,
     Edge,
@@ -25,7 +25,7 @@ from gearstab.config.sections.expansion import (
     expand_list,
 )
 from gearstab.config.sections.methods import Methods
-from gearstab.config.sections.targets import INPUT_SPEED, MESH_FREQUENCY, Target, TargetError, described, resolve
+from gearstab.config.sections.targets import INPUT_SPEED, Target, TargetError, described, resolve
 from gearstab.systems.base import System
 
 GROUPS = ("modes", "bench", "teeth", *Methods.model_fields)
@@ -342,6 +342,7 @@ def build(context: Context, layout: Layout) -> tuple[Axis, Any] | None:
             e.values if target.factor == 1 else np.asarray(e.values) * target.factor,
             target.factor,
             *described(path, context.model, context.raw),
+            e.typed_units,
         )
         for target, e in zip(targets, flat, strict=True)
         for path in target.paths

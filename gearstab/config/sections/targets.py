@@ -22,14 +22,13 @@ from gearstab.config.model.introspection import (
     is_model,
     number_kind,
 )
+from gearstab.config.sections.axes import MESH_FREQUENCY
 from gearstab.config.sections.names import mesh_items
 from gearstab.systems import short_names
 from gearstab.systems.base import System
 from gearstab.systems.parts.mesh import Mesh, ToothMesh, may_have
 from gearstab.waveforms.section import WaveformSection, name_of, owners, wave_of
 
-MESH_FREQUENCY: Path = ("mesh_frequency",)
-"""Where the mesh frequency stands, which no system has."""
 INPUT_SPEED = "input_speed"
 """Short name of the speed of a gearbox's input, which sets the mesh frequency."""
 

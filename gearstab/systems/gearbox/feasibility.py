@@ -10,7 +10,7 @@ import numpy as np
 
 from gearstab.config.document.problems import Path
 from gearstab.config.document.yaml import Document
-from gearstab.config.sections.axes import Array, Axis, Config, parameters_at
+from gearstab.config.sections.axes import MESH_FREQUENCY, Array, Axis, Config, parameters_at
 from gearstab.systems.gearbox.build import Train, build
 from gearstab.systems.gearbox.train import TrainError
 
@@ -31,7 +31,7 @@ def check_train(document: Document, config: Config) -> None:
     Looked at are the corners of the grid, or the base values, and every axis by itself from end to end: all of its
     points as far as :data:`MOST_TEETH` and :data:`MOST_PAIRS` allow, else as many, evenly spread.
     """
-    axes = [axis for axis in config.axes if any(item.path != ("mesh_frequency",) for item in axis.assignments)]
+    axes = [axis for axis in config.axes if any(item.path != MESH_FREQUENCY for item in axis.assignments)]
     for corner in islice(product(*(sorted({0, axis.size - 1}) for axis in axes)), MOST_CORNERS):
         if _reported(document, config, dict(zip((a.name for a in axes), corner, strict=True)), _built):
             return
