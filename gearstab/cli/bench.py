@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from gearstab.cli import options
 from gearstab.cli.console import say, tell
 
 if TYPE_CHECKING:
@@ -15,13 +16,13 @@ if TYPE_CHECKING:
 
 
 @click.command()
-@click.argument("config", type=click.Path(path_type=Path))
-@click.option("-o", "--output", type=click.Path(path_type=Path), help="Result file [default: results/NAME.bench.h5].")
-@click.option("--set", "overrides", multiple=True, metavar="PATH=VALUE", help="Override a value of CONFIG; repeatable.")
+@options.config
+@options.output("Result file [default: results/NAME.bench.h5].")
+@options.overrides
 @click.option("--points", type=click.IntRange(1, 1000), default=8, show_default=True, help="Reference points.")
 @click.option("--seconds", type=click.FloatRange(0.0), default=1.0, show_default=True, help="Time for each setting.")
 @click.option("--no-plot", is_flag=True, help="Do not draw the work-precision diagram.")
-@click.option("-q", "--quiet", is_flag=True, help="No progress.")
+@options.quiet
 def command(
     config: Path,
     output: Path | None,
@@ -36,17 +37,14 @@ def command(
     The reference is computed in high precision at points spread over the mesh frequencies of CONFIG. Prints a table,
     writes a result file and draws the work-precision diagram beside it.
     """
-    from gearstab.cli.errors import user_errors
+    from gearstab.config import load
+    from gearstab.results.output import prepare
 
-    with user_errors():
-        from gearstab.config import load
-        from gearstab.results.output import prepare
-
-        target = output or Path("results") / f"{config.stem}.bench.h5"
-        _guard(config, target, not no_plot)
-        loaded = load(config, overrides)
-        scene = _scene(loaded)
-        prepare(target)
+    target = output or Path("results") / f"{config.stem}.bench.h5"
+    _guard(config, target, not no_plot)
+    loaded = load(config, overrides)
+    scene = _scene(loaded)
+    prepare(target)
     from gearstab.bench import measure
     from gearstab.bench.output import bench_group, table
     from gearstab.floquet.kernel import choice as kernel
@@ -58,13 +56,12 @@ def command(
     with kernel.recorded() as ran:
         found = measure(scene, points, seconds, (lambda text: None) if quiet else _say)
     say(table(found, points))
-    with user_errors():
-        groups = {"modes": modes_group(build(loaded.parameters)), "bench": bench_group(scene, points, found)}
-        write_result(target, ResultTree(Group((), root_attributes(BENCH, loaded, kernel.said(ran))), groups))
-        if not quiet:
-            tell(f"written: {target}")
-        if not no_plot:
-            _draw(target, quiet)
+    groups = {"modes": modes_group(build(loaded.parameters)), "bench": bench_group(scene, points, found)}
+    write_result(target, ResultTree(Group((), root_attributes(BENCH, loaded, kernel.said(ran))), groups))
+    if not quiet:
+        tell(f"written: {target}")
+    if not no_plot:
+        _draw(target, quiet)
 
 
 def _guard(config: Path, target: Path, plot: bool) -> None:

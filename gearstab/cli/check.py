@@ -7,29 +7,27 @@ from typing import TYPE_CHECKING
 
 import click
 
+from gearstab.cli import options
 from gearstab.cli.console import say
-from gearstab.cli.errors import user_errors, warn
+from gearstab.cli.errors import warn
 
 if TYPE_CHECKING:
     from gearstab.config import Config
 
 
 @click.command(name="check", short_help="Validate a configuration.")
-@click.argument("config", type=click.Path(path_type=Path))
-@click.option(
-    "--set", "overrides", metavar="PATH=VALUE", multiple=True, help="Replace a value for this run; repeatable."
-)
+@options.config
+@options.overrides
 def command(config: Path, overrides: tuple[str, ...]) -> None:
     """Validate CONFIG: exit code 0, or 2 with every mistake at once, each with its line and what to do about it."""
     from gearstab.config import load
 
-    with user_errors():
-        found = load(config, overrides)
-        if found.methods.chosen:
-            from gearstab.sweep.plan import check
-            from gearstab.systems import build
+    found = load(config, overrides)
+    if found.methods.chosen:
+        from gearstab.sweep.plan import check
+        from gearstab.systems import build
 
-            check(found, build(found.parameters))
+        check(found, build(found.parameters))
     warn(found)
     say(f"{config}: {summary(found)}")
 

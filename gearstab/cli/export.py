@@ -6,12 +6,12 @@ from pathlib import Path
 
 import click
 
+from gearstab.cli import options
 from gearstab.cli.console import Output, tell
-from gearstab.cli.errors import user_errors
 
 
 @click.command(name="export", short_help="Write a result file as tidy CSV.")
-@click.argument("result", type=click.Path(path_type=Path))
+@click.argument("result", type=options.FILE)
 @click.option(
     "-o",
     "--output",
@@ -29,12 +29,11 @@ from gearstab.cli.errors import user_errors
 )
 def command(result: Path, output: Path, group: str | None, over: str | None) -> None:
     """Write the file RESULT as tidy CSV: one row a grid point, one column an axis or variable."""
-    with user_errors():
-        from gearstab.results.export import export
+    from gearstab.results.export import export
 
-        out = None if str(output) == "-" else output
-        rows, note = export(result, out, Output(), group, over)
-        if out is not None:
-            tell(f"{out}: {rows:,} rows")
-        if note:
-            tell(f"note: {note}")
+    out = None if str(output) == "-" else output
+    rows, note = export(result, out, Output(), group, over)
+    if out is not None:
+        tell(f"{out}: {rows:,} rows")
+    if note:
+        tell(f"note: {note}")

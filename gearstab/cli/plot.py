@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from gearstab.cli import options
 from gearstab.cli.console import tell
 from gearstab.plots import KINDS
 
@@ -13,10 +14,8 @@ KINDS_HELP = "; ".join(f"{name}: {kind.summary}" for name, kind in KINDS.items()
 
 
 @click.command()
-@click.argument("result", type=click.Path(path_type=Path))
-@click.option(
-    "-o", "--output", type=click.Path(path_type=Path), help="Figure: .png, .pdf or .svg [default: RESULT with .png]."
-)
+@click.argument("result", type=options.FILE)
+@options.output("Figure: .png, .pdf or .svg [default: RESULT with .png].")
 @click.option("--kind", metavar="|".join(KINDS), help=f"What to draw [default: by what RESULT holds]. {KINDS_HELP}.")
 @click.option("--x", metavar="AXIS", help="Axis along x [default: mesh_frequency].")
 @click.option("--y", metavar="AXIS", help="Axis along y [default: epsilon, else the longest other axis].")
@@ -35,7 +34,6 @@ def command(
     variable: str | None, title: bool, size: str | None, dpi: int | None,
 ) -> None:  # fmt: skip
     """Draw a figure from the file RESULT alone; nothing is computed again."""
-    from gearstab.cli.errors import user_errors
     from gearstab.plots import draw
     from gearstab.plots.axes import Request
     from gearstab.plots.drawing.heading import title_of
@@ -43,13 +41,12 @@ def command(
     from gearstab.results.read import reading
 
     target = output or result.with_suffix(".png")
-    with user_errors():
-        checked_extension(target)
-        FIGURE.refuse(target, result)
-        request = Request(x, y, selections(select), variable, size, title, dpi)
-        with reading(result) as tree:
-            figure, artists = draw(tree, kind, request)
-            save(figure, target, title_of(tree))
+    checked_extension(target)
+    FIGURE.refuse(target, result)
+    request = Request(x, y, selections(select), variable, size, title, dpi)
+    with reading(result) as tree:
+        figure, artists = draw(tree, kind, request)
+        save(figure, target, title_of(tree))
     tell(f"figure: {target}")
     if artists.get("left_out"):
         tell(f"note: {artists['left_out']}")

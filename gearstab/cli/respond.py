@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from gearstab.cli import options
 from gearstab.cli.console import tell
 
 if TYPE_CHECKING:
@@ -16,31 +17,25 @@ if TYPE_CHECKING:
 
 
 @click.command(name="respond", short_help="Compute a time response.")
-@click.argument("config", type=click.Path(path_type=Path))
-@click.option(
-    "-o", "--output", type=click.Path(path_type=Path), help="Result file [default: results/NAME.response.h5]."
-)
-@click.option(
-    "--set", "overrides", metavar="PATH=VALUE", multiple=True, help="Replace a value for this run; repeatable."
-)
-@click.option("-q", "--quiet", is_flag=True, help="No messages but errors.")
+@options.config
+@options.output("Result file [default: results/NAME.response.h5].")
+@options.overrides
+@options.quiet
 def command(config: Path, output: Path | None, overrides: tuple[str, ...], quiet: bool) -> None:
     """Compute the response that the section `respond` of CONFIG describes and write it to a file."""
-    from gearstab.cli.errors import user_errors, warn
+    from gearstab.cli.errors import warn
+    from gearstab.config import load
+    from gearstab.respond import respond
+    from gearstab.results.guard import RESPOND, result_of
+    from gearstab.results.output import prepare
 
-    with user_errors():
-        from gearstab.config import load
-        from gearstab.respond import respond
-        from gearstab.results.guard import RESPOND, result_of
-        from gearstab.results.output import prepare
-
-        out = output or Path("results") / f"{config.stem}.response.h5"
-        result_of(RESPOND).refuse(out, config)
-        loaded = load(config, overrides, needs=("respond",))
-        prepare(out)
-        if not quiet:
-            warn(loaded)
-        found = respond(loaded, out)
+    out = output or Path("results") / f"{config.stem}.response.h5"
+    result_of(RESPOND).refuse(out, config)
+    loaded = load(config, overrides, needs=("respond",))
+    prepare(out)
+    if not quiet:
+        warn(loaded)
+    found = respond(loaded, out)
     if not quiet:
         tell(summary(found, out))
 

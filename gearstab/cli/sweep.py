@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 
 import click
 
+from gearstab.cli import options
 from gearstab.cli.console import say, tell
-from gearstab.cli.errors import user_errors, warn
+from gearstab.cli.errors import warn
 
 if TYPE_CHECKING:
     from gearstab.config import Axis
@@ -24,24 +25,16 @@ SLOW_KERNEL = "note: the compiled kernel was not built; sweeps run on the slower
 
 
 @click.command(name="sweep", short_help="Compute a grid.")
-@click.argument("config", type=click.Path(path_type=Path))
-@click.option(
-    "-o", "--output", type=click.Path(path_type=Path), help="Result file [default: results/<CONFIG's name>.h5]."
-)
+@options.config
+@options.output("Result file [default: results/<CONFIG's name>.h5].")
 @click.option("-j", "--jobs", type=click.IntRange(min=1), help="Threads or processes [default: one a processor].")
-@click.option(
-    "--set",
-    "overrides",
-    multiple=True,
-    metavar="PATH=VALUE",
-    help="Replace a value of CONFIG for this run; repeatable.",
-)
+@options.overrides
 @click.option(
     "--resume/--overwrite", default=None, help="Go on with what an interrupted run finished (default), or start anew."
 )
 @click.option("--dry-run", is_flag=True, help="Print size, time, memory and file size; compute and write nothing.")
 @click.option("--yes", is_flag=True, help="Begin a sweep of very many points, hours or gigabytes, too.")
-@click.option("-q", "--quiet", is_flag=True, help="Print errors only.")
+@options.quiet
 def command(
     config: Path,
     output: Path | None,
@@ -55,29 +48,28 @@ def command(
     """Compute stability over the grid of CONFIG with all its methods."""
     start = time.perf_counter()
     target = output or Path("results") / f"{config.stem}.h5"
-    with user_errors():
-        from gearstab.config import load
-        from gearstab.results.guard import SWEEP, result_of
-        from gearstab.sweep import plan, run
+    from gearstab.config import load
+    from gearstab.results.guard import SWEEP, result_of
+    from gearstab.sweep import plan, run
 
-        result_of(SWEEP).refuse(target, config)
-        planned = plan(load(config, overrides, needs=("sweep", "methods")))
-        if not quiet:
-            warn(planned.config)
-            for note in notes(planned):
-                tell(f"note: {note}")
-        if dry_run:
-            from gearstab.sweep.estimate import estimate
+    result_of(SWEEP).refuse(target, config)
+    planned = plan(load(config, overrides, needs=("sweep", "methods")))
+    if not quiet:
+        warn(planned.config)
+        for note in notes(planned):
+            tell(f"note: {note}")
+    if dry_run:
+        from gearstab.sweep.estimate import estimate
 
-            left = max(DRY_RUN - (time.perf_counter() - start), LEAST)
-            say(forecast(planned, estimate(planned, jobs, left), target))
-            return
-        from gearstab.cli import sweep_notes
-        from gearstab.cli.progress import reporter
-        from gearstab.sweep import limits
+        left = max(DRY_RUN - (time.perf_counter() - start), LEAST)
+        say(forecast(planned, estimate(planned, jobs, left), target))
+        return
+    from gearstab.cli import sweep_notes
+    from gearstab.cli.progress import reporter
+    from gearstab.sweep import limits
 
-        limits.refuse(planned, target, jobs, yes)
-        summary = run(planned, target, jobs, resume is True, resume is False, reporter(quiet))
+    limits.refuse(planned, target, jobs, yes)
+    summary = run(planned, target, jobs, resume is True, resume is False, reporter(quiet))
     if not quiet:
         tell(final_line(target, summary, time.perf_counter() - start))
         if summary.proved:

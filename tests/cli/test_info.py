@@ -13,7 +13,7 @@ from numpy.testing import assert_allclose
 from scenes import CONFIGS, DATA
 from tongues import train
 
-from gearstab.cli.info.command import command
+from gearstab.cli import group
 from gearstab.cli.info.text import table
 from gearstab.modal import mean_modes, mesh_energy_shares, modal_damping_ratios, mode_types
 from gearstab.system import GearSystem, Mesh
@@ -34,7 +34,7 @@ system:
 
 
 def info(config: Path | str, *options: str) -> Result:
-    return CliRunner().invoke(command, [str(config), *options])
+    return CliRunner().invoke(group, ["info", str(config), *options])
 
 
 def facts(config: Path | str, *options: str) -> dict:

@@ -12,7 +12,8 @@ import xarray as xr
 from click.testing import CliRunner
 from plot_results import planetary
 
-from gearstab.cli.plot import command, selections
+from gearstab.cli import group
+from gearstab.cli.plot import selections
 from gearstab.errors import PlotError
 from gearstab.plots import KINDS, draw
 from gearstab.plots.drawing.style import save
@@ -120,7 +121,7 @@ def result(tmp_path_factory):
 
 
 def run(*arguments):
-    return CliRunner().invoke(command, [str(argument) for argument in arguments])
+    return CliRunner().invoke(group, ["plot", *map(str, arguments)])
 
 
 def test_the_figure_lies_beside_the_result(result):

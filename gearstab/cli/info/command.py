@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from gearstab.cli import options
 from gearstab.cli.console import say
 from gearstab.cli.info import periods, train
 from gearstab.cli.info.text import report
@@ -22,8 +23,8 @@ HARMONICS = 3
 
 
 @click.command()
-@click.argument("config", metavar="CONFIG|RESULT", type=click.Path(path_type=Path))
-@click.option("--set", "overrides", multiple=True, metavar="PATH=VALUE", help="Override a value of CONFIG; repeatable.")
+@click.argument("config", metavar="CONFIG|RESULT", type=options.FILE)
+@options.overrides
 @click.option(
     "--harmonics", type=click.IntRange(1, 50), help="List tongues up to this harmonic [default: as in CONFIG]."
 )
@@ -33,19 +34,18 @@ def command(config: Path, overrides: tuple[str, ...], harmonics: int | None, as_
 
     Of a file RESULT: where it comes from, its groups, axes and variables.
     """
-    from gearstab.cli.errors import user_errors, warn
+    from gearstab.cli.errors import warn
     from gearstab.cli.info import result
 
-    with user_errors():
-        if result.is_result(config):
-            if overrides or harmonics:
-                raise click.UsageError(f"{config} is a result, which --set and --harmonics do not change")
-            known = result.describe(config)
-            say(json.dumps(known, indent=2, allow_nan=False) if as_json else result.report(known))
-            return
-        from gearstab.config import load
+    if result.is_result(config):
+        if overrides or harmonics:
+            raise click.UsageError(f"{config} is a result, which --set and --harmonics do not change")
+        known = result.describe(config)
+        say(json.dumps(known, indent=2, allow_nan=False) if as_json else result.report(known))
+        return
+    from gearstab.config import load
 
-        loaded = load(config, overrides)
+    loaded = load(config, overrides)
     warn(loaded)
     facts = describe(loaded, harmonics)
     if as_json:
