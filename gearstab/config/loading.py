@@ -127,7 +127,7 @@ def _read_system(document: Document, model: type[System], source: FilePath) -> _
     raw = document.data["system"]
     _name_meshes(document, model)
     contents = model.read_files(document, source)
-    model.complete(document, raw)
+    model.complete(document, raw, model.size(raw | contents))
     samples = _read_samples(document, source)
     from_file: dict[str, Any] = {k: v for k, v in contents.items() if k != "damping"}
     if "damping" in contents:

@@ -12,6 +12,9 @@ from gearstab.results.read import attributes
 SWEEP, RESPOND, BENCH = "sweep", "respond", "bench"
 """The commands that write results; a result names its own in the attribute ``command``."""
 
+INSTEAD = {".csv": "export", ".png": "plot", ".pdf": "plot", ".svg": "plot"}
+"""Ending of a name -> the command that writes such a file from a result."""
+
 
 def fault(command: str | None, path: Path) -> str:
     """Return what is wrong with a file that a result of ``command`` (None: of any) is to replace, "" for nothing."""
@@ -25,4 +28,5 @@ def fault(command: str | None, path: Path) -> str:
 
 def result_of(command: str | None) -> Content:
     """Return what a command writes as its result, which may replace an earlier one of the same command only."""
-    return Content("a result", ".h5", partial(fault, command), (*TABLES, *FIGURES, *OTHERS), streams=False)
+    wrong = (*TABLES, *FIGURES, *OTHERS)
+    return Content("a result", ".h5", partial(fault, command), wrong, streams=False, instead=INSTEAD)

@@ -15,9 +15,9 @@ import shutil
 import stat
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from uuid import uuid4
 
@@ -53,6 +53,7 @@ class Content:
     name: in messages; ending: of its names. fault: what is wrong with the file at a path, so that it is not replaced;
     "" where it is such a content.
     wrong: endings that promise something else. streams: whether a device or a pipe can take it.
+    instead: ending of a name -> the command that writes such a file from a result.
     """
 
     name: str
@@ -60,6 +61,7 @@ class Content:
     fault: Callable[[Path], str]
     wrong: tuple[str, ...]
     streams: bool
+    instead: Mapping[str, str] = field(default_factory=dict)
 
     def refuse(self, out: Path, *inputs: Path) -> None:
         """Raise OutputError unless this content may be written to ``out``, which must be none of the inputs."""
@@ -69,7 +71,10 @@ class Content:
                 raise OutputError(f"{out}: is the input itself; choose another output")
             self._refuse_what_is_there(out, found)
         if out.suffix.lower() in self.wrong:
-            raise OutputError(f"{out}: {self.name} has a name that ends in {self.ending}, not in {out.suffix}")
+            message = f"{out}: {self.name} has a name that ends in {self.ending}, not in {out.suffix}"
+            command = self.instead.get(out.suffix.lower())
+            remedy = f"; write {out.with_suffix(self.ending)}, then: gearstab {command} {out.with_suffix(self.ending)}"
+            raise OutputError(message + (f"{remedy} -o {out}" if command else ""))
 
     def _refuse_what_is_there(self, out: Path, found: os.stat_result) -> None:
         kind = stat.S_IFMT(found.st_mode)

@@ -83,8 +83,8 @@ class System(Section):
         return False
 
     @classmethod
-    def complete(cls, document: Document, raw: dict[str, Any]) -> None:
-        """Write out what may be written in short, in the section as written."""
+    def complete(cls, document: Document, raw: dict[str, Any], size: int | None) -> None:
+        """Write out what may be written in short, in the section as written. size: number of coordinates, if known."""
 
     @classmethod
     def read_files(cls, document: Document, source: FilePath) -> dict[str, Array]:

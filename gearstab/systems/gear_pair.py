@@ -59,7 +59,7 @@ class GearPair(System):
         return 1
 
     @classmethod
-    def complete(cls, document: Document, raw: dict[str, Any]) -> None:
+    def complete(cls, document: Document, raw: dict[str, Any], size: int | None) -> None:
         """The load as a number by itself."""
         if isinstance(raw.get("load"), int | float | str):
             raw["load"] = [raw["load"]]

@@ -120,6 +120,18 @@ def test_trains_that_cannot_be_built_between_the_ends_of_an_axis(tmp_path: Path,
     assert f"(at {where}" in message
 
 
+@pytest.mark.parametrize("axis", ["damping_ratio: [0.0, 0.1]", "damping_ratio: [0.0]"])
+def test_only_axes_that_matter_are_named(tmp_path: Path, axis: str) -> None:
+    """The pinion cannot mesh whatever the damping is, unless its profile shift changes as well."""
+    both = f"  rotors.pinion.profile_shift: [0.0, -3.0]\n  {axis}\n{REST}"
+    ((_, _, message, _),) = problems(tmp_path, GOOD[GOOD.index("  input_speed") :], both)
+    assert "(at rotors.pinion.profile_shift = -3.0)" in message
+    never = GOOD.replace("teeth: 19", "teeth: 19, profile_shift: -3.0")
+    with pytest.raises(ConfigError) as caught:
+        loaded(tmp_path, never[: never.index("  input_speed")] + f"  {axis}\n{REST}")
+    assert "(at" not in str(caught.value)
+
+
 def test_a_train_that_cannot_be_built_says_where() -> None:
     """Where an axis is too long to look at every point, a sweep ends with this line."""
     assert str(TrainError(("meshes", 0), "no involute", "change the teeth")) == (

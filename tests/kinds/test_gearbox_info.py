@@ -49,7 +49,7 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
 
 def test_the_drawing_has_every_rotor_shaft_and_mesh_once_and_closes_loops(small: dict[str, Any]) -> None:
     lines = info_train.drawing(small["train"]).splitlines()
-    assert lines[0] == "motor: 3000 rpm, 0.05 kg m^2, driven with 12 N m"
+    assert lines[0] == "motor: 3000 rpm, 0.05 kg m^2, drives with 12 N m"
     assert lines[1].startswith("+- coupling, 2e+04 N m/rad -- pinion: z = 10, 3000 rpm, ")
     # Five rotors, and the loop met again from the other side.
     assert len(lines) == 6

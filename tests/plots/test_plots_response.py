@@ -118,10 +118,22 @@ def test_a_pair_of_gears_has_its_spectrum_over_w_d():
     [
         (made.response, {}, "no spectra"),
         (made.spectra, {"variable": "colour"}, "mesh_force_amplitude"),
-        (made.spectra, {"select": {"dof": "x1"}}, "use mesh"),
+        (made.spectra, {"select": {"dof": "x1"}}, "there is mesh"),
         (made.spectra, {"select": {"mesh": "third"}}, "first, second"),
     ],
 )
 def test_spectra_that_are_not_there(tree, options, words):
     with pytest.raises(PlotError, match=words):
         draw(tree(), "spectrum", **options)
+
+
+@pytest.mark.parametrize(
+    ("tree", "kind", "along", "other"),
+    [(made.response, "response", "time", "dof"), (made.spectra, "spectrum", "frequency", "mesh"),
+     (made.teeth, "teeth", "contact", "mesh")],
+)  # fmt: skip
+def test_what_is_drawn_along_cannot_be_selected(tree, kind, along, other):
+    with pytest.raises(PlotError, match=f"is drawn over {along}: export --select {along}=VALUE"):
+        draw(tree(), kind, select={along: "0.5"})
+    with pytest.raises(PlotError, match=f"no axis 'colour' to select in this figure; there is .*{other}"):
+        draw(tree(), kind, select={"colour": "1"})

@@ -90,7 +90,7 @@ def mesh(name: str, driver: str, driven: str, **more: Any) -> dict[str, Any]:
 
 
 def train(rotors: list[dict[str, Any]], meshes: list[dict[str, Any]], **more: Any) -> dict[str, Any]:
-    """A train whose first rotor is driven."""
+    """A train whose first rotor drives."""
     start = {"rotor": rotors[0]["name"]}
     return {"kind": "gearbox", "rotors": rotors, "meshes": meshes, "input": start} | more
 

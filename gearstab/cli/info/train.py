@@ -184,7 +184,7 @@ def _body(rotor: dict[str, Any], speed: float | None) -> str:
     parts.append(f"{float(ratio) * speed * 30 / pi:.5g} rpm" if speed is not None else f"{ratio} of the input speed")
     parts.append(f"{rotor['inertia']:.4g} kg m^2")
     if rotor["torque"] is not None:
-        parts.append(f"{'driven with' if rotor['torque'] > 0 else 'takes'} {abs(rotor['torque']):.5g} N m")
+        parts.append(f"{'drives with' if rotor['torque'] > 0 else 'takes'} {abs(rotor['torque']):.5g} N m")
     return f"{rotor['name']}: {', '.join(parts)}"
 
 

@@ -269,6 +269,16 @@ class ShortName:
     hint: str = ""
 
 
+class ByCoordinate:
+    """Marks a vector over the coordinates, which may be written as a mapping ``{coordinate: value}`` instead."""
+
+    def __get_pydantic_json_schema__(
+        self, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        plain = handler(schema)
+        return {"anyOf": [plain, {"type": "object", "additionalProperties": plain["items"], "minProperties": 1}]}
+
+
 def _whole(value: Any) -> Any:
     """``1e3`` is 1000; a truth value, a text or 2.5 is no count."""
     if isinstance(value, float) and value.is_integer():
@@ -296,6 +306,8 @@ NameText = Annotated[str, BeforeValidator(_name)]
 Positive = Annotated[float, Field(gt=0), Quantity()]
 NonNegative = Annotated[float, Field(ge=0), Quantity()]
 Number = Annotated[float, Quantity()]
+Vector = Annotated[list[Number], Field(min_length=1), ByCoordinate()]
+"""Plain numbers, one per coordinate."""
 Turns = Annotated[float, Quantity(turns=True)]
 """A fraction of a period: a phase, a lag, a phasing."""
 AngularFrequency = Annotated[float, Field(gt=0), Quantity("rad/s")]

@@ -126,7 +126,7 @@ def _report_one(document: Document, detail: Any, model: Any, path: Path) -> None
         value = detail["input"]
         kind = number_kind(type_at(model, loc))
         if detail["type"] in SIGNS and kind is not None and kind.unit == "rad" and isinstance(value, int | float):
-            hint += f', or "{value:g} deg"'
+            hint = f'write "{value:g} deg" if degrees are meant, or {hint} rad'
         document.report(here, message, hint, value=None if isinstance(value, list | dict) and not value else value)
 
 

@@ -68,15 +68,23 @@ def histories(dataset: xr.Dataset, request: Request) -> tuple[list[tuple[str, xr
             panels += columns(dataset[name], request)
         elif request.variable:
             raise PlotError(f"no variable {name!r} over time in this response; there is {listed(known)}")
-    for axis in request.select:
-        if not any(axis in dataset[name].dims for name in names if name in known):
-            raise PlotError(f"no axis {axis!r} to select in these histories; use dof or mesh")
+    refuse_selections(request, [dataset[name] for name in names if name in known], "time")
     if len(panels) > MOST_PANELS and request.partial:
         return some_histories(dataset, request, panels)
     if len(panels) > MOST_PANELS:
         many = f"{len(panels)} histories are too many (at most {MOST_PANELS})"
         raise PlotError(f"{many}: choose with --variable or --select dof=NAME")
     return panels, ""
+
+
+def refuse_selections(request: Request, drawn: Sequence[xr.DataArray], along: str) -> None:
+    """Raise PlotError where what is selected is the axis along which is drawn, or none of these variables' own."""
+    for axis in request.select:
+        if axis == along:
+            raise PlotError(f"this figure is drawn over {along}: export --select {along}=VALUE gives the numbers")
+        others = {str(dim) for data in drawn for dim in data.dims} - {along}
+        if axis not in others:
+            raise PlotError(f"no axis {axis!r} to select in this figure; there is {listed(sorted(others))}")
 
 
 def some_histories(

@@ -15,7 +15,7 @@ from gearstab.plots.drawing.heading import write_title
 from gearstab.plots.drawing.style import CASES, new_figure
 from gearstab.plots.drawing.text import unit_text
 from gearstab.plots.kinds import Kind
-from gearstab.plots.motions.response import MOST_PANELS, columns, fit_labels
+from gearstab.plots.motions.response import MOST_PANELS, columns, fit_labels, refuse_selections
 
 Array = np.ndarray
 Artists = dict[str, Any]
@@ -96,9 +96,7 @@ def mark_modes(tree: xr.DataTree, axes: list[Axes], end: float) -> list[Any]:
 def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     """The whole figure, panels over one another: ``lines`` and ``modes``."""
     data = read_spectra(tree, request.variable)
-    for axis in request.select:
-        if axis not in data.dims:
-            raise PlotError(f"no axis {axis!r} to select in these spectra; use mesh")
+    refuse_selections(request, [data], "frequency")
     panels = columns(data, request, along="frequency")
     if len(panels) > MOST_PANELS:
         raise PlotError(f"{len(panels)} spectra are too many (at most {MOST_PANELS}): choose with --select mesh=NAME")

@@ -14,7 +14,7 @@ from gearstab.plots.drawing.heading import write_title
 from gearstab.plots.drawing.style import CASES, new_figure
 from gearstab.plots.drawing.text import plain
 from gearstab.plots.kinds import Kind
-from gearstab.plots.motions.response import MOST_PANELS, columns, read_response
+from gearstab.plots.motions.response import MOST_PANELS, columns, read_response, refuse_selections
 
 Artists = dict[str, Any]
 
@@ -30,6 +30,7 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
         raise PlotError(f"no variable {name!r} along the contact of teeth; there is {listed(DYNAMIC)}")
     if name not in dataset:
         raise PlotError("this response holds no loads of teeth: they come with steady states of kind gearbox")
+    refuse_selections(request, [dataset[name]], "contact")
     both = [columns(dataset[which], request, "contact") for which in (name, f"static_{name}")]
     panels = [(label, data, rest) for (label, data), (_, rest) in zip(*both, strict=True) if not data.isnull().all()]
     if len(panels) > MOST_PANELS:

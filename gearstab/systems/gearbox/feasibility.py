@@ -58,11 +58,25 @@ def _reported(
     found = question(config, {name: np.array(k) for name, k in at.items()})
     if found is None:
         return False
-    values = [f"{axis.name} = {axis.values[at[axis.name]]}" for axis in config.axes if axis.name in at]
+    values = [f"{a.name} = {a.values[at[a.name]]}" for a in config.axes if _matters(config, at, a, found, question)]
     path, message, remedy = found
     where = f" (at {', '.join(values)})" if values else ""
     document.report(("system", *path), f"{message}{where}", remedy, at_key=True)
     return True
+
+
+def _matters(
+    config: Config,
+    at: dict[str, int],
+    axis: Axis,
+    found: Found,
+    question: Callable[[Config, dict[str, Any]], Found | None],
+) -> bool:
+    """Whether the mistake found at a point is another, or none, at the other end of an axis."""
+    if axis.name not in at or axis.size == 1:
+        return False
+    other = at | {axis.name: 0 if at[axis.name] else axis.size - 1}
+    return question(config, {name: np.array(k) for name, k in other.items()}) != found
 
 
 def _meshing(config: Config, at: dict[str, Any]) -> Found | None:

@@ -161,7 +161,9 @@ class Material(Section):
 class Input(Section):
     """What drives the train."""
 
-    rotor: NameText = Field(title="input rotor", description="Name of the rotor that is driven from outside.")
+    rotor: NameText = Field(
+        title="input rotor", description="Name of the rotor that drives the train, where power enters it."
+    )
     torque: Torque | None = Field(
         default=None, title="input torque", description="On the input rotor (N m); follows from the outputs' without."
     )
@@ -202,7 +204,7 @@ class Gearbox(System):
     meshes: Annotated[list[GearboxMesh], Field(min_length=1)] = Field(
         title="meshes", description="Pairs of gears, the driver first."
     )
-    input: Input = Field(title="input", description="The rotor that is driven.")
+    input: Input = Field(title="input", description="The rotor that drives the train.")
     outputs: list[Output] = Field(default=[], title="outputs", description="The rotors that are loaded.")
 
     damping_factor: NonNegative = Field(

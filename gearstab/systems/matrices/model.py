@@ -22,13 +22,14 @@ from gearstab.config.model.conflicts import (
     repeated_names,
     wrong_length,
 )
-from gearstab.config.model.fields import Choice, NameText, Quantity
+from gearstab.config.model.fields import ByCoordinate, Choice, NameText, Quantity
 from gearstab.config.model.units import UnitError, to_si
 from gearstab.system import Array, GearSystem
 from gearstab.systems import feasibility
 from gearstab.systems.base import System
 from gearstab.systems.matrices.definite import check_definite
 from gearstab.systems.matrices.file import read_matrices
+from gearstab.systems.matrices.vectors import default_names, write_out
 from gearstab.systems.parts.damping import not_square, with_damping
 from gearstab.systems.parts.forcing import Force, Load, with_forcing
 from gearstab.systems.parts.mesh import MatrixMesh, build_mesh
@@ -102,8 +103,8 @@ class Matrices(System):
         title="terms",
         description="Further periodic or constant parts a u v^T of the stiffness and damping matrix, of any symmetry.",
     )
-    load: Load | None = Field(
-        default=None, title="load", description="Constant forces, one a coordinate (N, or N m of a rotation)."
+    load: Annotated[Load, ByCoordinate()] | None = Field(
+        default=None, title="load", description="Constant forces, one per coordinate (N, or N m of a rotation)."
     )
     forces: list[Force] = Field(default=[], title="forces", description="Periodic external forces.")
 
@@ -156,13 +157,13 @@ class Matrices(System):
             check_definite(document, feasibility.numbers_only(config), cls.build)
 
     @classmethod
-    def complete(cls, document: Document, raw: dict[str, Any]) -> None:
-        """The damping matrix as nested lists by itself, and units of coordinates that those of their inertias tell."""
+    def complete(cls, document: Document, raw: dict[str, Any], size: int | None) -> None:
+        """Vectors by coordinate, the damping matrix by itself, and units of coordinates that their inertias tell."""
+        write_out(document, raw, size)
         if isinstance(raw.get("damping"), list):
             raw["damping"] = {"matrix": raw["damping"]}
             document.move(("system", "damping"), ("system", "damping", "matrix"))
-        size = cls.size(raw) or 0
-        turning = [any(_told(raw.get(name), (k, k), unit) for name, unit in TOLD.items()) for k in range(size)]
+        turning = [any(_told(raw.get(name), (k, k), unit) for name, unit in TOLD.items()) for k in range(size or 0)]
         if raw.get("coordinate_units") is None and any(turning):
             units = ["rad" if turns else "m" for turns in turning]
             document.put(("system", "coordinate_units"), units, document.where(("system", "mass")))
@@ -220,7 +221,7 @@ class Matrices(System):
             build_mesh(m, vector(m["direction"]), m["frequency_ratio"], np.asarray(m.get("lag", 0.0), float))
             for m in p["meshes"]
         )
-        names = tuple(p.get("coordinates") or (f"q{i + 1}" for i in range(mass.shape[-1])))
+        names = tuple(p.get("coordinates") or default_names(mass.shape[-1]))
         stiffness, terms = matrix(p["stiffness"]), periodic_terms(p)
         units = tuple(p.get("coordinate_units") or ("m",))
         units = units * len(names) if len(units) == 1 else units

@@ -15,10 +15,10 @@ from gearstab.config.model.conflicts import Conflict, no_direction
 from gearstab.config.model.fields import (
     ExactRatio,
     NameText,
-    Number,
     Quantity,
     Section,
     Turns,
+    Vector,
 )
 from gearstab.system import GearSystem, PeriodicForce
 from gearstab.waveforms import Fourier
@@ -71,10 +71,9 @@ class Force(Section):
     """A periodic external force, given by its Fourier series."""
 
     name: NameText | None = Field(default=None, title="name of the force", description="What messages call it.")
-    direction: list[Number] = Field(
+    direction: Vector = Field(
         title="direction of the force",
-        min_length=1,
-        description="u, the force acts as u times its value: one number a coordinate (1).",
+        description="u, the force acts as u times its value: one number per coordinate, or {coordinate: value} (1).",
     )
     sin: list[ForceAmplitude] = Field(
         default=[],

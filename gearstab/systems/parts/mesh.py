@@ -13,6 +13,7 @@ from gearstab import system
 from gearstab.config.model.conflicts import Conflict, at_most_one, below, exactly_one
 from gearstab.config.model.fields import (
     AnyRatio,
+    ByCoordinate,
     Choice,
     ContactRatio,
     Flag,
@@ -36,6 +37,7 @@ from gearstab.waveforms.section import (
 
 MeshStiffness = Annotated[float, Field(gt=0), Quantity("N/m", ("N m",))]
 """Of a model in coordinates of its own, where a mesh may deflect as an angle."""
+Direction = Annotated[list[Annotated[float, Quantity("m", entry=True)]], Field(min_length=1), ByCoordinate()]
 
 WHERE_PHASINGS = "two_stage has a phasing of its second mesh, matrices have lags, planetary has phases"
 WHERE_LAGS = "matrices have lags, two_stage has a phasing of its second mesh, planetary has phases"
@@ -188,9 +190,8 @@ class MatrixMesh(Mesh):
         title="backlash",
         description="2 b, the play of the mesh deflection (m, or rad of an angle), for respond; none without.",
     )
-    direction: list[Annotated[float, Quantity("m", entry=True)]] = Field(
+    direction: Direction = Field(
         title="direction",
-        min_length=1,
         description="g, the mesh deflection is g . q: 1 for a translation, a base radius (m) for a rotation.",
     )
     exact: Flag = Field(

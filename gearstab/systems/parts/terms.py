@@ -15,10 +15,10 @@ from gearstab.config.model.fields import (
     ContactRatio,
     Flag,
     NameText,
-    Number,
     Quantity,
     Section,
     Turns,
+    Vector,
 )
 from gearstab.system import PeriodicTerm
 from gearstab.waveforms import Constant, Profile, Scaled
@@ -86,10 +86,8 @@ class Term(Section):
     name: NameText | None = Field(
         default=None, title="name of the term", description="What paths and messages call it."
     )
-    left: list[Number] = Field(title="left vector", min_length=1, description="u, along which the term acts (1).")
-    right: list[Number] = Field(
-        title="right vector", min_length=1, description="v: the term acts on v . q and v . q' (1)."
-    )
+    left: Vector = Field(title="left vector", description="u, along which the term acts (1).")
+    right: Vector = Field(title="right vector", description="v: the term acts on v . q and v . q' (1).")
     stiffness: StiffnessPart | None = Field(
         default=None, title="stiffness of a term", description="a(x): mean, amplitude, waveform."
     )

@@ -1,0 +1,51 @@
+"""Vectors over the coordinates of a model, written as mappings ``{coordinate: value}`` of what is not zero."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from gearstab.config.document.problems import Path, nearest
+from gearstab.config.document.yaml import Document
+from gearstab.config.model.conflicts import entries, mappings
+
+SECTIONS = {"meshes": ("direction",), "forces": ("direction",), "terms": ("left", "right")}
+"""Lists of the section ``system`` and the vectors of their entries; ``load`` is one by itself."""
+
+
+def write_out(document: Document, raw: dict[str, Any], size: int | None) -> None:
+    """Replace every such mapping by the list of its entries, zero where it names none; report unknown coordinates.
+
+    size: number of coordinates; without it nobody knows how long a list would be.
+    """
+    if size is None:
+        return
+    given = [name for name in entries(raw, "coordinates") if isinstance(name, str)]
+    names = given if len(given) == size else default_names(size)
+    for holder, key, path in list(_mappings(raw)):
+        values: list[Any] = [0.0] * size
+        for name, value in holder[key].items():
+            if name in names:
+                values[names.index(name)] = value
+                document.move(("system", *path, name), ("system", *path, names.index(name)))
+            else:
+                document.report(
+                    ("system", *path, name), "there is no such coordinate", nearest(name, names), at_key=True
+                )
+        holder[key] = values
+
+
+def default_names(size: int) -> list[str]:
+    """Return the names of coordinates that are given none: q1, q2, ..."""
+    return [f"q{i + 1}" for i in range(size)]
+
+
+def _mappings(raw: dict[str, Any]) -> Iterator[tuple[dict[str, Any], str, Path]]:
+    """Yield the section that holds each vector written so, its key there, and its path below ``system``."""
+    if isinstance(raw.get("load"), dict):
+        yield raw, "load", ("load",)
+    for section, keys in SECTIONS.items():
+        for i, item in mappings(raw, section):
+            for key in keys:
+                if isinstance(item.get(key), dict):
+                    yield item, key, (section, i, key)
