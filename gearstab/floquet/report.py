@@ -45,6 +45,11 @@ class Reduction:
     parts: tuple[Part, ...]
     saving: float
 
+    @property
+    def cost(self) -> float:
+        """Work of a point over that of three coordinates and four segments, and no less."""
+        return max(1.0, sum(part.segments * part.size**3 for part in self.parts) / (4 * 3**3))
+
     def text(self) -> str:
         """In a line, for instance "2 modes dropped; blocks of 7, 9 (twice) modes"."""
         words = []

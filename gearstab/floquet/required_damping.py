@@ -188,7 +188,7 @@ class _Search:
         """Growth a period ``(r, P)`` of all points with one level of damping, positive where unstable."""
         pattern = self.block.pattern
         still = level == 0
-        own = undamped(pattern) if still else scaled(pattern, np.full(len(pattern.rows), level))
+        own = pattern.without_damping() if still else scaled(pattern, np.full(len(pattern.rows), level))
         if not still and not self.block.constant:
             growth = growth_of(own, self.omega)
         else:
@@ -222,13 +222,6 @@ class _Search:
             low[active], high[active] = np.where(above, x, a), np.where(above, b, x)
             side[active] = np.where(above, 1, -1)
         return high
-
-
-def undamped(pattern: Pattern) -> Pattern:
-    """The pattern without any damping."""
-    elastic = pattern.elastic
-    free = replace(elastic, damping=None, shift=np.zeros_like(elastic.shift), rigid_damping=None)
-    return replace(pattern, elastic=free, stiffness=free.stiffness_of(pattern.levels))
 
 
 def scaled(pattern: Pattern, factor: Array) -> Pattern:

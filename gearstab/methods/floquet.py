@@ -17,6 +17,7 @@ from gearstab.system import Array, GearSystem
 
 if TYPE_CHECKING:
     from gearstab.floquet import Stability
+    from gearstab.floquet.frequencies import Choice
 
 VECTORS = 0.5
 """Cost of a segment over the square of the number of coordinates, in units of a sweep's costs: carrying the vectors of
@@ -128,23 +129,16 @@ class Floquet(Method):
         return self.system if self.basis is None else restricted(self.system, self.basis)
 
     @cached_property
+    def choice(self) -> Choice:
+        """The strategy for its mesh frequencies. Raises NotPossible."""
+        from gearstab.floquet.frequencies import chosen
+
+        return chosen(self.part, self.options.frequencies, self.options.affordable_segments)
+
+    @property
     def strategy(self) -> str:
         """One of :data:`~gearstab.floquet.frequencies.STRATEGIES`. Raises NotPossible."""
-        from gearstab.floquet.frequencies import choice
-
-        return choice.chosen(self.part, self.options.frequencies, self.options.affordable_segments)
-
-    @property
-    def reason(self) -> str:
-        """The strategy and why it was chosen, in a line."""
-        from gearstab.floquet.frequencies import choice
-
-        return choice.reason(self.part, self.options.frequencies, self.options.affordable_segments)
-
-    @property
-    def several(self) -> bool:
-        """Whether there is more than one mesh frequency."""
-        return len(set(self.part.frequency_ratios)) > 1
+        return self.choice.strategy
 
     @property
     def parallel(self) -> bool:
@@ -205,10 +199,10 @@ class Floquet(Method):
         return exact(self.part, mesh_frequency)
 
     def cost(self) -> float:
-        from gearstab.floquet.frequencies import groups, per_mesh
+        from gearstab.floquet.frequencies import apart
 
         if self.strategy == "per_mesh":
-            return sum(self._exact_cost(per_mesh.alone(self.part, group)) for group in groups(self.part))
+            return sum(self._exact_cost(system) for system, _ in apart(self.part))
         if self.strategy == "lyapunov":
             return min(max(1.0, VECTORS * self._segments() * self.part.size**2), MOST)
         return self._exact_cost(self.part)
@@ -217,8 +211,7 @@ class Floquet(Method):
         """Of a system with a common period."""
         from gearstab.floquet.report import reduction
 
-        work = max(1.0, sum(p.segments * p.size**3 for p in reduction(system).parts) / 108)
-        return work * (5 if self.options.exponents or system.damping is not None else 1)
+        return reduction(system).cost * (5 if self.options.exponents or system.damping is not None else 1)
 
     def _segments(self) -> float:
         """In the window of a Lyapunov exponent."""
@@ -237,8 +230,8 @@ class Floquet(Method):
 
         found = reduction(self.part)
         said: dict[str, Any] = {"reduction": found.text()}
-        if self.several:
-            said["frequencies_chosen"] = self.reason
+        if self.choice.several:
+            said["frequencies_chosen"] = self.choice.reason
         if np.isfinite(found.saving) and found.saving > 1:
             said["reduction_saving"] = found.saving
         if self.basis is None:
@@ -278,19 +271,19 @@ class Floquet(Method):
         """Explain an automatic choice of a strategy that is not the exact one."""
         if self.options.frequencies != "auto" or self.strategy == "common_period":
             return None
-        return f"methods.floquet.frequencies: {self.reason}"
+        return f"methods.floquet.frequencies: {self.choice.reason}"
 
     def outlook(self) -> str | None:
         """Return the strategy, with the distinct states of a common period or the length of the window."""
         from gearstab.floquet.report import reduction
 
-        if not self.several:
+        if not self.choice.several:
             return None
         if self.strategy == "common_period" and self.part.piecewise_constant and not self.part.terms:
             states = max((part.states for part in reduction(self.part).parts), default=1)
-            return f"{self.reason}, {states} distinct states"
+            return f"{self.choice.reason}, {states} distinct states"
         if self.strategy == "lyapunov":
             what = "segments" if self.part.piecewise_constant else "exponentials of Magnus steps or more"
             window = f"a window of {self.options.lyapunov.cycles:,g} cycles of the slowest mesh"
-            return f"{self.reason}; {window}, {self._segments():,.0f} {what}"
-        return self.reason
+            return f"{self.choice.reason}; {window}, {self._segments():,.0f} {what}"
+        return self.choice.reason

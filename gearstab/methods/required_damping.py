@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cached_property
-from typing import Annotated, Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import numpy as np
 from pydantic import Field
@@ -13,7 +13,10 @@ from gearstab.config.model.fields import Choice, Quantity, Section
 from gearstab.errors import NotPossible
 from gearstab.methods.base import Method, OptionError, Outcome, Tolerance
 from gearstab.results.variables import REQUIRED_DAMPING, Variable, flagged
-from gearstab.system import Array, GearSystem
+from gearstab.system import Array
+
+if TYPE_CHECKING:
+    from gearstab.floquet.frequencies import Choice
 
 LADDER = 60.0
 """Cost of scanning the levels of damping, in undamped points."""
@@ -52,13 +55,13 @@ class RequiredDamping(Method):
     flag_notes: ClassVar[Mapping[str, str]] = {"beyond": "no damping up to `largest` suffices at {points}"}
 
     @cached_property
-    def strategy(self) -> str:
-        """``common_period`` or ``per_mesh``. Raises NotPossible where the one asked for does not exist."""
-        from gearstab.floquet.frequencies import choice
+    def choice(self) -> Choice:
+        """Of ``common_period`` and ``per_mesh``. Raises NotPossible where the one asked for does not exist."""
+        from gearstab.floquet.frequencies import chosen
 
-        taken = choice.chosen(self.system, self.options.frequencies)
+        taken = chosen(self.system, self.options.frequencies).strategy
         # Zeros of an estimate with an interval would have none.
-        return choice.PER_MESH if taken == choice.LYAPUNOV else taken
+        return chosen(self.system, "per_mesh" if taken == "lyapunov" else taken)
 
     def variables(self) -> tuple[Variable, ...]:
         from gearstab.floquet.required_damping import FLAGS
@@ -66,49 +69,38 @@ class RequiredDamping(Method):
         return flagged(REQUIRED_DAMPING, FLAGS)
 
     def run(self, mesh_frequency: Array) -> Outcome:
-        from gearstab.floquet.frequencies import groups, per_mesh
+        from gearstab.floquet.frequencies import apart
         from gearstab.floquet.required_damping import required_damping
 
-        system, settings = self.system, (self.options.of, self.options.largest, self.options.tolerance)
-        if self.strategy == "common_period":
-            found = [required_damping(system, mesh_frequency, *settings)]
-        else:
-            whole = system.over(system.batch)
-            found = [
-                required_damping(per_mesh.alone(whole, group), float(group.ratio) * mesh_frequency, *settings)
-                for group in groups(system)
-            ]
+        options, exact = self.options, self.choice.strategy == "common_period"
+        found = [
+            required_damping(system, ratio * mesh_frequency, options.of, options.largest, options.tolerance)
+            for system, ratio in ([(self.system, 1.0)] if exact else apart(self.system))
+        ]
         status = np.bitwise_or.reduce([one.status for one in found])
         return Outcome({"required_damping": np.max([one.value for one in found], axis=0), "status": status})
 
     def cost(self) -> float:
-        from gearstab.floquet.frequencies import groups, per_mesh
+        from gearstab.floquet.frequencies import apart
+        from gearstab.floquet.report import reduction
 
-        if self.strategy == "per_mesh":
-            return sum(_cost(per_mesh.alone(self.system, group)) for group in groups(self.system))
-        return _cost(self.system)
+        exact = self.choice.strategy == "common_period"
+        systems = [self.system] if exact else [system for system, _ in apart(self.system)]
+        return sum(LADDER * reduction(system).cost + ROOTS for system in systems)
 
     def report(self) -> Mapping[str, Any]:
-        return {"frequencies_chosen": self.strategy} if len(set(self.system.frequency_ratios)) > 1 else {}
+        return {"frequencies_chosen": self.choice.strategy} if self.choice.several else {}
 
     def outlook(self) -> str | None:
-        from gearstab.floquet.frequencies import choice
-
-        return choice.reason(self.system, self.strategy) if len(set(self.system.frequency_ratios)) > 1 else None
+        return self.choice.reason if self.choice.several else None
 
     def check(self) -> None:
         self.only_mesh_stiffness("sweep the damping with floquet instead")
         try:
-            _ = self.strategy
+            _ = self.choice
         except NotPossible:
             self.needs_common_period("choose per_mesh or auto", ("frequencies",))
             raise
         if self.options.of == "factor" and self.system.damping is None:
             remedy = "give the system damping, or choose of: damping_ratio"
             raise OptionError(("of",), "there is no damping to multiply", remedy)
-
-
-def _cost(system: GearSystem) -> float:
-    from gearstab.floquet.report import reduction
-
-    return LADDER * max(1.0, sum(p.segments * p.size**3 for p in reduction(system).parts) / 108) + ROOTS

@@ -24,7 +24,6 @@ from gearstab.floquet.boundaries.damped.proof import FEWEST, FIRST, MODULI, PROO
 from gearstab.floquet.boundaries.damped.search import COARSEST, Limits
 from gearstab.floquet.boundaries.names import naming
 from gearstab.floquet.boundaries.names.labels import solution_actions
-from gearstab.floquet.boundaries.parts import without_damping
 from gearstab.floquet.boundaries.solve import BUDGET
 from gearstab.floquet.boundaries.solve import FEW as FEW_COLLISIONS
 from gearstab.floquet.boundaries.undamped import choice as undamped
@@ -87,7 +86,7 @@ def effort(system: GearSystem, start: float, stop: float) -> Effort:
                 work += _proof(own, low, high) if moving else 0.0
                 # Names of few damped regions ask for the undamped ones.
                 if not moving or (count <= FEW_COLLISIONS and not isinstance(own, Resolved)):
-                    fixed, each = (_searched if in_use() else _evaluated)(without_damping(own), low, high)
+                    fixed, each = (_searched if in_use() else _evaluated)(own.without_damping(), low, high)
                     call, work = call + fixed, work + count * each
                 total += count
     return Effort(call, total, work / total if total else 0.0)

@@ -57,12 +57,6 @@ def separated(pattern: Pattern, reduction: bool) -> Iterator[Part]:
         yield Part(block.pattern, pattern.size, modes, block.copies)
 
 
-def without_damping(pattern: Pattern) -> Pattern:
-    """The same rows and coordinates without damping."""
-    elastic = replace(pattern.elastic, damping=None, rigid_damping=None, shift=np.zeros_like(pattern.elastic.shift))
-    return replace(pattern, elastic=elastic, stiffness=elastic.stiffness_of(pattern.levels))
-
-
 @dataclass(frozen=True)
 class Region:
     """Edges in Omega of one region of one row; error and cut: of the lower and the upper one."""

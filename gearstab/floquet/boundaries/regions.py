@@ -144,19 +144,6 @@ class Edges:
     flags: Array
     holder: Array
 
-    def reindexed(self, index: Sequence[tuple[Tongue, int]]) -> Edges:
-        """The same in the order of ``index``, which must hold all of this one's tongues; the others are closed."""
-        column = {key: k for k, key in enumerate(index)}
-        target = np.array([column[key] for key in self.index], dtype=int)
-        rows = self.tolerance.shape[-1]
-        edges, tolerance = np.full((len(index), 2, rows), np.nan), np.full((len(index), rows), np.nan)
-        flags = np.zeros((len(index), rows), dtype=self.flags.dtype)
-        holder = np.full((len(index), rows), -1, dtype=self.holder.dtype)
-        edges[target], tolerance[target], flags[target] = self.boundary_frequency, self.tolerance, self.flags
-        moved = np.append(target, -1)[self.holder]
-        holder[target] = moved
-        return Edges(tuple(index), edges, tolerance, flags, holder)
-
 
 def union(indices: Iterable[Sequence[tuple[Tongue, int]]]) -> tuple[tuple[Tongue, int], ...]:
     """All (tongue, occurrence) of several lists, each once, in the order of :class:`Edges`."""

@@ -12,7 +12,7 @@ from gearstab.floquet.boundaries import smooth
 from gearstab.floquet.boundaries.coverage import Coverage
 from gearstab.floquet.boundaries.damped.search import Found, Guide, Limits, collisions, growing
 from gearstab.floquet.boundaries.names import harmonics, labels, naming
-from gearstab.floquet.boundaries.parts import Part, Region, separated, united, without_damping
+from gearstab.floquet.boundaries.parts import Part, Region, separated, united
 from gearstab.floquet.boundaries.regions import Boundaries, tongue_of
 from gearstab.floquet.boundaries.undamped.search import Interval, Search, by_row
 from gearstab.floquet.kernel.chain import Chain, chain
@@ -67,7 +67,6 @@ def boundaries(
         raise ValueError(f"tolerance and width floor must be positive, not {tolerance}, {width_floor}")
     if system.terms:
         raise ValueError("boundaries need symmetric mesh stiffness and nothing else that varies")
-    rows = int(np.prod(system.batch, dtype=int))
     # The same rows without damping are looked at too: the batch must not rest on the damping alone.
     system = system.over(system.batch)
     found = _Collected(system, start, stop, width_floor)
@@ -78,7 +77,7 @@ def boundaries(
             found.undamped(part, own)
         else:
             found.damped(part, *own)
-    return found.result(rows)
+    return found.result()
 
 
 def _searched(
@@ -105,7 +104,7 @@ def _searched(
 
 def _guide(pattern: Pattern) -> Guide:
     """Rows of a pattern without damping."""
-    return lambda rows: without_damping(pattern.subset(rows))
+    return lambda rows: pattern.subset(rows).without_damping()
 
 
 @dataclass
@@ -118,7 +117,7 @@ class _Collected:
     floor: float
 
     def __post_init__(self) -> None:
-        rows = int(np.prod(self.system.batch, dtype=int))
+        rows = self.system.rows
         self.regions: list[Region] = []
         self.contacts, self.evaluations = np.zeros((2, rows), dtype=np.int64)
         self.coverage = Coverage(rows, self.start, self.stop)
@@ -186,7 +185,7 @@ class _Collected:
         if len(rows) == 0:
             return [set() for _ in intervals]
         own = part.subset(rows)
-        pattern = without_damping(own.pattern)
+        pattern = own.pattern.without_damping()
         free = limits.undamped(pattern)
         self.evaluations[pattern.rows] += free.evaluations
         of_row = by_row(np.array([g.row for g in free.intervals], dtype=int), len(rows))
@@ -253,14 +252,14 @@ class _Collected:
             members = (self._self_excited(mode), *members)
         self.regions.append(Region(row, (lower, upper), error, (cut_lower, cut_upper), members))
 
-    def result(self, rows: int) -> Boundaries:
+    def result(self) -> Boundaries:
         """Everything, by row and mesh frequency."""
         regions = united(self.regions)
         edges = np.array([region.edges for region in regions], dtype=float).reshape(-1, 2)
         row = np.array([region.row for region in regions], dtype=int)
-        covered = [self.coverage.of(k, edges[own]) for k, own in enumerate(by_row(row, rows))]
+        covered = [self.coverage.of(k, edges[own]) for k, own in enumerate(by_row(row, self.system.rows))]
         return Boundaries(
-            rows,
+            self.system.rows,
             row,
             edges[:, 0],
             edges[:, 1],

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from functools import cached_property
 
 import numpy as np
 
@@ -70,8 +71,45 @@ def sample(system: GearSystem) -> Pattern:
     return sampled(replace(system, meshes=meshes))
 
 
-def chosen(system: GearSystem, asked: str, affordable: int = AFFORDABLE) -> str:
-    """Return the strategy where ``asked`` is one of STRATEGIES or ``auto``.
+@dataclass(frozen=True)
+class Choice:
+    """The strategy for the mesh frequencies of a system, and what it was chosen for.
+
+    strategy: one of STRATEGIES. automatic: whether ``auto`` took it. period: None where there is none; affordable: the
+    segments up to which it was to be the automatic choice.
+    """
+
+    system: GearSystem
+    strategy: str
+    automatic: bool
+    period: Period | None
+    affordable: int
+
+    @property
+    def several(self) -> bool:
+        """Whether there is more than one frequency, and so anything to choose."""
+        return len(set(self.system.frequency_ratios)) > 1
+
+    @cached_property
+    def reason(self) -> str:
+        """The strategy and why it was taken, in a line, for instance "lyapunov (no common period)"."""
+        if self.automatic and self.strategy == PER_MESH and varying(self.system) < 2:
+            return f"{self.strategy} (a single mesh frequency varies)"
+        if self.period is None:
+            return f"{self.strategy} (the mesh frequencies have no common period)"
+        cycles = " + ".join(f"{count:,}" for count in dict.fromkeys(self.period.mesh_cycles))
+        segments, exact = self.period.segments, self.system.piecewise_constant
+        if segments <= AFFORDABLE and exact and not self.system.terms:
+            # Jumps of several meshes may coincide; they are counted where that takes no time.
+            segments = len(prepare(self.system)[0].states)
+        parts = f"{segments:,} segments" if exact else f"some {segments:,} exponentials of Magnus steps"
+        what = f"a common period of {cycles} mesh cycles with {parts}"
+        limit = f", more than {self.affordable:,}" if self.automatic and self.strategy != COMMON_PERIOD else ""
+        return f"{self.strategy} ({what}{limit})"
+
+
+def chosen(system: GearSystem, asked: str, affordable: int = AFFORDABLE) -> Choice:
+    """Choose the strategy where ``asked`` is one of STRATEGIES or ``auto``.
 
     ``auto`` is the common period while it has at most ``affordable`` segments; else one frequency at a time where only
     one varies, which is exact, or where there are other periodic terms; else the Lyapunov exponent. Raises NotPossible
@@ -82,32 +120,15 @@ def chosen(system: GearSystem, asked: str, affordable: int = AFFORDABLE) -> str:
         raise NotPossible("mesh frequencies of irrational ratio have no common period", "choose per_mesh or lyapunov")
     if asked == LYAPUNOV and system.terms:
         raise NotPossible("lyapunov needs a system without periodic terms beside the mesh stiffness", "choose per_mesh")
-    if asked != "auto":
-        return asked
-    if period is not None and period.segments <= affordable:
-        return COMMON_PERIOD
-    return PER_MESH if system.terms or varying(system) < 2 else LYAPUNOV
+    strategy = asked
+    if asked == "auto" and period is not None and period.segments <= affordable:
+        strategy = COMMON_PERIOD
+    elif asked == "auto":
+        strategy = PER_MESH if system.terms or varying(system) < 2 else LYAPUNOV
+    return Choice(system, strategy, asked == "auto", period, affordable)
 
 
 def varying(system: GearSystem) -> int:
     """How many frequencies vary anything."""
     moving = [mesh.frequency_ratio for mesh in system.meshes if np.any(mesh.epsilon)]
     return len(set(moving + [term.frequency_ratio for term in system.terms]))
-
-
-def reason(system: GearSystem, asked: str, affordable: int = AFFORDABLE) -> str:
-    """Return in a line which strategy is taken and why, for instance "lyapunov (no common period)"."""
-    strategy, period = chosen(system, asked, affordable), common_period(system)
-    if asked == "auto" and strategy == PER_MESH and varying(system) < 2:
-        return f"{strategy} (a single mesh frequency varies)"
-    if period is None:
-        return f"{strategy} (the mesh frequencies have no common period)"
-    cycles = " + ".join(f"{count:,}" for count in dict.fromkeys(period.mesh_cycles))
-    segments = period.segments
-    if segments <= AFFORDABLE and system.piecewise_constant and not system.terms:
-        # Jumps of several meshes may coincide; they are counted where that takes no time.
-        segments = len(prepare(system)[0].states)
-    parts = f"{segments:,} segments" if system.piecewise_constant else f"some {segments:,} exponentials of Magnus steps"
-    what = f"a common period of {cycles} mesh cycles with {parts}"
-    limit = f", more than {affordable:,}" if asked == "auto" and strategy != COMMON_PERIOD else ""
-    return f"{strategy} ({what}{limit})"

@@ -8,7 +8,7 @@ tongues of two meet, their growths add up in first order.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
@@ -40,8 +40,7 @@ def solve(system: GearSystem, mesh_frequency: Array, solver: Callable[[GearSyste
     solver: what solves a system of one mesh frequency, for instance :func:`gearstab.floquet.solve`.
     """
     omega = np.asarray(mesh_frequency, dtype=float)
-    whole = system.over(system.batch)
-    found = [solver(alone(whole, group), float(group.ratio) * omega) for group in groups(system)]
+    found = [solver(one, ratio * omega) for one, ratio in apart(system)]
     by_mesh = np.stack([one.growth_rate for one in found], axis=-1)
     moves = np.stack([varies(system, group) for group in groups(system)], axis=-1)
     # What does not vary in a row tells only how a constant system decays; where nothing varies that is the answer.
@@ -73,6 +72,13 @@ def varies(system: GearSystem, group: Group) -> Array:
             low, high = mesh.waveform.extremes()
             found = found | (np.asarray(mesh.epsilon) * (high - low) != 0)
     return np.broadcast_to(found, system.batch).reshape(-1)
+
+
+def apart(system: GearSystem) -> Iterator[tuple[GearSystem, float]]:
+    """The system with each of its groups varying alone, and Omega_i/Omega of that group."""
+    whole = system.over(system.batch)
+    for group in groups(system):
+        yield alone(whole, group), float(group.ratio)
 
 
 def alone(system: GearSystem, group: Group) -> GearSystem:

@@ -127,6 +127,11 @@ class Pattern:
             vars(part)["_eigen"] = tuple(values[index] for values in self._eigen)
         return part
 
+    def without_damping(self) -> Pattern:
+        """The same rows and coordinates without any damping."""
+        free = replace(self.elastic, damping=None, rigid_damping=None, shift=np.zeros_like(self.elastic.shift))
+        return replace(self, elastic=free, stiffness=free.stiffness_of(self.levels))
+
     def durations(self, row: int, omega: Array) -> Array:
         """``(S, P)``, durations of a row's segments, units 1/rate, for mesh frequencies ``(P,)`` in units of rate."""
         return self.fractions[row][:, None] * (2 * np.pi * self.cycles) / omega
