@@ -49,6 +49,11 @@ class Variable:
         """What stands where nothing was computed."""
         return self.missing if self.missing is not None else nan if self.dtype.startswith("f") else 0
 
+    @property
+    def listed(self) -> bool:
+        """Whether its first dimension is a list that differs from row to row: of tongues, or of stretches."""
+        return not {"tongue", STRETCH}.isdisjoint(self.dims)
+
     def over(self, grid: Sequence[str], rows: Sequence[str]) -> Variable:
         """The variable with GRID and ROWS replaced by the names of a sweep's axes."""
         known = {GRID: tuple(grid), ROWS: tuple(rows)}

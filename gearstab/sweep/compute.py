@@ -13,13 +13,13 @@ from gearstab.floquet.kernel import choice as kernel
 from gearstab.methods import POINTS, RANGE, Key, Outcome
 from gearstab.results.chunks import encode, holds
 from gearstab.results.variables import GRID, STRETCH
-from gearstab.sweep.parts import Part, places_of
+from gearstab.sweep.parts import FinishedBlock, places_of
 from gearstab.sweep.plan import Block, Layout, Plan
 from gearstab.system import Array
 from gearstab.systems import build
 
 
-def compute(plan: Plan, block: Block) -> Part:
+def compute(plan: Plan, block: Block) -> FinishedBlock:
     """Compute one block."""
     layout = plan.layout(block.method)
     rows, columns = selection(plan, layout, block)
@@ -30,7 +30,7 @@ def compute(plan: Plan, block: Block) -> Part:
             chosen = {name: index[members] for name, index in rows.items()}
             outcomes.append((members, run_rows(plan, layout, chosen, len(members), columns)))
     values, tongues = joined(plan, layout, outcomes, count)
-    return replace(_part(plan, layout, block, values, tongues), kernels=tuple(sorted(ran)))
+    return replace(_encoded(plan, layout, block, values, tongues), kernels=tuple(sorted(ran)))
 
 
 def selection(plan: Plan, layout: Layout, block: Block) -> tuple[dict[str, Array], slice]:
@@ -130,14 +130,16 @@ def moved(positions: Array, index: Array) -> Array:
     return np.append(index, -1)[positions]
 
 
-def _part(plan: Plan, layout: Layout, block: Block, values: dict[str, Array], tongues: tuple[Key, ...]) -> Part:
+def _encoded(
+    plan: Plan, layout: Layout, block: Block, values: dict[str, Array], tongues: tuple[Key, ...]
+) -> FinishedBlock:
     chunks = {}
     for variable in layout.method.results:
         data = values[variable.name].astype(variable.dtype, copy=False)
         if GRID in variable.dims:
             whole = _in_place(plan, layout, block, data)
             chunks[variable.name] = [encode(whole, layout.chunk + whole.shape[len(layout.chunk) :])]
-        elif not {"tongue", STRETCH} & set(variable.dims):
+        elif not variable.listed:
             chunks[variable.name] = [encode(data.reshape(block.shape), layout.chunk)]
         else:
             # One chunk a tongue: lists of tongues that differ between blocks are brought together by moving chunks.
@@ -149,10 +151,10 @@ def _part(plan: Plan, layout: Layout, block: Block, values: dict[str, Array], to
     unstable, failed = int(np.sum(stable == 0)), int(np.sum(stable < 0))
     places = places_of({name: [len(chunk) for chunk in pieces] for name, pieces in chunks.items()})
     held = b"".join(chunk for pieces in chunks.values() for chunk in pieces)
-    return Part(block.key, tongues, places, block.points, unstable, failed, _flags(plan, layout, values), held=held)
+    return FinishedBlock(block.key, tongues, places, block.points, unstable, failed, _flags(layout, values), held=held)
 
 
-def _flags(plan: Plan, layout: Layout, values: dict[str, Array]) -> dict[str, int]:
+def _flags(layout: Layout, values: dict[str, Array]) -> dict[str, int]:
     """How many points of a grid carry each flag of ``status``; nothing of flags that none carries."""
     for variable in layout.method.results:
         if variable.name == "status" and GRID in variable.dims:
@@ -172,21 +174,17 @@ def _counted(status: Array, flags: Mapping[str, int]) -> dict[str, int]:
     }
 
 
-def fits(plan: Plan, block: Block, part: Part) -> bool:
+def fits(plan: Plan, block: Block, part: FinishedBlock) -> bool:
     """Whether a finished block from elsewhere has the variables and the sizes that this one must have."""
     layout = plan.layout(block.method)
-    constants = layout.method.constants()
     table = {variable.name: variable for variable in layout.method.results}
     if part.points != block.points or set(part.variables) != set(table):
         return False
     for name, variable in table.items():
-        inner = prod(len(constants[dim]) for dim in variable.dims if dim in constants and dim != "tongue")
-        size = np.dtype(variable.dtype).itemsize * prod(layout.chunk) * inner
+        size = np.dtype(variable.dtype).itemsize * prod((*layout.chunk, *layout.inner(variable)))
         pieces = part.pieces(name)
         listed = len(part.tongues) if "tongue" in variable.dims else len(pieces) if STRETCH in variable.dims else 1
-        if len(pieces) != listed:
-            return False
-        if not all(holds(data, size) for data in pieces):
+        if len(pieces) != listed or not all(holds(data, size) for data in pieces):
             return False
     return True
 

@@ -174,7 +174,7 @@ def _method(plan: Plan, layout: Layout, workers: int, clock: Clock) -> MethodEst
         work = max(clock.total, layout.points * UNIT * layout.method.cost())
     rounds = ceil(layout.count / min(workers, layout.count))
     seconds = work / layout.count * rounds if work > 1 else work
-    memory = prod(layout.chunk) * _bytes_a_point(plan, layout, size / layout.points) * (1 + OVERHEAD)
+    memory = prod(layout.chunk) * _bytes_a_point(layout, size / layout.points) * (1 + OVERHEAD)
     return MethodEstimate(layout.method.name, layout.points, layout.count, work, seconds, at_least, size, memory)
 
 
@@ -282,13 +282,9 @@ def _sample(plan: Plan, layout: Layout, clock: Clock, wanted: float, place: floa
     return None if found is None else Sample(block.points, found[1], found[0])
 
 
-def _bytes_a_point(plan: Plan, layout: Layout, encoded: float) -> float:
-    total, constants = 0.0, layout.method.constants()
-    for variable in layout.method.results:
-        if GRID in variable.dims:
-            along = prod(len(constants[dim]) for dim in variable.dims if dim in constants)
-            total += np.dtype(variable.dtype).itemsize * along
-    return total or 4 * encoded
+def _bytes_a_point(layout: Layout, encoded: float) -> float:
+    over_grid = [variable for variable in layout.method.results if GRID in variable.dims]
+    return sum(np.dtype(v.dtype).itemsize * prod(layout.inner(v)) for v in over_grid) or 4 * encoded
 
 
 def block_at(layout: Layout, wanted: float, place: float = 0.5) -> Block:

@@ -58,7 +58,7 @@ def refuse(plan: Plan, out: Path, jobs: int | None, confirmed: bool) -> None:
 def plainly_small(plan: Plan, jobs: int | None, free: float) -> bool:
     """Whether nothing can make a sweep large, by numbers that cost nothing."""
     seconds = sum(_roughly(plan, layout, jobs or ckernel.threads()) for layout in plan.layouts)
-    size = 2 * sum(_bytes(plan, layout) for layout in plan.layouts)
+    size = 2 * sum(_bytes(layout) for layout in plan.layouts)
     return plan.points <= MOST_POINTS and seconds < SHORT and size < min(free, MOST_BYTES)
 
 
@@ -81,14 +81,12 @@ def large(plan: Plan, found: Estimate) -> list[str]:
     return reasons
 
 
-def _bytes(plan: Plan, layout: Layout) -> int:
+def _bytes(layout: Layout) -> int:
     """Of a method's results over the grid, not compressed; lists of tongues, of unknown length, as if they had ten."""
-    constants = layout.method.constants()
     total = 0
     for variable in layout.method.results:
-        inner = prod(len(constants[dim]) for dim in variable.dims if dim in constants)
         tongues = 10 if "tongue" in variable.dims else 1
-        total += np.dtype(variable.dtype).itemsize * inner * tongues * layout.points
+        total += np.dtype(variable.dtype).itemsize * prod(layout.inner(variable)) * tongues * layout.points
     return total
 
 

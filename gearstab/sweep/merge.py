@@ -30,26 +30,28 @@ from gearstab.results.write import write_on_disk, write_result
 from gearstab.sweep import teeth
 from gearstab.sweep.compute import moved
 from gearstab.sweep.earlier import origin
-from gearstab.sweep.parts import Part
-from gearstab.sweep.plan import Layout, Plan
+from gearstab.sweep.finished import Finished
+from gearstab.sweep.parts import FinishedBlock
+from gearstab.sweep.plan import Layout
 from gearstab.system import Array
 
 IN_MEMORY = 1 << 28
 """Results of fewer bytes are built in memory."""
 
 
-def result_tree(plan: Plan, finished: Mapping[str, Part], out: Path) -> ResultTree:
-    """The whole result, which is to stand at ``out``; ``finished`` has all blocks by key."""
+def result_tree(finished: Finished, out: Path) -> ResultTree:
+    """The whole result of a plan of which all is finished, which is to stand at ``out``."""
+    plan = finished.plan
     axes = [field for axis in plan.config.axes for field in axis_fields(axis)]
-    ran = {name for part in finished.values() for name in part.kernels}
-    root = Group(tuple(axes), root_attributes(SWEEP, plan.config, kernel.said(ran)) | origin(plan.config, out))
+    ran = kernel.said(finished.kernels)
+    root = Group(tuple(axes), root_attributes(SWEEP, plan.config, ran) | origin(plan.config, out))
     groups = {"modes": modes_group(plan.base)}
     for layout in plan.layouts:
         names = set(layout.dims)
         beside = [
             field for axis in plan.config.axes if axis.name in names for field in axis_fields(axis)[1:]
         ]
-        groups[layout.method.name] = _method_group(plan, layout, finished, beside)
+        groups[layout.method.name] = _method_group(finished, layout, beside)
     if plan.teeth is not None:
         groups[teeth.NAME] = teeth.group(plan.teeth)
     return ResultTree(root, groups)
@@ -72,8 +74,8 @@ def axis_fields(axis: Axis) -> list[Field]:
     return fields
 
 
-def _method_group(plan: Plan, layout: Layout, finished: Mapping[str, Part], beside: list[Field]) -> Group:
-    parts = {block.key: finished[block.key] for block in layout.blocks()}
+def _method_group(finished: Finished, layout: Layout, beside: list[Field]) -> Group:
+    plan, parts = finished.plan, {block.key: finished.blocks[block.key] for block in layout.blocks()}
     tongues = layout.method.unite(part.tongues for part in parts.values())
     values = {**tongue_coordinates(tongues), **layout.method.constants()}
     fields = []
@@ -82,8 +84,8 @@ def _method_group(plan: Plan, layout: Layout, finished: Mapping[str, Part], besi
         if variable.coordinate:
             if variable.name in values:
                 fields.append(Field(resolved, values[variable.name]))
-        elif not {"tongue", STRETCH} & set(variable.dims):
-            fields.append(Field(resolved, _over_points(plan, layout, variable, parts)))
+        elif not variable.listed:
+            fields.append(Field(resolved, _over_points(layout, variable, parts)))
         else:
             places, count = _places(variable, parts, tongues)
             fields.append(Field(resolved, _listed(layout, variable, parts, places, count)))
@@ -96,10 +98,9 @@ def tongue_coordinates(index: Sequence[Key]) -> dict[str, list[Any]]:
     return found | {OCCURRENCE.name: [occurrence for _, occurrence in index]}
 
 
-def _over_points(plan: Plan, layout: Layout, variable: Variable, parts: Mapping[str, Part]) -> Chunked:
+def _over_points(layout: Layout, variable: Variable, parts: Mapping[str, FinishedBlock]) -> Chunked:
     """A variable of one chunk a block."""
-    constants = layout.method.constants()
-    rest = tuple(len(constants[dim]) for dim in variable.dims if dim in constants)
+    rest = layout.inner(variable)
 
     def pieces() -> Iterator[tuple[Offset, bytes]]:
         for block in layout.blocks():
@@ -109,7 +110,7 @@ def _over_points(plan: Plan, layout: Layout, variable: Variable, parts: Mapping[
 
 
 def _places(
-    variable: Variable, parts: Mapping[str, Part], tongues: tuple[Key, ...]
+    variable: Variable, parts: Mapping[str, FinishedBlock], tongues: tuple[Key, ...]
 ) -> tuple[dict[str, Array], int]:
     """Where the chunks of each block stand along the variable's first dimension, and how long that is."""
     if STRETCH in variable.dims:
@@ -120,7 +121,7 @@ def _places(
 
 
 def _listed(
-    layout: Layout, variable: Variable, parts: Mapping[str, Part], places: Mapping[str, Array], count: int
+    layout: Layout, variable: Variable, parts: Mapping[str, FinishedBlock], places: Mapping[str, Array], count: int
 ) -> Chunked:
     """A variable of one chunk a tongue, or stretch, and block."""
     sides = (2,) if "side" in variable.dims else ()
@@ -138,32 +139,32 @@ def _listed(
     return Chunked((count, *sides, *layout.shape), shape, pieces, size)
 
 
-def write(plan: Plan, finished: Mapping[str, Part], out: Path, folder: Path, look: Look) -> None:
+def write(finished: Finished, out: Path, folder: Path, look: Look) -> None:
     """Write the result to ``out``; ``folder`` holds the part files.
 
     look: raises where ``out`` must not be replaced any more. Raises OSError, whatever else is in the way.
     """
-    tree = result_tree(plan, finished, out)
+    tree = result_tree(finished, out)
     if tree.size < IN_MEMORY:
         write_result(out, tree, look)
         return
     temporary = folder / f"result-{os.getpid()}.tmp"
     interrupts.temporary.add(str(temporary))
     try:
-        write_apart(plan, finished, out, temporary)
+        write_apart(finished, out, temporary)
         move(temporary, out, look)
     finally:
         temporary.unlink(missing_ok=True)
         interrupts.temporary.discard(str(temporary))
 
 
-def write_apart(plan: Plan, finished: Mapping[str, Part], out: Path, path: Path) -> None:
+def write_apart(finished: Finished, out: Path, path: Path) -> None:
     """Write a large result in a process of its own: on a full disk HDF5 may crash even if the error is caught."""
     command = [sys.executable, "-c", "from gearstab.sweep.merge import main; main()", str(path)]
     # Its own session: an interrupt from the terminal is handled here.
     child = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True)
     try:
-        _, said = child.communicate(pickle.dumps((plan, dict(finished), out)))
+        _, said = child.communicate(pickle.dumps((finished, out)))
     except BaseException:
         child.kill()
         child.wait()
@@ -180,12 +181,12 @@ def write_apart(plan: Plan, finished: Mapping[str, Part], out: Path, path: Path)
 
 
 def main() -> None:
-    """In a process of its own: write the plan and the parts that standard input names to the path in the arguments."""
+    """In a process of its own: write what standard input names to the path in the arguments."""
     parent = os.getppid()
-    plan, finished, out = pickle.load(sys.stdin.buffer)
+    finished, out = pickle.load(sys.stdin.buffer)
     interrupts.end_with(parent)
     try:
-        write_on_disk(Path(sys.argv[1]), result_tree(plan, finished, out))
+        write_on_disk(Path(sys.argv[1]), result_tree(finished, out))
     except OSError as error:
         sys.stderr.write(f"\n{error.errno or errno.EIO} {' '.join(str(error).split())}\n")
         sys.stderr.flush()

@@ -30,7 +30,7 @@ CHECKSUM = 32
 
 
 @dataclass(frozen=True)
-class Part:
+class FinishedBlock:
     """A finished block.
 
     key: of the block. tongues: of the dimension ``tongue`` of this block. places: by variable, (offset, length) of its
@@ -79,7 +79,7 @@ def places_of(lengths: Mapping[str, list[int]], offset: int = 0) -> dict[str, li
     return places
 
 
-def to_bytes(part: Part, digest: str) -> bytes:
+def to_bytes(part: FinishedBlock, digest: str) -> bytes:
     """The contents of a part file."""
     header = {
         "digest": digest, "key": part.key,
@@ -93,7 +93,7 @@ def to_bytes(part: Part, digest: str) -> bytes:
     return data + hashlib.sha256(data).digest()
 
 
-def from_bytes(data: bytes, path: Path, digest: str) -> Part | None:
+def from_bytes(data: bytes, path: Path, digest: str) -> FinishedBlock | None:
     """A part file by its contents, or None where it is damaged, cut short, or of another sweep or block."""
     body = memoryview(data)[:-CHECKSUM]
     if not data.startswith(MAGIC) or hashlib.sha256(body).digest() != data[-CHECKSUM:]:
@@ -105,7 +105,7 @@ def from_bytes(data: bytes, path: Path, digest: str) -> Part | None:
     return part
 
 
-def _from_body(body: memoryview, path: Path, digest: str) -> Part | None:
+def _from_body(body: memoryview, path: Path, digest: str) -> FinishedBlock | None:
     start = len(MAGIC) + 8
     offset = start + int.from_bytes(body[len(MAGIC) : start], "little")
     header = json.loads(bytes(body[start:offset]))
@@ -118,7 +118,7 @@ def _from_body(body: memoryview, path: Path, digest: str) -> Part | None:
     kernels = tuple(str(name) for name in header["kernels"])
     if offset + sum(length for chunks in places.values() for _, length in chunks) != len(body):
         return None
-    return Part(header["key"], tongues, places, points, unstable, failed, flags, kernels, path=path)
+    return FinishedBlock(header["key"], tongues, places, points, unstable, failed, flags, kernels, path=path)
 
 
 def _tongue(entries: Mapping[str, Any]) -> Tongue:
@@ -126,7 +126,7 @@ def _tongue(entries: Mapping[str, Any]) -> Tongue:
     return Tongue(**{item.name: kinds[str(item.type)](entries[item.name]) for item in fields(Tongue)})
 
 
-def read_part(path: Path, digest: str) -> Part | None:
+def read_part(path: Path, digest: str) -> FinishedBlock | None:
     """The part file at a path, None where there is no valid one; a link or a pipe is none."""
     try:
         return from_bytes(path.read_bytes(), path, digest) if stat.S_ISREG(path.lstat().st_mode) else None
@@ -149,7 +149,7 @@ class PartFolder:
                 what = "a link" if path.is_symlink() else "no folder"
                 raise OutputError(f"{path}: is {what}, but finished blocks go there; remove it or choose another -o")
 
-    def write(self, part: Part) -> Part:
+    def write(self, part: FinishedBlock) -> FinishedBlock:
         """Write a part file. Raises OSError."""
         path = self.path / f"{part.key}.part"
         data = to_bytes(part, self.digest)
@@ -161,7 +161,7 @@ class PartFolder:
             raise ValueError(f"{path}: a part that cannot be read back")
         return stored
 
-    def find(self, keys: set[str]) -> dict[str, Part]:
+    def find(self, keys: set[str]) -> dict[str, FinishedBlock]:
         """All part files of these blocks that are valid."""
         found = {}
         for path in sorted(self.path.glob("*.part")) if self.path.is_dir() else ():

@@ -22,6 +22,7 @@ from gearstab.config import Axis, Config, ConfigError
 from gearstab.config.sections.axes import MESH_FREQUENCY
 from gearstab.floquet.kernel import choice as kernel
 from gearstab.methods import POINTS, Method, OptionError, chosen
+from gearstab.results.variables import Variable
 from gearstab.sweep import teeth
 from gearstab.system import Array, GearSystem
 from gearstab.systems import build
@@ -72,6 +73,15 @@ class Layout:
     def count(self) -> int:
         """Number of blocks."""
         return prod(ceil(n / c) for n, c in zip(self.shape, self.chunk, strict=True))
+
+    def gives(self, variable: str) -> bool:
+        """Whether the method computes a variable of this name."""
+        return any(known.name == variable for known in self.method.results)
+
+    def inner(self, variable: Variable) -> tuple[int, ...]:
+        """Lengths of the dimensions of a variable that are the same everywhere, such as meshes."""
+        constants = self.method.constants()
+        return tuple(len(constants[dim]) for dim in variable.dims if dim in constants)
 
     def blocks(self) -> Iterator[Block]:
         """All blocks, in the order of their numbers."""

@@ -29,7 +29,7 @@ from typing import Any
 from gearstab.floquet.kernel import choice as kernel
 from gearstab.interrupts import end_with
 from gearstab.sweep.compute import compute
-from gearstab.sweep.parts import Part, PartFolder
+from gearstab.sweep.parts import FinishedBlock, PartFolder
 from gearstab.sweep.plan import Block, Plan
 from gearstab.sweep.reporter import Reporter
 from gearstab.sweep.store import Store
@@ -54,7 +54,7 @@ class Failure:
     error: BaseException | None
 
 
-Result = Part | Failure
+Result = FinishedBlock | Failure
 
 
 def run_blocks(
@@ -89,7 +89,7 @@ def run_blocks(
         yield from _in_processes(plan, rest, store, jobs, reporter)
 
 
-def attempt(plan: Plan, block: Block, threads: int) -> Part | Failure:
+def attempt(plan: Plan, block: Block, threads: int) -> FinishedBlock | Failure:
     """Compute a block with the plan's kernel; a block that fails does not end the sweep.
 
     threads: how many a call of the compiled kernel may use, in which it runs rows of the block side by side.
@@ -106,7 +106,7 @@ def _in_threads(plan: Plan, blocks: list[Block], jobs: int, reporter: Reporter) 
     pool = ThreadPoolExecutor(min(jobs, len(blocks)))
     try:
         waiting = iter(blocks)
-        running: set[Future[Part | Failure]] = set()
+        running: set[Future[FinishedBlock | Failure]] = set()
         while True:
             for block in waiting:
                 running.add(pool.submit(attempt, plan, block, each))
@@ -156,7 +156,7 @@ def _pooled(
         resource_tracker.ensure_running()
         multiprocessing.resource_tracker.ensure_running()
     waiting = iter(blocks)
-    running: set[Future[Part | Failure]] = set()
+    running: set[Future[FinishedBlock | Failure]] = set()
     with _interrupts_later():
         pool = get_reusable_executor(
             jobs, env=dict.fromkeys(ONE_THREAD, "1"), initializer=_prepare, initargs=(os.getpid(),)
@@ -209,7 +209,7 @@ def _quiet_trackers() -> Iterator[None]:
             os.environ[WARNINGS] = before
 
 
-def _end(running: set[Future[Part | Failure]], pool: Any, reporter: Reporter) -> None:
+def _end(running: set[Future[FinishedBlock | Failure]], pool: Any, reporter: Reporter) -> None:
     """Let processes finish their blocks, so that these are kept; a second interrupt ends them at once."""
     try:
         with _told_if_long(reporter):
@@ -249,7 +249,7 @@ def _interrupts_later() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _work(plan: Plan, block: Block, folder: PartFolder) -> Part | Failure:
+def _work(plan: Plan, block: Block, folder: PartFolder) -> FinishedBlock | Failure:
     """In a process of the pool: compute a block and write its part file."""
     part = attempt(plan, block, 1)
     if isinstance(part, Failure):

@@ -4,22 +4,19 @@ from __future__ import annotations
 
 import errno
 import os
-from collections import Counter
 from collections.abc import Mapping
 from contextlib import closing, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import numpy as np
-
 from gearstab import ckernel, interrupts
 from gearstab.errors import Interrupted, OutputError, SweepError
-from gearstab.results.chunks import decode
 from gearstab.results.guard import SWEEP, result_of
 from gearstab.results.output import free_bytes, prepare
 from gearstab.results.write import rewrite_attributes
 from gearstab.sweep import earlier, merge
 from gearstab.sweep.estimate import long_runs
+from gearstab.sweep.finished import Finished
 from gearstab.sweep.parts import PartFolder
 from gearstab.sweep.plan import Plan
 from gearstab.sweep.pool import Failure, run_blocks
@@ -87,11 +84,11 @@ def run(
         reporter.message(f"{out}: {found.note}")
     if others := folder.others():
         reporter.message(_others(folder, others))
-    with closing(Store(folder)) as store:
+    with closing(Store(plan, folder)) as store:
         if not overwrite:
-            store.find(plan)
-        if store.finished:
-            kept = f"{len(store.finished)} of {plan.blocks} blocks"
+            store.find()
+        if store.finished.blocks:
+            kept = f"{len(store.finished.blocks)} of {plan.blocks} blocks"
             reporter.message(f"going on with {kept} that are finished in {folder.every}")
         elif resume:
             reporter.message("nothing to go on with: starting anew")
@@ -104,14 +101,14 @@ def _run(
     plan: Plan, store: Store, out: Path, before: earlier.Identity | None, jobs: int, reporter: Reporter
 ) -> Summary:
     """Compute what is missing and write the result; raises SweepError and Interrupted."""
-    reused, computed = len(store.finished), False
+    reused, computed = len(store.finished.blocks), False
     try:
         # From the moment the result has its name there is nothing left to interrupt.
         with interrupts.raised(lambda: computed and earlier.identity(out) != before):
             _compute(plan, store, jobs, reporter)
             computed = True
-            summary = _summary(plan, store, reused)
-            _finish(plan, store, out, before)
+            summary = _summary(store.finished, reused)
+            _finish(store, out, before)
             store.remove()
             return summary
     except KeyboardInterrupt:
@@ -143,8 +140,7 @@ def _compute(plan: Plan, store: Store, jobs: int, reporter: Reporter) -> None:
     failures: list[Failure] = []
     try:
         for layout in plan.layouts:
-            missing = [block for block in layout.blocks() if block.key not in store]
-            there = store.of(layout)
+            missing, there = store.finished.missing(layout), store.finished.of(layout)
             reporter.begin(layout.method.name, layout.points, sum(part.points for part in there))
             reporter.advance(0, sum(part.unstable for part in there), sum(part.failed for part in there))
             with closing(run_blocks(plan, missing, store, jobs, reporter)) as results:
@@ -190,15 +186,17 @@ def _where(failure: Failure) -> str:
     return f"block {block.key} (points {place})" if place else f"block {block.key}"
 
 
-def _finish(plan: Plan, store: Store, out: Path, before: earlier.Identity | None) -> None:
+def _finish(store: Store, out: Path, before: earlier.Identity | None) -> None:
     """Write the result file. Raises SweepError, with the parts kept, if it cannot be written or must not be."""
-    size = sum(part.size() for part in store.finished.values())
+    finished = store.finished
     try:
-        if free_bytes(out) < size:
+        if free_bytes(out) < finished.size:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(out))
-        if size >= merge.IN_MEMORY:
+        if finished.size >= merge.IN_MEMORY:
             store.open_folder()
-        merge.write(plan, store.finished, out, store.folder.path, lambda path: earlier.look_again(plan, path, before))
+        merge.write(
+            finished, out, store.folder.path, lambda path: earlier.look_again(finished.plan, path, before)
+        )
     except OSError as error:
         raise _unwritable(error, store) from error
     except OutputError as error:
@@ -223,30 +221,11 @@ def _interrupted(kept: int, total: int, folder: PartFolder) -> str:
     )
 
 
-def _summary(plan: Plan, store: Store, reused: int) -> Summary:
-    telling = [layout for layout in plan.layouts if any(v.name == "stable" for v in layout.method.results)]
-    tells = [part for layout in telling for part in store.of(layout)]
-    unstable = sum(part.unstable for part in tells) if tells else None
-    failed, kernels = sum(part.failed for part in tells), {k for part in store.finished.values() for k in part.kernels}
-    flags = {}
-    for layout in plan.layouts:
-        total: Counter[str] = Counter()
-        for part in store.of(layout):
-            total.update(part.flags)
-        flags[layout.method.name] = dict(total)
-    proved, counted = (_mean(plan, store, name) for name in ("proved_share", "counted_share"))
-    ran = tuple(sorted(kernels))
-    return Summary(plan.points, plan.blocks, reused, unstable, failed, flags, False, ran, proved, counted)
-
-
-def _mean(plan: Plan, store: Store, name: str) -> float | None:
-    """The mean of a variable of one value a row over all rows that have one; None where there is none."""
-    total, count = 0.0, 0
-    for layout in plan.layouts:
-        if not any(variable.name == name for variable in layout.method.results):
-            continue
-        for block in layout.blocks():
-            (data,) = store.finished[block.key].pieces(name)
-            values = decode(data, layout.chunk, "f8")[tuple(slice(0, size) for size in block.shape)]
-            total, count = total + float(np.nansum(values)), count + int(np.isfinite(values).sum())
-    return total / count if count else None
+def _summary(finished: Finished, reused: int) -> Summary:
+    plan = finished.plan
+    tells = [block for layout in plan.layouts if layout.gives("stable") for block in finished.of(layout)]
+    return Summary(
+        plan.points, plan.blocks, reused, sum(block.unstable for block in tells) if tells else None,
+        sum(block.failed for block in tells), {layout.method.name: finished.flags(layout) for layout in plan.layouts},
+        False, tuple(sorted(finished.kernels)), finished.mean("proved_share"), finished.mean("counted_share"),
+    )  # fmt: skip

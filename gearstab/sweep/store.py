@@ -8,8 +8,9 @@ from pathlib import Path
 from time import monotonic
 
 from gearstab.sweep.compute import fits
-from gearstab.sweep.parts import Part, PartFolder
-from gearstab.sweep.plan import Layout, Plan
+from gearstab.sweep.finished import Finished
+from gearstab.sweep.parts import FinishedBlock, PartFolder
+from gearstab.sweep.plan import Plan
 
 try:
     import fcntl
@@ -21,20 +22,17 @@ MOST_SECONDS, MOST_BYTES = 2.0, 1 << 26
 
 
 class Store:
-    """All finished blocks of a sweep, by key."""
+    """Keeps the finished blocks of a plan: all of them in :class:`Finished`, those not yet on the disk besides."""
 
-    def __init__(self, folder: PartFolder) -> None:
+    def __init__(self, plan: Plan, folder: PartFolder) -> None:
         self.folder = folder
-        self.finished: dict[str, Part] = {}
+        self.finished = Finished(plan)
         self._hold = Hold(folder.path)
         self._start = monotonic()
-        self._waiting: dict[str, Part] = {}
+        self._waiting: dict[str, FinishedBlock] = {}
         self._size = 0
 
-    def __contains__(self, key: str) -> bool:
-        return key in self.finished
-
-    def find(self, plan: Plan) -> None:
+    def find(self) -> None:
         """Take what an earlier run of the plan finished, and remove what it left half-written. Raises OSError."""
         if not self.folder.path.is_dir():
             return
@@ -43,18 +41,19 @@ class Store:
             for path in self.folder.path.glob("*.tmp"):
                 path.unlink(missing_ok=True)
             self._hold.share()
+        plan = self.finished.plan
         blocks = {block.key: block for layout in plan.layouts for block in layout.blocks()}
         found = self.folder.find(set(blocks))
-        self.finished |= {key: part for key, part in found.items() if fits(plan, blocks[key], part)}
+        self.finished.blocks.update({key: part for key, part in found.items() if fits(plan, blocks[key], part)})
 
     def open_folder(self) -> None:
         """Make the folder, for other processes to write to, and write what is in memory. Raises OSError."""
         self._hold.take()
         self.flush()
 
-    def add(self, part: Part) -> None:
+    def add(self, part: FinishedBlock) -> None:
         """Take a finished block. Raises OSError if it had to be written and could not be."""
-        self.finished[part.key] = part
+        self.finished.blocks[part.key] = part
         if part.path is None:
             self._waiting[part.key] = part
             self._size += part.size()
@@ -66,7 +65,7 @@ class Store:
         if self._waiting:
             self._hold.take()
         for key in list(self._waiting):
-            self.finished[key] = self.folder.write(self._waiting[key])
+            self.finished.blocks[key] = self.folder.write(self._waiting[key])
             del self._waiting[key]
         self._size = 0
 
@@ -81,15 +80,11 @@ class Store:
         if self._hold.alone():
             self.folder.remove()
 
-    def collect(self, keys: set[str]) -> list[Part]:
+    def collect(self, keys: set[str]) -> list[FinishedBlock]:
         """Take what other processes wrote to the folder of these blocks, seen or not."""
         found = self.folder.find(keys)
-        self.finished |= found
+        self.finished.blocks.update(found)
         return list(found.values())
-
-    def of(self, layout: Layout) -> list[Part]:
-        """Return what is finished of a method."""
-        return [self.finished[block.key] for block in layout.blocks() if block.key in self.finished]
 
     def close(self) -> None:
         """Leave the part files to other processes."""
