@@ -17,7 +17,7 @@ from gearstab.system import Array, GearSystem
 
 if TYPE_CHECKING:
     from gearstab.floquet import Stability
-    from gearstab.floquet.frequencies import Choice
+    from gearstab.floquet.frequencies import Strategy
 
 VECTORS = 0.5
 """Cost of a segment over the square of the number of coordinates, in units of a sweep's costs: carrying the vectors of
@@ -129,22 +129,17 @@ class Floquet(Method):
         return self.system if self.basis is None else restricted(self.system, self.basis)
 
     @cached_property
-    def choice(self) -> Choice:
-        """The strategy for its mesh frequencies. Raises NotPossible."""
+    def strategy(self) -> Strategy:
+        """How it goes through its mesh frequencies. Raises NotPossible."""
         from gearstab.floquet.frequencies import chosen
 
         return chosen(self.part, self.options.frequencies, self.options.affordable_segments)
 
     @property
-    def strategy(self) -> str:
-        """One of :data:`~gearstab.floquet.frequencies.STRATEGIES`. Raises NotPossible."""
-        return self.choice.strategy
-
-    @property
     def parallel(self) -> bool:
         from gearstab.floquet.kernel import choice as kernel
 
-        return kernel.name() == "c" and self.strategy != "lyapunov"
+        return kernel.name() == "c" and self.strategy.name != "lyapunov"
 
     def variables(self) -> tuple[Variable, ...]:
         from gearstab.floquet import STATUS_FLAGS
@@ -152,13 +147,13 @@ class Floquet(Method):
         more: tuple[Variable, ...] = EXPONENTS if self.options.exponents else ()
         exact = self.part.piecewise_constant and not self.part.terms
         # An interval says more of a Lyapunov exponent, and the error of the steps is part of it.
-        estimate = () if exact or self.strategy == "lyapunov" else (ERROR_ESTIMATE,)
-        by_strategy = {"per_mesh": BY_MESH, "lyapunov": INTERVAL}.get(self.strategy, ())
+        estimate = () if exact or self.strategy.name == "lyapunov" else (ERROR_ESTIMATE,)
+        by_strategy = {"per_mesh": BY_MESH, "lyapunov": INTERVAL}.get(self.strategy.name, ())
         return (*flagged(FLOQUET, STATUS_FLAGS), *estimate, *more, *by_strategy)
 
     def constants(self) -> Mapping[str, Any]:
         numbers = {"exponent": np.arange(1, 2 * self.part.size + 1)} if self.options.exponents else {}
-        meshes = {"mesh": [mesh.name for mesh in self.part.meshes]} if self.strategy == "per_mesh" else {}
+        meshes = {"mesh": [mesh.name for mesh in self.part.meshes]} if self.strategy.name == "per_mesh" else {}
         return numbers | meshes
 
     def run(self, mesh_frequency: Array) -> Outcome:
@@ -191,9 +186,9 @@ class Floquet(Method):
         def exact(system: GearSystem, omega: Array) -> Stability:
             return solve(system, omega, exponents=self.options.exponents, tolerance=self.options.tolerance)
 
-        if self.strategy == "per_mesh":
+        if self.strategy.name == "per_mesh":
             return per_mesh.solve(self.part, mesh_frequency, exact)
-        if self.strategy == "lyapunov":
+        if self.strategy.name == "lyapunov":
             asked = self.options.lyapunov
             return lyapunov.solve(self.part, mesh_frequency, asked.cycles, asked.confidence, asked.seed)
         return exact(self.part, mesh_frequency)
@@ -201,9 +196,9 @@ class Floquet(Method):
     def cost(self) -> float:
         from gearstab.floquet.frequencies import apart
 
-        if self.strategy == "per_mesh":
+        if self.strategy.name == "per_mesh":
             return sum(self._exact_cost(system) for system, _ in apart(self.part))
-        if self.strategy == "lyapunov":
+        if self.strategy.name == "lyapunov":
             return min(max(1.0, VECTORS * self._segments() * self.part.size**2), MOST)
         return self._exact_cost(self.part)
 
@@ -230,8 +225,8 @@ class Floquet(Method):
 
         found = reduction(self.part)
         said: dict[str, Any] = {"reduction": found.text()}
-        if self.choice.several:
-            said["frequencies_chosen"] = self.choice.reason
+        if self.strategy.several:
+            said["frequencies_chosen"] = self.strategy.reason
         if np.isfinite(found.saving) and found.saving > 1:
             said["reduction_saving"] = found.saving
         if self.basis is None:
@@ -259,7 +254,7 @@ class Floquet(Method):
             message = f"modes {', '.join(map(str, group))} have equal frequencies"
             raise OptionError(("modes",), message, "name all of them or none")
         try:
-            taken = self.strategy
+            taken = self.strategy.name
         except NotPossible as error:
             raise OptionError(("frequencies",), error.message, error.remedy) from None
         if options.exponents and taken != "common_period":
@@ -269,21 +264,21 @@ class Floquet(Method):
 
     def note(self) -> str | None:
         """Explain an automatic choice of a strategy that is not the exact one."""
-        if self.options.frequencies != "auto" or self.strategy == "common_period":
+        if self.options.frequencies != "auto" or self.strategy.name == "common_period":
             return None
-        return f"methods.floquet.frequencies: {self.choice.reason}"
+        return f"methods.floquet.frequencies: {self.strategy.reason}"
 
     def outlook(self) -> str | None:
         """Return the strategy, with the distinct states of a common period or the length of the window."""
         from gearstab.floquet.report import reduction
 
-        if not self.choice.several:
+        if not self.strategy.several:
             return None
-        if self.strategy == "common_period" and self.part.piecewise_constant and not self.part.terms:
+        if self.strategy.name == "common_period" and self.part.piecewise_constant and not self.part.terms:
             states = max((part.states for part in reduction(self.part).parts), default=1)
-            return f"{self.choice.reason}, {states} distinct states"
-        if self.strategy == "lyapunov":
+            return f"{self.strategy.reason}, {states} distinct states"
+        if self.strategy.name == "lyapunov":
             what = "segments" if self.part.piecewise_constant else "exponentials of Magnus steps or more"
             window = f"a window of {self.options.lyapunov.cycles:,g} cycles of the slowest mesh"
-            return f"{self.choice.reason}; {window}, {self._segments():,.0f} {what}"
-        return self.choice.reason
+            return f"{self.strategy.reason}; {window}, {self._segments():,.0f} {what}"
+        return self.strategy.reason

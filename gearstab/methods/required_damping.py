@@ -16,7 +16,7 @@ from gearstab.results.variables import REQUIRED_DAMPING, Variable, flagged
 from gearstab.system import Array
 
 if TYPE_CHECKING:
-    from gearstab.floquet.frequencies import Choice
+    from gearstab.floquet.frequencies import Strategy
 
 LADDER = 60.0
 """Cost of scanning the levels of damping, in undamped points."""
@@ -55,11 +55,11 @@ class RequiredDamping(Method):
     flag_notes: ClassVar[Mapping[str, str]] = {"beyond": "no damping up to `largest` suffices at {points}"}
 
     @cached_property
-    def choice(self) -> Choice:
+    def strategy(self) -> Strategy:
         """Of ``common_period`` and ``per_mesh``. Raises NotPossible where the one asked for does not exist."""
         from gearstab.floquet.frequencies import chosen
 
-        taken = chosen(self.system, self.options.frequencies).strategy
+        taken = chosen(self.system, self.options.frequencies).name
         # Zeros of an estimate with an interval would have none.
         return chosen(self.system, "per_mesh" if taken == "lyapunov" else taken)
 
@@ -72,7 +72,7 @@ class RequiredDamping(Method):
         from gearstab.floquet.frequencies import apart
         from gearstab.floquet.required_damping import required_damping
 
-        options, exact = self.options, self.choice.strategy == "common_period"
+        options, exact = self.options, self.strategy.name == "common_period"
         found = [
             required_damping(system, ratio * mesh_frequency, options.of, options.largest, options.tolerance)
             for system, ratio in ([(self.system, 1.0)] if exact else apart(self.system))
@@ -84,20 +84,20 @@ class RequiredDamping(Method):
         from gearstab.floquet.frequencies import apart
         from gearstab.floquet.report import reduction
 
-        exact = self.choice.strategy == "common_period"
+        exact = self.strategy.name == "common_period"
         systems = [self.system] if exact else [system for system, _ in apart(self.system)]
         return sum(LADDER * reduction(system).cost + ROOTS for system in systems)
 
     def report(self) -> Mapping[str, Any]:
-        return {"frequencies_chosen": self.choice.strategy} if self.choice.several else {}
+        return {"frequencies_chosen": self.strategy.name} if self.strategy.several else {}
 
     def outlook(self) -> str | None:
-        return self.choice.reason if self.choice.several else None
+        return self.strategy.reason if self.strategy.several else None
 
     def check(self) -> None:
         self.only_mesh_stiffness("sweep the damping with floquet instead")
         try:
-            _ = self.choice
+            _ = self.strategy
         except NotPossible:
             self.needs_common_period("choose per_mesh or auto", ("frequencies",))
             raise

@@ -261,12 +261,12 @@ class TestLyapunov:
         term = PeriodicTerm("friction", u, u, stiffness=Scaled(Rectangular(1.5), 0.0, 0.1))
         with pytest.raises(ValueError, match="periodic terms"):
             lyapunov.solve(replace(train(GOLDEN), terms=(term,)), np.array([1.0]))
-        assert chosen(replace(train(GOLDEN), terms=(term,)), "auto").strategy == "per_mesh"
+        assert chosen(replace(train(GOLDEN), terms=(term,)), "auto").name == "per_mesh"
 
 
 class TestChoice:
     def test_short_periods_are_solved_exactly(self):
-        assert chosen(train(), "auto").strategy == "common_period"
+        assert chosen(train(), "auto").name == "common_period"
         found = common_period(train())
         assert (found.cycles, found.mesh_cycles, found.segments) == (5.0, (5, 3), 16)
         # Two of the 16 jumps meet one of the other mesh.
@@ -274,22 +274,22 @@ class TestChoice:
 
     def test_long_or_no_periods_are_not(self):
         far = train(Fraction(10007, 20011))
-        assert chosen(far, "auto").strategy == "lyapunov"
+        assert chosen(far, "auto").name == "lyapunov"
         assert "more than 20,000" in chosen(far, "auto").reason
-        assert chosen(far, "auto", affordable=10**6).strategy == "common_period"
-        assert chosen(train(GOLDEN), "auto").strategy == "lyapunov"
+        assert chosen(far, "auto", affordable=10**6).name == "common_period"
+        assert chosen(train(GOLDEN), "auto").name == "lyapunov"
         assert "no common period" in chosen(train(GOLDEN), "auto").reason
-        assert chosen(train(GOLDEN), "per_mesh").strategy == "per_mesh"
+        assert chosen(train(GOLDEN), "per_mesh").name == "per_mesh"
 
     def test_smooth_waves_take_many_exponentials(self):
         # Each period of the smooth first mesh counts for 40 segments.
         system = train(Fraction(333, 601))
         smooth = replace(system.meshes[0], waveform=Fourier(np.array([0.5]), np.array([0.0])))
-        assert chosen(system, "auto").strategy == "common_period"
-        assert chosen(replace(system, meshes=(smooth, system.meshes[1])), "auto").strategy == "lyapunov"
+        assert chosen(system, "auto").name == "common_period"
+        assert chosen(replace(system, meshes=(smooth, system.meshes[1])), "auto").name == "lyapunov"
 
     def test_one_varying_mesh_needs_no_common_period(self):
-        assert chosen(train(GOLDEN, (0.3, 0.0)), "auto").strategy == "per_mesh"
+        assert chosen(train(GOLDEN, (0.3, 0.0)), "auto").name == "per_mesh"
 
     def test_what_there_is_not(self):
         with pytest.raises(ValueError, match="no common period"):

@@ -72,15 +72,15 @@ def sample(system: GearSystem) -> Pattern:
 
 
 @dataclass(frozen=True)
-class Choice:
+class Strategy:
     """The strategy for the mesh frequencies of a system, and what it was chosen for.
 
-    strategy: one of STRATEGIES. automatic: whether ``auto`` took it. period: None where there is none; affordable: the
+    name: one of STRATEGIES. automatic: whether ``auto`` took it. period: None where there is none; affordable: the
     segments up to which it was to be the automatic choice.
     """
 
     system: GearSystem
-    strategy: str
+    name: str
     automatic: bool
     period: Period | None
     affordable: int
@@ -93,10 +93,10 @@ class Choice:
     @cached_property
     def reason(self) -> str:
         """The strategy and why it was taken, in a line, for instance "lyapunov (no common period)"."""
-        if self.automatic and self.strategy == PER_MESH and varying(self.system) < 2:
-            return f"{self.strategy} (a single mesh frequency varies)"
+        if self.automatic and self.name == PER_MESH and varying(self.system) < 2:
+            return f"{self.name} (a single mesh frequency varies)"
         if self.period is None:
-            return f"{self.strategy} (the mesh frequencies have no common period)"
+            return f"{self.name} (the mesh frequencies have no common period)"
         cycles = " + ".join(f"{count:,}" for count in dict.fromkeys(self.period.mesh_cycles))
         segments, exact = self.period.segments, self.system.piecewise_constant
         if segments <= AFFORDABLE and exact and not self.system.terms:
@@ -104,11 +104,11 @@ class Choice:
             segments = len(prepare(self.system)[0].states)
         parts = f"{segments:,} segments" if exact else f"some {segments:,} exponentials of Magnus steps"
         what = f"a common period of {cycles} mesh cycles with {parts}"
-        limit = f", more than {self.affordable:,}" if self.automatic and self.strategy != COMMON_PERIOD else ""
-        return f"{self.strategy} ({what}{limit})"
+        limit = f", more than {self.affordable:,}" if self.automatic and self.name != COMMON_PERIOD else ""
+        return f"{self.name} ({what}{limit})"
 
 
-def chosen(system: GearSystem, asked: str, affordable: int = AFFORDABLE) -> Choice:
+def chosen(system: GearSystem, asked: str, affordable: int = AFFORDABLE) -> Strategy:
     """Choose the strategy where ``asked`` is one of STRATEGIES or ``auto``.
 
     ``auto`` is the common period while it has at most ``affordable`` segments; else one frequency at a time where only
@@ -120,12 +120,12 @@ def chosen(system: GearSystem, asked: str, affordable: int = AFFORDABLE) -> Choi
         raise NotPossible("mesh frequencies of irrational ratio have no common period", "choose per_mesh or lyapunov")
     if asked == LYAPUNOV and system.terms:
         raise NotPossible("lyapunov needs a system without periodic terms beside the mesh stiffness", "choose per_mesh")
-    strategy = asked
+    name = asked
     if asked == "auto" and period is not None and period.segments <= affordable:
-        strategy = COMMON_PERIOD
+        name = COMMON_PERIOD
     elif asked == "auto":
-        strategy = PER_MESH if system.terms or varying(system) < 2 else LYAPUNOV
-    return Choice(system, strategy, asked == "auto", period, affordable)
+        name = PER_MESH if system.terms or varying(system) < 2 else LYAPUNOV
+    return Strategy(system, name, asked == "auto", period, affordable)
 
 
 def varying(system: GearSystem) -> int:
