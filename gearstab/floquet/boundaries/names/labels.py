@@ -49,7 +49,10 @@ LEADING = 5
 REACH = 1.3
 """How far, as a ratio of mesh frequencies, a root without a share may be from the regions of its row."""
 NEARNESS = 0.1
-"""What the distance from the root counts beside a share of 1."""
+"""What the distance from the root counts beside a share of 1; it fades with DISTANCE, as a part of ln Omega."""
+DISTANCE = 0.1
+SURE = 0.5
+"""A larger share is that of the root itself: shares are continuous in epsilon, and two cannot both exceed a half."""
 TURN = 0.5
 """What the order counts beside it: as long as two tongues of a class have not passed each other, their order is that at
 epsilon = 0, and the counts of collisions say whose turn it is."""
@@ -133,7 +136,7 @@ def assign(regions: list[Unnamed], frequency: Array, cycles: float) -> list[tupl
     plain = [
         r is not None
         and c == [class_of(r)]
-        and region.shares[r] > 0.5
+        and region.shares[r] > SURE
         and frequency[r.p] + frequency[r.q] > 0
         and _rank(r, frequency, cycles) == region.passed[class_of(r)]
         for r, c, region in zip(leading, classes, regions, strict=True)
@@ -216,7 +219,7 @@ def _scores(
     place = {root: k for k, root in enumerate(roots)}
     center = np.log([_center(root, frequency, cycles) for root in roots])
     cycle = np.log([regions[k].cycle for k, _, _ in slots])
-    score = NEARNESS * np.exp(-np.abs(center[None, :] - cycle[:, None]) / 0.1)
+    score = NEARNESS * np.exp(-np.abs(center[None, :] - cycle[:, None]) / DISTANCE)
     turn = np.array([regions[k].passed[c] + j for k, c, j in slots])
     rank = np.array([_rank(root, frequency, cycles) for root in roots])
     score += TURN * np.exp(-np.abs(rank[None, :] - turn[:, None]))
