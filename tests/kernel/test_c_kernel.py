@@ -349,8 +349,9 @@ def test_numbers_that_are_none_harm_no_neighbour(level, n):
         spoiled[bad] = rng.choice([np.nan, np.inf, -np.inf, 0.0, -0.0, 1e-320, 1e308], bad.sum())
         (verdict, growth), (expected, reference_growth) = (c_kernel.scan(pattern, asked) for asked in (spoiled, omega))
         np.testing.assert_array_equal(verdict[~bad], expected[~bad])
-        # Newton's steps go on until all lanes have done.
-        np.testing.assert_allclose(growth[~bad], reference_growth[~bad], rtol=1e-12, atol=0)
+        # Newton's steps go on until all lanes have done: a trace 2 cosh(growth) differs by some 50 eps.
+        change, least = np.abs(growth - reference_growth)[~bad], reference_growth[~bad]
+        assert np.all(change * np.minimum(least, 1.0) <= 2e-14 * np.maximum(least, 1.0))
         assert np.all(verdict[np.isnan(spoiled)] == DOUBTFUL)
         c_kernel.scan_traces(pattern, spoiled, interpolate=True)
     for pattern, generator, omega in damped_patterns(system(n, "generic", 13, 0.05), POINTS):
