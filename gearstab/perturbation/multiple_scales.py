@@ -203,11 +203,29 @@ def _single_pairs(modal: Modal, weights: Weights, p: Group, q: Group) -> tuple[A
     return w[p] + w[q], *single_pair(coupling, mu[p], mu[q])
 
 
+def _block(modal: Modal, weights: Weights, P: Group, Q: Group) -> Array:
+    """G ``(rows, P, Q)`` of two groups."""
+    w_p, w_q = modal.frequency[:, P].mean(axis=1), modal.frequency[:, Q].mean(axis=1)
+    flat = _coupling(modal, weights, [p for p in P for _ in Q], [q for _ in P for q in Q])
+    return (flat / np.sqrt(w_p * w_q)).T.reshape(-1, len(P), len(Q))
+
+
+def block(modal: Modal, system: GearSystem, force: Excitation, P: Group, Q: Group) -> Array:
+    """Return G = B[P, Q]/sqrt(w_P w_Q) of an excitation, ``(rows, P, Q)``. modal: of the same system."""
+    rows = np.arange(len(modal.frequency))
+    return _block(modal, _weights(system, force, modal.batch, rows), P, Q)
+
+
+def group_of(modal: Modal, mode: int) -> Group:
+    """Return the modes (from 0) of one row that share the frequency of a mode."""
+    ((_, groups),) = partitions(modal.frequency)
+    return next(group for group in groups if mode in group)
+
+
 def _group_pair(modal: Modal, weights: Weights, P: Group, Q: Group) -> tuple[Array, Array, Array]:
     """The tongue of two groups of which at least one has several modes."""
     w_p, w_q = modal.frequency[:, P].mean(axis=1), modal.frequency[:, Q].mean(axis=1)
-    flat = _coupling(modal, weights, [p for p in P for _ in Q], [q for _ in P for q in Q])
-    matrix = (flat / np.sqrt(w_p * w_q)).T.reshape(-1, len(P), len(Q))
+    matrix = _block(modal, weights, P, Q)
     if modal.damping is None:
         return w_p + w_q, undamped(matrix), np.zeros(len(matrix))
     blocks = (modal.damping[:, np.array(G)[:, None], G] for G in (P, Q))

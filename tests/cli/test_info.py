@@ -198,3 +198,80 @@ def test_mode_types_in_a_batch() -> None:
 def test_table_aligns_numbers_to_the_right() -> None:
     assert table(["a", "n"], [["x", "1"], ["long", "-"]]) == "a     n\n----  -\nx     1\nlong  -"
     assert table(["a", "size"], [["x", "1"], ["y", "22"]]).splitlines()[2:] == ["x     1", "y    22"]
+
+
+def dangerous(config: Path | str, *options: str) -> tuple[dict, str]:
+    """Facts and text of the dangerous speeds."""
+    text = info(config, *options).stdout
+    return facts(config, *options)["dangerous"], text[
+        text.index("Dangerous speeds") : text.index("Instability tongues")
+    ]
+
+
+def test_dangerous_speeds_are_ranked_in_the_unit_of_the_sweep(root: Path) -> None:
+    """A reducer without damping: speeds as typed, each region with its remedies, a dozen lines of them."""
+    found, text = dangerous(root / "configs" / "reducer.yaml", "--set", "system.damping_ratio=0")
+    assert found["range"] == pytest.approx([300, 6000])
+    assert found["unit"] == "rpm"
+    assert "input speed from 300 to 6000 rpm" in text
+    assert len(found["open"]) == 12 < found["number_open"]
+    shares = [region["share_of_range"] for region in found["open"]]
+    assert shares == sorted(shares, reverse=True)
+    assert found["scale"] == pytest.approx(20 * np.pi / 30)  # rad/s of the mesh per rpm of the input, 20 teeth
+    first = found["open"][0]
+    assert f"{first['boundary_frequency'][0] / found['scale']:.6g}" in text
+    assert any(region["harmonic"] > 3 for region in found["open"])  # more than the three that are listed
+    assert max(map(len, text.splitlines())) <= 140
+
+
+def test_where_nothing_is_open_the_next_to_open_are_named(root: Path) -> None:
+    found, text = dangerous(root / "configs" / "reducer.yaml")
+    assert found["open"] == []
+    assert "No region of instability is open there." in text
+    for region in found["closest"]:
+        assert region["threshold"] > 1
+        assert region["closed_by"]["damping_ratio"] == pytest.approx(0.01 / region["threshold"])  # that of the system
+    assert f"Damping closes {found['number_closed_by_damping']} regions" in text
+
+
+def test_a_phasing_that_info_names_does_what_it_says(fig3: Path) -> None:
+    """Put back into the configuration it leaves the part of the half-width that it says."""
+    found, _ = dangerous(fig3)
+    for region in found["open"][:4]:
+        remedy = region["closed_by"]["phasing"]
+        assert (remedy["mesh"], remedy["key"]) == ("second", "phasing")
+
+        def half_width(*options: str, label: str = region["label"]) -> float:
+            return next(t["half_width"] for t in facts(fig3, *options)["tongues"] if t["label"] == label)
+
+        changed = half_width("--set", f"phasing={remedy['value']}")
+        assert changed == pytest.approx(remedy["leaves"] * half_width(), rel=1e-9)
+
+
+def test_the_teeth_of_the_sun_that_exclude_a_region(tmp_path: Path) -> None:
+    config = CONFIGS / "parker_2009" / "rigid_ring.yaml"
+    found, text = dangerous(config, "--harmonics", "1")
+    assert "sun's teeth" in text
+    seen = set()
+    for region in found["open"]:
+        remedy = region["closed_by"].get("sun_teeth_modulo")
+        if remedy is None or region["harmonic"] > 1:
+            continue
+        planets = remedy["planets"]
+        for z in range(planets):
+            phases = [k * z / planets % 1 for k in range(planets)]
+            tongues = facts(config, "--harmonics", "1", "--set", f"phases.sun={phases}")["tongues"]
+            width = next(t["half_width"] for t in tongues if t["label"] == region["label"])
+            assert (width < 1e-12) == (z in remedy["remainders"]), (region["label"], z)
+        seen |= set(remedy["remainders"])
+        if len(seen) > 1:
+            break
+    assert seen
+
+
+def test_a_long_list_of_tongues_is_printed_on_request(root: Path) -> None:
+    config = root / "configs" / "reducer.yaml"
+    short, long = info(config).stdout, info(config, "--all").stdout
+    assert "listed with --all or --json" in short
+    assert "w5+w6" not in short
+    assert "w5+w6" in long

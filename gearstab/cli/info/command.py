@@ -10,7 +10,7 @@ import click
 
 from gearstab.cli import options
 from gearstab.cli.console import say
-from gearstab.cli.info import periods, train
+from gearstab.cli.info import danger, periods, train
 from gearstab.cli.info.text import report
 
 if TYPE_CHECKING:
@@ -28,8 +28,9 @@ HARMONICS = 3
 @click.option(
     "--harmonics", type=click.IntRange(1, 50), help="List tongues up to this harmonic [default: as in CONFIG]."
 )
+@click.option("--all", "every", is_flag=True, help="List all predicted tongues, however many and closed.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
-def command(config: Path, overrides: tuple[str, ...], harmonics: int | None, as_json: bool) -> None:
+def command(config: Path, overrides: tuple[str, ...], harmonics: int | None, every: bool, as_json: bool) -> None:
     """Show natural frequencies, modes and the tongues that perturbation theory predicts for CONFIG.
 
     Of a file RESULT: where it comes from, its groups, axes and variables.
@@ -51,7 +52,7 @@ def command(config: Path, overrides: tuple[str, ...], harmonics: int | None, as_
     if as_json:
         say(json.dumps(facts, indent=2, allow_nan=False))
     else:
-        say(report(facts))
+        say(report(facts, every or harmonics is not None))
 
 
 def describe(config: Config, harmonics: int | None = None) -> dict[str, Any]:
@@ -78,6 +79,7 @@ def describe(config: Config, harmonics: int | None = None) -> dict[str, Any]:
         "terms": [term.name for term in system.terms],
         "order": asked.order if asked else 1,
         "harmonics": order,
+        "dangerous": danger.facts(config, system, order),
         **_existence(system, _tongues(system, asked.order if asked else 1, order)),
     }
 

@@ -5,20 +5,22 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from gearstab.cli.info import periods, train
+from gearstab.cli.info import danger, periods, train
 
 FEW_MESHES = 4
 """Up to so many meshes have columns of their own."""
 FEW_GROUPS = 3
 """Up to so many groups of equal frequencies have lines of their own."""
-MANY_TONGUES = 150
-"""A longer list leaves out tongues that are closed, or far from the sweep."""
+MANY_TONGUES = 24
+"""A longer list is printed on request only: those that matter are ranked."""
 
 
-def report(facts: dict[str, Any]) -> str:
-    """The facts as readable text."""
-    parts = (_heading, *((_train,) if facts["train"] else ()), _mesh_table, _mode_table, _reduction_text, _tongue_table)
-    return "\n\n".join(part(facts) for part in parts)
+def report(facts: dict[str, Any], every: bool = False) -> str:
+    """The facts as readable text. every: list all tongues, however many."""
+    parts = [_heading, *((_train,) if facts["train"] else ()), _mesh_table, _mode_table, _reduction_text]
+    texts = [part(facts) for part in parts]
+    texts.append(danger.text(facts["dangerous"], table))
+    return "\n\n".join([*texts, _tongue_table(facts, every)])
 
 
 def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
@@ -160,33 +162,25 @@ def _percent(share: float | None) -> str:
     return "-" if share is None else f"{100 * share:.1f} %"
 
 
-NARROW = 1e-6
-"""Half-width over mesh frequency below which a tongue is not listed where there are many."""
-
-
-def _tongue_table(facts: dict[str, Any]) -> str:
+def _tongue_table(facts: dict[str, Any], every: bool) -> str:
     order, second = ("first", False) if facts["order"] == 1 else ("second", True)
     title = f"Instability tongues to {order} order at the base system, harmonics 1 to {facts['harmonics']}"
     if not facts["tongues"]:
         return f"{title}: none, there is no elastic mode."
-    rule, every = facts["existence_rule"], "+".join(mesh["name"] for mesh in facts["meshes"])
-    listed, left_out = _worth_listing(facts)
+    if len(facts["tongues"]) > MANY_TONGUES and not every:
+        return f"{title}: {len(facts['tongues'])}, listed with --all or --json.{_rule(facts)}"
+    rule, whole = facts["existence_rule"], "+".join(mesh["name"] for mesh in facts["meshes"])
     header = ["tongue", "kind", "mesh", *(["T_p", "T_q"] if rule else [])]
     header += ["root" if second else "centre", "half-width", "lower", "upper", *(["error"] if second else []), "remark"]
     rows = []
-    for tongue in listed:
-        mesh = "all" if tongue["mesh"] == every and len(facts["meshes"]) > FEW_MESHES else tongue["mesh"]
+    for tongue in facts["tongues"]:
+        mesh = "all" if tongue["mesh"] == whole and len(facts["meshes"]) > FEW_MESHES else tongue["mesh"]
         row = [tongue["label"], tongue["kind"], mesh]
         row += [" ".join(map(str, types)) or "-" for types in tongue["types"]] if rule else []
         row += [_text(tongue["center_frequency"]), _text(tongue["half_width"])]
         row += [_text(edge) for edge in tongue["boundary_frequency"]]
         rows.append([*row, *([_text(tongue["boundary_error"][0])] if second else []), _remark(tongue)])
-    text = "\n".join([title, "", table(header, rows) if rows else "None in the range of the sweep.", *left_out])
-    if rule:
-        text += (
-            f"\nExistence rule: modes couple only where L z +- (T_p +- T_q) is a multiple of N, N = {rule['planets']}, "
-            f"z = {rule['step']} (mod N)."
-        )
+    text = "\n".join([title, "", table(header, rows)]) + _rule(facts)
     if any(tongue["overlaps"] for tongue in facts["tongues"]):
         text += "\nThe theory treats each tongue by itself: where tongues overlap, their boundaries are rough."
     if facts["terms"]:
@@ -194,22 +188,15 @@ def _tongue_table(facts: dict[str, Any]) -> str:
     return text
 
 
-def _worth_listing(facts: dict[str, Any]) -> tuple[list[dict[str, Any]], list[str]]:
-    """The tongues to list and what is said of the others: where there are many, those of the sweep that open."""
-    tongues = facts["tongues"]
-    if len(tongues) <= MANY_TONGUES:
-        return tongues, []
-    excited = [t for t in tongues if t["half_width"] != 0]
-    notes = [f"{len(tongues) - len(excited)} tongues are not excited to first order or closed by damping."]
-    listed = [t for t in excited if t["half_width"] == "infinite" or t["half_width"] > NARROW * t["center_frequency"]]
-    if len(listed) < len(excited):
-        notes.append(f"{len(excited) - len(listed)} are narrower than {NARROW:g} of their frequency.")
-    if facts["frequency_range"] is not None:
-        low, high = facts["frequency_range"]
-        inside = [t for t in listed if low <= t["center_frequency"] <= high]
-        notes.append(f"{len(listed) - len(inside)} are centred outside of the sweep, {_text(low)} to {_text(high)}.")
-        listed = inside
-    return listed, [*notes, "All of them: --json."]
+def _rule(facts: dict[str, Any]) -> str:
+    """The existence rule as a line of its own, "" for systems to which it does not apply."""
+    rule = facts["existence_rule"]
+    return (
+        f"\nExistence rule: modes couple only where L z +- (T_p +- T_q) is a multiple of N, N = {rule['planets']}, "
+        f"z = {rule['step']} (mod N)."
+        if rule
+        else ""
+    )
 
 
 def _remark(tongue: dict[str, Any]) -> str:

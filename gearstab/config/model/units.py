@@ -21,6 +21,9 @@ ANGLES = ("radian", "degree", "turn", "grade", "arcminute", "arcsecond")
 """Names of pint's, which have prefixes before them."""
 TURNING = (*ANGLES, "hertz", "revolutions_per_minute", "revolutions_per_second")
 
+KNOWN = {("rpm", "rad/s"): math.pi / 30, ("Hz", "rad/s"): 2 * math.pi}
+"""The most usual units, for which pint is not imported."""
+
 MEANING = {
     "kg": "a mass",
     "kg m": "a mass times a length",
@@ -99,6 +102,12 @@ def typed_unit(values: Iterable[Any]) -> str:
     """The unit that texts such as ``"600 rpm"`` have in common; "" where one is a plain number or has another unit."""
     found = {match[2] if isinstance(v, str) and (match := NUMBER.match(v)) else "" for v in values}
     return found.pop() if len(found) == 1 else ""
+
+
+@cache
+def scale(unit: str, si: str) -> float:
+    """Return how many of an SI unit one of another unit is: 2 pi/60 for rpm and rad/s."""
+    return KNOWN.get((unit, si)) or to_si(f"1 {unit}", (si,))
 
 
 def _comma(sign: str, whole: str, fraction: str, rest: str) -> UnitError:
