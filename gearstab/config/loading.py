@@ -18,6 +18,9 @@ if TYPE_CHECKING:
     from gearstab.config.sections.methods import Methods
     from gearstab.config.sections.respond import Respond
     from gearstab.config.sections.respond_pair import PairRespond
+    from gearstab.config.sections.sweep import Context
+    from gearstab.config.sections.targets import Target
+    from gearstab.config.sections.uncertain import Uncertainties
     from gearstab.systems.base import System
 
 PLANNED_SECTIONS = ("design",)
@@ -50,6 +53,9 @@ def load(path: str | FilePath, overrides: Sequence[str] = (), needs: Sequence[st
     system = _read_system(document, model, source) if model else None
     methods = _read_methods(document)
     respond = _read_respond(document, model, system)
+    uncertainties = None
+    if methods is not None and system is not None:
+        methods, uncertainties = _read_uncertainties(methods, system)
     if methods is not None and methods.boundaries is not None and system is not None:
         _check_range(document, system.axes)
     if methods is not None and model is not None and system is not None:
@@ -63,18 +69,27 @@ def load(path: str | FilePath, overrides: Sequence[str] = (), needs: Sequence[st
     doubts = feasibility.check(document, config)
     if document.problems:
         raise ConfigError(document.problems)
-    return replace(config, doubts=tuple(doubts))
+    if uncertainties is not None:
+        from gearstab.config.sections import uncertain
+
+        doubts += uncertain.doubts(document, uncertainties, config.parameters, config.axes)
+    return replace(config, doubts=tuple(doubts), uncertainties=uncertainties)
 
 
 @dataclass
 class _System:
-    """The sections ``system`` and ``sweep``. plain: ``system`` as plain data; specs: ``sweep``, resolved."""
+    """The sections ``system`` and ``sweep``. plain: ``system`` as plain data; specs: ``sweep``, resolved.
+
+    context, uncertain: what the names of uncertain parameters refer to, and stand for.
+    """
 
     plain: dict[str, Any]
     parameters: dict[str, Any]
     contents: dict[str, Array]
     axes: tuple[Axis, ...]
     specs: dict[str, Any]
+    context: Context
+    uncertain: dict[str, list[Target]]
 
 
 def _check_top_level(document: Document, needs: Sequence[str]) -> None:
@@ -122,7 +137,7 @@ def _read_system(document: Document, model: type[System], source: FilePath) -> _
     from gearstab.config.model.dimensions import check_units
     from gearstab.config.model.introspection import as_parameters
     from gearstab.config.model.validation import as_meant, validate
-    from gearstab.config.sections import sweep
+    from gearstab.config.sections import sweep, uncertain
 
     raw = document.data["system"]
     _name_meshes(document, model)
@@ -136,6 +151,8 @@ def _read_system(document: Document, model: type[System], source: FilePath) -> _
     context = sweep.Context(document, model, meant)
     layouts = sweep.layouts(context) if "sweep" in document.data else []
     known = set(sweep.base_values(document, layouts))
+    targets = uncertain.resolve(context, value_at(document.data, uncertain.SECTION))
+    known |= set(uncertain.base_values(context, targets))
     _report(document, ("system",), model.conflicts(as_meant(raw | from_file, model)))
     known |= check_units(document, model, meant, "system", model, known)
     system = validate(document, model, ("system",), known)
@@ -150,7 +167,8 @@ def _read_system(document: Document, model: type[System], source: FilePath) -> _
         value_at(parameters, where).update(phase=values[0], stiffness=values[1])
     check_variation(document, samples, axes)
     contents |= {dotted(where): values for where, values in samples.items()}
-    return _System(plain, parameters, contents, axes, {name: item[1] for name, item in built if item})
+    specs = {name: item[1] for name, item in built if item}
+    return _System(plain, parameters, contents, axes, specs, context, targets)
 
 
 def _name_meshes(document: Document, model: type[System]) -> None:
@@ -183,6 +201,7 @@ def _read_samples(document: Document, source: FilePath) -> dict[Path, Array]:
 
 
 def _read_methods(document: Document) -> Methods | None:
+    from gearstab.config.model.conflicts import mapping
     from gearstab.config.model.validation import validate
     from gearstab.config.sections.methods import Methods
     from gearstab.config.sections.sweep import sets_mesh_frequency
@@ -200,13 +219,27 @@ def _read_methods(document: Document) -> Methods | None:
     sweep = data.get("sweep")
     if isinstance(section, dict) and isinstance(sweep, dict):
         remedy = "add mesh_frequency: {start: .., stop: .., num: ..} to sweep"
-        for name in ("floquet", "response"):
-            if name in section and not sets_mesh_frequency(sweep):
+        for name in ("floquet", "response", "tolerance"):
+            own = mapping(mapping(section, name), "parameters") if name == "tolerance" else {}
+            if name in section and not (sets_mesh_frequency(sweep) or sets_mesh_frequency(own)):
                 document.report(("methods", name), "needs a mesh_frequency axis", remedy, at_key=True)
         # Boundaries are sought between the ends of an axis; frequencies that come with cases have none.
         if "boundaries" in section and not {"mesh_frequency", "input_speed"} & sweep.keys():
             document.report(("methods", "boundaries"), "needs a mesh_frequency axis", remedy, at_key=True)
     return validate(document, Methods, ("methods",))
+
+
+def _read_uncertainties(methods: Methods, system: _System) -> tuple[Methods, Uncertainties | None]:
+    """The methods with distributions in SI units, and the uncertain parameters; None without the method tolerance."""
+    from gearstab.config.sections import uncertain
+
+    if methods.tolerance is None:
+        return methods, None
+    found = uncertain.uncertainties(system.context, methods.tolerance, system.uncertain, system.axes)
+    if found is None:
+        return methods, None
+    own = methods.tolerance.model_copy(update={"parameters": found[1]})
+    return methods.model_copy(update={"tolerance": own}), found[0]
 
 
 def _check_range(document: Document, axes: Sequence[Axis]) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Protocol
 
@@ -15,6 +15,7 @@ from gearstab.system import Array, GearSystem
 
 if TYPE_CHECKING:
     from gearstab.perturbation import Tongue
+    from gearstab.tolerance.design import Design
 
 POINTS, RANGE = "points", "range"
 """What of the mesh frequency a method needs: every point of the grid or the ends of its axis; None for neither."""
@@ -179,6 +180,27 @@ class TongueMethod(Method):
 
     def constants(self) -> Mapping[str, Any]:
         return {SIDE.name: ["lower", "upper"]}
+
+
+class SampledMethod(Method):
+    """A method that runs on samples of uncertain parameters: on batches of ``rows * samples`` systems.
+
+    ``run`` gets the samples of a row next to each other, and gives one value for each row.
+    """
+
+    MOST_AT_ONCE: ClassVar[int] = 1 << 20
+    """Samples times points that are treated together."""
+
+    @property
+    @abstractmethod
+    def design(self) -> Design:
+        """The samples, the same for all systems."""
+
+    def portions(self, rows: int, points: int) -> Iterator[slice]:
+        """Divide rows of so many points into those whose samples are treated together."""
+        step = max(1, self.MOST_AT_ONCE // (self.design.size * max(1, points)))
+        for first in range(0, rows, step):
+            yield slice(first, min(rows, first + step))
 
 
 def flat(options: Mapping[str, Any]) -> dict[str, Any]:

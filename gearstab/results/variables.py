@@ -145,6 +145,23 @@ REQUIRED_DAMPING = (
 )
 """Damping ratio of all modes, or factor on the damping."""
 
+PROBABILITY = (
+    Variable("probability", (GRID,), "f8", "1", "probability of instability"),
+    Variable("probability_lower", (GRID,), "f8", "1", "lower end of the 95 % interval of the probability"),
+    Variable("probability_upper", (GRID,), "f8", "1", "upper end of the 95 % interval of the probability"),
+    Variable("status", (GRID,), "i2", "1", "how the stability of any of the samples was decided"),
+)
+"""Of a system whose parameters are uncertain."""
+
+SOBOL = (
+    coordinate("parameter", "parameter", TEXT, "1", "uncertain parameter"),
+    Variable("sobol_first", (GRID, "parameter"), "f8", "1", "first-order Sobol index of instability"),
+    Variable("sobol_total", (GRID, "parameter"), "f8", "1", "total Sobol index of instability"),
+    Variable("sobol_first_interval", (GRID, "parameter"), "f8", "1", "half-width of the 95 % interval of it"),
+    Variable("sobol_total_interval", (GRID, "parameter"), "f8", "1", "half-width of the 95 % interval of it"),
+)
+"""Which parameter is to blame; NaN where the probability is near 0 or 1."""
+
 TONGUE = (
     coordinate("mode_p", "tongue", "i4", "1", "first mode of the instability"),
     coordinate("mode_q", "tongue", "i4", "1", "second mode of the instability"),

@@ -10,11 +10,12 @@ import numpy as np
 
 from gearstab.config import Axis, parameters_at
 from gearstab.floquet.kernel import choice as kernel
-from gearstab.methods import POINTS, RANGE, Key, Outcome
+from gearstab.methods import POINTS, RANGE, Key, Outcome, SampledMethod
 from gearstab.results.chunks import encode, holds
 from gearstab.results.variables import GRID, STRETCH
 from gearstab.sweep.parts import FinishedBlock, places_of
 from gearstab.sweep.plan import Block, Layout, Plan
+from gearstab.sweep.sampled import run_sampled
 from gearstab.system import Array
 from gearstab.systems import build
 
@@ -68,6 +69,8 @@ def run_rows(plan: Plan, layout: Layout, rows: dict[str, Array], count: int, col
     """Run a method on rows of one structure."""
     if layout.method.singly:
         return run_singly(plan, layout, rows, count, columns)
+    if isinstance(layout.method, SampledMethod):
+        return run_sampled(plan, layout.method, rows, count, columns)
     system = build(parameters_at(plan.config, rows))
     frequency = np.zeros(0)
     if layout.method.frequency == POINTS:

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from gearstab.config.sections.methods import Methods
     from gearstab.config.sections.respond import Respond
     from gearstab.config.sections.respond_pair import PairRespond
+    from gearstab.config.sections.uncertain import Uncertainties
 
 Array = np.ndarray
 
@@ -100,6 +101,7 @@ class Config:
     overrides: the ``PATH=VALUE`` texts that were applied.
     document: the document as written, which knows where everything stands.
     doubts: what is right and hardly meant, such as lengths without a unit; commands print it.
+    uncertainties: what the method tolerance draws samples of.
     """
 
     title: str
@@ -114,6 +116,7 @@ class Config:
     document: Document = field(repr=False, compare=False)
     overrides: tuple[str, ...] = ()
     doubts: tuple[Problem, ...] = field(default=(), compare=False)
+    uncertainties: Uncertainties | None = None
 
     def problem(self, path: Path, message: str, hint: str) -> Problem:
         """A mistake that shows only when the configuration is used, at its line, with the value given there."""
@@ -165,7 +168,7 @@ def parameters_at(config: Config, selection: Mapping[str, Array]) -> dict[str, A
         rows = np.asarray(selection[axis.name])
         for item in axis.assignments:
             if item.path != MESH_FREQUENCY:
-                parameters = _replaced(parameters, item.path, _values(axis, item, rows))
+                parameters = replaced(parameters, item.path, _values(axis, item, rows))
     return dict(parameters)
 
 
@@ -178,8 +181,8 @@ def _values(axis: Axis, item: Assignment, rows: Array) -> Any:
     return values[0]
 
 
-def _replaced(container: Any, path: Sequence[str | int], value: Any) -> Any:
-    """A copy of nested containers in which one entry is replaced; everything else is shared."""
+def replaced(container: Any, path: Sequence[str | int], value: Any) -> Any:
+    """Return a copy of nested containers in which one entry is replaced; everything else is shared."""
     if not path:
         return value
     key = path[0]
@@ -190,5 +193,5 @@ def _replaced(container: Any, path: Sequence[str | int], value: Any) -> Any:
         return copy
     copied: Any = dict(container) if isinstance(container, dict) else list(container)
     inner = container.get(key) if isinstance(container, dict) else container[key]
-    copied[key] = _replaced(inner, path[1:], value)
+    copied[key] = replaced(inner, path[1:], value)
     return copied

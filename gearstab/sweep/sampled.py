@@ -1,0 +1,31 @@
+"""Methods that draw samples of uncertain parameters: rows of a grid to many systems each."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gearstab.config import parameters_at
+from gearstab.methods import Outcome, SampledMethod
+from gearstab.sweep.plan import Plan
+from gearstab.system import Array
+from gearstab.systems import build
+from gearstab.tolerance.design import correlated
+
+
+def run_sampled(plan: Plan, method: SampledMethod, rows: dict[str, Array], count: int, columns: slice) -> Outcome:
+    """Run a method on the samples of rows of one structure, a few rows at a time."""
+    uncertain = plan.config.uncertainties
+    if uncertain is None:
+        raise ValueError(f"{method.name} needs distributions of parameters")
+    points = correlated(method.design.points, uncertain.correlation)
+    outcomes = []
+    for part in method.portions(count, columns.stop - columns.start):
+        size = part.stop - part.start
+        every = np.tile(points, (size, 1))
+        # The samples of a row are next to each other.
+        chosen = {name: np.repeat(index[part], len(points)) for name, index in rows.items()}
+        system = build(uncertain.sampled(parameters_at(plan.config, chosen), every))
+        present = np.ones((1, 1)) if uncertain.sets_mesh_frequency else plan.mesh_frequency(chosen, columns)
+        frequency = uncertain.mesh_frequency(present, every)
+        outcomes.append(method.of(system.over((len(every),))).run(frequency).values)
+    return Outcome({name: np.concatenate([values[name] for values in outcomes]) for name in outcomes[0]})

@@ -1,0 +1,1 @@
+"""Uncertain parameters: their distributions, the samples drawn of them, and what these say of a probability."""
