@@ -119,6 +119,7 @@ bench: $(VENV)/.installed ## speed and error of the methods, side by side
 	@$(BIN)/python scripts/bench_boundaries.py
 	@$(BIN)/python scripts/bench_smooth.py
 	@$(BIN)/python scripts/bench_damped.py
+	@$(BIN)/python scripts/bench_tolerance.py
 	@$(foreach scene,$(BENCH),echo; echo "$(scene)"; $(GEARSTAB) bench $(scene) -o results/bench/$(basename $(notdir $(scene))).h5 -q;)
 
 reproduction: $(VENV)/.installed results/lin_parker_2002/fig3.h5 ## docs: what the papers state against what comes out, and the picture

@@ -26,12 +26,16 @@ KINDS_HELP = "; ".join(f"{name}: {kind.summary}" for name, kind in KINDS.items()
     help="Fix an axis at the value nearest to a number, or at a label; may be given again for other axes.",
 )
 @click.option("--variable", help="Variable to draw [default: growth_rate].")
+@click.option(
+    "--level", multiple=True, type=click.FloatRange(0, 1, min_open=True, max_open=True),
+    help="Probability at which a line is drawn (kind probability); may be given again [default: 0.01, 0.1, 0.5, 0.9].",
+)
 @click.option("--title/--no-title", default=True, show_default=True, help="Write the result's title over the figure.")
 @click.option("--size", metavar="single|double", help="One journal column (88 mm) or two (180 mm).")
 @click.option("--dpi", type=click.IntRange(50, 2400), help="Resolution of pixels [default: 300].")
 def command(
     result: Path, output: Path | None, kind: str | None, x: str | None, y: str | None, select: tuple[str, ...],
-    variable: str | None, title: bool, size: str | None, dpi: int | None,
+    variable: str | None, level: tuple[float, ...], title: bool, size: str | None, dpi: int | None,
 ) -> None:  # fmt: skip
     """Draw a figure from the file RESULT alone; nothing is computed again."""
     from gearstab.plots import draw
@@ -43,7 +47,7 @@ def command(
     target = output or result.with_suffix(".png")
     checked_extension(target)
     FIGURE.refuse(target, result)
-    request = Request(x, y, selections(select), variable, size, title, dpi)
+    request = Request(x, y, selections(select), variable, size, title, dpi, levels=level)
     with reading(result) as tree:
         figure, artists = draw(tree, kind, request)
         save(figure, target, title_of(tree))

@@ -25,7 +25,7 @@ FREQUENCY = "mesh_frequency"
 SPEEDS = (FREQUENCY, "input_speed")
 """Axes along which the mesh frequency varies."""
 
-GROUPS = ("floquet", "perturbation", "boundaries", "uncoupled", "required_damping", "response")
+GROUPS = ("floquet", "perturbation", "boundaries", "uncoupled", "required_damping", "tolerance", "response")
 """The groups that stand over the axes of a sweep."""
 
 
@@ -294,6 +294,7 @@ class Request:
     """What the user asked for; ``x`` and ``y`` default to the mesh frequency and epsilon.
 
     partial: whether a figure may leave something out where all would be too much; else that is an error.
+    levels: of contours, in a kind that draws some.
     """
 
     x: str | None = None
@@ -304,6 +305,7 @@ class Request:
     title: bool = True
     dpi: int | None = None
     partial: bool = False
+    levels: tuple[float, ...] = ()
 
     def wide(self, default: str = "single") -> bool:
         """Whether the figure is as wide as two columns of a journal; default: its size unless one is asked for."""

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from gearstab.plots.axes import SPEEDS, Axis, Request, find_axis, sweep_axes
 from gearstab.plots.variables import find_variable
 
-INNER = ("tongue", "side", "stretch", "exponent", "mesh")
+INNER = ("tongue", "side", "stretch", "exponent", "mesh", "parameter")
 """Dimensions of what was computed at a point, or of boundaries; they are no axes of the sweep."""
 
 
@@ -69,7 +69,7 @@ class Contents:
 
     @cached_property
     def drawn(self) -> list[Axis] | None:
-        """The axes of the variable asked for, else of growth rates, responses or required damping; None without."""
+        """The axes of the variable asked for, else of growth rates, responses, required damping or probabilities."""
         if not self.axes:
             return None
         if self.request.variable is not None:
@@ -80,7 +80,7 @@ class Contents:
             return [axis for axis in self.free if axis.name in over]
         if self.holds("response"):
             return [*self.own("response"), *self.mesh]
-        return self.own("required_damping") if self.holds("required_damping") else None
+        return next((self.own(name) for name in ("required_damping", "tolerance") if self.holds(name)), None)
 
     @property
     def dimensions(self) -> int | None:

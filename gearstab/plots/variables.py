@@ -13,6 +13,7 @@ GROWTH_RATE = "growth_rate"
 LOAD_FACTOR = "dynamic_load_factor"
 FORCE = "mesh_force_peak"
 REQUIRED = "required_damping"
+PROBABILITY = "probability"
 
 
 def find_variable(tree: xr.DataTree, name: str) -> tuple[xr.Dataset, xr.DataArray]:
@@ -31,12 +32,12 @@ def find_variable(tree: xr.DataTree, name: str) -> tuple[xr.Dataset, xr.DataArra
 
 
 def default_variable(tree: xr.DataTree) -> str:
-    """Growth rates; where there are none the load factor of steady states, else the required damping."""
+    """Growth rates; where there are none the load factor of steady states, the required damping or a probability."""
     held = swept_groups(tree)
-    if "floquet" in held or not {"response", REQUIRED} & set(held):
+    if "floquet" in held or not {"response", REQUIRED, "tolerance"} & set(held):
         return GROWTH_RATE
     if "response" not in held:
-        return REQUIRED
+        return REQUIRED if REQUIRED in held else PROBABILITY
     dataset = tree["response"].to_dataset()
     return LOAD_FACTOR if LOAD_FACTOR in dataset and np.isfinite(dataset[LOAD_FACTOR].values).any() else FORCE
 

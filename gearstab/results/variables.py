@@ -157,8 +157,8 @@ SOBOL = (
     coordinate("parameter", "parameter", TEXT, "1", "uncertain parameter"),
     Variable("sobol_first", (GRID, "parameter"), "f8", "1", "first-order Sobol index of instability"),
     Variable("sobol_total", (GRID, "parameter"), "f8", "1", "total Sobol index of instability"),
-    Variable("sobol_first_interval", (GRID, "parameter"), "f8", "1", "half-width of the 95 % interval of it"),
-    Variable("sobol_total_interval", (GRID, "parameter"), "f8", "1", "half-width of the 95 % interval of it"),
+    Variable("sobol_first_interval", (GRID, "parameter"), "f8", "1", "half-width of the 95 % interval of sobol_first"),
+    Variable("sobol_total_interval", (GRID, "parameter"), "f8", "1", "half-width of the 95 % interval of sobol_total"),
 )
 """Which parameter is to blame; NaN where the probability is near 0 or 1."""
 

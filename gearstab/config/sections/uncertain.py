@@ -13,8 +13,8 @@ from gearstab.config.document.problems import Path, Problem, dotted
 from gearstab.config.document.yaml import Document, value_at
 from gearstab.config.model.fields import Quantity
 from gearstab.config.model.introspection import number_kind
-from gearstab.config.sections.axes import Array, Axis, replaced
-from gearstab.config.sections.targets import MESH_FREQUENCY, Target
+from gearstab.config.sections.axes import MESH_FREQUENCY, Array, Axis, replaced
+from gearstab.config.sections.targets import Target
 from gearstab.tolerance.design import groups_of
 from gearstab.tolerance.distributions import DISTRIBUTIONS, Distribution
 
@@ -115,7 +115,7 @@ def base_values(context: Context, targets: Mapping[str, list[Target]]) -> Iterat
             numbers = document.get((*path, kind))
             if not isinstance(numbers, list) or len(numbers) < 2 or document.get((*path, "deviation")) is True:
                 continue
-            for target in found:
+            for target in (own for own in found if own.paths[0] != MESH_FREQUENCY):
                 place = ("system", *target.paths[0])
                 container = document.get(place[:-1])
                 if isinstance(container, dict) and container.get(str(place[-1])) is None:
@@ -264,7 +264,7 @@ def doubts(document: Document, found: Uncertainties, parameters: dict[str, Any],
         values, scale = swept.get(path, (0.0 if path == MESH_FREQUENCY else _present(parameters, path), factor))
         share = own.outside(np.asarray(values, dtype=float) / scale)
         if share > OUTSIDE:
-            message = f"{100 * share:.3g} % of the distribution is not {_between(own.low, own.high)}"
+            message = f"{100 * share:.3g} % of the distribution lies outside of {_between(own.low, own.high)}"
             hint = "it is cut off there; choose a narrower one if that is not what is meant"
             problems.append(document.problem((*SECTION, "parameters", own.name), message, hint))
     return problems

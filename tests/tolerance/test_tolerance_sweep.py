@@ -1,0 +1,255 @@
+"""Sweeps of systems whose parameters are uncertain."""
+
+from importlib import import_module
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gearstab.config import ConfigError, load
+from gearstab.floquet import solve
+from gearstab.results import open_result
+from gearstab.sweep import plan, run
+from gearstab.sweep.compute import compute
+from gearstab.systems import build
+from gearstab.tolerance.design import Design, correlated
+
+TRAIN = """
+system:
+  kind: two_stage
+  inertias: [1.0, 0.3, 4.0]
+  input_shaft_stiffness: 0.5
+  tooth_ratio: 1
+  meshes:
+    - {name: first, mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5}
+    - {name: second, mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5}
+"""
+PAIR = """
+system: {kind: gear_pair, equivalent_mass: 1.0, meshes: [{mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5}]}
+"""
+
+
+def written(folder: Path, text: str) -> Path:
+    path = folder / "tolerance.yaml"
+    path.write_text(text)
+    return path
+
+
+def result(folder: Path, text: str, jobs: int = 1):
+    out = folder / "tolerance.h5"
+    run(plan(load(written(folder, text))), out, jobs=jobs, overwrite=True)
+    with open_result(out) as tree:
+        return tree["tolerance"].to_dataset().load()
+
+
+def shares(found, **where):
+    return [float(found[name].sel(**where)) for name in ("probability_lower", "probability", "probability_upper")]
+
+
+def edge(low: float, high: float, unstable) -> float:
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if unstable(middle) else (middle, high)
+    return 0.5 * (low + high)
+
+
+def pair(**changes):
+    mesh = {"name": "mesh", "mean_stiffness": 1.0, "epsilon": 0.3, "contact_ratio": 1.5}
+    p = load_parameters()
+    return build(p | {"meshes": [p["meshes"][0] | mesh | changes]})
+
+
+def load_parameters():
+    import tempfile
+
+    with tempfile.TemporaryDirectory() as folder:
+        return load(written(Path(folder), PAIR)).parameters
+
+
+def test_a_known_probability(tmp_path):
+    # A primary tongue is entered as epsilon grows: the probability is the part of the range beyond the edge.
+    text = PAIR + """
+sweep: {mesh_frequency: [1.9, 2.1]}
+methods: {tolerance: {samples: 1024, seed: 3, parameters: {epsilon: {uniform: [0.05, 0.45]}}}}
+"""
+    found = result(tmp_path, text)
+    for frequency in (1.9, 2.1):
+        begins = edge(0.05, 0.45, lambda e, f=frequency: solve(pair(epsilon=e), np.array([f])).stable[0, 0] == 0)
+        lower, middle, upper = shares(found, mesh_frequency=frequency)
+        truth = (0.45 - begins) / 0.4
+        assert 0.1 < truth < 0.9
+        assert lower <= truth <= upper
+        assert abs(middle - truth) < 1 / 128
+
+
+def test_samples_are_systems_built_one_by_one(tmp_path):
+    text = TRAIN + """
+sweep: {mesh_frequency: [1.4, 2.3, 3.1], meshes.second.phasing: [0.0, 0.3]}
+methods:
+  tolerance:
+    samples: 64
+    seed: 5
+    sobol: false
+    parameters:
+      meshes.first.contact_ratio: {normal: [1.5, 0.1]}
+      epsilon: {triangular: [0.2, 0.3, 0.5]}
+      inertias.1: {uniform: [-0.1, 0.1], deviation: true}
+    correlation: [{between: [meshes.first.contact_ratio, epsilon], value: 0.7}]
+"""
+    found = result(tmp_path, text)
+    from scipy import stats
+
+    matrix = np.array([[1.0, 0.7, 0.0], [0.7, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    points = correlated(Design.of((0, 0, 1), 64, False, 5).points, matrix)
+    ratio, epsilon, inertia = (stats.norm(1.5, 0.1).ppf(points[:, 0]),
+                               stats.triang(1 / 3, 0.2, 0.3).ppf(points[:, 1]),
+                               0.3 + stats.uniform(-0.1, 0.2).ppf(points[:, 2]))  # fmt: skip
+    base = load(written(tmp_path, text)).parameters
+    for phasing in (0.0, 0.3):
+        unstable = []
+        for c, e, m in zip(ratio, epsilon, inertia, strict=True):
+            one, other = base["meshes"]
+            meshes = [one | {"contact_ratio": c, "epsilon": e}, other | {"epsilon": e, "phasing": phasing}]
+            system = build(base | {"inertias": [1.0, m, 4.0], "meshes": meshes})
+            unstable.append(solve(system, np.array([1.4, 2.3, 3.1])).stable[0] == 0)
+        wanted = np.mean(unstable, axis=0)
+        assert found["probability"].sel({"meshes.second.phasing": phasing}).values == pytest.approx(wanted, abs=1e-12)
+        assert 0 < wanted.min() < wanted.max() < 1
+
+
+MAP = TRAIN + """
+sweep: {epsilon: {start: 0.05, stop: 0.4, num: 4}, mesh_frequency: {start: 1.0, stop: 5.0, num: 30}, case: CASES}
+methods:
+  tolerance:
+    samples: 128
+    parameters:
+      meshes.first.contact_ratio: {normal: [1.5, 0.1]}
+      input_shaft_stiffness: {uniform: [0.3, 0.8]}
+      mesh_frequency: {normal: [0.0, 0.05], deviation: true}
+""".replace("CASES", "[{label: one, tooth_ratio: 1}, {label: two, tooth_ratio: 2}]")
+
+
+def test_blocks_and_processes_change_nothing(tmp_path, monkeypatch):
+    planning, tolerance = (import_module(f"gearstab.{name}") for name in ("sweep.plan", "methods.tolerance"))
+    whole = result(tmp_path, MAP)
+    assert set(whole["probability"].dims) == {"epsilon", "mesh_frequency", "case"}
+    monkeypatch.setattr(planning, "LEAST", 500)
+    monkeypatch.setattr(planning, "MOST", 500)
+    monkeypatch.setattr(tolerance, "ROW", 7)
+    planned = plan(load(written(tmp_path, MAP)))
+    assert planned.layouts[0].count > 20
+    parts = result(tmp_path, MAP)
+    assert whole.identical(parts)
+    assert float(whole["sobol_total"].max()) > 0.5
+
+
+def test_the_speed_may_be_uncertain_without_an_axis(tmp_path):
+    # The probability of a speed in a tongue, against its edges.
+    text = PAIR + """
+sweep: {epsilon: [0.2, 0.3]}
+methods: {tolerance: {samples: 1024, parameters: {mesh_frequency: {uniform: [1.8, 2.6]}}}}
+"""
+    found = result(tmp_path, text)
+    assert found["probability"].dims == ("epsilon",)
+    for epsilon in (0.2, 0.3):
+        low, high = (edge(end, 2.0, lambda f, e=epsilon: solve(pair(epsilon=e), np.array([f])).stable[0, 0] == 0)
+                     for end in (1.6, 2.4))  # fmt: skip
+        lower, middle, upper = shares(found, epsilon=epsilon)
+        truth = (high - max(low, 1.8)) / 0.8
+        assert lower <= truth <= upper
+        assert abs(middle - truth) < 1 / 64
+
+
+def test_deviations_follow_the_axis(tmp_path):
+    text = PAIR + """
+sweep: {epsilon: [0.1, 0.3], mesh_frequency: [1.9]}
+methods: {tolerance: {samples: 512, parameters: {epsilon: {uniform: [-0.05, 0.05], deviation: true}}}}
+"""
+    found = result(tmp_path, text)
+    begins = edge(0.05, 0.45, lambda e: solve(pair(epsilon=e), np.array([1.9])).stable[0, 0] == 0)
+    for epsilon in (0.1, 0.3):
+        truth = np.clip((epsilon + 0.05 - begins) / 0.1, 0.0, 1.0)
+        assert float(found["probability"].sel(epsilon=epsilon)[0]) == pytest.approx(truth, abs=1 / 64)
+
+
+def test_what_failed_and_negative_levels_are_flagged(tmp_path):
+    text = PAIR + """
+sweep: {mesh_frequency: [1.9]}
+methods: {tolerance: {samples: 64, parameters: {epsilon: {uniform: [0.5, 1.5]}}}}
+"""
+    found = result(tmp_path, text)
+    flags = dict(zip(found["status"].flag_meanings.split(), found["status"].flag_masks, strict=True))
+    assert int(found["status"][0]) & flags["negative_stiffness"]
+
+
+def problems(folder: Path, method: str, sweep: str = "mesh_frequency: [1.0, 2.0]") -> list[str]:
+    text = f"{TRAIN}sweep: {{{sweep}}}\nmethods: {{tolerance: {method}}}\n"
+    with pytest.raises(ConfigError) as error:
+        load(written(folder, text))
+    return [str(problem) for problem in error.value.problems]
+
+
+@pytest.mark.parametrize(
+    ("method", "sweep", "path", "said"),
+    [
+        ("{parameters: {epsilon: {normal: [0.3, -1]}}}", "", "parameters.epsilon.normal", "standard deviation -1"),
+        ("{parameters: {epsilon: {uniform: [0.3, 0.1]}}}", "", "parameters.epsilon.uniform", "no range from 0.3"),
+        ("{parameters: {epsilon: {triangular: [0.3, 0.1, 0.4]}}}", "", "parameters.epsilon.triangular", "low <= mode"),
+        ("{parameters: {epsilon: {normal: [0.3]}}}", "", "parameters.epsilon.normal", "has 1 entries"),
+        ("{parameters: {epsilon: {}}}", "", "parameters.epsilon", "has no distribution"),
+        ("{parameters: {epsilom: {normal: [0.3, 0.1]}}}", "", "parameters.epsilom", "did you mean 'epsilon'"),
+        ("{parameters: {contact_ratio: {normal: [0.3, 0.1]}}}", "", "parameters.contact_ratio.normal", "1 to 1000"),
+        ("{parameters: {tooth_ratio: {uniform: [1, 2]}}}", "", "parameters.tooth_ratio", "is exact"),
+        ("{parameters: {inertias.0: {uniform: [1, 2 mm]}}}", "", "parameters.inertias.0.uniform.1", "mm"),
+        ("{parameters: {epsilon: {normal: [0.3, 0.1]}}}", "mesh_frequency: [1.0], epsilon: [0.1, 0.2]",
+         "parameters.epsilon", "the axis epsilon sets it too"),
+        ("{parameters: {epsilon: {normal: [0.3, 0.1]}}}", "meshes.first.mean_stiffness: [1.0, 2.0]", "tolerance",
+         "needs a mesh_frequency axis"),
+        ("{parameters: {epsilon: {normal: [0.3, 0.1]}, meshes.first.epsilon: {normal: [0.3, 0.1]}}}", "",
+         "parameters.meshes.first.epsilon", "as epsilon does"),
+        ("{parameters: {epsilon: {normal: [0.3, 0.1]}}, correlation: [{between: [epsilon, x], value: 0.5}]}", "",
+         "correlation.0.between", "'x' has no distribution"),
+        ("{parameters: {epsilon: {normal: [0.3, 0.1]}}, correlation: [{between: [epsilon], value: 0.5}]}", "",
+         "correlation.0.between", "has 1 entries"),
+        ("{samples: 3, parameters: {epsilon: {normal: [0.3, 0.1]}}}", "", "samples", ">= 16"),
+        ("{}", "", "parameters", "is missing"),
+        ("{parameters: {}}", "", "parameters", "at least"),
+        ("{parameters: 3}", "", "parameters", "must be a mapping"),
+    ],
+)  # fmt: skip
+def test_mistakes(tmp_path, method, sweep, path, said):
+    found = problems(tmp_path, method, sweep or "mesh_frequency: [1.0, 2.0]")
+    assert len(found) == 1, found
+    assert f": methods.{'' if path == 'tolerance' else 'tolerance.'}{path}: " in found[0]
+    assert said in found[0]
+
+
+def test_correlations_that_contradict_each_other(tmp_path):
+    method = """{parameters: {epsilon: {normal: [0.3, 0.1]}, contact_ratio: {normal: [1.5, 0.1]}, inertias.0: {normal:
+      [1, 0.1]}}, correlation: [{between: [epsilon, contact_ratio], value: 0.9}, {between: [epsilon, inertias.0],
+      value: 0.9}, {between: [inertias.0, contact_ratio], value: -0.9}]}"""
+    assert "not positive definite" in problems(tmp_path, method)[0]
+
+
+def test_what_reaches_beyond_the_possible_is_cut_off_and_said(tmp_path):
+    text = TRAIN + """
+sweep: {mesh_frequency: [1.0]}
+methods: {tolerance: {samples: 16, parameters: {meshes.first.contact_ratio: {normal: [1.02, 0.02]}}}}
+"""
+    config = load(written(tmp_path, text))
+    # Below 1, one standard deviation off.
+    assert "15.9 % of the distribution lies outside of 1 to 1000" in str(config.doubts[0])
+    compute(planned := plan(config), next(planned.layouts[0].blocks()))
+
+
+def test_units_and_values_that_the_system_leaves_out(tmp_path):
+    text = """
+system: {kind: gear_pair, equivalent_mass: 1.0, meshes: [{mean_stiffness: 1.0, contact_ratio: 1.5}]}
+sweep: {mesh_frequency: [1.9]}
+methods: {tolerance: {parameters: {epsilon: {triangular: [0.1, 0.2, 0.3]}, equivalent_mass: {normal: [1000 g, 10 g]}}}}
+"""
+    config = load(written(tmp_path, text))
+    assert config.parameters["meshes"][0]["epsilon"] == 0.2
+    assert config.tree["methods"]["tolerance"]["parameters"]["equivalent_mass"]["normal"] == [1.0, 0.01]
+    again = load(written(tmp_path, config.resolved))
+    assert again.digest == config.digest
