@@ -24,6 +24,7 @@ COMMANDS = {
     "info": ("gearstab.cli.info.command:command", "Show modes and tongues, or what a result holds."),
     "check": ("gearstab.cli.check:command", "Validate a configuration; list every mistake."),
     "respond": ("gearstab.cli.respond:command", "Compute a time response."),
+    "design": ("gearstab.cli.design:command", "Find a design without instability."),
     "bench": ("gearstab.cli.bench:command", "Compare speed and error of the methods."),
     "export": ("gearstab.cli.export:command", "Write a result file as tidy CSV."),
     "schema": ("gearstab.cli.schema:command", "Print the JSON schema of configurations."),

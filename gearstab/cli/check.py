@@ -28,6 +28,10 @@ def command(config: Path, overrides: tuple[str, ...]) -> None:
         from gearstab.systems import build
 
         check(found, build(found.parameters))
+    if found.design is not None:
+        from gearstab.design import check as check_design
+
+        check_design(found)
     warn(found)
     say(f"{config}: {summary(found)}")
 
@@ -45,4 +49,7 @@ def summary(config: Config) -> str:
         parts.append(f"methods {', '.join(config.methods.chosen)}")
     if config.respond is not None:
         parts.append("respond")
+    if config.design is not None:
+        names = ", ".join(variable.name for variable in config.design.variables)
+        parts.append(f"design of {names}")
     return "; ".join(parts)

@@ -15,6 +15,7 @@ from gearstab.config.sections.names import TOP_LEVEL
 
 if TYPE_CHECKING:
     from gearstab.config.model.conflicts import Conflict
+    from gearstab.config.sections.design import Design
     from gearstab.config.sections.methods import Methods
     from gearstab.config.sections.respond import Respond
     from gearstab.config.sections.respond_pair import PairRespond
@@ -23,10 +24,10 @@ if TYPE_CHECKING:
     from gearstab.config.sections.uncertain import Uncertainties
     from gearstab.systems.base import System
 
-PLANNED_SECTIONS = ("design",)
 WITHIN = {
     "sweep": ", such as sweep: {mesh_frequency: {start: 1, stop: 5, num: 200}}",
     "methods": ", such as methods: {floquet: {}}",
+    "design": " with its range, variables and minimise",
     "respond": ": mesh_frequency, cycles and an initial state, or speed and cycles of a pair given by its gears",
 }
 """What sections that are missing hold."""
@@ -78,7 +79,7 @@ def load(path: str | FilePath, overrides: Sequence[str] = (), needs: Sequence[st
 
 @dataclass
 class _System:
-    """The sections ``system`` and ``sweep``. plain: ``system`` as plain data; specs: ``sweep``, resolved.
+    """``system``, ``sweep`` and ``design``. plain: ``system`` as plain data; specs: ``sweep``, resolved.
 
     context, uncertain: what the names of uncertain parameters refer to, and stand for.
     """
@@ -90,15 +91,13 @@ class _System:
     specs: dict[str, Any]
     context: Context
     uncertain: dict[str, list[Target]]
+    design: Design | None
 
 
 def _check_top_level(document: Document, needs: Sequence[str]) -> None:
     data = document.data
     for key in data:
-        if key in PLANNED_SECTIONS:
-            available = f"available: {', '.join(TOP_LEVEL)}"
-            document.report((key,), f"section '{key}' is not available in this version", available, at_key=True)
-        elif key not in TOP_LEVEL:
+        if key not in TOP_LEVEL:
             document.report((key,), "unknown key", nearest(key, TOP_LEVEL), at_key=True)
     title = data.get("title")
     if title is not None and not isinstance(title, str):
@@ -137,7 +136,7 @@ def _read_system(document: Document, model: type[System], source: FilePath) -> _
     from gearstab.config.model.dimensions import check_units
     from gearstab.config.model.introspection import as_parameters
     from gearstab.config.model.validation import as_meant, validate
-    from gearstab.config.sections import sweep, uncertain
+    from gearstab.config.sections import design, sweep, uncertain
 
     raw = document.data["system"]
     _name_meshes(document, model)
@@ -150,13 +149,15 @@ def _read_system(document: Document, model: type[System], source: FilePath) -> _
     meant = as_meant(raw | from_file, model)
     context = sweep.Context(document, model, meant)
     layouts = sweep.layouts(context) if "sweep" in document.data else []
-    known = set(sweep.base_values(document, layouts))
+    variables = design.layouts(context) if "design" in document.data else []
+    known = set(sweep.base_values(document, [*layouts, *variables]))
     targets = uncertain.resolve(context, value_at(document.data, uncertain.SECTION))
     known |= set(uncertain.base_values(context, targets))
     _report(document, ("system",), model.conflicts(as_meant(raw | from_file, model)))
     known |= check_units(document, model, meant, "system", model, known)
     system = validate(document, model, ("system",), known)
     built = [(layout.name, sweep.build(context, layout)) for layout in layouts]
+    wanted = design.read(context, variables) if "design" in document.data else None
     if system is None:
         return None
     axes = tuple(item[0] for _, item in built if item)
@@ -168,7 +169,7 @@ def _read_system(document: Document, model: type[System], source: FilePath) -> _
     check_variation(document, samples, axes)
     contents |= {dotted(where): values for where, values in samples.items()}
     specs = {name: item[1] for name, item in built if item}
-    return _System(plain, parameters, contents, axes, specs, context, targets)
+    return _System(plain, parameters, contents, axes, specs, context, targets, wanted)
 
 
 def _name_meshes(document: Document, model: type[System]) -> None:
@@ -288,6 +289,8 @@ def _config(
         tree["methods"] = methods.model_dump(mode="json", exclude_none=True)
     if respond is not None:
         tree["respond"] = respond.model_dump(mode="json", exclude_none=True)
+    if system.design is not None:
+        tree["design"] = system.design.tree
     return Config(
         title=title,
         kind=system.parameters["kind"],
@@ -299,4 +302,5 @@ def _config(
         tree=tree,
         contents=system.contents,
         document=document,
+        design=system.design,
     )

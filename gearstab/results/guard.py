@@ -9,7 +9,7 @@ from gearstab.errors import ResultError
 from gearstab.results.output import FIGURES, OTHERS, TABLES, Content
 from gearstab.results.read import attributes
 
-SWEEP, RESPOND, BENCH = "sweep", "respond", "bench"
+SWEEP, RESPOND, BENCH, DESIGN = "sweep", "respond", "bench", "design"
 """The commands that write results; a result names its own in the attribute ``command``."""
 
 INSTEAD = {".csv": "export", ".png": "plot", ".pdf": "plot", ".svg": "plot"}

@@ -407,9 +407,11 @@ BENCH = (
 
 
 def every_variable() -> tuple[Variable, ...]:
-    """Return all variables of this module, those of the sections of a table once for each table."""
+    """Return all variables of this module and of designs, those of the sections of a table once for each table."""
+    from gearstab.results import design_tables
+
     found: list[Variable] = []
-    for table in globals().copy().values():
+    for table in (*globals().copy().values(), *vars(design_tables).values()):
         found += [item for item in (table if isinstance(table, tuple) else (table,)) if isinstance(item, Variable)]
     return tuple(found)
 

@@ -15,6 +15,7 @@ from gearstab.cli.info.text import report
 
 if TYPE_CHECKING:
     from gearstab.config import Config
+    from gearstab.config.sections.design import Design
     from gearstab.system import GearSystem
 
 
@@ -77,10 +78,23 @@ def describe(config: Config, harmonics: int | None = None) -> dict[str, Any]:
         "train": train.facts(config, system),
         "reductions": _reductions(system),
         "terms": [term.name for term in system.terms],
+        "design": None if config.design is None else _design(config.design),
         "order": asked.order if asked else 1,
         "harmonics": order,
         "dangerous": danger.facts(config, system, order),
         **_existence(system, _tongues(system, asked.order if asked else 1, order)),
+    }
+
+
+def _design(design: Design) -> dict[str, Any]:
+    """What a search of ``gearstab design`` would be for."""
+    from gearstab.design.names import objective_name
+
+    return {
+        "ranges": [{item.of: [item.low, item.high], "weight": item.weight} for item in design.ranges],
+        "variables": {v.name: list(v.bounds) if v.continuous else v.axis.size for v in design.variables},
+        "minimise": [objective_name(weights) for weights in design.objectives],
+        "constraints": [limit.name for limit in design.limits],
     }
 
 

@@ -103,7 +103,10 @@ def _plain(value: Any) -> Any:
 
 
 def report(facts: dict[str, Any]) -> str:
-    """Return the text for a reader."""
+    """Return the text for a reader; of a design its answer, in some ten lines."""
+    answer = next((group["attributes"]["answer"] for group in facts["groups"] if "answer" in group["attributes"]), None)
+    if answer is not None:
+        return "\n".join([facts["title"], *answer.splitlines(), "(--json lists the groups and variables of the file)"])
     lines = [facts["title"], ""]
     known = facts["provenance"]
     width = max(len(text) for _, text in PROVENANCE)

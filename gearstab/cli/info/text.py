@@ -58,7 +58,18 @@ def _heading(facts: dict[str, Any]) -> str:
         lines.append(f"floquet        {periods.way(facts['frequencies'])}")
     if facts["sweep"]:
         lines.append("sweep          " + " x ".join(f"{name} ({size})" for name, size in facts["sweep"].items()))
+    if facts["design"]:
+        lines.append(f"design         {_design(facts['design'])}")
     return "\n".join(lines)
+
+
+def _design(design: dict[str, Any]) -> str:
+    """What may change, and what for: one line."""
+    sizes = {
+        name: f"{bounds[0]:.6g} .. {bounds[1]:.6g}" if isinstance(bounds, list) else f"{bounds} choices"
+        for name, bounds in design["variables"].items()
+    }
+    return f"minimise {', '.join(design['minimise'])} by {', '.join(f'{n} ({size})' for n, size in sizes.items())}"
 
 
 def _mesh_table(facts: dict[str, Any]) -> str:

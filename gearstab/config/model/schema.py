@@ -13,6 +13,7 @@ from gearstab.config.sections.methods import Methods
 from gearstab.config.sections.respond import Respond
 from gearstab.config.sections.respond_pair import PairRespond
 from gearstab.config.sections.sweep import Tie
+from gearstab.design.names import OBJECTIVES, QUANTITIES
 from gearstab.systems import KINDS, short_names
 from gearstab.systems.gear_pair import RotatingPair
 
@@ -46,6 +47,7 @@ def schema() -> dict[str, Any]:
             "system": _system([references[(model, "validation")] for model in systems]),
             "sweep": _sweep(),
             "methods": {"$ref": "#/$defs/Methods"},
+            "design": _design(),
             "respond": {"anyOf": [{"$ref": "#/$defs/Respond"}, {"$ref": "#/$defs/PairRespond"}]},
         },
         "dependentRequired": {"sweep": ["methods"], "methods": ["sweep"]},
@@ -86,6 +88,63 @@ def _sweep() -> dict[str, Any]:
         "properties": {name: {"$ref": "#/$defs/Values", "description": text} for name, text in said.items()},
         "additionalProperties": axis,
     }
+
+
+def _design() -> dict[str, Any]:
+    ends = {"type": "array", "minItems": 2, "maxItems": 2, "items": NUMBER}
+    span = {
+        "type": "object",
+        "additionalProperties": False,
+        "properties": {
+            "mesh_frequency": ends | {"description": "Lowest and highest frequency of the first mesh (rad/s)."},
+            "input_speed": ends | {"description": "Of systems with an input, in place of mesh_frequency."},
+            "weight": {"type": "number", "exclusiveMinimum": 0, "description": "Of this range; default 1."},
+        },
+    }
+    weights = {
+        "type": "object",
+        "additionalProperties": False,
+        "minProperties": 1,
+        "properties": {
+            name: {"type": "number", "exclusiveMinimum": 0, "description": QUANTITIES[name].long_name}
+            for name in OBJECTIVES
+        },
+    }
+    goal = {"anyOf": [{"enum": list(OBJECTIVES)}, weights]}
+    limit = {
+        "type": "object",
+        "additionalProperties": False,
+        "minProperties": 1,
+        "properties": {"min": NUMBER, "max": NUMBER},
+    }
+    limits = {name: limit | {"description": item.long_name} for name, item in QUANTITIES.items()}
+    return {
+        "description": "What gearstab design may change, and what for.",
+        "type": "object",
+        "additionalProperties": False,
+        "required": ["range", "variables", "minimise"],
+        "properties": {
+            "range": {"anyOf": [span, {"type": "array", "minItems": 1, "items": span}]},
+            "variables": {"type": "object", "minProperties": 1, "additionalProperties": _variable(ends)},
+            "minimise": {"anyOf": [goal, {"type": "array", "minItems": 1, "items": goal}]},
+            "constraints": {"type": "object", "properties": limits, "additionalProperties": limit},
+        },
+    }
+
+
+def _variable(bounds: dict[str, Any]) -> dict[str, Any]:
+    """Bounds, or one of the forms of choices."""
+    forms: dict[str, dict[str, Any]] = {
+        "integers": {"type": "array", "minItems": 2, "maxItems": 2, "items": {"type": "number"}},
+        "values": {"type": "array", "minItems": 1, "items": NUMBER},
+        "catalogue": {"type": "string", "description": "A CSV file: columns are paths, rows are choices."},
+        "choices": {"type": "array", "minItems": 1, "items": {"$ref": "#/$defs/Case"}},
+    }
+    options = [
+        {"type": "object", "additionalProperties": False, "required": [key], "properties": {key: form}}
+        for key, form in forms.items()
+    ]
+    return {"anyOf": [bounds, *options]}
 
 
 def _values() -> dict[str, Any]:

@@ -16,6 +16,7 @@ from gearstab.config.document.problems import Path, Problem
 
 if TYPE_CHECKING:
     from gearstab.config.document.yaml import Document
+    from gearstab.config.sections.design import Design
     from gearstab.config.sections.methods import Methods
     from gearstab.config.sections.respond import Respond
     from gearstab.config.sections.respond_pair import PairRespond
@@ -96,7 +97,7 @@ class Config:
     """A configuration that was read and found right.
 
     parameters: the section ``system``, ready for ``gearstab.systems.build``; SI numbers, exact ratios as Fraction.
-    axes: in the order of ``sweep``, none without that section; methods and respond: their sections.
+    axes: in the order of ``sweep``, none without that section; methods, respond and design: their sections.
     tree: the whole document as run, as plain data; contents: what referenced files hold, by name.
     overrides: the ``PATH=VALUE`` texts that were applied.
     document: the document as written, which knows where everything stands.
@@ -115,6 +116,7 @@ class Config:
     contents: Mapping[str, Array]
     document: Document = field(repr=False, compare=False)
     overrides: tuple[str, ...] = ()
+    design: Design | None = None
     doubts: tuple[Problem, ...] = field(default=(), compare=False)
     uncertainties: Uncertainties | None = None
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-TOP_LEVEL = ("title", "system", "sweep", "methods", "respond")
+TOP_LEVEL = ("title", "system", "sweep", "methods", "respond", "design")
 """The sections of a document."""
 
 

@@ -144,18 +144,18 @@ def layouts(context: Context) -> list[Layout]:
         if spec is None or spec in ([], {}):
             document.report(path, "an axis without values", "give a list, or {start: .., stop: .., num: ..}")
         elif isinstance(spec, list) and all(isinstance(entry, dict) for entry in spec):
-            found.append(_cases(context, name, path, spec))
+            found.append(cases(context, name, path, spec))
         elif isinstance(spec, dict) and ("targets" in spec or "values" in spec):
             found.append(_tie(context, name, path, spec))
         else:
             found.append(Layout(name, [Column(path, context.resolve(name, path))]))
-    _report_rivals(document, found)
+    report_rivals(document, found)
     _report_teeth(document, found)
     return found
 
 
-def _report_rivals(document: Document, found: list[Layout]) -> None:
-    """A parameter can be set by one axis only, and by one name only."""
+def report_rivals(document: Document, found: list[Layout]) -> None:
+    """Report parameters that are set twice: each can be set by one axis or variable only, and by one name only."""
     owners: dict[Path, Path] = {}
     for layout in found:
         for column in layout.columns:
@@ -234,7 +234,8 @@ def _shared(document: Document, path: Path, targets: list[Target]) -> Column:
     return Column(inner, targets)
 
 
-def _cases(context: Context, name: str, path: Path, entries: list[dict[str, Any]]) -> Layout:
+def cases(context: Context, name: str, path: Path, entries: list[dict[str, Any]]) -> Layout:
+    """An axis, or a design variable, whose entries are mappings that change several parameters together."""
     document = context.document
     _named_freely(context, name, path)
     labels = _labels(document, path, entries)

@@ -13,7 +13,7 @@ from pydantic.fields import FieldInfo
 from gearstab.config.document.problems import Path, dotted, nearest
 from gearstab.config.document.yaml import value_at
 from gearstab.config.model.dimensions import quantity_at
-from gearstab.config.model.fields import AngularFrequency, Quantity, Ratio, ShortName
+from gearstab.config.model.fields import AngularFrequency, Count, Quantity, Ratio, ShortName
 from gearstab.config.model.introspection import (
     axis_choice,
     entry_type,
@@ -75,6 +75,17 @@ class Target:
     def exact(self) -> bool:
         """Whether it is an exact ratio or a word, which changes the structure of the problem."""
         return isinstance(number_kind(self.annotation), Ratio) or axis_choice(self.annotation) is not None
+
+    @property
+    def counted(self) -> bool:
+        """Whether it is a number of teeth."""
+        return isinstance(number_kind(self.annotation), Count)
+
+    @property
+    def plain(self) -> Any:
+        """The type of a number in its unit, wherever its own values must lie."""
+        kind = number_kind(self.annotation)
+        return Annotated[float, Quantity() if isinstance(kind, Ratio) or kind is None else kind]
 
     @property
     def decimal(self) -> bool:

@@ -13,6 +13,7 @@ from gearstab.config.model.fields import (
     Mass,
     Quantity,
     Section,
+    ToothCount,
     Turns,
     Whole,
 )
@@ -172,7 +173,7 @@ class Phases(Section):
     )
 
 
-Teeth = Annotated[int, Field(ge=4), Whole]
+Teeth = Annotated[ToothCount, Field(ge=4)]
 
 
 class ToothNumbers(Section):
@@ -187,7 +188,7 @@ class Planetary(System):
     """Sun, carrier, equal and equally spaced planets and a ring (Parker 2009)."""
 
     kind: Literal["planetary"] = Field(title="kind of system", description="A planetary gear.")
-    planets: Annotated[int, Field(ge=3, le=MOST_PLANETS), Whole] = Field(
+    planets: Annotated[ToothCount, Field(ge=3, le=MOST_PLANETS)] = Field(
         title="number of planets", description="N >= 3, equally spaced."
     )
     motion: Annotated[str, Choice("motion", ("planar", "rotational"))] = Field(

@@ -1,0 +1,284 @@
+"""The section ``design``: what is to be small over which speeds, what may change for it, and within which limits."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from pydantic import TypeAdapter, ValidationError
+
+from gearstab.config.document.problems import Path, dotted, nearest
+from gearstab.config.document.yaml import Document
+from gearstab.config.model.validation import explain
+from gearstab.config.sections import design_variables
+from gearstab.config.sections.axes import Axis
+from gearstab.config.sections.expansion import expand_list
+from gearstab.config.sections.sweep import Context, Layout, build
+from gearstab.config.sections.targets import INPUT_SPEED, Target
+from gearstab.design.names import OBJECTIVES, QUANTITIES
+
+KEYS = {
+    "range": "range: {mesh_frequency: [2.0, 6.0]}",
+    "variables": "variables: {meshes.first.contact_ratio: [1.1, 1.9]}",
+    "minimise": "minimise: instability_width",
+    "constraints": "constraints: {contact_ratio: {max: 1.9}}",
+}
+"""The keys of the section with an example each."""
+SPEEDS: tuple[str, ...] = ("mesh_frequency", INPUT_SPEED)
+
+
+@dataclass(frozen=True)
+class Variable:
+    """A quantity that may change.
+
+    axis: its values as those of an axis of a sweep, both bounds of a continuous one, else all choices.
+    form: how it is given: ``bounds``, ``integers``, ``values`` or ``choices``.
+    """
+
+    axis: Axis
+    form: str
+
+    @property
+    def name(self) -> str:
+        """Its key in the section."""
+        return self.axis.name
+
+    @property
+    def continuous(self) -> bool:
+        """Whether every number between two bounds is allowed."""
+        return self.form == "bounds"
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """The bounds of a continuous variable."""
+        low, high = np.asarray(self.axis.values, dtype=float)
+        return float(low), float(high)
+
+
+@dataclass(frozen=True)
+class SpeedRange:
+    """Operating speeds: low to high of the mesh frequency or, ``of`` says which, of the input speed, rad/s."""
+
+    of: str
+    low: float
+    high: float
+    weight: float = 1.0
+
+
+@dataclass(frozen=True)
+class Limit:
+    """A constraint: low <= the quantity, or the numbers at these paths below ``system``, <= high, in SI units."""
+
+    name: str
+    paths: tuple[Path, ...]
+    low: float
+    high: float
+    units: str
+
+
+@dataclass(frozen=True)
+class Design:
+    """A design problem as read.
+
+    objectives: weights by name of quantity; several are for a Pareto front. tree: the section as plain data, resolved.
+    """
+
+    variables: tuple[Variable, ...]
+    ranges: tuple[SpeedRange, ...]
+    objectives: tuple[Mapping[str, float], ...]
+    limits: tuple[Limit, ...]
+    tree: Mapping[str, Any]
+
+
+def layouts(context: Context) -> list[Layout]:
+    """Find what each variable sets; what is wrong with the section's keys and variables is reported."""
+    document = context.document
+    section = document.get(("design",))
+    if not isinstance(section, dict) or not section:
+        hint = f"add {', '.join(KEYS[key] for key in ('range', 'variables', 'minimise'))}"
+        document.report(("design",), "must be a mapping", hint, value=section or None)
+        return []
+    for key in section:
+        if key not in KEYS:
+            document.report(("design", key), "unknown key", nearest(key, KEYS), at_key=True)
+    for key in ("range", "variables", "minimise"):
+        if section.get(key) in (None, [], {}):
+            document.report(("design", key), "is missing", f"add {KEYS[key]}")
+    return list(design_variables.layouts(context)) if section.get("variables") else []
+
+
+def read(context: Context, found: list[Layout]) -> Design | None:
+    """Read the section; None after reporting problems."""
+    before = len(context.document.problems)
+    variables, specs = [], {}
+    for layout in found:
+        built = build(context, layout)
+        form = design_variables.form_of(context.document, layout.name)
+        if built is None or form is None:
+            continue
+        variables.append(Variable(built[0], form))
+        specs[layout.name] = _spec(form, built[1])
+        design_variables.check(context.document, variables[-1].axis, form)
+    section = context.document.get(("design",))
+    if not isinstance(section, dict):
+        return None
+    ranges = list(_ranges(context, section.get("range")))
+    objectives = list(_objectives(context.document, section.get("minimise")))
+    limits = list(_limits(context, section.get("constraints")))
+    if len(context.document.problems) > before or not (variables and ranges and objectives):
+        return None
+    tree = {
+        "range": [{item.of: [item.low, item.high], "weight": item.weight} for item in ranges],
+        "variables": specs,
+        "minimise": [dict(item) for item in objectives] if len(objectives) > 1 else dict(objectives[0]),
+    }
+    if limits:
+        tree["constraints"] = {item.name: _ends(item) for item in limits}
+    return Design(tuple(variables), tuple(ranges), tuple(objectives), tuple(limits), tree)
+
+
+def _spec(form: str, values: Any) -> Any:
+    """A variable as plain data, in the form in which it was given."""
+    if form == "bounds":
+        return values
+    return {form: [int(float(values[k])) for k in (0, -1)] if form == "integers" else values}
+
+
+def _ends(limit: Limit) -> dict[str, float]:
+    ends = {"min": limit.low, "max": limit.high}
+    return {name: value for name, value in ends.items() if np.isfinite(value)}
+
+
+def _ranges(context: Context, spec: Any) -> Iterator[SpeedRange]:
+    document, path = context.document, ("design", "range")
+    if spec in (None, [], {}):
+        return
+    items: list[tuple[Path, Any]] = [(path, spec)]
+    if isinstance(spec, list):
+        items = [((*path, i), item) for i, item in enumerate(spec)]
+    for place, item in items:
+        found = _range(context, place, item)
+        if found is not None:
+            yield found
+    kinds = {key for _, item in items if isinstance(item, dict) for key in item if key in SPEEDS}
+    if len(kinds) > 1:
+        document.report(path, "some ranges are of mesh_frequency and some of input_speed", "use one of the two for all")
+
+
+def _range(context: Context, path: Path, item: Any) -> SpeedRange | None:
+    document = context.document
+    named = [key for key in SPEEDS if isinstance(item, dict) and key in item]
+    if len(named) != 1:
+        hint = f"write {KEYS['range']}, or input_speed with speeds of the input"
+        document.report(path, "must give one of mesh_frequency, input_speed", hint, value=None if named else item)
+        return None
+    for key in item:
+        if key not in (*SPEEDS, "weight"):
+            document.report((*path, key), "unknown key", nearest(key, (*SPEEDS, "weight")), at_key=True)
+    of, ends = named[0], item[named[0]]
+    weight = _positive(document, (*path, "weight"), item["weight"]) if "weight" in item else 1.0
+    targets = context.resolve(of, (*path, of))
+    if not isinstance(ends, list) or len(ends) != 2:
+        document.report((*path, of), "must be the lowest and the highest speed", "write [low, high]", value=ends)
+        return None
+    if not targets:
+        return None
+    found = expand_list(document, ends, [(*path, of, i) for i in range(2)], targets[0], (*path, of))
+    if found.values is None or weight is None:
+        return None
+    low, high = (float(value) for value in found.values)
+    if not low < high:
+        document.report((*path, of), "is no range", "give the lower speed first", value=ends)
+        return None
+    return SpeedRange(of, low, high, weight)
+
+
+def _positive(document: Document, path: Path, value: Any) -> float | None:
+    """A number > 0; None after reporting that it is none."""
+    plain = isinstance(value, int | float) and not isinstance(value, bool)
+    if plain and 0 < value < np.inf:
+        return float(value)
+    document.report(path, "must be a number > 0", "write a number > 0", value=value)
+    return None
+
+
+def _objectives(document: Document, spec: Any) -> Iterator[dict[str, float]]:
+    """Weights by name, of each objective."""
+    path: Path = ("design", "minimise")
+    if spec in (None, [], {}):
+        return
+    items = enumerate(spec) if isinstance(spec, list) else [(None, spec)]
+    seen: list[Any] = []
+    for i, item in items:
+        place = path if i is None else (*path, i)
+        if item in seen:
+            document.report(place, "stands there twice", "name each objective once", value=item)
+        seen.append(item)
+        found = _objective(document, place, item)
+        if found:
+            yield found
+
+
+def _objective(document: Document, path: Path, item: Any) -> dict[str, float]:
+    weights = {item: 1.0} if isinstance(item, str) else item
+    if not isinstance(weights, dict) or not weights:
+        hint = f"write one of {', '.join(OBJECTIVES)}, or a mapping of weights"
+        document.report(path, "must name what is to be small", hint, value=item)
+        return {}
+    found = {}
+    for name, weight in weights.items():
+        place = path if isinstance(item, str) else (*path, name)
+        if name not in OBJECTIVES:
+            document.report(place, f"'{name}' is no objective", nearest(str(name), OBJECTIVES), at_key=True)
+            continue
+        number = _positive(document, place, weight)
+        if number is not None:
+            found[name] = number
+    return found
+
+
+def _limits(context: Context, spec: Any) -> Iterator[Limit]:
+    document, path = context.document, ("design", "constraints")
+    if spec in (None, {}):
+        return
+    if not isinstance(spec, dict):
+        document.report(path, "must be a mapping", f"write {KEYS['constraints']}", value=spec)
+        return
+    for name, ends in spec.items():
+        found = _limit(context, (*path, name), name, ends)
+        if found is not None:
+            yield found
+
+
+def _limit(context: Context, path: Path, name: str, ends: Any) -> Limit | None:
+    document = context.document
+    if not isinstance(ends, dict) or not ends or not ends.keys() <= {"min", "max"}:
+        document.report(path, "must give min, max or both", "write {min: .., max: ..}", value=ends or None)
+        return None
+    targets: list[Target] = []
+    if name in QUANTITIES:
+        units = QUANTITIES[name].units
+        adapter: TypeAdapter[Any] = TypeAdapter(QUANTITIES[name].annotation)
+    else:
+        targets = context.resolve(name, path)
+        if not targets:
+            return None
+        if targets[0].exact and not targets[0].counted:
+            document.report(path, "is no number that has limits", "give the choices in variables", at_key=True)
+            return None
+        units, adapter = targets[0].unit, TypeAdapter(targets[0].plain)
+    values = {"min": -np.inf, "max": np.inf}
+    for key, value in ends.items():
+        try:
+            values[key] = float(adapter.validate_python(value))
+        except ValidationError as error:
+            message, hint = explain(error.errors(include_url=False)[0])
+            document.report((*path, key), message, hint, value=value)
+            return None
+    if values["min"] > values["max"]:
+        document.report(path, "min is larger than max", "exchange the two", value=dotted(path))
+        return None
+    paths = tuple(item.paths[0] for item in targets)
+    return Limit(name, paths, values["min"], values["max"], units)

@@ -1,0 +1,196 @@
+"""``design.variables``: in which forms a variable is given, and what it sets."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterator
+from fractions import Fraction
+from pathlib import Path as FilePath
+from typing import Any
+
+import numpy as np
+
+from gearstab.config.document import files
+from gearstab.config.document.problems import Path, nearest
+from gearstab.config.document.yaml import Document, number
+from gearstab.config.sections.axes import Axis
+from gearstab.config.sections.sweep import Column, Context, Layout, cases, report_rivals
+from gearstab.config.sections.targets import INPUT_SPEED, MESH_FREQUENCY, Target
+
+FORMS = {
+    "integers": "{integers: [17, 40]}",
+    "values": "{values: [1.2, 1.4]}",
+    "catalogue": "{catalogue: gears.csv}",
+    "choices": "{choices: [{label: A, path: value}]}",
+}
+"""The forms of a variable that takes one of a few values."""
+PLACE: Path = ("design", "variables")
+MOST_CHOICES = 10_000
+"""Of one variable."""
+
+
+def layouts(context: Context) -> Iterator[Layout]:
+    """Find what each variable sets; reports forms that are none, names that stand for nothing, and rivals."""
+    document = context.document
+    section = document.get(PLACE)
+    if not isinstance(section, dict):
+        document.report(PLACE, "must be a mapping", "write a path and its bounds, such as epsilon: [0.1, 0.3]")
+        return
+    found = [layout for name in section if (layout := _layout(context, name)) is not None]
+    report_rivals(document, found)
+    yield from found
+
+
+def form_of(document: Document, name: str) -> str | None:
+    """The form of a variable that was found right, once a catalogue was read."""
+    spec = document.get((*PLACE, name))
+    if isinstance(spec, list):
+        return "bounds"
+    return next((key for key in FORMS if key in spec), None) if isinstance(spec, dict) else None
+
+
+def check(document: Document, axis: Axis, form: str) -> None:
+    """Report bounds that are none, or of something that has no bounds, and choices that are equal."""
+    path = (*PLACE, axis.name)
+    if form != "bounds":
+        texts = [tuple(repr(item.values[k]) for item in axis.assignments) for k in range(axis.size)]
+        twice = next((k for k, text in enumerate(texts) if text in texts[:k]), None)
+        if twice is not None:
+            document.report((*path, form), f"choice {twice + 1} stands there twice", "give every choice once")
+        return
+    if any(item.structural for item in axis.assignments):
+        document.report(path, "is exact or a word and has no bounds", "give {integers: [low, high]} or {values: [..]}")
+    elif not axis.values[0] < axis.values[1]:
+        document.report(path, "has no room between its bounds", "give the lower bound first", value=document.get(path))
+
+
+def _layout(context: Context, name: str) -> Layout | None:
+    document, path = context.document, (*PLACE, name)
+    if name in (MESH_FREQUENCY[0], INPUT_SPEED):
+        document.report(path, "is what the range is of, and no variable", "give it in design.range", at_key=True)
+        return None
+    spec = document.get(path)
+    if isinstance(spec, list):
+        return _of_bounds(context, name, path, spec)
+    if not isinstance(spec, dict) or len(spec) != 1 or next(iter(spec)) not in FORMS:
+        wrong = [key for key in spec if key not in FORMS] if isinstance(spec, dict) else []
+        hint = nearest(wrong[0], FORMS) if wrong else f"write [low, high], or one of {', '.join(FORMS.values())}"
+        document.report(path, "has no bounds and no choices", hint, value=spec or None)
+        return None
+    form = next(iter(spec))
+    if form == "integers":
+        items = _integers(document, (*path, form), spec[form])
+        return None if items is None else _of_values(context, name, (*path, form), items)
+    if form == "values":
+        if not isinstance(spec[form], list) or not spec[form]:
+            document.report((*path, form), "must be a list of values", "write values: [1.2, 1.4]", value=spec[form])
+            return None
+        return _of_values(context, name, (*path, form), spec[form])
+    entries = spec[form] if form == "choices" else _catalogue(document, path, spec[form])
+    return None if entries is None else _of_choices(context, name, (*path, "choices"), entries)
+
+
+def _of_bounds(context: Context, name: str, path: Path, spec: list[Any]) -> Layout | None:
+    if len(spec) != 2:
+        context.document.report(path, "must be the lower and the upper bound", "write [low, high]", value=spec)
+        return None
+    targets = context.resolve(name, path)
+    if not targets:
+        return None
+    plain = all(isinstance(value, int | float) and not isinstance(value, bool) for value in spec)
+    middle = 0.5 * (spec[0] + spec[1]) if plain else spec[0]
+    return Layout(name, [Column(path, targets, base=_given(targets, middle))])
+
+
+def _given(targets: list[Target], otherwise: Any) -> Any:
+    """What a number is that the system does not give: its default, where it has one."""
+    default = targets[0].default
+    if default is None:
+        return otherwise
+    return str(default) if isinstance(default, Fraction) else default
+
+
+def _of_values(context: Context, name: str, path: Path, items: list[Any]) -> Layout | None:
+    """Also of a number that has a base value: a choice that is not one of the base system is no mistake."""
+    targets: list[Target] = context.resolve(name, path[:-1])
+    if not targets:
+        return None
+    places = [(*path, i) if path[-1] == "values" else path for i in range(len(items))]
+    return Layout(name, [Column(path, targets, items, places, _given(targets, items[0]))])
+
+
+def _integers(document: Document, path: Path, ends: Any) -> list[int] | None:
+    """All integers between two, both included."""
+    whole = isinstance(ends, list) and len(ends) == 2
+    whole = whole and all(isinstance(v, int | float) and not isinstance(v, bool) and v == int(v) for v in ends)
+    if not whole or not ends[0] <= ends[1]:
+        document.report(path, "must be the lowest and the highest integer", "write integers: [17, 40]", value=ends)
+        return None
+    if ends[1] - ends[0] >= MOST_CHOICES:
+        document.report(path, f"gives more than {MOST_CHOICES:,} choices", "narrow the range", value=ends)
+        return None
+    return list(range(int(ends[0]), int(ends[1]) + 1))
+
+
+def _of_choices(context: Context, name: str, path: Path, entries: Any) -> Layout | None:
+    document = context.document
+    if not isinstance(entries, list) or not entries or not all(isinstance(entry, dict) for entry in entries):
+        document.report(path, "must be a list of mappings", "write choices: [{path: value}, ..]", value=entries)
+        return None
+    found: Layout = cases(context, name, path, entries)
+    return found
+
+
+def _catalogue(document: Document, path: Path, name: Any) -> list[dict[str, Any]] | None:
+    """The rows of a CSV file, whose columns are paths; they take the place of the file in the document."""
+    place = (*path, "catalogue")
+    if not isinstance(name, str):
+        document.report(place, "must be the name of a file", "write catalogue: gears.csv", value=name)
+        return None
+    file = FilePath(document.file).parent / name
+    try:
+        files.usable(file, ".csv", (".csv",))
+        rows = list(csv.reader(files.text(file).splitlines(), skipinitialspace=True))
+    except files.DataFileError as error:
+        document.report(place, str(error), error.hint, value=name)
+        return None
+    except csv.Error as error:
+        document.report(place, f"cannot be read: {error}", "save it as comma-separated values", value=name)
+        return None
+    rows = [row for row in rows if any(cell.strip() for cell in row)]
+    fault = _fault(rows)
+    if fault:
+        document.report(place, *fault, value=name)
+        return None
+    header = [cell.strip() for cell in rows[0]]
+    entries = []
+    for k, row in enumerate(rows[1:], start=1):
+        cells: dict[str, Any] = {key: cell.strip() for key, cell in zip(header, row, strict=True) if cell.strip()}
+        label = cells.pop("label", f"row {k}")
+        values = {key: number(cell) if _numeric(cell) else cell for key, cell in cells.items()}
+        entries.append({"label": label} | values)
+    where = document.where(place)
+    document.put(path, {"choices": entries}, where)
+    return entries
+
+
+def _fault(rows: list[list[str]]) -> tuple[str, str] | None:
+    """What is wrong with the rows of a catalogue, and what to do."""
+    if len(rows) < 2:
+        return "holds no row of choices", "write paths in the first line and a choice in each further one"
+    if len(rows) > MOST_CHOICES:
+        return f"holds more than {MOST_CHOICES:,} rows", "leave out what is no choice"
+    header = [cell.strip() for cell in rows[0]]
+    if "" in header or len(set(header)) < len(header):
+        return "has columns without a name, or two of one name", "name each column by the path that it sets"
+    for k, row in enumerate(rows[1:], start=1):
+        if len(row) != len(header):
+            return f"has {len(row)} cells in row {k} and {len(header)} columns", "give every row a cell for each column"
+    return None
+
+
+def _numeric(cell: str) -> bool:
+    try:
+        return bool(np.isfinite(float(cell)))
+    except ValueError:
+        return False

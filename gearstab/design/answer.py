@@ -1,0 +1,59 @@
+"""A design result in about ten lines."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gearstab.design import values
+from gearstab.design.names import objective_name, objective_unit
+from gearstab.results.units import in_brackets
+
+if TYPE_CHECKING:
+    from gearstab.design.solution import Solution
+
+LONGEST = 5
+"""Variables in the answer; further ones are counted."""
+
+
+def answer(solution: Solution) -> list[str]:
+    """Return what changes, what that brings, what limits it, how firm it is and why it works."""
+    problem = solution.problem
+    lines = []
+    for k, weights in enumerate(problem.design.objectives):
+        before, after = solution.objective_initial[k], solution.objective_optimum[k]
+        gain = f", {100 * (1 - after / before):.3g} % less" if before > 0 and after <= before else ""
+        shown = in_brackets(solution.initial_system, objective_unit(weights))
+        lines.append(f"{objective_name(weights)}{shown}: {before:.6g} -> {after:.6g}{gain}")
+    for v, variable in enumerate(problem.variables[:LONGEST]):
+        old, new = (values.text(problem, variable, place) for place in (np.nan, solution.optimum[v]))
+        down, up = solution.margins[:, v]
+        firm = f" (margins -{down:.3g}, +{up:.3g})" if np.isfinite([down, up]).all() else ""
+        lines.append(f"{variable.name}: {old} -> {new}{firm}")
+    if len(problem.variables) > LONGEST:
+        lines.append(f"... and {len(problem.variables) - LONGEST} more variables")
+    lines += _regions(solution)
+    if solution.front is not None:
+        lines.append(f"Pareto front: {len(solution.front[0])} designs; the optimum shown is a compromise between them")
+    lines += [f"why: {text}" for text in solution.explanation[:2]]
+    points, wrong = solution.verified
+    lines.append(f"verified by Floquet analysis at {points:,} speeds: {wrong or 'none'} contradict{'s' * (wrong == 1)}")
+    return lines
+
+
+def _regions(solution: Solution) -> list[str]:
+    tongues = solution.tongues
+    if tongues is None:
+        return []
+    place = tongues.limiting(1)
+    if place is None:
+        return ["no instability region within reach of the operating range"]
+    lower, upper = tongues.edges[place, :, 1]
+    where = f"{lower:.6g} to {upper:.6g}{in_brackets(solution.initial_system, 'rad/s')}"
+    away = tongues.distance[place, 1]
+    label = tongues.index[place][0].label
+    inside = int(np.count_nonzero(tongues.distance[:, 1] == 0))
+    if away > 0:
+        return [f"no instability in the operating range; nearest region {label}, {where}, {away:.4g} away"]
+    return [f"{inside} region{'s' * (inside != 1)} left in the operating range; the widest is {label}, {where}"]

@@ -1,0 +1,155 @@
+"""The designs of a problem: from the values of its variables to systems, many of equal structure in one batch."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from gearstab.config import Axis, Config, parameters_at
+from gearstab.config.sections.design import Design, SpeedRange, Variable
+from gearstab.config.sections.targets import INPUT_SPEED
+from gearstab.errors import NotPossible
+from gearstab.system import Array, GearSystem
+from gearstab.systems import build, model_of
+
+GIVEN = np.nan
+"""In place of a variable's value: what the configuration gives."""
+
+
+@dataclass(frozen=True)
+class Span:
+    """An operating range in the mesh frequency, rad per unit time. factor: mesh frequency over the speed as given."""
+
+    low: float
+    high: float
+    weight: float
+    factor: float
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Designs of equal structure. members: their places; system: of batch shape (members,); p: its parameters."""
+
+    members: Array
+    system: GearSystem
+    p: dict[str, Any]
+    spans: tuple[Span, ...]
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A configuration with a section ``design``.
+
+    A design is a row of ``(rows, variables)``: the value of a continuous variable, the number (from 0) of the choice of
+    any other, or GIVEN.
+    """
+
+    config: Config
+    design: Design
+
+    @property
+    def variables(self) -> tuple[Variable, ...]:
+        """What may change."""
+        return self.design.variables
+
+    @cached_property
+    def continuous(self) -> Array:
+        """``(variables,)`` bool."""
+        return np.array([variable.continuous for variable in self.variables])
+
+    @cached_property
+    def bounds(self) -> Array:
+        """``(2, variables)``; numbers of the first and last choice of variables that are not continuous."""
+        ends = [v.bounds if v.continuous else (0.0, v.axis.size - 1.0) for v in self.variables]
+        return np.array(ends, dtype=float).T.reshape(2, -1)
+
+    @cached_property
+    def given(self) -> Array:
+        """``(1, variables)``, the design as the configuration has it."""
+        return np.full((1, len(self.variables)), GIVEN)
+
+    def batches(self, designs: Array) -> Iterator[Batch]:
+        """Build designs, those of equal structure together; those that cannot be built are left out."""
+        for members in self._alike(designs):
+            yield from self._built(designs, members)
+
+    def _alike(self, designs: Array) -> Iterator[Array]:
+        """Places of designs of equal structure."""
+        keys = np.isnan(designs).astype(float)
+        for k, variable in enumerate(self.variables):
+            if any(item.structural for item in variable.axis.assignments):
+                keys[:, k] = np.where(np.isnan(designs[:, k]), -1.0, designs[:, k])
+        _, group = np.unique(keys, axis=0, return_inverse=True)
+        for number in range(int(np.max(group, initial=-1)) + 1):
+            yield np.flatnonzero(np.ravel(group) == number)
+
+    def _built(self, designs: Array, members: Array) -> Iterator[Batch]:
+        try:
+            p = self.parameters(designs[members])
+            if not assembled(p):
+                return
+            system = build(p).over((len(members),))
+        except (NotPossible, ArithmeticError, np.linalg.LinAlgError):
+            # One that cannot be built must not take the others with it.
+            half = len(members) // 2
+            if half:
+                yield from self._built(designs, members[:half])
+                yield from self._built(designs, members[half:])
+            return
+        yield Batch(members, system, p, self.spans(p))
+
+    def parameters(self, designs: Array) -> dict[str, Any]:
+        """Parameters of designs of one structure, arrays ``(rows,)`` where a variable sets them."""
+        axes: list[Axis] = []
+        rows = np.arange(len(designs))
+        selection: dict[str, Array] = {}
+        for k, variable in enumerate(self.variables):
+            if np.isnan(designs[0, k]):
+                continue
+            axis = variable.axis
+            if variable.continuous:
+                items = tuple(replace(item, values=designs[:, k] * item.factor) for item in axis.assignments)
+                axis = replace(axis, assignments=items)
+            axes.append(axis)
+            selection[axis.name] = rows if variable.continuous else designs[:, k].astype(int)
+        p = parameters_at(replace(self.config, axes=tuple(axes)), selection)
+        return _with_ring(p, {item.path for axis in axes for item in axis.assignments})
+
+    def spans(self, p: Mapping[str, Any]) -> tuple[Span, ...]:
+        """The operating ranges in the mesh frequency; of an input speed they go with the teeth."""
+        return tuple(self._span(item, dict(p)) for item in self.design.ranges)
+
+    @staticmethod
+    def _span(item: SpeedRange, p: dict[str, Any]) -> Span:
+        factor = 1.0
+        if item.of == INPUT_SPEED:
+            factor = float(model_of(p).cycles_of_input(p) or 1.0)
+        return Span(item.low * factor, item.high * factor, item.weight, factor)
+
+
+def _with_ring(p: dict[str, Any], paths: set[Any]) -> dict[str, Any]:
+    """The parameters of a planetary gear whose ring follows from the teeth that vary: z_r = z_s + 2 z_p."""
+    varied = {("teeth", "sun"), ("teeth", "planet")} & paths
+    if not varied or ("teeth", "ring") in paths:
+        return p
+    teeth = p["teeth"]
+    return p | {"teeth": teeth | {"ring": teeth["sun"] + 2 * teeth["planet"]}}
+
+
+def assembled(p: Mapping[str, Any]) -> bool:
+    """Whether the planets of a planetary gear with known teeth fit between sun and ring at equal angles.
+
+        z_r = z_s + 2 z_p,   (z_s + z_r)/N an integer,   (z_s + z_p) sin(pi/N) > z_p + 2
+
+    The last one keeps the tips of neighbouring planets apart, with an addendum of one module.
+    """
+    teeth = p.get("teeth")
+    if p.get("kind") != "planetary" or not teeth:
+        return True
+    sun, planet, ring, count = (int(v) for v in (teeth["sun"], teeth["planet"], teeth["ring"], p["planets"]))
+    apart = (sun + planet) * np.sin(np.pi / count) > planet + 2
+    return ring == sun + 2 * planet and (sun + ring) % count == 0 and bool(apart)

@@ -1,0 +1,178 @@
+"""What designs are judged by, of many systems at once; see :data:`gearstab.design.names.QUANTITIES`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from math import ceil
+
+import numpy as np
+
+from gearstab.design import regions
+from gearstab.design.problem import Batch, Span
+from gearstab.modal import mean_modes
+from gearstab.system import Array, GearSystem
+
+UNIFORM = 48
+"""Points over a range at which growth, required damping or response are computed, besides those in regions."""
+INSIDE = 9
+"""Points in a region."""
+ZOOMS = 3
+"""Refinements around the largest value, each of INSIDE points."""
+LARGEST_DAMPING = 0.5
+SAMPLES = 8
+"""Of a steady state, in a period of the fastest mode."""
+MOST_SAMPLES = (100, 8000)
+"""At least and at most, in a period of the first mesh."""
+
+
+def instability_width(batch: Batch) -> Array:
+    """Sum, over the ranges, of weight times unstable length, in the speed that the range is given in."""
+    total = np.zeros(batch.system.rows)
+    for span in batch.spans:
+        total += span.weight / span.factor * regions.exact(batch.system, span.low, span.high).width(span.low, span.high)
+    return total
+
+
+def tongue_distance(batch: Batch) -> Array:
+    """The least distance from a region to a range, in the speed that it is given in; the reach where none is found."""
+    found = [_distance(batch.system, span) / span.factor for span in batch.spans]
+    return np.asarray(np.min(found, axis=0))
+
+
+def _distance(system: GearSystem, span: Span) -> Array:
+    low, high = regions.reach(span.low, span.high)
+    away = regions.exact(system, low, high).distance(span.low, span.high)
+    return np.minimum(away, min(span.low - low, high - span.high))
+
+
+def growth_rate(batch: Batch) -> Array:
+    """The largest weight times growth rate over the ranges."""
+    from gearstab.floquet import solve
+
+    return _largest(batch, batch.system, lambda system, omega: solve(system, omega).growth_rate)
+
+
+def required_damping(batch: Batch) -> Array:
+    """The largest weight times required modal damping ratio over the ranges; infinite where 0.5 is not enough."""
+    from gearstab.floquet.required_damping import required_damping as required
+
+    def value(system: GearSystem, omega: Array) -> Array:
+        found = required(system, omega, largest=LARGEST_DAMPING).value
+        return np.where(np.isnan(found), np.inf, found)
+
+    # Outside of the regions without damping none is required.
+    return _largest(batch, replace(batch.system, damping=None), value, uniform=2)
+
+
+def load_factor(batch: Batch) -> Array:
+    """The largest weight times dynamic load factor of any mesh over the ranges."""
+    from gearstab.response.linear.speeds import speed_response
+
+    fastest = float(np.nanmax(mean_modes(batch.system).natural_frequency))
+    lowest = min(span.low for span in batch.spans)
+    samples = int(np.clip(ceil(SAMPLES * fastest / lowest), *MOST_SAMPLES))
+
+    def value(system: GearSystem, omega: Array) -> Array:
+        return np.asarray(np.nanmax(speed_response(system, omega, samples).dynamic_load_factor, axis=-1))
+
+    return _largest(batch, batch.system, value, regional=False)
+
+
+def root_stress(batch: Batch) -> Array:
+    """The largest stress at the root of any tooth under the static mesh forces, Pa; needs the teeth of a gearbox."""
+    from gearstab.gears.stress import mesh_root_stress
+    from gearstab.response.linear.equilibrium import static_mesh_force
+    from gearstab.systems import train_of
+
+    train, rows = train_of(batch.p), batch.system.rows
+    if train is None:
+        return np.full(rows, np.nan)
+    phase = np.linspace(0.0, 1.0, 65)
+    force = np.abs(batch.system.flat(static_mesh_force(batch.system), 1))
+    worst = np.zeros(rows)
+    for k, mesh in enumerate(train.teeth_of_meshes):
+        index = np.broadcast_to(np.arange(len(mesh.pairs)).reshape(mesh.batch), batch.system.batch).ravel()
+        unit = [
+            float(np.nanmax(np.stack(mesh_root_stress(pair, phase, np.ones(65), model))))
+            for pair, model in zip(mesh.pairs, mesh.models, strict=True)
+        ]
+        worst = np.maximum(worst, force[:, k] * np.array(unit)[index])
+    return worst
+
+
+def _largest(
+    batch: Batch,
+    regional_of: GearSystem,
+    value: Callable[[GearSystem, Array], Array],
+    regional: bool = True,
+    uniform: int = UNIFORM,
+) -> Array:
+    """The largest value over all ranges: at points over each, in each region, and closer and closer around the best."""
+    found = [span.weight * _peak(batch.system, regional_of, span, value, regional, uniform) for span in batch.spans]
+    return np.asarray(np.max(found, axis=0))
+
+
+def _peak(
+    system: GearSystem,
+    regional_of: GearSystem,
+    span: Span,
+    value: Callable[[GearSystem, Array], Array],
+    regional: bool,
+    uniform: int,
+) -> Array:
+    rows = system.rows
+    omega = np.broadcast_to(np.linspace(span.low, span.high, uniform), (rows, uniform))
+    if regional and not system.terms and system.commensurate:
+        omega = np.concatenate([omega, _within(regional_of, span)], axis=1)
+    omega = np.sort(omega, axis=1)
+    values = value(system, omega)
+    for _ in range(ZOOMS):
+        best = np.argmax(np.where(np.isnan(values), -np.inf, values), axis=1)[:, None]
+        left = np.take_along_axis(omega, np.maximum(best - 1, 0), 1)
+        right = np.take_along_axis(omega, np.minimum(best + 1, omega.shape[1] - 1), 1)
+        peak = np.take_along_axis(values, best, 1)
+        middle = np.take_along_axis(omega, best, 1)
+        omega = left + (right - left) * np.linspace(0.0, 1.0, INSIDE)
+        values = value(system, omega)
+        omega, values = np.concatenate([omega, middle], axis=1), np.concatenate([values, peak], axis=1)
+        order = np.argsort(omega, axis=1)
+        omega, values = np.take_along_axis(omega, order, 1), np.take_along_axis(values, order, 1)
+    return np.asarray(np.max(np.where(np.isnan(values), -np.inf, values), axis=1))
+
+
+def _within(system: GearSystem, span: Span) -> Array:
+    """``(rows, K)``, points in every region; where a row has fewer regions the lower end of the range."""
+    found = regions.exact(system, span.low, span.high)
+    part = np.linspace(0.05, 0.95, INSIDE)
+    points = found.lower[..., None] + (found.upper - found.lower)[..., None] * part
+    flat = points.reshape(len(points), -1)
+    return np.where(np.isnan(flat), span.low, flat)
+
+
+EXACT: dict[str, Callable[[Batch], Array]] = {
+    function.__name__: function
+    for function in (instability_width, growth_rate, required_damping, load_factor, tongue_distance, root_stress)
+}
+"""By name, the value of each row; NaN where there is none."""
+
+
+def first_order_width(batch: Batch) -> Array:
+    """The instability width as first-order theory predicts it, less the distance where it is zero."""
+    total, away = np.zeros(batch.system.rows), np.full(batch.system.rows, np.inf)
+    for span in batch.spans:
+        found = regions.predicted(batch.system, span.low, span.high)
+        total += span.weight / span.factor * found.width(span.low, span.high)
+        low, high = regions.reach(span.low, span.high)
+        most = min(span.low - low, high - span.high)
+        away = np.minimum(away, np.minimum(found.distance(span.low, span.high), most) / span.factor)
+    return np.where(total > 0, total, -away)
+
+
+SCREENED = ("instability_width", "growth_rate", "required_damping")
+"""Quantities that go with the widths of the regions, so that first-order widths give the start of a search."""
+
+
+def screened(weights: Sequence[str]) -> bool:
+    """Whether first-order theory says something of an objective."""
+    return any(name in SCREENED for name in weights)

@@ -1,0 +1,69 @@
+"""From a configuration with a section ``design`` to a result."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from gearstab.config import Config
+    from gearstab.results import ResultTree
+
+
+def check(config: Config) -> None:
+    """Raise ConfigError for what the section ``design`` asks of a system that cannot give it."""
+    from gearstab.config import ConfigError
+    from gearstab.design.problem import Problem
+    from gearstab.design.search import combinations
+    from gearstab.rotating_pair import RotatingPair
+    from gearstab.systems import build, train_of
+
+    if config.design is None:
+        return
+    system = build(config.parameters)
+    if isinstance(system, RotatingPair):
+        message = "takes linear systems, and this pair's mesh stiffness follows its rotation"
+        raise ConfigError([config.problem(("design",), message, "set formulation: classical")])
+    asked: list[tuple[tuple[str, ...], str]] = []
+    asked += [(("design", "minimise"), name) for weights in config.design.objectives for name in weights]
+    asked += [(("design", "constraints", limit.name), limit.name) for limit in config.design.limits if not limit.paths]
+    found = []
+    for path, name in asked:
+        if name in ("instability_width", "tongue_distance", "required_damping") and system.terms:
+            message = f"{name} takes periodic mesh stiffness only, and this system has friction or the like"
+            found.append(config.problem(path, message, "use growth_rate"))
+        elif not system.commensurate and name != "root_stress":
+            found.append(config.problem(path, f"{name} needs a common period of the meshes", "give exact ratios"))
+        elif name == "load_factor" and not system.forced:
+            found.append(config.problem(path, "nothing drives the system, which load_factor needs", "give a load"))
+        elif name == "root_stress" and (train_of(config.parameters) is None or system.load is None):
+            message = "root_stress needs the teeth of a gearbox and a torque"
+            found.append(config.problem(path, message, "describe the gears in a gearbox and give input.torque"))
+    if found:
+        raise ConfigError(found)
+    combinations(Problem(config, config.design))
+
+
+def design(config: Config, say: Callable[[str], None] = lambda text: None) -> ResultTree:
+    """Find the best design of a configuration that has a section ``design``.
+
+    say: is told what is being done. The result does not depend on the machine: the search begins from fixed seeds and
+    is serial.
+
+    Raises ConfigError and NotPossible.
+    """
+    from gearstab.design.problem import Problem
+    from gearstab.design.result import group
+    from gearstab.design.solution import solved
+    from gearstab.floquet.kernel import choice as kernel
+    from gearstab.results import Group, ResultTree
+    from gearstab.results.guard import DESIGN
+    from gearstab.results.provenance import modes_group, root_attributes
+
+    if config.design is None:
+        raise ValueError("the configuration has no section design")
+    check(config)
+    with kernel.recorded() as ran:
+        solution = solved(Problem(config, config.design), say)
+        groups = {"modes": modes_group(solution.initial_system), "design": group(solution)}
+    return ResultTree(Group((), root_attributes(DESIGN, config, kernel.said(ran))), groups)

@@ -1,0 +1,215 @@
+"""The search for the best design.
+
+What takes one of a few values is enumerated. Continuous variables are searched by differential evolution (Storn & Price
+1997, as in SciPy): first on the widths of first-order theory, which cost next to nothing, then, from the best places
+found, on exact boundaries; a simplex search (Nelder & Mead 1965) goes to the bottom. None of them needs derivatives:
+widths are sums of moduli, and the best designs lie on the kinks where one of them is zero.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from itertools import product
+from math import prod
+
+import numpy as np
+
+from gearstab.config import ConfigError
+from gearstab.design.judge import VIOLATED, Goal, Judge
+from gearstab.design.problem import Problem
+from gearstab.design.quantities import screened
+from gearstab.system import Array
+
+MOST_COMBINATIONS = 20_000
+"""Of choices."""
+SEED = 1
+FEWEST, MOST = 24, 80
+"""Designs of a generation; twelve a variable between these."""
+CHEAP_GENERATIONS, GENERATIONS = 80, 40
+SAMPLES = 32
+"""Designs at which a combination of choices is looked at first."""
+LOOKED_AT, SEARCHED = 12, 4
+"""Combinations that first-order theory, and the exact search, go through."""
+APART = 0.05
+"""Of the bounds, between designs that a search begins from."""
+STEPS = (0.03, 0.003)
+"""First steps of the simplex searches, of the bounds."""
+AT_A_BOUND = 1e-3
+"""Of the bounds: what is nearer is tried on the bound itself."""
+EVALUATIONS = 120
+"""Of a simplex search for each variable."""
+
+Say = Callable[[str], None]
+
+
+def first(objectives: Array) -> Array:
+    """The goal with one objective."""
+    return objectives[:, 0]
+
+
+def combinations(problem: Problem) -> Array:
+    """``(C, variables)``, every combination of choices; 0 for continuous variables. Raises ConfigError for too many."""
+    sizes = [1 if v.continuous else v.axis.size for v in problem.variables]
+    if prod(sizes) > MOST_COMBINATIONS:
+        message = f"have {prod(sizes):,} combinations of choices, more than {MOST_COMBINATIONS:,}"
+        raise ConfigError([problem.config.problem(("design", "variables"), message, "give fewer choices")])
+    return np.array(list(product(*(range(size) for size in sizes))), dtype=float).reshape(-1, len(sizes))
+
+
+def best(problem: Problem, judge: Judge, goal: Goal = first, say: Say = lambda text: None) -> Array:
+    """Return the best design found ``(variables,)``."""
+    choices = combinations(problem)
+    if not problem.continuous.any():
+        say(f"{len(choices):,} combinations of choices")
+        scores = judge.worth(choices).score(goal)
+        return np.asarray(choices[int(np.argmin(scores))])
+    cheap = all(screened(tuple(weights)) for weights in problem.design.objectives)
+    starts = list(_starts(problem, judge, choices, cheap, say))
+    found = [searched(problem, judge, goal, start, say) for start in starts]
+    own = _as_given(problem)
+    found += [own] if own is not None else []
+    designs = np.array(found)
+    return np.asarray(designs[int(np.argmin(judge.worth(designs).score(goal)))])
+
+
+def _as_given(problem: Problem) -> Array | None:
+    """The given design by the values of its variables; None where it is not within bounds and choices."""
+    from gearstab.design.values import given_places
+
+    places = given_places(problem)
+    low, high = problem.bounds
+    return places if np.all((places >= low) & (places <= high)) else None
+
+
+def _starts(problem: Problem, judge: Judge, choices: Array, cheap: bool, say: Say) -> Iterator[Array]:
+    """Designs ``(K, variables)`` of one combination of choices each, from which exact searches begin."""
+    score = judge.screen if cheap else lambda designs: judge.worth(designs).score(first)
+    samples = [_filled(problem, row, _sampled(problem, SAMPLES if cheap or len(choices) > 1 else 0)) for row in choices]
+    if len(choices) > 1:
+        say(f"{len(choices):,} combinations of choices at {SAMPLES} places each")
+        least = [float(np.min(score(part))) for part in samples]
+        order = np.argsort(least, kind="stable")[:LOOKED_AT]
+        samples = [samples[k] for k in order]
+        choices = choices[order]
+    if not cheap:
+        yield from samples[:SEARCHED]
+        return
+    ranked = []
+    for row in choices:
+        say("first-order theory")
+        places, scores = _evolved(problem, row, judge.screen, CHEAP_GENERATIONS, None)
+        chosen = _spread(problem, places, scores)
+        ranked.append((float(scores.min()), chosen))
+    for _, chosen in sorted(ranked, key=lambda item: item[0])[:SEARCHED]:
+        yield chosen
+
+
+def _size(problem: Problem) -> int:
+    return int(np.clip(12 * problem.continuous.sum(), FEWEST, MOST))
+
+
+def _sampled(problem: Problem, count: int) -> Array:
+    """Points of the unit cube, ``(count, continuous variables)``; scrambled, with a fixed seed."""
+    from scipy.stats import qmc
+
+    sampler = qmc.LatinHypercube(int(problem.continuous.sum()), seed=SEED)
+    return np.asarray(sampler.random(count))
+
+
+def _filled(problem: Problem, row: Array, unit: Array) -> Array:
+    """Designs of a combination of choices, with continuous variables at points of the unit cube."""
+    low, high = problem.bounds[:, problem.continuous]
+    designs = np.tile(row, (len(unit), 1))
+    designs[:, problem.continuous] = low + (high - low) * np.clip(unit, 0.0, 1.0)
+    return designs
+
+
+def _unit(problem: Problem, designs: Array) -> Array:
+    """The reverse."""
+    low, high = problem.bounds[:, problem.continuous]
+    return np.asarray((designs[:, problem.continuous] - low) / (high - low))
+
+
+def _evolved(
+    problem: Problem, row: Array, score: Callable[[Array], Array], generations: int, begin: Array | None
+) -> tuple[Array, Array]:
+    """Everything that a differential evolution looks at, and its scores. begin: designs of the first generation."""
+    from scipy.optimize import differential_evolution
+
+    size, places, scores = _size(problem), [], []
+
+    def function(x: Array) -> Array:
+        designs = _filled(problem, row, x.reshape(len(x), -1).T)
+        places.append(designs)
+        scores.append(score(designs))
+        return scores[-1] if x.ndim > 1 else scores[-1][0]
+
+    population = _sampled(problem, size)
+    if begin is not None:
+        own = _unit(problem, begin)[: size // 2]
+        population[: len(own)] = own
+    differential_evolution(
+        function, [(0.0, 1.0)] * population.shape[1], init=population, maxiter=generations, tol=1e-6, seed=SEED,
+        polish=False, updating="deferred", vectorized=True,
+    )  # fmt: skip
+    return np.concatenate(places), np.concatenate(scores)
+
+
+def _spread(problem: Problem, designs: Array, scores: Array) -> Array:
+    """The best of many designs that are apart from each other."""
+    unit = _unit(problem, designs)
+    chosen: list[int] = []
+    for k in np.argsort(scores, kind="stable"):
+        if all(np.abs(unit[k] - unit[j]).max() > APART for j in chosen):
+            chosen.append(int(k))
+        if len(chosen) >= _size(problem) // 2 or scores[k] >= VIOLATED:
+            break
+    return designs[chosen]
+
+
+def searched(problem: Problem, judge: Judge, goal: Goal, start: Array, say: Say, polish: bool = True) -> Array:
+    """Return the best design of one combination of choices by exact judgement, from designs to begin with."""
+    say("exact boundaries")
+    row = start[0]
+    places, scores = _evolved(problem, row, lambda x: judge.worth(x).score(goal), GENERATIONS, start)
+    best = places[int(np.argmin(scores))]
+    return polished(problem, judge, goal, best) if polish else best
+
+
+def polished(problem: Problem, judge: Judge, goal: Goal, design: Array) -> Array:
+    """The bottom of the valley in which a design lies."""
+    from scipy.optimize import minimize
+
+    def score(places: Array) -> Array:
+        return judge.worth(_filled(problem, design, places)).score(goal)
+
+    def bottom(x: Array, free: Array, step: float) -> Array:
+        """The best place found with some coordinates as they are."""
+
+        def function(part: Array) -> float:
+            return float(score(_put(x, free, part)[None])[0])
+
+        simplex = np.concatenate([x[None, free], x[free] + np.diag(np.where(x[free] > 0.5, -step, step))])
+        options = {"initial_simplex": simplex, "xatol": 1e-7, "fatol": 1e-12, "maxfev": EVALUATIONS * int(free.sum())}
+        bounds = [(0.0, 1.0)] * int(free.sum())
+        found = minimize(function, x[free], method="Nelder-Mead", bounds=bounds, options=options)
+        return _put(x, free, np.clip(found.x, 0.0, 1.0))
+
+    x = _unit(problem, design[None])[0]
+    for step in STEPS:
+        x = bottom(x, np.ones(len(x), dtype=bool), step)
+    # A simplex comes close to a bound and does not lie on it; with a coordinate held there it goes on in the others.
+    snapped = np.where(x < AT_A_BOUND, 0.0, np.where(x > 1 - AT_A_BOUND, 1.0, x))
+    free = snapped == x
+    if not free.all() and free.any():
+        for step in STEPS:
+            snapped = bottom(snapped, free, step)
+    both = np.stack([snapped, x])
+    return np.asarray(_filled(problem, design, both)[int(np.argmin(score(both)))])
+
+
+def _put(x: Array, where: Array, values: Array) -> Array:
+    """A copy with some entries replaced."""
+    copy = x.copy()
+    copy[where] = values
+    return copy

@@ -1,0 +1,141 @@
+"""A design problem solved: the best design, how good it is, why, and how firmly."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from gearstab.design import pareto, search
+from gearstab.design.answer import answer
+from gearstab.design.explain import explanation
+from gearstab.design.judge import Goal, Judge
+from gearstab.design.margins import allowed, margins, sensitivities
+from gearstab.design.phasing import phasing
+from gearstab.design.problem import Problem, Span
+from gearstab.design.tongues import Tongues, single, tongues
+from gearstab.errors import NotPossible
+from gearstab.floquet import solve
+from gearstab.system import Array, GearSystem
+
+VERIFIED = 2001
+"""Mesh frequencies of a range at which the optimum is verified."""
+NEAR = 1e-6
+"""Of the mesh frequency, around an edge: a point there is neither inside nor outside."""
+
+Say = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Solution:
+    """What a search comes to.
+
+    optimum: the design. margins ``(2, variables)``; most: the objective at which they end. tongues: of the given design
+    and of the optimum, None where regions cannot be found. verified: points of Floquet analysis in the ranges, and how
+    many of them contradict the edges. front, choices: designs and their objectives. phasing: further variables of
+    choices of planetary gears.
+    """
+
+    problem: Problem
+    judge: Judge
+    optimum: Array
+    objective_initial: Array
+    objective_optimum: Array
+    margins: Array
+    most: float
+    sensitivity: Array
+    tongues: Tongues | None
+    verified: tuple[int, int]
+    initial_system: GearSystem
+    optimum_system: GearSystem
+    initial_spans: tuple[Span, ...]
+    optimum_spans: tuple[Span, ...]
+    explanation: list[str]
+    front: tuple[Array, Array] | None = None
+    choices: tuple[Array, Array] | None = None
+    phasing: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def cheap(self) -> bool:
+        """Whether a thousand designs are judged in seconds."""
+        return self.optimum_system.damping is None and self.problem.config.kind != "gearbox"
+
+    @property
+    def limiting(self) -> str:
+        """The region that limits the optimum: the widest in the range, else the nearest one; "" for none in reach."""
+        place = None if self.tongues is None else self.tongues.limiting(1)
+        return "" if place is None or self.tongues is None else self.tongues.index[place][0].label
+
+    @property
+    def answer(self) -> list[str]:
+        """Ten lines for a reader."""
+        return answer(self)
+
+
+def solved(problem: Problem, say: Say = lambda text: None) -> Solution:
+    """Solve a design problem that was checked. Raises NotPossible where no design meets the constraints."""
+    judge = Judge(problem)
+    initial = judge.worth(problem.given)
+    front = None
+    goal: Goal = search.first
+    if len(problem.design.objectives) > 1:
+        designs = pareto.front(problem, judge, say)
+        if len(designs) == 0:
+            raise NotPossible("no design within the bounds meets the constraints", "relax constraints or widen bounds")
+        objectives = judge.worth(designs).objectives
+        front = designs, objectives
+        optimum = designs[pareto.compromise(objectives)]
+    else:
+        optimum = search.best(problem, judge, goal, say)
+    final = judge.worth(optimum[None])
+    if final.violation[0] > 0:
+        raise NotPossible("no design within the bounds meets the constraints", "relax constraints or widen the bounds")
+    say("sensitivities and margins")
+    most = allowed(float(final.objectives[0, 0]), float(np.nan_to_num(initial.objectives[0, 0])))
+    before, after = single(problem, problem.given[0]), single(problem, optimum)
+    found = tongues(problem, [problem.given[0], optimum]) if searchable(after[0]) else None
+    reasons = [] if found is None else explanation(after[0], [tongue for tongue, _ in found.index])
+    choices = None if problem.continuous.any() else _choices(judge)
+    return Solution(
+        problem, judge, optimum, initial.objectives[0], final.objectives[0],
+        margins(problem, judge, goal, optimum, most), most, sensitivities(problem, judge, optimum), found,
+        verified(after[0], after[1], found), before[0], after[0], before[1], after[1], reasons, front, choices,
+        {} if choices is None or found is None else phasing(problem, choices[0]),
+    )  # fmt: skip
+
+
+def searchable(system: GearSystem) -> bool:
+    """Whether the regions of a system can be found by root finding."""
+    return system.commensurate and not system.terms
+
+
+def _choices(judge: Judge) -> tuple[Array, Array]:
+    """All combinations of choices that are possible, the best ones first."""
+    designs, objectives = pareto.feasible(judge)
+    designs, first = np.unique(designs, axis=0, return_index=True)
+    objectives = objectives[first]
+    order = np.lexsort(objectives.T[::-1])
+    return designs[order], objectives[order]
+
+
+def verified(system: GearSystem, spans: tuple[Span, ...], found: Tongues | None) -> tuple[int, int]:
+    """Count points of Floquet analysis over the ranges, and those that contradict the edges.
+
+    A point whose multipliers fail, or which lies at an edge, contradicts nothing.
+    """
+    if not system.commensurate:
+        return 0, 0
+    points, wrong = 0, 0
+    for span in spans:
+        omega = np.linspace(span.low, span.high, VERIFIED)
+        stable = solve(system, omega).stable[0]
+        points += int(np.count_nonzero(stable >= 0))
+        if found is None:
+            continue
+        edges = found.edges[np.isfinite(found.edges[:, 0, 1]), :, 1]
+        inside = np.any((omega > edges[:, :1]) & (omega < edges[:, 1:]), axis=0)
+        near = np.any(np.abs(omega - edges.reshape(-1, 1)) < NEAR * omega, axis=0)
+        wrong += int(np.count_nonzero(~near & (stable >= 0) & (inside == (stable == 1))))
+    return points, wrong

@@ -1,0 +1,174 @@
+"""The regions of two designs near the operating range: where they lie, and how their edges move with each variable."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from gearstab.design import regions
+from gearstab.design.problem import Batch, Problem, Span
+from gearstab.design.values import given_places
+from gearstab.floquet.boundaries import boundaries
+from gearstab.floquet.boundaries.regions import BOUNDARY_FLAGS, union
+from gearstab.perturbation import Tongue, first_order
+from gearstab.system import Array, GearSystem
+from gearstab.systems import build
+
+TIGHT = 1e-12
+"""Tolerance of edges that are differentiated."""
+STEP = 1e-4
+"""Of differences, in bounds of a variable: (8 [f(h) - f(-h)] - [f(2h) - f(-2h)])/12h is right to h^4 f'''''/30."""
+WEIGHTS = {-2: 1 / 12, -1: -8 / 12, 1: 8 / 12, 2: -1 / 12}
+
+Key = tuple[Tongue, int]
+
+
+@dataclass(frozen=True)
+class Tongues:
+    """Regions of ``(states,)`` designs, each region once.
+
+    index: (tongue, occurrence). edges ``(tongue, 2, states)``, rad per unit time, NaN where a tongue is closed.
+    distance ``(tongue, states)``: from the nearest range, 0 where it reaches into one; NaN where it is closed.
+    sensitivity, first_order ``(tongue, 2, states, variables)``: d(edge)/d(variable), exact and by first-order theory.
+    """
+
+    index: tuple[Key, ...]
+    edges: Array
+    distance: Array
+    sensitivity: Array
+    first_order: Array
+
+    def limiting(self, state: int) -> int | None:
+        """The widest region inside a range, else the nearest one outside; None where there is none in reach."""
+        open_ = np.flatnonzero(np.isfinite(self.distance[:, state]))
+        if len(open_) == 0:
+            return None
+        width = self.edges[:, 1, state] - self.edges[:, 0, state]
+        return int(min(open_, key=lambda k: (self.distance[k, state], -width[k])))
+
+
+def tongues(problem: Problem, designs: Sequence[Array]) -> Tongues:
+    """Find the regions of designs within reach of the operating ranges, and the sensitivities of their edges."""
+    found = [_of(problem, design) for design in designs]
+    index = union([own.index for own in found])
+    place = {key: k for k, key in enumerate(index)}
+    where = np.full((len(index), 2, len(designs)), np.nan)
+    away = np.full((len(index), len(designs)), np.nan)
+    tables = np.full((2, len(index), 2, len(designs), len(problem.variables)), np.nan)
+    for state, own in enumerate(found):
+        rows = [place[key] for key in own.index]
+        where[rows, :, state] = own.edges
+        away[rows, state] = distance(own.edges, own.spans)
+        tables[0, rows, :, state], tables[1, rows, :, state] = own.sensitivity, own.first_order
+    return Tongues(index, where, away, tables[0], tables[1])
+
+
+@dataclass(frozen=True)
+class _Own:
+    """Regions of one design: edges ``(tongue, 2)``, both sensitivities ``(tongue, 2, variables)``."""
+
+    index: tuple[Key, ...]
+    spans: tuple[Span, ...]
+    edges: Array
+    sensitivity: Array
+    first_order: Array
+
+
+def distance(edges: Array, spans: Sequence[Span]) -> Array:
+    """``(tongue,)``, from edges ``(tongue, 2)`` to the nearest of the ranges."""
+    away = [np.maximum(np.maximum(edges[:, 0] - span.high, span.low - edges[:, 1]), 0.0) for span in spans]
+    return np.asarray(np.min(away, axis=0))
+
+
+def _of(problem: Problem, design: Array) -> _Own:
+    rows, steps = _moved(problem, design)
+    batches = list(problem.batches(rows))
+    if len(batches) != 1 or len(batches[0].members) != len(rows):
+        # A step leads to what cannot be built: the edges alone.
+        batches, steps = list(problem.batches(rows[:1])), {}
+    (batch,) = batches
+    low, high = whole(batch.spans)
+    edges = boundaries(batch.system, low, high, TIGHT, regions.FLOOR).arranged()
+    derivative = _differences(problem, edges.boundary_frequency, steps)
+    own = np.flatnonzero((edges.flags[:, 0] & BOUNDARY_FLAGS["open"]) > 0)
+    predicted = _predicted(problem, batch, steps, [edges.index[k] for k in own], low)
+    cut = [(k, s) for k in own for s, name in enumerate(("cut_below", "cut_above"))
+           if edges.flags[k, 0] & BOUNDARY_FLAGS[name]]  # fmt: skip
+    for k, s in cut:
+        derivative[k, s] = np.nan
+    index = tuple(edges.index[k] for k in own)
+    return _Own(index, batch.spans, edges.boundary_frequency[own, :, 0], derivative[own], predicted)
+
+
+def whole(spans: Sequence[Span]) -> tuple[float, float]:
+    """From where to where regions are of interest, of all ranges."""
+    ends = [regions.reach(span.low, span.high) for span in spans]
+    return min(low for low, _ in ends), max(high for _, high in ends)
+
+
+def _moved(problem: Problem, design: Array) -> tuple[Array, dict[tuple[int, int], int]]:
+    """The design and its neighbours along each continuous variable, and the row of (variable, steps)."""
+    places = np.where(np.isnan(design), given_places(problem), design)
+    rows = [design]
+    steps = {}
+    for v in np.flatnonzero(problem.continuous & np.isfinite(places)):
+        for k in WEIGHTS:
+            moved = design.copy()
+            moved[v] = places[v] + k * step(problem, int(v))
+            steps[int(v), k] = len(rows)
+            rows.append(moved)
+    if np.isnan(design).any():
+        # Rows are of one structure where the same variables are given.
+        rows = [np.where(problem.continuous & np.isfinite(places) & np.isnan(row), places, row) for row in rows]
+    return np.array(rows), steps
+
+
+def step(problem: Problem, variable: int) -> float:
+    """h of the differences along a continuous variable."""
+    low, high = problem.bounds[:, variable]
+    return STEP * float(high - low)
+
+
+def _differences(problem: Problem, values: Array, steps: dict[tuple[int, int], int]) -> Array:
+    """d/d(variable) ``(..., variables)`` of values ``(..., rows)``, NaN of variables that were not moved."""
+    found = np.full((*values.shape[:-1], len(problem.variables)), np.nan)
+    for v in {v for v, _ in steps}:
+        total = sum(weight * values[..., steps[v, k]] for k, weight in WEIGHTS.items())
+        found[..., v] = np.asarray(total) / step(problem, v)
+    return found
+
+
+def _predicted(
+    problem: Problem, batch: Batch, steps: dict[tuple[int, int], int], keys: Sequence[Key], low: float
+) -> Array:
+    """The same of the edges of first-order theory, of the tongues that it knows."""
+    found = first_order(batch.system, regions.harmonics(batch.system, low))
+    edges = np.asarray(found.boundary_frequency).reshape(len(found.index), 2, batch.system.rows)
+    derivative = _differences(problem, edges, steps)
+    place = {(t.mode_p, t.mode_q, t.frequency_ratio): k for k, t in enumerate(found.index)}
+    table = np.full((len(keys), 2, len(problem.variables)), np.nan)
+    for row, (tongue, occurrence) in enumerate(keys):
+        k = place.get((tongue.mode_p, tongue.mode_q, tongue.frequency_ratio))
+        if k is not None and occurrence == 0:
+            table[row] = derivative[k]
+    return table
+
+
+def single(problem: Problem, design: Array) -> tuple[GearSystem, tuple[Span, ...], dict[str, Any]]:
+    """Build one design by itself: the system, its operating ranges and its parameters, plain numbers."""
+    p = {key: _scalars(value) for key, value in problem.parameters(design[None]).items()}
+    return build(p), problem.spans(p), p
+
+
+def _scalars(value: Any) -> Any:
+    """Parameters of one design as plain numbers."""
+    if isinstance(value, dict):
+        return {key: _scalars(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_scalars(item) for item in value]
+    if isinstance(value, np.ndarray) and value.shape == (1,):
+        return float(value[0])
+    return value

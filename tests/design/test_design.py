@@ -1,0 +1,266 @@
+"""What ``gearstab design`` finds: minima, verified; margins and sensitivities against computations of their own."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from scenes import TRAIN, ran, read, written
+from scipy.linalg import expm, null_space
+
+from gearstab.config import Config
+from gearstab.design.judge import Judge
+from gearstab.design.margins import sensitivities
+from gearstab.design.pareto import nondominated, thinned
+from gearstab.design.problem import Problem, assembled
+from gearstab.design.regions import united
+from gearstab.design.tongues import tongues
+from gearstab.floquet import solve
+from gearstab.floquet.boundaries import boundaries
+from gearstab.systems import build
+
+RANGE = (4.8, 6.0)
+FLOOR = 1e-6 * RANGE[1]
+"""Regions narrower than this count as none."""
+TWO = """\
+design:
+  range: {mesh_frequency: [4.8, 6.0]}
+  variables:
+    meshes.first.contact_ratio: [1.2, 1.7]
+    meshes.second.phasing: [0.1, 0.9]
+  minimise: instability_width
+"""
+
+
+def width(c1: np.ndarray, h: np.ndarray) -> np.ndarray:
+    """Unstable length of the range of Lin & Parker's train, from its matrices and the search for boundaries."""
+    mesh = {"mean_stiffness": 1.0, "epsilon": 0.3, "contact_ratio": 1.5}
+    meshes = [mesh | {"name": "first", "contact_ratio": c1}, mesh | {"name": "second", "phasing": h}]
+    p = {"kind": "two_stage", "inertias": [1.0, 0.3, 4.0], "input_shaft_stiffness": 0.5, "tooth_ratio": Fraction(1)}
+    found = boundaries(build(p | {"meshes": meshes}), *RANGE, 1e-11)
+    return np.bincount(found.row, found.upper - found.lower, minlength=found.rows)
+
+
+@pytest.fixture(scope="module")
+def two(tmp_path_factory: pytest.TempPathFactory) -> xr.Dataset:
+    """The design of a phasing and a contact ratio by the command."""
+    folder = tmp_path_factory.mktemp("two")
+    done = ran("design", written(folder, TRAIN + TWO), "-o", folder / "out.h5")
+    assert done.exit_code == 0, done.output
+    shown = ran("info", folder / "out.h5").stdout
+    assert done.stdout.splitlines() == shown.splitlines()[1:-1]
+    assert 5 <= len(done.stdout.splitlines()) <= 11
+    with xr.open_datatree(folder / "out.h5", engine="h5netcdf") as tree:
+        return tree["design"].to_dataset().load()
+
+
+def test_the_rule_of_the_paper_comes_out(two: xr.Dataset) -> None:
+    """Lin & Parker 2002, below (22): c1 - c2 + 2h = 1 where both meshes work against each other."""
+    c1, h = two["optimum"].values
+    assert c1 - 1.5 + 2 * h == pytest.approx(1.0, abs=0.01)
+    assert "c1 - c2 + 2h = 1" in two.attrs["explanation"]
+    assert "closes 2w3" in two.attrs["explanation"]
+
+
+def test_the_optimum_is_a_minimum_of_its_neighbourhood(two: xr.Dataset) -> None:
+    c1, h = two["optimum"].values
+    best = width(np.array([c1]), np.array([h]))[0]
+    assert float(two["objective_optimum"]) == pytest.approx(best, abs=FLOOR)
+    assert float(two["objective_initial"]) == pytest.approx(width(np.array([1.5]), np.array([0.0]))[0], abs=1e-8)
+    a, b = (part.ravel() for part in np.meshgrid(np.linspace(-0.05, 0.05, 17), np.linspace(-0.05, 0.05, 17)))
+    around = width(np.clip(c1 + a, 1.2, 1.7), np.clip(h + b, 0.1, 0.9))
+    assert around.min() >= best - FLOOR
+
+
+def test_floquet_analysis_contradicts_nothing(two: xr.Dataset) -> None:
+    assert two.attrs["verification_points"] == 2001
+    assert two.attrs["verification_mismatches"] == 0
+
+
+def test_margins_end_where_the_objective_is_degraded(two: xr.Dataset) -> None:
+    design, low, high = (two[name].values for name in ("optimum", "lower_bound", "upper_bound"))
+    best, start = float(two["objective_optimum"]), float(two["objective_initial"])
+    most = 1.1 * best if best > 0 else 0.1 * start
+    assert two.attrs["margin_objective"] == pytest.approx(most)
+    for k in range(2):
+        for sign, margin, bound in ((-1, "margin_lower", low), (1, "margin_upper", high)):
+            room = float(two[margin][k])
+            for part, degraded in ((0.999, False), (1.001, True)):
+                moved = design.copy()
+                moved[k] += sign * part * room
+                if abs(room - abs(bound[k] - design[k])) > 1e-9:
+                    value = width(moved[:1], moved[1:])[0]
+                    assert (value > most * (1 - 1e-9)) == degraded, (k, margin)
+
+
+def test_the_result_is_the_same_again(tmp_path: Path) -> None:
+    text = TRAIN + TWO.replace("[0.1, 0.9]", "{values: [0.0, 0.25, 0.5]}").replace("[1.2, 1.7]", "{integers: [1, 2]}")
+    found = []
+    for k in range(2):
+        assert ran("design", written(tmp_path, text), "-o", tmp_path / f"{k}.h5").exit_code == 0
+        with xr.open_datatree(tmp_path / f"{k}.h5", engine="h5netcdf") as tree:
+            found.append(tree["design"].to_dataset().load())
+    assert found[0].identical(found[1])
+    # Everything stands in the table, the best first, and the objective there is that of a computation of its own.
+    table = found[0]
+    assert table.sizes["choice"] == 6
+    objective = table["choice_objective"].values[:, 0]
+    assert np.all(np.diff(objective) >= 0)
+    values = table["choice_value"].values
+    assert objective == pytest.approx(width(values[:, 0], values[:, 1]), abs=1e-8)
+    assert list(table["optimum"].values) == list(values[0])
+
+
+@cache
+def problem_of(folder: Path, text: str) -> tuple[Config, Problem]:
+    config = read(folder, TRAIN + text)
+    assert config.design is not None
+    return config, Problem(config, config.design)
+
+
+def test_sensitivities_of_edges_are_those_of_a_variational_formula(tmp_path: Path) -> None:
+    """At an edge of a primary region the motion q is antiperiodic, and a variation of the Rayleigh quotient gives
+
+    Omega^2 int q'^T M q' dx = int q^T K(x) q dx,   d(Omega^2) int q'^T M q' dx = int q^T dK q dx   (' = d/dx)
+
+    where dk/dc of a rectangular wave of the contact ratio c is 2 eps k_g (delta(x - d) - 1), x in periods.
+    """
+    _, problem = problem_of(tmp_path, TWO)
+    found = tongues(problem, [problem.given[0]])
+    labels = [tongue.label for tongue, _ in found.index]
+    k = labels.index("2w3")
+    for side in range(2):
+        omega = found.edges[k, side, 0]
+        exact = found.sensitivity[k, side, 0, 0]
+        assert exact == pytest.approx(variational(omega), rel=1e-5)
+
+
+def variational(omega: float) -> float:
+    """d(edge)/d(c1) of the train in phase, c1 = c2 = 1.5, eps = 0.3, by integration of the antiperiodic motion."""
+    mass, k0 = np.diag([1.0, 0.3, 4.0]), np.diag([0.5, 0.0, 0.0])
+    g1, g2 = np.array([1.0, 1.0, 0.0]), np.array([0.0, 1.0, 1.0])
+    period = 2 * np.pi / omega
+
+    def flow(stiff: float, time: float) -> np.ndarray:
+        k = k0 + stiff * (np.outer(g1, g1) + np.outer(g2, g2))
+        a = np.block([[np.zeros((3, 3)), np.eye(3)], [-np.linalg.solve(mass, k), np.zeros((3, 3))]])
+        return expm(a * time)
+
+    monodromy = flow(0.7, period / 2) @ flow(1.3, period / 2)
+    start = null_space(monodromy + np.eye(6), rcond=1e-8)[:, 0]
+    nodes, weights = np.polynomial.legendre.leggauss(40)
+    kinetic = deflection = 0.0
+    state = start
+    at_jump = 0.0
+    for stiff in (1.3, 0.7):
+        for node, weight in zip(nodes, weights, strict=True):
+            y = flow(stiff, period / 4 * (1 + node)) @ state
+            kinetic += 0.25 * weight * y[3:] @ mass @ y[3:] / omega**2
+            deflection += 0.25 * weight * (g1 @ y[:3]) ** 2
+        state = flow(stiff, period / 2) @ state
+        if stiff == 1.3:
+            at_jump = (g1 @ state[:3]) ** 2
+    return float(2 * 0.3 * (at_jump - deflection) / kinetic / (2 * omega))
+
+
+def test_first_order_sensitivities_are_the_limit_for_small_variations(tmp_path: Path) -> None:
+    config = read(tmp_path, TRAIN + TWO, "epsilon=0.002")
+    assert config.design is not None
+    found = tongues(Problem(config, config.design), [np.array([1.4, 0.3])])
+    k = [tongue.label for tongue, _ in found.index].index("2w3")
+    assert found.sensitivity[k] == pytest.approx(found.first_order[k], abs=1e-5)
+    assert np.abs(found.first_order[k]).min() > 1e-4
+
+
+def test_the_objectives_slope_is_the_sum_of_the_edges(tmp_path: Path) -> None:
+    _, problem = problem_of(tmp_path, TWO)
+    design = np.array([1.4, 0.3])
+    found = tongues(problem, [design])
+    inside = found.distance[:, 0] == 0
+    slope = (found.sensitivity[inside, 1, 0] - found.sensitivity[inside, 0, 0]).sum(axis=0)
+    assert sensitivities(problem, Judge(problem), design)[0] == pytest.approx(slope, abs=1e-6)
+    assert np.abs(slope).min() > 0.1
+
+
+def test_a_worth_that_is_zero_is_told_apart_by_distance(tmp_path: Path) -> None:
+    text = TWO.replace("[4.8, 6.0]", "[6.2, 6.4]")
+    _, problem = problem_of(tmp_path, text)
+    worth = Judge(problem).worth(np.array([[1.5, 0.5], [1.5, 0.9], [1.2, 0.1]]))
+    assert np.all(worth.objectives == 0)
+    scores = worth.score(lambda objectives: objectives[:, 0])
+    assert len(set(scores)) == 3
+    assert np.all(scores < 0)
+
+
+def test_constraints_hold(tmp_path: Path) -> None:
+    text = TWO.replace("[0.1, 0.9]", "{values: [0.0, 0.2, 0.4, 0.5]}").replace("[1.2, 1.7]", "{values: [1.3, 1.5]}")
+    text += "  constraints: {required_damping: {max: 0.09}, meshes.first.contact_ratio: {min: 1.4}}\n"
+    _, problem = problem_of(tmp_path, text)
+    judge = Judge(problem)
+    places = np.array([[a, b] for a in range(2) for b in range(4)], dtype=float)
+    worth = judge.worth(places)
+    # The second value of c1 alone, and phasings that need little damping: in phase 2w3 needs 0.09 and more.
+    assert list(worth.violation > 0)[:4] == [True] * 4
+    assert worth.violation[4] > 0
+    assert worth.violation[7] == 0
+
+
+def test_fronts_hold_what_nothing_dominates() -> None:
+    objectives = np.array([[1.0, 5.0], [2.0, 3.0], [2.0, 3.0], [3.0, 4.0], [4.0, 1.0], [0.5, 6.0], [4.0, 2.0]])
+    kept = nondominated(objectives)
+    assert sorted(map(tuple, objectives[kept])) == [(0.5, 6.0), (1.0, 5.0), (2.0, 3.0), (4.0, 1.0)]
+    designs = np.arange(len(objectives), dtype=float)[:, None]
+    assert list(thinned(designs[kept], objectives[kept])[:, 0]) == [5, 0, 1, 4]
+
+
+def test_a_pareto_front_by_the_command(tmp_path: Path) -> None:
+    text = TWO.replace("[0.1, 0.9]", "{values: [0, 0.2, 0.4, 0.5, 0.7]}").replace("[1.2, 1.7]", "{values: [1.2, 1.5]}")
+    text = text.replace("instability_width", "[instability_width, growth_rate]").replace("[4.8, 6.0]", "[2.5, 6.0]")
+    done = ran("design", written(tmp_path, TRAIN + text), "-o", tmp_path / "front.h5")
+    assert done.exit_code == 0, done.output
+    with xr.open_datatree(tmp_path / "front.h5", engine="h5netcdf") as tree:
+        result = tree["design"].to_dataset().load()
+    everything, front = result["choice_objective"].values, result["design_objective"].values
+    assert len(everything) == 10
+    for row in everything:
+        better = np.all(front <= row, axis=1)
+        assert better.any()
+    assert result["objective_optimum"].dims == ("objective",)
+
+
+def test_growth_rates_are_the_largest_of_a_fine_raster(tmp_path: Path) -> None:
+    _, problem = problem_of(tmp_path, TWO.replace("instability_width", "growth_rate").replace("[4.8", "[0.8"))
+    rows = np.array([[1.5, 0.2], [1.3, 0.6]])
+    found = Judge(problem).worth(rows).objectives[:, 0]
+    for (c1, h), value in zip(rows, found, strict=True):
+        p = problem.parameters(np.array([[c1, h]]))
+        raster = solve(build(p), np.linspace(0.8, 6.0, 20001)).growth_rate.max()
+        assert raster <= value * (1 + 1e-6)
+        assert value == pytest.approx(raster, rel=1e-3)
+
+
+def test_intervals_are_united() -> None:
+    nan = np.nan
+    found = united(np.array([[3.0, 1.0, 1.5, nan, 1.2]]), np.array([[4.0, 2.0, 3.2, nan, 1.3]]))
+    assert found.width(0.0, 10.0) == pytest.approx([3.0])
+    assert found.width(1.8, 3.5) == pytest.approx([1.7])
+    assert found.distance(5.0, 6.0) == pytest.approx([1.0])
+
+
+@pytest.mark.parametrize(
+    ("sun", "planet", "ring", "count", "fits"),
+    [
+        (24, 24, 72, 4, True),
+        (24, 24, 71, 4, False),
+        (23, 24, 71, 4, False),
+        (20, 60, 140, 5, False),
+        (20, 22, 64, 3, True),
+    ],
+)
+def test_planets_that_can_be_assembled(sun: int, planet: int, ring: int, count: int, fits: bool) -> None:
+    teeth = {"sun": sun, "planet": planet, "ring": ring}
+    assert assembled({"kind": "planetary", "planets": count, "teeth": teeth}) == fits

@@ -1,0 +1,146 @@
+"""The section ``design``: what is accepted, what it means, and a line for each mistake."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scenes import TRAIN, problems, ran, read, written
+
+from gearstab.config import ConfigError
+from gearstab.design import check
+
+SECTION = """\
+design:
+  range: {mesh_frequency: [2.0, 6.0]}
+  variables: {meshes.first.contact_ratio: [1.1, 1.9], tooth_ratio: {values: [1, "1/2"]}}
+  minimise: instability_width
+"""
+STAGE = """\
+system:
+  kind: gearbox
+  gears: {module: "2 mm", pressure_angle: "20 deg", face_width: "20 mm"}
+  rotors: [{name: a, teeth: 20}, {name: b, teeth: 40}]
+  meshes: [{name: m, gears: [a, b]}]
+  input: {rotor: a, torque: 20.0}
+  outputs: [{rotor: b}]
+"""
+
+
+def mistakes(folder: Path, old: str, new: str) -> list[str]:
+    """Paths of what is wrong with the section once a part of it is replaced."""
+    assert old in SECTION
+    return [problem.path for problem in problems(folder, TRAIN + SECTION.replace(old, new))]
+
+
+def test_forms_of_variables(tmp_path: Path) -> None:
+    written(tmp_path, "label, inertias.0, inertias.1\nA, 1, 2\n\nB, 3, 4\n", "rows.csv")
+    text = SECTION.replace("variables: {", "variables: {inertias.2: {integers: [2, 4]}, row: {catalogue: rows.csv}, ")
+    design = read(tmp_path, TRAIN + text).design
+    assert design is not None
+    by_name = {v.name: v for v in design.variables}
+    assert by_name["meshes.first.contact_ratio"].bounds == (1.1, 1.9)
+    assert list(by_name["inertias.2"].axis.values) == [2, 3, 4]
+    assert by_name["tooth_ratio"].axis.size == 2
+    rows = by_name["row"]
+    assert (rows.form, list(rows.axis.values)) == ("choices", ["A", "B"])
+    assert [list(item.values) for item in rows.axis.assignments] == [[1, 3], [2, 4]]
+
+
+def test_the_resolved_configuration_says_the_same_without_the_file(tmp_path: Path) -> None:
+    written(tmp_path, "inertias.0, inertias.1\n1, 2\n3, 4\n", "rows.csv")
+    first = read(tmp_path, TRAIN + SECTION.replace("variables: {", "variables: {row: {catalogue: rows.csv}, "))
+    (tmp_path / "rows.csv").unlink()
+    again = read(tmp_path, first.resolved)
+    assert again.resolved == first.resolved
+    assert again.digest == first.digest
+
+
+def test_units_of_ranges_bounds_and_limits(tmp_path: Path) -> None:
+    section = """\
+design:
+  range: [{input_speed: ["600 rpm", "1200 rpm"]}, {input_speed: ["2000 rpm", "2400 rpm"], weight: 3}]
+  variables: {gears.face_width: ["10 mm", "30 mm"]}
+  minimise: {instability_width: 1, growth_rate: 0.5}
+  constraints: {root_stress: {max: "300 MPa"}, gears.module: {min: "1 mm"}, rotors.a.teeth: {max: 40}}
+"""
+    design = read(tmp_path, STAGE + section).design
+    assert design is not None
+    assert design.ranges[0].low == pytest.approx(20 * np.pi)
+    assert [item.weight for item in design.ranges] == [1, 3]
+    assert design.variables[0].bounds == (0.01, 0.03)
+    assert design.objectives == ({"instability_width": 1.0, "growth_rate": 0.5},)
+    assert [item.high for item in design.limits] == [300e6, np.inf, 40]
+    assert design.limits[1].low == 1e-3
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "path"),
+    [
+        ("range:", "ranges:", "design.ranges"),
+        ("[2.0, 6.0]", "[6.0, 2.0]", "design.range.mesh_frequency"),
+        ("[2.0, 6.0]", "[2.0]", "design.range.mesh_frequency"),
+        ("[2.0, 6.0]", "[-1, 6.0]", "design.range.mesh_frequency.0"),
+        ("[2.0, 6.0]}", "[2.0, 6.0], weight: 0}", "design.range.weight"),
+        ("{mesh_frequency: [2.0, 6.0]}", "{speed: [2.0, 6.0]}", "design.range"),
+        ("{mesh_frequency: [2.0, 6.0]}", "[]", "design.range"),
+        ("first.contact_ratio", "first.contact", "design.variables.meshes.first.contact"),
+        ("[1.1, 1.9]", "[1.9, 1.1]", "design.variables.meshes.first.contact_ratio"),
+        ("[1.1, 1.9]", "[0.5, 1.9]", "design.variables.meshes.first.contact_ratio.0"),
+        ("[1.1, 1.9]", "1.5", "design.variables.meshes.first.contact_ratio"),
+        ("[1.1, 1.9]", "{integer: [1, 2]}", "design.variables.meshes.first.contact_ratio"),
+        ("[1.1, 1.9]", "{integers: [1, 2.5]}", "design.variables.meshes.first.contact_ratio.integers"),
+        ("[1.1, 1.9]", "{values: []}", "design.variables.meshes.first.contact_ratio.values"),
+        ("[1.1, 1.9]", "{values: [1.2, 1.2]}", "design.variables.meshes.first.contact_ratio.values"),
+        ("[1.1, 1.9]", "{catalogue: none.csv}", "design.variables.meshes.first.contact_ratio.catalogue"),
+        ("[1.1, 1.9]", "[1.1, 1.9], contact_ratio: [1.2, 1.8]", "design.variables.contact_ratio"),
+        ('{values: [1, "1/2"]}', "[0.5, 1]", "design.variables.tooth_ratio"),
+        ("tooth_ratio: {", "mesh_frequency: {", "design.variables.mesh_frequency"),
+        (": instability_width", ": width", "design.minimise"),
+        (": instability_width", ": {growth_rate: -1}", "design.minimise.growth_rate"),
+        (": instability_width", ": [growth_rate, growth_rate]", "design.minimise.1"),
+        (": instability_width", ": instability_width\n  constraints: {width: {max: 1}}", "design.constraints.width"),
+        (": instability_width", ": growth_rate\n  constraints: {growth_rate: 1}", "design.constraints.growth_rate"),
+        (": instab", ": growth_rate\n  constraints: {epsilon: {min: 2, max: 1}} #", "design.constraints.epsilon"),
+    ],
+)  # fmt: skip
+def test_each_mistake_is_named_at_its_place(tmp_path: Path, old: str, new: str, path: str) -> None:
+    found = mistakes(tmp_path, old, new)
+    assert path in found
+    # A key that is missing because it is misspelt is the only consequence that is told.
+    assert set(found) <= {path, "design.range"}
+
+
+def test_all_mistakes_at_once_and_exit_code_2(tmp_path: Path) -> None:
+    text = SECTION.replace("[2.0, 6.0]", "[6.0, 2.0]").replace("[1.1, 1.9]", "[1.9]").replace(": instab", ": stab")
+    path = written(tmp_path, TRAIN + text)
+    for command in ("check", "design"):
+        done = ran(command, path)
+        assert done.exit_code == 2
+        assert len(done.stderr.splitlines()) == 3
+        assert all(line.startswith(f"{path}:") for line in done.stderr.splitlines())
+
+
+@pytest.mark.parametrize("content", ["", "inertias.0\n", "inertias.0, inertias.0\n1, 2\n", "inertias.0, epsilon\n1\n"])
+def test_a_catalogue_without_choices(tmp_path: Path, content: str) -> None:
+    written(tmp_path, content, "rows.csv")
+    found = mistakes(tmp_path, "[1.1, 1.9]", "[1.1, 1.9], row: {catalogue: rows.csv}")
+    assert found == ["design.variables.row.catalogue"]
+
+
+def test_what_the_system_cannot_give(tmp_path: Path) -> None:
+    text = TRAIN + SECTION.replace(": instability_width", ": [load_factor, root_stress]")
+    with pytest.raises(ConfigError) as caught:
+        check(read(tmp_path, text))
+    assert len(caught.value.problems) == 2
+
+
+def test_too_many_combinations(tmp_path: Path) -> None:
+    wide = "variables: {inertias.0: {integers: [1, 1000]}, inertias.1: {integers: [1, 1000]}, "
+    with pytest.raises(ConfigError):
+        check(read(tmp_path, TRAIN + SECTION.replace("variables: {", wide)))
+
+
+def test_the_section_is_needed(tmp_path: Path) -> None:
+    assert ran("design", written(tmp_path, TRAIN)).exit_code == 2
