@@ -12,6 +12,7 @@ import xarray as xr
 from gearstab.errors import PlotError, listed
 from gearstab.plots.drawing.text import (
     axis_label,
+    bracketed,
     number_text,
     plain,
     short_label,
@@ -24,6 +25,9 @@ Array = np.ndarray
 FREQUENCY = "mesh_frequency"
 SPEEDS = (FREQUENCY, "input_speed")
 """Axes along which the mesh frequency varies."""
+
+INNER = ("tongue", "side", "stretch", "exponent", "mesh", "parameter")
+"""Dimensions of what was computed at a point, or of boundaries; they are no axes of the sweep."""
 
 GROUPS = ("floquet", "perturbation", "boundaries", "uncoupled", "required_damping", "tolerance", "response")
 """The groups that stand over the axes of a sweep."""
@@ -64,6 +68,11 @@ class Axis:
         return np.argsort(self.positions, kind="stable")
 
     @property
+    def ascending(self) -> Array:
+        """``(size,)``: the positions in ascending order."""
+        return self.positions[self.order]
+
+    @property
     def label(self) -> str:
         """What stands beside the axis."""
         return axis_label(self.name, self.long_name, self.units, self.meshes)
@@ -71,13 +80,12 @@ class Axis:
     @property
     def short_label(self) -> str:
         """What stands beside an axis without room: the symbol, or the name without one, and the unit."""
-        unit = unit_text(self.units)
-        return short_label(self.name, self.meshes) + (f" ({unit})" if unit else "")
+        return short_label(self.name, self.meshes) + bracketed(self.units)
 
     @property
     def logarithmic(self) -> bool:
         """Whether the values follow a geometric series (and not an arithmetic one)."""
-        x = self.positions[self.order]
+        x = self.ascending
         if not self.numeric or self.size < 3 or x[0] <= 0 or self.uniform:
             return False
         steps = np.diff(np.log(x))
@@ -86,12 +94,12 @@ class Axis:
     @property
     def uniform(self) -> bool:
         """Whether the values follow an arithmetic series; 1e-6 of a step is far below what print shows."""
-        steps = np.diff(self.positions[self.order])
+        steps = np.diff(self.ascending)
         return self.size < 3 or bool(np.ptp(steps) <= 1e-6 * steps.mean())
 
     def edges(self) -> Array:
         """``(size + 1,)`` ascending edges of the cells: half-way between the values, geometrically if logarithmic."""
-        x = self.positions[self.order]
+        x = self.ascending
         if self.size == 1:
             half = 0.5 * abs(x[0]) * 0.1 or 0.5
             return np.array([x[0] - half, x[0] + half]) if self.numeric else np.array([-0.5, 0.5])
@@ -166,10 +174,28 @@ def axis_of(data: xr.DataArray | xr.Dataset, name: str, meshes: Mapping[str, int
     coordinate = data.coords[source]
     values = coordinate.values
     if values.dtype.kind not in "fiu":
-        values = np.array([v.decode() if isinstance(v, bytes) else str(v) for v in values], dtype=object)
+        values = np.array(texts(values), dtype=object)
     attributes = coordinate.attrs
     factor = 1.0 if name == FREQUENCY else attributes.get("mesh_frequency_factor")
-    return Axis(name, values, str(attributes.get("units", "1")), str(attributes.get("long_name", "")), meshes, factor)
+    return Axis(name, values, units_of(coordinate), str(attributes.get("long_name", "")), meshes, factor)
+
+
+def texts(values: Iterable[str | bytes]) -> list[str]:
+    """Labels as text, whether the file gives them as text or as bytes."""
+    return [v.decode() if isinstance(v, bytes) else str(v) for v in values]
+
+
+def units_of(data: xr.DataArray) -> str:
+    """The unit of a variable; of one coordinate's values where coordinates have different units."""
+    units = str(data.attrs.get("units", "1"))
+    if "dof_units" in data.coords and data.coords["dof_units"].ndim == 0:
+        return str(data.attrs.get(f"units_of_{data.coords['dof_units'].item()}", units))
+    return units
+
+
+def group_of(tree: xr.DataTree, name: str) -> xr.Dataset:
+    """A group of the result, empty where it has none of that name."""
+    return tree[name].to_dataset() if name in tree.children else xr.Dataset()
 
 
 def sweep_axes(tree: xr.DataTree) -> dict[str, Axis]:
@@ -229,7 +255,7 @@ def spanned_frequency(tree: xr.DataTree, meshes: Mapping[str, int]) -> Axis:
     values = values[np.isfinite(values)]
     low, high = (values.min(), values.max()) if values.size else (0.0, 1.0)
     air = 0.03 * (high - low) or 0.05 * abs(high) or 0.5
-    units = str(edges[0].attrs.get("units", "1")) if edges else "1"
+    units = units_of(edges[0]) if edges else "1"
     return Axis(FREQUENCY, filled(max(low - air, 0.0), high + air), units, "mesh frequency", meshes, 1.0)
 
 
@@ -265,6 +291,11 @@ class View:
     def speed(self) -> Axis | None:
         """The axis drawn along which the mesh frequency varies."""
         return next((axis for axis in (self.x, self.y) if axis is not None and axis.name in SPEEDS), None)
+
+    @property
+    def factor(self) -> float | None:
+        """Mesh frequency over what is drawn in its place; None where it is not known."""
+        return 1.0 if self.speed is None else self.speed.factor
 
     def at(self, **fixed: int) -> Self:
         """The view with further axes fixed."""

@@ -10,11 +10,8 @@ from typing import Any
 import xarray as xr
 from matplotlib.figure import Figure
 
-from gearstab.plots.axes import SPEEDS, Axis, Request, find_axis, sweep_axes
+from gearstab.plots.axes import INNER, SPEEDS, Axis, Request, find_axis, sweep_axes
 from gearstab.plots.variables import find_variable
-
-INNER = ("tongue", "side", "stretch", "exponent", "mesh", "parameter")
-"""Dimensions of what was computed at a point, or of boundaries; they are no axes of the sweep."""
 
 
 @dataclass(frozen=True)
@@ -93,10 +90,6 @@ class Contents:
         return bool(self.axes) and self.request.variable is None
 
 
-def _only_if_asked(contents: Contents) -> bool:
-    return False
-
-
 Draw = Callable[[xr.DataTree, Request], tuple[Figure, dict[str, Any]]]
 
 
@@ -105,10 +98,10 @@ class Kind:
     """A kind of figure: what it shows, how it is drawn, and of what it is the default.
 
     draw: gives the figure and its artists by name; raises PlotError where the result does not hold what it needs.
-    suits: whether it is the figure for these contents; of several kinds the last in the table is.
+    suits: whether it is the figure for these contents, default none; of several kinds the last in the table is.
     """
 
     name: str
     summary: str
     draw: Draw
-    suits: Callable[[Contents], bool] = _only_if_asked
+    suits: Callable[[Contents], bool] = lambda contents: False

@@ -15,10 +15,10 @@ from matplotlib.lines import Line2D
 
 from gearstab.errors import PlotError, listed
 from gearstab.plots import gear_bodies
-from gearstab.plots.axes import Request
+from gearstab.plots.axes import Request, texts, units_of
 from gearstab.plots.drawing.heading import write_title
 from gearstab.plots.drawing.style import CASES, LINE, WIDTHS, new_figure
-from gearstab.plots.drawing.text import fitted, number_text, plain, unit_text
+from gearstab.plots.drawing.text import bracketed, fitted, number_text, plain, unit_text
 from gearstab.plots.kinds import Contents, Kind
 
 Array = np.ndarray
@@ -83,14 +83,13 @@ def kind_of(modes: xr.Dataset, p: int) -> str:
     """The type of a mode; empty if the result does not say."""
     if "mode_type" not in modes.data_vars:
         return ""
-    value = modes["mode_type"].values[p]
-    return value.decode() if isinstance(value, bytes) else str(value)
+    return texts(modes["mode_type"].values)[p]
 
 
 def heading(modes: xr.Dataset, p: int) -> str:
     """Natural frequency, type and, where meshes deflect as cos T psi_n, that T."""
     data = modes["natural_frequency"]
-    unit, value = unit_text(str(data.attrs.get("units", "1"))), float(data.values[p])
+    unit, value = unit_text(units_of(data)), float(data.values[p])
     size = number_text(float(f"{value:.4g}")) if np.isfinite(value) else "imaginary"
     text = rf"$\omega_{{{p + 1}}}$ = {size}" + (f" {unit}" if unit and np.isfinite(value) else "")
     kind = plain(kind_of(modes, p))
@@ -177,8 +176,7 @@ def units_of_entries(attributes: Mapping[str, Any]) -> str:
     if "units_of_rad" in attributes:
         turned, moved = (unit_text(str(attributes[f"units_of_{unit}"])) for unit in ("rad", "m"))
         return f" (rotations: {turned}, displacements: {moved})"
-    unit = unit_text(str(attributes.get("units", "1")))
-    return f" ({unit})" if unit else ""
+    return bracketed(str(attributes.get("units", "1")))
 
 
 def left_out(modes: xr.Dataset, kept: list[int], request: Request) -> str:

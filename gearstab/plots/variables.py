@@ -6,7 +6,7 @@ import numpy as np
 import xarray as xr
 
 from gearstab.errors import PlotError, listed
-from gearstab.plots.axes import swept_groups
+from gearstab.plots.axes import swept_groups, units_of
 from gearstab.plots.drawing.text import axis_label
 
 GROWTH_RATE = "growth_rate"
@@ -44,6 +44,6 @@ def default_variable(tree: xr.DataTree) -> str:
 
 def colour_label(tree: xr.DataTree, variable: str) -> str:
     """What stands beside the colour bar."""
-    attributes = find_variable(tree, variable)[1].attrs
-    words = "growth rate" if variable == GROWTH_RATE else str(attributes.get("long_name", ""))
-    return axis_label(variable, words, str(attributes.get("units", "1")))
+    data = find_variable(tree, variable)[1]
+    words = "growth rate" if variable == GROWTH_RATE else str(data.attrs.get("long_name", ""))
+    return axis_label(variable, words, units_of(data))

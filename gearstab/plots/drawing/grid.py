@@ -105,5 +105,5 @@ def number_decades(side: MatplotlibAxis) -> None:
 
 def limits(axis: Axis) -> tuple[float, float]:
     """Where the frame of a map begins and ends along an axis: nothing was computed beyond the first and last number."""
-    ends = axis.edges() if axis.size == 1 or not axis.numeric else axis.positions[axis.order]
+    ends = axis.edges() if axis.size == 1 or not axis.numeric else axis.ascending
     return float(ends[0]), float(ends[-1])

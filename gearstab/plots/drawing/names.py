@@ -21,7 +21,7 @@ from matplotlib.transforms import (
 from gearstab.plots.axes import View
 from gearstab.plots.drawing.placement import Placed, place
 from gearstab.plots.drawing.text import tongue_label
-from gearstab.plots.drawing.tongues import INVISIBLE, Tongues, parameter_axis, read_tongues, widest
+from gearstab.plots.drawing.tongues import INVISIBLE, Tongues, frequency_limits, parameter_axis, read_tongues, widest
 
 Array = np.ndarray
 
@@ -65,7 +65,7 @@ def name_view(tree: xr.DataTree, ax: Axes, view: View, rows: int = 3) -> NamedTo
     if found is None:
         return NamedTongues()
     parameter, frequency_on_x = found
-    limits = ax.get_xlim() if frequency_on_x else ax.get_ylim()
+    limits = frequency_limits(ax, frequency_on_x)
     groups = [read_tongues(tree, group, view, parameter) for group in ("boundaries", "perturbation")]
     lines = merged([group for group in groups if group is not None], *limits)
     return name_tongues(ax, lines, frequency_on_x, rows) if lines is not None else NamedTongues()
@@ -88,7 +88,7 @@ def name_tongues(ax: Axes, tongues: Tongues, frequency_on_x: bool, rows: int = 3
     The frame must have its final length along the frequency axis; names stand above it, or right of it if the
     frequency is on y. Tongues too thin to be seen, and the thinnest where not all names fit, are left out.
     """
-    low, high = sorted(ax.get_xlim() if frequency_on_x else ax.get_ylim())
+    low, high = sorted(frequency_limits(ax, frequency_on_x))
     scale = ax.get_xscale() if frequency_on_x else ax.get_yscale()
     middle, depth, weight = anchors(tongues, low, high, scale == "log")
     chosen = np.array([i for i in np.flatnonzero(weight) if tongues.labels[i]], dtype=int)

@@ -76,11 +76,17 @@ def unit_text(units: str) -> str:
     return re.sub(r"\s*\*\s*", " ", raised)
 
 
+def bracketed(units: str) -> str:
+    """The unit behind a label, `` (rad/s)``; empty for dimensionless."""
+    unit = unit_text(units)
+    return f" ({unit})" if unit else ""
+
+
 def axis_label(name: str, long_name: str, units: str, meshes: Mapping[str, int] | None = None) -> str:
     r"""``mesh frequency $\Omega$ (rad/s)``."""
-    math, unit = symbol(name, meshes), unit_text(units)
+    math = symbol(name, meshes)
     words = plain(long_name or name.replace("_", " "))
-    return words + (f" ${math}$" if math else "") + (f" ({unit})" if unit else "")
+    return words + (f" ${math}$" if math else "") + bracketed(units)
 
 
 def short_label(name: str, meshes: Mapping[str, int] | None = None) -> str:

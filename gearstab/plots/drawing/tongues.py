@@ -10,7 +10,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 
-from gearstab.plots.axes import SPEEDS, Axis, View
+from gearstab.plots.axes import SPEEDS, Axis, View, texts
 from gearstab.plots.drawing.style import GROWTH, LINE
 
 Array = np.ndarray
@@ -41,12 +41,22 @@ class Tongues:
     @property
     def positions(self) -> Array:
         """``(size,)``, ascending."""
-        return self.parameter.positions[self.parameter.order]
+        return self.parameter.ascending
 
     def inside(self, low: float, high: float) -> Array:
         """``(tongue, 2, size)``: the part of the frame, from 0 to 1, between the edges; NaN where there is none."""
         part = np.clip((self.edges - low) / (high - low), 0.0, 1.0)
         return np.where(part[:, 1:] > part[:, :1], part, np.nan)
+
+    def open_ranges(self) -> Array:
+        """``(ranges, 2)``, lower and upper edge of the tongues that are open at the first position."""
+        edges = self.edges[..., 0]
+        return edges[np.isfinite(edges).all(axis=1) & (edges[:, 1] > edges[:, 0])]
+
+
+def frequency_limits(ax: Axes, frequency_on_x: bool) -> tuple[float, float]:
+    """Where the frame begins and ends along the axis of the mesh frequency."""
+    return ax.get_xlim() if frequency_on_x else ax.get_ylim()
 
 
 def read_tongues(tree: xr.DataTree, group: str, view: View, parameter: Axis | None) -> Tongues | None:
@@ -60,16 +70,15 @@ def read_tongues(tree: xr.DataTree, group: str, view: View, parameter: Axis | No
     own = () if parameter is None else (parameter.name,)
     if not {"tongue", "side", *own} <= set(data.dims):
         return None
-    factor = 1.0 if view.speed is None else view.speed.factor
-    if factor is None:
+    if view.factor is None:
         return None
-    edges = view.cut(data, "tongue", "side", *own) / factor
+    edges = view.cut(data, "tongue", "side", *own) / view.factor
     if parameter is None:
         edges, parameter = edges[..., None], Axis("", np.zeros(1), meshes=view.x.meshes)
     if edges.shape[0] == 0:
         return None
     raw = data.coords["label"].values if "label" in data.coords else [""] * edges.shape[0]
-    labels = [v.decode() if isinstance(v, bytes) else str(v) for v in raw]
+    labels = texts(raw)
     kept = [i for i, label in enumerate(labels) if view.tongue in (None, label)]
     return Tongues(edges[kept], tuple(labels[i] for i in kept), parameter)
 
@@ -101,7 +110,7 @@ def exact_lines(ax: Axes, tongues: Tongues, frequency_on_x: bool) -> tuple[LineC
     A line is broken where an edge leaps, as it does where regions merge and where a name passes to another region.
     Returns the edges and the light lines.
     """
-    low, high = ax.get_xlim() if frequency_on_x else ax.get_ylim()
+    low, high = frequency_limits(ax, frequency_on_x)
     edges, span = tongues.edges, high - low
     narrow = ~(edges[:, 1] - edges[:, 0] >= ONE_LINE * span)
     wide = np.where((narrow & beside(narrow))[:, None], np.nan, edges)

@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from gearstab.errors import PlotError
-from gearstab.plots.axes import FREQUENCY, SPEEDS, MapView, Request, swept_groups, view_of
+from gearstab.plots.axes import FREQUENCY, INNER, SPEEDS, MapView, Request, swept_groups, view_of
 from gearstab.plots.cases import caption, some
 from gearstab.plots.drawing import grid, names, tongues
 from gearstab.plots.drawing.heading import write_legend, write_title
@@ -39,8 +39,7 @@ def view_boundaries(tree: xr.DataTree, request: Request) -> MapView:
     if "side" not in dims:
         raise PlotError("this result holds no boundaries (methods.perturbation, uncoupled or boundaries was not run)")
     speed = next((name for name in SPEEDS if name in dims), FREQUENCY)
-    inner = ("tongue", "side", "stretch", "exponent", "mesh")
-    kept = dict.fromkeys([speed, *(name for name in dims if name not in inner)])
+    kept = dict.fromkeys([speed, *(name for name in dims if name not in INNER)])
     view = view_of(tree, kept, request)
     if tongues.parameter_axis(view) is None:
         names = " and ".join(axis.name for axis in (view.x, view.y) if axis is not None)
@@ -70,7 +69,7 @@ def draw_marks(ax: Axes, exact: Tongues, frequency_on_x: bool, colour: str) -> t
     step = max(1, round(exact.positions.size / ROWS_WITH_MARKS))
     rows = np.arange(exact.positions.size - 1, -1, -step)
     edges = exact.edges[..., rows]
-    limits = ax.get_xlim() if frequency_on_x else ax.get_ylim()
+    limits = tongues.frequency_limits(ax, frequency_on_x)
     narrow = edges[:, 1:] - edges[:, :1] < tongues.INVISIBLE * (limits[1] - limits[0])
     circle = {**CIRCLE, "markersize": 1.7, "markeredgecolor": colour}
     dot = {"marker": ".", "markersize": 1.0, "color": colour, "markeredgewidth": 0}
@@ -98,7 +97,7 @@ def draw_case(
     colour, dash = CASES[number], DASHES[number]
     regions = draw_regions(tree, ax, view, fill)
     grid.frame(ax, view.x, view.y)
-    limits = ax.get_xlim() if frequency_on_x else ax.get_ylim()
+    limits = tongues.frequency_limits(ax, frequency_on_x)
     artists: Artists = {"regions": regions, **dict.fromkeys(("perturbation", "uncoupled", "boundaries", "thin"))}
     artists["proved"] = proved.draw_proved(tree, ax, view, parameter, frequency_on_x) if marks else None
     for group, pattern in (("perturbation", dash), ("uncoupled", DOTTED)):
@@ -144,7 +143,7 @@ def named_cases(tree: xr.DataTree, ax: Axes, views: list[MapView]) -> names.Name
     axis = tongues.parameter_axis(views[0])
     assert axis is not None
     parameter, frequency_on_x = axis
-    limits = ax.get_xlim() if frequency_on_x else ax.get_ylim()
+    limits = tongues.frequency_limits(ax, frequency_on_x)
     groups = []
     for group in ("boundaries", "perturbation", "uncoupled"):
         found = [tongues.read_tongues(tree, group, view, parameter) for view in views]

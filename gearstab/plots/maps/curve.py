@@ -10,8 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from gearstab.plots.axes import SPEEDS, Request, View, view_along
-from gearstab.plots.cases import caption, some
+from gearstab.plots.axes import SPEEDS, Axis, Request, View, view_along
+from gearstab.plots.cases import Index, caption, some
 from gearstab.plots.drawing import grid, names, tongues
 from gearstab.plots.drawing.heading import write_legend, write_title
 from gearstab.plots.drawing.style import CASES, DASHES, SHADE, new_figure
@@ -27,7 +27,7 @@ Artists = dict[str, Any]
 def draw_curve(ax: Axes, data: xr.DataArray, view: View, number: int, label: str) -> Line2D:
     """One line over x; gaps where there is no value."""
     (line,) = ax.plot(
-        view.x.positions[view.x.order], view.cut(data, view.x.name), color=CASES[number], linestyle=DASHES[number],
+        view.x.ascending, view.cut(data, view.x.name), color=CASES[number], linestyle=DASHES[number],
         label=label, marker="o" if view.x.size == 1 else "", markersize=2.5,
     )  # fmt: skip
     return line
@@ -49,12 +49,35 @@ def draw_bands(tree: xr.DataTree, ax: Axes, view: View) -> tuple[tongues.Tongues
     lines = next((found for found in known if found is not None), None)
     if lines is None:
         return None, None
-    edges = lines.edges[..., 0]
-    edges = edges[np.isfinite(edges).all(axis=1) & (edges[:, 1] > edges[:, 0])]
+    edges = lines.open_ranges()
     return lines, ax.broken_barh(
         list(zip(edges[:, 0], edges[:, 1] - edges[:, 0], strict=True)), (0, 1), transform=ax.get_xaxis_transform(),
         facecolors=SHADE, linewidth=0, zorder=0.5,
     )  # fmt: skip
+
+
+def chosen_curves(view: View, data: xr.DataArray, request: Request) -> tuple[list[Index], str]:
+    """What each curve over x stands for; of too many those with the largest values, and a sentence that says so."""
+    return some(view.free, len(CASES), "curves", request.partial, lambda c: peak(view.at(**c).cut(data, view.x.name)))
+
+
+def draw_doubts(
+    tree: xr.DataTree, ax: Axes, dataset: xr.Dataset, view: View, cases: list[Index], lines: list[Line2D]
+) -> list[str]:
+    """Draw halos behind what is in doubt of each case's line; what the legend is to say of them."""
+    words = []
+    for line, case in zip(lines, cases, strict=True):
+        words += doubt.halo(ax, line, doubt.doubtful(tree, dataset, view.at(**case), view.x.name))
+    return words
+
+
+def dress(ax: Axes, x: Axis, label: str) -> None:
+    """Scale and labels of a figure of curves over ``x``; ``label``: what they are."""
+    ax.set_xscale("log" if x.logarithmic else "linear")
+    if x.logarithmic:
+        grid.number_decades(ax.xaxis)
+    ax.set_xlabel(x.label)
+    ax.set_ylabel(fitted(label, 1.8, 8.5))
 
 
 def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
@@ -64,22 +87,14 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     variable = request.variable or default_variable(tree)
     dataset, data = find_variable(tree, variable)
     view = view_along(tree, map(str, data.dims), request, dataset)
-    cases, note = some(
-        view.free, len(CASES), "curves", request.partial, lambda c: peak(view.at(**c).cut(data, view.x.name))
-    )
+    cases, note = chosen_curves(view, data, request)
     figure = new_figure(request, 0.62)
     ax = figure.add_subplot()
     lines = [draw_curve(ax, data, view.at(**c), k, caption(view.free, c)) for k, c in enumerate(cases)]
-    doubted = []
-    for line, case in zip(lines, cases, strict=True):
-        doubted += doubt.halo(ax, line, doubt.doubtful(tree, dataset, view.at(**case), view.x.name))
-    low, high = grid.limits(view.x) if view.x.size == 1 else view.x.positions[view.x.order][[0, -1]]
-    ax.set_xscale("log" if view.x.logarithmic else "linear")
+    doubted = draw_doubts(tree, ax, dataset, view, cases, lines)
+    low, high = grid.limits(view.x) if view.x.size == 1 else view.x.ascending[[0, -1]]
     ax.set_xlim(low, high)
-    if view.x.logarithmic:
-        grid.number_decades(ax.xaxis)
-    ax.set_xlabel(view.x.label)
-    ax.set_ylabel(fitted(colour_label(tree, variable), 1.8, 8.5))
+    dress(ax, view.x, colour_label(tree, variable))
     if variable == GROWTH_RATE:
         ax.axhline(0.0, color="#8a8a8a", linewidth=0.4, zorder=0.8)
     found, bands = draw_bands(tree, ax, view) if len(cases) == 1 else (None, None)

@@ -44,7 +44,7 @@ def draw_map(ax: Axes, view: MapView, data: xr.DataArray, levels: tuple[float, .
         text = "no sample is unstable"
         artists["note"] = ax.text(0.5, 0.5, text, transform=ax.transAxes, ha="center", color="#6e6e6e")
     elif min(values.shape) > 1 and view.x.numeric and view.y.numeric:
-        x, y = (axis.positions[axis.order] for axis in (view.x, view.y))
+        x, y = view.x.ascending, view.y.ascending
         crossed = [level for level in levels if np.nanmin(values) < level < np.nanmax(values)]
         if crossed:
             dashes = [DASHES[levels.index(level) % len(DASHES)] for level in crossed]

@@ -23,10 +23,9 @@ def read_proved(tree: xr.DataTree, view: View, parameter: Axis | None) -> Array 
         return None
     data = tree["boundaries"].to_dataset()["proved_frequency"]
     own = () if parameter is None else (parameter.name,)
-    factor = 1.0 if view.speed is None else view.speed.factor
-    if factor is None or not set(own) <= set(data.dims):
+    if view.factor is None or not set(own) <= set(data.dims):
         return None
-    ends = view.cut(data, "stretch", "side", *own) / factor
+    ends = view.cut(data, "stretch", "side", *own) / view.factor
     ends = ends if own else ends[..., None]
     return ends if np.isfinite(ends).any() else None
 

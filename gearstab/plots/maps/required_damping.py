@@ -54,7 +54,7 @@ def draw_map(ax: Axes, view: MapView, data: xr.DataArray, norm: Normalize | None
         text = "no damping is required" if not failed.any() else "no damping in the range is enough"
         artists["note"] = ax.text(0.5, 0.5, text, transform=ax.transAxes, ha="center", color="#6e6e6e")
     elif min(values.shape) > 1 and view.x.numeric and view.y.numeric:
-        x, y = (axis.positions[axis.order] for axis in (view.x, view.y))
+        x, y = view.x.ascending, view.y.ascending
         levels = [v for v in MaxNLocator(LEVELS, steps=[1, 2, 2.5, 5, 10]).tick_values(0.0, top) if 0 < v < top]
         if levels:
             # Light lines on the dark half of the colours.

@@ -105,7 +105,7 @@ def draw_neutral(tree: xr.DataTree, ax: Axes, view: MapView) -> object | None:
     decays = finite.size and finite.min() < -1e-6 * np.abs(finite).max() and finite.max() > 0
     if not decays or min(values.shape) < 2:
         return None
-    x, y = (axis.positions[axis.order] for axis in (view.x, view.y))
+    x, y = view.x.ascending, view.y.ascending
     return ax.contour(x, y, np.ma.masked_invalid(values), levels=[0.0], colors=LINE, linewidths=0.5, zorder=2)
 
 
@@ -116,7 +116,7 @@ def draw_boundaries(tree: xr.DataTree, ax: Axes, view: MapView | None, dashed: b
     if view is None or found is None:
         return artists
     parameter, frequency_on_x = found
-    low, high = ax.get_xlim() if frequency_on_x else ax.get_ylim()
+    low, high = tongues.frequency_limits(ax, frequency_on_x)
     exact = tongues.read_tongues(tree, "boundaries", view, parameter)
     if exact is not None:
         artists["boundaries"], artists["thin"] = tongues.exact_lines(ax, exact, frequency_on_x)

@@ -14,7 +14,7 @@ from mpl_toolkits.mplot3d import Axes3D  # type: ignore[import-untyped]
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection  # type: ignore[import-untyped]
 
 from gearstab.errors import PlotError
-from gearstab.plots.axes import FREQUENCY, Axis, MapView, Request, axis_of, mesh_numbers, view_of
+from gearstab.plots.axes import FREQUENCY, Axis, MapView, Request, axis_of, mesh_numbers, units_of, view_of
 from gearstab.plots.drawing.heading import write_title
 from gearstab.plots.drawing.style import LINE, new_figure
 from gearstab.plots.drawing.text import axis_label, tongue_label
@@ -88,7 +88,7 @@ def chosen_tongue(tree: xr.DataTree, view: MapView) -> int:
     if "tongue" in view.fixed:
         return view.fixed["tongue"]
     count = boundary_data(tree).sizes["tongue"]
-    x, y = view.x.positions[view.x.order], view.y.positions[view.y.order]
+    x, y = view.x.ascending, view.y.ascending
     width, vanishes = np.zeros(count), np.zeros(count, dtype=bool)
     for tongue in range(count):
         lower, upper = read_surface(tree, view, tongue)
@@ -123,7 +123,7 @@ def draw_surface(ax: Axes3D, view: MapView, lower: Array, upper: Array) -> Artis
     Returns ``surfaces`` (one collection, so that its facets are sorted by depth together) and ``vanishing`` (None if
     there is no such line).
     """
-    x, y = view.x.positions[view.x.order], view.y.positions[view.y.order]
+    x, y = view.x.ascending, view.y.ascending
     i, j = thinned(view.x), thinned(view.y)
     sheets = [facets(x[i], y[j], z[np.ix_(j, i)]) for z in (lower, upper)]
     colours = [LOWER] * len(sheets[0]) + [UPPER] * len(sheets[1])
@@ -171,7 +171,7 @@ def dress(ax: Axes3D, view: MapView, data: xr.DataArray) -> None:
     """Labels, a view from above, white panes and a light grid."""
     ax.set_xlabel(view.x.short_label, labelpad=-4)
     ax.set_ylabel(view.y.short_label, labelpad=-4)
-    ax.set_zlabel(axis_label(FREQUENCY, "mesh frequency", str(data.attrs.get("units", "1"))), labelpad=-2, rotation=90)
+    ax.set_zlabel(axis_label(FREQUENCY, "mesh frequency", units_of(data)), labelpad=-2, rotation=90)
     for axis in (ax.xaxis, ax.yaxis, ax.zaxis):
         axis.set_rotate_label(False)
     ax.view_init(elev=ELEVATION, azim=AZIMUTH)

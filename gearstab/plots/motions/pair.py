@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from gearstab.errors import PlotError
-from gearstab.plots.axes import Request
+from gearstab.plots.axes import Request, group_of
 from gearstab.plots.drawing.heading import write_title
 from gearstab.plots.drawing.style import CASES, SHADE, new_figure
 from gearstab.plots.kinds import Contents, Kind
@@ -28,7 +28,7 @@ REACH = 8.0
 
 def read_pair(tree: xr.DataTree) -> xr.Dataset:
     """The response of a gear pair. Raises PlotError if the result holds none."""
-    dataset = tree["response"].to_dataset() if "response" in tree.children else xr.Dataset()
+    dataset = group_of(tree, "response")
     if "phi" not in dataset or "energy" not in dataset:
         raise PlotError("this result holds no response of a gear pair with phi and energy")
     refuse_a_moment(dataset)

@@ -10,10 +10,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from gearstab.errors import PlotError, listed
-from gearstab.plots.axes import Request
+from gearstab.plots.axes import Request, group_of, units_of
 from gearstab.plots.drawing.heading import write_title
 from gearstab.plots.drawing.style import CASES, SHADE, new_figure
-from gearstab.plots.drawing.text import fitted, plain, unit_text
+from gearstab.plots.drawing.text import bracketed, fitted, plain
 from gearstab.plots.kinds import Kind
 from gearstab.plots.motions.response import LONG, refuse_a_moment
 
@@ -26,7 +26,7 @@ PERIODS = 6
 
 def read_backlash(tree: xr.DataTree) -> xr.Dataset:
     """The response with backlash. Raises PlotError if the result holds none."""
-    dataset = tree["response"].to_dataset() if "response" in tree.children else xr.Dataset()
+    dataset = group_of(tree, "response")
     if not {"mesh_deflection", "mesh_velocity", "play"} <= set(map(str, dataset.data_vars)):
         raise PlotError("this result holds no response with backlash, with mesh_deflection, mesh_velocity and play")
     refuse_a_moment(dataset)
@@ -91,8 +91,7 @@ def keep_to(set_limits: Any, values: Array) -> None:
 
 def label(words: str, data: xr.DataArray, mesh: str) -> str:
     """``mesh deflection, first (m)``."""
-    unit = unit_text(str(data.attrs.get("units", "1")))
-    return plain(words + (f", {mesh}" if mesh else "")) + (f" ({unit})" if unit else "")
+    return plain(words + (f", {mesh}" if mesh else "")) + bracketed(units_of(data))
 
 
 def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:

@@ -12,10 +12,10 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullLocator
 
 from gearstab.errors import PlotError, listed
-from gearstab.plots.axes import Request
+from gearstab.plots.axes import Request, units_of
 from gearstab.plots.drawing.heading import write_title
 from gearstab.plots.drawing.style import CASES, new_figure
-from gearstab.plots.drawing.text import fitted, plain, unit_text
+from gearstab.plots.drawing.text import bracketed, fitted, plain
 from gearstab.plots.kinds import Kind
 
 Array = np.ndarray
@@ -120,7 +120,6 @@ def columns(data: xr.DataArray, request: Request, along: str = "time") -> list[t
 def label_of(data: xr.DataArray, element: str) -> str:
     r"""``$x_1$ (m)``, ``mesh force first (N)``: a coordinate by its symbol, anything else by name."""
     units = units_of(data)
-    unit = unit_text(units)
     letters, digits = element.rstrip("0123456789"), element[len(element.rstrip("0123456789")) :]
     if data.name == "displacement" and len(letters) == 1 and digits:
         words = f"${letters}_{{{digits}}}$"
@@ -130,15 +129,7 @@ def label_of(data: xr.DataArray, element: str) -> str:
         name = name or (data.attrs.get("long_name") if data.name != "energy" else None)
         name = name or str(data.name).replace("_", " ")
         words = plain(f"{name}{', ' if element else ''}{element}")
-    return words + (f" ({unit})" if unit else "")
-
-
-def units_of(data: xr.DataArray) -> str:
-    """The unit of a variable; of one coordinate's values where coordinates have different units."""
-    units = str(data.attrs.get("units", "1"))
-    if "dof_units" in data.coords and data.coords["dof_units"].ndim == 0:
-        return str(data.attrs.get(f"units_of_{data.coords['dof_units'].item()}", units))
-    return units
+    return words + bracketed(units)
 
 
 def draw_history(ax: Axes, label: str, data: xr.DataArray, colour: str) -> Any:
@@ -201,8 +192,7 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     for ax, (label, data) in zip(axes, panels, strict=True):
         lines.append(draw_history(ax, label, data, CASES[2] if data.name == "mesh_force" else CASES[0]))
     time = panels[0][1].coords.get("time")
-    units = unit_text(str(time.attrs.get("units", "1"))) if time is not None else ""
-    axes[-1].set_xlabel("time $t$" + (f" ({units})" if units else ""))
+    axes[-1].set_xlabel("time $t$" + (bracketed(units_of(time)) if time is not None else ""))
     figure.align_ylabels(list(axes))
     write_title(figure, tree, request)
     fit_labels(list(axes))

@@ -10,10 +10,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from gearstab.errors import PlotError, listed
-from gearstab.plots.axes import Request
+from gearstab.plots.axes import Request, group_of, units_of
 from gearstab.plots.drawing.heading import write_title
 from gearstab.plots.drawing.style import CASES, new_figure
-from gearstab.plots.drawing.text import unit_text
+from gearstab.plots.drawing.text import bracketed
 from gearstab.plots.kinds import Kind
 from gearstab.plots.motions.response import MOST_PANELS, columns, fit_labels, refuse_selections
 
@@ -30,7 +30,7 @@ SHOWN = 1e-4
 
 def read_spectra(tree: xr.DataTree, wanted: str | None) -> xr.DataArray:
     """The variable over the frequency. Raises PlotError if the result holds none, or not that one."""
-    dataset = tree["response"].to_dataset() if "response" in tree.children else xr.Dataset()
+    dataset = group_of(tree, "response")
     known = [str(name) for name, data in dataset.data_vars.items() if "frequency" in data.dims]
     if not known:
         raise PlotError("this result holds no spectra of a response")
@@ -44,8 +44,7 @@ def horizontal(data: xr.DataArray) -> tuple[Array, str]:
     if "normalised_frequency" in data.coords:
         return data.coords["normalised_frequency"].values, r"frequency over $\omega_d$"
     frequency = data.coords["frequency"]
-    unit = unit_text(str(frequency.attrs.get("units", "1")))
-    return frequency.values, r"frequency $\omega$" + (f" ({unit})" if unit else "")
+    return frequency.values, r"frequency $\omega$" + bracketed(units_of(frequency))
 
 
 def draw_spectrum(ax: Axes, x: Array, values: Array, harmonics: bool) -> Any:

@@ -13,14 +13,12 @@ from matplotlib.patches import Patch
 
 from gearstab.errors import PlotError, listed
 from gearstab.plots.axes import SPEEDS, Request, View, view_along
-from gearstab.plots.cases import caption, some
+from gearstab.plots.cases import caption
 from gearstab.plots.drawing import grid, names, tongues
 from gearstab.plots.drawing.heading import write_legend, write_title
 from gearstab.plots.drawing.style import CASES, DASHES, SHADE, new_figure
-from gearstab.plots.drawing.text import fitted
 from gearstab.plots.kinds import Contents, Kind
-from gearstab.plots.maps import doubt
-from gearstab.plots.maps.curve import peak
+from gearstab.plots.maps import curve, doubt
 from gearstab.plots.variables import colour_label, find_variable
 
 Array = np.ndarray
@@ -56,8 +54,7 @@ def unstable_ranges(tree: xr.DataTree, view: View) -> Array:
     """
     exact = tongues.read_tongues(tree, "boundaries", view, None)
     if exact is not None:
-        edges = exact.edges[..., 0]
-        return edges[np.isfinite(edges).all(axis=1) & (edges[:, 1] > edges[:, 0])]
+        return exact.open_ranges()
     if "floquet" in tree.children and "stable" in tree["floquet"].data_vars:
         unstable = view.cut(tree["floquet"].to_dataset()["stable"], view.x.name) == 0
     else:
@@ -92,12 +89,10 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     view = view_along(tree, map(str, data.dims), request, own)
     if view.x.name not in SPEEDS:
         raise PlotError(f"response curves are drawn over {SPEEDS[0]}, not over {view.x.name}; use --kind curve")
-    cases, note = some(
-        view.free, len(CASES), "curves", request.partial, lambda c: peak(view.at(**c).cut(data, view.x.name))
-    )
+    cases, note = curve.chosen_curves(view, data, request)
     figure = new_figure(request, (0.66, 0.4))
     ax = figure.add_subplot()
-    x = view.x.positions[view.x.order]
+    x = view.x.ascending
     others = [axis for axis in view.free if axis.name != "mesh"]
     ranges = [unstable_ranges(tree, view.at(**case)) for case in cases]
     # Motions with backlash are those that are seen, whatever the linear system does.
@@ -107,18 +102,12 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
         values = view.at(**case).cut(data, view.x.name).astype(float)
         repelling = np.zeros((0, 2)) if attracts else ranges[k]
         lines.append(draw_case(ax, x, values, repelling, k, caption(view.free, case)))
-    doubted = []
-    for line, case in zip(lines, cases, strict=True):
-        doubted += doubt.halo(ax, line, doubt.doubtful(tree, own, view.at(**case), view.x.name))
+    doubted = curve.draw_doubts(tree, ax, own, view, cases, lines)
     low, high = grid.limits(view.x)
     ax.set_xlim(low, high)
     scale(ax, [np.asarray(line.get_ydata(), dtype=float) for line in lines])
     bands = shade(ax, ranges[0], (high - low) / 900) if not others and len(ranges[0]) else None
-    ax.set_xscale("log" if view.x.logarithmic else "linear")
-    if view.x.logarithmic:
-        grid.number_decades(ax.xaxis)
-    ax.set_xlabel(view.x.label)
-    ax.set_ylabel(fitted(colour_label(tree, variable), 1.8, 8.5))
+    curve.dress(ax, view.x, colour_label(tree, variable))
     handles = lines if len(cases) > 1 else []
     if bands is not None:
         handles = [*handles, Patch(facecolor=SHADE, label="unstable")]
