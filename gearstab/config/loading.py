@@ -8,10 +8,10 @@ from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
 from gearstab.config.document import overrides as override
+from gearstab.config.document.overrides import TOP_LEVEL
 from gearstab.config.document.problems import ConfigError, Path, dotted, nearest
-from gearstab.config.document.yaml import Document, read
+from gearstab.config.document.yaml import Document, read, value_at
 from gearstab.config.sections.axes import Array, Axis, Config
-from gearstab.config.sections.names import TOP_LEVEL
 
 if TYPE_CHECKING:
     from gearstab.config.model.conflicts import Conflict
@@ -132,28 +132,29 @@ def _find_model(document: Document) -> type[System] | None:
 def _read_system(document: Document, model: type[System], source: FilePath) -> _System | None:
     """The sections ``system`` and ``sweep``; None after reporting problems."""
     from gearstab.config.checks.samples import check_variation
-    from gearstab.config.document.yaml import value_at
+    from gearstab.config.model.conflicts import as_meant
     from gearstab.config.model.dimensions import check_units
     from gearstab.config.model.introspection import as_parameters
-    from gearstab.config.model.validation import as_meant, validate
+    from gearstab.config.model.validation import validate
     from gearstab.config.sections import design, sweep, uncertain
 
     raw = document.data["system"]
     _name_meshes(document, model)
     contents = model.read_files(document, source)
-    model.complete(document, raw, model.size(raw | contents))
-    samples = _read_samples(document, source)
+    model.complete(document, raw, model.size(as_meant(raw | contents, model)))
     from_file: dict[str, Any] = {k: v for k, v in contents.items() if k != "damping"}
     if "damping" in contents:
         from_file["damping"] = {"matrix": contents["damping"]}
     meant = as_meant(raw | from_file, model)
+    samples = _read_samples(document, meant, source)
     context = sweep.Context(document, model, meant)
     layouts = sweep.layouts(context) if "sweep" in document.data else []
     variables = design.layouts(context) if "design" in document.data else []
     known = set(sweep.base_values(document, [*layouts, *variables]))
     targets = uncertain.resolve(context, value_at(document.data, uncertain.SECTION))
     known |= set(uncertain.base_values(context, targets))
-    _report(document, ("system",), model.conflicts(as_meant(raw | from_file, model)))
+    section = as_meant(raw | from_file, model)
+    _report(document, ("system",), model.conflicts(section), section)
     known |= check_units(document, model, meant, "system", model, known)
     system = validate(document, model, ("system",), known)
     built = [(layout.name, sweep.build(context, layout)) for layout in layouts]
@@ -166,7 +167,7 @@ def _read_system(document: Document, model: type[System], source: FilePath) -> _
     parameters = undamped | as_parameters(system) | from_file
     for where, values in samples.items():
         value_at(parameters, where).update(phase=values[0], stiffness=values[1])
-    check_variation(document, samples, axes)
+    check_variation(document, section, samples, axes)
     contents |= {dotted(where): values for where, values in samples.items()}
     specs = {name: item[1] for name, item in built if item}
     return _System(plain, parameters, contents, axes, specs, context, targets, wanted)
@@ -180,13 +181,13 @@ def _name_meshes(document: Document, model: type[System]) -> None:
             document.put(("system", "meshes", i, "name"), name, document.where(("system", "meshes", i)))
 
 
-def _read_samples(document: Document, source: FilePath) -> dict[Path, Array]:
+def _read_samples(document: Document, section: dict[str, Any], source: FilePath) -> dict[Path, Array]:
     """What the files of waveforms hold, by the place of the waveform below ``system``; problems are reported."""
     from gearstab.config.checks.samples import waveforms
     from gearstab.waveforms.section import wave_of
 
     found: dict[Path, Array] = {}
-    for path, waveform in waveforms(document.data["system"], ()):
+    for path, waveform in waveforms(section, ()):
         name, wave = waveform.get("file"), wave_of(waveform)
         if not isinstance(name, str) or wave is None:
             continue
@@ -202,7 +203,6 @@ def _read_samples(document: Document, source: FilePath) -> dict[Path, Array]:
 
 
 def _read_methods(document: Document) -> Methods | None:
-    from gearstab.config.model.conflicts import mapping
     from gearstab.config.model.validation import validate
     from gearstab.config.sections.methods import Methods
     from gearstab.config.sections.sweep import sets_mesh_frequency
@@ -221,7 +221,8 @@ def _read_methods(document: Document) -> Methods | None:
     if isinstance(section, dict) and isinstance(sweep, dict):
         remedy = "add mesh_frequency: {start: .., stop: .., num: ..} to sweep"
         for name in ("floquet", "response", "tolerance"):
-            own = mapping(mapping(section, name), "parameters") if name == "tolerance" else {}
+            uncertain = value_at(section, ("tolerance", "parameters")) if name == "tolerance" else None
+            own = uncertain if isinstance(uncertain, dict) else {}
             if name in section and not (sets_mesh_frequency(sweep) or sets_mesh_frequency(own)):
                 document.report(("methods", name), "needs a mesh_frequency axis", remedy, at_key=True)
         # Boundaries are sought between the ends of an axis; frequencies that come with cases have none.
@@ -258,24 +259,32 @@ def _read_respond(
 ) -> Respond | PairRespond | None:
     if "respond" not in document.data:
         return None
+    from gearstab.config.model.conflicts import as_meant
     from gearstab.config.model.dimensions import check_units
-    from gearstab.config.model.validation import as_meant, validate
+    from gearstab.config.model.validation import validate
     from gearstab.config.sections.respond import Respond
 
     raw, section = document.data.get("system"), document.data["respond"]
     wanted: type[Respond | PairRespond] = Respond if model is None else model.respond_model
-    known = as_meant(raw, model) | (system.contents if system else {}) if isinstance(raw, dict) else {}
+    known = as_meant(raw, model) or {}
+    if system:
+        known |= system.contents
     size = model.size(known) if model else None
-    if isinstance(section, dict):
-        _report(document, ("respond",), wanted.conflicts(as_meant(section, wanted), known, size))
+    meant = as_meant(section, wanted)
+    if meant is not None:
+        _report(document, ("respond",), wanted.conflicts(meant, known, size), meant)
     wrong = check_units(document, model, known, "respond", wanted) if model else set()
     respond: Respond | PairRespond | None = validate(document, wanted, ("respond",), wrong)
     return None if respond is None or size is None else respond.of_size(size)
 
 
-def _report(document: Document, path: Path, conflicts: Iterable[Conflict]) -> None:
+def _report(document: Document, path: Path, conflicts: Iterable[Conflict], section: Any) -> None:
+    """Report what contradicts itself in a section as meant, but for what is unknown there."""
+    from gearstab.config.model.conflicts import is_known
+
     for inner, message, hint in conflicts:
-        document.report((*path, *inner), message, hint)
+        if is_known(section, inner):
+            document.report((*path, *inner), message, hint)
 
 
 def _config(

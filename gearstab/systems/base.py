@@ -9,9 +9,8 @@ from pydantic import Field
 
 from gearstab.config.document.problems import Path
 from gearstab.config.document.yaml import Document
-from gearstab.config.model.conflicts import Conflict, below, repeated_names
+from gearstab.config.model.conflicts import Conflict, items, repeated_names, within, within_each
 from gearstab.config.model.fields import Choice, Flag, NonNegative, Section
-from gearstab.config.sections.names import mesh_items
 from gearstab.config.sections.respond import Respond
 from gearstab.config.sections.respond_pair import PairRespond
 from gearstab.systems import feasibility
@@ -30,7 +29,8 @@ class System(Section):
     """The section ``system`` of a kind: its fields are the keys, and its methods all that other rooms ask of a kind.
 
     A kind must override ``build`` and ``size``; everything else has a default that fits a linear system given by
-    numbers alone. ``raw`` is the section as written, ``p`` the validated parameters.
+    numbers alone. ``raw`` is the section as meant (:mod:`gearstab.config.model.conflicts`; in ``complete`` and
+    ``variant`` as written), ``p`` the validated parameters.
     """
 
     mesh_names: ClassVar[tuple[str, ...]] = ()
@@ -126,19 +126,15 @@ class System(Section):
     def unfit(cls, parameters: dict[str, Any], axes: Sequence[Axis], methods: Sequence[str]) -> Iterator[Conflict]:
         """Methods that do not apply; the paths are below ``methods``."""
         swept = any(item.path[-1] == "backlash" for axis in axes for item in axis.assignments)
-        given = any(mesh.get("backlash") for _, mesh in mesh_items(parameters.get("meshes")))
+        given = any(mesh.get("backlash") for _, mesh in items(parameters.get("meshes")))
         if swept and not given and "response" in methods:
             yield ("response",), "an axis sets backlash where no mesh has any", "give the mesh backlash in system too"
 
     @classmethod
     def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
-        """What contradicts itself in the section as written, however wrong it is otherwise."""
+        """What contradicts itself in the section as meant, however wrong it is otherwise."""
         if raw.get("damping_ratio") is not None and raw.get("damping") is not None:
             yield ("damping",), "damping_ratio is given already", "keep one of damping_ratio, damping"
-        if isinstance(raw.get("damping"), dict):
-            yield from below("damping", Damping.conflicts(raw["damping"], cls.size(raw)))
-        meshes = mesh_items(raw.get("meshes"))
-        for key, mesh in meshes:
-            if isinstance(mesh, dict):
-                yield from below("meshes", below(key, cls.mesh_model.conflicts(mesh)))
-        yield from below("meshes", repeated_names(meshes, "meshes", "mesh"))
+        yield from within(raw, "damping", lambda damping: Damping.conflicts(damping, cls.size(raw)))
+        yield from within_each(raw, "meshes", cls.mesh_model.conflicts)
+        yield from repeated_names(raw, "meshes", "mesh")

@@ -15,11 +15,11 @@ import numpy as np
 from gearstab.config.document.problems import Path
 from gearstab.config.document.yaml import Document, value_at
 from gearstab.config.model.arrays import matrix
+from gearstab.config.model.conflicts import items
 from gearstab.config.sections.axes import Array, Config, parameters_at
-from gearstab.config.sections.names import mesh_items
 from gearstab.systems.parts.mesh import build_mesh
 from gearstab.waveforms import WAVEFORMS, Waveform
-from gearstab.waveforms.section import wave_of_mesh
+from gearstab.waveforms.section import wave_of
 
 SYMMETRY_TOLERANCE = 1e-9
 """Asymmetry of a matrix, relative to its largest entry, that comes from writing it with few digits."""
@@ -61,14 +61,14 @@ def _key(path: Path) -> str:
 def _ends_suffice(config: Config, path: Path) -> bool:
     if path[0] != "meshes" or (path[2] == "waveform" and _key(path) in AT_THE_ENDS):
         return True
-    wave = wave_of_mesh(config.parameters["meshes"][path[1]])
+    wave = wave_of(config.parameters["meshes"][path[1]].get("waveform"))
     return path[2] != "waveform" and (path[2] != "contact_ratio" or (wave is not None and wave.fraction_sets_levels))
 
 
 def check_mesh_levels(document: Document, config: Config) -> None:
     """Report meshes whose stiffness is not positive somewhere on the grid."""
     config = numbers_only(config)
-    for key, _ in mesh_items(config.parameters.get("meshes")):
+    for key, _ in items(config.parameters.get("meshes")):
         check_levels(document, config, key)
 
 
@@ -124,7 +124,7 @@ def _report(
         place = _place(document, config, index, "waveform", chosen)
         document.report(place, f"{start}, which its samples give", f"check the samples{option}")
         return
-    limit, rule = _limit(p, key, allowed, wave_of_mesh(own))
+    limit, rule = _limit(p, key, allowed, wave_of(own.get("waveform")))
     message = f"{start} at {key} {p[key]:.6g}{ratio}: the largest admissible {key} is below {limit:.6g} = {rule}"
     document.report(_place(document, config, index, key, chosen), message, f"reduce {key}{option}")
 

@@ -11,7 +11,7 @@ from pydantic import Field
 
 from gearstab import rotating_pair
 from gearstab.config.document.yaml import Document
-from gearstab.config.model.conflicts import Conflict, exactly_one, wrong_length
+from gearstab.config.model.conflicts import Conflict, exactly_one, plain_number, wrong_length
 from gearstab.config.model.fields import Choice, Inertia, Length, Mass, NonNegative, Quantity, Whole
 from gearstab.config.sections.respond import Respond
 from gearstab.config.sections.respond_pair import PairRespond
@@ -209,9 +209,7 @@ class RotatingPair(System):
 
 def _two_numbers(values: Any) -> tuple[float | None, float | None]:
     """Two plain numbers as written; None for what is none, or carries a unit."""
-    if not isinstance(values, list) or len(values) != 2:
-        return None, None
-    first, second = (float(v) if isinstance(v, int | float) and not isinstance(v, bool) else None for v in values)
+    first, second = map(plain_number, values) if values and len(values) == 2 else (None, None)
     return first, second
 
 

@@ -60,7 +60,7 @@ def sample_conflicts(wave: type[Waveform], raw: dict[str, Any]) -> Iterator[Conf
     elif stiffness is not None and phase is None:
         yield ("phase",), "is missing", "add phase: one number for each stiffness"
     positions = _positions(phase)
-    if positions is not None and isinstance(stiffness, list):
+    if positions is not None and stiffness is not None:
         if len(positions) != len(stiffness):
             yield ("stiffness",), f"has {len(stiffness)} entries", f"give {len(positions)}, one a phase"
         elif found := wave.wrong_phase(positions, str(raw.get("interpolation") or "linear")):
@@ -91,9 +91,7 @@ def wrong_order(i: int, phase: Sequence[float]) -> WrongSample | None:
 
 def _positions(phase: Any) -> list[float] | None:
     """The phases of samples; None where there is no list, or something in it that is reported value by value."""
-    if not isinstance(phase, list):
-        return None
     try:
-        return [POSITION.number(value) for value in phase]
+        return None if phase is None else [POSITION.number(value) for value in phase]
     except PydanticCustomError:
         return None

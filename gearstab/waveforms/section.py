@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import Field, create_model
 
-from gearstab.config.model.conflicts import Conflict, below
+from gearstab.config.model.conflicts import Conflict, within
 from gearstab.config.model.fields import Choice
 from gearstab.waveforms import WAVEFORMS, Waveform
 from gearstab.waveforms.base import Keys
@@ -32,15 +32,9 @@ else:
     )
 
 
-def wave_of(section: Any) -> type[Waveform] | None:
-    """Return the wave of a section ``waveform`` as written; None for a kind that does not exist."""
-    kind = section.get("kind", "rectangular") if isinstance(section, dict) else None if section else "rectangular"
-    return WAVEFORMS.get(kind) if isinstance(kind, str) else None
-
-
-def wave_of_mesh(mesh: Any) -> type[Waveform] | None:
-    """Return that of a mesh as written."""
-    return wave_of(mesh.get("waveform") if isinstance(mesh, dict) else None)
+def wave_of(section: dict[str, Any] | None) -> type[Waveform] | None:
+    """Return the wave of a section ``waveform`` as meant; None for a kind that does not exist."""
+    return WAVEFORMS.get((section or {}).get("kind", "rectangular"))
 
 
 def build_waveform(p: dict[str, Any]) -> Waveform:
@@ -64,11 +58,10 @@ def shape_conflicts(raw: dict[str, Any], contact_ratio: str = "") -> Iterator[Co
 
     contact_ratio: what to give where it is missing, "" where something else may give it.
     """
-    section, ratio, wave = raw.get("waveform"), raw.get("contact_ratio"), wave_of_mesh(raw)
+    ratio, wave = raw.get("contact_ratio"), wave_of(raw.get("waveform"))
     if wave is None:
         return
-    if isinstance(section, dict):
-        yield from below("waveform", _conflicts(wave, section))
+    yield from within(raw, "waveform", lambda section: _conflicts(wave, section))
     if ratio is None and wave.has_contact_ratio and contact_ratio:
         yield ("contact_ratio",), "is missing", f"add contact_ratio: {contact_ratio}"
     elif ratio is not None and not wave.has_contact_ratio and not wave.of_teeth:
@@ -89,13 +82,14 @@ def _conflicts(wave: type[Waveform], raw: dict[str, Any]) -> Iterator[Conflict]:
         yield from wave.conflicts(raw)
 
 
-def has_no_ratio(mesh: Any) -> bool:
-    """Whether the waveform of a mesh as written takes no contact ratio."""
-    wave = wave_of_mesh(mesh)
+def has_no_ratio(mesh: dict[str, Any]) -> bool:
+    """Whether the waveform of a mesh as meant takes no contact ratio."""
+    wave = wave_of(mesh.get("waveform"))
     return wave is not None and not wave.has_contact_ratio
 
 
 def has_own_mean(mesh: dict[str, Any]) -> bool:
-    """Whether the wave of a mesh as written says how stiff it is."""
-    section, wave = mesh.get("waveform"), wave_of_mesh(mesh)
-    return wave is not None and wave.has_own_mean(section if isinstance(section, dict) else {})
+    """Whether the wave of a mesh as meant says how stiff it is."""
+    section = mesh.get("waveform") or {}
+    wave = wave_of(section)
+    return wave is not None and wave.has_own_mean(section)

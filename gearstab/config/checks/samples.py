@@ -9,6 +9,7 @@ import numpy as np
 
 from gearstab.config.document.problems import Path
 from gearstab.config.document.yaml import Document
+from gearstab.config.model.conflicts import plain_number
 from gearstab.config.sections.axes import Array, Axis
 from gearstab.waveforms import Sampled
 from gearstab.waveforms.section import wave_of
@@ -16,12 +17,14 @@ from gearstab.waveforms.section import wave_of
 HINT = "leave it out, or check the samples"
 
 
-def check_variation(document: Document, samples: Mapping[Path, Array], axes: Sequence[Axis]) -> None:
+def check_variation(
+    document: Document, system: dict[str, Any], samples: Mapping[Path, Array], axes: Sequence[Axis]
+) -> None:
     """Report variations of constant samples, which no factor makes vary, in the sections or along the axes.
 
-    samples: contents of files, (2, N), by the place of the waveform below ``system``.
+    system: its section as meant; samples: contents of files, (2, N), by the place of the waveform below ``system``.
     """
-    for path, waveform in waveforms(document.data["system"], ()):
+    for path, waveform in waveforms(system, ()):
         values = samples[path][1] if path in samples else waveform.get("stiffness")
         swept = [(axis, item) for axis in axes for item in axis.assignments if item.path[: len(path) - 1] == path[:-1]]
         if (
@@ -44,10 +47,8 @@ def check_variation(document: Document, samples: Mapping[Path, Array], axes: Seq
 
 
 def _constant(values: Any) -> bool:
-    known = isinstance(values, np.ndarray) or (
-        isinstance(values, list) and all(isinstance(v, int | float) and not isinstance(v, bool) for v in values)
-    )
-    return known and len(values) > 1 and bool(np.ptp(np.asarray(values, dtype=float)) == 0)
+    known = values is not None and len(values) > 1 and all(plain_number(value) is not None for value in values)
+    return known and bool(np.ptp(np.asarray(values, dtype=float)) == 0)
 
 
 def waveforms(value: Any, path: Path) -> Iterator[tuple[Path, dict[str, Any]]]:

@@ -6,10 +6,12 @@ from typing import TYPE_CHECKING, Any
 
 from gearstab.config.document.problems import ConfigError, Path, Problem, nearest, shown
 from gearstab.config.document.yaml import Document, Where, parse_value
-from gearstab.config.sections.names import TOP_LEVEL, mesh_items
 
 if TYPE_CHECKING:
     from gearstab.config.model.fields import ShortName
+
+TOP_LEVEL = ("title", "system", "sweep", "methods", "respond", "design")
+"""The sections of a document."""
 
 
 def apply(document: Document, override: str) -> None:
@@ -52,11 +54,11 @@ def _places(document: Document, name: str, option: str) -> list[Path]:
 
 
 def _of_meshes(meshes: list[Any] | dict[str, Any], name: str, short: ShortName, option: str) -> list[Path]:
-    from gearstab.systems.parts.mesh import may_have
+    from gearstab.config.model.conflicts import as_meant, items
+    from gearstab.systems.parts.mesh import ToothMesh, may_have
 
-    found: list[Path] = [
-        ("system", "meshes", i, name) for i, mesh in mesh_items(meshes) if may_have(name, short, i, mesh)
-    ]
+    known = [(i, as_meant(mesh, ToothMesh)) for i, mesh in items(meshes)]
+    found: list[Path] = [("system", "meshes", i, name) for i, mesh in known if may_have(name, short, i, mesh)]
     if not found:
         remedy = f"the meshes give {short.rival}: set that" if short.rival else "see `gearstab schema`"
         raise _wrong(option, f"no mesh has {name}", remedy)

@@ -1,17 +1,85 @@
-"""What contradicts itself in a section as written, beyond what each value by itself may be, and how it is read.
+"""What contradicts itself in a section as meant, beyond what each value by itself may be.
 
-The section may hold anything: what is of another type than its field is reported elsewhere, and counts as not given.
+A section as meant (:func:`as_meant`) has mappings, lists and texts only where its model has them, so that no rule looks
+at types again; its numbers are as written.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from typing import Any
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any, get_origin
 
-from gearstab.config.document.problems import Path
+import numpy as np
+
+from gearstab.config.document.problems import Path, closest
+from gearstab.config.document.yaml import value_at
+from gearstab.config.model.introspection import bare, entry_type, field_types, is_model
 
 Conflict = tuple[Path, str, str]
 """Path below the section, message, remedy."""
+
+
+class Unknown(dict[str, Any]):
+    """Stands for a value that is no mapping, list or text where its field is one, or that has no field.
+
+    It has no entries, and whatever it is asked for counts as given and is unknown as well. That it is of the wrong type
+    is reported by itself, and nothing else is said of it.
+    """
+
+    def get(self, key: str, default: Any = None) -> Unknown:
+        """Return the unknown value at a key."""
+        return self
+
+    __missing__ = get
+
+    def __bool__(self) -> bool:
+        return True
+
+    __eq__, __hash__ = object.__eq__, object.__hash__  # type: ignore[assignment]
+
+
+def as_meant(value: Any, annotation: Any) -> Any:
+    """Return a section as written, with misspelt keys as what they were meant to be and Unknown for wrong types.
+
+    So what is said about the section as a whole does not miss a key whose spelling is reported.
+    """
+    if value is None or isinstance(value, np.ndarray):
+        return value
+    if annotation is None:
+        return Unknown()
+    if is_model(annotation):
+        return _section_as_meant(value, annotation) if isinstance(value, dict) else Unknown()
+    if get_origin(bare(annotation)) in (list, tuple):
+        if not isinstance(value, list):
+            return Unknown()
+        entries = [as_meant(item, entry_type(annotation, i)) for i, item in enumerate(value)]
+        return [Unknown() if item is None else item for item in entries]
+    return Unknown() if bare(annotation) is str and not isinstance(value, str) else value
+
+
+def _section_as_meant(value: dict[str, Any], model: Any) -> dict[str, Any]:
+    known = field_types(model)
+    right = {key: key if key in known else right_name(key, model) for key in value}
+    names = {key: key if name is None or (name != key and name in value) else name for key, name in right.items()}
+    return {names[key]: as_meant(item, known.get(names[key])) for key, item in value.items()}
+
+
+def right_name(key: str, model: Any) -> str | None:
+    """Return the key that an unknown one was meant to be, None where none is like it."""
+    if not is_model(model) or key in getattr(model, "misplaced", ()):
+        return None
+    return closest(key, model.model_fields)
+
+
+def is_known(section: Any, path: Path = ()) -> bool:
+    """Whether nothing on the way to a path is unknown."""
+    return not any(isinstance(value_at(section, path[:k]), Unknown) for k in range(len(path) + 1))
+
+
+def items(section: Any) -> list[tuple[Any, Any]]:
+    """Return key and value of every known entry of a list, or of a mapping by name; none where it is not given."""
+    entries = section.items() if isinstance(section, dict) else enumerate(section or ())
+    return [(key, value) for key, value in entries if value is not None and not isinstance(value, Unknown)]
 
 
 def exactly_one(raw: dict[str, Any], names: tuple[str, ...], what: str = "") -> Iterator[Conflict]:
@@ -35,44 +103,44 @@ def below(key: str | int, conflicts: Iterable[Conflict]) -> Iterator[Conflict]:
         yield (key, *path), message, hint
 
 
-def mapping(raw: Any, key: str) -> dict[str, Any]:
-    """Return the mapping at a key, an empty one where there is none."""
-    inner = raw.get(key) if isinstance(raw, dict) else None
-    return inner if isinstance(inner, dict) else {}
+def plain_number(value: Any) -> float | None:
+    """Return a number as written; None for a text with a unit and what is no number."""
+    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
 
 
-def entries(raw: Any, key: str) -> list[Any]:
-    """Return the list at a key, an empty one where there is none."""
-    inner = raw.get(key) if isinstance(raw, dict) else None
-    return inner if isinstance(inner, list) else []
+def within(raw: dict[str, Any], key: str, rule: Callable[[Any], Iterable[Conflict]]) -> Iterator[Conflict]:
+    """Yield the conflicts that a rule finds in the section at a key, where it is given."""
+    if raw.get(key) is not None:
+        yield from below(key, rule(raw[key]))
 
 
-def mappings(raw: Any, key: str) -> list[tuple[int, dict[str, Any]]]:
-    """Return those entries of the list at a key that are mappings, with their indices."""
-    return [(i, item) for i, item in enumerate(entries(raw, key)) if isinstance(item, dict)]
+def within_each(raw: dict[str, Any], key: str, rule: Callable[[Any], Iterable[Conflict]]) -> Iterator[Conflict]:
+    """Yield the conflicts that a rule finds in each entry of the list or mapping at a key."""
+    for place, item in items(raw.get(key)):
+        yield from below(key, below(place, rule(item)))
 
 
-def wrong_length(raw: Any, key: str, size: int | None, what: str = "coordinate") -> Iterator[Conflict]:
+def wrong_length(raw: dict[str, Any], key: str, size: int | None, what: str = "coordinate") -> Iterator[Conflict]:
     """Yield a conflict where the list at a key does not have as many entries as there are; None: nobody knows."""
-    inner = raw.get(key) if isinstance(raw, dict) else None
-    if isinstance(inner, list) and size is not None and len(inner) != size:
+    inner = raw.get(key)
+    if inner is not None and size is not None and len(inner) != size:
         yield (key,), f"has {len(inner)} entries", f"give {size}, one a {what}"
 
 
-def no_direction(raw: Any, key: str, size: int | None, hint: str) -> Iterator[Conflict]:
+def no_direction(raw: dict[str, Any], key: str, size: int | None, hint: str) -> Iterator[Conflict]:
     """Yield a conflict where the list at a key is no vector of the size of the system, or has only zeros."""
-    wrong, vector = list(wrong_length(raw, key, size)), entries(raw, key)
+    wrong, vector = list(wrong_length(raw, key, size)), raw.get(key)
     yield from wrong
     if vector and not wrong and all(entry == 0 for entry in vector):
         yield (key,), "has only zeros", hint
 
 
-def repeated_names(items: Iterable[tuple[str | int, Any]], several: str, one: str) -> Iterator[Conflict]:
-    """Yield a conflict for each name of an entry that one before it has. several, one: what the entries are."""
+def repeated_names(raw: dict[str, Any], key: str, one: str) -> Iterator[Conflict]:
+    """Yield a conflict for each name of an entry of the list at a key that one before it has. one: what an entry is."""
     seen: set[str] = set()
-    for key, item in items:
-        name = item.get("name") if isinstance(item, dict) else None
-        if isinstance(name, str) and name in seen:
-            yield (key, "name"), f"two {several} are called '{name}'", f"give each {one} a name of its own"
-        elif isinstance(name, str):
+    for place, item in items(raw.get(key)):
+        name = item.get("name")
+        if name in seen:
+            yield (key, place, "name"), f"two {key} are called '{name}'", f"give each {one} a name of its own"
+        elif name is not None:
             seen.add(name)

@@ -66,7 +66,7 @@ def _rotations(raw: dict[str, Any], path: Path, turning: Sequence[bool] | None, 
     if path[0] in ("forces", "terms"):
         item = raw[path[0]][path[1]]
         vectors = [item.get(key) for key in (("direction",) if path[0] == "forces" else ("left", "right"))]
-        groups = [_places(vector) for vector in vectors]
+        groups = [[k for k, value in enumerate(vector or ()) if value != 0] for vector in vectors]
     elif path[0] in ("mass", "stiffness", "damping"):
         groups = [[path[-2]], [path[-1]]]
     elif path[0] in ("load", "respond"):
@@ -77,11 +77,6 @@ def _rotations(raw: dict[str, Any], path: Path, turning: Sequence[bool] | None, 
     for i in first:
         for also in [0] if second is None else [int(turning[j]) for j in second]:
             yield int(turning[i]) + also
-
-
-def _places(vector: Any) -> list[int]:
-    """Where a vector as written is not zero."""
-    return [k for k, value in enumerate(vector) if value != 0] if isinstance(vector, list) else []
 
 
 def check_units(

@@ -7,17 +7,11 @@ from typing import Any, TypeVar, get_args
 
 from pydantic import BaseModel, ValidationError
 
-from gearstab.config.document.problems import Path, closest, nearest
+from gearstab.config.document.problems import Path, nearest
 from gearstab.config.document.yaml import Document
+from gearstab.config.model.conflicts import right_name
 from gearstab.config.model.fields import Section
-from gearstab.config.model.introspection import (
-    bare,
-    entry_type,
-    field_types,
-    is_model,
-    number_kind,
-    type_at,
-)
+from gearstab.config.model.introspection import bare, is_model, number_kind, type_at
 
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -50,7 +44,8 @@ def report(document: Document, error: ValidationError, model: Any, path: Path, i
     These stand beside an option that does not exist yet, or miss a key that is there but misspelt.
     """
     details = error.errors(include_url=False)
-    misspelt = [(*d["loc"][:-1], _meant(d["loc"], model)) for d in details if d["type"] == "extra_forbidden"]
+    extra = [d["loc"] for d in details if d["type"] == "extra_forbidden"]
+    misspelt = [(*loc[:-1], right_name(str(loc[-1]), type_at(model, loc[:-1]))) for loc in extra]
     unavailable = [d["loc"] for d in details if d["type"] == "unavailable"]
     for detail in details:
         loc = detail["loc"]
@@ -59,32 +54,6 @@ def report(document: Document, error: ValidationError, model: Any, path: Path, i
         )
         if (*path, *loc) not in ignore and not follows:
             _report_one(document, detail, model, path)
-
-
-def as_meant(value: Any, annotation: Any) -> Any:
-    """A section as written, in which misspelt keys are read as what they were meant to be.
-
-    So what is said about the section as a whole does not miss a key whose spelling is reported.
-    """
-    if isinstance(value, list):
-        return [as_meant(item, entry_type(annotation, i)) for i, item in enumerate(value)]
-    if not isinstance(value, dict) or not is_model(annotation):
-        return value
-    known = field_types(annotation)
-    right = {key: key if key in known else _right_name(key, annotation) for key in value}
-    names = {key: key if name is None or (name != key and name in value) else name for key, name in right.items()}
-    return {names[key]: as_meant(item, known.get(names[key])) for key, item in value.items()}
-
-
-def _meant(loc: Path, model: Any) -> str | None:
-    """The key that an unknown one was meant to be, None where none is like it."""
-    return _right_name(str(loc[-1]), type_at(model, loc[:-1]))
-
-
-def _right_name(key: str, model: Any) -> str | None:
-    if not is_model(model) or key in getattr(model, "misplaced", ()):
-        return None
-    return closest(key, model.model_fields)
 
 
 def explain(detail: Any) -> tuple[str, str]:

@@ -7,7 +7,7 @@ from typing import Annotated, Any, ClassVar
 
 from pydantic import Field
 
-from gearstab.config.model.conflicts import Conflict, below, exactly_one, mapping, mappings, wrong_length
+from gearstab.config.model.conflicts import Conflict, below, exactly_one, is_known, items, plain_number, wrong_length
 from gearstab.config.model.fields import (
     AngularFrequency,
     Flag,
@@ -17,7 +17,6 @@ from gearstab.config.model.fields import (
     Time,
     Whole,
 )
-from gearstab.config.sections.names import mesh_items
 
 
 class Initial(Section):
@@ -82,13 +81,13 @@ class Respond(Section):
     def conflicts(cls, raw: dict[str, Any], system: dict[str, Any], size: int | None) -> Iterator[Conflict]:
         """One length of time and an initial state of the system's size, or neither for the steady state.
 
-        system: its section as written; size: number of its coordinates, None where it cannot be told.
+        system: its section as meant; size: number of its coordinates, None where it cannot be told.
         """
         driven, parting = drives(system), may_part(system)
         if raw.get("discard") is not None and not parting:
             yield ("discard",), "no mesh has backlash", "remove it, or give a mesh backlash"
-        discard, cycles = raw.get("discard"), raw.get("cycles")
-        if isinstance(discard, int | float) and isinstance(cycles, int | float) and discard >= cycles > 0:
+        discard, cycles = plain_number(raw.get("discard")), plain_number(raw.get("cycles"))
+        if discard is not None and cycles is not None and discard >= cycles > 0:
             yield ("discard",), f"leaves nothing of {cycles:g} cycles", "give more cycles, or discard less"
         if raw.get("steady_state") is True and parting:
             remedy = "give cycles, long enough for the motion to settle, and discard"
@@ -103,12 +102,12 @@ class Respond(Section):
         initial = raw.get("initial")
         if initial is None and not driven:
             yield (), "initial is missing", "add initial: {displacement: [..]}, or a load to the system"
-        if not isinstance(initial, dict):
+        if initial is None:
             return
-        states = {name: initial.get(name) for name in ("displacement", "velocity")}
-        for name in states:
+        for name in ("displacement", "velocity"):
             yield from below("initial", wrong_length(initial, name, size))
-        if not driven and all(v is None or (isinstance(v, list) and all(x == 0 for x in v)) for v in states.values()):
+        states = [initial.get(name) for name in ("displacement", "velocity")]
+        if not driven and all(is_known(state) and all(x == 0 for x in state or ()) for state in states):
             yield ("initial",), "the system stays at rest", "give a displacement or a velocity that is not zero"
 
 
@@ -123,16 +122,16 @@ def _of_steady_state(raw: dict[str, Any], driven: bool) -> Iterator[Conflict]:
 
 
 def may_part(system: dict[str, Any]) -> bool:
-    """Whether the section ``system``, as written, has a mesh with backlash."""
-    given = [mesh.get("backlash") for _, mesh in mesh_items(system.get("meshes")) if isinstance(mesh, dict)]
-    return any(value not in (None, 0, 0.0) for value in given)
+    """Whether the section ``system``, as meant, has a mesh with backlash."""
+    given = [mesh.get("backlash") for _, mesh in items(system.get("meshes"))]
+    return any(value not in (None, 0, 0.0) and is_known(value) for value in given)
 
 
 def drives(system: dict[str, Any]) -> bool:
-    """Whether the section ``system``, as written, has something that drives it."""
-    meshes = [mesh for _, mesh in mesh_items(system.get("meshes"))]
-    ends = [mapping(system, "input"), *(end for _, end in mappings(system, "outputs"))]
+    """Whether the section ``system``, as meant, has something that drives it."""
+    meshes = [mesh for _, mesh in items(system.get("meshes"))]
+    ends = [system.get("input") or {}, *(system.get("outputs") or ())]
     if any(end.get("torque") is not None for end in ends):
         return True
-    errors = any(isinstance(mesh, dict) and mesh.get("transmission_error") is not None for mesh in meshes)
+    errors = any(mesh.get("transmission_error") is not None for mesh in meshes)
     return errors or bool(system.get("load")) or bool(system.get("forces"))

@@ -113,9 +113,8 @@ class PairRespond(Section):
         """What contradicts a held speed."""
         if system.get("formulation", "classical") == "classical":
             yield ("hold_speed",), "the classical formulation keeps its speed by itself", "remove it"
-        initial = raw.get("initial")
         # A configuration as resolved names the zeros that were not given.
-        if isinstance(initial, dict) and any(value not in (None, 0) for value in initial.values()):
+        if any(value not in (None, 0) for value in (raw.get("initial") or {}).values()):
             yield ("initial",), "hold_speed begins on the periodic orbit", "remove initial or hold_speed"
         if raw.get("until") is not None:
             yield ("until",), "with hold_speed the gears never stall", "give cycles or duration"

@@ -12,6 +12,7 @@ from pydantic.fields import FieldInfo
 
 from gearstab.config.document.problems import Path, dotted, nearest
 from gearstab.config.document.yaml import value_at
+from gearstab.config.model.conflicts import items
 from gearstab.config.model.dimensions import quantity_at
 from gearstab.config.model.fields import AngularFrequency, Count, Quantity, Ratio, ShortName
 from gearstab.config.model.introspection import (
@@ -23,7 +24,6 @@ from gearstab.config.model.introspection import (
     number_kind,
 )
 from gearstab.config.sections.axes import MESH_FREQUENCY
-from gearstab.config.sections.names import mesh_items
 from gearstab.systems import short_names
 from gearstab.systems.base import System
 from gearstab.systems.parts.mesh import Mesh, ToothMesh, may_have
@@ -145,7 +145,7 @@ def _named(name: str, model: type[System], raw: dict[str, Any]) -> list[Target]:
 
 def _of_meshes(name: str, short: ShortName, model: type[System], raw: dict[str, Any]) -> list[Target]:
     found = []
-    for i, mesh in mesh_items(raw.get("meshes")):
+    for i, mesh in items(raw.get("meshes")):
         kind = inner_type(field_types(model).get("meshes"), i)
         if kind is None or name not in field_types(kind) or not may_have(name, short, i, mesh):
             continue
@@ -222,7 +222,7 @@ def _index(name: str, part: str, path: Path, value: Any, entry: Any) -> int:
     if not part.isdecimal() and is_model(entry) and "name" in entry.model_fields:
         names = [mesh.get("name") if isinstance(mesh, dict) else None for mesh in entries]
         if part not in names:
-            choices = [name.replace(part, str(known)) for known in names if known is not None]
+            choices = [name.replace(part, str(known)) for known in names if isinstance(known, str)]
             what = "mesh" if issubclass(entry, Mesh) else "entry"
             raise TargetError(f"there is no {what} '{part}'", nearest(name, choices))
         return names.index(part)
@@ -266,5 +266,6 @@ def _numbers(annotation: Any, raw: Any, path: Path) -> Iterator[str]:
     elif isinstance(raw, list):
         for i, item in enumerate(raw):
             if not isinstance(item, list):
-                name = item.get("name", i) if isinstance(item, dict) else i
+                name = value_at(item, ("name",))
+                name = name if isinstance(name, str) else i
                 yield from _numbers(entry_type(annotation, i), item, (*path, name))

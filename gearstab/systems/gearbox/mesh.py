@@ -7,7 +7,7 @@ from typing import Annotated, Any, ClassVar
 
 from pydantic import Field
 
-from gearstab.config.model.conflicts import Conflict, at_most_one, below
+from gearstab.config.model.conflicts import Conflict, at_most_one, within
 from gearstab.config.model.fields import (
     Choice,
     Length,
@@ -18,7 +18,7 @@ from gearstab.config.model.fields import (
 )
 from gearstab.systems.parts.forcing import TransmissionError
 from gearstab.systems.parts.mesh import Lag, Mesh, following_conflicts
-from gearstab.waveforms.section import shape_conflicts, wave_of_mesh
+from gearstab.waveforms.section import shape_conflicts, wave_of
 
 FRICTIONS = {
     "constant": ("coefficient",),
@@ -52,7 +52,7 @@ class Friction(Section):
     def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
         """The keys of its law and no others."""
         kind = raw.get("kind", "constant")
-        needed = FRICTIONS.get(kind) if isinstance(kind, str) else None
+        needed = FRICTIONS.get(kind)
         if needed is None:
             return
         for key in needed:
@@ -113,7 +113,7 @@ class GearboxMesh(Mesh):
         yield from at_most_one(raw, ("epsilon", "amplitude"))
         yield from at_most_one(raw, ("damping", "damping_ratio"))
         yield from shape_conflicts(raw)
-        wave = wave_of_mesh(raw)
+        wave = wave_of(raw.get("waveform"))
         if wave is not None and wave.of_teeth:
             for key in ("mean_stiffness", "max_stiffness", "epsilon", "amplitude", "contact_ratio"):
                 if raw.get(key) is not None:
@@ -122,8 +122,7 @@ class GearboxMesh(Mesh):
         yield from following_conflicts(
             raw, ("damping", "damping_ratio"), "add damping_ratio or damping, the mean of the damping that follows"
         )
-        yield from below("transmission_error", TransmissionError.conflicts(raw.get("transmission_error")))
+        yield from within(raw, "transmission_error", TransmissionError.conflicts)
         if raw.get("friction") is not None and raw.get("backlash"):
             yield ("backlash",), "is not available with friction between the teeth", "keep one of the two"
-        if isinstance(raw.get("friction"), dict):
-            yield from below("friction", Friction.conflicts(raw["friction"]))
+        yield from within(raw, "friction", Friction.conflicts)

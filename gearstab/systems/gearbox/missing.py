@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from gearstab.config.model.conflicts import Conflict, entries, mappings
+from gearstab.config.model.conflicts import Conflict, items
 from gearstab.systems.gearbox.wanted import needs_width
 
 MOST = 4
@@ -17,7 +17,7 @@ def missing_of_teeth(raw: dict[str, Any], shared: set[str]) -> Iterator[Conflict
 
     shared: what ``gears`` gives for all.
     """
-    rotors = dict(mappings(raw, "rotors"))
+    rotors = dict(items(raw.get("rotors")))
     geared = [i for i, rotor in rotors.items() if rotor.get("teeth") is not None]
     for key in ("module", "pressure_angle"):
         lacking = [i for i in geared if rotors[i].get(key) is None and key not in shared]
@@ -63,12 +63,11 @@ def _of_disc(i: int, rotor: dict[str, Any]) -> Iterator[tuple[int, str, str]]:
 
 def _of_meshes(raw: dict[str, Any], narrow: dict[int, dict[str, Any]]) -> Iterator[tuple[int, str, str]]:
     """Stiffness and lubrication that follow from the teeth."""
-    for k, mesh in enumerate(entries(raw, "meshes")):
-        sections = [mesh.get(key) or {} for key in ("waveform", "friction")] if isinstance(mesh, dict) else [None]
-        if not all(isinstance(section, dict) for section in sections) or not needs_width(mesh):
+    for k, mesh in items(raw.get("meshes")):
+        if not needs_width(mesh):
             continue
         stiff = not needs_width(mesh | {"mean_stiffness": 1.0})
         what, key = ("stiffness", "mean_stiffness") if stiff else ("friction", "")
         for i, rotor in narrow.items():
-            if rotor.get("teeth") is not None and rotor.get("name") in entries(mesh, "gears"):
+            if rotor.get("teeth") is not None and rotor.get("name") in (mesh.get("gears") or ()):
                 yield i, f"the {what} of mesh {mesh.get('name', k)}", key

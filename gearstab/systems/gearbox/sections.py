@@ -10,7 +10,7 @@ from pydantic import Field
 
 from gearstab.config.document.problems import Path, nearest
 from gearstab.config.document.yaml import Document
-from gearstab.config.model.conflicts import Conflict, below, mapping, mappings
+from gearstab.config.model.conflicts import Conflict, items, within_each
 from gearstab.config.model.fields import (
     AngularFrequency,
     Choice,
@@ -227,8 +227,8 @@ class Gearbox(System):
 
     @classmethod
     def size(cls, raw: dict[str, Any]) -> int | None:
-        rotors = raw.get("rotors")
-        if not isinstance(rotors, list) or not all(isinstance(rotor, dict) for rotor in rotors):
+        rotors = [rotor for _, rotor in items(raw.get("rotors"))]
+        if not rotors or len(rotors) < len(raw["rotors"]):
             return None
         return len(rotors) + 2 * sum(rotor.get("support") is not None for rotor in rotors)
 
@@ -250,9 +250,9 @@ class Gearbox(System):
     @classmethod
     def follow_speed(cls, raw: dict[str, Any]) -> list[Path]:
         """Of ``input``, where the friction of lubricated teeth depends on it."""
-        laws = [mesh.get("friction") for _, mesh in mappings(raw, "meshes")]
-        lubricated = any(isinstance(law, dict) and law.get("kind") in LUBRICATED for law in laws)
-        return [("input", "speed")] if lubricated and isinstance(raw.get("input"), dict) else []
+        laws = [mesh.get("friction") or {} for _, mesh in items(raw.get("meshes"))]
+        lubricated = any(law.get("kind") in LUBRICATED for law in laws)
+        return [("input", "speed")] if lubricated and raw.get("input") else []
 
     @classmethod
     def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
@@ -260,65 +260,53 @@ class Gearbox(System):
         yield from super().conflicts(raw)
         if raw.get("units") == "none":
             yield ("units",), "a gearbox is computed from its teeth, in SI units", "remove it"
-        shared = {key for key, value in mapping(raw, "gears").items() if value is not None}
-        rotors = mappings(raw, "rotors")
-        for i, rotor in rotors:
-            yield from below("rotors", below(i, Rotor.conflicts(rotor)))
-        for i, shaft in mappings(raw, "shafts"):
-            yield from below("shafts", below(i, Shaft.conflicts(shaft)))
-        named = {rotor["name"]: rotor for _, rotor in rotors if isinstance(rotor.get("name"), str)}
-        yield from _names(raw, named)
+        shared = {key for key, value in (raw.get("gears") or {}).items() if value is not None}
+        yield from within_each(raw, "rotors", Rotor.conflicts)
+        yield from within_each(raw, "shafts", Shaft.conflicts)
+        yield from _names(raw)
         yield from missing_of_teeth(raw, shared)
         yield from _lubricated(raw)
         yield from _torques(raw)
 
 
-def _names(raw: dict[str, Any], rotors: dict[str, dict[str, Any]]) -> Iterator[Conflict]:
+def _names(raw: dict[str, Any]) -> Iterator[Conflict]:
     """Each rotor and shaft has a name of its own; shafts, meshes, input and outputs name rotors that exist."""
     for section in ("rotors", "shafts"):
-        names = Counter(str(item.get("name")) for _, item in mappings(raw, section))
-        for i, item in mappings(raw, section):
-            if isinstance(item.get("name"), str) and names[item["name"]] > 1:
+        names = Counter(item.get("name") for _, item in items(raw.get(section)))
+        for i, item in items(raw.get(section)):
+            if item.get("name") is not None and names[item["name"]] > 1:
                 names[item["name"]] = 0
                 message = f"two {section} are called '{item['name']}'"
                 yield (section, i, "name"), message, "give each a name of its own"
-    if len(rotors) < len(mappings(raw, "rotors")):
+    rotors = {rotor["name"]: rotor for _, rotor in items(raw.get("rotors")) if isinstance(rotor.get("name"), str)}
+    if not rotors or len(rotors) < len(items(raw.get("rotors"))):
         return  # one of two equal names was meant otherwise, which others may refer to
-    used = [(("shafts", i, "between"), item.get("between"), False) for i, item in mappings(raw, "shafts")]
-    used += [(("meshes", i, "gears"), item.get("gears"), True) for i, item in mappings(raw, "meshes")]
-    for path, ends, geared in used:
-        if not isinstance(ends, list):
-            continue
-        for k, name in enumerate(ends):
-            yield from _rotor((*path, k), name, rotors, geared)
-        if len(ends) == 2 and ends[0] == ends[1]:
-            yield path, f"joins '{ends[0]}' to itself", "name two different rotors"
-    yield from _rotor(("input", "rotor"), mapping(raw, "input").get("rotor"), rotors, False)
-    for i, item in mappings(raw, "outputs"):
-        yield from _rotor(("outputs", i, "rotor"), item.get("rotor"), rotors, False)
-
-
-def _rotor(
-    path: tuple[str | int, ...], name: Any, rotors: dict[str, dict[str, Any]], geared: bool
-) -> Iterator[Conflict]:
-    if not isinstance(name, str) or not rotors:
-        return
-    if name not in rotors:
-        yield path, f"there is no rotor '{name}'", nearest(name, rotors)
-    elif geared and rotors[name].get("teeth") is None:
-        yield path, f"rotor '{name}' has no teeth", "name a gear, or give the rotor teeth"
+    named: list[tuple[Path, Any, bool]] = [(("input", "rotor"), (raw.get("input") or {}).get("rotor"), False)]
+    named += [(("outputs", i, "rotor"), item.get("rotor"), False) for i, item in items(raw.get("outputs"))]
+    for section, key in (("shafts", "between"), ("meshes", "gears")):
+        for i, item in items(raw.get(section)):
+            ends = item.get(key)
+            named += [((section, i, key, k), name, section == "meshes") for k, name in items(ends)]
+            if ends and len(ends) == 2 and ends[0] == ends[1]:
+                yield (section, i, key), f"joins '{ends[0]}' to itself", "name two different rotors"
+    for path, name, geared in named:
+        if isinstance(name, str) and name not in rotors:
+            yield path, f"there is no rotor '{name}'", nearest(name, rotors)
+        elif isinstance(name, str) and geared and rotors[name].get("teeth") is None:
+            yield path, f"rotor '{name}' has no teeth", "name a gear, or give the rotor teeth"
 
 
 def _lubricated(raw: dict[str, Any]) -> Iterator[Conflict]:
     """The friction of lubricated teeth depends on speed and load."""
-    driving = mapping(raw, "input")
-    laws = [(i, mesh.get("friction")) for i, mesh in mappings(raw, "meshes")]
-    kinds = [(i, law.get("kind")) for i, law in laws if isinstance(law, dict) and law.get("kind") in LUBRICATED]
-    for i, kind in kinds:
+    driving = raw.get("input") or {}
+    for i, mesh in items(raw.get("meshes")):
+        kind = (mesh.get("friction") or {}).get("kind")
+        if kind not in LUBRICATED:
+            continue
         if driving.get("speed") is None:
             message = f"{kind} friction depends on the speed, which is missing"
             yield ("meshes", i, "friction"), message, "add speed to input, or choose constant friction"
-        outputs = [item.get("torque") for _, item in mappings(raw, "outputs")]
+        outputs = [item.get("torque") for _, item in items(raw.get("outputs"))]
         if driving.get("torque") is None and all(torque is None for torque in outputs):
             message = f"{kind} friction depends on the load, and there are no torques"
             yield ("meshes", i, "friction"), message, "add torques to input or outputs, or choose constant friction"
@@ -326,21 +314,21 @@ def _lubricated(raw: dict[str, Any]) -> Iterator[Conflict]:
 
 def _torques(raw: dict[str, Any]) -> Iterator[Conflict]:
     """Torques that balance: of all outputs, or of the input alone."""
-    outputs = [(i, item.get("torque")) for i, item in mappings(raw, "outputs")]
+    outputs = [(i, item.get("torque")) for i, item in items(raw.get("outputs"))]
     given = [i for i, torque in outputs if torque is not None]
-    driving = mapping(raw, "input").get("torque")
+    driving = (raw.get("input") or {}).get("torque")
     if given and len(given) < len(outputs):
         missing = next(i for i, torque in outputs if torque is None)
         yield ("outputs", missing, "torque"), "is missing", "give every output a torque, or none"
     if given and driving is not None:
         message = "follows from the torques of the outputs"
         yield ("input", "torque"), message, "remove it, or the torques of the outputs"
-    ends = [(("outputs", i, "rotor"), item.get("rotor")) for i, item in mappings(raw, "outputs")]
-    seen = {str(mapping(raw, "input").get("rotor")): "the input"}
-    for path, name in ends:
-        if isinstance(name, str) and name in seen:
-            yield path, f"rotor '{name}' is {seen[name]} already", "name another rotor, or add the torques up"
-        elif isinstance(name, str):
-            seen[name] = "an output"
+    seen = {(raw.get("input") or {}).get("rotor"): "the input"}
+    for i, item in items(raw.get("outputs")):
+        name = item.get("rotor")
+        if name is not None and name in seen:
+            message = f"rotor '{name}' is {seen[name]} already"
+            yield ("outputs", i, "rotor"), message, "name another rotor, or add the torques up"
+        seen.setdefault(name, "an output")
     if driving is not None and not outputs:
         yield ("outputs",), "are missing", "name the rotors that take the torque"

@@ -6,8 +6,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, GetCoreSchemaHandler, GetJsonSchemaHandler, StrictStr
-from pydantic_core import core_schema
+from pydantic import Field, StrictStr
 
 from gearstab.config.document.files import DataFileError
 from gearstab.config.document.problems import Path
@@ -15,11 +14,10 @@ from gearstab.config.document.yaml import Document, value_at
 from gearstab.config.model.arrays import matrix, vector
 from gearstab.config.model.conflicts import (
     Conflict,
-    below,
-    entries,
-    mappings,
+    as_meant,
     no_direction,
     repeated_names,
+    within_each,
     wrong_length,
 )
 from gearstab.config.model.fields import ByCoordinate, Choice, NameText, Quantity
@@ -31,7 +29,7 @@ from gearstab.systems.matrices.definite import check_definite
 from gearstab.systems.matrices.file import read_matrices
 from gearstab.systems.matrices.vectors import default_names, write_out
 from gearstab.systems.parts.damping import not_square, with_damping
-from gearstab.systems.parts.forcing import Force, Load, with_forcing
+from gearstab.systems.parts.forcing import Force, Load, OneAsWell, with_forcing
 from gearstab.systems.parts.mesh import MatrixMesh, build_mesh
 from gearstab.systems.parts.terms import Term, periodic_terms
 
@@ -47,22 +45,7 @@ MassEntry = Annotated[float, Quantity("kg", ("kg m", "kg m^2"), entry=True)]
 StiffnessEntry = Annotated[float, Quantity("N/m", ("N", "N m"), entry=True)]
 
 
-class OneForAll:
-    """A list, or its one entry by itself."""
-
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
-        return core_schema.no_info_before_validator_function(
-            lambda value: [value] if isinstance(value, str) else value, handler(source)
-        )
-
-    def __get_pydantic_json_schema__(
-        self, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler
-    ) -> dict[str, Any]:
-        plain = handler(schema)
-        return {"anyOf": [plain["items"], plain]}
-
-
-CoordinateUnits = Annotated[list[Annotated[str, Choice("unit of a coordinate", UNITS)]], OneForAll()]
+CoordinateUnits = Annotated[list[Annotated[str, Choice("unit of a coordinate", UNITS)]], OneAsWell()]
 
 
 class Matrices(System):
@@ -111,14 +94,12 @@ class Matrices(System):
     @classmethod
     def size(cls, raw: dict[str, Any]) -> int | None:
         mass: Any = raw.get("mass")
-        return len(mass) or None if isinstance(mass, list | np.ndarray) else None
+        return None if mass is None else len(mass) or None
 
     @classmethod
     def turning(cls, raw: dict[str, Any]) -> list[bool] | None:
-        units, size = raw.get("coordinate_units"), cls.size(raw)
-        given = [units] if isinstance(units, str) else units if isinstance(units, list) else ["m"]
-        every = given * (size or 1) if len(given) == 1 else given
-        return [unit == "rad" for unit in every]
+        given = raw.get("coordinate_units") or ["m"]
+        return [unit == "rad" for unit in (given * (cls.size(raw) or 1) if len(given) == 1 else given)]
 
     @classmethod
     def turning_meshes(cls, raw: dict[str, Any]) -> bool:
@@ -163,13 +144,17 @@ class Matrices(System):
         if isinstance(raw.get("damping"), list):
             raw["damping"] = {"matrix": raw["damping"]}
             document.move(("system", "damping"), ("system", "damping", "matrix"))
+        if isinstance(raw.get("coordinate_units"), str):
+            raw["coordinate_units"] = [raw["coordinate_units"]]
+            document.move(("system", "coordinate_units"), ("system", "coordinate_units", 0))
         turning = [any(_told(raw.get(name), (k, k), unit) for name, unit in TOLD.items()) for k in range(size or 0)]
         if raw.get("coordinate_units") is None and any(turning):
             units = ["rad" if turns else "m" for turns in turning]
             document.put(("system", "coordinate_units"), units, document.where(("system", "mass")))
-        meshes = entries(raw, "meshes")
+        meant = as_meant(raw, cls)
+        meshes = meant.get("meshes") or ()
         angles = [_told(mesh, (key,), "N m") for mesh in meshes for key in ("mean_stiffness", "max_stiffness")]
-        if raw.get("deflection_unit") is None and all(cls.turning(raw) or [False]) and any(angles):
+        if raw.get("deflection_unit") is None and all(cls.turning(meant) or [False]) and any(angles):
             document.put(("system", "deflection_unit"), "rad", document.where(("system", "meshes")))
 
     @classmethod
@@ -178,32 +163,30 @@ class Matrices(System):
         yield from super().conflicts(raw)
         size = cls.size(raw)
         yield from wrong_length(raw, "load", size)
-        for i, term in enumerate(entries(raw, "terms")):
-            yield from below("terms", below(i, Term.conflicts(term, size)))
-        yield from below("terms", repeated_names(enumerate(entries(raw, "terms")), "terms", "term"))
-        for i, force in enumerate(entries(raw, "forces")):
-            yield from below("forces", below(i, Force.conflicts_of_size(force, size)))
+        yield from within_each(raw, "terms", lambda term: Term.conflicts(term, size))
+        yield from repeated_names(raw, "terms", "term")
+        yield from within_each(raw, "forces", lambda force: Force.conflicts_of_size(force, size))
         for name in ("mass", "stiffness"):
             rows = raw.get(name)
             if rows is None and raw.get("file") is None:
                 remedy = f"add {name}, or file: the name of a .npz, .h5 or .mat file with it"
                 yield (), f"{name} is missing", remedy
-            elif isinstance(rows, list) and not rows and size is None:
+            elif rows is not None and not len(rows) and size is None:
                 yield (name,), "has no rows", "give one row a coordinate"
             else:
                 yield from not_square(raw, name, size)
         yield from wrong_length(raw, "coordinates", size)
-        for i, mesh in mappings(raw, "meshes"):
-            wrong = no_direction(mesh, "direction", size, "let the mesh move at least one coordinate")
-            yield from below("meshes", below(i, wrong if size is not None else ()))
+        if size is not None:
+            hint = "let the mesh move at least one coordinate"
+            yield from within_each(raw, "meshes", lambda mesh: no_direction(mesh, "direction", size, hint))
         units = raw.get("coordinate_units")
-        if isinstance(units, list) and size is not None and len(units) not in (1, size):
+        if units is not None and size is not None and len(units) not in (1, size):
             yield ("coordinate_units",), f"has {len(units)} entries", f"give {size}, one a coordinate, or one for all"
         for key in ("coordinate_units", "deflection_unit"):
-            if raw.get("units") == "none" and raw.get(key) not in (None, "m"):
+            if raw.get("units") == "none" and raw.get(key) not in (None, "m", ["m"]):
                 yield (key,), "is given for a model without units", "remove it, or units: none"
-        names = entries(raw, "coordinates")
-        if len({str(name) for name in names}) < len(names):
+        names = raw.get("coordinates") or ()
+        if len(set(names)) < len(names):
             yield ("coordinates",), "two coordinates have the same name", "give each a name of its own"
 
     @classmethod

@@ -6,8 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from gearstab.config.document.problems import Path, nearest
-from gearstab.config.document.yaml import Document
-from gearstab.config.model.conflicts import entries, mappings
+from gearstab.config.document.yaml import Document, value_at
 
 SECTIONS = {"meshes": ("direction",), "forces": ("direction",), "terms": ("left", "right")}
 """Lists of the section ``system`` and the vectors of their entries; ``load`` is one by itself."""
@@ -20,8 +19,8 @@ def write_out(document: Document, raw: dict[str, Any], size: int | None) -> None
     """
     if size is None:
         return
-    given = [name for name in entries(raw, "coordinates") if isinstance(name, str)]
-    names = given if len(given) == size else default_names(size)
+    given = raw.get("coordinates")
+    names = given if isinstance(given, list) and len(given) == size else default_names(size)
     for holder, key, path in list(_mappings(raw)):
         values: list[Any] = [0.0] * size
         for name, value in holder[key].items():
@@ -30,7 +29,7 @@ def write_out(document: Document, raw: dict[str, Any], size: int | None) -> None
                 document.move(("system", *path, name), ("system", *path, names.index(name)))
             else:
                 document.report(
-                    ("system", *path, name), "there is no such coordinate", nearest(name, names), at_key=True
+                    ("system", *path, name), "there is no such coordinate", nearest(name, map(str, names)), at_key=True
                 )
         holder[key] = values
 
@@ -45,7 +44,7 @@ def _mappings(raw: dict[str, Any]) -> Iterator[tuple[dict[str, Any], str, Path]]
     if isinstance(raw.get("load"), dict):
         yield raw, "load", ("load",)
     for section, keys in SECTIONS.items():
-        for i, item in mappings(raw, section):
+        for i, item in enumerate(raw[section] if isinstance(raw.get(section), list) else ()):
             for key in keys:
-                if isinstance(item.get(key), dict):
+                if isinstance(value_at(item, (key,)), dict):
                     yield item, key, (section, i, key)

@@ -46,15 +46,15 @@ class Damping(Section):
         yield from not_square(raw, "matrix", size)
 
 
-def not_square(raw: Any, key: str, size: int | None) -> Iterator[Conflict]:
+def not_square(raw: dict[str, Any], key: str, size: int | None) -> Iterator[Conflict]:
     """A conflict unless the nested lists at a key are ``size`` rows of ``size`` entries."""
     rows = raw.get(key)
-    if not isinstance(rows, list) or size is None:
+    if rows is None or size is None:
         return
     if len(rows) != size:
         yield (key,), f"has {len(rows)} rows", f"give {size} rows of {size} numbers"
     for i, row in enumerate(rows):
-        if isinstance(row, list) and len(row) != size:
+        if len(row) != size:
             yield (key, i), f"has {len(row)} entries", f"give {size}, one a coordinate"
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Annotated, Any
 
 import numpy as np
@@ -29,17 +29,23 @@ Load = list[ForceAmplitude]
 """Constant generalised forces, one a coordinate."""
 
 
+@dataclass(frozen=True)
 class OneAsWell:
-    """Lets the schema of a list admit its one entry by itself, which ``complete`` of a system makes a list."""
+    """Lets the schema of a list admit its one entry by itself, which ``complete`` of a system makes a list.
+
+    only: whether the list has no more than that one.
+    """
+
+    only: bool = False
 
     def __get_pydantic_json_schema__(
         self, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler
     ) -> dict[str, Any]:
         plain = handler(schema)
-        return {"anyOf": [plain["items"], plain | {"minItems": 1, "maxItems": 1}]}
+        return {"anyOf": [plain["items"], plain | ({"minItems": 1, "maxItems": 1} if self.only else {})]}
 
 
-LoadOfOne = Annotated[Load, OneAsWell()]
+LoadOfOne = Annotated[Load, OneAsWell(only=True)]
 """That of a system of one coordinate."""
 
 MOST_HARMONICS = 100
@@ -62,7 +68,7 @@ class TransmissionError(Section):
     )
 
     @classmethod
-    def conflicts(cls, raw: Any) -> Iterator[Conflict]:
+    def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
         """At least one harmonic."""
         yield from no_harmonics(raw, "m")
 
@@ -98,17 +104,15 @@ class Force(Section):
     )
 
     @classmethod
-    def conflicts_of_size(cls, raw: Any, size: int | None) -> Iterator[Conflict]:
+    def conflicts_of_size(cls, raw: dict[str, Any], size: int | None) -> Iterator[Conflict]:
         """At least one harmonic, and a direction of the size of the system that is not zero."""
         yield from no_harmonics(raw, "N")
         yield from no_direction(raw, "direction", size, "let the force act on at least one coordinate")
 
 
-def no_harmonics(raw: Any, unit: str) -> Iterator[Conflict]:
+def no_harmonics(raw: dict[str, Any], unit: str) -> Iterator[Conflict]:
     """A conflict where neither sin nor cos has an entry, nor an unknown key stands for them."""
-    if not isinstance(raw, dict) or not set(raw) <= set(Force.model_fields):
-        return
-    if not raw.get("sin") and not raw.get("cos"):
+    if raw.keys() <= Force.model_fields.keys() and not raw.get("sin") and not raw.get("cos"):
         yield (), "has no harmonics", f"add sin: [..] or cos: [..], amplitudes of the harmonics ({unit})"
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field
 
 from gearstab import system
-from gearstab.config.model.conflicts import Conflict, at_most_one, below, exactly_one
+from gearstab.config.model.conflicts import Conflict, at_most_one, exactly_one, within
 from gearstab.config.model.fields import (
     AnyRatio,
     ByCoordinate,
@@ -32,7 +32,7 @@ from gearstab.waveforms.section import (
     has_no_ratio,
     has_own_mean,
     shape_conflicts,
-    wave_of_mesh,
+    wave_of,
 )
 
 MeshStiffness = Annotated[float, Field(gt=0), Quantity("N/m", ("N m",))]
@@ -111,7 +111,7 @@ class ToothMesh(Section):
     @classmethod
     def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
         """One of the two ways to give the stiffness, and of the two to give its variation, unless the wave does."""
-        wave = wave_of_mesh(raw)
+        wave = wave_of(raw.get("waveform"))
         if wave is not None and wave.of_teeth:
             message = "the teeth are unknown: only kind: gearbox has numbers of teeth"
             yield ("waveform", "kind"), message, "choose another waveform, or describe the gears in a gearbox"
@@ -124,7 +124,7 @@ class ToothMesh(Section):
         yield from following_conflicts(
             raw, ("damping",), "add damping, the mean of the damping that follows the stiffness"
         )
-        yield from below("transmission_error", TransmissionError.conflicts(raw.get("transmission_error")))
+        yield from within(raw, "transmission_error", TransmissionError.conflicts)
 
 
 def following_conflicts(raw: dict[str, Any], keys: Sequence[str], hint: str) -> Iterator[Conflict]:
@@ -210,9 +210,9 @@ class MatrixMesh(Mesh):
     )
 
 
-def may_have(name: str, short: ShortName, place: str | int, mesh: Any) -> bool:
-    """Whether a mesh as written, which stands at an index or key, may have the number of a short name."""
-    if not isinstance(mesh, dict) or (place == 0 and short.but_first):
+def may_have(name: str, short: ShortName, place: str | int, mesh: dict[str, Any]) -> bool:
+    """Whether a mesh as meant, which stands at an index or key, may have the number of a short name."""
+    if place == 0 and short.but_first:
         return False
     return mesh.get(short.rival) is None and not (name == "contact_ratio" and has_no_ratio(mesh))
 

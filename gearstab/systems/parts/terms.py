@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from gearstab.config.model.arrays import vector
-from gearstab.config.model.conflicts import Conflict, below, no_direction
+from gearstab.config.model.conflicts import Conflict, no_direction, within
 from gearstab.config.model.fields import (
     AnyRatio,
     ContactRatio,
@@ -22,7 +22,7 @@ from gearstab.config.model.fields import (
 )
 from gearstab.system import PeriodicTerm
 from gearstab.waveforms import Constant, Profile, Scaled
-from gearstab.waveforms.section import WaveformSection, build_waveform, shape_conflicts, wave_of_mesh
+from gearstab.waveforms.section import WaveformSection, build_waveform, shape_conflicts, wave_of
 
 OfStiffness = Annotated[float, Quantity("N/m", ("N", "N m"), entry=True)]
 OfDamping = Annotated[float, Quantity("N s/m", ("N s", "N m s"), entry=True)]
@@ -41,7 +41,7 @@ class VaryingNumber(Section):
     @classmethod
     def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
         """A mean or an amplitude, and a waveform that is complete where anything varies."""
-        wave = wave_of_mesh(raw)
+        wave = wave_of(raw.get("waveform"))
         if all(raw.get(key) is None for key in ("amplitude", "contact_ratio", "waveform")):
             if raw.get("mean") is None:
                 yield (), "has neither mean nor amplitude", "add mean, or amplitude and waveform"
@@ -110,15 +110,12 @@ class Term(Section):
     )
 
     @classmethod
-    def conflicts(cls, raw: Any, size: int | None) -> Iterator[Conflict]:
+    def conflicts(cls, raw: dict[str, Any], size: int | None) -> Iterator[Conflict]:
         """A stiffness or a damping, and vectors of the size of the system that are not zero."""
-        if not isinstance(raw, dict):
-            return
         if raw.get("stiffness") is None and raw.get("damping") is None:
             yield (), "has neither stiffness nor damping", "add stiffness: {mean: ..}, or damping: {mean: ..}"
         for key in ("stiffness", "damping"):
-            if isinstance(raw.get(key), dict):
-                yield from below(key, VaryingNumber.conflicts(raw[key]))
+            yield from within(raw, key, VaryingNumber.conflicts)
         for key in ("left", "right"):
             yield from no_direction(raw, key, size, "let the term act on at least one coordinate")
 

@@ -7,7 +7,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
-from gearstab.config.model.conflicts import Conflict, below, mapping, wrong_length
+from gearstab.config.model.conflicts import Conflict, plain_number, within, wrong_length
 from gearstab.config.model.fields import (
     Choice,
     Mass,
@@ -226,18 +226,19 @@ class Planetary(System):
 
     @classmethod
     def size(cls, raw: dict[str, Any]) -> int | None:
-        ring = mapping(raw, "ring")
-        kind, harmonics = ring.get("kind"), ring.get("harmonics", HARMONICS if isinstance(raw.get("ring"), dict) else 0)
+        ring: dict[str, Any] = raw.get("ring") or {}
         planets: Any = raw.get("planets")
-        if not (_whole(planets, 3, MOST_PLANETS) and _whole(harmonics, 2, MOST_HARMONICS)):
+        harmonics = ring.get("harmonics", HARMONICS)
+        if raw.get("ring") is None or not (_whole(planets, 3, MOST_PLANETS) and _whole(harmonics, 2, MOST_HARMONICS)):
             return None
-        return len(coordinates(int(planets), 1 if kind == "rigid" else int(harmonics), raw.get("motion", "planar")))
+        waves = 1 if ring.get("kind") == "rigid" else int(harmonics)
+        return len(coordinates(int(planets), waves, raw.get("motion", "planar")))
 
     @classmethod
     def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
         """What is missing for the kind of motion and ring, and phases that fit the planets and teeth."""
         yield from super().conflicts(raw)
-        ring, supports = mapping(raw, "ring"), mapping(raw, "supports")
+        ring, supports = raw.get("ring") or {}, raw.get("supports") or {}
         if ring.get("kind") == "elastic" and ring.get("bending_stiffness") is None:
             remedy = "add k_bend = E J/(R^3 (1 - nu^2)), or make the ring rigid"
             yield ("ring", "bending_stiffness"), "is missing", remedy
@@ -249,27 +250,27 @@ class Planetary(System):
         if raw.get("motion", "planar") == "planar":
             for section, keys in (("masses", ("carrier", "sun")), ("supports", ("planet",))):
                 inner = raw.get(section, {})
-                for key in keys if isinstance(inner, dict) else ():
-                    if inner.get(key) is None:
+                for key in keys:
+                    if inner is not None and inner.get(key) is None:
                         yield (section, key), "is missing", f"add {key}, which planar motion needs"
         yield from _phases(raw)
 
 
 def _whole(value: Any, low: int, high: int) -> bool:
-    plain = isinstance(value, int | float) and not isinstance(value, bool)
-    return plain and low <= value <= high and float(value).is_integer()
+    number = plain_number(value)
+    return number is not None and low <= number <= high and number.is_integer()
 
 
 def _phases(raw: dict[str, Any]) -> Iterator[Conflict]:
     phases, teeth, planets = raw.get("phases"), raw.get("teeth"), raw.get("planets")
     if phases is None and teeth is None:
         yield (), "phases or teeth are missing", "add phases: {sun: [one lag a planet], sun_ring: ..}, or teeth"
-    sun = mapping(raw, "phases").get("sun")
+    sun = (phases or {}).get("sun")
     if sun is not None and teeth is not None:
         yield ("phases", "sun"), "the phases follow from teeth already", "keep phases.sun or teeth"
     elif _whole(planets, 3, MOST_PLANETS):
-        yield from below("phases", wrong_length(phases, "sun", planets, "planet"))
-    numbers: list[Any] = [mapping(raw, "teeth").get(key) for key in ("sun", "planet", "ring")]
+        yield from within(raw, "phases", lambda phases: wrong_length(phases, "sun", planets, "planet"))
+    numbers: list[Any] = [(teeth or {}).get(key) for key in ("sun", "planet", "ring")]
     if all(_whole(number, 4, 10**6) for number in numbers):
         yield from _assembly(int(numbers[0]), int(numbers[1]), int(numbers[2]), planets)
 
