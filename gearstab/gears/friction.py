@@ -24,6 +24,7 @@ from gearstab.errors import NotPossible
 from gearstab.gears.mesh_stiffness import DEGREE, PLAIN, StiffnessModel, contact_stiffness, mesh_stiffness
 from gearstab.gears.pair import Pair
 from gearstab.gears.stress import contact_pressure
+from gearstab.waveforms.phase import stiff_fraction
 from gearstab.waveforms.tooth import Piecewise, nodes, through
 
 Array = np.ndarray
@@ -197,15 +198,13 @@ class MeshFriction:
     ----------
     length: L of u = (0, -L; t, -t), m.
     wheel_sign: of v = (1, wheel_sign; 0, 0).
-    stiffness, stiffness_arm: sum sigma mu k_p, N/m, and sum sigma mu k_p s_p, N: with u g^T and v g^T in K(t).
-    share, share_arm: sum sigma mu k_p/k and sum sigma mu s_p k_p/k, m: times the mesh damping with u g^T and v g^T in
-        C(t); times a mesh force F, with -u and -v, the external force that friction is under that force.
+    share, share_arm: sum sigma mu k_p/k and sum sigma mu s_p k_p/k, m: times the mesh stiffness k, with u g^T and
+        v g^T, in K(t), and times the mesh damping in C(t); times a mesh force F, with -u and -v, the external force
+        that friction is under that force.
     """
 
     length: float
     wheel_sign: int
-    stiffness: Piecewise
-    stiffness_arm: Piecewise
     share: Piecewise
     share_arm: Piecewise
 
@@ -230,25 +229,21 @@ def mesh_friction(
         )
     c = pair.contact_ratio
     kinks = [pair.phase(sliding_contact(pair, ratio)) for ratio in friction.kinks]
-    edges = np.sort([0.0, c - np.floor(c), pair.pitch_phase, *kinks])
+    edges = np.sort([0.0, stiff_fraction(c), pair.pitch_phase, *kinks])
 
     degrees = np.shape(mesh_stiffness(pair, model).curve.coefficients)[-1] - 1
     x = nodes(edges, max(DEGREE, degrees))
     s, k = contact_stiffness(pair, x, model)
-    total = np.sum(k, axis=-1)
-    share = k / total[..., None]
+    share = k / np.sum(k, axis=-1)[..., None]
     carrying = share > 0
     # A pair out of contact counts as one at the pitch point, where every model is finite.
     state = contact_state(
         pair, np.where(carrying, s, pair.pitch_point), pinion_speed, force * np.where(carrying, share, 1.0)
     )
     resisting = sliding_sign(pair, s) * friction.coefficient(state) * share
-    plain, arm = np.sum(resisting, axis=-1), np.sum(resisting * s, axis=-1)
     return MeshFriction(
         length=pair.length,
         wheel_sign=pair.wheel.sign,
-        stiffness=through(edges, plain * total),
-        stiffness_arm=through(edges, arm * total),
-        share=through(edges, plain),
-        share_arm=through(edges, arm),
+        share=through(edges, np.sum(resisting, axis=-1)),
+        share_arm=through(edges, np.sum(resisting * s, axis=-1)),
     )

@@ -15,6 +15,7 @@ from gearstab.errors import NotPossible
 from gearstab.gears.compliance import pair_stiffness
 from gearstab.gears.pair import Pair
 from gearstab.waveforms import Fourier
+from gearstab.waveforms.phase import stiff_fraction
 from gearstab.waveforms.tooth import Piecewise, Tooth, nodes, through
 
 Array = np.ndarray
@@ -129,7 +130,7 @@ class MeshStiffness:
         contact ratio, where the computed wave has one from its rounded flanks and the rectangular one has hardly any.
         """
         c = self.pair.contact_ratio
-        d = c - np.floor(c)
+        d = float(stiff_fraction(c))
         epsilon = self.epsilon
         if keep == "first harmonic":
             factor = 4 * np.sin(np.pi * d) / np.pi
@@ -187,7 +188,7 @@ def mesh_stiffness(pair: Pair, model: StiffnessModel = PLAIN) -> MeshStiffness:
     c = pair.contact_ratio
     if c < 1:
         raise NotPossible(f"contact breaks off: contact ratio {c:.4f}")
-    edges = np.array([0.0, c - np.floor(c)])
+    edges = np.array([0.0, stiff_fraction(c)])
     for degree in DEGREES:
         curve = through(edges, np.sum(contact_stiffness(pair, nodes(edges, degree), model)[1], axis=-1))
         size = np.max(np.abs(curve.coefficients), axis=0)

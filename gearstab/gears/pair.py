@@ -14,6 +14,7 @@ import numpy as np
 from gearstab.errors import NotPossible
 from gearstab.gears.geometry import Gear, inverse_involute, involute
 from gearstab.gears.profile import tooth_profile
+from gearstab.waveforms.phase import wrapped
 
 Array = np.ndarray
 
@@ -169,8 +170,7 @@ class Pair:
         Shapes ``(..., N)`` with N = floor(c) + 1; the last index counts pairs from the youngest. Phase 0: a pair
         enters.
         """
-        phase = np.asarray(x, dtype=float)
-        phase = (phase - np.floor(phase))[..., None] + np.arange(int(self.contact_ratio) + 1)
+        phase = wrapped(np.asarray(x, dtype=float))[..., None] + np.arange(int(self.contact_ratio) + 1)
         travelled = phase * self.base_pitch
         s = self.path[1] - travelled if self.wheel_drives else self.path[0] + travelled
         return s, phase < self.contact_ratio

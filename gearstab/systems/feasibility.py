@@ -19,6 +19,7 @@ from gearstab.config.model.conflicts import items
 from gearstab.config.sections.axes import Array, Config, parameters_at
 from gearstab.systems.parts.mesh import build_mesh
 from gearstab.waveforms import WAVEFORMS, Waveform
+from gearstab.waveforms.phase import stiff_fraction
 from gearstab.waveforms.section import wave_of
 
 SYMMETRY_TOLERANCE = 1e-9
@@ -46,7 +47,7 @@ def extreme_points(config: Config, concerns: Callable[[Path], bool]) -> Selectio
         if known and all(np.array_equal(v, values[0]) for v in values[1:]):
             # The contact ratio acts through its fraction.
             measure = np.asarray(values[0])
-            measure = measure - np.floor(measure) if keys == {"contact_ratio"} else measure
+            measure = stiff_fraction(measure) if keys == {"contact_ratio"} else measure
             picks[axis.name] = np.unique([np.argmin(measure), np.argmax(measure)])
         else:
             picks[axis.name] = np.arange(axis.size)

@@ -8,7 +8,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from gearstab.waveforms.base import Array, Waveform, as_array
-from gearstab.waveforms.phase import stiff_fraction
+from gearstab.waveforms.phase import stiff_fraction, wrapped
 
 
 @dataclass(frozen=True)
@@ -47,8 +47,7 @@ class Rectangular(Waveform):
 
     def value(self, x: Array) -> Array:
         d = self.stiff_fraction
-        phase = np.asarray(x) - np.floor(x)
-        return np.where(phase < d, 1.0 - d, -d)
+        return np.where(wrapped(x) < d, 1.0 - d, -d)
 
     def breakpoints(self) -> Array:
         d = self.stiff_fraction

@@ -11,17 +11,15 @@ import numpy as np
 
 from gearstab.config.model.arrays import vector
 from gearstab.config.model.conflicts import Conflict, exactly_one
-from gearstab.waveforms.base import Array, Keys, Waveform, WrongSample
+from gearstab.waveforms.base import Array, Keys, WrongSample
 from gearstab.waveforms.phase import wrapped
 from gearstab.waveforms.samples import SampleKeys, missing_source, sample_conflicts, wrong_number, wrong_order
 from gearstab.waveforms.splines import FEWEST, Pieces, interpolate
-
-LEVEL = 1e-13
-"""A variation below this part of the largest stiffness is rounding: the wave is taken as constant."""
+from gearstab.waveforms.stiffness import OfStiffness
 
 
 @dataclass(frozen=True)
-class Sampled(Waveform):
+class Sampled(OfStiffness):
     """w = (k - mean k)/(max k - min k), k the periodic interpolation of samples; 0 where k is constant.
 
     Mean and extremes are those of the interpolation, not of the samples.
@@ -37,7 +35,6 @@ class Sampled(Waveform):
     keys: ClassVar[type[Keys]] = SampleKeys
     sources: ClassVar[tuple[str, ...]] = ("file", "stiffness")
     has_contact_ratio: ClassVar[bool] = False
-    own_variation: ClassVar[bool] = True
 
     phase: Array
     stiffness: Array
@@ -83,11 +80,6 @@ class Sampled(Waveform):
         """Of the interpolation, ``(...)``."""
         return self._pieces.integral()
 
-    @property
-    def amplitude(self) -> Array:
-        """(max k - min k)/2, ``(...)``."""
-        return 0.5 * self._size
-
     @cached_property
     def _pieces(self) -> Pieces:
         phase, stiffness = np.asarray(self.phase, dtype=float), np.asarray(self.stiffness, dtype=float)
@@ -95,40 +87,17 @@ class Sampled(Waveform):
         return interpolate(np.append(phase, phase[0] + 1.0), closed, self.interpolation, periodic=True)
 
     @cached_property
-    def _range(self) -> tuple[Array, Array]:
+    def stiffness_range(self) -> tuple[Array, Array]:
         return self._pieces.extremes()
 
-    @cached_property
-    def _size(self) -> Array:
-        return significant(*self._range)
-
-    def _stiffness(self, x: Array) -> Array:
+    def stiffness_at(self, x: Array) -> Array:
         phase = wrapped(x)
         return self._pieces.value(np.where(phase < np.asarray(self.phase)[0], phase + 1.0, phase))
-
-    def value(self, x: Array) -> Array:
-        return normalised(self._stiffness(x) - self.mean_stiffness, self._size)
 
     def breakpoints(self) -> Array:
         return np.asarray(self.phase, dtype=float)
 
-    def extremes(self) -> tuple[Array, Array]:
-        low, high = self._range
-        mean = self.mean_stiffness
-        return normalised(low - mean, self._size), normalised(high - mean, self._size)
-
-    def fourier(self, order: int) -> tuple[Array, Array]:
+    def stiffness_harmonic(self, order: int) -> tuple[Array, Array]:
         """Exactly, as the interpolation is made of polynomials."""
         found = self._pieces.transform(2 * np.pi * order)
-        return normalised(-2 * found.imag, self._size), normalised(2 * found.real, self._size)
-
-
-def significant(low: Array, high: Array) -> Array:
-    """high - low, or 0 where that is but rounding."""
-    size = np.asarray(high) - low
-    return np.where(size > LEVEL * np.maximum(np.abs(low), np.abs(high)), size, 0.0)
-
-
-def normalised(values: Array, size: Array) -> Array:
-    """values/size, 0 where size is."""
-    return np.where(size > 0, values / np.where(size > 0, size, 1.0), 0.0)
+        return -2 * found.imag, 2 * found.real

@@ -12,10 +12,10 @@ from numpy.polynomial import chebyshev, legendre
 from pydantic import Field
 
 from gearstab.config.model.fields import Whole
-from gearstab.waveforms.base import Array, Keys, Waveform
+from gearstab.waveforms.base import Array, Keys
 from gearstab.waveforms.fourier import MOST_HARMONICS
 from gearstab.waveforms.phase import wrapped
-from gearstab.waveforms.sampled import normalised, significant
+from gearstab.waveforms.stiffness import OfStiffness
 
 ROUNDING = 1e-14  # relative: coefficients below it are left out
 
@@ -167,7 +167,7 @@ class ToothKeys(Keys):
 
 
 @dataclass(frozen=True)
-class Tooth(Waveform):
+class Tooth(OfStiffness):
     """w = (k - mean k)/(max k - min k) of a stiffness k given piece by piece, such as one computed from the teeth.
 
     Phase 0 is the entry of a pair of teeth. A constant stiffness has w = 0.
@@ -178,7 +178,6 @@ class Tooth(Waveform):
     said: ClassVar[str] = "computed from the teeth of a gearbox"
     keys: ClassVar[type[Keys]] = ToothKeys
     has_contact_ratio: ClassVar[bool] = False
-    own_variation: ClassVar[bool] = True
     of_teeth: ClassVar[bool] = True
 
     stiffness: Piecewise
@@ -192,21 +191,19 @@ class Tooth(Waveform):
     def batch(self) -> tuple[int, ...]:
         return self.stiffness.batch
 
-    @cached_property
-    def _size(self) -> Array:
-        return significant(*self.stiffness.extremes)
+    @property
+    def mean_stiffness(self) -> Array:
+        return self.stiffness.mean
 
-    def value(self, x: Array) -> Array:
-        return normalised(self.stiffness.value(x) - self.stiffness.mean, self._size)
+    @cached_property
+    def stiffness_range(self) -> tuple[Array, Array]:
+        return self.stiffness.extremes
+
+    def stiffness_at(self, x: Array) -> Array:
+        return self.stiffness.value(x)
 
     def breakpoints(self) -> Array:
         return self.stiffness.breakpoints()
 
-    def extremes(self) -> tuple[Array, Array]:
-        low, high = self.stiffness.extremes
-        mean = self.stiffness.mean
-        return normalised(low - mean, self._size), normalised(high - mean, self._size)
-
-    def fourier(self, order: int) -> tuple[Array, Array]:
-        a, b = self.stiffness.fourier(order)
-        return normalised(a, self._size), normalised(b, self._size)
+    def stiffness_harmonic(self, order: int) -> tuple[Array, Array]:
+        return self.stiffness.fourier(order)

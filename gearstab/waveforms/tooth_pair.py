@@ -13,11 +13,11 @@ from pydantic import Field
 from gearstab.config.model.arrays import vector
 from gearstab.config.model.conflicts import Conflict, at_most_one, exactly_one
 from gearstab.config.model.fields import Choice, NonNegative, Quantity
-from gearstab.waveforms.base import Array, Keys, Waveform, WrongSample, as_array
+from gearstab.waveforms.base import Array, Keys, WrongSample, as_array
 from gearstab.waveforms.phase import stiff_fraction, wrapped
-from gearstab.waveforms.sampled import normalised, significant
 from gearstab.waveforms.samples import SampleKeys, missing_source, sample_conflicts, wrong_number, wrong_order
 from gearstab.waveforms.splines import Pieces, cubic_extremes, interpolate
+from gearstab.waveforms.stiffness import OfStiffness
 
 PARABOLA_ENDS = 0.55
 """Stiffness at the ends of contact over that in its middle, of Cai & Hayashi's approximation."""
@@ -48,7 +48,7 @@ class PairKeys(SampleKeys, ShapeKeys):
 
 
 @dataclass(frozen=True)
-class Pair(Waveform):
+class Pair(OfStiffness):
     """w = (k - mean k)/(max k - min k) of k(x) = sum_j p((x + j)/c), j with 0 <= x + j < c; 0 where k is constant.
 
     p(u) is the stiffness of one pair of teeth along its contact, from its first point u = 0 to its last one u = 1, c
@@ -64,7 +64,6 @@ class Pair(Waveform):
     said: ClassVar[str] = "the sum over the pairs of teeth in contact"
     keys: ClassVar[type[Keys]] = PairKeys
     sources: ClassVar[tuple[str, ...]] = ("shape", "file", "stiffness")
-    own_variation: ClassVar[bool] = True
 
     contact_ratio: Array | float
     shape: Pieces
@@ -124,29 +123,17 @@ class Pair(Waveform):
         """c times the mean of p, ``(...)``."""
         return np.asarray(self.contact_ratio) * self.shape.integral()
 
-    @property
-    def amplitude(self) -> Array:
-        """(max k - min k)/2, ``(...)``."""
-        return 0.5 * self._size
-
     @cached_property
-    def _range(self) -> tuple[Array, Array]:
+    def stiffness_range(self) -> tuple[Array, Array]:
         points = self.breakpoints()
-        return cubic_extremes(self._stiffness, np.broadcast_to(points, (*self.batch, points.shape[-1])))
+        return cubic_extremes(self.stiffness_at, np.broadcast_to(points, (*self.batch, points.shape[-1])))
 
-    @cached_property
-    def _size(self) -> Array:
-        return significant(*self._range)
-
-    def _stiffness(self, x: Array) -> Array:
+    def stiffness_at(self, x: Array) -> Array:
         c, phase = np.asarray(self.contact_ratio, dtype=float), wrapped(x)
         total = np.zeros(np.broadcast_shapes(phase.shape, self.batch))
         for j in range(int(np.max(c, initial=0.0)) + 1):
             total = total + np.where(phase + j < c, self.shape.value((phase + j) / c), 0.0)
         return total
-
-    def value(self, x: Array) -> Array:
-        return normalised(self._stiffness(x) - self.mean_stiffness, self._size)
 
     def breakpoints(self) -> Array:
         """Where a pair comes and goes, and the kinks of p of all pairs."""
@@ -154,16 +141,11 @@ class Pair(Waveform):
         ends = np.concatenate([np.zeros_like(c), stiff_fraction(c)], axis=-1)
         return np.concatenate([ends, wrapped(c * self.shape.knots[1:-1])], axis=-1)
 
-    def extremes(self) -> tuple[Array, Array]:
-        low, high = self._range
-        mean = self.mean_stiffness
-        return normalised(low - mean, self._size), normalised(high - mean, self._size)
-
-    def fourier(self, order: int) -> tuple[Array, Array]:
+    def stiffness_harmonic(self, order: int) -> tuple[Array, Array]:
         """From the transform of p: the sum over j of pieces of p is p over its whole contact."""
         c = np.asarray(self.contact_ratio, dtype=float)
         found = c * self.shape.transform(2 * np.pi * order * c)
-        return normalised(-2 * found.imag, self._size), normalised(2 * found.real, self._size)
+        return -2 * found.imag, 2 * found.real
 
 
 def shape_of(spec: dict[str, Any]) -> Pieces:

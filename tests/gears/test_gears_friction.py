@@ -24,6 +24,7 @@ from gearstab.gears.geometry import Gear
 from gearstab.gears.mesh_stiffness import StiffnessModel, contact_stiffness, mesh_stiffness
 from gearstab.gears.pair import Pair
 from gearstab.gears.stress import load_shares
+from gearstab.waveforms import Product
 
 PAIR = Pair(Gear(19, 0.003175, face_width=0.016), Gear(48, 0.003175, face_width=0.016))
 RING = Pair(Gear(24, 0.002), Gear(70, 0.002, addendum=0.7, internal=True))
@@ -149,9 +150,10 @@ def test_periodic_functions_are_the_sums_over_the_pairs(pair, friction) -> None:
     inside = np.clip(s, *pair.path)
     state = contact_state(pair, inside, speed, np.where(share > 0, force * share, 1.0))
     resisting = sliding_sign(pair, inside) * friction.coefficient(state)
+    total = mesh_stiffness(pair, model).curve
     for curve, weight in (
-        (found.stiffness, k),
-        (found.stiffness_arm, k * s),
+        (Product(total, found.share), k),
+        (Product(total, found.share_arm), k * s),
         (found.share, share),
         (found.share_arm, share * s),
     ):
@@ -171,7 +173,7 @@ def test_contact_clipped_at_the_tangent_points_has_finite_friction(back, frictio
     pair = Pair(*(Gear(12, 0.003, addendum=1.1) for _ in range(2)), wheel_drives=back)
     assert pair.path == (0.0, pair.length)
     found = mesh_friction(pair, friction, 100.0, 1000.0)
-    assert np.all(np.isfinite(found.stiffness_arm.coefficients))
+    assert np.all(np.isfinite(found.share_arm.coefficients))
 
 
 @pytest.mark.parametrize("pair", [PAIR, RING, replace(PAIR, wheel_drives=True)], ids=["external", "internal", "wheel"])
@@ -216,8 +218,8 @@ def test_a_rigid_rotation_feels_no_friction() -> None:
         stiffness=np.zeros((6, 6)),
         meshes=(Mesh("mesh", g, np.array(mesh.mean), np.array(mesh.epsilon), mesh.waveform),),
         terms=(
-            PeriodicTerm("sliding", u, g, stiffness=friction.stiffness),
-            PeriodicTerm("arm", v, g, stiffness=friction.stiffness_arm),
+            PeriodicTerm("sliding", u, g, stiffness=Product(mesh.curve, friction.share)),
+            PeriodicTerm("arm", v, g, stiffness=Product(mesh.curve, friction.share_arm)),
         ),
     )
     rigid = np.array([1 / PAIR.pinion.base_radius, 1 / PAIR.wheel.base_radius, 0, 0, 0, 0])
