@@ -72,6 +72,8 @@ def inner_type(annotation: Any, part: str | int) -> Any:
     """The annotation one key or index further down; None where the model has no such thing."""
     if is_model(annotation):
         return field_types(annotation).get(str(part))
+    if get_origin(bare(annotation)) is dict:
+        return get_args(bare(annotation))[1]
     return entry_type(annotation, part) if isinstance(part, int) else None
 
 

@@ -84,7 +84,7 @@ class Respond(Section):
         system: its section as meant; size: number of its coordinates, None where it cannot be told.
         """
         driven, parting = drives(system), may_part(system)
-        if raw.get("discard") is not None and not parting:
+        if raw.get("discard") is not None and not parting and is_known(system):
             yield ("discard",), "no mesh has backlash", "remove it, or give a mesh backlash"
         discard, cycles = plain_number(raw.get("discard")), plain_number(raw.get("cycles"))
         if discard is not None and cycles is not None and discard >= cycles > 0:
