@@ -54,7 +54,7 @@ def command(
     from gearstab.systems import build
 
     with kernel.recorded() as ran:
-        found = measure(scene, points, seconds, (lambda text: None) if quiet else _say)
+        found = measure(scene, points, seconds, lambda text: None if quiet else tell(f"measuring: {text}"))
     say(table(found, points))
     groups = {"modes": modes_group(build(loaded.parameters)), "bench": bench_group(scene, points, found)}
     write_result(target, ResultTree(Group((), root_attributes(BENCH, loaded, kernel.said(ran))), groups))
@@ -103,10 +103,6 @@ def _scene(loaded: Config) -> Scene:
         message, hint = "mesh frequencies of irrational ratio have no common period", "give exact ratios"
         raise ConfigError([loaded.problem((*path, "frequency_ratio"), message, hint)])
     return Scene(without_rigid_modes(system), min(values), max(values))
-
-
-def _say(text: str) -> None:
-    tell(f"measuring: {text}")
 
 
 def _draw(target: Path, quiet: bool) -> None:

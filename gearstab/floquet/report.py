@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from fractions import Fraction
 
 import numpy as np
 
@@ -18,7 +17,7 @@ SHARE = 1e-9
 
 
 @dataclass(frozen=True)
-class Part:
+class BlockSummary:
     """A block of a system: numbers (from 1) of its modes, its size, how often it occurs, segments a period, distinct
     stiffness states.
 
@@ -42,7 +41,7 @@ class Reduction:
 
     rigid: tuple[int, ...]
     dropped: tuple[int, ...]
-    parts: tuple[Part, ...]
+    parts: tuple[BlockSummary, ...]
     saving: float
 
     @property
@@ -86,7 +85,7 @@ def reduction(system: GearSystem) -> Reduction:
         tuple((np.flatnonzero(rigid) + 1).tolist()),
         tuple(sorted(k for block in dropped for k in _numbers(block, elastic))),
         tuple(
-            Part(
+            BlockSummary(
                 _numbers(block, elastic),
                 block.pattern.size,
                 block.copies,
@@ -102,14 +101,11 @@ def reduction(system: GearSystem) -> Reduction:
 def _with_terms(system: GearSystem) -> Reduction:
     rigid = free_rotations(system)[0]
     size = int(np.sum(~rigid))
-    segments = max(1, round(segments_a_cycle(system) * float(_shared_cycles(system))))
-    part = Part(tuple((np.flatnonzero(~rigid) + 1).tolist()), size, 1, segments, segments)
+    # Without a common period the segments of one cycle are told.
+    cycles = system.common_period()[0] if system.commensurate else 1
+    segments = max(1, round(segments_a_cycle(system) * float(cycles)))
+    part = BlockSummary(tuple((np.flatnonzero(~rigid) + 1).tolist()), size, 1, segments, segments)
     return Reduction(tuple((np.flatnonzero(rigid) + 1).tolist()), (), (part,) if size else (), 1.0)
-
-
-def _shared_cycles(system: GearSystem) -> Fraction:
-    """The common period in periods of the sweep's mesh frequency; 1 where there is none."""
-    return system.common_period()[0] if system.commensurate else Fraction(1)
 
 
 def _work(block: Block) -> int:

@@ -28,7 +28,7 @@ from gearstab.floquet.segments.reduction import Elastic, reduce
 from gearstab.floquet.smooth.schemes import CF6_5
 from gearstab.floquet.smooth.solve import split_pattern, within
 from gearstab.floquet.smooth.steps import Division, divisions
-from gearstab.floquet.solution import DAMPED_ON_CIRCLE, Part, solved
+from gearstab.floquet.solution import DAMPED_ON_CIRCLE, OperatingPoints, solved
 from gearstab.modal import modal_damping_matrix
 from gearstab.system import Array, GearSystem
 
@@ -192,7 +192,7 @@ class _Search:
         if not still and not self.block.constant:
             growth = growth_of(own, self.omega)
         else:
-            part = Part(own, self.omega)
+            part = OperatingPoints(own, self.omega)
             found = solved(part, replace(self.block, pattern=own), False)
             growth = found.growth_rate * part.period / pattern.elastic.rate[:, None]
             growth = np.where(found.stable == 1, np.minimum(growth, 0.0), growth)

@@ -27,7 +27,7 @@ GRADED_SPREAD = np.log(100.0)
 
 
 @dataclass(frozen=True)
-class Part:
+class OperatingPoints:
     """A pattern and its mesh frequencies ``(r, P)`` in the pattern's units."""
 
     pattern: Pattern
@@ -45,7 +45,7 @@ class Part:
         return np.repeat(bit[:, None], self.omega.shape[1], axis=1)
 
 
-def solved(part: Part, block: Block, exponents: bool) -> Stability:
+def solved(part: OperatingPoints, block: Block, exponents: bool) -> Stability:
     """A block ``(r, P)``, without its copies, in the system's own units of time; its exponents are the elastic ones.
 
     A constant one without stiffness along a mode is left to the general rules.
@@ -57,7 +57,7 @@ def solved(part: Part, block: Block, exponents: bool) -> Stability:
     return conservative(part, exponents) if damping is None else with_damping(part, damping, exponents)
 
 
-def constant(part: Part, exponents: bool) -> Stability:
+def constant(part: OperatingPoints, exponents: bool) -> Stability:
     """A block whose stiffness does not vary: its exponents are those of a constant system, at every mesh frequency."""
     pattern = part.pattern
     rate = pattern.elastic.rate[:, None]
@@ -78,7 +78,7 @@ def constant(part: Part, exponents: bool) -> Stability:
     return Stability(growth * rate, stable, part.status(), table)
 
 
-def conservative(part: Part, exponents: bool) -> Stability:
+def conservative(part: OperatingPoints, exponents: bool) -> Stability:
     """A block without damping but a uniform one."""
     pattern, omega = part.pattern, part.omega
     verdict, growth = kernel.current().scan(pattern, omega)
@@ -144,7 +144,7 @@ def _chains(chosen: Array, pattern: Pattern) -> Iterator[tuple[int, Array]]:
             yield int(row), points[i : i + step]
 
 
-def with_damping(part: Part, damping: Array, exponents: bool) -> Stability:
+def with_damping(part: OperatingPoints, damping: Array, exponents: bool) -> Stability:
     """A block with damping of its own."""
     pattern, omega = part.pattern, part.omega
     generator = damped.generators(pattern, damping)

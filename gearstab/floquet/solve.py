@@ -11,7 +11,7 @@ from gearstab.floquet import smooth as magnus
 from gearstab.floquet.kernel import choice as kernel
 from gearstab.floquet.segments.blocks import Block, split, whole
 from gearstab.floquet.segments.pattern import prepare
-from gearstab.floquet.solution import DAMPED_ON_CIRCLE, Part, solved
+from gearstab.floquet.solution import DAMPED_ON_CIRCLE, OperatingPoints, solved
 from gearstab.floquet.stability import STATUS_FLAGS, Stability
 from gearstab.system import Array, GearSystem
 
@@ -89,7 +89,7 @@ def _solutions(
         return
     for pattern in prepare(system):
         for block in split(pattern) if reduction else [whole(pattern)]:
-            part = Part(block.pattern, omega[block.pattern.rows] / block.pattern.elastic.rate[:, None])
+            part = OperatingPoints(block.pattern, omega[block.pattern.rows] / block.pattern.elastic.rate[:, None])
             yield block, solved(part, block, exponents)
 
 

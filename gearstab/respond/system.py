@@ -54,7 +54,7 @@ def response(config: Config, wanted: Respond) -> tuple[Response, ResultTree]:
             parting = _parting(wanted, system)
             return parting, _backlash_result(config, wanted, system, parting)
         with kernel.recorded() as ran:
-            found = _steady(wanted, system) if wanted.steady_state else _history(wanted, system)
+            found = (_steady if wanted.steady_state else _history)(wanted, system)
     except NotPossible as error:
         _refuse(config, ("respond",), error.message, error.remedy)
     return found, _linear_result(config, wanted, system, found, kernel.said(ran))

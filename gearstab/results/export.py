@@ -151,13 +151,9 @@ def names_over(dataset: xr.Dataset, dims: tuple[str, ...]) -> str:
 
 
 def dimensions(dataset: xr.Dataset) -> list[str]:
-    """The dimensions of the variables, in the order in which they name them."""
-    return list(dict.fromkeys(str(dim) for name in by_size(dataset) for dim in dataset[name].dims))
-
-
-def by_size(dataset: xr.Dataset) -> list[str]:
-    """The variables, those with most dimensions first."""
-    return [str(name) for name in sorted(dataset.data_vars, key=lambda name: -dataset[name].ndim)]
+    """The dimensions of the variables, in the order in which they name them, those with most dimensions first."""
+    by_size = sorted(dataset.data_vars, key=lambda name: -dataset[name].ndim)
+    return list(dict.fromkeys(str(dim) for name in by_size for dim in dataset[name].dims))
 
 
 def column_names(dataset: xr.Dataset, dims: Sequence[str]) -> list[str]:

@@ -16,7 +16,7 @@ from gearstab.floquet.smooth.schemes import CF4_2, CF6_5, Scheme
 from gearstab.floquet.smooth.steps import Division, divisions
 from gearstab.floquet.solution import (
     DAMPED_ON_CIRCLE,
-    Part,
+    OperatingPoints,
     conservative_exponents,
     damped_exponents,
     decide_doubtful,
@@ -53,7 +53,7 @@ def solutions(
             for block in split(coarse) if reduction else [whole(coarse)]:
                 own = omega[block.pattern.rows] / block.pattern.elastic.rate[:, None]
                 if block.constant or part.constant.all():
-                    exact = solved(Part(block.pattern, own), block, exponents)
+                    exact = solved(OperatingPoints(block.pattern, own), block, exponents)
                     yield block, replace(exact, error_estimate=rounding(block.pattern, own))
                     continue
                 found = _varying(within(part, block), own, exponents, tolerance)

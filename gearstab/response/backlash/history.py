@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import ClassVar
 
 import numpy as np
 
@@ -42,15 +44,8 @@ class BacklashResponse(Response):
     cycle: LimitCycle | None
     teeth: Play
 
-    @property
-    def status(self) -> str:
-        """``complete``, or why the history ends early."""
-        return next((name for name in ("overflow", "chatter") if self.flags & BACKLASH_FLAGS[name]), "complete")
-
-    @property
-    def findings(self) -> list[str]:
-        """Names of the flags."""
-        return [name for name, bit in BACKLASH_FLAGS.items() if self.flags & bit]
+    bits: ClassVar[Mapping[str, int]] = BACKLASH_FLAGS
+    ends: ClassVar[tuple[str, ...]] = ("overflow", "chatter")
 
 
 def has_backlash(system: GearSystem) -> bool:
@@ -158,7 +153,7 @@ def _assembled(system: GearSystem, run: Run, start: tuple[Array, Array]) -> Back
     pushed = bool(unbalanced(motion.drive, next(bases(system)))[0])
     flags = (linear.flags & ~RESPONSE_FLAGS["separation"]) | run.flags | RESPONSE_FLAGS["unbalanced"] * pushed
     kept = len(linear.time)
-    shared = {name: getattr(linear, name) for name in Response.__dataclass_fields__ if name != "flags"}
+    shared = {name: getattr(linear, name) for name in (f.name for f in fields(Response)) if name != "flags"}
     # No stiffness times a negative deflection is a negative zero.
     shared["mesh_force"] = np.where(contact[:kept] == APART, 0.0, linear.mesh_force)
     return BacklashResponse(

@@ -20,7 +20,7 @@ from functools import cached_property
 import numpy as np
 
 from gearstab.linear.schedule import Schedule, Source, divided, sources
-from gearstab.system import Array, GearSystem, PeriodicForce, shared_period
+from gearstab.system import Array, GearSystem, shared_period
 from gearstab.waveforms import Fourier
 
 
@@ -89,7 +89,10 @@ def excitation(system: GearSystem) -> Excitation:
     meshes, own = counts[: len(system.meshes)], counts[: len(system.frequency_ratios)]
     driven = list(zip(system.forces, counts[len(own) :], strict=True))
     shaped = [(force, count) for force, count in driven if not isinstance(force.profile, Fourier)]
-    varying = sources(system, own) + [_source_of(force, count) for force, count in shaped]
+    varying = sources(system, own) + [
+        Source(force.profile, count, np.asarray(force.lag, dtype=float), np.zeros(()), np.ones(()))
+        for force, count in shaped
+    ]
     exact = system.piecewise_constant and all(force.profile.piecewise_constant for force, _ in shaped)
     waves = [(force.profile, count, force.lag) for force, count in driven if isinstance(force.profile, Fourier)]
     errors = [(mesh.transmission_error, count, mesh.lag) for mesh, count in zip(system.meshes, meshes, strict=True)]
@@ -117,10 +120,6 @@ def excitation(system: GearSystem) -> Excitation:
         others=np.stack([system.flat(force.direction, 1) for force, _ in shaped], axis=-1)
         if shaped else np.zeros((rows, system.size, 0)),
     )  # fmt: skip
-
-
-def _source_of(force: PeriodicForce, count: int) -> Source:
-    return Source(force.profile, count, np.asarray(force.lag, dtype=float), np.zeros(()), np.ones(()))
 
 
 def _series(system: GearSystem, profile: Fourier, count: int, lag: Array | float, harmonics: Array) -> Array:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -48,15 +50,19 @@ class Response:
     flags: int
     drift: Array | None = None
 
+    bits: ClassVar[Mapping[str, int]] = RESPONSE_FLAGS
+    ends: ClassVar[tuple[str, ...]] = ("failed", "overflow")
+    """Flags of a history that there is none of, or that ends early."""
+
     @property
     def status(self) -> str:
-        """``complete``, ``overflow`` where the history ends early, or ``failed`` where there is none."""
-        return next((name for name in ("failed", "overflow") if self.flags & RESPONSE_FLAGS[name]), "complete")
+        """``complete``, or which of ``ends`` it is: ``overflow``, ``failed`` where there is no history at all."""
+        return next((name for name in self.ends if self.flags & self.bits[name]), "complete")
 
     @property
     def findings(self) -> list[str]:
         """Names of the flags."""
-        return [name for name, bit in RESPONSE_FLAGS.items() if self.flags & bit]
+        return [name for name, bit in self.bits.items() if self.flags & bit]
 
     @property
     def largest_multiplier(self) -> float:

@@ -152,7 +152,7 @@ def search(pattern: Pattern, first: Array, last: Array, tolerance: float, floor:
     edges: list[tuple[Array, ...]] = []
     for _ in range(ROUNDS):
         kind = classify(samples, brackets, spacing)
-        least = np.where(_is_edge(samples, brackets), tolerance, floor)
+        least = np.where(samples.stable[brackets.left] != samples.stable[brackets.right], tolerance, floor)
         wide = _width(samples, brackets) > least * samples.cycle[brackets.left]
         more = (kind != NOTHING) & wide & (brackets.failures < ATTEMPTS)
         finished = brackets.subset(np.flatnonzero((kind != NOTHING) & ~more))
@@ -220,11 +220,6 @@ def classify(samples: Samples, brackets: Brackets, spacing: Array) -> Array:
     small = width < 0.26 * spacing[samples.row[a]]
     face = np.where(stable_a, np.where(stable_b, NARROW, ENTRANCE), np.where(stable_b, EXIT, NOTHING))
     return np.where(known, kind, np.where(small, face, OPEN))
-
-
-def _is_edge(samples: Samples, brackets: Brackets) -> Array:
-    """Whether a bracket ends in an edge, so that it is refined to the tolerance."""
-    return samples.stable[brackets.left] != samples.stable[brackets.right]
 
 
 def _width(samples: Samples, brackets: Brackets) -> Array:
