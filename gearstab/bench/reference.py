@@ -24,6 +24,7 @@ DIGITS = 30
 SMALL = 6
 STEPS = 40
 ON_CIRCLE = 1e-10
+"""Growth of a conservative system below which its multipliers, from generators in doubles, lie on the circle."""
 
 
 def growth(scene: Scene, omega: float) -> float:

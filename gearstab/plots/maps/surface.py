@@ -95,6 +95,7 @@ def chosen_tongue(tree: xr.DataTree, view: MapView) -> int:
         if np.isfinite(upper - lower).any():
             width[tongue] = np.nanmax(upper - lower)
             vanishes[tongue] = len(vanishing_points(x, y, lower, upper)) > 2
+    # One that hardly opens at all is not worth a figure, wherever it vanishes.
     seen = vanishes & (width > 1e-3 * width.max())
     return int(np.argmax(np.where(seen, width, 0.0) if seen.any() else width))
 

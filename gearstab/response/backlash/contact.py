@@ -20,6 +20,7 @@ KINDS = ("separation", "drive_side_contact", "coast_side_contact")
 MOST_STATES = 200
 """Combinations of contacts that a static equilibrium is sought in."""
 BALANCED = 1e-9
+"""Of the largest load: a smaller one is none, and a smaller imbalance of an equilibrium is rounding."""
 
 
 @dataclass(frozen=True)
@@ -94,6 +95,7 @@ def resting(system: GearSystem, teeth: Play) -> Array:
         closed = contact != APART
         matrix = shapes.T @ system.stiffness @ shapes + (gauge[closed].T * k[closed]) @ gauge[closed]
         force = shapes.T @ load + gauge[closed].T @ (k * teeth.offset(contact))[closed]
+        # Teeth that are apart may leave motions free; of all equilibria this is the smallest.
         amplitudes = np.linalg.lstsq(matrix, force, rcond=1e-12)[0]
         following = teeth.contact(gauge @ amplitudes)
         if np.array_equal(following, contact):

@@ -79,4 +79,5 @@ def _root(powers: Array, low: float, high: float) -> float:
         return low
     if value(high) >= 0:
         return high
+    # To the last digit; the tolerance is relative only.
     return float(brentq(value, low, high, xtol=1e-300, rtol=8.9e-16))

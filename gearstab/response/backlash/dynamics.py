@@ -145,6 +145,7 @@ def dynamics(system: GearSystem, motion: Driven, teeth: Play) -> Dynamics:
     a, b = generators[:, 0] * rate, (constant[:, 0] + omega * rates[0]) * rate
     directions = drive.directions[0]
     pushes = (basis.inlet[0] @ directions.T).T * rate
+    # Just before the edges, where a function that jumps there still has the value of the interval.
     usual = np.abs(drive.varying(drive.schedule.edges[:1] * (1 - 1e-12))[0]).max(axis=0)
     force = np.abs(b[0]).max() + usual @ np.abs(b[1:] - b[0]).max(axis=(1, 2), initial=0.0)
     force += usual[:count] @ (np.abs(pushes).max(axis=1) * np.abs([teeth.low, teeth.high]).max(axis=0))
@@ -197,6 +198,7 @@ def _picard(generator: Array, y: Array) -> Array:
         following = y + _INTEGRAL @ np.einsum("xij,xj->xi", generator, found)
         change = np.abs(following - found).max()
         found = following
+        # No more than a rounding error of the largest entry.
         if change <= 2e-16 * np.abs(found).max():
             break
     return np.asarray(found)

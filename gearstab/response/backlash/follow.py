@@ -25,6 +25,7 @@ BUSY = 1000
 FINE = 64
 """Parts of a piece in which the least distance is looked for."""
 LARGEST = 1e150
+"""States beyond have outgrown double precision: squares of larger ones overflow."""
 
 
 @dataclass(frozen=True)

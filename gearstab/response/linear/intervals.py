@@ -179,6 +179,7 @@ class Stepped:
         """The maps from each fraction to the next, the first from 0."""
         points, m = self.points, self.points.basis.size
         whole = np.diff(fractions, prepend=0.0)
+        # A whole number of steps, but for rounding, takes no further one.
         counts = np.where(whole > 0, np.maximum(1, np.ceil(points.steps * whole - 1e-9)), 0).astype(int)
         width = np.repeat(whole / np.maximum(counts, 1), counts)
         before = np.arange(len(width)) - np.repeat(np.cumsum(counts) - counts, counts)

@@ -58,6 +58,7 @@ def pieces(points: Points, x: Array, panels: float) -> Iterator[Piece]:
     gauge_rate = np.einsum("rin,rnm->rim", directions, basis.speed)[at] * (turn / points.omega)[:, None, None]
     for q, interval in zip(occupied(points), intervals(points), strict=True):
         begin, end = points.edges[at, q], points.edges[at, q + 1]
+        # A whole number of panels, but for rounding, takes no further one.
         count = max(1, int(np.ceil((end - begin).max() * panels - 1e-9)))
         flat = _fractions(count, NODES)
         state = np.stack(list(interval.through(x, flat)))

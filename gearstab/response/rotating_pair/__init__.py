@@ -3,9 +3,9 @@
 Source: Oh, Grosh & Barber, "Energy conserving equations of motion for gear systems", J. Vib. Acoust. 127 (2005).
 """
 
-from gearstab.response.rotating_pair.held import held
 from gearstab.response.rotating_pair.history import PairResponse, Start, respond
 from gearstab.response.rotating_pair.integrate import STATUS
 from gearstab.response.rotating_pair.spectrum import SHORTEST, Spectrum, spectrum
+from gearstab.response.rotating_pair.stability import held
 
 __all__ = ["SHORTEST", "STATUS", "PairResponse", "Spectrum", "Start", "held", "respond", "spectrum"]

@@ -143,4 +143,5 @@ def _root(f: Callable[[float], float], a: float, b: float, fa: float, fb: float)
     if fa * fb >= 0:
         # On the boundary, at rest or as far as rounding can tell, and on its way out.
         return a
+    # To the last digit, however early the event: the tolerance is relative only.
     return float(brentq(f, a, b, xtol=1e-300, rtol=8.9e-16, maxiter=500))

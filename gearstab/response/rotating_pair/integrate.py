@@ -186,4 +186,5 @@ def _stall(law: Law, region: int, arc: Arc, duration: float) -> float | None:
             end *= 2
     if spare(end) >= 0:
         return None
+    # To the last digit; the tolerance is relative only.
     return float(brentq(spare, 0.0, end, xtol=1e-300, rtol=8.9e-16))

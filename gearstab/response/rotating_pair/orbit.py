@@ -176,7 +176,7 @@ def uniform(p: Problem) -> Array:
 
 def scale(p: Problem) -> Array:
     """``(N, 5)``: sizes of the unknowns, to measure changes by."""
-    load = np.maximum(np.abs(p.load), 1e-300)
+    load = np.maximum(np.abs(p.load), 1e-300)  # without load the division by it must not fail
     # A drive of Omega/T changes the speed by itself within a cycle.
     return np.stack([load, load, p.omega, p.single / p.omega, p.omega**2 / tau], axis=-1)
 

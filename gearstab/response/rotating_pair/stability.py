@@ -19,8 +19,10 @@ from math import tau
 
 import numpy as np
 
+from gearstab.errors import NotPossible
 from gearstab.response.rotating_pair import orbit
 from gearstab.response.rotating_pair.exits import first_exit
+from gearstab.response.rotating_pair.history import Start
 from gearstab.response.rotating_pair.jumps import Law
 from gearstab.response.rotating_pair.orbit import Cycle, Problem
 from gearstab.rotating_pair import CLASSICAL, ENERGY_CONSERVING, RotatingPair
@@ -148,6 +150,7 @@ def _stability(p: Problem) -> tuple[Array, ...]:
         growth[index] = np.where(coupled, np.maximum(growth[index], own / period), growth[index])
         drive[index] = y[:, orbit.DRIVE]
         status[index] |= np.where(coupled, FLAGS["speed_coupled"], 0).astype(np.int16)
+        # ln of the multiplier of the speed; without damping 0 but for rounding.
         status[index] |= np.where(own > 1e-9, FLAGS["speed_unstable"], 0).astype(np.int16)
     stable = np.where(found, growth <= 1e-10 * p.omega, -1).astype(np.int8)
     return growth, stable, status, exponents, speed, drive
@@ -240,3 +243,20 @@ def _crosses(p: Problem, i: int, region: int, start: Array, duration: float, eta
     arc = law.arc(region, (float(start[0]), float(start[1]), 0.0, float(start[3])))
     found = first_exit(arc, 0.0, edges[region + 1] - edges[region], 1.01 * duration)
     return found is not None and found.direction > 0 and abs(found.time - duration) <= 1e-8 * duration
+
+
+def held(pair: RotatingPair, mesh_frequency: float) -> tuple[Start, float]:
+    """The state of a single pair on its periodic orbit of mean mesh frequency, just after theta = 0, and the torque.
+
+    The torque (N m) is unbalanced and acts on theta as the ``drive`` of
+    :func:`~gearstab.response.rotating_pair.respond`; 0 without damping and in the rigid kinematic formulation.
+
+    Raises NotPossible where no orbit with one crossing of each change of stiffness a cycle was found.
+    """
+    problem = problem_of(pair, np.array([[float(mesh_frequency)]]))
+    x, found = orbit.solve(problem)
+    if not (found & monotone(problem, x)).all():
+        raise NotPossible("no periodic orbit of this mean speed was found")
+    rate = float(pair.numbers.w0)
+    phi, phi_dot, theta_dot, _, drive = (float(value) for value in x[0])
+    return Start(theta_dot * rate, phi, phi_dot * rate), drive * float(pair.numbers.k0)

@@ -15,8 +15,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from gearstab.floquet.boundaries.damped.halves import halves
 from gearstab.floquet.boundaries.damped.proof import Cover, Gaps, Samples
+from gearstab.floquet.kernel import choice as kernel
 from gearstab.floquet.kernel.chain import Chain
 from gearstab.floquet.solution import DAMPED_ON_CIRCLE
 from gearstab.system import Array
@@ -200,3 +200,15 @@ class _Vectors:
             unstable = np.arange(self.chain.size) < samples.outside[k][:, None]
             for name, found in (("values", values), ("start", start), ("middle", middle), ("unstable", unstable)):
                 setattr(self, name, np.concatenate([getattr(self, name), found]))
+
+
+def halves(chain: Chain, row: Array, cycle: Array) -> tuple[Array, Array, Array]:
+    """The products of the first and the second half of the segments ``(P, m, m)`` in the coordinates of the states,
+    over exp(scale) together, and scale ``(P,)``, at points (row, 1/Omega) ``(P,)``.
+    """
+    middle = len(chain.states) // 2
+    first, one = np.tile(np.eye(chain.size), (len(row), 1, 1)), np.zeros(len(row))
+    if middle:
+        first, one = kernel.current().products(chain.part(slice(0, middle)), row, cycle)
+    second, other = kernel.current().products(chain.part(slice(middle, None)), row, cycle)
+    return first, second, one + other

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gearstab.floquet.boundaries.damped.halves import halves
+from gearstab.floquet.boundaries.damped.scan import halves
 from gearstab.floquet.boundaries.names.labels import BAND, Root, Shares, leading_roots
 from gearstab.floquet.boundaries.undamped.search import Interval, by_row
 from gearstab.floquet.kernel.chain import Chain
@@ -192,6 +192,7 @@ def _sampled(chain: Chain, row: Array, period: Array, state: Array, logs: Array,
         members = np.flatnonzero(row == r)
         values, modes, inverse = (part[r] for part in chain.generator.eigen)
         edges = np.append(0.0, np.cumsum(chain.fractions[r]))
+        # A sample on an edge, but for rounding, is the first of the segment after it.
         places = np.ceil(edges * count - 1e-9).astype(int)
         places[-1] = count
         own, turns = state[members], logs[members, None]

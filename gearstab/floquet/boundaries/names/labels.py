@@ -59,7 +59,9 @@ epsilon = 0, and the counts of collisions say whose turn it is."""
 ENTRIES_AT_ONCE = 2**20
 """Points times modes times frequencies that are treated together: 16 MB for an array."""
 BELOW = 1e-9
+"""Turns by which a root must lie below another one to be counted: rounding puts none below itself."""
 FORBIDDEN = -10.0
+"""Score of a root in a slot of another class: less than all that shares, nearness and order can add up to."""
 
 
 def shares(pattern: Pattern, row: Array, cycle: Array) -> list[Shares]:
@@ -242,6 +244,7 @@ def solution_actions(pattern: Pattern, row: Array, cycle: Array, vector: Array, 
     n = pattern.size
     period = 2 * np.pi * pattern.cycles * cycle
     frequency = np.sqrt(pattern.squared_frequency[row].astype(complex))
+    # Of a state without stiffness along a mode: it is divided by below.
     frequency = np.where(np.abs(frequency) < 1e-7, 1e-7, frequency)
     count = _frequencies(pattern, row, cycle) // 2
     w = (-1j * logs[:, None] + 2 * np.pi * np.arange(-count, count + 1)) / period[:, None]
@@ -269,7 +272,7 @@ def solution_actions(pattern: Pattern, row: Array, cycle: Array, vector: Array, 
 def _integral(x: Array, duration: Array) -> Array:
     """int_0^d exp(i x t) dt for complex x ``(P, n, K)``."""
     half = 0.5 * x * duration[:, None, None]
-    small = np.abs(half) < 1e-8
+    small = np.abs(half) < 1e-8  # sin(h)/h = 1 - h^2/6 is 1 in double precision
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.where(small, 1.0, np.sin(half) / half)
     return duration[:, None, None] * np.exp(1j * half) * ratio

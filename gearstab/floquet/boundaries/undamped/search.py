@@ -180,6 +180,7 @@ def _scan(pattern: Pattern, first: Array, last: Array) -> tuple[Samples, Bracket
         lost = np.flatnonzero(~samples.known & samples.stable)
         if len(lost) == 0:
             break
+        # Further than rounding reaches; at an end of the range hardly, and inwards.
         nudge = np.where(place[lost] == 1, -1, 1) * attempt * np.where((place[lost] % 1) == 0, 1e-11, 1e-4)
         again = sample(pattern, row[lost], cycle[lost] * (1 + nudge))
         for f in fields(samples):
