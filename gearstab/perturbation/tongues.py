@@ -80,32 +80,9 @@ class Tongues:
     status: Array | None = None
 
     @property
-    def mode_p(self) -> tuple[int, ...]:
-        return tuple(t.mode_p for t in self.index)
-
-    @property
-    def mode_q(self) -> tuple[int, ...]:
-        return tuple(t.mode_q for t in self.index)
-
-    @property
-    def harmonic(self) -> tuple[int, ...]:
-        return tuple(t.harmonic for t in self.index)
-
-    @property
-    def mesh(self) -> tuple[str, ...]:
-        return tuple(t.mesh for t in self.index)
-
-    @property
-    def kind(self) -> tuple[str, ...]:
-        return tuple(t.kind for t in self.index)
-
-    @property
     def label(self) -> tuple[str, ...]:
+        """Of each tongue."""
         return tuple(t.label for t in self.index)
-
-    @property
-    def frequency_ratio(self) -> tuple[float, ...]:
-        return tuple(t.frequency_ratio for t in self.index)
 
 
 def overlapping(tongues: Tongues) -> Array:

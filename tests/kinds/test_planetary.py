@@ -185,7 +185,7 @@ def test_oriented_modes_are_modes_whose_deflections_go_round(planets):
 
 def half_widths(p, harmonics=4):
     tongues = first_order(build(with_epsilon(p, 1.0)), harmonics, modes=range(1, 10))
-    kept = zip(tongues.mode_p, tongues.mode_q, tongues.harmonic, tongues.half_width, strict=True)
+    kept = [(t.mode_p, t.mode_q, t.harmonic, half) for t, half in zip(tongues.index, tongues.half_width, strict=True)]
     return {(p, q, s): float(width) for p, q, s, width in kept if width > 1e-9}
 
 
@@ -249,9 +249,8 @@ def test_the_existence_rule_tells_what_couples(planets):
         kinds = dict(enumerate(deflection_types(system, modes), 1))
         assert phase_step(system) == teeth
         tongues = first_order(with_amplitude(system), 3, modes=range(1, 13))
-        for p, q, harmonic, width in zip(
-            tongues.mode_p, tongues.mode_q, tongues.harmonic, tongues.half_width, strict=True
-        ):
+        for tongue, width in zip(tongues.index, tongues.half_width, strict=True):
+            p, q, harmonic = tongue.mode_p, tongue.mode_q, tongue.harmonic
             if np.isnan(width):
                 continue
             types = kinds[p], kinds[q]

@@ -47,7 +47,7 @@ def test_recomputed_numbers(case: dict) -> None:
         mesh, s = parts[0]
         tongues = first_order(second if ratio == Fraction(3, 5) and parts == [(2, 3)] else both, harmonics)
         nu = s * (1 / ratio if mesh == 2 else 1)
-        modes = zip(tongues.mode_p, tongues.mode_q, tongues.frequency_ratio, strict=True)
+        modes = [(t.mode_p, t.mode_q, t.frequency_ratio) for t in tongues.index]
         k = list(modes).index((t["p"], t["q"], float(nu)))
         assert tongues.center_frequency[k] == pytest.approx(t["center"], rel=LAST_DIGITS)
         assert tongues.half_width[k] == pytest.approx(t["half_width_per_eps"], abs=LAST_DIGITS)
@@ -234,7 +234,7 @@ def test_labels_and_kinds() -> None:
 
 def test_one_frequency_has_no_mesh_in_its_labels() -> None:
     tongues = first_order(train(), 3)
-    assert set(tongues.mesh) == {"first+second"}
+    assert {t.mesh for t in tongues.index} == {"first+second"}
     assert tongues.label[:7] == ("2w1", "w1+w2", "w1+w3", "2w2", "w2+w3", "2w3", "w1")
     assert len(set(tongues.label)) == len(tongues.label) == 18
 

@@ -87,7 +87,7 @@ def test_it_knows_no_phasing_and_no_combinations() -> None:
     cases = [train(meshes=[kept[0], {**kept[1], "phasing": h}]) for h in (0.0, 0.4)]
     first, second = (uncoupled(case, 2) for case in cases)
     assert_array_equal(first.boundary_frequency, second.boundary_frequency)
-    assert set(first.kind) == {"primary", "secondary"}
+    assert {t.kind for t in first.index} == {"primary", "secondary"}
     lower, upper = first.boundary_frequency[first.label.index("2w3")]
     assert lower < 4.2 < upper
     k = first_order(cases[0], 1).label.index("2w3")

@@ -177,7 +177,7 @@ def test_systems_of_different_structure_have_their_own_tongues(make: Make, tmp_p
         system = build(planned.config.parameters | {"tooth_ratio": Fraction(name)})
         tongues = first_order(system, 2)
         alone = dict(
-            zip(zip(tongues.label, tongues.frequency_ratio, strict=True), tongues.center_frequency, strict=True)
+            zip(((t.label, t.frequency_ratio) for t in tongues.index), tongues.center_frequency, strict=True)
         )
         row = data["center_frequency"].sel(tooth_ratio=name, epsilon=0.2)
         row = row[np.isfinite(row.values)]
