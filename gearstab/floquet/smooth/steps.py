@@ -44,14 +44,13 @@ LEFT_OUT, VARYING, STILL, JOINED = range(4)
 
 @dataclass(frozen=True)
 class Sampler:
-    """The mesh stiffnesses of a system's rows anywhere in the common period."""
+    """The mesh stiffnesses of a system's rows at any time.
+
+    turns: cycles of each mesh in a unit of time, which is the common period, or 2 pi/Omega for systems without one.
+    """
 
     system: GearSystem
-
-    @cached_property
-    def cycles(self) -> tuple[int, ...]:
-        """Of each mesh in a common period."""
-        return self.system.common_period()[1][: len(self.system.meshes)]
+    turns: tuple[float, ...]
 
     @cached_property
     def _rows(self) -> tuple[Array, Array, Array, Array]:
@@ -62,13 +61,13 @@ class Sampler:
         return mean, amplitude, lag, epsilon
 
     def edges(self) -> Array:
-        """``(rows, Q)``: jumps and kinks in parts of the common period, ascending from [0, 1) on.
+        """``(rows, Q)``: jumps and kinks in parts of a common period, the unit of time, ascending from [0, 1) on.
 
         Rows with fewer of them than others have the end of the period for the rest; without any, 0 is one.
         """
         count, found = self.system.rows, []
         _, _, lag, epsilon = self._rows
-        for i, (mesh, turns) in enumerate(zip(self.system.meshes, self.cycles, strict=True)):
+        for i, (mesh, turns) in enumerate(zip(self.system.meshes, self.turns, strict=True)):
             points = self.system.flat(mesh.waveform.breakpoints(), 1) + lag[i][:, None]
             each = ((points[:, :, None] + np.arange(turns)) / turns).reshape(count, -1)
             # A mesh whose stiffness does not vary has no jumps; another one's edge stands for its.
@@ -88,11 +87,11 @@ class Sampler:
         return np.stack([self.system.flat(mesh.lowest_stiffness)[rows] for mesh in self.system.meshes], axis=-1)
 
     def __call__(self, rows: Array, place: Array) -> Array:
-        """``(r, Q, meshes)``, mesh stiffnesses of ``rows`` (r,) at the places ``(r, Q)``, parts of the period."""
+        """``(r, Q, meshes)``, mesh stiffnesses of ``rows`` (r,) at the times ``(r, Q)``."""
         result = np.empty((*place.shape, len(self.system.meshes)))
         alike = len(place) == 1 or bool(np.all(place == place[:1]))
         means, amplitudes, lags, _ = self._rows
-        for i, (mesh, turns) in enumerate(zip(self.system.meshes, self.cycles, strict=True)):
+        for i, (mesh, turns) in enumerate(zip(self.system.meshes, self.turns, strict=True)):
             lag = lags[i][rows, None]
             x = turns * place - lag
             if mesh.waveform.batch == ():
@@ -140,17 +139,9 @@ class Division:
         steps = np.maximum(1, np.rint(steps).astype(int)) * 2 ** (resolution // 2)
         return np.where(self.constant, 1, steps)
 
-    def _steps(self, resolution: int) -> tuple[Array, Array, Array]:
-        """(start, length ``(r, S)``, piece ``(S,)``) of all steps."""
-        counts = self.counts(resolution)
-        piece = np.repeat(np.arange(len(counts)), counts)
-        number = np.arange(len(piece)) - np.repeat(np.cumsum(counts) - counts, counts)
-        length = self.length[:, piece] / counts[piece]
-        return self.start[:, piece] + number * length, length, piece
-
     def missed(self) -> float:
         """By how much the coarsest steps fail to resolve the stiffness, over FOLLOWED: 1 or less is enough."""
-        start, length, piece = self._steps(0)
+        start, length, piece = in_steps(self.start, self.length, self.counts(0))
         moving = ~self.constant[piece]
         if not moving.any():
             return 0.0
@@ -164,27 +155,40 @@ class Division:
 
     def pattern(self, scheme: Scheme, resolution: int) -> Pattern:
         """The rows as a pattern: a segment a constant piece and an exponential elsewhere, all with their own state."""
-        start, length, piece = self._steps(resolution)
-        place = start[:, :, None] + length[:, :, None] * scheme.nodes
-        rows = len(self.rows)
-        known = self.sampler(self.rows, place.reshape(rows, -1)).reshape(*place.shape, -1)
-        middle = known[:, :, len(scheme.nodes) // 2, None]
-        levels = scheme.mixture @ known
-        still = self.constant[piece]
-        levels[:, still] = middle[:, still]
-        fractions = length[:, :, None] * np.where(still[:, None], 1.0, scheme.durations)
-        kept = ~still[:, None] | (np.arange(scheme.exponentials) == 0)
-        levels, fractions = levels[:, kept], np.ascontiguousarray(fractions[:, kept])
-        states = np.arange(fractions.shape[1])
-        elastic = self.elastic
-        stiffness = elastic.stiffness_of(levels)
-        return Pattern(self.rows, self.cycles, fractions, self.start[:, 0], states, levels, elastic, stiffness)
+        start, length, piece = in_steps(self.start, self.length, self.counts(resolution))
+        fractions, levels = exponentials(self.sampler, self.rows, start, length, self.constant[piece], scheme)
+        states, stiffness = np.arange(fractions.shape[1]), self.elastic.stiffness_of(levels)
+        return Pattern(self.rows, self.cycles, fractions, self.start[:, 0], states, levels, self.elastic, stiffness)
+
+
+def in_steps(start: Array, length: Array, counts: Array) -> tuple[Array, Array, Array]:
+    """(start, length ``(r, S)``, piece ``(S,)``) of the equal steps that pieces ``(r, Q)`` are cut into."""
+    piece = np.repeat(np.arange(len(counts)), counts)
+    number = np.arange(len(piece)) - np.repeat(np.cumsum(counts) - counts, counts)
+    length = length[:, piece] / counts[piece]
+    return start[:, piece] + number * length, length, piece
+
+
+def exponentials(
+    sampler: Sampler, rows: Array, start: Array, length: Array, still: Array, scheme: Scheme
+) -> tuple[Array, Array]:
+    """(durations ``(r, X)``, mesh stiffnesses ``(r, X, meshes)``) of the exponentials of steps.
+
+    start, length: ``(r, S)``; still: ``(S,)``, which steps are over constant pieces and take a single exponential.
+    """
+    place = start[:, :, None] + length[:, :, None] * scheme.nodes
+    known = sampler(rows, place.reshape(len(rows), -1)).reshape(*place.shape, -1)
+    levels = scheme.mixture @ known
+    levels[:, still] = known[:, still, len(scheme.nodes) // 2, None]
+    durations = length[:, :, None] * np.where(still[:, None], 1.0, scheme.durations)
+    kept = ~still[:, None] | (np.arange(scheme.exponentials) == 0)
+    return np.ascontiguousarray(durations[:, kept]), levels[:, kept]
 
 
 def divisions(system: GearSystem) -> Iterator[Division]:
     """All rows, grouped; every row occurs exactly once."""
-    sampler = Sampler(system)
-    cycles = float(system.common_period()[0])
+    common, turns = system.common_period()
+    sampler, cycles = Sampler(system, turns[: len(system.meshes)]), float(common)
     edges = sampler.edges()
     length = np.diff(edges, axis=1, append=edges[:, :1] + 1)
     span, code = _kinds(sampler, edges, length)
