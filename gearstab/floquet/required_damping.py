@@ -27,7 +27,7 @@ from gearstab.floquet.segments.pattern import Pattern, prepare
 from gearstab.floquet.segments.reduction import Elastic, reduce
 from gearstab.floquet.smooth.schemes import CF6_5
 from gearstab.floquet.smooth.solve import split_pattern, within
-from gearstab.floquet.smooth.steps import Division, divisions
+from gearstab.floquet.smooth.steps import Division, portions
 from gearstab.floquet.solution import DAMPED_ON_CIRCLE, OperatingPoints, solved
 from gearstab.modal import modal_damping_matrix
 from gearstab.system import Array, GearSystem
@@ -120,14 +120,12 @@ def _exact(system: GearSystem, omega: Array, level: float) -> Iterator[Block]:
 
 def _smooth(system: GearSystem, omega: Array, level: float) -> Iterator[Block]:
     """The blocks of any other system, in Magnus steps that are short enough for its growth at a level of damping."""
-    for division in divisions(system):
-        for begin in range(0, len(division.rows), ROWS_AT_ONCE):
-            part = division.subset(np.arange(begin, min(begin + ROWS_AT_ONCE, len(division.rows))))
-            for block in split(split_pattern(part)):
-                if block.pattern.size == 0:
-                    continue
-                still = block.constant or bool(part.constant.all())
-                yield block if still else replace(block, pattern=_resolved(within(part, block), omega, level))
+    for division in portions(system, ROWS_AT_ONCE):
+        for block in split(split_pattern(division)):
+            if block.pattern.size == 0:
+                continue
+            still = block.constant or bool(division.constant.all())
+            yield block if still else replace(block, pattern=_resolved(within(division, block), omega, level))
 
 
 def _resolved(division: Division, omega: Array, level: float) -> Pattern:

@@ -28,7 +28,7 @@ from gearstab.floquet.segments.pattern import Pattern
 from gearstab.floquet.smooth.compare import difference, scan
 from gearstab.floquet.smooth.control import SAFETY, Ladder, first
 from gearstab.floquet.smooth.schemes import CF4_2, CF6_5
-from gearstab.floquet.smooth.steps import Division, divisions
+from gearstab.floquet.smooth.steps import Division, portions
 from gearstab.system import Array, GearSystem
 
 PILOTS = 9
@@ -39,9 +39,6 @@ ATTEMPTS = 3
 """Doublings of the steps after the first choice."""
 WIDENINGS = 12
 """Powers of four of the tolerance up to which an edge is looked for with half of the steps."""
-ENTRIES_AT_ONCE = 2**21
-"""Of the matrices of the segments of all rows that are treated together, at TYPICAL segments."""
-TYPICAL = 1024
 
 Result = TypeVar("Result")
 Verdict = Callable[[Pattern], Callable[[Array, Array], Array]]
@@ -51,11 +48,11 @@ Verdict = Callable[[Pattern], Callable[[Array, Array], Array]]
 def searched(system: GearSystem, limits: Limits) -> Iterator[tuple[Pattern, Search | tuple[Chain, Found]]]:
     """Patterns of all rows and what is found out about them; the edges' brackets contain the error of the steps."""
     if system.damping is None:
-        for division in _pieces(system):
+        for division in portions(system):
             yield _conservative(division, limits)
         return
-    free = list(_pieces(replace(system, damping=None)))
-    for division in _pieces(system):
+    free = list(portions(replace(system, damping=None)))
+    for division in portions(system):
         moving = (division.elastic.shift != 0) | (division.elastic.damping is not None)
         if not moving.all():
             yield _conservative(division.subset(np.flatnonzero(~moving)), limits)
@@ -96,16 +93,8 @@ def _damped(division: Division, plain: Division, limits: Limits) -> tuple[Patter
 
 def patterns(system: GearSystem, limits: Limits) -> Iterator[Pattern]:
     """Patterns of all rows, in steps as a search begins with."""
-    for division in _pieces(system):
+    for division in portions(system):
         yield _resolved(division, _resolution(division, limits), limits)
-
-
-def _pieces(system: GearSystem) -> Iterator[Division]:
-    """All rows, as many at once as fit in memory."""
-    for division in divisions(system):
-        step = max(1, ENTRIES_AT_ONCE // (TYPICAL * max(1, division.elastic.static.shape[-1]) ** 2))
-        for begin in range(0, len(division.rows), step):
-            yield division.subset(np.arange(begin, min(begin + step, len(division.rows))))
 
 
 def _controlled(

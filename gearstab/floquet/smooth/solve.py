@@ -13,7 +13,7 @@ from gearstab.floquet.segments.pattern import Pattern
 from gearstab.floquet.smooth.compare import rounding
 from gearstab.floquet.smooth.control import Estimates, Ladder, estimates, first, rectangles
 from gearstab.floquet.smooth.schemes import CF4_2, CF6_5, Scheme
-from gearstab.floquet.smooth.steps import Division, divisions
+from gearstab.floquet.smooth.steps import Division, divisions, portions
 from gearstab.floquet.solution import (
     DAMPED_ON_CIRCLE,
     OperatingPoints,
@@ -26,9 +26,6 @@ from gearstab.floquet.solution import (
 from gearstab.floquet.stability import STATUS_FLAGS, Stability
 from gearstab.system import Array, GearSystem
 
-ENTRIES_AT_ONCE = 2**20
-"""Of the stiffness matrices of the rows that are treated together, at TYPICAL segments a common period."""
-TYPICAL = 512
 WASTED = -1.0
 """A resolution of sixth order below which half of the points would do: the least one, 2, then leaves an error at most a
 thousandth of what is asked for, and fourth order may take less."""
@@ -44,22 +41,19 @@ def solutions(
     system: GearSystem, omega: Array, exponents: bool, reduction: bool, tolerance: float
 ) -> Iterator[tuple[Block, Stability]]:
     """All blocks of all rows at mesh frequencies ``(rows, P)``, rad per unit time."""
-    for division in divisions(system):
-        step = max(1, ENTRIES_AT_ONCE // (TYPICAL * max(1, division.elastic.static.shape[-1]) ** 2))
-        for begin in range(0, len(division.rows), step):
-            part = division.subset(np.arange(begin, min(begin + step, len(division.rows))))
-            negative = _negative(part)
-            coarse = split_pattern(part)
-            for block in split(coarse) if reduction else [whole(coarse)]:
-                own = omega[block.pattern.rows] / block.pattern.elastic.rate[:, None]
-                if block.constant or part.constant.all():
-                    exact = solved(OperatingPoints(block.pattern, own), block, exponents)
-                    yield block, replace(exact, error_estimate=rounding(block.pattern, own))
-                    continue
-                found = _varying(within(part, block), own, exponents, tolerance)
-                rows = negative[np.searchsorted(part.rows, block.pattern.rows)]
-                found.status[rows] |= STATUS_FLAGS["negative_stiffness"]
-                yield block, found
+    for division in portions(system):
+        negative = _negative(division)
+        coarse = split_pattern(division)
+        for block in split(coarse) if reduction else [whole(coarse)]:
+            own = omega[block.pattern.rows] / block.pattern.elastic.rate[:, None]
+            if block.constant or division.constant.all():
+                exact = solved(OperatingPoints(block.pattern, own), block, exponents)
+                yield block, replace(exact, error_estimate=rounding(block.pattern, own))
+                continue
+            found = _varying(within(division, block), own, exponents, tolerance)
+            rows = negative[np.searchsorted(division.rows, block.pattern.rows)]
+            found.status[rows] |= STATUS_FLAGS["negative_stiffness"]
+            yield block, found
 
 
 def split_pattern(division: Division) -> Pattern:

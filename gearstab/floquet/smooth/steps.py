@@ -33,6 +33,9 @@ EVENNESS = 1 / 7
 """Steps are denser by this power of the slope: where errors of seventh order a step are to be equally large."""
 
 
+ENTRIES_AT_ONCE, TYPICAL = 2**20, 512
+"""Of the stiffness matrices of the rows that are treated together, at so many segments."""
+
 NODES = CF6_5.nodes
 CHECKS = np.array([0.02, 0.3, 0.7, 0.98])
 PARABOLA = np.linalg.solve(np.vander(NODES, 3).T, np.vander(CHECKS, 3).T).T
@@ -211,6 +214,15 @@ def divisions(system: GearSystem) -> Iterator[Division]:
                     base = int(np.ceil(HALFWAY * base))
                 found = replace(found, base=base)
             yield found
+
+
+def portions(system: GearSystem, most: int | None = None) -> Iterator[Division]:
+    """All rows, ``most`` at once, by default as many as fit in memory at TYPICAL segments a common period."""
+    for division in divisions(system):
+        size = max(1, division.elastic.static.shape[-1])
+        step = most or max(1, ENTRIES_AT_ONCE // (TYPICAL * size**2))
+        for begin in range(0, len(division.rows), step):
+            yield division.subset(np.arange(begin, min(begin + step, len(division.rows))))
 
 
 def _kinds(sampler: Sampler, edges: Array, length: Array) -> tuple[Array, Array]:
