@@ -12,7 +12,7 @@ from gearstab.floquet.kernel import choice as kernel
 from gearstab.floquet.segments.blocks import Block, split, whole
 from gearstab.floquet.segments.pattern import prepare
 from gearstab.floquet.solution import DAMPED_ON_CIRCLE, OperatingPoints, solved
-from gearstab.floquet.stability import STATUS_FLAGS, Stability
+from gearstab.floquet.stability import STATUS_FLAGS, Stability, ordered
 from gearstab.system import Array, GearSystem
 
 TOLERANCE = 1e-9
@@ -77,7 +77,7 @@ def solve(
     stable[failed] = -1
     status[failed] |= STATUS_FLAGS["failed"]
     growth[failed] = np.nan
-    return Stability(growth, stable, status, None if table is None else table.ordered(), error, kernel.said(ran))
+    return Stability(growth, stable, status, None if table is None else ordered(table.values), error, kernel.said(ran))
 
 
 def _solutions(
@@ -108,8 +108,3 @@ class _Exponents:
         place = self.filled[rows, None] + np.arange(every.shape[-1])
         self.values[rows[:, None], :, place] = np.swapaxes(every, 1, 2)
         self.filled[rows] += every.shape[-1]
-
-    def ordered(self) -> Array:
-        """By descending real and imaginary part."""
-        order = np.lexsort((-self.values.imag, -self.values.real), axis=-1)
-        return np.take_along_axis(self.values, order, axis=-1)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from gearstab.system import Array
 
 STATUS_FLAGS = {
@@ -14,6 +16,12 @@ STATUS_FLAGS = {
 double precision and was scaled; a state of the system has a negative stiffness; no finite result; the error estimate
 exceeds the tolerance; one mesh frequency at a time, the others averaged; an estimated Lyapunov exponent; one whose
 confidence interval contains zero; so near to a boundary that the error of the multipliers may decide the verdict."""
+
+
+def ordered(exponents: Array) -> Array:
+    """Characteristic exponents ``(..., m)`` by descending real and imaginary part."""
+    order = np.lexsort((-exponents.imag, -exponents.real), axis=-1)
+    return np.take_along_axis(exponents, order, axis=-1)
 
 
 @dataclass(frozen=True)

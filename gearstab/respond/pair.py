@@ -10,7 +10,8 @@ import numpy as np
 
 from gearstab.config import ConfigError
 from gearstab.errors import NotPossible
-from gearstab.response.rotating_pair import SHORTEST, STATUS, Start, held, respond, spectrum
+from gearstab.response.measures.spectra import SHORTEST, spectrum
+from gearstab.response.rotating_pair import STATUS, Start, held, respond
 from gearstab.results import Group, ResultTree, fields_of
 from gearstab.results.guard import RESPOND
 from gearstab.results.provenance import modes_group, root_attributes
@@ -22,7 +23,8 @@ from gearstab.systems import build
 if TYPE_CHECKING:
     from gearstab.config import Config
     from gearstab.config.sections.respond_pair import PairRespond
-    from gearstab.response.rotating_pair import PairResponse
+    from gearstab.response.measures.spectra import SHORTEST, spectrum
+from gearstab.response.rotating_pair import PairResponse
 
 MOST_SAMPLES, BYTES = 20_000_000, 64
 """Samples that a result may hold, and the bytes of each."""

@@ -17,7 +17,7 @@ import numpy as np
 
 from gearstab.floquet.general.coordinates import Generator, generators
 from gearstab.floquet.segments.pattern import CONSTANT, PROBES
-from gearstab.floquet.stability import STATUS_FLAGS, Stability
+from gearstab.floquet.stability import STATUS_FLAGS, Stability, ordered
 from gearstab.linear.magnus import NODES, ORDER, expm, exponent, polynomial
 from gearstab.linear.schedule import Schedule, schedule
 from gearstab.system import Array, GearSystem
@@ -65,18 +65,11 @@ def analyse(system: GearSystem, mesh_frequency: Array, exponents: bool = False, 
         threshold = np.maximum(DAMPED_ON_CIRCLE if row.damped else ON_CIRCLE, error[r])
         stable[r, known] = (largest <= threshold)[known]
         if table is not None:
-            table[r] = _ordered(logs / period[:, None], row.rigid_exponents)
+            rigid = np.broadcast_to(row.rigid_exponents.astype(complex), (len(logs), len(row.rigid_exponents)))
+            table[r] = ordered(np.concatenate([logs / period[:, None], rigid], axis=1))
     status = np.where(error <= tolerance, 0, STATUS_FLAGS["not_converged"]).astype(np.int16)
     status[stable < 0] |= STATUS_FLAGS["failed"]
     return Stability(growth, stable, status, table, error, "numpy")
-
-
-def _ordered(values: Array, rigid: Array) -> Array:
-    """Exponents ``(P, m)`` and those of rigid-body modes ``(k,)``, by descending real and imaginary part."""
-    known = np.broadcast_to(rigid.astype(complex), (len(values), len(rigid)))
-    every = np.concatenate([values, known], axis=1)
-    order = np.lexsort((-every.imag, -every.real), axis=-1)
-    return np.take_along_axis(every, order, axis=-1)
 
 
 @dataclass(frozen=True)

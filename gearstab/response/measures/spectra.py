@@ -1,20 +1,53 @@
-"""Spectra of mesh forces and deflections, and their largest peaks."""
+"""Spectra of histories, of mesh forces and deflections above all, and their largest peaks."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import tau
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gearstab.response.linear.history import Response
-from gearstab.response.linear.periodic import Harmonics
-from gearstab.response.rotating_pair.spectrum import spectrum
 from gearstab.system import Array
 
-FEWEST_SAMPLES = 8
+if TYPE_CHECKING:
+    from gearstab.response.linear.history import Response
+    from gearstab.response.linear.periodic import Harmonics
+
+SHORTEST = 8
+"""Samples that a spectrum needs."""
 MOST_PEAKS = 20
 LARGEST = 1e140
 """Histories beyond this have no finite power spectral density."""
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    """One-sided power spectral density: the variance of the history is its integral over the frequency.
+
+    frequency: ``(F,)`` rad/s. density: ``(F,)``, squared units of the history per rad/s.
+    peaks: indices of the largest local maxima, the largest first.
+    """
+
+    frequency: Array
+    density: Array
+    peaks: Array
+
+
+def spectrum(history: Array, step: float, window: str = "hann", most_peaks: int = MOST_PEAKS) -> Spectrum:
+    """The periodogram of a history in equal steps, without its mean (scipy.signal.periodogram).
+
+    window: hann, for histories that do not repeat themselves exactly; boxcar for whole periods.
+    Raises ValueError for fewer than ``SHORTEST`` samples.
+    """
+    from scipy.signal import find_peaks, periodogram
+
+    if len(history) < SHORTEST:
+        raise ValueError(f"a spectrum needs {SHORTEST} samples or more")
+    hertz, density = periodogram(history, fs=1 / step, window=window, detrend="constant")
+    found, _ = find_peaks(density)
+    order = np.argsort(-density[found], kind="stable")[:most_peaks]
+    return Spectrum(tau * hertz, density / tau, found[order])
 
 
 @dataclass(frozen=True)
@@ -35,9 +68,9 @@ class Spectra:
 def densities(found: Response) -> Spectra | None:
     """One-sided power spectral densities of a history without its mean, per rad/s (periodogram with a Hann window).
 
-    None for fewer than 8 samples and for histories that grow beyond what can be squared.
+    None for fewer than ``SHORTEST`` samples and for histories that grow beyond what can be squared.
     """
-    if len(found.time) < FEWEST_SAMPLES or not np.abs(found.mesh_force).max() < LARGEST:
+    if len(found.time) < SHORTEST or not np.abs(found.mesh_force).max() < LARGEST:
         return None
     step = float(found.time[1] - found.time[0])
     columns = [[spectrum(part, step) for part in values.T] for values in (found.mesh_force, found.mesh_deflection)]

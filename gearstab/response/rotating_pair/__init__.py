@@ -5,7 +5,6 @@ Source: Oh, Grosh & Barber, "Energy conserving equations of motion for gear syst
 
 from gearstab.response.rotating_pair.history import PairResponse, Start, respond
 from gearstab.response.rotating_pair.integrate import STATUS
-from gearstab.response.rotating_pair.spectrum import SHORTEST, Spectrum, spectrum
 from gearstab.response.rotating_pair.stability import held
 
-__all__ = ["SHORTEST", "STATUS", "PairResponse", "Spectrum", "Start", "held", "respond", "spectrum"]
+__all__ = ["STATUS", "PairResponse", "Start", "held", "respond"]
