@@ -2,6 +2,6 @@
 
 from gearstab.config.document.problems import ConfigError, Problem
 from gearstab.config.loading import load
-from gearstab.config.sections.axes import Assignment, Axis, Config, parameters_at
+from gearstab.config.sections.axes import Assignment, Axis, Config, alike, parameters_at
 
-__all__ = ["Assignment", "Axis", "Config", "ConfigError", "Problem", "load", "parameters_at"]
+__all__ = ["Assignment", "Axis", "Config", "ConfigError", "Problem", "alike", "load", "parameters_at"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
@@ -12,18 +13,22 @@ from pydantic import AfterValidator, BeforeValidator, Field
 from gearstab.config.model.fields import Choice, Flag, Quantity, Section, Whole, wrong
 from gearstab.errors import NotPossible
 from gearstab.methods.base import Method, OptionError, Outcome, Tolerance
-from gearstab.results.variables import BY_MESH, ERROR_ESTIMATE, EXPONENTS, FLOQUET, INTERVAL, Variable, flagged
+from gearstab.results.variables import BY_MESH, ERROR_ESTIMATE, EXPONENTS, FLOQUET, INTERVAL, ORBITS, Variable, flagged
 from gearstab.system import Array, GearSystem
 
 if TYPE_CHECKING:
     from gearstab.floquet import Stability
     from gearstab.floquet.frequencies import Strategy
+    from gearstab.rotating_pair import RotatingPair
 
 VECTORS = 0.5
 """Cost of a segment over the square of the number of coordinates, in units of a sweep's costs: carrying the vectors of
 a Lyapunov exponent takes four times as long as the compiled kernel's product at 12 coordinates."""
 MOST = 512.0
 """Cost of a Lyapunov exponent beyond which blocks of the grid do not get smaller: calls pay for hundreds of points."""
+
+ORBIT = 800.0
+"""Cost of an orbit, in points of a linear system of three coordinates."""
 
 ModeNumber = Annotated[int, Field(ge=1), Whole]
 
@@ -107,7 +112,6 @@ class Floquet(Method):
 
     @classmethod
     def on(cls, options: Any, system: GearSystem) -> Method:
-        from gearstab.methods.orbits import Orbits
         from gearstab.rotating_pair import RotatingPair
 
         return (Orbits if isinstance(system, RotatingPair) else cls)(options, system)
@@ -282,3 +286,54 @@ class Floquet(Method):
             window = f"a window of {self.options.lyapunov.cycles:,g} cycles of the slowest mesh"
             return f"{self.strategy.reason}; {window}, {self._segments():,.0f} {what}"
         return self.strategy.reason
+
+
+class Orbits(Floquet):
+    """Of a pair in its nonlinear formulations the stability of periodic orbits.
+
+    A pair in any formulation has the same variables, so that a sweep can put the formulations side by side.
+    """
+
+    system: RotatingPair
+
+    def variables(self) -> tuple[Variable, ...]:
+        from gearstab.floquet import STATUS_FLAGS
+        from gearstab.response.rotating_pair.stability import FLAGS
+
+        return (*flagged(super().variables(), {**STATUS_FLAGS, **FLAGS}), *ORBITS)
+
+    def run(self, mesh_frequency: Array) -> Outcome:
+        if not self.system.is_classical:
+            return self._orbits(mesh_frequency)
+        found = super().run(mesh_frequency)
+        nothing = np.full(found.values["growth_rate"].shape, np.nan)
+        return replace(found, values={**found.values, **{v.name: nothing for v in ORBITS}})
+
+    def _orbits(self, mesh_frequency: Array) -> Outcome:
+        from gearstab.floquet.kernel import choice as kernel
+        from gearstab.response.rotating_pair.stability import stability
+
+        kernel.record("numpy")
+        found = stability(self.system, mesh_frequency)
+        unit = np.ravel(np.broadcast_to(self.system.numbers.k0, self.system.batch))[:, None]
+        values = {
+            "growth_rate": found.growth_rate, "stable": found.stable, "status": found.status,
+            "speed_exponent": found.speed_exponent, "holding_torque": found.drive * unit,
+        }  # fmt: skip
+        if self.options.exponents:
+            values |= {"exponent_real": found.exponents.real, "exponent_imag": found.exponents.imag}
+        return Outcome(values)
+
+    def cost(self) -> float:
+        return super().cost() if self.system.is_classical else ORBIT
+
+    def report(self) -> Mapping[str, Any]:
+        if self.system.is_classical:
+            return super().report()
+        return {"orbits": "periodic orbits of the mean mesh frequency, held by an unbalanced torque where damping asks"}
+
+    def check(self) -> None:
+        for name in ("modes", "block"):
+            if not self.system.is_classical and getattr(self.options, name) is not None:
+                raise OptionError((name,), "a periodic orbit has no modes to choose from", "remove it")
+        super().check()

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from math import prod
 
 import numpy as np
 
-from gearstab.config import Axis, parameters_at
+from gearstab.config import alike, parameters_at
 from gearstab.floquet.kernel import choice as kernel
 from gearstab.methods import POINTS, RANGE, Key, Outcome, SampledMethod
 from gearstab.results.chunks import encode, holds
@@ -27,7 +27,7 @@ def compute(plan: Plan, block: Block) -> FinishedBlock:
     count = len(next(iter(rows.values()))) if rows else 1
     outcomes = []
     with kernel.recorded() as ran:
-        for members in structural_groups(plan.row_axes, rows, count):
+        for members in alike(plan.row_axes, rows, count):
             chosen = {name: index[members] for name, index in rows.items()}
             outcomes.append((members, run_rows(plan, layout, chosen, len(members), columns)))
     values, tongues = joined(plan, layout, outcomes, count)
@@ -46,23 +46,6 @@ def selection(plan: Plan, layout: Layout, block: Block) -> tuple[dict[str, Array
             ranges.append(np.arange(start, start + size))
     indices = np.meshgrid(*ranges, indexing="ij")
     return {name: index.ravel() for name, index in zip(names, indices, strict=True)}, columns
-
-
-def structural_groups(axes: tuple[Axis, ...], rows: dict[str, Array], count: int) -> Iterator[Array]:
-    """Positions of the rows that can be built together: of equal parameters that are no plain numbers."""
-    keys = np.zeros((count, 0), dtype=int)
-    for axis in axes:
-        for item in axis.assignments:
-            if item.structural:
-                texts = [repr(value) for value in item.values]
-                _, kind = np.unique(texts, return_inverse=True)
-                keys = np.column_stack([keys, kind[rows[axis.name]]])
-    if keys.shape[1] == 0:
-        yield np.arange(count)
-        return
-    _, group = np.unique(keys, axis=0, return_inverse=True)
-    for number in range(group.max() + 1):
-        yield np.flatnonzero(np.ravel(group) == number)
 
 
 def run_rows(plan: Plan, layout: Layout, rows: dict[str, Array], count: int, columns: slice) -> Outcome:

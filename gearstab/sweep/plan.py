@@ -148,7 +148,7 @@ class Plan:
     @cached_property
     def teeth(self) -> teeth.Teeth | None:
         """What is wrong with the teeth of a gearbox, over its grid; None for other systems."""
-        return teeth.over_grid(self)
+        return teeth.over_grid(self.config, self.row_axes, self.base)
 
     @property
     def mesh_frequency_range(self) -> tuple[float, float]:

@@ -4,17 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from math import prod
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gearstab.config import Axis, parameters_at
+from gearstab.config import Axis, Config, alike, parameters_at
 from gearstab.results.tree import Group, fields_of
 from gearstab.results.variables import TEETH, flagged
-from gearstab.system import Array
-
-if TYPE_CHECKING:
-    from gearstab.sweep.plan import Plan
+from gearstab.system import Array, GearSystem
 
 NAME = "teeth"
 """Of the group in the result."""
@@ -32,24 +28,23 @@ class Teeth:
     meshes: tuple[str, ...]
 
 
-def over_grid(plan: Plan) -> Teeth | None:
+def over_grid(config: Config, row_axes: tuple[Axis, ...], base: GearSystem) -> Teeth | None:
     """Look at the teeth of every geometry of the grid; None for systems that are not given by their teeth."""
     from gearstab.systems import train_of
 
-    if train_of(plan.config.parameters) is None:
+    if train_of(config.parameters) is None:
         return None
-    from gearstab.sweep.compute import structural_groups
     from gearstab.systems.gearbox.notices import GEOMETRY, notice_flags
 
-    axes = tuple(axis for axis in plan.row_axes if any(item.path[-1] in GEOMETRY for item in axis.assignments))
-    meshes = tuple(mesh.name for mesh in plan.base.meshes)
+    axes = tuple(axis for axis in row_axes if any(item.path[-1] in GEOMETRY for item in axis.assignments))
+    meshes = tuple(mesh.name for mesh in base.meshes)
     shape = tuple(axis.size for axis in axes)
     index = np.indices(shape).reshape(len(shape), prod(shape))
     rows = dict(zip((axis.name for axis in axes), index, strict=True))
     flags = np.zeros((prod(shape), len(meshes)), dtype=np.int16)
-    for members in structural_groups(axes, rows, len(flags)):
+    for members in alike(axes, rows, len(flags)):
         chosen = {name: places[members] for name, places in rows.items()}
-        flags[members] = notice_flags(parameters_at(plan.config, chosen))
+        flags[members] = notice_flags(parameters_at(config, chosen))
     return Teeth(axes, flags.reshape(*shape, len(meshes)), meshes)
 
 

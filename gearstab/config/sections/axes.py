@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path as FilePath
@@ -197,3 +197,23 @@ def replaced(container: Any, path: Sequence[str | int], value: Any) -> Any:
     inner = container.get(key) if isinstance(container, dict) else container[key]
     copied[key] = replaced(inner, path[1:], value)
     return copied
+
+
+def alike(axes: Sequence[Axis], rows: Mapping[str, Array], count: int) -> Iterator[Array]:
+    """Positions of the points that can be computed together: of equal parameters that are no plain numbers.
+
+    rows: of each axis, the index of each of ``count`` points.
+    """
+    keys = np.zeros((count, 0), dtype=int)
+    for axis in axes:
+        for item in axis.assignments:
+            if item.structural:
+                texts = [repr(value) for value in item.values]
+                _, kind = np.unique(texts, return_inverse=True)
+                keys = np.column_stack([keys, kind[rows[axis.name]]])
+    if keys.shape[1] == 0:
+        yield np.arange(count)
+        return
+    _, group = np.unique(keys, axis=0, return_inverse=True)
+    for number in range(group.max() + 1):
+        yield np.flatnonzero(np.ravel(group) == number)

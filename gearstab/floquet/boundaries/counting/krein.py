@@ -48,7 +48,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gearstab.floquet.boundaries.counting import pairs
-from gearstab.floquet.boundaries.counting.pairs import Pair
+from gearstab.floquet.boundaries.counting.pairs import Pair, Spectrum
 from gearstab.floquet.boundaries.counting.points import Points, propagate
 from gearstab.floquet.kernel.decision import ON_CIRCLE
 from gearstab.floquet.segments.pattern import Pattern
@@ -89,22 +89,6 @@ class Verdicts:
     since: Array
     crowded: Array
     crowding: Array
-
-
-@dataclass(frozen=True)
-class Spectrum:
-    """Multipliers of P points and their Krein signs.
-
-    values ``(P, 2n)``, vectors ``(P, 2n, 2n)`` in columns; sign ``(P, 2n)``: kappa for unit vectors; off ``(P, 2n)``:
-    not on the unit circle; mirror ``(P, 2n)``: position of the multiplier nearest to 1/conj(lambda), another one
-    where off.
-    """
-
-    values: Array
-    vectors: Array
-    sign: Array
-    off: Array
-    mirror: Array
 
 
 def spectrum(matrix: Array) -> Spectrum:

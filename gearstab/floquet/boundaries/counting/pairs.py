@@ -18,17 +18,29 @@ Source: Gelfand & Lidskii 1955; Yakubovich & Starzhinskii 1975, ch. III (strong 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gearstab.system import Array
 
-if TYPE_CHECKING:
-    from gearstab.floquet.boundaries.counting.krein import Spectrum
-
 SELF, COMBINATION = 0, 1
 """Classes of pairs: a multiplier and its complex conjugate, which meet at +-1, and all others."""
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    """Multipliers of P points and their Krein signs.
+
+    values ``(P, 2n)``, vectors ``(P, 2n, 2n)`` in columns; sign ``(P, 2n)``: kappa for unit vectors; off ``(P, 2n)``:
+    not on the unit circle; mirror ``(P, 2n)``: position of the multiplier nearest to 1/conj(lambda), another one
+    where off.
+    """
+
+    values: Array
+    vectors: Array
+    sign: Array
+    off: Array
+    mirror: Array
 
 
 @dataclass(frozen=True)
