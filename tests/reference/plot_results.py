@@ -235,6 +235,16 @@ def required_damping():
     return tree(required_damping=group)
 
 
+def probability():
+    """Probabilities between 0 and 1 beside the published tongues, and a point of which nothing is known."""
+    coords = axes(frequency=np.linspace(0.35, 7, 24), epsilon=np.linspace(0, 0.5, 13))
+    rate = floquet_group(coords)["growth_rate"].transpose("epsilon", "mesh_frequency").values
+    values = np.clip(rate / rate.max(), 0.0, 1.0)
+    values[2, 3] = np.nan
+    words = {"units": "1", "long_name": "probability of instability"}
+    return tree(tolerance=xr.Dataset({"probability": (("epsilon", "mesh_frequency"), values, words)}, coords=coords))
+
+
 # ---- modes of a planetary gear
 
 PRESSURE_ANGLE = np.deg2rad(24.6)
