@@ -30,9 +30,9 @@ from gearstab.results.write import write_on_disk, write_result
 from gearstab.sweep import teeth
 from gearstab.sweep.compute import moved
 from gearstab.sweep.earlier import origin
-from gearstab.sweep.finished import Finished
 from gearstab.sweep.parts import FinishedBlock
 from gearstab.sweep.plan import Layout
+from gearstab.sweep.store import Finished
 from gearstab.system import Array
 
 IN_MEMORY = 1 << 28

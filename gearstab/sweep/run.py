@@ -16,12 +16,11 @@ from gearstab.results.output import free_bytes, prepare
 from gearstab.results.write import rewrite_attributes
 from gearstab.sweep import earlier, merge
 from gearstab.sweep.estimate import long_runs
-from gearstab.sweep.finished import Finished
 from gearstab.sweep.parts import PartFolder
 from gearstab.sweep.plan import Plan
 from gearstab.sweep.pool import Failure, run_blocks
 from gearstab.sweep.reporter import Reporter
-from gearstab.sweep.store import Store
+from gearstab.sweep.store import Finished, Store
 
 MOST_FAILURES = 10
 """Blocks that may fail before the sweep stops: then nothing is wrong with a block, but with all of them."""
