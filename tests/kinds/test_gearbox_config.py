@@ -269,3 +269,8 @@ def test_every_number_of_the_train_is_an_axis(tmp_path: Path, key: str) -> None:
     one, other = (build(parameters_at(config, {key: np.array([k])})) for k in (0, 1))
     parts = [(s.mass, s.stiffness, s.damping, s.load, s.mean_stiffness_matrix()) for s in (one, other)]
     assert any(not np.array_equal(np.squeeze(a), np.squeeze(b)) for a, b in zip(*parts, strict=True))
+
+
+def test_the_ends_of_a_mesh_are_two(tmp_path: Path) -> None:
+    ((_, path, message, hint),) = problems(tmp_path, "gears: [pinion, gear]", "gears: [pinion, gear, pinion]")
+    assert (path, message, hint) == ("system.meshes.0.gears", "has 3 entries", "give at most 2")

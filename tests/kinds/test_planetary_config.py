@@ -82,7 +82,7 @@ def numbers(system):
 
 
 WRONG = [
-    (["planets=2"], "system.planets: must be >= 3"),
+    (["planets=2"], "system.planets: must be a whole number >= 3 (got 2); write a number of planets"),
     (["ring={kind: elastic}"], "system.ring.bending_stiffness: is missing"),
     (["ring={kind: soft}"], "system.ring.kind: is no kind of ring"),
     (["masses={ring: 6.35, planet: 4}"], "system.masses.carrier: is missing"),

@@ -203,7 +203,12 @@ class Ratio:
 
 @dataclass(frozen=True)
 class Count(Ratio):
-    """A number of teeth: a whole number that an axis may set, and exact, because ratios follow from it."""
+    """A number of teeth: a whole number that an axis may set, and exact, because ratios follow from it.
+
+    of: what is counted.
+    """
+
+    of: str = "teeth"
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
         return core_schema.no_info_plain_validator_function(
@@ -215,13 +220,12 @@ class Count(Ratio):
     ) -> dict[str, Any]:
         return {"type": "integer", "minimum": FEWEST_TEETH}
 
-    @staticmethod
-    def fraction(value: Any) -> Fraction:
+    def fraction(self, value: Any) -> Fraction:
         """The whole number; raises a pydantic error."""
         number = isinstance(value, int | float | Fraction) and not isinstance(value, bool)
         endless = isinstance(value, float) and not math.isfinite(value)
         if not number or endless or value != int(value) or not FEWEST_TEETH <= value <= LARGEST_TERM:
-            raise wrong("count", f"must be a whole number >= {FEWEST_TEETH}", "write a number of teeth")
+            raise wrong("count", f"must be a whole number >= {FEWEST_TEETH}", f"write a number of {self.of}")
         return Fraction(int(value))
 
 

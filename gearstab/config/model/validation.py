@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from typing import Any, TypeVar, get_args
+from typing import Any, TypeVar, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
@@ -11,7 +11,7 @@ from gearstab.config.document.problems import Path, nearest
 from gearstab.config.document.yaml import Document
 from gearstab.config.model.conflicts import right_name
 from gearstab.config.model.fields import Section
-from gearstab.config.model.introspection import bare, is_model, number_kind, type_at
+from gearstab.config.model.introspection import bare, number_kind, type_at
 
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -88,7 +88,7 @@ def _report_one(document: Document, detail: Any, model: Any, path: Path) -> None
         comma = key.isdecimal() and detail["input"] is None
         hint = "write a decimal point if this follows a decimal comma" if comma else _right_key(key, parent)
         document.report(here, "unknown key", hint, at_key=True)
-    elif detail["type"] == "too_long" and not is_model(bare(type_at(model, loc))):
+    elif detail["type"] == "too_long" and get_origin(bare(type_at(model, loc))) is tuple:
         _wrong_count(document, here, type_at(model, loc))
     else:
         message, hint = explain(detail)

@@ -108,7 +108,7 @@ def expand_list(document: Document, items: list[Any], places: list[Path], target
             document.report(places[int(detail["loc"][0])], message, hint, value=detail["input"])
         return FAILED
     if target.exact:
-        return Expansion(values, [str(v) for v in values])
+        return Expansion(values, target.adapter.dump_python(values, mode="json"))
     return Expansion(np.array(values, dtype=float), values, typed_units=typed_unit(items))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from fractions import Fraction
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
@@ -10,6 +11,7 @@ from pydantic import Field
 from gearstab.config.model.conflicts import Conflict, plain_number, within, wrong_length
 from gearstab.config.model.fields import (
     Choice,
+    Count,
     Mass,
     Quantity,
     Section,
@@ -188,7 +190,7 @@ class Planetary(System):
     """Sun, carrier, equal and equally spaced planets and a ring (Parker 2009)."""
 
     kind: Literal["planetary"] = Field(title="kind of system", description="A planetary gear.")
-    planets: Annotated[ToothCount, Field(ge=3, le=MOST_PLANETS)] = Field(
+    planets: Annotated[Fraction, Count(of="planets"), Field(le=MOST_PLANETS)] = Field(
         title="number of planets", description="N >= 3, equally spaced."
     )
     motion: Annotated[str, Choice("motion", ("planar", "rotational"))] = Field(
