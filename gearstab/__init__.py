@@ -1,3 +1,63 @@
-"""Stability maps of gear systems with periodic mesh stiffness."""
+"""Stability maps of gear systems with periodic mesh stiffness.
+
+    import gearstab as gs
+
+    config = gs.load("train.yaml", epsilon=0.2)
+    tree = gs.sweep(config)
+    gs.plot(tree)
+
+The functions below are the public ones; docs/api.md describes them. They are imported when they are first used, so that
+``import gearstab`` takes no time. Some have the name of a room of the package (``gearstab.sweep``): as an attribute of
+``gearstab`` it means the function, and what is in the room is imported from it, ``from gearstab.sweep import plan``.
+"""
+
+from __future__ import annotations
+
+import sys
+from types import ModuleType
 
 __version__ = "0.1.0"
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from typing import Any
+
+    from gearstab.api.configurations import build, info, load
+    from gearstab.api.runs import design, plot, respond, sweep
+    from gearstab.api.stability import boundaries, floquet, perturbation
+
+__all__ = ["boundaries", "build", "design", "floquet", "info", "load", "perturbation", "plot", "respond", "sweep"]
+
+ROOMS = {
+    "configurations": ("build", "info", "load"),
+    "runs": ("design", "plot", "respond", "sweep"),
+    "stability": ("boundaries", "floquet", "perturbation"),
+}
+"""File in ``gearstab/api`` -> the public functions in it."""
+PLACES = {name: f"gearstab.api.{file}" for file, names in ROOMS.items() for name in names}
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public function when it is first used."""
+    if name not in PLACES:
+        raise AttributeError(f"module 'gearstab' has no attribute {name!r}")
+    from importlib import import_module
+
+    found = getattr(import_module(PLACES[name]), name)
+    globals()[name] = found
+    return found
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
+
+
+class _Package(ModuleType):
+    """This module, in which a public name stays that of the function when the room of that name is imported."""
+
+    def __setattr__(self, name: str, value: object) -> None:
+        if not (name in PLACES and isinstance(value, ModuleType)):
+            super().__setattr__(name, value)
+
+
+sys.modules[__name__].__class__ = _Package

@@ -18,6 +18,10 @@ class UserError(Exception):
     exit_code = WRONG_INPUT
 
 
+class DoubtWarning(UserWarning):
+    """Something in a configuration that is right and hardly meant; from Python only, commands print it."""
+
+
 class NotPossible(UserError, ValueError):
     """A request that a system cannot meet, or numbers that describe no such system.
 

@@ -1,7 +1,10 @@
 """Configurations: YAML with positions, validated models, axes; every message names place, value and remedy."""
 
 from gearstab.config.document.problems import ConfigError, Problem
-from gearstab.config.loading import load
+from gearstab.config.loading import load, parameters_with, require
 from gearstab.config.sections.axes import Assignment, Axis, Config, alike, parameters_at
 
-__all__ = ["Assignment", "Axis", "Config", "ConfigError", "Problem", "alike", "load", "parameters_at"]
+__all__ = [
+    "Assignment", "Axis", "Config", "ConfigError", "Problem", "alike", "load", "parameters_at", "parameters_with",
+    "require",
+]  # fmt: skip

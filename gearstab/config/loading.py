@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from math import prod
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from gearstab.config.document import overrides as override
+from gearstab.config.document.data import NAME, document_of
 from gearstab.config.document.overrides import TOP_LEVEL
 from gearstab.config.document.problems import ConfigError, Path, dotted, nearest
 from gearstab.config.document.yaml import Document, read, value_at
-from gearstab.config.sections.axes import Array, Axis, Config
+from gearstab.config.sections.axes import Array, Axis, Config, parameters_at
 
 if TYPE_CHECKING:
     from gearstab.config.model.conflicts import Conflict
@@ -33,22 +37,34 @@ WITHIN = {
 """What sections that are missing hold."""
 
 
-def load(path: str | FilePath, overrides: Sequence[str] = (), needs: Sequence[str] = ()) -> Config:
+def load(
+    path: str | FilePath | Mapping[str, Any],
+    overrides: Sequence[str] | Mapping[str, Any] = (),
+    needs: Sequence[str] = (),
+    source: FilePath = FilePath(NAME),
+) -> Config:
     """Read and check a configuration.
 
-    overrides: ``PATH=VALUE`` texts, see :func:`gearstab.config.document.overrides.apply`.
+    path: of a file, or what it would hold: then files named in it are relative to the folder of ``source``.
+    overrides: ``PATH=VALUE`` texts, see :func:`gearstab.config.document.overrides.apply`, or values by path.
     needs: sections that the caller cannot do without, such as ``("sweep", "methods")``.
 
     Raises ConfigError with every problem found.
     """
-    source = FilePath(path)
-    document = read(source)
+    if isinstance(path, Mapping):
+        document = document_of(path, str(source))
+    else:
+        source = FilePath(path)
+        document = read(source)
     if not isinstance(document.data, dict):
         message = "is empty" if document.data is None else "must be a mapping"
         document.report((), message, "write the sections system, sweep and methods", value=document.data)
         raise ConfigError(document.problems)
-    for text in overrides:
-        override.apply(document, text)
+    if isinstance(overrides, Mapping):
+        overrides = override.assign_all(document, overrides)
+    else:
+        for text in overrides:
+            override.apply(document, text)
     _check_top_level(document, needs)
     model = _find_model(document)
     system = _read_system(document, model, source) if model else None
@@ -77,6 +93,38 @@ def load(path: str | FilePath, overrides: Sequence[str] = (), needs: Sequence[st
     return replace(config, doubts=tuple(doubts), uncertainties=uncertainties)
 
 
+def parameters_with(config: Config, values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the parameters of a configuration with other numbers, arrays among them, in place of some.
+
+    values: by name, as those of axes; arrays broadcast against each other, and their shape is the batch of the system.
+
+    Raises ConfigError where a value is wrong, and ValueError for arrays whose shapes do not go together.
+    """
+    arrays = dict(zip(values, np.broadcast_arrays(*values.values()), strict=True))
+    shape = next(iter(arrays.values())).shape
+    if len(arrays) == 1:
+        ((name, array),) = arrays.items()
+        different, index = np.unique(array, return_inverse=True)
+        sweep: dict[str, Any] = {name: different}
+    else:
+        index = np.arange(prod(shape))
+        columns = [array.ravel().tolist() for array in arrays.values()]
+        rows = enumerate(zip(*columns, strict=True))
+        sweep = {"case": [{"label": str(k), **dict(zip(arrays, row, strict=True))} for k, row in rows]}
+    document = document_of({"system": config.document.data["system"], "sweep": sweep}, "values")
+    model = _find_model(document)
+    system = _read_system(document, model, config.source) if model else None
+    if document.problems or system is None:
+        raise ConfigError(document.problems)
+    found = replace(config, parameters=system.parameters, axes=system.axes, respond=None, document=document)
+    from gearstab.config.checks import feasibility
+
+    feasibility.check(document, found)
+    if document.problems:
+        raise ConfigError(document.problems)
+    return parameters_at(found, {axis.name: np.reshape(index, shape) for axis in system.axes})
+
+
 @dataclass
 class _System:
     """``system``, ``sweep`` and ``design``. plain: ``system`` as plain data; specs: ``sweep``, resolved.
@@ -103,9 +151,21 @@ def _check_top_level(document: Document, needs: Sequence[str]) -> None:
     if title is not None and not isinstance(title, str):
         document.report(("title",), "must be a text", "put it in quotes", value=title)
     needed = ["system", *needs, *(["methods"] if "sweep" in data else []), *(["sweep"] if data.get("methods") else [])]
+    _report_missing(document, needed)
+
+
+def _report_missing(document: Document, needed: Iterable[str]) -> None:
     for name in dict.fromkeys(needed):
-        if name not in data:
+        if name not in document.data:
             document.report((name,), "is missing", f"add the section {name}{WITHIN.get(name, '')}")
+
+
+def require(config: Config, *needed: str) -> None:
+    """Raise ConfigError for sections that a configuration does not have."""
+    document = replace(config.document, problems=[])
+    _report_missing(document, needed)
+    if document.problems:
+        raise ConfigError(document.problems)
 
 
 def _find_model(document: Document) -> type[System] | None:
@@ -290,7 +350,7 @@ def _report(document: Document, path: Path, conflicts: Iterable[Conflict], secti
 def _config(
     document: Document, source: FilePath, system: _System, methods: Methods, respond: Respond | PairRespond | None
 ) -> Config:
-    title = document.data.get("title") or source.stem
+    title = document.data.get("title") or ("" if document.first is None else source.stem)
     tree: dict[str, Any] = {"title": title, "system": system.plain}
     if system.specs:
         tree["sweep"] = system.specs

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 import xarray as xr
@@ -19,6 +19,9 @@ from gearstab.plots.drawing.text import (
     tongue_label,
     unit_text,
 )
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 Array = np.ndarray
 
@@ -326,6 +329,7 @@ class Request:
 
     partial: whether a figure may leave something out where all would be too much; else that is an error.
     levels: of contours, in a kind that draws some.
+    ax: the frame to draw into, for kinds of figures with one frame; None for a figure of its own.
     """
 
     x: str | None = None
@@ -337,6 +341,7 @@ class Request:
     dpi: int | None = None
     partial: bool = False
     levels: tuple[float, ...] = ()
+    ax: Axes | None = None
 
     def wide(self, default: str = "single") -> bool:
         """Whether the figure is as wide as two columns of a journal; default: its size unless one is asked for."""

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from gearstab.errors import PlotError, listed
 from gearstab.plots.axes import Request
 from gearstab.plots.drawing.heading import write_title
-from gearstab.plots.drawing.style import CASES, new_figure
+from gearstab.plots.drawing.style import CASES, new_frame
 from gearstab.plots.kinds import Kind
 
 Artists = dict[str, Any]
@@ -26,8 +26,7 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     """The whole figure; its artists are ``lines``, one a method. Raises PlotError without benchmark results."""
     if "bench" not in tree.children:
         raise PlotError(f"this result holds no benchmark; it holds {listed(tree.children)}")
-    figure = new_figure(request, 0.95)
-    ax = figure.add_subplot()
+    figure, ax = new_frame(request, 0.95)
     lines = draw_methods(ax, tree["bench"].to_dataset())
     figure.legend(handles=lines, loc="outside lower center", ncols=2, fontsize=6.5, handlelength=1.6)
     write_title(figure, tree, request)

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gearstab.config.sections.respond_pair import PairRespond
-from gearstab.results import write_result
+from gearstab.results import ResultTree, write_result
 
 if TYPE_CHECKING:
     from gearstab.config import Config
@@ -19,17 +19,20 @@ if TYPE_CHECKING:
 
 def respond(config: Config, out: Path) -> Response | PairResponse:
     """Compute the response and write the result file ``out``; raises ConfigError and OSError."""
-    from gearstab.respond import pair, system
-
-    if config.respond is None:
-        raise ValueError("the configuration has no section respond")
-    found: Response | PairResponse
-    if isinstance(config.respond, PairRespond):
-        found, tree = pair.response(config, config.respond)
-    else:
-        found, tree = system.response(config, config.respond)
+    found, tree = computed(config)
     write_result(out, tree)
     return found
 
 
-__all__ = ["respond"]
+def computed(config: Config) -> tuple[Response | PairResponse, ResultTree]:
+    """Compute the response, and the result to be written. Raises ConfigError."""
+    from gearstab.respond import pair, system
+
+    if config.respond is None:
+        raise ValueError("the configuration has no section respond")
+    if isinstance(config.respond, PairRespond):
+        return pair.response(config, config.respond)
+    return system.response(config, config.respond)
+
+
+__all__ = ["computed", "respond"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -46,6 +47,14 @@ def open_result(path: str | Path) -> xr.DataTree:
         return xr.open_datatree(path, engine="h5netcdf", driver_kwds={"locking": False})
     except Exception as error:
         raise ResultError(f"{path}: cannot be read as a result: {one_line(error)}") from error
+
+
+def from_bytes(data: memoryview) -> xr.DataTree:
+    """Return the result that a file of these bytes holds, all of it in memory."""
+    import xarray as xr
+
+    with xr.open_datatree(io.BytesIO(data), engine="h5netcdf") as tree:
+        return tree.load()
 
 
 @contextmanager

@@ -3,6 +3,6 @@
 from gearstab.errors import Interrupted, RequestError, SweepError
 from gearstab.sweep.plan import Plan, plan
 from gearstab.sweep.reporter import Reporter
-from gearstab.sweep.run import Summary, run
+from gearstab.sweep.run import Summary, run, run_in_memory
 
-__all__ = ["Interrupted", "Plan", "Reporter", "RequestError", "Summary", "SweepError", "plan", "run"]
+__all__ = ["Interrupted", "Plan", "Reporter", "RequestError", "Summary", "SweepError", "plan", "run", "run_in_memory"]

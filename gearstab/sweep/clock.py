@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import ctypes
+import gc
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from contextvars import copy_context
 from threading import Thread
 from typing import TypeVar
@@ -38,11 +40,24 @@ def within(seconds: float, work: Callable[[], Found]) -> tuple[Found, float] | N
             failed.append(error)
 
     thread = Thread(target=run, daemon=True, name="gearstab sample")
-    thread.start()
-    thread.join(max(seconds, 0.0))
-    if thread.is_alive() and not done:
-        ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread.ident or 0), ctypes.py_object(_TimeUp))
-        thread.join(GRACE)
+    with _without_collection():
+        thread.start()
+        thread.join(max(seconds, 0.0))
+        if thread.is_alive() and not done:
+            ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread.ident or 0), ctypes.py_object(_TimeUp))
+            thread.join(GRACE)
     if failed:
         raise failed[0]
     return done[0] if done else None
+
+
+@contextmanager
+def _without_collection() -> Iterator[None]:
+    """Collect no garbage: the thread might be stopped in the midst of the end of an object that is not its own."""
+    before = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if before:
+            gc.enable()

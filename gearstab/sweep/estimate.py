@@ -193,12 +193,14 @@ def _ranges(plan: Plan, layout: Layout, clock: Clock) -> tuple[float | None, flo
     one = None if work is None else _effort(plan, layout, clock, 0.5)
     if work is None or one is None or one.seconds(1) > PART * clock.left:
         return work, 0.0
-    wanted = min(prod(layout.chunk), int(PART * clock.left / one.seconds(1)))
+    wanted = int(min(prod(layout.chunk), PART * clock.left / max(one.seconds(1), BRIEF)))
     first, last = (_sample(plan, layout, clock, w) for w in (1.0, max(1.0, wanted)))
     if first is None or last is None:
         return work, 0.0
-    factor = last.seconds / one.seconds(last.points)
-    return work * min(max(factor, 1 / SPREAD), SPREAD), last.size * layout.points / last.points
+    size, told = last.size * layout.points / last.points, one.seconds(last.points)
+    if not told:  # a range in which no multipliers meet takes nothing by its account
+        return last.seconds * layout.points / last.points, size
+    return work * min(max(last.seconds / told, 1 / SPREAD), SPREAD), size
 
 
 def _by_effort(plan: Plan, layout: Layout, clock: Clock) -> float | None:

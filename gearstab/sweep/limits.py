@@ -27,8 +27,13 @@ SHORT = 60.0
 """Seconds of a sweep, roughly estimated, that is begun without a closer look at them."""
 
 
-def refuse(plan: Plan, out: Path, jobs: int | None, confirmed: bool) -> None:
+TO_CONFIRM = "add --yes to begin it, or try --dry-run"
+
+
+def refuse(plan: Plan, out: Path, jobs: int | None, confirmed: bool, confirm: str = TO_CONFIRM) -> None:
     """Raise RequestError for a sweep that is large and not ``confirmed``, or that does not fit on the disk.
+
+    confirm: what the user can do to begin it all the same.
 
     A sweep that is plainly small is not looked at closely, as that takes time itself.
     """
@@ -51,7 +56,7 @@ def refuse(plan: Plan, out: Path, jobs: int | None, confirmed: bool) -> None:
             if layout.method.relief and layout.method.name in costly
         ]
         raise RequestError(
-            f"the sweep is large: {', '.join(reasons)}; add --yes to begin it, or try --dry-run{''.join(remedies)}"
+            f"the sweep is large: {', '.join(reasons)}; {confirm}{''.join(remedies)}"
         )
 
 

@@ -39,12 +39,12 @@ IN_MEMORY = 1 << 28
 """Results of fewer bytes are built in memory."""
 
 
-def result_tree(finished: Finished, out: Path) -> ResultTree:
-    """The whole result of a plan of which all is finished, which is to stand at ``out``."""
+def result_tree(finished: Finished, said: Mapping[str, str]) -> ResultTree:
+    """The whole result of a plan of which all is finished; ``said``: what its root says besides."""
     plan = finished.plan
     axes = [field for axis in plan.config.axes for field in axis_fields(axis)]
     ran = kernel.said(finished.kernels)
-    root = Group(tuple(axes), root_attributes(SWEEP, plan.config, ran) | origin(plan.config, out))
+    root = Group(tuple(axes), root_attributes(SWEEP, plan.config, ran) | dict(said))
     groups = {"modes": modes_group(plan.base)}
     for layout in plan.layouts:
         names = set(layout.dims)
@@ -144,34 +144,35 @@ def write(finished: Finished, out: Path, folder: Path, look: Look) -> None:
 
     look: raises where ``out`` must not be replaced any more. Raises OSError, whatever else is in the way.
     """
-    tree = result_tree(finished, out)
+    said = origin(finished.plan.config, out)
+    tree = result_tree(finished, said)
     if tree.size < IN_MEMORY:
         write_result(out, tree, look)
         return
     temporary = folder / f"result-{os.getpid()}.tmp"
     interrupts.temporary.add(str(temporary))
     try:
-        write_apart(finished, out, temporary)
+        write_apart(finished, said, out, temporary)
         move(temporary, out, look)
     finally:
         temporary.unlink(missing_ok=True)
         interrupts.temporary.discard(str(temporary))
 
 
-def write_apart(finished: Finished, out: Path, path: Path) -> None:
+def write_apart(finished: Finished, said: Mapping[str, str], out: Path, path: Path) -> None:
     """Write a large result in a process of its own: on a full disk HDF5 may crash even if the error is caught."""
     command = [sys.executable, "-c", "from gearstab.sweep.merge import main; main()", str(path)]
     # Its own session: an interrupt from the terminal is handled here.
     child = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True)
     try:
-        _, said = child.communicate(pickle.dumps((finished, out)))
+        _, words = child.communicate(pickle.dumps((finished, said)))
     except BaseException:
         child.kill()
         child.wait()
         raise
     if child.returncode == 0:
         return
-    last = said.decode(errors="replace").strip().rpartition("\n")[2]
+    last = words.decode(errors="replace").strip().rpartition("\n")[2]
     number, _, message = last.partition(" ") if child.returncode == 1 else ("", "", "")
     raise OSError(
         int(number) if number.isdigit() else errno.EIO,
@@ -183,10 +184,10 @@ def write_apart(finished: Finished, out: Path, path: Path) -> None:
 def main() -> None:
     """In a process of its own: write what standard input names to the path in the arguments."""
     parent = os.getppid()
-    finished, out = pickle.load(sys.stdin.buffer)
+    finished, said = pickle.load(sys.stdin.buffer)
     interrupts.end_with(parent)
     try:
-        write_on_disk(Path(sys.argv[1]), result_tree(finished, out))
+        write_on_disk(Path(sys.argv[1]), result_tree(finished, said))
     except OSError as error:
         sys.stderr.write(f"\n{error.errno or errno.EIO} {' '.join(str(error).split())}\n")
         sys.stderr.flush()

@@ -126,7 +126,7 @@ def _in_processes(plan: Plan, blocks: list[Block], store: Store, jobs: int, repo
     pending = {block.key: block for block in blocks}
     while pending:
         started: dict[str, Block] = {}
-        for result in _pooled(plan, list(pending.values()), store.folder, min(jobs, len(pending)), started, reporter):
+        for result in _pooled(plan, list(pending.values()), store, min(jobs, len(pending)), started, reporter):
             del pending[_key(result)]
             yield result
         # What the pool left undone was in a process that died, or waiting; what finished unseen is in its part file.
@@ -135,7 +135,7 @@ def _in_processes(plan: Plan, blocks: list[Block], store: Store, jobs: int, repo
             yield part
         for key in [key for key in started if key in pending]:
             block = pending.pop(key)
-            results = list(_pooled(plan, [block], store.folder, 1, {}, reporter))
+            results = list(_pooled(plan, [block], store, 1, {}, reporter))
             yield results[0] if results else Failure(block, None)
 
 
@@ -144,7 +144,7 @@ def _key(result: Result) -> str:
 
 
 def _pooled(
-    plan: Plan, blocks: list[Block], folder: PartFolder, jobs: int, started: dict[str, Block], reporter: Reporter
+    plan: Plan, blocks: list[Block], store: Store, jobs: int, started: dict[str, Block], reporter: Reporter
 ) -> Iterator[Result]:
     """Compute blocks in processes until all are done or a process dies; ``started`` gets those handed out."""
     from joblib.externals.loky import get_reusable_executor
@@ -168,7 +168,7 @@ def _pooled(
                 # As many as processes: one that dies takes all with it, and none can be called back.
                 for block in islice(waiting, jobs - len(running)):
                     started[block.key] = block
-                    running.add(pool.submit(_work, plan, block, folder))
+                    running.add(pool.submit(_work, plan, block, store.folder))
             if not running:
                 break
             done, running = wait(running, return_when=FIRST_COMPLETED)
@@ -180,7 +180,7 @@ def _pooled(
     finally:
         _wake()
         if not finished:
-            _end(running, pool, reporter)
+            _end(running if store.kept else set(), pool, reporter)
 
 
 def _wake() -> None:
@@ -210,14 +210,17 @@ def _quiet_trackers() -> Iterator[None]:
 
 
 def _end(running: set[Future[FinishedBlock | Failure]], pool: Any, reporter: Reporter) -> None:
-    """Let processes finish their blocks, so that these are kept; a second interrupt ends them at once."""
+    """Let processes finish the blocks that are to be kept; without any, or after a second interrupt, end them now."""
     try:
         with _told_if_long(reporter):
             wait(running)
     except KeyboardInterrupt:
-        with _interrupts_later():
-            pool.shutdown(wait=True, kill_workers=True)
+        running = set()
         raise
+    finally:
+        if not running:
+            with _interrupts_later():
+                pool.shutdown(wait=True, kill_workers=True)
 
 
 @contextmanager

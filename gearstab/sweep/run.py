@@ -8,12 +8,13 @@ from collections.abc import Mapping
 from contextlib import closing, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from gearstab import ckernel, interrupts
 from gearstab.errors import Interrupted, OutputError, SweepError
 from gearstab.results.guard import SWEEP, result_of
 from gearstab.results.output import free_bytes, prepare
-from gearstab.results.write import rewrite_attributes
+from gearstab.results.write import image, rewrite_attributes
 from gearstab.sweep import earlier, merge
 from gearstab.sweep.estimate import long_runs
 from gearstab.sweep.parts import PartFolder
@@ -115,6 +116,24 @@ def _run(
         raise Interrupted(_interrupted(kept, plan.blocks, store.folder)) from None
 
 
+def run_in_memory(
+    plan: Plan, jobs: int | None = None, progress: Reporter | None = None, said: Mapping[str, str] | None = None
+) -> memoryview:
+    """Compute a plan and return the bytes of its result file; finished blocks wait in a temporary folder meanwhile.
+
+    An interrupt is a KeyboardInterrupt that ends all processes; nothing is kept. said: further attributes of the root.
+    Raises SweepError.
+    """
+    reporter = progress or Reporter()
+    with TemporaryDirectory(prefix="gearstab-") as folder:
+        parts = PartFolder(Path(folder) / "result.h5", plan.digest)
+        with closing(Store(plan, parts, kept=False)) as store:
+            for text in long_runs(plan, jobs):
+                reporter.message(f"warning: {text}")
+            _compute(plan, store, jobs or ckernel.threads(), reporter)
+            return image(merge.result_tree(store.finished, said or {}))
+
+
 def _refresh(plan: Plan, out: Path, found: earlier.Earlier) -> None:
     """Give a result that is still right the title of the configuration, and a new time stamp."""
     if found.retitled:
@@ -171,12 +190,12 @@ def _failed(failures: list[Failure], store: Store) -> BaseException:
     kept = _kept(store)
     for failure in failures:
         if failure.error is not None and not isinstance(failure.error, MemoryError):
-            failure.error.add_note(f"in {_where(failure)}; {kept}")
+            failure.error.add_note(f"in {_where(failure)}{kept}")
             return failure.error
     names = ", ".join(_where(failure) for failure in failures)
     if failures[0].error is None:
-        return SweepError(f"the process that computed {names} was killed twice (out of memory?); {kept}")
-    return SweepError(f"not enough memory for {names}; {kept}")
+        return SweepError(f"the process that computed {names} was killed twice (out of memory?){kept}")
+    return SweepError(f"not enough memory for {names}{kept}")
 
 
 def _where(failure: Failure) -> str:
@@ -199,17 +218,18 @@ def _finish(store: Store, out: Path, before: earlier.Identity | None) -> None:
     except OSError as error:
         raise _unwritable(error, store) from error
     except OutputError as error:
-        raise SweepError(f"{error}; {_kept(store)}") from error
+        raise SweepError(f"{error}{_kept(store)}") from error
 
 
 def _unwritable(error: OSError, store: Store) -> SweepError:
     reason = (error.strerror or str(error)).lower()
     place = f"{error.filename}: " if error.filename else ""
-    return SweepError(f"{place}{reason}; {_kept(store)}")
+    return SweepError(f"{place}{reason}{_kept(store)}")
 
 
 def _kept(store: Store) -> str:
-    return f"{store.rescue()} finished blocks are kept in {store.folder.every}"
+    """What is said of finished blocks after an error; nothing where they are not kept."""
+    return f"; {store.rescue()} finished blocks are kept in {store.folder.every}" if store.kept else ""
 
 
 def _interrupted(kept: int, total: int, folder: PartFolder) -> str:

@@ -71,10 +71,13 @@ class Finished:
 
 
 class Store:
-    """Keeps the finished blocks of a plan: all of them in :class:`Finished`, those not yet on the disk besides."""
+    """Keeps the finished blocks of a plan: all of them in :class:`Finished`, those not yet on the disk besides.
 
-    def __init__(self, plan: Plan, folder: PartFolder) -> None:
-        self.folder = folder
+    kept: whether they outlive a sweep that does not end; else nothing is worth finishing after an interrupt.
+    """
+
+    def __init__(self, plan: Plan, folder: PartFolder, kept: bool = True) -> None:
+        self.folder, self.kept = folder, kept
         self.finished = Finished(plan)
         self._hold = Hold(folder.path)
         self._start = monotonic()

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
-from gearstab import floquet
 from gearstab.cli import group
 from gearstab.config import load
+from gearstab.floquet import solve
 from gearstab.response import free_response
 from gearstab.results import open_result
 from gearstab.systems import build
@@ -66,7 +66,7 @@ def test_the_file_holds_the_histories_with_units(config: Path, tmp_path: Path) -
         assert found.attrs["status"] == "complete"
         assert found.attrs["mesh_frequency"] == 1.25
         assert found.attrs["common_period"] == pytest.approx(2 * 2 * np.pi / 1.25)
-        growth = floquet.solve(system, np.array([1.25])).growth_rate.item()
+        growth = solve(system, np.array([1.25])).growth_rate.item()
         assert found.attrs["growth_rate"] == growth
         assert found.attrs["largest_multiplier"] == pytest.approx(np.exp(growth * 2 * 2 * np.pi / 1.25))
         assert tree.attrs["title"] == "a small train"

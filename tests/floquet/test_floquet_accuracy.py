@@ -15,7 +15,7 @@ import pytest
 from oracle import assert_exponents_match, plain, solve
 from systems import pair, unequal
 
-from gearstab import floquet
+from gearstab.floquet import solve as analyse
 from gearstab.systems import build
 
 Parameters = dict[str, Any]
@@ -56,7 +56,7 @@ def general(epsilon: float = 0.3, **changes: Any) -> Parameters:
 def check(parameters: Parameters, omegas: list[float]) -> None:
     """Every exponent of every frequency, and the growth rate, the largest real part of the elastic ones."""
     system = build(parameters)
-    found = floquet.solve(system, np.array(omegas), exponents=True)
+    found = analyse(system, np.array(omegas), exponents=True)
     growth = np.ravel(found.growth_rate)
     assert found.exponents is not None
     exponents = np.reshape(found.exponents, (len(omegas), 2 * system.size))

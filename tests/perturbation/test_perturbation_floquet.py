@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 from systems import random_rotation, turned_star
 from tongues import damping_matrix, first_outside, log_growth, scaled, segments, squared_half_width, train, with_damping
 
-from gearstab import floquet
+from gearstab.floquet import solve
 from gearstab.modal import mean_modes
 from gearstab.perturbation import first_order
 from gearstab.system import GearSystem, Mesh
@@ -83,8 +83,8 @@ def test_package_floquet_agrees_just_inside_and_outside() -> None:
     margin = 0.05 * tongues.half_width
     inside = np.stack([lower + margin, upper - margin])[:, wide]
     outside = np.stack([lower - margin, upper + margin])[:, wide]
-    assert not floquet.solve(system, inside.ravel()).stable.any()
-    assert floquet.solve(system, outside.ravel()).stable.all()
+    assert not solve(system, inside.ravel()).stable.any()
+    assert solve(system, outside.ravel()).stable.all()
 
 
 # ---- damping

@@ -2,6 +2,8 @@
 
     python sweep_faults.py CONFIG OUT JOBS FOLDER
 
+OUT is "memory" for a sweep in memory, whose interrupt is that of Python.
+
 Files in FOLDER tell what happens at the block with the stiffness k0 = K: ``kill-K`` holds how often its process dies;
 ``raise-K``: an error; ``memory-K``: no memory. ``hold`` holds a stiffness: blocks from there on wait until the file is
 gone. Blocks are single stiffnesses; ``log`` gets a line for each one begun, ``processes`` the process that began it.
@@ -22,7 +24,7 @@ from gearstab.config import load
 from gearstab.errors import Interrupted, SweepError
 from gearstab.methods import Outcome
 from gearstab.methods.floquet import Floquet
-from gearstab.sweep import Plan, Reporter, plan, pool, run, store
+from gearstab.sweep import Plan, Reporter, plan, pool, run, run_in_memory, store
 
 CONFIG = """
 title: A train
@@ -112,12 +114,27 @@ def main(config: str, out: str, jobs: str, folder: str) -> int:
     os.environ[FOLDER] = folder
     pool.WORTH_PROCESSES = 0.0
     store.MOST_SECONDS = 0.0
+    if out == "memory":
+        return in_memory(faulty(Path(config)), int(jobs))
     try:
         summary = run(faulty(Path(config)), out, int(jobs), progress=Spoken())
     except (SweepError, Interrupted) as error:
         sys.stderr.write(f"{error}\n")
         return 130 if isinstance(error, Interrupted) else 1
     sys.stderr.write(f"{summary.reused} of {summary.blocks} blocks reused\n")
+    return 0
+
+
+def in_memory(planned: Plan, jobs: int) -> int:
+    """Run the sweep as the function of Python does."""
+    try:
+        run_in_memory(planned, jobs, Spoken())
+    except KeyboardInterrupt:
+        sys.stderr.write("KeyboardInterrupt\n")
+        return 130
+    except SweepError as error:
+        sys.stderr.write(f"{error}\n")
+        return 1
     return 0
 
 

@@ -14,10 +14,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scenes import ROOT
 
-from gearstab import floquet
 from gearstab.cli import group
 from gearstab.config import ConfigError, load
 from gearstab.errors import PlotError
+from gearstab.floquet import solve
 from gearstab.plots import draw
 from gearstab.response.backlash import BACKLASH_FLAGS, BacklashResponse, backlash_response
 from gearstab.response.backlash.crossing import bernstein, first_below
@@ -114,7 +114,7 @@ def test_much_larger_motions_than_the_backlash_grow_as_without_it() -> None:
     found = backlash_response(system, omega, 300 * period, (np.array([1.0, 1.0, 1.0]), np.zeros(3)), 4)
     size = np.abs(found.displacement[::4]).max(axis=1)
     rate = np.log(size[280] / size[200]) / (80 * period)
-    expected = float(np.ravel(floquet.solve(system, np.array([omega])).growth_rate)[0])
+    expected = float(np.ravel(solve(system, np.array([omega])).growth_rate)[0])
     np.testing.assert_allclose(rate, expected, rtol=1e-9)
 
 

@@ -11,9 +11,9 @@ import xarray as xr
 from energy_pair_reference import REFERENCE, W0
 from scenes import ran
 
-from gearstab import floquet
 from gearstab.config import load
 from gearstab.config.document.problems import ConfigError
+from gearstab.floquet import solve
 from gearstab.response.rotating_pair import STATUS, Start, respond
 from gearstab.response.rotating_pair.stability import stability
 from gearstab.results import open_result
@@ -181,7 +181,7 @@ methods: {{floquet: {{}}}}
     other = build(load(written(tmp_path, text)).parameters)
     omega = np.linspace(10000.0, 36000.0, 14)
     np.testing.assert_allclose(
-        floquet.solve(pair, omega).growth_rate, floquet.solve(other, omega).growth_rate, rtol=1e-9, atol=1e-8 * w0
+        solve(pair, omega).growth_rate, solve(other, omega).growth_rate, rtol=1e-9, atol=1e-8 * w0
     )
     assert pair.load.tolist() == [21.05]
 
@@ -203,7 +203,7 @@ def test_a_sweep_puts_the_formulations_side_by_side(tmp_path: Path) -> None:
             np.testing.assert_array_equal(part["status"].values, one.status[0])
             np.testing.assert_allclose(part["exponent_real"].values, one.exponents[0].real, rtol=1e-9, atol=1e-6)
             np.testing.assert_allclose(part["holding_torque"].values, one.drive[0] * 2105, rtol=1e-9, atol=1e-12)
-    hill = floquet.solve(build(parameters | {"formulation": "classical"}), omega)
+    hill = solve(build(parameters | {"formulation": "classical"}), omega)
     classical = found.sel(formulation="classical")
     for i in range(3):
         np.testing.assert_allclose(classical["growth_rate"].values[i], hill.growth_rate[0], rtol=1e-12)

@@ -11,7 +11,7 @@ from energy_pair_reference import KAPPA, REFERENCE, W0, M, complex_of, pair
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gearstab import floquet
+from gearstab.floquet import STATUS_FLAGS, solve
 from gearstab.response.rotating_pair import Start, orbit, respond
 from gearstab.response.rotating_pair.jumps import Law
 from gearstab.response.rotating_pair.motion import Arc
@@ -181,7 +181,7 @@ def test_without_load_the_stability_is_hills(model: str) -> None:
     omega = np.linspace(0.4, 2.5, 60) * W0
     for zeta in (0.0, 0.03):
         found = stability(pair(model, torque=0.0, damping_ratio=zeta), omega)
-        hill = floquet.solve(pair("classical", torque=0.0, damping_ratio=zeta), omega)
+        hill = solve(pair("classical", torque=0.0, damping_ratio=zeta), omega)
         # Growth a period, of multipliers accurate to 1e-12; at an edge of a tongue it is a square root.
         np.testing.assert_allclose(found.growth_rate, hill.growth_rate, rtol=0, atol=1e-9 * W0)
         np.testing.assert_array_equal(found.stable, hill.stable)
@@ -273,7 +273,7 @@ def test_a_batch_is_its_rows() -> None:
 
 
 def test_flags_do_not_overlap_those_of_floquet_analysis() -> None:
-    masks = [*floquet.STATUS_FLAGS.values(), *FLAGS.values()]
+    masks = [*STATUS_FLAGS.values(), *FLAGS.values()]
     assert sum(masks) == np.bitwise_or.reduce(masks)
     assert max(masks) < 2**15
 

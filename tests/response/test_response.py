@@ -15,7 +15,7 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import eigh
 from systems import pair, point_a, unequal
 
-from gearstab import floquet
+from gearstab.floquet import solve
 from gearstab.response import Response, free_response
 from gearstab.system import GearSystem
 from gearstab.systems import build
@@ -163,7 +163,7 @@ def test_point_a_of_lin_and_parker_grows_without_phasing_and_is_bounded_with_it(
     omega = 4.2
     system = build(point_a(0.0))
     found = free_response(system, omega, START, REST, 200 * 2 * np.pi / omega, 20)
-    growth = float(floquet.solve(system, np.array([omega])).growth_rate.item())
+    growth = float(solve(system, np.array([omega])).growth_rate.item())
     assert growth > 0.2
     assert found.growth_rate == growth
     # Long after the start the largest multiplier alone is left: the norm at equal phases grows by exactly its factor.

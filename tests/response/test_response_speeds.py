@@ -13,9 +13,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scenes import ROOT
 
-from gearstab import floquet
 from gearstab.cli import group
 from gearstab.config import load
+from gearstab.floquet import solve
 from gearstab.response import harmonics, steady_state
 from gearstab.response.linear.equilibrium import static_mesh_force
 from gearstab.response.linear.excitation import excitation
@@ -142,7 +142,7 @@ def test_rows_of_a_batch_are_the_single_systems() -> None:
 def test_the_flag_of_instability_is_floquets() -> None:
     system = train(damping_ratio=0.01)
     speeds = np.linspace(0.8, 6.0, 120)
-    found, stability = speed_response(system, speeds, 8), floquet.solve(system, speeds)
+    found, stability = speed_response(system, speeds, 8), solve(system, speeds)
     unstable = found.status & STATUS_FLAGS["unstable"] != 0
     assert unstable.any()
     np.testing.assert_array_equal(unstable, stability.stable == 0)

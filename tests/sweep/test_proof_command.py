@@ -16,7 +16,7 @@ from gearstab.config import load
 from gearstab.floquet import solve
 from gearstab.plots import draw
 from gearstab.results import open_result
-from gearstab.sweep import plan, run
+from gearstab.sweep import plan, run, store
 
 TRAIN = """
 title: A damped train
@@ -98,7 +98,7 @@ def test_the_division_into_blocks_does_not_matter(swept: tuple[Path, str], confi
 
 
 def test_parts_written_to_disk_are_counted_too(config: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("gearstab.sweep.store.MOST_SECONDS", 0.0)
+    monkeypatch.setattr(store, "MOST_SECONDS", 0.0)
     summary = run(divided(plan(load(config)), 1), tmp_path / "r.h5", jobs=1)
     assert summary.proved is not None
     assert summary.proved > 0.9999

@@ -12,8 +12,8 @@ import pytest
 import xarray as xr
 from scenes import TRAIN
 
-from gearstab import floquet
 from gearstab.config import Assignment, Axis, load
+from gearstab.floquet import solve
 from gearstab.floquet.boundaries import boundaries
 from gearstab.floquet.kernel import choice as kernel
 from gearstab.perturbation import first_order
@@ -111,7 +111,7 @@ def test_rows_are_those_of_single_systems(cases: tuple[Plan, xr.DataTree], point
     epsilon, contact_ratio = [(0.2, 1.5), (0.4, 1.8)][j]
     system = build(at(planned, [0.0, 0.3][i], epsilon, contact_ratio, [0.5, 0.7, 0.9][k]))
     omega = np.linspace(0.6, 6.5, 7)
-    alone = floquet.solve(system, omega, exponents=True)
+    alone = solve(system, omega, exponents=True)
     data = tree["floquet"].to_dataset().isel(phasing=i, case=j, input_shaft_stiffness=k)
     # The same operations on stacks of another shape: BLAS may sum in another order, hence not to the last bit.
     np.testing.assert_allclose(data["growth_rate"].values, alone.growth_rate[0], rtol=0, atol=1e-12)
@@ -185,7 +185,7 @@ def test_systems_of_different_structure_have_their_own_tongues(make: Make, tmp_p
         assert {(str(label), float(ratio)) for label, ratio in found} == set(alone)
         assert all(found[key] == pytest.approx(alone[key], rel=1e-12) for key in found)
         # epsilon of both meshes is 0.2 on the axis and 0.3 in the base system.
-        growth = floquet.solve(_with_epsilon(system, 0.2), np.linspace(1, 6, 5)).growth_rate[0]
+        growth = solve(_with_epsilon(system, 0.2), np.linspace(1, 6, 5)).growth_rate[0]
         swept = tree["floquet"]["growth_rate"].sel(tooth_ratio=name, epsilon=0.2).values
         np.testing.assert_allclose(swept, growth, rtol=0, atol=1e-12)
     assert data.sizes["tongue"] > len(first_order(build(planned.config.parameters), 2).index)
@@ -205,7 +205,7 @@ def test_rows_may_have_their_own_mesh_frequency(make: Make, tmp_path: Path) -> N
     assert tree["floquet"]["growth_rate"].dims == ("case", "epsilon")
     assert tree["floquet"]["growth_rate"].sel(case="fast")["mesh_frequency"] == 5.4
     system = build(config.parameters | {"input_shaft_stiffness": 0.8})
-    alone = floquet.solve(_with_epsilon(system, 0.3), np.array([5.4])).growth_rate[0, 0]
+    alone = solve(_with_epsilon(system, 0.3), np.array([5.4])).growth_rate[0, 0]
     assert alone > 0.1
     assert float(tree["floquet"]["growth_rate"].sel(case="fast", epsilon=0.3)) == pytest.approx(alone, rel=1e-12)
 

@@ -1,9 +1,12 @@
-"""``--set PATH=VALUE``: changes to a configuration for one run."""
+"""``--set PATH=VALUE``, and the same from Python: changes to a configuration for one run."""
 
 from __future__ import annotations
 
+import json
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+from gearstab.config.document.data import document_of
 from gearstab.config.document.problems import ConfigError, Path, Problem, nearest, shown
 from gearstab.config.document.yaml import Document, Where, parse_value
 
@@ -27,10 +30,34 @@ def apply(document: Document, override: str) -> None:
         if not equals or not name:
             raise _wrong(option, "is no PATH=VALUE", "write for example --set system.damping_ratio=0.02")
         value = parse_value(text, option)
+    except ConfigError as error:
+        document.problems += error.problems
+        return
+    assign(document, name, value, option)
+
+
+def assign(document: Document, name: str, value: Any, option: str) -> None:
+    """Put plain data where the path ``name`` points to, as :func:`apply` does; ``option``: what messages call it."""
+    try:
         for path in _places(document, name, option):
             _put(document, path, value, option)
     except ConfigError as error:
         document.problems += error.problems
+
+
+def assign_all(document: Document, values: Mapping[str, Any]) -> tuple[str, ...]:
+    """Assign values of Python, arrays among them, by path; returns them as ``PATH=VALUE`` texts."""
+    texts = []
+    for name, value in values.items():
+        option = f"override {name}"
+        try:
+            given = document_of({name: value}, option).data[name]
+        except ConfigError as error:
+            document.problems += error.problems
+            continue
+        assign(document, name, given, option)
+        texts.append(f"{name}={json.dumps(given)}")
+    return tuple(texts)
 
 
 def _wrong(option: str, message: str, hint: str, value: Any = None) -> ConfigError:

@@ -46,6 +46,7 @@ class Document:
 
     data: nested dicts, lists, numbers, texts, booleans and None; a key is always text.
     values, keys: path -> place of the value and of its key. A block mapping or list counts as standing at its key.
+    first: the line of what stands nowhere in it, None of data without lines.
     """
 
     file: str
@@ -53,13 +54,14 @@ class Document:
     values: dict[Path, Where] = field(default_factory=dict)
     keys: dict[Path, Where] = field(default_factory=dict)
     problems: list[Problem] = field(default_factory=list)
+    first: int | None = 1
 
     def where(self, path: Path) -> Where:
         """The place of the value at a path, or of the innermost one around it that exists."""
         for length in range(len(path), 0, -1):
             if path[:length] in self.values:
                 return self.values[path[:length]]
-        return Where(self.file, 1)
+        return Where(self.file, self.first)
 
     def get(self, path: Path) -> Any:
         """The value at a path, None where there is none."""

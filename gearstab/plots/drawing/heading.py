@@ -7,6 +7,7 @@ from math import ceil
 from typing import Any, Literal
 
 import xarray as xr
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.legend import Legend
 
@@ -20,8 +21,11 @@ def title_of(tree: xr.DataTree) -> str:
 
 
 def write_title(figure: Figure, tree: xr.DataTree, request: Request, view: View | None = None) -> None:
-    """Write the result's title, and what was selected, over the figure; nothing if the user wants no title."""
-    if not request.title:
+    """Write the result's title, and what was selected, over the figure.
+
+    Nothing if the user wants no title, or gave a frame, over which stand the names of the tongues.
+    """
+    if not request.title or request.ax is not None:
         return
     title = fitted(plain(title_of(tree)), figure.get_figwidth(), 9)
     lines = [title] if title else []
@@ -34,13 +38,17 @@ def write_title(figure: Figure, tree: xr.DataTree, request: Request, view: View 
 Place = Literal["outside lower center", "outside lower right"]
 
 
-def write_legend(figure: Figure, handles: Sequence[Any], place: Place = "outside lower center") -> Legend | None:
+def write_legend(
+    figure: Figure, handles: Sequence[Any], place: Place = "outside lower center", ax: Axes | None = None
+) -> Legend | None:
     """A legend under the figure with as many columns as its width holds, the rows about equally full.
 
-    None without handles.
+    None without handles. ax: the frame that it goes into instead, in a figure that the user made.
     """
     if not handles:
         return None
+    if ax is not None:
+        return ax.legend(handles=list(handles))
     # The handle and its gaps take about 4.5 letters of size 7.5.
     letters = max(printed_text(str(handle.get_label())) for handle in handles) + 9
     most = max(1, int(figure.get_figwidth() * 72 / (0.45 * 7.5) / letters))

@@ -18,7 +18,7 @@ from matplotlib.transforms import (
     blended_transform_factory,
 )
 
-from gearstab.plots.axes import View
+from gearstab.plots.axes import Request, View
 from gearstab.plots.drawing.placement import Placed, place
 from gearstab.plots.drawing.text import tongue_label
 from gearstab.plots.drawing.tongues import INVISIBLE, Tongues, frequency_limits, parameter_axis, read_tongues, widest
@@ -195,7 +195,11 @@ def settle(figure: Figure) -> None:
     figure.draw_without_rendering()
 
 
-def freeze(figure: Figure) -> None:
-    """Run the layout a last time, now with the names, and keep it: every output format then shows the same figure."""
+def freeze(figure: Figure, request: Request) -> None:
+    """Run the layout a last time, now with the names, and keep it: every output format then shows the same figure.
+
+    A figure that the user made keeps its own layout.
+    """
     figure.draw_without_rendering()
-    figure.set_layout_engine("none")
+    if request.ax is None:
+        figure.set_layout_engine("none")

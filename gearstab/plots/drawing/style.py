@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import matplotlib as mpl
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
@@ -110,6 +111,8 @@ def new_figure(request: Request, aspect: float | tuple[float, float], default: s
 
     aspect: height over width, or one for a column and one for two of them. Raises PlotError for an unknown size.
     """
+    if request.ax is not None:
+        raise PlotError("this kind of figure has frames of its own; leave ax out")
     size = request.size or default
     if size not in WIDTHS:
         raise PlotError(f"size {size!r} is not known; use {listed(WIDTHS)}")
@@ -119,6 +122,17 @@ def new_figure(request: Request, aspect: float | tuple[float, float], default: s
     figure = Figure(figsize=(width, aspect * width), layout=layout, dpi=request.dpi or RESOLUTION)
     FigureCanvasAgg(figure)
     return figure
+
+
+def new_frame(request: Request, aspect: float | tuple[float, float], default: str = "single") -> tuple[Figure, Axes]:
+    """The frame that the user gave and its figure, or the one frame of a figure as :func:`new_figure` makes it."""
+    if request.ax is not None:
+        figure = request.ax.get_figure(root=True)
+        if figure is None:
+            raise PlotError("ax belongs to no figure any more")
+        return figure, request.ax
+    figure = new_figure(request, aspect, default)
+    return figure, figure.add_subplot()
 
 
 def metadata(extension: str, title: str) -> dict[str, Any]:

@@ -17,7 +17,7 @@ from gearstab.plots.axes import FREQUENCY, INNER, SPEEDS, MapView, Request, swep
 from gearstab.plots.cases import caption, some
 from gearstab.plots.drawing import grid, names, tongues
 from gearstab.plots.drawing.heading import write_legend, write_title
-from gearstab.plots.drawing.style import CASES, DASHES, LINE, SHADE, new_figure
+from gearstab.plots.drawing.style import CASES, DASHES, LINE, SHADE, new_frame
 from gearstab.plots.drawing.tongues import Tongues
 from gearstab.plots.kinds import Contents, Kind
 from gearstab.plots.maps import proved
@@ -164,16 +164,15 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     view = view_boundaries(tree, request)
     chosen, note = some(view.free, len(CASES), "overlaid cases", request.partial)
     views = [view.at(**case) for case in chosen]
-    figure = new_figure(request, (0.78, 0.5))
-    ax = figure.add_subplot()
+    figure, ax = new_frame(request, (0.78, 0.5))
     tints = [SHADE] if len(views) == 1 else [to_rgba(CASES[k], 0.18) for k in range(len(views))]
     cases = [draw_case(tree, ax, item, k, tints[k], len(views) == 1) for k, item in enumerate(views)]
     handles = legend_handles(cases, [caption(view.free, case) for case in chosen])
-    legend = write_legend(figure, handles)
+    legend = write_legend(figure, handles, ax=request.ax)
     write_title(figure, tree, request, view)
     names.settle(figure)
     named = named_cases(tree, ax, views)
-    names.freeze(figure)
+    names.freeze(figure, request)
     return figure, {"cases": cases, "names": named, "legend": legend, "left_out": note}
 
 

@@ -14,7 +14,7 @@ from gearstab.plots.axes import SPEEDS, Axis, Request, View, view_along
 from gearstab.plots.cases import Index, caption, some
 from gearstab.plots.drawing import grid, names, tongues
 from gearstab.plots.drawing.heading import write_legend, write_title
-from gearstab.plots.drawing.style import CASES, DASHES, SHADE, new_figure
+from gearstab.plots.drawing.style import CASES, DASHES, SHADE, new_frame
 from gearstab.plots.drawing.text import fitted
 from gearstab.plots.kinds import Kind
 from gearstab.plots.maps import doubt, proved
@@ -88,8 +88,7 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     dataset, data = find_variable(tree, variable)
     view = view_along(tree, map(str, data.dims), request, dataset)
     cases, note = chosen_curves(view, data, request)
-    figure = new_figure(request, 0.62)
-    ax = figure.add_subplot()
+    figure, ax = new_frame(request, 0.62)
     lines = [draw_curve(ax, data, view.at(**c), k, caption(view.free, c)) for k, c in enumerate(cases)]
     doubted = draw_doubts(tree, ax, dataset, view, cases, lines)
     low, high = grid.limits(view.x) if view.x.size == 1 else view.x.ascending[[0, -1]]
@@ -100,11 +99,11 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     found, bands = draw_bands(tree, ax, view) if len(cases) == 1 else (None, None)
     tint = proved.draw_proved(tree, ax, view, None) if len(cases) == 1 else None
     handles = [*(lines if len(cases) > 1 else []), *proved.legend_of(tint), *doubt.legend_of_curves(doubted)]
-    write_legend(figure, handles)
+    write_legend(figure, handles, ax=request.ax)
     write_title(figure, tree, request, view)
     names.settle(figure)
     named = names.name_tongues(ax, found, True) if found is not None else None
-    names.freeze(figure)
+    names.freeze(figure, request)
     return figure, {"lines": lines, "bands": bands, "proved": tint, "names": named, "left_out": note}
 
 

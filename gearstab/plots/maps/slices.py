@@ -83,7 +83,7 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     names.settle(figure)
     for ax, item, artists in zip(grid, views, panels, strict=False):
         artists["names"] = names.name_view(tree, ax, item, rows=1)
-    names.freeze(figure)
+    names.freeze(figure, request)
     return figure, {"panels": panels, "colour_bar": bar, "left_out": note}
 
 

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from gearstab.plots.axes import MapView, Request, two_axes_only, view_of
 from gearstab.plots.drawing import grid, names, tongues
 from gearstab.plots.drawing.heading import write_legend, write_title
-from gearstab.plots.drawing.style import GROWTH, LINE, new_figure
+from gearstab.plots.drawing.style import GROWTH, LINE, new_frame
 from gearstab.plots.drawing.text import fitted
 from gearstab.plots.kinds import Kind
 from gearstab.plots.maps import doubt, proved
@@ -160,8 +160,7 @@ def whole_map(
     """
     view = view_of(tree, map(str, data.dims), request, dataset)
     two_axes_only(view, otherwise)
-    figure = new_figure(request, (0.78, 0.52))
-    ax = figure.add_subplot()
+    figure, ax = new_frame(request, (0.78, 0.52))
     artists, label = paint(ax, view)
     bar = figure.colorbar(artists["cells"], ax=ax, label=fitted(label, 1.8, 8.5), pad=0.02, aspect=28)
     bar.outline.set_linewidth(0.5)
@@ -169,11 +168,11 @@ def whole_map(
         bar.add_lines(artists["contours"])
     artists["colour_bar"] = bar
     tint, doubtful = artists.get("proved"), artists.get("doubtful", {})
-    write_legend(figure, [*proved.legend_of(tint), *doubt.legend_of_map(doubtful)])
+    write_legend(figure, [*proved.legend_of(tint), *doubt.legend_of_map(doubtful)], ax=request.ax)
     write_title(figure, tree, request, view)
     names.settle(figure)
     artists["names"] = names.name_view(tree, ax, view)
-    names.freeze(figure)
+    names.freeze(figure, request)
     return figure, artists
 
 

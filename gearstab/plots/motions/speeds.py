@@ -16,7 +16,7 @@ from gearstab.plots.axes import SPEEDS, Request, View, view_along
 from gearstab.plots.cases import caption
 from gearstab.plots.drawing import grid, names, tongues
 from gearstab.plots.drawing.heading import write_legend, write_title
-from gearstab.plots.drawing.style import CASES, DASHES, SHADE, new_figure
+from gearstab.plots.drawing.style import CASES, DASHES, SHADE, new_frame
 from gearstab.plots.kinds import Contents, Kind
 from gearstab.plots.maps import curve, doubt
 from gearstab.plots.variables import colour_label, find_variable
@@ -90,8 +90,7 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     if view.x.name not in SPEEDS:
         raise PlotError(f"response curves are drawn over {SPEEDS[0]}, not over {view.x.name}; use --kind curve")
     cases, note = curve.chosen_curves(view, data, request)
-    figure = new_figure(request, (0.66, 0.4))
-    ax = figure.add_subplot()
+    figure, ax = new_frame(request, (0.66, 0.4))
     x = view.x.ascending
     others = [axis for axis in view.free if axis.name != "mesh"]
     ranges = [unstable_ranges(tree, view.at(**case)) for case in cases]
@@ -111,10 +110,10 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     handles = lines if len(cases) > 1 else []
     if bands is not None:
         handles = [*handles, Patch(facecolor=SHADE, label="unstable")]
-    write_legend(figure, [*handles, *doubt.legend_of_curves(doubted)])
+    write_legend(figure, [*handles, *doubt.legend_of_curves(doubted)], ax=request.ax)
     write_title(figure, tree, request, view)
     names.settle(figure)
-    names.freeze(figure)
+    names.freeze(figure, request)
     return figure, {"lines": lines, "bands": bands, "left_out": note}
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gearstab import floquet
+from gearstab.floquet import solve
 from gearstab.linear.first_order import bases
 from gearstab.modal import mean_modes
 from gearstab.response.backlash.contact import play, resting
@@ -73,7 +73,7 @@ def speed_cycles(
     first = driven(system, omega[0])
     flags = BACKLASH_FLAGS["unbalanced"] * bool(unbalanced(first.drive, next(bases(system)))[0])
     held = balanced(system, next(bases(system)))
-    growth = np.ravel(floquet.solve(at_rest(system), omega).growth_rate)
+    growth = np.ravel(solve(at_rest(system), omega).growth_rate)
     per_period = first.drive.counts[0]
     left_out = int(np.ceil((0.5 * cycles if discard is None else discard) / per_period - 1e-9))
     periods = max(int(np.ceil(cycles / per_period - 1e-9)), left_out + 1)

@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from gearstab import floquet
+from gearstab.floquet import solve
 from gearstab.linear.first_order import bases
 from gearstab.response.linear.driven import Driven, driven
 from gearstab.response.linear.equilibrium import static_mesh_force
@@ -162,7 +162,7 @@ def assembled(
         energy += 0.5 * np.sum(force * (deflection - errors), axis=1)
     finite = np.isfinite(q).all(axis=1) & np.isfinite(v).all(axis=1) & np.isfinite(energy)
     kept = len(q) if finite.all() else int(np.argmin(finite))
-    growth = float(np.ravel(floquet.solve(at_rest(system), np.array([omega])).growth_rate)[0])
+    growth = float(np.ravel(solve(at_rest(system), np.array([omega])).growth_rate)[0])
     flags = RESPONSE_FLAGS["overflow"] * (kept < len(q)) | RESPONSE_FLAGS["unstable"] * (growth > 0)
     flags |= RESPONSE_FLAGS["separation"] * bool(np.any(separated(force[:kept], static_mesh_force(system))))
     return Response(

@@ -1,0 +1,121 @@
+"""Whole runs in memory, with the layout of the files that commands write, and their figures."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from gearstab.api.configurations import Source, as_config
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from gearstab.config import Config
+
+
+def sweep(
+    config: Source, jobs: int | None = None, *, progress: bool | None = None, confirmed: bool = False
+) -> xr.DataTree:
+    """Compute the grid of a configuration with all its methods; returns what a result file holds, in memory.
+
+    Parameters
+    ----------
+    config: as in :func:`gearstab.load`, with the sections ``sweep`` and ``methods``.
+    jobs: threads or processes, default one a processor.
+    progress: whether to show a bar; default: in a notebook and on a terminal.
+    confirmed: True to begin a sweep of very many points, hours or gigabytes.
+
+    Finished blocks of a long sweep wait in a temporary folder, which is removed at the end. An interrupt (Ctrl-C, the
+    stop button of a notebook) ends all processes and raises KeyboardInterrupt; nothing is kept.
+
+    Raises ConfigError for a wrong configuration, RequestError for a large sweep that is not confirmed, and SweepError
+    where it could not be finished.
+    """
+    from gearstab.api.progress import reporter
+    from gearstab.results.read import from_bytes
+    from gearstab.sweep import limits, plan, run_in_memory
+
+    planned = plan(as_config(config, "sweep", "methods"))
+    folder = Path(tempfile.gettempdir()) / "result.h5"
+    limits.refuse(planned, folder, jobs, confirmed, "pass confirmed=True to begin it")
+    return from_bytes(run_in_memory(planned, jobs, reporter(progress), said_of(planned.config)))
+
+
+def said_of(config: Config) -> dict[str, str]:
+    """Return what a result says of its origin; the file of a configuration is relative to the current folder."""
+    from gearstab.sweep.earlier import origin
+
+    said = origin(config, Path("result.h5"))
+    return said if config.source.is_file() else {"config_overrides": said["config_overrides"]}
+
+
+def respond(config: Source) -> xr.DataTree:
+    """Compute the time response of a configuration; returns what ``gearstab respond`` writes, in memory.
+
+    config: as in :func:`gearstab.load`, with the section ``respond``. Raises ConfigError.
+    """
+    from gearstab.respond import computed
+    from gearstab.results.read import from_bytes
+    from gearstab.results.write import image
+
+    return from_bytes(image(computed(as_config(config, "respond"))[1]))
+
+
+def design(config: Source, *, progress: bool | None = None) -> xr.DataTree:
+    """Find the design that suppresses instability best; returns what ``gearstab design`` writes, in memory.
+
+    config: as in :func:`gearstab.load`, with the section ``design``. progress: as in :func:`sweep`. The answer in words
+    is the attribute ``answer`` of the group ``design``. Raises ConfigError and NotPossible.
+    """
+    from gearstab.api.progress import reporter
+    from gearstab.design import check
+    from gearstab.design import design as find
+    from gearstab.results.read import from_bytes
+    from gearstab.results.write import image
+
+    loaded = as_config(config, "design")
+    check(loaded)
+    return from_bytes(image(find(loaded, reporter(progress).message)))
+
+
+def plot(
+    result: xr.DataTree | str | Path,
+    kind: str | None = None,
+    ax: Axes | None = None,
+    *,
+    x: str | None = None,
+    y: str | None = None,
+    select: Mapping[str, Any] | None = None,
+    variable: str | None = None,
+    size: str | None = None,
+    title: bool = True,
+    dpi: int | None = None,
+) -> Figure:
+    """Draw a figure from a result alone.
+
+    Parameters
+    ----------
+    result: what :func:`sweep` or :func:`respond` returned, or the path of a result file.
+    kind: what to draw, as ``gearstab plot --kind``; default by what the result holds.
+    ax: the frame to draw into, for kinds of one frame; it gets no title. Default: a new figure.
+    x, y: axes along the sides. select: axis -> value (the nearest one is taken) or label, to fix further axes.
+    variable: the variable of a map or curve. size: "single" or "double" column. title: whether to write it over the
+        figure. dpi: resolution.
+
+    Returns the figure, which ``savefig`` writes. Raises PlotError for what the result cannot give, ResultError for a
+    file that is no result.
+    """
+    from gearstab.plots import draw
+    from gearstab.plots.axes import Request
+    from gearstab.results.read import reading
+
+    chosen = {name: str(value) for name, value in (select or {}).items()}
+    request = Request(x, y, chosen, variable, size, title, dpi, ax=ax)
+    if isinstance(result, str | Path):
+        with reading(result) as tree:
+            return draw(tree, kind, request)[0]
+    return draw(result, kind, request)[0]
