@@ -25,6 +25,7 @@ COMMANDS = {
     "check": ("gearstab.cli.check:command", "Validate a configuration; list every mistake."),
     "respond": ("gearstab.cli.respond:command", "Compute a time response."),
     "design": ("gearstab.cli.design:command", "Find a design without instability."),
+    "report": ("gearstab.cli.report.command:command", "Write a report to forward."),
     "bench": ("gearstab.cli.bench:command", "Compare speed and error of the methods."),
     "export": ("gearstab.cli.export:command", "Write a result file as tidy CSV."),
     "schema": ("gearstab.cli.schema:command", "Print the JSON schema of configurations."),

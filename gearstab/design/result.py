@@ -32,6 +32,8 @@ SPEEDS = 801
 """Mesh frequencies at which the growth rate is stored."""
 ACROSS = 25
 """Places along a variable, and along each side of a map of two."""
+STEP = 0.05
+"""Of the bounds of a variable, for what a step of it does."""
 MOST_SCANS = 6
 """Maps of two variables, the first ones."""
 ALWAYS = ("instability_width", "growth_rate", "required_damping", "tongue_distance")
@@ -78,7 +80,7 @@ def _united(solution: Solution, variable: Variable) -> Variable:
     one = own[0] if len(set(own)) == 1 else "1"
     if variable.name in ("objective_initial", "objective_optimum", "design_objective", "choice_objective"):
         return replace(variable, units=one)
-    if variable.name in ("scan_objective", "line_objective"):
+    if variable.name in ("scan_objective", "line_objective", "step_objective"):
         return replace(variable, units=own[0])
     if variable.name.startswith(("edge_sensitivity", "sensitivity")):
         said = "of the objective" if variable.name == "sensitivity" else "of the mesh frequency"
@@ -188,10 +190,13 @@ def _scans(solution: Solution) -> dict[str, Any]:
     if not moving:
         return {}
     across = np.linspace(0.0, 1.0, ACROSS)
-    lines = np.full((len(problem.variables), ACROSS), np.nan)
+    lines, steps = np.full((len(problem.variables), ACROSS), np.nan), np.full((len(problem.variables), 2), np.nan)
     for v in moving:
-        lines[v] = _objective(judge, _moved(problem, solution.optimum, {v: across}))
-    found: dict[str, Any] = {"place": across, "line_objective": lines}
+        low, high = problem.bounds[:, v]
+        beside = (solution.optimum[v] - low) / (high - low) + np.array([-STEP, STEP])
+        line = _objective(judge, _moved(problem, solution.optimum, {v: np.append(across, np.clip(beside, 0.0, 1.0))}))
+        lines[v], steps[v] = line[:-2], line[-2:]
+    found: dict[str, Any] = {"place": across, "line_objective": lines, "step_objective": steps}
     pairs = list(combinations(moving, 2))[:MOST_SCANS] if solution.cheap or len(moving) == 2 else []
     if pairs:
         one, other = (part.ravel() for part in np.meshgrid(across, across))

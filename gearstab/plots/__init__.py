@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from gearstab.errors import PlotError, listed
 from gearstab.plots import modes, work_precision
 from gearstab.plots.axes import Request, distinct
+from gearstab.plots.design import before_after, contour, pareto, tornado
 from gearstab.plots.drawing.style import style
 from gearstab.plots.kinds import Contents, Kind
 from gearstab.plots.maps import boundaries, curve, probability, required_damping, slices, stability_map, surface
@@ -20,7 +21,7 @@ KINDS: dict[str, Kind] = {
     module.KIND.name: module.KIND
     for module in (
         stability_map, slices, curve, modes, boundaries, surface, required_damping, probability, speeds, work_precision,
-        response, pair, spectrum, teeth, phase_plane,
+        response, pair, spectrum, teeth, phase_plane, contour, tornado, before_after, pareto,
     )
 }  # fmt: skip
 """By name; of several kinds that suit a result the last is its default."""

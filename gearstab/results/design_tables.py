@@ -62,6 +62,8 @@ DESIGN_SCANS = (
     coordinate("other_scanned", "scan", TEXT, "1", "variable along other_place"),
     Variable("scan_objective", ("scan", "other_place", "place"), "f8", "1",
              "first objective over two variables, all others at the optimum"),
+    Variable("step_objective", ("variable", "side"), "f8", "1",
+             "first objective with the variable 5 % of its bounds lower or higher, within them"),
     Variable("line_objective", ("variable", "place"), "f8", "1",
              "first objective along one variable, all others at the optimum"),
 )  # fmt: skip

@@ -19,8 +19,11 @@ from gearstab.design.pareto import nondominated, thinned
 from gearstab.design.problem import Problem, assembled
 from gearstab.design.regions import united
 from gearstab.design.tongues import tongues
+from gearstab.errors import PlotError
 from gearstab.floquet import solve
 from gearstab.floquet.boundaries import boundaries
+from gearstab.plots import draw
+from gearstab.results import open_result
 from gearstab.systems import build
 
 RANGE = (4.8, 6.0)
@@ -46,15 +49,21 @@ def width(c1: np.ndarray, h: np.ndarray) -> np.ndarray:
 
 
 @pytest.fixture(scope="module")
-def two(tmp_path_factory: pytest.TempPathFactory) -> xr.Dataset:
-    """The design of a phasing and a contact ratio by the command."""
+def result(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The file of the design of a phasing and a contact ratio, by the command."""
     folder = tmp_path_factory.mktemp("two")
     done = ran("design", written(folder, TRAIN + TWO), "-o", folder / "out.h5")
     assert done.exit_code == 0, done.output
     shown = ran("info", folder / "out.h5").stdout
     assert done.stdout.splitlines() == shown.splitlines()[1:-1]
     assert 5 <= len(done.stdout.splitlines()) <= 11
-    with xr.open_datatree(folder / "out.h5", engine="h5netcdf") as tree:
+    return folder / "out.h5"
+
+
+@pytest.fixture(scope="module")
+def two(result: Path) -> xr.Dataset:
+    """What it holds."""
+    with xr.open_datatree(result, engine="h5netcdf") as tree:
         return tree["design"].to_dataset().load()
 
 
@@ -95,6 +104,25 @@ def test_margins_end_where_the_objective_is_degraded(two: xr.Dataset) -> None:
                 if abs(room - abs(bound[k] - design[k])) > 1e-9:
                     value = width(moved[:1], moved[1:])[0]
                     assert (value > most * (1 - 1e-9)) == degraded, (k, margin)
+
+
+def test_figures_show_what_the_result_holds(result: Path, two: xr.Dataset) -> None:
+    with open_result(result) as tree:
+        _, found = draw(tree)
+        assert len(found["lines"]) == 2
+        assert found["lines"][1].get_ydata() == pytest.approx(two["speed_growth_rate"].values[:, 1])
+        assert any("3" in name.get_text() for name in found["names"])
+        _, found = draw(tree, "contour")
+        assert [mark.get_xdata()[0] for mark in found["optimum"]] == [two["optimum"].values[0]]
+        _, turned = draw(tree, "contour", x="meshes.second.phasing", y="meshes.first.contact_ratio")
+        assert turned["optimum"][0].get_xdata()[0] == two["optimum"].values[1]
+        _, found = draw(tree, "tornado")
+        ends = sorted(bar.get_x() + bar.get_width() for bar in (*found["lower"], *found["higher"]))
+        assert ends == pytest.approx(np.sort(two["step_objective"].values.ravel()))
+        with pytest.raises(PlotError):
+            draw(tree, "pareto")
+        with pytest.raises(PlotError):
+            draw(tree, "contour", x="epsilon")
 
 
 def test_the_result_is_the_same_again(tmp_path: Path) -> None:
@@ -224,6 +252,8 @@ def test_a_pareto_front_by_the_command(tmp_path: Path) -> None:
     assert done.exit_code == 0, done.output
     with xr.open_datatree(tmp_path / "front.h5", engine="h5netcdf") as tree:
         result = tree["design"].to_dataset().load()
+        _, artists = draw(tree)
+    assert len(artists["fronts"][0].get_xdata()) == result.sizes["design"]
     everything, front = result["choice_objective"].values, result["design_objective"].values
     assert len(everything) == 10
     for row in everything:

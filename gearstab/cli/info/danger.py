@@ -33,7 +33,7 @@ def facts(config: Config, system: GearSystem, harmonics: int) -> dict[str, Any]:
         unit = axis.typed_units or unit
         scale = axis.mesh_frequency.factor * (scale_of(axis.typed_units, axis.units) if axis.typed_units else 1.0)
     found = rank(system, low, high, harmonics)
-    step = _step(system)
+    step = planets_step(system)
     return {
         "axis": "mesh frequency" if axis is None else axis.long_name,
         "unit": unit,
@@ -48,8 +48,8 @@ def facts(config: Config, system: GearSystem, harmonics: int) -> dict[str, Any]:
     }
 
 
-def _step(system: GearSystem) -> tuple[int, int] | None:
-    """Number of planets and z of a system to which the existence rule applies."""
+def planets_step(system: GearSystem) -> tuple[int, int] | None:
+    """Return the number of planets and z of a system to which the existence rule applies."""
     from gearstab.symmetry import phase_step
 
     step = phase_step(system)
@@ -71,12 +71,12 @@ def _region(
         "share_of_range": region.inside / width if width < float("inf") and width > 0 else None,
         "growth_rate": found.growth_rate,
         "threshold": region.threshold,
-        "closed_by": _remedies(config, system, region, step),
+        "closed_by": remedies_of(config, system, region, step),
     }
 
 
-def _remedies(config: Config, system: GearSystem, region: Region, step: tuple[int, int] | None) -> dict[str, Any]:
-    """The damping ratio, contact ratios, phasing or tooth numbers that close a region to first order."""
+def remedies_of(config: Config, system: GearSystem, region: Region, step: tuple[int, int] | None) -> dict[str, Any]:
+    """Return the damping ratio, contact ratios, phasing or tooth numbers that close a region to first order."""
     from gearstab.perturbation import remedies
 
     found, meshes = region.amplitudes, config.parameters.get("meshes")

@@ -1,0 +1,1 @@
+"""``gearstab report``: what was found out, put on pages, as HTML or PDF."""

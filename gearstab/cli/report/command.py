@@ -1,0 +1,53 @@
+"""``gearstab report``: the page that an engineer forwards."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from gearstab.cli import options
+from gearstab.cli.console import tell
+
+ENDINGS = (".html", ".pdf")
+
+
+@click.command(name="report", short_help="Write a report to forward.")
+@options.config
+@click.option("-o", "--output", type=options.FILE, required=True, help="Report: .html or .pdf, one file.")
+@options.overrides
+@options.quiet
+def command(config: Path, output: Path, overrides: tuple[str, ...], quiet: bool) -> None:
+    """Write a page on the instability of CONFIG over its operating range: what it is, what closes it, how sure that is.
+
+    The range is that of the section `design`, whose best design is searched and proposed, else that of the sweep.
+    """
+    from gearstab.cli.errors import warn
+    from gearstab.cli.report.content import page
+    from gearstab.cli.report.html import html
+    from gearstab.cli.report.pdf import pdf
+    from gearstab.config import load
+    from gearstab.errors import OutputError
+    from gearstab.results.output import FIGURES, RESULTS, TABLES, Content, write_bytes
+
+    ending = output.suffix.lower()
+    if ending not in ENDINGS:
+        raise OutputError(f"{output}: a report has a name that ends in {' or '.join(ENDINGS)}")
+    others = tuple(name for name in (*TABLES, *FIGURES, *RESULTS) if name not in ENDINGS)
+    content = Content("a report", "/".join(ENDINGS), no_report, others, streams=False)
+    content.refuse(output, config)
+    loaded = load(config, overrides)
+    if not quiet:
+        warn(loaded)
+    found = page(loaded, (lambda text: None) if quiet else (lambda text: tell(f"report: {text}")))
+    write_bytes(output, memoryview((html if ending == ".html" else pdf)(found)), content.refuse)
+    if not quiet:
+        tell(f"report: {output}")
+
+
+def no_report(path: Path) -> str:
+    """Return what a file is instead of a report, "" for one."""
+    with open(path, "rb") as file:
+        head = file.read(512)
+    made = b'content="gearstab"' in head if head.startswith(b"<!DOCTYPE html>") else head.startswith(b"%PDF-")
+    return "" if made else "is no report"

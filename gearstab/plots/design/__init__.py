@@ -1,0 +1,1 @@
+"""Figures of design results: before and after, contours, tornado, Pareto front."""

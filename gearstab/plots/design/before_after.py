@@ -1,0 +1,93 @@
+"""The given design and the best one: growth rate over the mesh frequency, and where the regions lie."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from gearstab.errors import PlotError
+from gearstab.plots.axes import Request, mesh_numbers
+from gearstab.plots.design.dataset import GIVEN, NAME, OPTIMUM, design_of
+from gearstab.plots.drawing.heading import write_title
+from gearstab.plots.drawing.style import SHADE, new_figure
+from gearstab.plots.drawing.text import axis_label, tongue_label
+from gearstab.plots.kinds import Kind
+
+COLOURS = (GIVEN, OPTIMUM)
+WORDS = {"initial": "given"}
+"""What a state is called, if not by its name."""
+MOST_LABELS = 7
+"""Names of regions of a design."""
+APART = 0.075
+"""Of the width of the figure, between names."""
+
+
+def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, dict[str, Any]]:
+    """The whole figure: ``lines`` of growth rates, ``bars`` of regions and their ``names``, ``range``."""
+    data = design_of(tree)
+    if "speed_growth_rate" not in data:
+        raise PlotError("this design has no growth rates: its meshes have no common period")
+    regions = "region_frequency" in data
+    figure = new_figure(request, 0.62 if regions else 0.5, "double")
+    axes = figure.subplots(2 if regions else 1, sharex=True, height_ratios=[2.2, 1] if regions else None, squeeze=False)
+    top: Axes = axes[0, 0]
+    speed, words = data["speed"].values, words_of(data)
+    lines = [
+        top.plot(speed, data["speed_growth_rate"].values[:, k], color=COLOURS[k], label=word,
+                 linewidth=0.8 + 0.3 * k)[0]
+        for k, word in enumerate(words)
+    ]  # fmt: skip
+    top.set_xlim(speed[0], speed[-1])
+    top.set_ylabel(axis_label("growth_rate", "growth rate", str(data["speed_growth_rate"].attrs.get("units", "1"))))
+    top.legend(loc="upper left")
+    artists: dict[str, Any] = {"lines": lines, "bars": [], "names": [], "range": []}
+    for ax in axes[:, 0]:
+        artists["range"] += [
+            ax.axvspan(low, high, color=SHADE, alpha=0.6, zorder=0, linewidth=0)
+            for low, high in data["range_frequency"].values[:, :, -1]
+        ]
+    if regions:
+        draw_regions(axes[1, 0], tree, data, artists)
+    units = str(data["speed"].attrs.get("units", "1"))
+    axes[-1, 0].set_xlabel(axis_label("mesh_frequency", "mesh frequency", units))
+    write_title(figure, tree, request)
+    return figure, artists
+
+
+def words_of(data: xr.Dataset) -> list[str]:
+    """What the designs are called."""
+    return [WORDS.get(name, name) for name in data["state"].values.astype(str)]
+
+
+def draw_regions(ax: Axes, tree: xr.DataTree, data: xr.Dataset, artists: dict[str, Any]) -> None:
+    """A row of bars for each design, the widest ones in the frame with their names."""
+    edges, labels = data["region_frequency"].values, data["label"].values.astype(str)
+    low, high = ax.get_xlim()
+    least = 0.002 * (high - low)
+    words = words_of(data)
+    last = len(words) - 1
+    for k in range(len(words)):
+        here = edges[:, :, k]
+        inside = np.flatnonzero((here[:, 1] > low) & (here[:, 0] < high))
+        width = np.maximum(here[inside, 1] - here[inside, 0], least)
+        artists["bars"].append(ax.barh(np.full(len(inside), last - k), width, left=here[inside, 0], height=0.34,
+                                       color=COLOURS[k], linewidth=0))  # fmt: skip
+        taken: list[float] = []
+        for j in inside[np.argsort(-width, kind="stable")]:
+            middle = 0.5 * (max(here[j, 0], low) + min(here[j, 1], high))
+            inside_frame = low + 0.5 * APART * (high - low) < middle < high - 0.5 * APART * (high - low)
+            if inside_frame and len(taken) < MOST_LABELS and all(abs(middle - x) > APART * (high - low) for x in taken):
+                taken.append(middle)
+                text = tongue_label(labels[j], mesh_numbers(tree))
+                artists["names"].append(ax.text(middle, last + 0.24 - k, text, ha="center", va="bottom", fontsize=6.5))
+    ax.set_yticks(range(last, -1, -1), words)
+    ax.set_ylim(-0.35, last + 0.72)
+    ax.tick_params(axis="y", which="both", length=0)
+
+
+KIND = Kind("design", "growth rates and regions of the given design and the best one", draw,
+            lambda contents: contents.holds(NAME))  # fmt: skip

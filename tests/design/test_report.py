@@ -1,0 +1,114 @@
+"""``gearstab report``: one file, with what was found out."""
+
+from __future__ import annotations
+
+import base64
+import re
+from html import unescape
+from pathlib import Path
+
+import pytest
+from scenes import TRAIN, ran, written
+
+from gearstab.cli.report import facts
+from gearstab.cli.report.content import page
+from gearstab.cli.report.html import html
+from gearstab.cli.report.page import Heading, Page, Points, Table, Text
+from gearstab.cli.report.pdf import LETTERS, pdf
+from gearstab.config import load
+
+SWEEP = """\
+sweep:
+  mesh_frequency: {start: 4.0, stop: 7.0, num: 11}
+methods:
+  floquet: {}
+"""
+DESIGN = """\
+design:
+  range: {mesh_frequency: [4.8, 6.0]}
+  variables: {meshes.second.phasing: {values: [0.0, 0.25, 0.5]}}
+  minimise: instability_width
+"""
+LOAD = "  load: [1.0, 0.0, 0.5]\n"
+
+
+def plain(data: str) -> str:
+    """A page as text."""
+    return unescape(re.sub(r"<[^>]+>", " ", re.sub(r"<style>.*?</style>", "", data, flags=re.S)))
+
+
+@pytest.fixture(scope="module")
+def proposed(tmp_path_factory: pytest.TempPathFactory) -> str:
+    folder = tmp_path_factory.mktemp("report")
+    done = ran("report", written(folder, TRAIN + DESIGN), "-o", folder / "page.html")
+    assert done.exit_code == 0, done.output
+    return (folder / "page.html").read_text()
+
+
+def test_one_file_with_its_pictures(proposed: str) -> None:
+    sources = re.findall(r'(?:src|href)="([^"]*)"', proposed)
+    assert sources
+    for source in sources:
+        kind, data = source.split(",")
+        assert kind == "data:image/png;base64"
+        assert base64.b64decode(data).startswith(b"\x89PNG")
+
+
+def test_what_it_says(proposed: str) -> None:
+    """2w3 in phase: 4.9001 to 5.9256, a damping ratio of 0.0949; out of phase it is an eighth as wide."""
+    text = plain(proposed)
+    for words in ("Unstable: 1 region", "2w3", "4.9001 to 5.9256", "0.0949", "proposed", "c1 - c2 + 2h = 1",
+                  "Assumptions and limits", "config digest", "gearstab version"):  # fmt: skip
+        assert words in text, words
+    # Both designs are judged.
+    assert text.count("Regions in the operating range") == 2
+
+
+def test_damping_that_suffices(tmp_path: Path) -> None:
+    source = written(tmp_path, TRAIN.replace("tooth_ratio: 1", "tooth_ratio: 1\n  damping_ratio: 0.1") + SWEEP)
+    assert ran("report", source, "-o", tmp_path / "page.pdf").exit_code == 0
+    assert (tmp_path / "page.pdf").read_bytes().startswith(b"%PDF-")
+    found = page(load(source), lambda text: None)
+    verdict = found.blocks[0]
+    assert isinstance(verdict, Text)
+    assert verdict.text.startswith("Stable in the whole operating range")
+    table = next(b for b in found.blocks if isinstance(b, Table) and b.header[0] == "region")
+    row = next(row for row in table.rows if row[0] == "2w3")
+    assert row[3:7] == ["4.9001 to 5.9256", "0.0949", "0.1", "closed by damping"]
+
+
+def test_contact_and_uncertainty(tmp_path: Path) -> None:
+    tolerance = "  tolerance: {samples: 64, parameters: {meshes.first.contact_ratio: {uniform: [1.4, 1.6]}}}\n"
+    source = written(tmp_path, TRAIN.replace("  meshes:", LOAD + "  meshes:", 1) + SWEEP + tolerance)
+    text = " ".join(b.text for b in page(load(source), lambda text: None).blocks if isinstance(b, Text))
+    assert "Largest dynamic load factor" in text
+    # In the middle of 2w3 every one of these trains is unstable.
+    assert re.search(r"probability of instability of the given design is at most 1 ", text)
+
+
+def test_where_teeth_part(tmp_path: Path) -> None:
+    """The flags of the steady state, as stretches of speed."""
+    assert facts._runs([False, True, True, False, True]) == [(1, 2), (4, 4)]
+    assert facts._runs([False]) == []
+
+
+def test_mistakes(tmp_path: Path) -> None:
+    source = written(tmp_path, TRAIN)
+    assert ran("report", source, "-o", tmp_path / "page.html").exit_code == 2
+    swept = written(tmp_path, TRAIN + SWEEP, "swept.yaml")
+    assert ran("report", swept, "-o", tmp_path / "page.docx").exit_code == 2
+    other = written(tmp_path, "<p>mine</p>", "mine.html")
+    assert ran("report", swept, "-o", other).exit_code == 2
+    assert other.read_text() == "<p>mine</p>"
+
+
+def test_letters_that_mean_something_to_html_and_wide_tables() -> None:
+    table = Table(["k" * 40] * 5, [["word " * 20] * 5])
+    found = Page("a < b & c", [Heading("h"), Text("x > y"), Points(["<i>"]), table])
+    data = html(found).decode()
+    assert "<title>a &lt; b &amp; c</title>" in data
+    assert "&lt;i&gt;" in data
+    assert pdf(found).startswith(b"%PDF-")
+    from gearstab.cli.report.pdf import _lines
+
+    assert max(len(text) for text, _ in _lines(found.blocks[-1])) <= LETTERS
