@@ -274,3 +274,10 @@ def test_every_number_of_the_train_is_an_axis(tmp_path: Path, key: str) -> None:
 def test_the_ends_of_a_mesh_are_two(tmp_path: Path) -> None:
     ((_, path, message, hint),) = problems(tmp_path, "gears: [pinion, gear]", "gears: [pinion, gear, pinion]")
     assert (path, message, hint) == ("system.meshes.0.gears", "has 3 entries", "give at most 2")
+
+
+def test_cases_give_one_speed(tmp_path: Path) -> None:
+    axis = 'input_speed: {start: "600 rpm", stop: "3000 rpm", num: 7}'
+    cases = "case: [{label: a, mesh_frequency: 1900}, {label: b, input_speed: 100}]"
+    found = [problem for problem in problems(tmp_path, axis, cases) if problem[1] == "sweep.case.1.input_speed"]
+    assert [problem[2] for problem in found] == ["sets mesh_frequency, as mesh_frequency of another case does"]

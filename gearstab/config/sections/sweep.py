@@ -257,12 +257,17 @@ def _case_columns(context: Context, path: Path, entries: list[dict[str, Any]]) -
             if key not in targets:
                 targets[key] = context.resolve(key, (*path, i, key))
             for target in targets[key]:
-                names = found.setdefault(frozenset(target.paths), (target, {}))[1]
+                first, names = found.setdefault(frozenset(target.paths), (target, {}))
                 if i in names:
                     message = f"sets {dotted(target.paths[0])}, as {dotted((*path, i, names[i]))} does"
                     context.document.report((*path, i, key), message, "let one of the two set it", at_key=True)
-                else:
-                    names[i] = key
+                    continue
+                names[i] = key
+                if first.factor != target.factor:
+                    # A column has one factor, that of its first case.
+                    other = next(iter(names.values()))
+                    message = f"sets {dotted(target.paths[0])}, as {other} of another case does"
+                    context.document.report((*path, i, key), message, f"give {other} in all cases", at_key=True)
     columns = [_case_column(context, path, entries, target, names) for target, names in found.values()]
     return columns, bool(targets) and all(targets.values())
 
