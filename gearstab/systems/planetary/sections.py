@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from fractions import Fraction
-from typing import Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
-from gearstab.config.model.conflicts import Conflict, plain_number, within, wrong_length
+from gearstab.config.document.yaml import Document
+from gearstab.config.model.conflicts import Conflict, within, wrong_length
 from gearstab.config.model.fields import (
     Choice,
     Count,
@@ -23,12 +24,15 @@ from gearstab.system import GearSystem
 from gearstab.systems.base import System
 from gearstab.systems.parts.mesh import ToothMesh
 from gearstab.systems.planetary.build import build, coordinates
+from gearstab.systems.planetary.feasibility import MOST_PLANETS, assembly, check_assembly, whole
+
+if TYPE_CHECKING:
+    from gearstab.config.sections.axes import Config
 
 HARMONICS = 12
 """Default of J. Natural frequencies converge as J^-3: of a gear as in Parker (2009, Table 1) with 3 to 8 planets
 the first nine are within 4e-5 of their limits with 8, 1.1e-5 with 12, 4e-6 with 16 and 2e-6 with 20, relative."""
 MOST_HARMONICS = 200
-MOST_PLANETS = 30
 
 Support = Annotated[float, Field(ge=0), Quantity("N/m")]
 BodyForce = Annotated[float, Quantity("N", entry=True)]
@@ -227,11 +231,17 @@ class Planetary(System):
         return build(p)
 
     @classmethod
+    def check_feasible(cls, document: Document, config: Config) -> None:
+        """Planets that can be assembled at every point of a grid over their number or their teeth, besides."""
+        super().check_feasible(document, config)
+        check_assembly(document, config)
+
+    @classmethod
     def size(cls, raw: dict[str, Any]) -> int | None:
         ring: dict[str, Any] = raw.get("ring") or {}
         planets: Any = raw.get("planets")
         harmonics = ring.get("harmonics", HARMONICS)
-        if raw.get("ring") is None or not (_whole(planets, 3, MOST_PLANETS) and _whole(harmonics, 2, MOST_HARMONICS)):
+        if raw.get("ring") is None or not (whole(planets, 3, MOST_PLANETS) and whole(harmonics, 2, MOST_HARMONICS)):
             return None
         waves = 1 if ring.get("kind") == "rigid" else int(harmonics)
         return len(coordinates(int(planets), waves, raw.get("motion", "planar")))
@@ -258,11 +268,6 @@ class Planetary(System):
         yield from _phases(raw)
 
 
-def _whole(value: Any, low: int, high: int) -> bool:
-    number = plain_number(value)
-    return number is not None and low <= number <= high and number.is_integer()
-
-
 def _phases(raw: dict[str, Any]) -> Iterator[Conflict]:
     phases, teeth, planets = raw.get("phases"), raw.get("teeth"), raw.get("planets")
     if phases is None and teeth is None:
@@ -270,19 +275,8 @@ def _phases(raw: dict[str, Any]) -> Iterator[Conflict]:
     sun = (phases or {}).get("sun")
     if sun is not None and teeth is not None:
         yield ("phases", "sun"), "the phases follow from teeth already", "keep phases.sun or teeth"
-    elif _whole(planets, 3, MOST_PLANETS):
+    elif whole(planets, 3, MOST_PLANETS):
         yield from within(raw, "phases", lambda phases: wrong_length(phases, "sun", planets, "planet"))
     numbers: list[Any] = [(teeth or {}).get(key) for key in ("sun", "planet", "ring")]
-    if all(_whole(number, 4, 10**6) for number in numbers):
-        yield from _assembly(int(numbers[0]), int(numbers[1]), int(numbers[2]), planets)
-
-
-def _assembly(sun: int, planet: int, ring: int, planets: Any) -> Iterator[Conflict]:
-    """The teeth fit into each other, and planets at equal angles between them."""
-    if ring != sun + 2 * planet:
-        yield ("teeth", "ring"), f"must be z_s + 2 z_p = {sun + 2 * planet}", f"give {sun + 2 * planet} teeth"
-    elif _whole(planets, 3, MOST_PLANETS) and (sun + ring) % int(planets):
-        possible = [str(k) for k in range(3, MOST_PLANETS + 1) if (sun + ring) % k == 0]
-        remedy = f"change the teeth, or take one of planets: {', '.join(possible)}" if possible else "change the teeth"
-        message = f"{planets} equally spaced planets cannot be assembled: (z_s + z_r)/N = {sun + ring}/{planets}"
-        yield ("teeth",), f"{message} is no integer", remedy
+    if all(whole(number, 4, 10**6) for number in numbers):
+        yield from assembly(int(numbers[0]), int(numbers[1]), int(numbers[2]), planets)

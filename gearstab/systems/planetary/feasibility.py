@@ -1,0 +1,52 @@
+"""Whether the planets of a gear can be assembled."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import islice, product
+from typing import Any
+
+import numpy as np
+
+from gearstab.config.document.yaml import Document
+from gearstab.config.model.conflicts import Conflict, plain_number
+from gearstab.config.sections.axes import Config, parameters_at
+
+MOST_PLANETS = 30
+MOST_ASSEMBLIES = 100_000
+"""Points of a grid of teeth that are looked at."""
+
+
+def check_assembly(document: Document, config: Config) -> None:
+    """Report the first point of the grid, over the axes of teeth and planets, at which the gear cannot be assembled."""
+    axes = [axis for axis in config.axes if any(item.path[0] in ("teeth", "planets") for item in axis.assignments)]
+    if not axes or config.parameters.get("teeth") is None:
+        return
+    for places in islice(product(*(range(axis.size) for axis in axes)), MOST_ASSEMBLIES):
+        at = {axis.name: np.array(k) for axis, k in zip(axes, places, strict=True)}
+        p = parameters_at(config, at)
+        sun, planet, ring = (int(p["teeth"][name]) for name in ("sun", "planet", "ring"))
+        if any(True for _ in assembly(sun, planet, ring, int(p["planets"]))):
+            values = ", ".join(f"{axis.name} = {axis.values[k]}" for axis, k in zip(axes, places, strict=True))
+            hint = "tie teeth.sun, teeth.planet and teeth.ring to one axis, or let gearstab design go through them"
+            numbers = f"z_s, z_p, z_r = {sun}, {planet}, {ring} with {p['planets']} planets"
+            said = f"cannot be assembled at {values}: {numbers}"
+            document.report(("sweep", axes[0].name), said, hint)
+            return
+
+
+def assembly(sun: int, planet: int, ring: int, planets: Any) -> Iterator[Conflict]:
+    """Yield what keeps teeth from fitting into each other, and planets at equal angles between them."""
+    if ring != sun + 2 * planet:
+        yield ("teeth", "ring"), f"must be z_s + 2 z_p = {sun + 2 * planet}", f"give {sun + 2 * planet} teeth"
+    elif whole(planets, 3, MOST_PLANETS) and (sun + ring) % int(planets):
+        possible = [str(k) for k in range(3, MOST_PLANETS + 1) if (sun + ring) % k == 0]
+        remedy = f"change the teeth, or take one of planets: {', '.join(possible)}" if possible else "change the teeth"
+        message = f"{planets} equally spaced planets cannot be assembled: (z_s + z_r)/N = {sun + ring}/{planets}"
+        yield ("teeth",), f"{message} is no integer", remedy
+
+
+def whole(value: Any, low: int, high: int) -> bool:
+    """Return whether a value as written is a whole number within limits."""
+    number = plain_number(value)
+    return number is not None and low <= number <= high and number.is_integer()

@@ -1,0 +1,111 @@
+"""The designs of ``configs/design``: minima of independent scans, and the planets' phases."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from scenes import CONFIGS, problems, ran, read, written
+
+from gearstab.config import load
+from gearstab.design.problem import Problem
+from gearstab.floquet.boundaries import boundaries
+from gearstab.symmetry import phase_step
+
+FOLDER = CONFIGS / "design"
+PLANETARY = (FOLDER / "planetary.yaml").read_text()
+
+
+def designed(source: Path, folder: Path) -> xr.Dataset:
+    """The result of a configuration."""
+    done = ran("design", source, "-o", folder / "out.h5", "-q")
+    assert done.exit_code == 0, done.output
+    with xr.open_datatree(folder / "out.h5", engine="h5netcdf") as tree:
+        return tree["design"].to_dataset().load()
+
+
+def widths(problem: Problem, designs: np.ndarray) -> np.ndarray:
+    """Unstable length of the ranges, by the search for boundaries alone."""
+    (batch,) = problem.batches(designs)
+    total = np.zeros(len(designs))
+    for span in batch.spans:
+        found = boundaries(batch.system, span.low, span.high, 1e-9)
+        total += np.bincount(found.row, found.upper - found.lower, minlength=len(designs))
+    return total
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["fig5", "countershaft"])
+def test_the_optimum_is_a_minimum_of_its_neighbourhood(tmp_path: Path, name: str) -> None:
+    found = designed(FOLDER / f"{name}.yaml", tmp_path)
+    config = load(FOLDER / f"{name}.yaml")
+    assert config.design is not None
+    problem = Problem(config, config.design)
+    best, (low, high) = found["optimum"].values, problem.bounds
+    assert widths(problem, best[None])[0] == pytest.approx(float(found["objective_optimum"]), abs=1e-6)
+    rng = np.random.default_rng(5)
+    for size in (0.1, 0.02, 0.004):
+        around = np.clip(best + size * (high - low) * rng.uniform(-1, 1, (300, len(best))), low, high)
+        assert widths(problem, around).min() > float(found["objective_optimum"]) * (1 - 1e-3)
+    everywhere = low + (high - low) * rng.random((1000, len(best)))
+    assert widths(problem, everywhere).min() > float(found["objective_optimum"])
+    assert found.attrs["verification_mismatches"] == 0
+
+
+@pytest.mark.slow
+def test_teeth_of_a_stage_with_a_limit_on_their_root_stress(tmp_path: Path) -> None:
+    """The contact ratio near 2 runs most quietly; the finest modules are left out by the stress at their roots."""
+    found = designed(FOLDER / "gearbox_stage.yaml", tmp_path)
+    assert "m 2, 25/56, longer" in str(found["optimum_text"].values[0])
+    assert float(found["objective_optimum"]) < float(found["objective_initial"])
+    worth = found["constraint_value"].sel(constraint="root_stress", state="optimum")
+    assert float(worth) < 320e6
+    assert not any("m 1.5" in text for text in found["choice_text"].values.astype(str))
+
+
+def test_teeth_of_planets_suppress_what_the_existence_rule_forbids(tmp_path: Path) -> None:
+    text = PLANETARY.replace("[21, 30]", "[22, 25]").replace("[1.2, 6.0]", "[1.2, 3.0]")
+    source = written(tmp_path, text)
+    found = designed(source, tmp_path)
+    config = load(source)
+    assert config.design is not None
+    problem = Problem(config, config.design)
+    assert found.sizes["choice"] > 4
+    for k in range(found.sizes["choice"]):
+        sun, planet = (int(value) for value in found["choice_value"].values[k])
+        # Every combination that can be assembled and no other: z_s + z_r = 2 (z_s + z_p) is a multiple of 4.
+        assert (sun + planet) % 2 == 0
+        assert int(found["phase_step"][k]) == sun % 4
+        design = np.array([[sun - 22.0, planet - 22.0]])
+        (batch,) = problem.batches(design)
+        regions = boundaries(batch.system, 0.6, 4.0, 1e-9, 1e-5)
+        open_ = {tongue.label for members in regions.members for tongue in members}
+        suppressed = {label for label in str(found["suppressed"].values[k]).split(", ") if label}
+        assert not suppressed & open_
+        inside = (regions.lower < 3.0) & (regions.upper > 1.2)
+        driven = {t.label for members, here in zip(regions.members, inside, strict=True) if here for t in members}
+        assert driven <= set(str(found["driven"].values[k]).split(", "))
+    assert any(str(text) for text in found["suppressed"].values)
+    count = sum((s + p) % 2 == 0 and (s + p) / np.sqrt(2) > p + 2 for s in range(22, 26) for p in range(22, 26))
+    assert found.sizes["choice"] == count
+
+
+def test_the_phases_follow_from_the_teeth_of_a_design(tmp_path: Path) -> None:
+    config = read(tmp_path, PLANETARY)
+    assert config.design is not None
+    problem = Problem(config, config.design)
+    (batch,) = problem.batches(np.array([[4.0, 2.0]]))  # 25 and 23 teeth, 71 of the ring
+    assert {name: int(value) for name, value in batch.p["teeth"].items()} == {"sun": 25, "planet": 23, "ring": 71}
+    from gearstab.design.tongues import single
+
+    assert phase_step(single(problem, np.array([4.0, 2.0]))[0]) == 1
+
+
+def test_an_axis_over_teeth_that_cannot_be_assembled(tmp_path: Path) -> None:
+    base = PLANETARY[: PLANETARY.index("design:")]
+    text = base + "sweep:\n  mesh_frequency: [1.0, 2.0]\n  teeth.sun: [24, 23]\nmethods: {floquet: {}}\n"
+    assert [problem.path for problem in problems(tmp_path, text)] == ["sweep.teeth.sun"]
+    cases = "case: [{teeth.sun: 24, teeth.ring: 72}, {teeth.sun: 22, teeth.ring: 70, teeth.planet: 24}]"
+    assert read(tmp_path, text.replace("teeth.sun: [24, 23]", cases)).axes[1].size == 2
