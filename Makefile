@@ -17,10 +17,12 @@ PLOTS := $(filter gearstab/plots/%,$(SOURCES))
 NUMERICS := $(filter-out gearstab/plots/% gearstab/cli/%,$(SOURCES))
 CONFIGS := $(sort $(shell find configs -name '*.yaml'))
 RESPOND := $(sort $(shell grep -ls '^respond:' /dev/null $(CONFIGS)))
+DESIGN := $(sort $(shell grep -ls '^design:' /dev/null $(CONFIGS)))
 SWEEP := $(sort $(shell grep -ls '^sweep:' /dev/null $(CONFIGS)))
 SWEEP_RESULTS := $(SWEEP:configs/%.yaml=results/%.h5)
 RESPOND_RESULTS := $(RESPOND:configs/%.yaml=results/%.h5)
-FIGURES := $(patsubst results/%.h5,results/figures/%.$(FORMAT),$(SWEEP_RESULTS) $(RESPOND_RESULTS))
+DESIGN_RESULTS := $(DESIGN:configs/%.yaml=results/%.h5)
+FIGURES := $(patsubst results/%.h5,results/figures/%.$(FORMAT),$(SWEEP_RESULTS) $(RESPOND_RESULTS) $(DESIGN_RESULTS))
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
@@ -102,6 +104,10 @@ $(SWEEP_RESULTS): results/%.h5: configs/%.yaml $(NUMERICS) | $(VENV)/.installed
 $(RESPOND_RESULTS): results/%.h5: configs/%.yaml $(NUMERICS) | $(VENV)/.installed
 	@echo "respond $<"
 	@$(GEARSTAB) respond $< -o $@
+
+$(DESIGN_RESULTS): results/%.h5: configs/%.yaml $(wildcard configs/design/*.csv) $(NUMERICS) | $(VENV)/.installed
+	@echo "design $<"
+	@$(GEARSTAB) design $< -o $@ -q > /dev/null
 
 $(FIGURES): results/figures/%.$(FORMAT): results/%.h5 $(PLOTS) | $(VENV)/.installed
 	@mkdir -p $(@D)

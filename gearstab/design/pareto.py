@@ -16,6 +16,8 @@ COMPROMISES = 9
 """Directions between two objectives in which designs are searched."""
 BEGIN = 12
 """Of the designs known, those that such a search begins from."""
+GENERATIONS = 12
+"""Of such a search."""
 MOST = 40
 """Designs of a front that are kept."""
 
@@ -37,7 +39,8 @@ def front(problem: Problem, judge: Judge, say: Say) -> Array:
             goal = chebyshev(weights, *_corners(objectives[nondominated(objectives)]))
             order = np.argsort(goal(objectives), kind="stable")[:BEGIN]
             same = _of_one_choice(problem, designs[order])
-            search.searched(problem, judge, goal, same, say, polish=False)
+            say(f"compromise {', '.join(f'{weight:.2g}' for weight in weights)}")
+            search.improved(problem, judge, goal, same, GENERATIONS)
     designs, objectives = feasible(judge)
     kept = nondominated(objectives)
     return thinned(designs[kept], objectives[kept])

@@ -167,13 +167,17 @@ def _spread(problem: Problem, designs: Array, scores: Array) -> Array:
     return designs[chosen]
 
 
-def searched(problem: Problem, judge: Judge, goal: Goal, start: Array, say: Say, polish: bool = True) -> Array:
+def searched(problem: Problem, judge: Judge, goal: Goal, start: Array, say: Say) -> Array:
     """Return the best design of one combination of choices by exact judgement, from designs to begin with."""
-    say("exact boundaries")
+    say("exact judgement")
     row = start[0]
     places, scores = _evolved(problem, row, lambda x: judge.worth(x).score(goal), GENERATIONS, start)
-    best = places[int(np.argmin(scores))]
-    return polished(problem, judge, goal, best) if polish else best
+    return polished(problem, judge, goal, places[int(np.argmin(scores))])
+
+
+def improved(problem: Problem, judge: Judge, goal: Goal, start: Array, generations: int) -> None:
+    """Have designs of one combination of choices evolve for some generations; the judge remembers what is found."""
+    _evolved(problem, start[0], lambda x: judge.worth(x).score(goal), generations, start)
 
 
 def polished(problem: Problem, judge: Judge, goal: Goal, design: Array) -> Array:
