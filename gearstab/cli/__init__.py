@@ -19,6 +19,7 @@ BLAS_THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "V
 """The environment variables that say how many threads a BLAS library starts."""
 
 COMMANDS = {
+    "init": ("gearstab.cli.init:command", "Print a configuration to start from."),
     "sweep": ("gearstab.cli.sweep:command", "Compute stability over the grid of a configuration."),
     "plot": ("gearstab.cli.plot:command", "Draw a figure from a result file."),
     "info": ("gearstab.cli.info.command:command", "Show modes and tongues, or what a result holds."),
@@ -31,6 +32,10 @@ COMMANDS = {
     "schema": ("gearstab.cli.schema:command", "Print the JSON schema of configurations."),
 }
 """Command -> where it is, and what it does."""
+
+
+TO_BEGIN = "Name its file; `gearstab init two_stage > train.yaml` writes one to start from."
+"""What is said where a command lacks its configuration."""
 
 
 class LazyGroup(click.Group):
@@ -91,6 +96,8 @@ def main(args: Sequence[str] | None = None) -> NoReturn:
     try:
         code = group.main(args=args, prog_name="gearstab", standalone_mode=False)
     except click.ClickException as error:
+        if isinstance(error, click.MissingParameter) and error.param is not None and error.param.name == "config":
+            error.message = TO_BEGIN
         error.show()
         code = error.exit_code
     except click.Abort:

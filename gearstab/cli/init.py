@@ -1,0 +1,37 @@
+"""``gearstab init``: a configuration to start from."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+
+from gearstab.cli.console import say
+
+if TYPE_CHECKING:
+    from click.shell_completion import CompletionItem
+
+
+def kinds(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    """Complete the name of a kind."""
+    from click.shell_completion import CompletionItem
+
+    from gearstab.config.starts import STARTS
+
+    return [CompletionItem(name) for name in STARTS if name.startswith(incomplete)]
+
+
+@click.command(name="init", short_help="Print a configuration to start from.")
+@click.argument("kind", required=False, shell_complete=kinds)
+def command(kind: str | None) -> None:
+    """Print a commented configuration that runs, for a KIND of system: gearstab init two_stage > train.yaml.
+
+    Without KIND: print the kinds.
+    """
+    from gearstab.config.starts import STARTS, start
+
+    if kind is None:
+        width = max(map(len, STARTS))
+        say("\n".join(f"{name:<{width}}  {title}" for name, (title, *_) in STARTS.items()))
+    else:
+        say(start(kind))

@@ -1,0 +1,123 @@
+"""First steps: a configuration to start from, what is said without one, mistakes as JSON, completion in the shell."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from scenes import TRAIN, code, ran, written
+
+import gearstab as gs
+from gearstab.cli import COMMANDS
+from gearstab.config import Config
+from gearstab.config.model.introspection import field_types
+from gearstab.config.starts import STARTS, start
+from gearstab.systems import KINDS
+
+SMALL = {"mesh_frequency": 7, "input_speed": 7, "epsilon": 2}
+
+
+def test_every_kind_has_a_start() -> None:
+    assert STARTS.keys() == KINDS.keys()
+    listed = ran("init")
+    assert listed.exit_code == 0
+    assert [line.split()[0] for line in listed.stdout.splitlines()] == list(KINDS)
+
+
+@pytest.mark.parametrize("kind", STARTS)
+def test_a_start_is_right_and_sweeps(kind: str, tmp_path: Path) -> None:
+    printed = ran("init", kind)
+    assert printed.exit_code == 0
+    config = written(tmp_path, printed.stdout)
+    checked = ran("check", config)
+    assert (checked.exit_code, checked.stderr) == (0, "")
+    few = [f"sweep.{name}.num={SMALL[name]}" for name in gs.load(config).document.data["sweep"]]
+    options = [word for text in few for word in ("--set", text)]
+    assert ran("sweep", config, "-o", tmp_path / "out.h5", *options).exit_code == 0
+    assert ran("plot", tmp_path / "out.h5").exit_code == 0
+
+
+@pytest.mark.parametrize("kind", STARTS)
+def test_a_start_shows_what_there_is_to_see(kind: str) -> None:
+    """Regions of instability lie in its range, at epsilon of its base values or of its axis."""
+    config = gs.load(start_data(kind))
+    low, high = gs.info(config)["frequency_range"]
+    assert any(t["half_width"] > 0 and low < t["center_frequency"] < high for t in widths(config))
+
+
+def start_data(kind: str) -> dict:
+    title, system, sweep = STARTS[kind]
+    return {"title": title, "system": system, "sweep": {name: spec for name, (spec, _) in sweep.items()},
+            "methods": {"floquet": {}}}  # fmt: skip
+
+
+def widths(config: Config) -> list[dict]:
+    undamped = gs.load(config, damping_ratio=0.0)
+    return [t for t in gs.info(undamped)["tongues"] if isinstance(t["half_width"], float)]
+
+
+@pytest.mark.parametrize("kind", STARTS)
+def test_comments_are_the_descriptions_of_the_keys(kind: str) -> None:
+    text = start(kind)
+    for name, field in KINDS[kind].model_fields.items():
+        line = next((line for line in text.splitlines() if re.match(rf"  {name}:", line)), None)
+        if line is None:
+            others = next(line for line in text.splitlines() if line.startswith("  # more keys: "))
+            assert re.search(rf"\b{name}\b", others)
+        else:
+            assert str(field.description).rstrip(".") in line
+    assert set(field_types(KINDS[kind])) == set(KINDS[kind].model_fields)
+
+
+def test_an_unknown_kind_is_corrected() -> None:
+    said = ran("init", "two_stages")
+    assert said.exit_code == 2
+    assert said.stderr.strip() == (
+        "there is no kind of system 'two_stages'; did you mean 'two_stage'? "
+        "(gear_pair, two_stage, planetary, gearbox, matrices)"
+    )
+
+
+@pytest.mark.parametrize("command", ["sweep", "check", "info", "respond", "bench"])
+def test_without_a_configuration_the_way_to_one_is_said(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert code(command) == 2
+    said = capsys.readouterr().err
+    assert "Missing argument 'CONFIG" in said
+    assert "gearstab init two_stage > train.yaml" in said
+
+
+def test_a_check_as_json(tmp_path: Path) -> None:
+    right = ran("check", written(tmp_path, TRAIN), "--json", "--set", "damping_ratio=3")
+    found = json.loads(right.stdout)
+    assert (right.exit_code, found["valid"], found["problems"]) == (0, True, [])
+    assert found["summary"] == "valid two_stage"
+    assert [(p["path"], p["value"]) for p in found["doubts"]] == [("system.damping_ratio", "3")]
+    path = written(tmp_path, TRAIN.replace("inertias: [1.0, 0.3, 4.0]", "inertias: [1.0, -0.3, 4.0]"))
+    wrong = ran("check", path, "--json")
+    found = json.loads(wrong.stdout)
+    assert (wrong.exit_code, found["valid"], found["summary"], wrong.stderr) == (2, False, None, "")
+    (problem,) = found["problems"]
+    expected = {"file": str(path), "line": 4, "path": "system.inertias.1", "value": "-0.3"}
+    assert {name: problem[name] for name in expected} == expected
+    assert problem["message"]
+    assert problem["hint"]
+
+
+def completed(words: str, count: int) -> list[str]:
+    """What a shell offers for the last of some words."""
+    program = "from gearstab.__main__ import main; main()"
+    environment = os.environ | {"_GEARSTAB_COMPLETE": "bash_complete", "COMP_WORDS": words, "COMP_CWORD": str(count)}
+    done = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True, check=True)
+    return [line.split(",")[1] for line in done.stdout.splitlines()]
+
+
+def test_a_shell_completes_commands_and_kinds() -> None:
+    assert completed("gearstab ", 1) == list(COMMANDS)
+    assert completed("gearstab sw", 1) == ["sweep"]
+    assert completed("gearstab init g", 2) == ["gear_pair", "gearbox"]
+    assert "--dry-run" in completed("gearstab sweep --", 2)
