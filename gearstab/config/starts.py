@@ -111,7 +111,8 @@ def start(kind: str) -> str:
     title, system, sweep = STARTS[kind]
     axes = [(f"  {name}: {flow(spec)}", remark) for name, (spec, remark) in sweep.items()]
     lines = [
-        (f"title: {json.dumps(title)}", ""), ("", ""), ("system:", ""), *_mapping(system, KINDS[kind], 2, True), ("", ""),
+        (f"title: {json.dumps(title)}", ""), ("", ""),
+        ("system:", ""), *_mapping(system, KINDS[kind], 2, True), ("", ""),
         ("sweep:", "the grid: any number of the system can be an axis, by its path, meshes.0.contact_ratio"), *axes,
         ("", ""), ("methods:", "what is computed over the grid"), *_mapping(METHODS, Methods, 2, False),
     ]  # fmt: skip
