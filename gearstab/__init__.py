@@ -25,16 +25,25 @@ if TYPE_CHECKING:
     from gearstab.api.configurations import build, info, load
     from gearstab.api.runs import design, plot, respond, sweep
     from gearstab.api.stability import boundaries, floquet, perturbation
-
-__all__ = ["boundaries", "build", "design", "floquet", "info", "load", "perturbation", "plot", "respond", "sweep"]
+    from gearstab.exchange.files import export_matrices, from_matrices
+    from gearstab.exchange.rotor import from_ross
+    from gearstab.exchange.torsion import from_opentorsion
 
 ROOMS = {
-    "configurations": ("build", "info", "load"),
-    "runs": ("design", "plot", "respond", "sweep"),
-    "stability": ("boundaries", "floquet", "perturbation"),
+    "api.configurations": ("build", "info", "load"),
+    "api.runs": ("design", "plot", "respond", "sweep"),
+    "api.stability": ("boundaries", "floquet", "perturbation"),
+    "exchange.files": ("export_matrices", "from_matrices"),
+    "exchange.rotor": ("from_ross",),
+    "exchange.torsion": ("from_opentorsion",),
 }
-"""File in ``gearstab/api`` -> the public functions in it."""
-PLACES = {name: f"gearstab.api.{file}" for file, names in ROOMS.items() for name in names}
+"""Module -> the public functions in it."""
+PLACES = {name: f"gearstab.{module}" for module, names in ROOMS.items() for name in names}
+
+__all__ = [
+    "boundaries", "build", "design", "export_matrices", "floquet", "from_matrices", "from_opentorsion", "from_ross",
+    "info", "load", "perturbation", "plot", "respond", "sweep",
+]  # fmt: skip
 
 
 def __getattr__(name: str) -> Any:

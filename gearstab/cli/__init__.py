@@ -97,7 +97,7 @@ def main(args: Sequence[str] | None = None) -> NoReturn:
         code = group.main(args=args, prog_name="gearstab", standalone_mode=False)
     except click.ClickException as error:
         if isinstance(error, click.MissingParameter) and error.param is not None and error.param.name == "config":
-            error.message = TO_BEGIN
+            error = click.MissingParameter(TO_BEGIN, error.ctx, error.param)
         error.show()
         code = error.exit_code
     except click.Abort:

@@ -1,0 +1,133 @@
+"""Matrices from files and arrays as a system, with what is antisymmetric, with few modes, and as a file again."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scenes import CONFIGS
+from scipy import sparse
+from scipy.io import loadmat, mmwrite
+from scipy.linalg import eigvals
+
+import gearstab as gs
+from gearstab.errors import NotPossible, OutputError
+
+N = 8
+MASS = np.diag(np.arange(1.0, N + 1))
+SPRINGS = np.diff(np.eye(N), axis=0)
+STIFFNESS = 100 * SPRINGS.T @ SPRINGS + np.eye(N)
+DAMPING = 0.01 * MASS
+DIRECTION = np.eye(N)[2] - 2 * np.eye(N)[5]
+MESH = {"name": "mesh", "direction": DIRECTION, "mean_stiffness": 50.0, "epsilon": 0.3, "contact_ratio": 1.6}
+
+
+def mean() -> np.ndarray:
+    return STIFFNESS + 50 * np.outer(DIRECTION, DIRECTION)
+
+
+def matrices(system: gs.system.GearSystem) -> list[np.ndarray]:
+    return [system.mass, system.stiffness, system.damping, system.meshes[0].direction]
+
+
+@pytest.mark.parametrize("how", ["arrays", "sparse", "market", "npz", "mat"])
+def test_every_way_in_gives_the_same_system(how: str, tmp_path: Path) -> None:
+    three = {"mass": MASS, "stiffness": STIFFNESS, "damping": DAMPING}
+    given: dict[str, object] = dict(three)
+    if how == "sparse":
+        given = {name: sparse.csr_array(a) for name, a in three.items()}
+    elif how == "market":
+        given = {name: tmp_path / f"{name}.mtx" for name in three}
+        for name, a in three.items():
+            mmwrite(tmp_path / f"{name}.mtx", sparse.coo_array(a))
+    elif how in ("npz", "mat"):
+        given = {"mass": tmp_path / f"model.{how}"}
+        gs.export_matrices(gs.build(gs.from_matrices(**three, meshes=[MESH])), tmp_path / f"model.{how}")
+    found = gs.build(gs.from_matrices(**given, meshes=[MESH]))
+    for mine, expected in zip(matrices(found), (MASS, STIFFNESS, DAMPING, DIRECTION), strict=True):
+        np.testing.assert_allclose(mine, expected, rtol=1e-15, atol=1e-300)
+
+
+def test_antisymmetric_parts_count() -> None:
+    """Characteristic exponents at constant stiffness are those of the full matrices, by another solver."""
+    rng = np.random.default_rng(5)
+    skew = [np.triu(rng.normal(size=(N, N)), 1) for _ in range(2)]
+    stiffness, damping = (a + s - s.T for a, s in zip((STIFFNESS, DAMPING), skew, strict=True))
+    model = gs.from_matrices(MASS, stiffness, damping, meshes=[MESH | {"epsilon": 0.0}])
+    found = gs.floquet(model, 40.0, exponents=True)
+    full = stiffness + 50 * np.outer(DIRECTION, DIRECTION)
+    inverse = np.linalg.inv(MASS)
+    state = np.block([[np.zeros((N, N)), np.eye(N)], [-inverse @ full, -inverse @ damping]])
+    # Real parts: imaginary ones are known up to multiples of the mesh frequency. 1e-8: Magnus steps to 1e-9.
+    np.testing.assert_allclose(np.sort(found.exponent_real), np.sort(eigvals(state).real), atol=1e-8)
+
+
+def test_few_modes_keep_frequencies_and_say_what_is_missing() -> None:
+    whole = gs.from_matrices(MASS, STIFFNESS, DAMPING, meshes=[MESH])
+    few = gs.from_matrices(MASS, STIFFNESS, DAMPING, meshes=[MESH], modes=5)
+    frequencies = np.sqrt(np.sort(eigvals(np.linalg.solve(MASS, mean())).real))
+    found = [mode["natural_frequency"] for mode in gs.info(few)["modes"]]
+    np.testing.assert_allclose(found, frequencies[:5], rtol=1e-12)
+    assert few.basis is not None
+    np.testing.assert_allclose(few.basis.T @ MASS @ few.basis, np.eye(5), atol=1e-13)
+    # The compliance of the mesh from the inverse matrix, and from the modes that are kept.
+    compliance = DIRECTION @ np.linalg.solve(mean(), DIRECTION)
+    kept = sum((few.basis.T @ DIRECTION) ** 2 / frequencies[:5] ** 2)
+    assert f"5 of 8 modes are kept, up to {frequencies[4]:.6g} rad/s" in few.note
+    assert f"{100 * (1 - kept / compliance):.2g} % at mesh" in few.note
+    every = gs.from_matrices(MASS, STIFFNESS, meshes=[MESH], modes=N)
+    assert every.note == "all 8 modes are kept: nothing is neglected"
+    # The widest region is that of the whole model to a part of what is neglected.
+    edges = [gs.boundaries(model, 5.0, 60.0) for model in (whole, few)]
+    widths = [np.nanmax(np.ptp(edge.boundary_frequency, axis=1)) for edge in edges]
+    assert widths[1] == pytest.approx(widths[0], rel=2 * (1 - kept / compliance))
+
+
+WAVES = ("lin_parker_2002/fig3.yaml", "waveforms/trapezoidal.yaml", "waveforms/harmonics.yaml")
+
+
+@pytest.mark.parametrize("name", WAVES)
+def test_what_is_written_is_the_stiffness(name: str, tmp_path: Path) -> None:
+    system = gs.build(CONFIGS / name)
+    gs.export_matrices(system, tmp_path / "model.npz")
+    with np.load(tmp_path / "model.npz", allow_pickle=False) as held:
+        data = dict(held)
+    assert list(data["mesh_name"]) == [mesh.name for mesh in system.meshes]
+    x = np.random.default_rng(1).uniform(0.0, 1.0, 500)
+    for k, mesh in enumerate(system.meshes):
+        exact = mesh.mean_stiffness * (1 + 2 * mesh.epsilon * mesh.waveform.value(x - mesh.lag))
+        read = np.interp(x, data["phase"][k], data["mesh_stiffness"][k])
+        # Piecewise linear waves exactly, but beside a jump by the shift of its limits; smooth ones by h^2 k''/8.
+        smooth = name.endswith("harmonics.yaml")
+        np.testing.assert_allclose(read, exact, atol=2e-3 if smooth else 1e-6)
+    np.testing.assert_array_equal(data["direction"], [mesh.direction for mesh in system.meshes])
+
+
+def test_matlab_gets_names_as_cells(tmp_path: Path) -> None:
+    gs.export_matrices(CONFIGS / "matrices.yaml", tmp_path / "model.mat")
+    held = loadmat(tmp_path / "model.mat", simplify_cells=True)
+    assert list(held["mesh_name"]) == ["input", "output"]
+    assert held["coordinate"][0] == "motor"
+    np.testing.assert_allclose(held["frequency_ratio"], [1.0, 1 / 3], rtol=1e-15)
+
+
+def test_mistakes(tmp_path: Path) -> None:
+    system = gs.build(CONFIGS / "gear_pair.yaml")
+    with pytest.raises(OutputError, match=r"use .mat or .npz"):
+        gs.export_matrices(system, tmp_path / "model.csv")
+    with pytest.raises(NotPossible, match=r"a batch of systems of shape \(2,\)"):
+        gs.export_matrices(gs.build(CONFIGS / "gear_pair.yaml", epsilon=[0.1, 0.2]), tmp_path / "model.mat")
+    (tmp_path / "model.mat").mkdir()
+    with pytest.raises(OutputError, match="is a folder"):
+        gs.export_matrices(system, tmp_path / "model.mat")
+    for wrong, message in (
+        ({"stiffness": None}, "stiffness is missing"),
+        ({"meshes": None}, "has no elastic mesh"),
+        ({"meshes": [{"name": "a", "mean_stiffness": 1.0}]}, "mesh 'a' has no direction"),
+        ({"meshes": [{"direction": DIRECTION, "mean_stiffness": 1.0}]}, "how the stiffness of mesh 'mesh1' varies"),
+        ({"modes": 9}, "modes is 9, and the model has 8 coordinates"),
+        ({"mass": np.zeros((2, 3))}, r"a matrix has the shape \(2, 3\)"),
+    ):
+        with pytest.raises(NotPossible, match=message):
+            gs.from_matrices(**({"mass": MASS, "stiffness": STIFFNESS, "meshes": [MESH]} | wrong))

@@ -1,0 +1,86 @@
+"""Geared rotors of ROSS: natural frequencies, forced responses and the mesh equal theirs."""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gearstab as gs
+from gearstab.errors import NotPossible
+
+pytestmark = pytest.mark.slow
+MESH = {"epsilon": 0.2, "contact_ratio": 1.6}
+
+
+@pytest.fixture(scope="module")
+def rotor() -> Any:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        pytest.importorskip("ross")
+        from ross.multi_rotor import two_shaft_rotor_example
+
+        return two_shaft_rotor_example()
+
+
+@pytest.mark.filterwarnings("default")
+@pytest.mark.parametrize("speed", [0.0, 150.0])
+def test_exponents_are_theirs(rotor: Any, speed: float) -> None:
+    """Gyroscopic effects included, of the whole model at constant mesh stiffness."""
+    model = gs.from_ross(rotor, meshes=[MESH], speed=speed)
+    system = gs.build(model)
+    np.testing.assert_allclose(system.mean_stiffness_matrix(), rotor.K(speed), rtol=1e-9, atol=1e-3)
+    damping = system.damping + sum(
+        float(term.damping.value(np.zeros(1))[0]) * np.outer(term.left, term.right) for term in system.terms
+    )
+    inverse, size = np.linalg.inv(system.mass), system.size
+    state = np.block(
+        [[np.zeros((size, size)), np.eye(size)], [-inverse @ system.mean_stiffness_matrix(), -inverse @ damping]]
+    )
+    mine = np.sort(np.abs(np.linalg.eigvals(state).imag))
+    theirs = np.sort(np.abs(rotor.run_modal(speed=speed, num_modes=24).wd))
+    theirs = theirs[theirs > 1.0]
+    for frequency in theirs:
+        assert np.abs(mine - frequency).min() < 1e-6 * frequency
+
+
+@pytest.mark.filterwarnings("default")
+def test_forced_responses_are_theirs(rotor: Any) -> None:
+    model, omega = gs.from_ross(rotor, meshes=[MESH | {"epsilon": 0.0}]), 130.0
+    size = len(model["mass"])
+    force = np.zeros(size)
+    force[6] = 1000.0
+    model["forces"] = [{"name": "unbalance", "direction": force / 1000.0, "cos": [1000.0]}]
+    few = gs.from_matrices(
+        model["mass"], model["stiffness"], model["damping"]["matrix"], meshes=model["meshes"],
+        forces=model["forces"], coordinate_units=model["coordinate_units"],
+    )  # fmt: skip
+    tree = gs.respond({"system": few, "respond": {"mesh_frequency": omega, "steady_state": True}})
+    response = tree["response"]
+    phase = omega * response["time"].values
+    waves = np.column_stack([np.cos(phase), -np.sin(phase), np.ones(len(phase))])
+    fitted = np.linalg.lstsq(waves, response["displacement"].values, rcond=None)[0]
+    theirs = np.linalg.solve(rotor.K(0) - omega**2 * rotor.M(0) + 1j * omega * rotor.C(0), force)
+    lateral = np.abs(theirs) > 1e-6 * np.abs(theirs).max()
+    np.testing.assert_allclose((fitted[0] + 1j * fitted[1])[lateral], theirs[lateral], rtol=1e-5)
+
+
+@pytest.mark.filterwarnings("default")
+def test_few_modes_of_a_varying_mesh(rotor: Any) -> None:
+    model = gs.from_ross(rotor, meshes=[MESH | {"epsilon": 0.3}], modes=12)
+    assert model.note.startswith("12 of 54 modes are kept")
+    wn = rotor.run_modal(speed=0).wn
+    mine = np.array([mode["natural_frequency"] for mode in gs.info(model)["modes"]])
+    for frequency in wn[wn > 1.0]:
+        # Theirs are moduli of damped eigenvalues; the damping ratios here are below 1 %.
+        assert np.abs(mine - frequency).min() < 5e-4 * frequency
+    assert len(gs.boundaries(model, 100.0, 600.0).label)
+
+
+@pytest.mark.filterwarnings("default")
+def test_mistakes(rotor: Any) -> None:
+    with pytest.raises(NotPossible, match="nothing says how the stiffness of mesh 'mesh1' varies"):
+        gs.from_ross(rotor)
+    assert rotor.mesh.stiffness == 1e8
