@@ -68,6 +68,7 @@ test-portable: $(VENV)/.installed ## the fast tests as on other processors (CORE
 	@$(BIN)/python scripts/portable.py $(addprefix --core ,$(CORE)) $(addprefix --seed ,$(SEED))
 
 # The C kernel with checks of every access and every operation whose result C leaves open; the normal one is not touched.
+# Libraries in C++ throw through the sanitizer, which finds the function behind its own only if their runtime is there.
 SANITIZED := build/sanitized
 SANITIZE := -fsanitize=address,undefined,float-cast-overflow
 SANITIZED_TESTS := tests/kernel tests/boundaries/test_boundaries_compiled.py $(addprefix tests/floquet/test_,$(addsuffix .py,floquet blocks required_damping))
@@ -79,7 +80,7 @@ test-sanitized: $(VENV)/.installed ## tests of the C kernel built with address a
 	@GEARSTAB_CFLAGS="-O1 -g1 -fno-omit-frame-pointer $(SANITIZE) -fno-sanitize-recover=all" LDFLAGS="$(SANITIZE)" \
 	  $(BIN)/python -W ignore setup.py -q build --build-base $(SANITIZED)/base --build-lib $(SANITIZED)/lib
 	@grep -q __asan_ $(SANITIZED)/lib/gearstab/ckernel/_kernel*.so
-	@PYTHONPATH=$(CURDIR)/$(SANITIZED)/lib LD_PRELOAD="$$($(CC) -print-file-name=libasan.so)" ASAN_OPTIONS=detect_leaks=0 \
+	@PYTHONPATH=$(CURDIR)/$(SANITIZED)/lib LD_PRELOAD="$$($(CC) -print-file-name=libasan.so) $$($(CC) -print-file-name=libstdc++.so.6)" ASAN_OPTIONS=detect_leaks=0 \
 	  UBSAN_OPTIONS=print_stacktrace=1 $(BIN)/python -P -c '$(RUN_SANITIZED)' -q -s $(SANITIZED_TESTS)
 
 # The oldest versions that pyproject.toml allows have wheels for Python 3.11 and 3.12 only.
