@@ -15,7 +15,7 @@ from gearstab.config.document.data import NAME, document_of
 from gearstab.config.document.overrides import TOP_LEVEL
 from gearstab.config.document.problems import ConfigError, Path, dotted, nearest
 from gearstab.config.document.yaml import Document, read, value_at
-from gearstab.config.sections.axes import Array, Axis, Config, parameters_at
+from gearstab.config.sections.axes import MESH_FREQUENCY, Array, Axis, Config, parameters_at
 
 if TYPE_CHECKING:
     from gearstab.config.model.conflicts import Conflict
@@ -75,6 +75,8 @@ def load(
         methods, uncertainties = _read_uncertainties(methods, system)
     if methods is not None and methods.boundaries is not None and system is not None:
         _check_range(document, system.axes)
+    if methods is not None and methods.passage is not None and system is not None:
+        methods = _read_passage(document, source, methods, system.axes)
     if methods is not None and model is not None and system is not None:
         for name, message, hint in model.unfit(system.parameters, system.axes, methods.chosen):
             document.report(("methods", *name), message, hint, at_key=True)
@@ -286,8 +288,9 @@ def _read_methods(document: Document) -> Methods | None:
             if name in section and not (sets_mesh_frequency(sweep) or sets_mesh_frequency(own)):
                 document.report(("methods", name), "needs a mesh_frequency axis", remedy, at_key=True)
         # Boundaries are sought between the ends of an axis; frequencies that come with cases have none.
-        if "boundaries" in section and not {"mesh_frequency", "input_speed"} & sweep.keys():
-            document.report(("methods", "boundaries"), "needs a mesh_frequency axis", remedy, at_key=True)
+        for name in ("boundaries", "passage"):
+            if name in section and not {"mesh_frequency", "input_speed"} & sweep.keys():
+                document.report(("methods", name), "needs a mesh_frequency axis", remedy, at_key=True)
     return validate(document, Methods, ("methods",))
 
 
@@ -304,14 +307,42 @@ def _read_uncertainties(methods: Methods, system: _System) -> tuple[Methods, Unc
     return methods.model_copy(update={"tolerance": own}), found[0]
 
 
-def _check_range(document: Document, axes: Sequence[Axis]) -> None:
+def _read_passage(document: Document, source: FilePath, methods: Methods, axes: Sequence[Axis]) -> Methods:
+    """The methods with the path that a file holds, in mesh frequencies of an axis that may be the input speed."""
+    from gearstab.config.checks.sample_file import read_path
+    from gearstab.config.document.files import DataFileError
+    from gearstab.config.model.validation import validate
+    from gearstab.config.sections.methods import Methods
+
+    own, place = methods.passage, ("methods", "passage")
+    if own.rate is not None:
+        _check_range(document, axes, "which is passed")
+    if own.table is not None:
+        try:
+            knots = [list(knot) for knot in read_path(source.parent / own.table)]
+        except DataFileError as error:
+            document.report((*place, "table"), str(error), error.hint, value=own.table)
+            return methods
+        where = document.where((*place, "table"))
+        del document.get(place)["table"]
+        document.put((*place, "path"), knots, where)
+        found = validate(document, Methods, ("methods",))
+        if found is None:
+            return methods
+        own = found.passage
+    speed = next((axis for axis in axes if axis.name in ("mesh_frequency", "input_speed")), None)
+    factor = 1.0 if speed is None else next((a.factor for a in speed.assignments if a.path == MESH_FREQUENCY), 1.0)
+    return methods.model_copy(update={"passage": own.over(factor)})
+
+
+def _check_range(document: Document, axes: Sequence[Axis], what: str = "over which boundaries are sought") -> None:
     """Boundaries are sought over a range of the mesh frequency, so that one frequency alone holds none."""
     for axis in axes:
         numbers = axis.name in ("mesh_frequency", "input_speed") and not isinstance(axis.values, list)
         if numbers and axis.span[0] == axis.span[1]:
             path = ("sweep", axis.name)
             hint = "give two frequencies or more, or start and stop"
-            document.report(path, "is no range, over which boundaries are sought", hint)
+            document.report(path, f"is no range, {what}", hint)
 
 
 def _read_respond(

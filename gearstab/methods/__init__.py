@@ -10,6 +10,7 @@ from typing import Any
 from gearstab.methods.base import POINTS, RANGE, Effort, Key, Method, OptionError, Outcome, SampledMethod
 from gearstab.methods.boundaries import Boundaries
 from gearstab.methods.floquet import Floquet
+from gearstab.methods.passage import Passage
 from gearstab.methods.perturbation import Perturbation, Uncoupled
 from gearstab.methods.required_damping import RequiredDamping
 from gearstab.methods.response import Response
@@ -18,7 +19,7 @@ from gearstab.system import GearSystem
 
 METHODS: dict[str, type[Method]] = {
     method.name: method
-    for method in (Floquet, Perturbation, Uncoupled, RequiredDamping, Boundaries, Response, ToleranceAnalysis)
+    for method in (Floquet, Perturbation, Uncoupled, RequiredDamping, Boundaries, Passage, Response, ToleranceAnalysis)
 }
 """By name, the key in ``methods`` of a configuration and the group in the result."""
 

@@ -14,14 +14,23 @@ from gearstab.plots.axes import Request, distinct
 from gearstab.plots.design import before_after, contour, pareto, tornado
 from gearstab.plots.drawing.style import style
 from gearstab.plots.kinds import Contents, Kind
-from gearstab.plots.maps import boundaries, curve, probability, required_damping, slices, stability_map, surface
+from gearstab.plots.maps import (
+    boundaries,
+    curve,
+    passage,
+    probability,
+    required_damping,
+    slices,
+    stability_map,
+    surface,
+)
 from gearstab.plots.motions import pair, phase_plane, response, spectrum, speeds, teeth
 
 KINDS: dict[str, Kind] = {
     module.KIND.name: module.KIND
     for module in (
-        stability_map, slices, curve, modes, boundaries, surface, required_damping, probability, speeds, work_precision,
-        response, pair, spectrum, teeth, phase_plane, contour, tornado, before_after, pareto,
+        stability_map, slices, curve, modes, boundaries, surface, required_damping, probability, passage, speeds,
+        work_precision, response, pair, spectrum, teeth, phase_plane, contour, tornado, before_after, pareto,
     )
 }  # fmt: skip
 """By name; of several kinds that suit a result the last is its default."""

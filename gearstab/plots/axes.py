@@ -32,7 +32,7 @@ SPEEDS = (FREQUENCY, "input_speed")
 INNER = ("tongue", "side", "stretch", "exponent", "mesh", "parameter")
 """Dimensions of what was computed at a point, or of boundaries; they are no axes of the sweep."""
 
-GROUPS = ("floquet", "perturbation", "boundaries", "uncoupled", "required_damping", "tolerance", "response")
+GROUPS = ("floquet", "perturbation", "boundaries", "uncoupled", "required_damping", "tolerance", "passage", "response")
 """The groups that stand over the axes of a sweep."""
 
 

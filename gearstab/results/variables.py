@@ -162,6 +162,20 @@ SOBOL = (
 )
 """Which parameter is to blame; NaN where the probability is near 0 or 1."""
 
+PASSAGE = (
+    coordinate("rate", "rate", "f8", "rad/s^2", "change of the mesh frequency, or input speed, in time"),
+    Variable("growth", (ROWS, "rate"), "f8", "1", "e-folds of the amplitude between any two moments, by growth rates"),
+    Variable("growth_exact", (ROWS, "rate"), "f8", "1", "e-folds of the amplitude between any two moments, exactly"),
+    Variable("growth_error", (ROWS, "rate"), "f8", "1", "estimated difference of growth and growth_exact"),
+    Variable("growth_through", (ROWS, "rate"), "f8", "1", "e-folds of the amplitude from the first moment to the last"),
+    Variable("status", (ROWS, "rate"), "i2", "1", "what became of the passage; 0: nothing to say"),
+    Variable("slowest_rate", (ROWS,), "f8", "rad/s^2", "least rate that passes with the given amplification"),
+    Variable("growth_by_tongue", ("tongue", ROWS, "rate"), "f8", "1", "e-folds gained in the instability region"),
+    Variable("dwell_frequency", ("tongue", ROWS), "f8", "rad/s", "mesh frequency of the fastest growth in the region"),
+    Variable("dwell_growth_rate", ("tongue", ROWS), "f8", "1/s", "growth rate there"),
+)
+"""Of run-ups and coast-downs."""
+
 TONGUE = (
     coordinate("mode_p", "tongue", "i4", "1", "first mode of the instability"),
     coordinate("mode_q", "tongue", "i4", "1", "second mode of the instability"),

@@ -12,7 +12,7 @@ from gearstab.config import alike, parameters_at
 from gearstab.floquet.kernel import choice as kernel
 from gearstab.methods import POINTS, RANGE, Key, Outcome, SampledMethod
 from gearstab.results.chunks import encode, holds
-from gearstab.results.variables import GRID, STRETCH
+from gearstab.results.variables import GRID, ROWS, STRETCH, Variable
 from gearstab.sweep.parts import FinishedBlock, places_of
 from gearstab.sweep.plan import Block, Layout, Plan
 from gearstab.sweep.sampled import run_sampled
@@ -98,17 +98,25 @@ def joined(
             # One at least: xarray has its difficulties with dimensions of no length.
             listed = max(1, *(len(outcome.values[variable.name]) for _, outcome in outcomes))
         over = (() if listed is None else (listed,)) + (2,) * ("side" in variable.dims)
-        values[variable.name] = np.full((*over, count), variable.fill, dtype=variable.dtype)
+        rest = inner_shape(layout, variable)
+        values[variable.name] = np.full((*over, count, *rest), variable.fill, dtype=variable.dtype)
         for members, outcome in outcomes:
             part = outcome.values[variable.name]
             index = np.array([place[tongue] for tongue in outcome.tongues], dtype=int)
             index = np.arange(len(part)) if STRETCH in variable.dims else index
             if variable.index_of == "tongue":
                 part = moved(part, index)
-            where = [index, *(np.arange(n) for n in over[1:]), members] if over else [members]
+            where = [*([index, *(np.arange(n) for n in over[1:])] if over else []), members, *map(np.arange, rest)]
             # Without a batch there is one row for all.
             values[variable.name][np.ix_(*where)] = part if part.ndim == len(where) else part[..., None]
     return values, tongues
+
+
+def inner_shape(layout: Layout, variable: Variable) -> tuple[int, ...]:
+    """The sizes of what a method gives at every row, beyond the axes of the sweep."""
+    constants = layout.method.constants()
+    after = variable.dims[variable.dims.index(ROWS) + 1 :] if ROWS in variable.dims else ()
+    return tuple(len(constants[dim]) for dim in after)
 
 
 def moved(positions: Array, index: Array) -> Array:
@@ -126,13 +134,14 @@ def _encoded(
             whole = _in_place(plan, layout, block, data)
             chunks[variable.name] = [encode(whole, layout.chunk + whole.shape[len(layout.chunk) :])]
         elif not variable.listed:
-            chunks[variable.name] = [encode(data.reshape(block.shape), layout.chunk)]
+            rest = inner_shape(layout, variable)
+            chunks[variable.name] = [encode(data.reshape(block.shape + rest), layout.chunk + rest)]
         else:
             # One chunk a tongue: lists of tongues that differ between blocks are brought together by moving chunks.
-            apart = data.reshape(*data.shape[:-1], *block.shape)[:, None]
-            chunks[variable.name] = [
-                encode(item, item.shape[: item.ndim - len(block.shape)] + layout.chunk) for item in apart
-            ]
+            rest = inner_shape(layout, variable)
+            lead = data.ndim - 1 - len(rest)
+            apart = data.reshape(*data.shape[:lead], *block.shape, *rest)[:, None]
+            chunks[variable.name] = [encode(item, item.shape[:lead] + layout.chunk + rest) for item in apart]
     stable = values.get("stable", np.zeros(0))
     unstable, failed = int(np.sum(stable == 0)), int(np.sum(stable < 0))
     places = places_of({name: [len(chunk) for chunk in pieces] for name, pieces in chunks.items()})

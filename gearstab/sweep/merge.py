@@ -28,7 +28,7 @@ from gearstab.results.units import in_units_of
 from gearstab.results.variables import OCCURRENCE, STRETCH, TEXT, TONGUE, Variable, coordinate
 from gearstab.results.write import write_on_disk, write_result
 from gearstab.sweep import teeth
-from gearstab.sweep.compute import moved
+from gearstab.sweep.compute import inner_shape, moved
 from gearstab.sweep.earlier import origin
 from gearstab.sweep.parts import FinishedBlock
 from gearstab.sweep.plan import Layout
@@ -124,8 +124,8 @@ def _listed(
     layout: Layout, variable: Variable, parts: Mapping[str, FinishedBlock], places: Mapping[str, Array], count: int
 ) -> Chunked:
     """A variable of one chunk a tongue, or stretch, and block."""
-    sides = (2,) if "side" in variable.dims else ()
-    shape = (1, *sides, *layout.chunk)
+    sides, rest = (2,) if "side" in variable.dims else (), inner_shape(layout, variable)
+    shape = (1, *sides, *layout.chunk, *rest)
 
     def pieces() -> Iterator[tuple[Offset, bytes]]:
         for block in layout.blocks():
@@ -133,10 +133,10 @@ def _listed(
             for k, data in zip(index, parts[block.key].pieces(variable.name), strict=True):
                 if variable.index_of == "tongue":
                     data = encode(moved(decode(data, shape, variable.dtype), index).astype(variable.dtype), shape)
-                yield (int(k), *(0 for _ in sides), *block.start), data
+                yield (int(k), *(0 for _ in sides), *block.start, *(0 for _ in rest)), data
 
     size = sum(part.size(variable.name) for part in parts.values())
-    return Chunked((count, *sides, *layout.shape), shape, pieces, size)
+    return Chunked((count, *sides, *layout.shape, *rest), shape, pieces, size)
 
 
 def write(finished: Finished, out: Path, folder: Path, look: Look) -> None:

@@ -245,6 +245,17 @@ def probability():
     return tree(tolerance=xr.Dataset({"probability": (("epsilon", "mesh_frequency"), values, words)}, coords=coords))
 
 
+def passage(rates=(-0.1, 0.1, 1.0, 10.0)):
+    """E-folds that fall as the inverse rate and with damping, at rates in both directions."""
+    coords = axes(frequency=np.linspace(0.35, 7, 24), damping_ratio=np.array([0.0, 0.01, 0.05]))
+    rate = np.array(rates)
+    base = 2.0 / np.abs(rate) * (1 - 15 * coords["damping_ratio"][1][:, None])
+    dims, words = ("damping_ratio", "rate"), {"units": "1", "long_name": "e-folds of the amplitude"}
+    own = {"damping_ratio": coords["damping_ratio"], "rate": ("rate", rate, {"units": "rad/s^2", "long_name": "rate"})}
+    variables = {"growth": (dims, base, words), "growth_exact": (dims, base + np.sqrt(base), words)}
+    return tree(passage=xr.Dataset(variables, own, {"amplification": 10.0}))
+
+
 # ---- modes of a planetary gear
 
 PRESSURE_ANGLE = np.deg2rad(24.6)

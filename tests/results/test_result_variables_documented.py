@@ -9,6 +9,7 @@ from scenes import DOCS
 
 from gearstab.floquet import STATUS_FLAGS
 from gearstab.floquet.required_damping import FLAGS as DAMPING_FLAGS
+from gearstab.passage import STATUS_FLAGS as PASSAGE_FLAGS
 from gearstab.response.backlash import BACKLASH_FLAGS
 from gearstab.response.linear.steady import STATUS_FLAGS as RESPONSE_FLAGS
 from gearstab.response.rotating_pair.stability import FLAGS as ORBIT_FLAGS
@@ -17,7 +18,7 @@ from gearstab.results.variables import Variable
 
 DOCUMENT = DOCS / "methods.md"
 OF_BENCH = {name for name in vars(variables) if "BENCH" in name}
-FLAGS = {*STATUS_FLAGS, *DAMPING_FLAGS, *BACKLASH_FLAGS, *ORBIT_FLAGS, *RESPONSE_FLAGS}
+FLAGS = {*STATUS_FLAGS, *DAMPING_FLAGS, *BACKLASH_FLAGS, *ORBIT_FLAGS, *RESPONSE_FLAGS, *PASSAGE_FLAGS}
 
 
 def section() -> str:

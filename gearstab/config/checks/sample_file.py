@@ -36,7 +36,8 @@ def read_samples(path: FilePath, wave: type[Waveform], interpolation: str) -> Ar
     wave, interpolation: which say what phases it takes. Raises DataFileError, with the line of a text.
     """
     usable(path, ".csv or .h5", SUFFIXES)
-    places, phase, stiffness = _lines(text(path)) if path.suffix.lower() in (".csv", ".txt") else _datasets(path)
+    lines = path.suffix.lower() in (".csv", ".txt")
+    places, phase, stiffness = columns_of(text(path), NAMES) if lines else _datasets(path)
     found = wave.wrong_phase(phase, interpolation)
     if found is not None:
         index, message, hint = found
@@ -44,31 +45,38 @@ def read_samples(path: FilePath, wave: type[Waveform], interpolation: str) -> Ar
     return np.array([phase, stiffness], dtype=float)
 
 
-def _lines(content: str) -> tuple[list[str], list[float], list[float]]:
-    """The place of each sample, its phase and its stiffness."""
+def read_path(path: FilePath) -> list[tuple[float, float]]:
+    """Time and speed of each line of a text file of two columns. Raises DataFileError, with the line."""
+    usable(path, ".csv", (".csv", ".txt"))
+    _, time, speed = columns_of(text(path), ("time", "speed"))
+    return list(zip(time, speed, strict=True))
+
+
+def columns_of(content: str, names: tuple[str, str]) -> tuple[list[str], list[float], list[float]]:
+    """The place of each line, and the numbers of its two columns. Raises DataFileError, with the line."""
     columns, first = (0, 1), True
     places: list[str] = []
-    samples: dict[str, list[float]] = {name: [] for name in NAMES}
+    samples: dict[str, list[float]] = {name: [] for name in names}
     for number, line in enumerate(content.splitlines(), start=1):
         fields = _fields(line.partition("#")[0])
         if not fields:
             continue
         place = f"line {number}"
         if first and all(_number(field) is None for field in fields):
-            columns, first = _columns(fields, place), False
+            columns, first = _columns(fields, place, names), False
             continue
         first = False
         if len(fields) <= max(columns) or (len(fields) != 2 and columns == (0, 1)):
-            hint = "write two numbers a line, phase and stiffness, or name the columns in the first line"
+            hint = f"write two numbers a line, {' and '.join(names)}, or name the columns in the first line"
             raise DataFileError(f"{place}: has {len(fields)} column{'s' * (len(fields) != 1)}", hint)
-        for name, k in zip(NAMES, columns, strict=True):
+        for name, k in zip(names, columns, strict=True):
             value = _number(fields[k])
             if value is None or not math.isfinite(value):
                 message = f"{place}: {name} {shown(fields[k])} is no finite number"
                 raise DataFileError(message, "write a number such as 2.5e8")
             samples[name].append(value)
         places.append(place)
-    return places, samples["phase"], samples["stiffness"]
+    return places, samples[names[0]], samples[names[1]]
 
 
 def _fields(line: str) -> list[str]:
@@ -85,14 +93,14 @@ def _number(text: str) -> float | None:
         return None
 
 
-def _columns(header: Sequence[str], place: str) -> tuple[int, int]:
-    """Which columns are phase and stiffness; those of a header of two other names are taken in this order."""
-    names = [name.lower() for name in header]
-    if all(name in names for name in NAMES):
-        return names.index("phase"), names.index("stiffness")
-    if len(names) == 2:
+def _columns(header: Sequence[str], place: str, names: tuple[str, str]) -> tuple[int, int]:
+    """Which columns have the two names; those of a header of two other names are taken in this order."""
+    found = [name.lower() for name in header]
+    if all(name in found for name in names):
+        return found.index(names[0]), found.index(names[1])
+    if len(found) == 2:
         return 0, 1
-    raise DataFileError(f"{place}: names no columns phase and stiffness", "call the two columns that")
+    raise DataFileError(f"{place}: names no columns {' and '.join(names)}", "call the two columns that")
 
 
 def _datasets(path: FilePath) -> tuple[list[str], list[float], list[float]]:

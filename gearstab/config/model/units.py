@@ -24,6 +24,9 @@ TURNING = (*ANGLES, "hertz", "revolutions_per_minute", "revolutions_per_second")
 KNOWN = {("rpm", "rad/s"): math.pi / 30, ("Hz", "rad/s"): 2 * math.pi}
 """The most usual units, for which pint is not imported."""
 
+SPEEDS = ("rad/s", "rad/s^2")
+"""Units of what counts angles in time."""
+
 MEANING = {
     "kg": "a mass",
     "kg m": "a mass times a length",
@@ -35,6 +38,7 @@ MEANING = {
     "N s": "a damping between a rotation and a translation",
     "N m s": "a torsional damping (per rad/s)",
     "rad/s": "an angular frequency",
+    "rad/s^2": "a rate of change of a speed",
     "1/s": "a rate",
     "s": "a time",
     "m": "a length",
@@ -92,8 +96,10 @@ def to_si(text: str, units: tuple[str, ...], turns: bool = False) -> float:
     for wanted in units:
         if quantity.is_compatible_with(wanted) and _says_angles(quantity, wanted):
             return float(quantity.to(wanted).magnitude) * _turns(quantity, wanted)
-    if "rad/s" in units and quantity.is_compatible_with("rad/s"):
-        raise UnitError("does not say whether it counts radians or turns", 'use a unit such as "rad/s", "rpm" or "Hz"')
+    if any(wanted in SPEEDS and quantity.is_compatible_with(wanted) for wanted in units):
+        each = "/s" if "rad/s^2" in units else ""
+        hint = f'use a unit such as "rad/s{each}", "rpm{each}" or "Hz{each}"'
+        raise UnitError("does not say whether it counts radians or turns", hint)
     expected = " or ".join(f"{MEANING[u]} in {u}" for u in units)
     raise DimensionError("has the wrong dimension", f"give {expected}, or another unit of it")
 
@@ -142,7 +148,7 @@ def _quantity(value: float, unit: str, hint: str) -> Any:
 
 def _says_angles(quantity: Any, wanted: str) -> bool:
     """Whether a quantity in rad or rad/s counts angles; pint takes per cent for one and 1/min for the other."""
-    if wanted not in ("rad", "rad/s"):
+    if wanted not in ("rad", *SPEEDS):
         return True
     names = ANGLES if wanted == "rad" else TURNING
     return any(str(name).endswith(names) for name, _ in quantity.unit_items())
@@ -150,7 +156,7 @@ def _says_angles(quantity: Any, wanted: str) -> bool:
 
 def _turns(quantity: Any, wanted: str) -> float:
     """2 pi for each hertz in an angular frequency: pint takes Hz for 1/s, and rad for 1."""
-    if wanted != "rad/s":
+    if wanted not in SPEEDS:
         return 1.0
     powers = [power for name, power in quantity.unit_items() if str(name).endswith("hertz")]
     return float((2 * math.pi) ** sum(powers))

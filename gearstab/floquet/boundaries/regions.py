@@ -97,6 +97,11 @@ class Boundaries:
             flags[k] |= np.where((flags[k] > 0) & (opened > 1), BOUNDARY_FLAGS["split"], 0).astype(np.int16)
         return Edges(index, edges, tolerance, flags, holder)
 
+    def leading(self) -> list[tuple[Tongue, int]]:
+        """Return under which (tongue, occurrence) each region stands."""
+        keys, place = self._occurrences()
+        return [keys[first] for _, first in sorted(set(place))]
+
     def _occurrences(self) -> tuple[list[tuple[Tongue, int]], list[tuple[int, int]]]:
         """(tongue, occurrence) of every member of every region, and (region, position of the region's first member)."""
         count: Counter[tuple[int, Tongue]] = Counter()

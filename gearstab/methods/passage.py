@@ -1,0 +1,186 @@
+"""Run-ups and coast-downs through the instability regions: ``methods.passage``."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+
+import numpy as np
+from pydantic import AfterValidator, BeforeValidator, Field, PrivateAttr, model_validator
+
+from gearstab.config.model.fields import Quantity, Section, wrong
+from gearstab.methods.base import RANGE, Effort, Key, Method, Outcome, Tolerance
+from gearstab.results.variables import OCCURRENCE, PASSAGE, TONGUE, Variable, flagged
+from gearstab.system import Array
+
+if TYPE_CHECKING:
+    from gearstab.passage.path import Path
+
+SEGMENT = 3e-6
+"""Seconds of a segment of a ramp, of three coordinates."""
+
+Rate = Annotated[float, Quantity("rad/s^2")]
+
+
+def _moving(rates: list[float]) -> list[float]:
+    for rate in rates:
+        if rate == 0:
+            raise wrong("rate", "has a rate of 0, at which nothing is passed", "give rates > 0, or < 0 for downwards")
+    if len(set(rates)) < len(rates):
+        raise wrong("rate", "has a rate twice", "give each once")
+    return rates
+
+
+def _path(knots: list[tuple[float, float]]) -> list[tuple[float, float]]:
+    times = [time for time, _ in knots]
+    for k, (first, second) in enumerate(pairwise(times)):
+        if second <= first:
+            raise wrong("path", f"has the time {second:g} after {first:g} (entry {k + 1})", "give ascending times")
+    if any(speed <= 0 for _, speed in knots):
+        raise wrong("path", "has a mesh frequency that is not positive", "give mesh frequencies > 0")
+    return knots
+
+
+class PassageOptions(Section):
+    """What grows while the mesh frequency changes, from end to end of its axis at given rates, or along a path."""
+
+    rate: Annotated[
+        list[Rate], AfterValidator(_moving), BeforeValidator(lambda v: v if isinstance(v, list) else [v])
+    ] | None = Field(
+        default=None,
+        min_length=1,
+        title="rate",
+        description="Change of the axis of the mesh frequency (or input_speed) per unit time; negative: downwards.",
+    )
+    path: Annotated[list[tuple[float, float]], AfterValidator(_path)] | None = Field(
+        default=None,
+        min_length=2,
+        max_length=100_000,
+        title="path",
+        description="Instead of rates: mesh frequency (or input speed) over time, [[time, frequency], ...], straight "
+        "between.",
+    )
+    table: str | None = Field(
+        default=None, title="table", description="A CSV file with such a path, two columns, in SI units."
+    )
+    amplification: Annotated[float, Field(gt=1, le=1e12), Quantity()] = Field(
+        default=10.0, title="amplification", description="Of the amplitude that is admitted, for the slowest rate (1)."
+    )
+    tolerance: Tolerance = Field(
+        default=1e-8, title="tolerance", description="Of the edges of the regions, relative to the mesh frequency (1)."
+    )
+    width_floor: Tolerance = Field(
+        default=1e-6,
+        title="width floor",
+        description="Regions narrower than this, relative to the mesh frequency, may be left out (1).",
+    )
+    _factor: float = PrivateAttr(default=1.0)
+
+    @model_validator(mode="after")
+    def _one(self) -> PassageOptions:
+        given = [name for name in ("rate", "path", "table") if getattr(self, name) is not None]
+        if len(given) != 1:
+            what = f"has {' and '.join(given)}" if given else "has neither rates nor a path"
+            raise wrong("passage", what, "give one of rate: [0.1, 1.0], path: [[0, 1.0], [10, 5.0]], table: run_up.csv")
+        return self
+
+    @property
+    def factor(self) -> float:
+        """Of the mesh frequency over what the axis, the rates and the path give."""
+        return self._factor
+
+    def over(self, factor: float) -> PassageOptions:
+        """Return the options of an axis of which the mesh frequency is a multiple."""
+        other = self.model_copy()
+        other._factor = factor
+        return other
+
+
+@dataclass(frozen=True)
+class _Effort:
+    """Of the search for regions, and of the segments of all ramps."""
+
+    search: Effort
+    ramps: float
+
+    def seconds(self, rows: float, batches: float = 1.0) -> float:
+        return self.search.seconds(rows, batches) + rows * self.ramps
+
+
+class Passage(Method):
+    """Growth rates along a path, and the exact motion."""
+
+    name = "passage"
+    Options = PassageOptions
+    frequency = RANGE
+    relief = "narrow the range of mesh_frequency, or pass it faster"
+    flag_notes: ClassVar[Mapping[str, str]] = {}
+
+    @cached_property
+    def rates(self) -> Array:
+        """``(R,)``, as the axis has them; of a path its mean one."""
+        if self.options.rate is not None:
+            return np.array(self.options.rate)
+        knots = np.array(self.options.path)
+        return np.array([(knots[-1, 1] - knots[0, 1]) / (knots[-1, 0] - knots[0, 0])])
+
+    def paths(self, low: float, high: float) -> list[Path]:
+        """Return what is followed, in mesh frequencies; low, high: the ends of the axis."""
+        from gearstab.passage.path import Path
+
+        factor = self.options.factor
+        if self.options.rate is not None:
+            return [Path.ramp(low, high, factor * rate) for rate in self.rates]
+        knots = np.array(self.options.path)
+        return [Path(knots[:, 0] - knots[0, 0], factor * knots[:, 1])]
+
+    def variables(self) -> tuple[Variable, ...]:
+        from gearstab.passage import STATUS_FLAGS
+
+        return (*TONGUE, OCCURRENCE, *flagged(PASSAGE, STATUS_FLAGS))
+
+    def constants(self) -> Mapping[str, Any]:
+        return {"rate": self.rates}
+
+    def run(self, mesh_frequency: Array) -> Outcome:
+        from gearstab.passage.solve import passage
+
+        low, high = (float(end) for end in mesh_frequency)
+        options = self.options
+        return Outcome(*passage(self.system, self.paths(low, high), options.amplification, self.rates,
+                                options.tolerance, options.width_floor))  # fmt: skip
+
+    @staticmethod
+    def unite(indices: Iterable[Sequence[Key]]) -> tuple[Key, ...]:
+        from gearstab.floquet.boundaries import union
+
+        return union(indices)
+
+    def attributes(self) -> dict[str, Any]:
+        """Return the options without the path, which stands in the configuration that the result has."""
+        found = super().attributes()
+        return {name: value for name, value in found.items() if name not in ("path", "rate")}
+
+    def check(self) -> None:
+        self.needs_common_period("remove it, or give exact ratios")
+        self.only_mesh_stiffness()
+
+    def effort(self, mesh_frequency: Array) -> Effort:
+        from gearstab.floquet.boundaries.effort import effort
+        from gearstab.passage.propagator import MOST, motion
+
+        low, high = (float(end) for end in mesh_frequency)
+        paths = self.paths(low, high)
+        counts = [motion(self.system).segments(path) for path in paths]
+        each = SEGMENT * max(1.0, self.system.size / 3) ** 2
+        ends = [end for path in paths for end in path.range]
+        return _Effort(effort(self.system, min(ends), max(ends)), each * sum(c for c in counts if c <= MOST))
+
+    def cost(self) -> float:
+        """The ramps of a row, roughly."""
+        return 4000 * max(1.0, 2 * sum(self.system.common_period()[1]) * self.system.size**3 / 108) + 1e4 * len(
+            self.rates
+        )

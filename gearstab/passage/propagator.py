@@ -1,0 +1,293 @@
+"""The motion while the mesh frequency changes, exactly: from jump to jump of the mesh stiffness.
+
+The state x = (w u, u', b') is that of :mod:`gearstab.linear.first_order`: |x|^2 is twice the energy of the elastic
+vibration, with the mean mesh stiffness, in units of the modes. A mesh has the stiffness of its phase, r theta(t)/2 pi -
+lag, so that the instants of jumps follow from the phase theta(t); between them the propagator is the exponential of a
+constant matrix, or Magnus steps of sixth order where a wave is smooth.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+from math import ceil
+
+import numpy as np
+
+from gearstab.linear import magnus
+from gearstab.linear.first_order import Basis, bases
+from gearstab.linear.schedule import Schedule, schedule
+from gearstab.passage.path import Path
+from gearstab.system import Array, GearSystem
+
+MOST = 4_000_000
+"""Segments of a ramp that are followed."""
+AT_ONCE = 1 << 15
+"""Segments that are treated together."""
+MOMENTS = 256
+"""Between which growth is looked for first, about."""
+FINE = 64
+"""Moments from each of these to the next that are looked at around the best ones."""
+REACH = 0.25
+"""Magnus steps are as short as that over the largest rate of change of the state: their error is some 1e-9 then."""
+ILL_CONDITIONED = 1e4
+"""Of eigenvectors, beyond which the exponential of the whole matrix is taken."""
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """The propagator exp(scale) matrix ``(m, m)`` of a stretch of time, which ends at ``moment``."""
+
+    moment: float
+    matrix: Array
+    scale: float
+
+    def after(self, before: Chunk | None) -> Chunk:
+        """Return the propagator over the stretch before and this one; None: nothing before."""
+        if before is None:
+            return self
+        matrix, more = scaled(self.matrix @ before.matrix)
+        return Chunk(self.moment, matrix, self.scale + before.scale + more)
+
+    @property
+    def norm(self) -> float:
+        """ln |Phi|, the e-folds of the motion that grows most."""
+        return self.scale + float(np.log(np.linalg.norm(self.matrix, 2)))
+
+
+@dataclass(frozen=True)
+class Motion:
+    """One row of a system along a path.
+
+    basis: of one row. schedule: its smooth intervals in a common period. period: of it, in turns of the first mesh
+    (N of :meth:`~gearstab.system.GearSystem.common_period`).
+    """
+
+    basis: Basis
+    schedule: Schedule
+    row: int
+    period: float
+    constant: bool
+
+    @property
+    def elastic(self) -> int:
+        """How many elastic modes the state has, positions and velocities of each."""
+        moving = np.abs(self.basis.outlet[0]).max(axis=0) > 0
+        return int(np.count_nonzero(moving))
+
+    def segments(self, path: Path) -> float:
+        """Return about how many segments the path has."""
+        turns = float(path.phase[-1]) / (2 * np.pi * self.period)
+        return turns * self._parts().size * (1 if self.constant else 8)
+
+    def _parts(self) -> Array:
+        """Lengths of the intervals that there are, in parts of the common period."""
+        lengths = self.schedule.lengths[self.row]
+        return lengths[lengths > 0]
+
+    def count(self, path: Path) -> int:
+        """Return how many segments the path has, between neighbouring edges of the schedule."""
+        turns = float(path.phase[-1]) / (2 * np.pi * self.period)
+        return ceil(turns * (1 - 1e-14)) * self._parts().size
+
+    def chunks(self, path: Path, step: int, first: int = 0, last: int | None = None) -> Iterator[Chunk]:
+        """Yield the propagators over ``step`` segments each, from the segment ``first`` to the one before ``last``."""
+        edges = self.schedule.edges[self.row]
+        edges = np.append(edges[:-1][np.diff(edges) > 0], 1.0)
+        each, turn = len(edges) - 1, 2 * np.pi * self.period
+        last = self.count(path) if last is None else last
+        for begin in range(first, last, step):
+            number = np.arange(begin, min(begin + step, last) + 1)
+            phase = np.minimum((number // each + edges[number % each]) * turn, path.phase[-1])
+            inner = number[:-1] % each
+            middle = 0.5 * (edges[inner] + edges[inner + 1])
+            lengths = (edges[inner + 1] - edges[inner]) * turn
+            lengths = np.where(np.diff(phase) < (1 - 1e-6) * lengths, np.diff(phase), lengths)
+            total, scale = np.eye(self.basis.size), 0.0
+            for i in range(0, len(middle), AT_ONCE):
+                own = slice(i, i + AT_ONCE)
+                found, more = product(self._propagators(path, phase[i : i + AT_ONCE + 1], lengths[own], middle[own]))
+                total, grown = scaled(found @ total)
+                scale += more + grown
+            yield Chunk(float(path.moment(phase[-1:])[0]), total, scale)
+
+    def _propagators(self, path: Path, phase: Array, lengths: Array, middle: Array) -> Array:
+        """``(S, m, m)`` of segments between phases ``(S + 1,)``, whose middles are given in parts of the period."""
+        rate = float(self.basis.rate[0])
+        if self.constant:
+            return self._constant(path.durations(phase, lengths) * rate, middle)
+        return self._smooth(path, path.moment(phase) * rate, phase)
+
+    def values(self, tau: Array) -> Array:
+        """``(X, J)``, the varying functions at parts of the common period."""
+        every = np.zeros((len(self.schedule.edges), len(tau)))
+        every[self.row] = tau
+        return self.schedule.values(every)[self.row]
+
+    def _constant(self, durations: Array, middle: Array) -> Array:
+        distinct, state = np.unique(np.round(middle, 12), return_inverse=True)
+        generators = self.basis.generator(self.values(distinct)[:, None, :])[:, 0]
+        result = np.empty((len(durations), self.basis.size, self.basis.size))
+        for k, generator in enumerate(generators):
+            members = np.flatnonzero(state == k)
+            result[members] = exponentials(generator, durations[members])
+        return result
+
+    def _smooth(self, path: Path, moments: Array, phase: Array) -> Array:
+        """Products of Magnus steps, segment by segment."""
+        turn, rate = 2 * np.pi * self.period, float(self.basis.rate[0])
+        generator = self.basis.generator(self.values(np.linspace(0.0, 1.0, 33)[:-1] + 1 / 64)[:, None, :])[:, 0]
+        largest = np.abs(generator).sum(axis=-1).max()
+        # The state changes by itself, the waves with the phase.
+        speed = largest + 4 * self._fastest() * path.range[1] / rate
+        result = np.empty((len(moments) - 1, self.basis.size, self.basis.size))
+        for k, (begin, end) in enumerate(pairwise(moments)):
+            steps = max(1, ceil((end - begin) * speed / REACH))
+            width = (end - begin) / steps
+            nodes = begin + (np.arange(steps)[:, None] + magnus.NODES) * width
+            at = np.clip(path.phase_at(nodes / rate), phase[k], phase[k + 1]) / turn
+            # Within the interval, so that values on its ends are those of its inside.
+            inside = np.floor(0.5 * (phase[k] + phase[k + 1]) / turn)
+            values = self.values(np.clip(at - inside, 0.0, 1.0).ravel())
+            a = self.basis.generator(values[:, None, :])[:, 0].reshape(steps, 3, self.basis.size, self.basis.size)
+            coefficients = magnus.polynomial(a)
+            powers = width ** np.arange(1, 6)
+            found, scale = product(magnus.expm(np.einsum("p,spij->sij", powers, coefficients)))
+            result[k] = np.exp(scale) * found
+        return result
+
+    def _fastest(self) -> float:
+        """Cycles of the fastest wave in a turn of the first mesh."""
+        return max(source.cycles for source in self.schedule.found) / self.period
+
+
+def motions(system: GearSystem) -> list[Motion]:
+    """Return the motions of all rows of the flattened batch."""
+    cuts, period = schedule(system), float(system.common_period()[0])
+    found: dict[int, Motion] = {}
+    for basis in bases(system):
+        for k, row in enumerate(basis.rows):
+            own = Basis(**{name: values[k : k + 1] for name, values in vars(basis).items()})
+            found[int(row)] = Motion(own, cuts, int(row), period, system.piecewise_constant)
+    return [found[row] for row in sorted(found)]
+
+
+def motion(system: GearSystem) -> Motion:
+    """Return the motion of a single system."""
+    return motions(system)[0]
+
+
+def swing(motion: Motion) -> float:
+    """Return by how many e-folds the energy norm changes with the mesh stiffness: 1/2 ln of the largest ratio.
+
+    Of the eigenvalues of the stiffness matrices of all moments, relative to that of the mean mesh stiffness.
+    """
+    edges = motion.schedule.edges[motion.row]
+    middles = (0.5 * (edges[1:] + edges[:-1]))[np.diff(edges) > 0]
+    tau = np.unique(np.concatenate([middles, [] if motion.constant else np.linspace(0.0, 1.0, 65)[:-1] + 1 / 128]))
+    generator = motion.basis.generator(motion.values(tau)[:, None, :])[:, 0]
+    # The state is (w u, u', b'), and (w u)' = w u'.
+    count = motion.elastic
+    weight = np.diagonal(generator[0, :count, count : 2 * count])
+    ratio = -generator[:, count : 2 * count, :count] / weight[:, None]
+    values = np.linalg.eigvals(ratio).real if count else np.ones((1, 1))
+    least, most = float(values.min()), float(values.max())
+    return 0.5 * float(np.log(most / least)) if least > 0 else np.inf
+
+
+def exponentials(generator: Array, durations: Array) -> Array:
+    """Return exp(A t) ``(S, m, m)`` of one generator ``(m, m)`` for many t."""
+    values, vectors = np.linalg.eig(generator)
+    if len(values) and np.linalg.cond(vectors) < ILL_CONDITIONED:
+        inverse = np.linalg.inv(vectors)
+        return np.asarray(((vectors * np.exp(durations[:, None, None] * values)) @ inverse).real)
+    return magnus.expm(generator * durations[:, None, None])
+
+
+def product(matrices: Array) -> tuple[Array, float]:
+    """Return (P, s): the last of ``(S, m, m)`` times ... times the first is exp(s) P."""
+    scale = 0.0
+    while len(matrices) > 1:
+        odd = matrices[-1:] if len(matrices) % 2 else matrices[:0]
+        matrices = np.concatenate([matrices[1::2] @ matrices[0 : len(matrices) - len(odd) : 2], odd])
+        size = np.abs(matrices).max(axis=(1, 2), initial=1e-300)
+        if size.max() > 1e60 or size.min() < 1e-60:
+            matrices = matrices / size[:, None, None]
+            scale += float(np.log(size).sum())
+    return matrices[0], scale
+
+
+def scaled(matrix: Array) -> tuple[Array, float]:
+    """Return a matrix over its largest entry, and the logarithm of that."""
+    size = float(np.abs(matrix).max(initial=0.0))
+    return (matrix / size, float(np.log(size))) if size > 0 else (matrix, 0.0)
+
+
+@dataclass(frozen=True)
+class Growth:
+    """E-folds of the amplitude, ln |Phi(b, a)|: largest between any two moments a < b, and over the whole path.
+
+    The norm is the largest ratio of sqrt(energy) at b and a, over all motions.
+    """
+
+    largest: float
+    through: float
+
+
+def growth(motion: Motion, path: Path) -> Growth:
+    """Find the largest growth between two moments: of some hundred evenly spread ones, then of all around the best."""
+    count = motion.count(path)
+    step = max(1, ceil(count / MOMENTS))
+    chunks = list(motion.chunks(path, step))
+    largest, begin, end, through = best_pair(chunks)
+    if step == 1 or end == 0:
+        return Growth(largest, through)
+    fine = max(1, step // FINE)
+    # All moments between those before and behind the beginning, up to the latter.
+    border = begin + 1
+    before = list(motion.chunks(path, fine, max(begin - 1, 0) * step, border * step))
+    rest = _joined(chunks[border:end])
+    starts: list[Chunk] = []
+    for chunk in reversed(before):
+        starts.append(chunk if not starts else starts[-1].after(chunk))
+    whole = [start if rest is None else rest.after(start) for start in starts]
+    chosen = int(np.argmax([one.norm for one in whole]))
+    largest = max(largest, whole[chosen].norm)
+    if end - 1 < border:
+        return Growth(largest, through)
+    # The same around the end.
+    total = starts[chosen]
+    ahead = _joined(chunks[border : end - 1])
+    total = total if ahead is None else ahead.after(total)
+    for chunk in motion.chunks(path, fine, (end - 1) * step, min((end + 1) * step, count)):
+        total = chunk.after(total)
+        largest = max(largest, total.norm)
+    return Growth(largest, through)
+
+
+def _joined(chunks: list[Chunk]) -> Chunk | None:
+    total = None
+    for chunk in chunks:
+        total = chunk.after(total)
+    return total
+
+
+def best_pair(chunks: list[Chunk]) -> tuple[float, int, int, float]:
+    """Return the largest ln |Phi| over stretches of chunks, from which to before which it goes, and that of all."""
+    products, scales = np.empty((0, 0, 0)), np.empty(0)
+    best, begin, end = 0.0, 0, 0
+    for j, chunk in enumerate(chunks, start=1):
+        # From every moment before to this one.
+        longer = chunk.matrix @ products if len(products) else np.empty((0, *chunk.matrix.shape))
+        products = np.concatenate([longer, chunk.matrix[None]])
+        size = np.sqrt(np.sum(products**2, axis=(1, 2)))
+        products, scales = products / size[:, None, None], np.append(scales, 0.0) + chunk.scale + np.log(size)
+        # The Frobenius norm is no less than the spectral one, of which few are needed.
+        for i in np.argsort(-scales):
+            if scales[i] <= best:
+                break
+            value = float(scales[i] + np.log(np.linalg.norm(products[i], 2)))
+            if value > best:
+                best, begin, end = value, int(i), j
+    return best, begin, end, float(scales[0] + np.log(np.linalg.norm(products[0], 2)))
