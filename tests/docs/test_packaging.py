@@ -8,13 +8,16 @@ import re
 import shutil
 import subprocess
 import sys
+import tarfile
 import tomllib
+import zipfile
 from pathlib import Path
 
 import pytest
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 from packaging.version import Version
+from ruamel.yaml import YAML
 
 import gearstab
 
@@ -103,6 +106,62 @@ def test_version_stands_once(root: Path, project: dict) -> None:
     assert re.fullmatch(r"\d+\.\d+\.\d+\S*", gearstab.__version__)
     copies = [f for f in (root / "gearstab").rglob("*.py") if re.search(r"^__version__ =", f.read_text(), re.M)]
     assert copies == [root / "gearstab" / "__init__.py"]
+
+
+def test_the_citation_is_that_of_this_version(root: Path, project: dict) -> None:
+    cited = YAML(typ="safe").load((root / "CITATION.cff").read_text())
+    assert (cited["cff-version"], cited["version"]) == ("1.2.0", gearstab.__version__)
+    assert cited["license"] == project["license"]
+    assert set(cited) >= {"message", "title", "authors"}
+    assert f"\n## {gearstab.__version__}" in (root / "docs" / "changelog.md").read_text()
+
+
+HOOK = "import sys; from setuptools import build_meta; print(build_meta.{hook}(sys.argv[1]))"
+
+
+def packed(folder: Path, out: Path, hook: str) -> Path:
+    """What a hook of the build makes of a source tree."""
+    out.mkdir(exist_ok=True)
+    command = [sys.executable, "-W", "ignore", "-c", HOOK.format(hook=hook), str(out)]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=True)
+    return out / done.stdout.splitlines()[-1]
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("git") is None, reason="needs git")
+def test_a_source_distribution_is_whole_and_makes_a_wheel(root: Path, tmp_path: Path) -> None:
+    listed = subprocess.run(["git", "ls-files"], cwd=root, capture_output=True, text=True, check=True).stdout
+    tracked = {name for name in listed.splitlines() if not name.startswith(".")}
+    for name in tracked:
+        (tmp_path / "tree" / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(root / name, tmp_path / "tree" / name)
+    with tarfile.open(packed(tmp_path / "tree", tmp_path / "out", "build_sdist")) as archive:
+        held = {member.name.partition("/")[2] for member in archive.getmembers() if member.isfile()}
+        archive.extractall(tmp_path / "unpacked", filter="data")
+    assert tracked - held == set()
+    (source,) = (tmp_path / "unpacked").iterdir()
+    wheel = packed(source, tmp_path / "out", "build_wheel")
+    with zipfile.ZipFile(wheel) as archive:
+        names = set(archive.namelist())
+        archive.extractall(tmp_path / "installed")
+    package = {name for name in tracked if name.startswith("gearstab/") and name.endswith((".py", "py.typed"))}
+    assert package - names == set()
+    assert not any(name.startswith(("tests/", "docs/", "scripts/", "configs/")) for name in names)
+    # As installed: the package of the wheel, with the kernel where there is a compiler, and nothing of this tree.
+    program = (
+        "import gearstab as gs; from gearstab import ckernel; print(gs.__file__); print(*ckernel.available());"
+        "print(gs.floquet({'kind': 'gear_pair', 'equivalent_mass': 1.0, 'meshes': [{'mean_stiffness': 1.0,"
+        "'epsilon': 0.3, 'contact_ratio': 1.5}]}, 2.0).stable)"
+    )
+    environment = os.environ | {"PYTHONPATH": str(tmp_path / "installed")}
+    done = subprocess.run(
+        [sys.executable, "-c", program], cwd=tmp_path, env=environment, capture_output=True, text=True, check=True
+    )
+    place, kernels, stable = done.stdout.splitlines()
+    assert Path(place).is_relative_to(tmp_path / "installed")
+    assert stable == "0"
+    assert ("c" in kernels.split()) == any("_kernel" in name and name.endswith((".so", ".pyd")) for name in names)
+    assert "c" in kernels.split() or (shutil.which("cc") is None and shutil.which("gcc") is None)
 
 
 def test_ci_runs_the_tests_as_a_user_would(root: Path) -> None:
