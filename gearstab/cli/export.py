@@ -27,13 +27,20 @@ from gearstab.cli.console import Output, tell
     metavar="DIM,..",
     help="The dimensions of the rows where there are several tables: of a response time,dof; time,mesh; frequency.",
 )
-def command(result: Path, output: Path, group: str | None, over: str | None) -> None:
-    """Write the file RESULT as tidy CSV: one row a grid point, one column an axis or variable."""
+@options.select
+@options.unit
+def command(
+    result: Path, output: Path, group: str | None, over: str | None, select: tuple[str, ...], unit: tuple[str, ...]
+) -> None:
+    """Write the file RESULT as tidy CSV: one row per grid point, one column per axis or variable.
+
+    Units other than SI units stand behind the names of their columns.
+    """
     from gearstab.results.export import export
 
     out = None if str(output) == "-" else output
-    rows, note = export(result, out, Output(), group, over)
+    rows, notes = export(result, out, Output(), group, over, options.selections(select), unit)
     if out is not None:
         tell(f"{out}: {rows:,} rows")
-    if note:
+    for note in notes:
         tell(f"note: {note}")

@@ -22,3 +22,32 @@ quiet = click.option("-q", "--quiet", is_flag=True, help="No messages but errors
 def output(text: str) -> Callable[[FC], FC]:
     """Return the option for the file to write; ``text`` says what it is and where it goes by default."""
     return click.option("-o", "--output", type=FILE, help=text)
+
+
+select = click.option(
+    "--select",
+    multiple=True,
+    metavar="AXIS=VALUE",
+    help="Fix an axis at the value nearest to a number, which may have a unit, or at a label; repeatable.",
+)
+unit = click.option(
+    "--unit",
+    multiple=True,
+    metavar="[AXIS=]UNIT",
+    help="Show axes in this unit, such as rpm, Hz, SI [default: as they were typed]; repeatable.",
+)
+
+
+def selections(texts: tuple[str, ...]) -> dict[str, str]:
+    """Return ``AXIS=VALUE`` texts as a mapping; a label may hold an equals sign. Raises ResultError for other texts."""
+    from gearstab.errors import ResultError
+
+    chosen: dict[str, str] = {}
+    for text in texts:
+        axis, equals, value = (part.strip() for part in text.partition("="))
+        if not (axis and equals and value):
+            raise ResultError(f"--select {text!r}: write AXIS=VALUE, for instance epsilon=0.3")
+        if axis in chosen:
+            raise ResultError(f"--select names {axis} twice")
+        chosen[axis] = value
+    return chosen

@@ -19,12 +19,8 @@ KINDS_HELP = "; ".join(f"{name}: {kind.summary}" for name, kind in KINDS.items()
 @click.option("--kind", metavar="|".join(KINDS), help=f"What to draw [default: by what RESULT holds]. {KINDS_HELP}.")
 @click.option("--x", metavar="AXIS", help="Axis along x [default: mesh_frequency].")
 @click.option("--y", metavar="AXIS", help="Axis along y [default: epsilon, else the longest other axis].")
-@click.option(
-    "--select",
-    multiple=True,
-    metavar="AXIS=VALUE",
-    help="Fix an axis at the value nearest to a number, or at a label; may be given again for other axes.",
-)
+@options.select
+@options.unit
 @click.option("--variable", help="Variable to draw [default: growth_rate].")
 @click.option(
     "--level", multiple=True, type=click.FloatRange(0, 1, min_open=True, max_open=True),
@@ -35,7 +31,8 @@ KINDS_HELP = "; ".join(f"{name}: {kind.summary}" for name, kind in KINDS.items()
 @click.option("--dpi", type=click.IntRange(50, 2400), help="Resolution of pixels [default: 300].")
 def command(
     result: Path, output: Path | None, kind: str | None, x: str | None, y: str | None, select: tuple[str, ...],
-    variable: str | None, level: tuple[float, ...], title: bool, size: str | None, dpi: int | None,
+    unit: tuple[str, ...], variable: str | None, level: tuple[float, ...], title: bool, size: str | None,
+    dpi: int | None,
 ) -> None:  # fmt: skip
     """Draw a figure from the file RESULT alone; nothing is computed again."""
     from gearstab.plots import draw
@@ -47,25 +44,10 @@ def command(
     target = output or result.with_suffix(".png")
     checked_extension(target)
     FIGURE.refuse(target, result)
-    request = Request(x, y, selections(select), variable, size, title, dpi, levels=level)
+    request = Request(x, y, options.selections(select), variable, size, title, dpi, unit, levels=level)
     with reading(result) as tree:
         figure, artists = draw(tree, kind, request)
         save(figure, target, title_of(tree))
     tell(f"figure: {target}")
-    if artists.get("left_out"):
-        tell(f"note: {artists['left_out']}")
-
-
-def selections(texts: tuple[str, ...]) -> dict[str, str]:
-    """``AXIS=VALUE`` texts as a mapping; a label may itself hold an equals sign. Raises PlotError for anything else."""
-    from gearstab.errors import PlotError
-
-    chosen: dict[str, str] = {}
-    for text in texts:
-        axis, equals, value = (part.strip() for part in text.partition("="))
-        if not (axis and equals and value):
-            raise PlotError(f"--select {text!r}: write AXIS=VALUE, for instance epsilon=0.3")
-        if axis in chosen:
-            raise PlotError(f"--select names {axis} twice")
-        chosen[axis] = value
-    return chosen
+    for note in [*artists["nearest"], *([artists["left_out"]] if artists.get("left_out") else [])]:
+        tell(f"note: {note}")

@@ -144,9 +144,12 @@ def extent(axis: Axis) -> str:
     if isinstance(axis.values, list):
         shown = "; ".join(axis.values[:4])
         return shown if axis.size <= 4 else f"{shown}; ..."
-    unit = "" if axis.units == "1" else f" {axis.units}"
-    ends = f"{axis.values[0]:.6g} .. {axis.values[-1]:.6g}" if axis.size > 1 else f"{axis.values[0]:.6g}"
-    return ends + unit
+    from gearstab.results.display import typed
+
+    found = typed(axis.typed_units, axis.units)
+    unit, one = found.get("display_units", "" if axis.units == "1" else axis.units), found.get("display_scale", 1.0)
+    ends = [axis.values[0], axis.values[-1]] if axis.size > 1 else [axis.values[0]]
+    return f"{' .. '.join(f'{end / one:.6g}' for end in ends)} {unit}".rstrip()
 
 
 def size(count: float) -> str:

@@ -361,12 +361,35 @@ def _read_respond(
     if system:
         known |= system.contents
     size = model.size(known) if model else None
+    if model is not None and wanted is Respond and isinstance(section, dict):
+        _replace_input_speed(document, section, model.cycles_of_input(known))
     meant = as_meant(section, wanted)
     if meant is not None:
         _report(document, ("respond",), wanted.conflicts(meant, known, size), meant)
     wrong = check_units(document, model, known, "respond", wanted) if model else set()
     respond: Respond | PairRespond | None = validate(document, wanted, ("respond",), wrong)
     return None if respond is None or size is None else respond.of_size(size)
+
+
+def _replace_input_speed(document: Document, section: dict[str, Any], cycles: float | None) -> None:
+    """Write the mesh frequency in place of an input speed. cycles: of the first mesh in a turn of the input."""
+    from pydantic_core import PydanticCustomError
+
+    from gearstab.config.model.fields import Quantity
+    from gearstab.config.sections.targets import INPUT_SPEED, UNKNOWN_TEETH
+
+    value, path = section.get(INPUT_SPEED), ("respond", INPUT_SPEED)
+    if value is None or section.get("mesh_frequency") is not None:
+        return
+    if cycles is None:
+        document.report(path, "the numbers of teeth are not known", UNKNOWN_TEETH, at_key=True)
+        return
+    try:
+        speed = Quantity("rad/s").number(value)
+    except PydanticCustomError:
+        return  # which is reported where the section is validated
+    document.put(("respond", "mesh_frequency"), speed * cycles, document.where(path))
+    del section[INPUT_SPEED]
 
 
 def _report(document: Document, path: Path, conflicts: Iterable[Conflict], section: Any) -> None:

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from gearstab.errors import PlotError, listed
 from gearstab.plots import modes, work_precision
-from gearstab.plots.axes import Request, distinct
+from gearstab.plots.axes import Request, distinct, nearest_values
 from gearstab.plots.design import before_after, contour, pareto, tornado
 from gearstab.plots.drawing.style import style
 from gearstab.plots.kinds import Contents, Kind
@@ -25,6 +25,7 @@ from gearstab.plots.maps import (
     surface,
 )
 from gearstab.plots.motions import pair, phase_plane, response, spectrum, speeds, teeth
+from gearstab.results.display import in_display_units
 
 KINDS: dict[str, Kind] = {
     module.KIND.name: module.KIND
@@ -51,18 +52,22 @@ def draw(
     tree: as ``xarray.open_datatree`` reads it from a result file. kind: one of ``KINDS``, default by what the result
     holds. request: or its fields as ``options``, ``draw(tree, y="phasing", select={"epsilon": "0.3"})``.
 
-    Returns the figure and its artists by name (see the kinds). Without a kind a figure of too much shows a part of it:
+    Axes are in the units in which they were typed, or in those of ``request.unit``.
+
+    Returns the figure and its artists by name (see the kinds); ``nearest`` says where a selection is between two values
+    of an axis. Without a kind a figure of too much shows a part of it:
     ``left_out`` among the artists says so. Raises PlotError for what the result cannot give.
     """
     wanted = request or Request(**options)
     if kind is None:
         wanted = replace(wanted, partial=True)
-    tree = distinct(tree)
+    tree = in_display_units(distinct(tree), wanted.unit)
     name = kind or default_kind(tree, wanted)
     if name not in KINDS:
         raise PlotError(f"no kind {name!r}; the kinds: {listed(KINDS)}")
     with style():
-        return KINDS[name].draw(tree, wanted)
+        figure, artists = KINDS[name].draw(tree, wanted)
+    return figure, artists | {"nearest": nearest_values(tree, wanted.select)}
 
 
 __all__ = ["KINDS", "Kind", "default_kind", "draw"]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Self
 
@@ -19,15 +19,12 @@ from gearstab.plots.drawing.text import (
     tongue_label,
     unit_text,
 )
+from gearstab.results.display import FACTOR, FREQUENCY, SPEEDS, number_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 Array = np.ndarray
-
-FREQUENCY = "mesh_frequency"
-SPEEDS = (FREQUENCY, "input_speed")
-"""Axes along which the mesh frequency varies."""
 
 INNER = ("tongue", "side", "stretch", "exponent", "mesh", "parameter")
 """Dimensions of what was computed at a point, or of boundaries; they are no axes of the sweep."""
@@ -133,21 +130,27 @@ class Axis:
             if text not in labels:
                 raise PlotError(f"{self.name} has no value {text!r}; its values: {listed(map(quoted, labels))}")
             return labels.index(text)
-        try:
-            wanted = float(text)
-        except ValueError:
-            raise PlotError(f"{self.name} is a number, not {text!r}; {self.extent()}") from None
+        wanted = self.number(text)
         low, high = self.edges()[[0, -1]]
         if not low <= wanted <= high:
             raise PlotError(f"{self.name} = {text} is outside the result; {self.extent()}")
         return int(np.argmin(np.abs(self.positions - wanted)))
 
+    def number(self, text: str) -> float:
+        """The number of a text in the unit of the axis. Raises PlotError for anything else."""
+        try:
+            return number_of(text, self.units)
+        except ValueError:
+            unit = "" if self.units == "1" else f" in {self.units}"
+            raise PlotError(f"{self.name} is a number{unit}, not {text!r}; {self.extent()}") from None
+
     def extent(self) -> str:
         """The values in a few words, for messages."""
+        unit = "" if self.units == "1" or not self.numeric else f" {self.units}"
         if not self.numeric or self.size <= 8:
-            return "its values: " + listed(quoted(self.text(i)) for i in range(self.size))
+            return "its values: " + listed(quoted(self.text(i)) for i in range(self.size)) + unit
         low, high = self.positions.min(), self.positions.max()
-        return f"{self.size} values from {number_text(low)} to {number_text(high)}"
+        return f"{self.size} values from {number_text(low)} to {number_text(high)}{unit}"
 
 
 def quoted(label: str) -> str:
@@ -179,7 +182,7 @@ def axis_of(data: xr.DataArray | xr.Dataset, name: str, meshes: Mapping[str, int
     if values.dtype.kind not in "fiu":
         values = np.array(texts(values), dtype=object)
     attributes = coordinate.attrs
-    factor = 1.0 if name == FREQUENCY else attributes.get("mesh_frequency_factor")
+    factor = attributes.get(FACTOR, 1.0 if name == FREQUENCY else None)
     return Axis(name, values, units_of(coordinate), str(attributes.get("long_name", "")), meshes, factor)
 
 
@@ -210,7 +213,8 @@ def sweep_axes(tree: xr.DataTree) -> dict[str, Axis]:
                 axis = axis_of(dataset, str(dim), meshes)
                 axes[axis.name] = joined(axes[axis.name], axis) if axis.name in axes else axis
     if axes and not any(name in axes for name in SPEEDS):
-        axes[FREQUENCY] = spanned_frequency(tree, meshes)
+        spanned = spanned_frequency(tree, meshes)
+        axes[spanned.name] = spanned
     return axes
 
 
@@ -250,9 +254,10 @@ def spanned_frequency(tree: xr.DataTree, meshes: Mapping[str, int]) -> Axis:
     A single value is none: boundaries stand for the whole range, however few points the sweep put on it.
     """
     for dataset in (tree.to_dataset(), *datasets(tree)):
-        if FREQUENCY in dataset.coords and dataset.coords[FREQUENCY].ndim == 1 and dataset.sizes[FREQUENCY] > 1:
-            stored = axis_of(dataset, FREQUENCY, meshes)
-            return replace(stored, values=filled(stored.positions.min(), stored.positions.max()))
+        for name in SPEEDS:
+            if name in dataset.coords and dataset.coords[name].ndim == 1 and dataset.sizes[name] > 1:
+                stored = axis_of(dataset, name, meshes)
+                return replace(stored, values=filled(stored.positions.min(), stored.positions.max()))
     edges = [data["boundary_frequency"] for data in datasets(tree) if "boundary_frequency" in data.data_vars]
     values = np.concatenate([np.ravel(edge.values) for edge in edges] or [np.zeros(0)])
     values = values[np.isfinite(values)]
@@ -275,6 +280,20 @@ def find_axis(axes: Mapping[str, Axis], name: str) -> Axis:
     if len(endings) == 1:
         return axes[endings[0]]
     raise PlotError(f"no axis {name!r} in this result; its axes: {listed(axes)}")
+
+
+def nearest_values(tree: xr.DataTree, select: Mapping[str, str]) -> list[str]:
+    """Sentences on what was selected between two values of an axis, which shows the nearest of them."""
+    axes, said = sweep_axes(tree) if select else {}, []
+    for name, text in select.items():
+        axis = axes.get(name) or next((a for a in axes.values() if a.name.endswith("." + name)), None)
+        if axis is None or not axis.numeric:
+            continue
+        index, wanted = axis.find(text), axis.number(text)
+        if not np.isclose(axis.positions[index], wanted, rtol=1e-9, atol=0.0):
+            unit = "" if axis.units == "1" else f" {axis.units}"
+            said.append(f"{axis.name} = {text} is not one of its values; nearest: {axis.text(index)}{unit}")
+    return said
 
 
 @dataclass(frozen=True)
@@ -327,6 +346,7 @@ class MapView(View):
 class Request:
     """What the user asked for; ``x`` and ``y`` default to the mesh frequency and epsilon.
 
+    unit: units of axes instead of those that were typed, see :func:`gearstab.results.display.in_display_units`.
     partial: whether a figure may leave something out where all would be too much; else that is an error.
     levels: of contours, in a kind that draws some.
     ax: the frame to draw into, for kinds of figures with one frame; None for a figure of its own.
@@ -339,6 +359,7 @@ class Request:
     size: str | None = None
     title: bool = True
     dpi: int | None = None
+    unit: Sequence[str] = ()
     partial: bool = False
     levels: tuple[float, ...] = ()
     ax: Axes | None = None

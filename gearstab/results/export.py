@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from itertools import product
 from pathlib import Path
@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gearstab.errors import ResultError
+from gearstab.errors import ResultError, listed
+from gearstab.results.display import FACTOR, OF_MESH, SPEEDS, in_display_units, number_of
 from gearstab.results.output import FIGURES, OTHERS, RESULTS, Content, writing
 from gearstab.results.read import reading
 from gearstab.results.variables import every_variable
@@ -30,29 +31,92 @@ ROWS_AT_ONCE = 1 << 16
 
 
 def export(
-    path: Path, out: Path | None, stream: io.RawIOBase, group: str | None = None, over: str | None = None
-) -> tuple[int, str]:
+    path: Path, out: Path | None, stream: io.RawIOBase, group: str | None = None, over: str | None = None,
+    select: Mapping[str, str] | None = None, unit: Sequence[str] = (),
+) -> tuple[int, list[str]]:  # fmt: skip
     """Write a group of the result at ``path`` to ``out``, without it to ``stream``, as UTF-8.
 
     group: default ``floquet``, else the first other one that there is.
     over: the dimensions of the rows, ``time,mesh`` or one of them, for groups whose variables lie across one another (a
         response has coordinates and mesh forces over ``time`` and spectra over ``frequency``), see :func:`led_by`.
+    select: values of axes, to which the table is cut down (:func:`selected`). unit: units of axes other than those that
+        were typed (:func:`gearstab.results.display.in_display_units`).
 
-    Returns the number of rows, and what the group holds besides (:func:`left_out`).
+    Returns the number of rows, and notes: where a selected value is none of an axis, what the group holds besides.
     Raises ResultError for a file, a group or a dimension that is not there, OutputError where ``out`` must not be
     written and OSError where it cannot be.
     """
     if out is not None:
         TABLE.refuse(out, path)
     with reading(path) as tree:
-        dataset = tree[chosen_group(tree, group, path)].to_dataset()
+        shown = in_display_units(tree, unit)
+        dataset, notes = selected(in_speeds(shown, chosen_group(shown, group, path)), select or {}, path)
         table = led_by(dataset, over, path)
         if out is None:
             rows = write_rows(table, stream)
         else:
             with writing(out, TABLE.refuse) as file:
                 rows = write_rows(table, file)
-        return rows, left_out(dataset, table)
+        missing = left_out(dataset, table)
+        return rows, [*notes, *([missing] if missing else [])]
+
+
+def in_speeds(tree: xr.DataTree, group: str) -> xr.Dataset:
+    """A group whose mesh frequencies are in the unit in which the axis that sets them is shown, or are input speeds."""
+    dataset = tree[group].to_dataset()
+    axis = next((tree[name] for name in SPEEDS if name in tree.coords and "si_units" in tree[name].attrs), None)
+    if axis is None:
+        return dataset
+    for name in OF_MESH:
+        if name in dataset:
+            data = dataset[name] / axis.attrs[FACTOR]
+            data.attrs = dataset[name].attrs | {key: axis.attrs[key] for key in ("units", "si_units")}
+            # In the place of the variable, under the name of what it is now.
+            new = name.replace("frequency", str(axis.name).removeprefix("mesh_"))
+            dataset = dataset.assign({name: data}).rename({name: new})
+    return dataset
+
+
+def selected(dataset: xr.Dataset, select: Mapping[str, str], path: Path) -> tuple[xr.Dataset, list[str]]:
+    """The rows at the number nearest to one that is asked for, or at a label, and notes on numbers that are not there.
+
+    Raises ResultError for an axis or a label that is not there, and for a number beyond the values of its axis.
+    """
+    notes = []
+    for name, text in select.items():
+        label = "label" if name == "tongue" and "label" in dataset.coords else name
+        if label not in dataset.coords or dataset[label].ndim != 1:
+            there = listed(str(dim) for dim in dataset.dims if dim in dataset.coords or dim == "tongue")
+            raise ResultError(f"{path}: there is no axis '{name}' in this table; there is {there}")
+        values = dataset[label].values
+        if values.dtype.kind in "fiu":
+            kept, note = nearest(
+                name, np.asarray(values, dtype=float), text, str(dataset[label].attrs.get("units", "1"))
+            )
+            notes += note
+        else:
+            kept = [k for k, value in enumerate(values) if str(value) == text]
+            if not kept:
+                raise ResultError(f"{path}: {name} has no value '{text}'; its values: {listed(map(str, values))}")
+        dataset = dataset.isel({str(dataset[label].dims[0]): kept})
+    return dataset, notes
+
+
+def nearest(name: str, values: Array, text: str, units: str) -> tuple[list[int], list[str]]:
+    """The index of the number nearest to a text, as a list, and a note where the two differ."""
+    try:
+        wanted = number_of(text, units)
+    except ValueError as error:
+        raise ResultError(f"--select {name}: {error}; it is a number in {units}") from None
+    unit, order = "" if units == "1" else f" {units}", np.sort(values)
+    # As far beyond the first and the last value as half a step.
+    low, high = order[0] - 0.5 * (order[:2][-1] - order[0]), order[-1] + 0.5 * (order[-1] - order[-2:][0])
+    if not low <= wanted <= high:
+        raise ResultError(f"{name} = {text} is outside the result: {order[0]:.6g} to {order[-1]:.6g}{unit}")
+    index = int(np.argmin(np.abs(values - wanted)))
+    if np.isclose(values[index], wanted, rtol=1e-9, atol=0.0):
+        return [index], []
+    return [index], [f"{name} = {text} is not one of its values; nearest: {values[index]:.6g}{unit}"]
 
 
 def write_rows(dataset: xr.Dataset, file: Any) -> int:
@@ -62,7 +126,7 @@ def write_rows(dataset: xr.Dataset, file: Any) -> int:
         writer = csv.writer(stream, lineterminator="\n")
         dims = dimensions(dataset)
         columns = column_names(dataset, dims)
-        writer.writerow(columns)
+        writer.writerow([heading(dataset, name) for name in columns])
         rows = 0
         for block in blocks([dataset.sizes[dim] for dim in dims]):
             part = dataset.isel(dict(zip(dims, block, strict=True)))
@@ -77,6 +141,12 @@ def write_rows(dataset: xr.Dataset, file: Any) -> int:
     return rows
 
 
+def heading(dataset: xr.Dataset, name: str) -> str:
+    """The name of a column, with its unit where that is no SI unit."""
+    attributes = dataset[name].attrs
+    return f"{name} ({attributes['units']})" if "si_units" in attributes else name
+
+
 def no_table(path: Path) -> str:
     """Return what a file is instead of a table of results, "" for one: the names of its columns tell."""
     with open(path, "rb") as file:
@@ -86,7 +156,9 @@ def no_table(path: Path) -> str:
     except csv.Error:
         names = []
     known = {variable.name for variable in every_variable() if not variable.coordinate}
-    return "" if known.intersection(names) else "is no table that gearstab wrote"
+    known |= {name.replace("frequency", "input_speed") for name in OF_MESH}
+    plain = {name.partition(" (")[0] for name in names}
+    return "" if known & plain else "is no table that gearstab wrote"
 
 
 HEAD = 1 << 14

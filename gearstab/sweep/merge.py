@@ -20,6 +20,7 @@ from gearstab.config.sections.targets import INPUT_SPEED
 from gearstab.floquet.kernel import choice as kernel
 from gearstab.methods import Key
 from gearstab.results.chunks import decode, encode
+from gearstab.results.display import FACTOR, typed
 from gearstab.results.guard import SWEEP
 from gearstab.results.output import Look, move
 from gearstab.results.provenance import modes_group, root_attributes
@@ -61,8 +62,10 @@ def axis_fields(axis: Axis) -> list[Field]:
     """The coordinate of an axis and, for an axis of cases, one more for each parameter that its cases set."""
     text = isinstance(axis.values, list)
     own = coordinate(axis.name, axis.name, TEXT if text else "f8", axis.units, axis.long_name)
+    attributes = typed(axis.typed_units, axis.units)
     if axis.name == INPUT_SPEED and axis.mesh_frequency:
-        own = replace(own, attributes={"mesh_frequency_factor": axis.mesh_frequency.factor})
+        attributes |= {FACTOR: axis.mesh_frequency.factor}
+    own = replace(own, attributes=attributes)
     fields = [Field(own, axis.values)]
     if text:
         for item in axis.assignments:

@@ -9,7 +9,7 @@ from pydantic import Field
 
 from gearstab.config.document.problems import Path
 from gearstab.config.document.yaml import Document
-from gearstab.config.model.conflicts import Conflict, items, repeated_names, within, within_each
+from gearstab.config.model.conflicts import Conflict, items, plain_number, repeated_names, within, within_each
 from gearstab.config.model.fields import Choice, Flag, NonNegative, Section
 from gearstab.config.sections.respond import Respond
 from gearstab.config.sections.respond_pair import PairRespond
@@ -114,7 +114,10 @@ class System(Section):
 
     @classmethod
     def cycles_of_input(cls, raw: dict[str, Any]) -> float | None:
-        """Cycles of the first mesh in a turn of the input, None for a system without an input that turns."""
+        """Cycles of the first mesh in a turn of the input, None where no teeth are known.
+
+        raw: the section as written, in which anything may be wrong.
+        """
         return None
 
     @classmethod
@@ -138,3 +141,9 @@ class System(Section):
         yield from within(raw, "damping", lambda damping: Damping.conflicts(damping, cls.size(raw)))
         yield from within_each(raw, "meshes", cls.mesh_model.conflicts)
         yield from repeated_names(raw, "meshes", "mesh")
+
+
+def first_number(teeth: Any) -> float | None:
+    """Return the first of several numbers of teeth as written, None where there is none."""
+    first = plain_number(teeth[0]) if isinstance(teeth, list | tuple) and teeth else None
+    return first if first is not None and first > 0 else None

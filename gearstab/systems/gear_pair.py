@@ -12,13 +12,13 @@ from pydantic import Field
 from gearstab import rotating_pair
 from gearstab.config.document.yaml import Document
 from gearstab.config.model.conflicts import Conflict, exactly_one, plain_number, wrong_length
-from gearstab.config.model.fields import Choice, Inertia, Length, Mass, NonNegative, Quantity, Whole
+from gearstab.config.model.fields import Choice, Inertia, Length, Mass, NonNegative, Quantity, Teeth
 from gearstab.config.sections.respond import Respond
 from gearstab.config.sections.respond_pair import PairRespond
 from gearstab.rotating_pair import CLASSICAL, FORMULATIONS, PairNumbers
 from gearstab.system import Array, GearSystem
 from gearstab.system import Mesh as MeshOfSystem
-from gearstab.systems.base import System
+from gearstab.systems.base import System, first_number
 from gearstab.systems.parts.damping import with_damping
 from gearstab.systems.parts.forcing import LoadOfOne, with_forcing
 from gearstab.systems.parts.mesh import Mesh, build_mesh
@@ -30,17 +30,23 @@ if TYPE_CHECKING:
 OF_GEARS = ("teeth", "inertias", "torsional_stiffness", "single_contact_angle", "torque", "module", "radii")
 """Keys of a pair that is given by its gears, and not by an equivalent mass and a mesh."""
 
+DECISIVE = ("torsional_stiffness", "single_contact_angle", "torque")
+"""Those that a pair given by an equivalent mass and a mesh can have no use for."""
+LEAVE_OUT = "leave it out: equivalent_mass and meshes say all; kind: gearbox computes them from teeth and module"
+
 TOGETHER = f"two gears are given by {', '.join(OF_GEARS[:3])}, single_contact_angle or contact_ratio, torque"
 
 Formulation = Annotated[str, Choice("formulation", FORMULATIONS, axis=True)]
 TorsionalStiffness = Annotated[float, Field(gt=0), Quantity("N m")]
-Teeth = Annotated[int, Field(ge=1, le=100_000), Whole]
 
 
 class GearPair(System):
     """A gear pair on rigid shafts: one degree of freedom, the dynamic transmission error."""
 
     mesh_names: ClassVar[tuple[str, ...]] = ("mesh",)
+    misplaced: ClassVar[dict[str, str]] = dict.fromkeys(
+        ("module", "radii", "inertias", "face_width", "pressure_angle", "profile_shift"), LEAVE_OUT
+    )
 
     kind: Literal["gear_pair"] = Field(title="kind of system", description="A gear pair on rigid shafts.")
     formulation: Annotated[str, Choice("formulation", (CLASSICAL,))] = Field(
@@ -52,6 +58,11 @@ class GearPair(System):
     meshes: tuple[Mesh] = Field(title="meshes", description="Exactly one tooth mesh.")
     load: LoadOfOne | None = Field(
         default=None, title="load", description="The static force along the line of action (N)."
+    )
+    teeth: tuple[Teeth, Teeth] | None = Field(
+        default=None,
+        title="numbers of teeth",
+        description="[N1, N2], for input_speed alone: that of the first gear, which drives.",
     )
 
     @classmethod
@@ -75,8 +86,15 @@ class GearPair(System):
     def variant(cls, raw: dict[str, Any]) -> type[System]:
         """Two gears, where they are given by their numbers or where the formulation needs them."""
         formulation = raw.get("formulation", CLASSICAL)
-        by_gears = any(key in raw for key in OF_GEARS) or (formulation in FORMULATIONS and formulation != CLASSICAL)
+        # Beside an equivalent mass or a mesh the teeth tell the speed alone.
+        keys = DECISIVE if "equivalent_mass" in raw or "meshes" in raw else OF_GEARS
+        by_gears = any(key in raw for key in keys) or (formulation in FORMULATIONS and formulation != CLASSICAL)
         return RotatingPair if by_gears else cls
+
+    @classmethod
+    def cycles_of_input(cls, raw: dict[str, Any]) -> float | None:
+        """N1."""
+        return first_number(raw.get("teeth"))
 
     @classmethod
     def build(cls, p: dict[str, Any]) -> GearSystem:
@@ -146,6 +164,12 @@ class RotatingPair(System):
     @classmethod
     def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
         """One way to say when one pair is in contact; two pairs stiffer than one; radii that fit the teeth."""
+        if all(raw.get(key) is None for key in (*DECISIVE, "contact_ratio", "inertias")):
+            remedy = (
+                "kind: gearbox computes inertias and stiffness from teeth, module and face_width; or add inertias, "
+            )
+            remedy += "torsional_stiffness, contact_ratio, torque (module, radii, damping_ratio may be left out)"
+            yield ("teeth",), "numbers of teeth alone make no gear_pair", remedy
         if raw.get("damping") is not None:
             yield ("damping",), "is not defined for a pair given by its gears", "give damping_ratio"
         if raw.get("allow_negative_stiffness"):
@@ -162,6 +186,11 @@ class RotatingPair(System):
         if r1 and r2 and n1 and n2 and not isclose(r1 * n2, r2 * n1, rel_tol=1e-6):
             hint = f"make r1/r2 = N1/N2 = {n1:g}/{n2:g}"
             yield ("radii",), "are not in the ratio of the numbers of teeth", hint
+
+    @classmethod
+    def cycles_of_input(cls, raw: dict[str, Any]) -> float | None:
+        """N1."""
+        return first_number(raw.get("teeth"))
 
     @classmethod
     def unfit(cls, parameters: dict[str, Any], axes: Sequence[Axis], methods: Sequence[str]) -> Iterator[Conflict]:

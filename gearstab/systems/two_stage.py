@@ -9,11 +9,12 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
+from gearstab.config.document.yaml import Document
 from gearstab.config.model.arrays import diagonal
 from gearstab.config.model.conflicts import Conflict, wrong_length
-from gearstab.config.model.fields import ExactRatio, Mass, Quantity
+from gearstab.config.model.fields import ExactRatio, Mass, Quantity, Teeth
 from gearstab.system import GearSystem
-from gearstab.systems.base import System
+from gearstab.systems.base import System, first_number
 from gearstab.systems.parts.damping import with_damping
 from gearstab.systems.parts.forcing import Load, with_forcing
 from gearstab.systems.parts.mesh import Mesh, SecondMesh, build_mesh
@@ -35,7 +36,14 @@ class TwoStage(System):
     tooth_ratio: ExactRatio = Field(
         default=Fraction(1),
         title="tooth ratio",
-        description='R = Z2/Z4 = Omega_1/Omega_2, exact: 1 (three gears; the default), 0.6 or "3/5".',
+        description='R = Z2/Z4 = Omega_1/Omega_2, exact: 1 (three gears; the default), 0.6 or "3/5"; from teeth '
+        "where they are given.",
+    )
+    teeth: tuple[Teeth, Teeth, Teeth, Teeth] | None = Field(
+        default=None,
+        title="numbers of teeth",
+        description="[Z1, Z2, Z4, Z3] along the train: the input gear, both gears of the middle shaft (of three gears "
+        "the same number twice), the output gear. For tooth_ratio and input_speed.",
     )
     meshes: tuple[Mesh, SecondMesh] = Field(title="meshes", description="The first and the second tooth mesh.")
     load: Load | None = Field(
@@ -47,10 +55,25 @@ class TwoStage(System):
         return 3
 
     @classmethod
+    def complete(cls, document: Document, raw: dict[str, Any], size: int | None) -> None:
+        """The tooth ratio that the teeth give."""
+        ratio = _ratio(raw.get("teeth"))
+        if raw.get("tooth_ratio") is None and ratio is not None:
+            document.put(("system", "tooth_ratio"), str(ratio), document.where(("system", "teeth")))
+
+    @classmethod
+    def cycles_of_input(cls, raw: dict[str, Any]) -> float | None:
+        """Z1."""
+        return first_number(raw.get("teeth"))
+
+    @classmethod
     def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
         """A load of one number a coordinate."""
         yield from super().conflicts(raw)
         yield from wrong_length(raw, "load", 3)
+        ratio = _ratio(raw.get("teeth"))
+        if ratio is not None and raw.get("tooth_ratio") is not None and _exact(raw["tooth_ratio"]) not in (ratio, None):
+            yield ("tooth_ratio",), f"is not that of the teeth, Z2/Z4 = {ratio}", "remove it, or change the teeth"
 
     @classmethod
     def build(cls, p: dict[str, Any]) -> GearSystem:
@@ -73,3 +96,17 @@ class TwoStage(System):
         )
         system = GearSystem(diagonal(p["inertias"]), stiffness, meshes, coordinates=("x1", "x2", "x3"))
         return with_forcing(with_damping(system, p), p)
+
+
+def _ratio(teeth: Any) -> Fraction | None:
+    """Z2/Z4 of numbers of teeth as written, None where they are none."""
+    whole = isinstance(teeth, list) and len(teeth) == 4 and all(type(z) is int and z > 0 for z in teeth)
+    return Fraction(teeth[1], teeth[2]) if whole else None
+
+
+def _exact(value: Any) -> Fraction | None:
+    """A ratio as written, None for what is none."""
+    try:
+        return Fraction(str(value).replace(" ", ""))
+    except (ValueError, ZeroDivisionError):
+        return None

@@ -216,7 +216,7 @@ def test_the_input_speed_sets_that_of_lubricated_friction_too(tmp_path: Path) ->
 
 
 def test_input_speed_is_refused_where_it_has_no_meaning(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match="unknown parameter"):
+    with pytest.raises(ConfigError, match="the numbers of teeth are not known"):
         loaded(
             tmp_path,
             GOOD,

@@ -13,8 +13,8 @@ from click.testing import CliRunner
 from plot_results import planetary
 
 from gearstab.cli import group
-from gearstab.cli.plot import selections
-from gearstab.errors import PlotError
+from gearstab.cli.options import selections
+from gearstab.errors import ResultError
 from gearstab.plots import KINDS, draw
 from gearstab.plots.drawing.style import save
 
@@ -187,5 +187,5 @@ def test_a_file_that_is_no_result_is_one_line_and_exit_2(content, tmp_path):
 
 def test_selections_keep_what_follows_the_first_equals_sign():
     assert selections(("case=c1 = c2 = 1.5", "epsilon= 0.3")) == {"case": "c1 = c2 = 1.5", "epsilon": "0.3"}
-    with pytest.raises(PlotError, match="AXIS=VALUE"):
+    with pytest.raises(ResultError, match="AXIS=VALUE"):
         selections(("=3",))

@@ -34,10 +34,11 @@ def is_result(path: Path) -> bool:
 
 def describe(path: Path) -> dict[str, Any]:
     """Return all that is shown, as plain numbers, texts and lists. Raises ResultError."""
+    from gearstab.results.display import in_display_units
     from gearstab.results.read import attributes, is_sealed, reading
 
-    with reading(path) as tree:
-        root = attributes(path)
+    with reading(path) as stored:
+        root, tree = attributes(path), in_display_units(stored)
         return {
             "title": root.get("title", ""),
             "provenance": {name: root[name] for name, _ in PROVENANCE if name in root},

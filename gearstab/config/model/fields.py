@@ -324,3 +324,5 @@ ExactRatio = Annotated[Fraction, Ratio()]
 AnyRatio = Annotated[Fraction | float, Ratio(sibling="exact")]
 """Exact unless the flag ``exact`` before it says that it is not."""
 ToothCount = Annotated[Fraction, Count()]
+Teeth = Annotated[int, Field(ge=1, le=100_000), Whole]
+"""A number of teeth that no axis sets."""

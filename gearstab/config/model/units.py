@@ -113,7 +113,7 @@ def typed_unit(values: Iterable[Any]) -> str:
 @cache
 def scale(unit: str, si: str) -> float:
     """Return how many of an SI unit one of another unit is: 2 pi/60 for rpm and rad/s."""
-    return KNOWN.get((unit, si)) or to_si(f"1 {unit}", (si,))
+    return 1.0 if unit == si else KNOWN.get((unit, si)) or to_si(f"1 {unit}", (si,))
 
 
 def _comma(sign: str, whole: str, fraction: str, rest: str) -> UnitError:

@@ -3,11 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, cast
 
 from pydantic import Field
 
-from gearstab.config.model.conflicts import Conflict, below, exactly_one, is_known, items, plain_number, wrong_length
+from gearstab.config.model.conflicts import (
+    Conflict,
+    at_most_one,
+    below,
+    exactly_one,
+    is_known,
+    items,
+    plain_number,
+    wrong_length,
+)
 from gearstab.config.model.fields import (
     AngularFrequency,
     Flag,
@@ -37,7 +46,16 @@ class Initial(Section):
 class Respond(Section):
     """The response of a linear system, for ``gearstab respond``: from an initial state or periodic."""
 
-    mesh_frequency: AngularFrequency = Field(title="mesh frequency", description="Of the first mesh (rad/s).")
+    mesh_frequency: AngularFrequency = Field(
+        default=cast(float, None),  # of a sound section it is given, or takes the place of input_speed
+        title="mesh frequency",
+        description="Of the first mesh (rad/s); or give input_speed.",
+    )
+    input_speed: AngularFrequency | None = Field(
+        default=None,
+        title="input speed",
+        description='Of the input of a system whose teeth are known (rad/s, "1500 rpm"); or give mesh_frequency.',
+    )
     initial: Initial | None = Field(
         default=None,
         title="initial state",
@@ -83,6 +101,9 @@ class Respond(Section):
 
         system: its section as meant; size: number of its coordinates, None where it cannot be told.
         """
+        if raw.get("mesh_frequency") is None and raw.get("input_speed") is None:
+            yield ("mesh_frequency",), "is missing", "add mesh_frequency, or input_speed where the teeth are known"
+        yield from at_most_one(raw, ("mesh_frequency", "input_speed"))
         driven, parting = drives(system), may_part(system)
         if raw.get("discard") is not None and not parting and is_known(system):
             yield ("discard",), "no mesh has backlash", "remove it, or give a mesh backlash"

@@ -170,7 +170,7 @@ def report_rivals(document: Document, found: list[Layout]) -> None:
 def _report_teeth(document: Document, found: list[Layout]) -> None:
     """How many cycles of a mesh are in a turn of the input must not change from point to point."""
     columns = [column for layout in found for column in layout.columns]
-    teeth = any(path[-1] == "teeth" for c in columns for target in c.targets for path in target.paths)
+    teeth = any("teeth" in path for c in columns for target in c.targets for path in target.paths)
     for column in columns:
         if teeth and any(target.factor != 1 for target in column.targets):
             message = "numbers of teeth vary too, which set how many mesh cycles a turn has"

@@ -32,6 +32,8 @@ from gearstab.waveforms.section import WaveformSection, name_of, owners, wave_of
 INPUT_SPEED = "input_speed"
 """Short name of the speed of a gearbox's input, which sets the mesh frequency."""
 
+UNKNOWN_TEETH = "add teeth to system, or give mesh_frequency instead (matrices have no teeth)"
+"""What to do where an input speed is given for a system without teeth."""
 
 NOT_GIVEN = {"damping_ratio": 0.0, "damping": 0.0}
 """What numbers amount to that may be left out, where the model has None for that."""
@@ -134,7 +136,10 @@ def _fitted(target: Target, model: type[System], raw: dict[str, Any]) -> Target:
 def _named(name: str, model: type[System], raw: dict[str, Any]) -> list[Target]:
     if name == "mesh_frequency":
         return [Target((MESH_FREQUENCY,), AngularFrequency, "mesh frequency")]
-    if name == INPUT_SPEED and (cycles := model.cycles_of_input(raw)) is not None:
+    if name == INPUT_SPEED:
+        cycles = model.cycles_of_input(raw)
+        if cycles is None:
+            raise TargetError("the numbers of teeth are not known", UNKNOWN_TEETH)
         own = [Target((path,), AngularFrequency, "input speed") for path in model.follow_speed(raw)]
         return [Target((MESH_FREQUENCY,), AngularFrequency, "input speed", None, cycles), *own]
     short = short_names().get(name)

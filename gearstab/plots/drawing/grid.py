@@ -10,7 +10,7 @@ from matplotlib.axis import Axis as MatplotlibAxis
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import Colormap, Normalize
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, ScalarFormatter
 
 from gearstab.plots.axes import Axis
 from gearstab.plots.drawing.style import FAILED
@@ -87,11 +87,18 @@ def frame(ax: Axes, x: Axis, y: Axis) -> None:
     box = ax.get_window_extent()
     for axis, side, length in ((x, ax.xaxis, box.width), (y, ax.yaxis, box.height)):
         side.set_label_text(fitted(axis.label, 1.1 * length / ax.figure.dpi, 8.5), linespacing=0.95)
-        if axis.logarithmic:
-            number_decades(side)
+        number(side, axis)
         if not axis.numeric or axis.size == 1:
             side.set_ticks(axis.positions, [axis.text(i) for i in range(axis.size)])
             side.set_tick_params(which="minor", length=0)
+
+
+def number(side: MatplotlibAxis, axis: Axis) -> None:
+    """Numbers as one writes them: decades of a logarithmic axis, turns per minute without a power of ten."""
+    if axis.logarithmic:
+        number_decades(side)
+    elif axis.units == "rpm" and isinstance(formatter := side.get_major_formatter(), ScalarFormatter):
+        formatter.set_powerlimits((-3, 6))
 
 
 def number_decades(side: MatplotlibAxis) -> None:

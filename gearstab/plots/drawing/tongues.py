@@ -10,8 +10,9 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 
-from gearstab.plots.axes import SPEEDS, Axis, View, texts
+from gearstab.plots.axes import Axis, View, texts
 from gearstab.plots.drawing.style import GROWTH, LINE
+from gearstab.results.display import SPEEDS
 
 Array = np.ndarray
 

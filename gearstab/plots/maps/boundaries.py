@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from gearstab.errors import PlotError
-from gearstab.plots.axes import FREQUENCY, INNER, SPEEDS, MapView, Request, swept_groups, view_of
+from gearstab.plots.axes import INNER, MapView, Request, sweep_axes, swept_groups, view_of
 from gearstab.plots.cases import caption, some
 from gearstab.plots.drawing import grid, names, tongues
 from gearstab.plots.drawing.heading import write_legend, write_title
@@ -21,6 +21,7 @@ from gearstab.plots.drawing.style import CASES, DASHES, LINE, SHADE, new_frame
 from gearstab.plots.drawing.tongues import Tongues
 from gearstab.plots.kinds import Contents, Kind
 from gearstab.plots.maps import proved
+from gearstab.results.display import SPEEDS
 
 Array = np.ndarray
 Artists = dict[str, Any]
@@ -38,12 +39,12 @@ def view_boundaries(tree: xr.DataTree, request: Request) -> MapView:
     dims = [str(dim) for group in groups for variable in group.data_vars.values() for dim in variable.dims]
     if "side" not in dims:
         raise PlotError("this result holds no boundaries (methods.perturbation, uncoupled or boundaries was not run)")
-    speed = next((name for name in SPEEDS if name in dims), FREQUENCY)
+    speed = next(name for name in SPEEDS if name in sweep_axes(tree))
     kept = dict.fromkeys([speed, *(name for name in dims if name not in INNER)])
     view = view_of(tree, kept, request)
     if tongues.parameter_axis(view) is None:
         names = " and ".join(axis.name for axis in (view.x, view.y) if axis is not None)
-        raise PlotError(f"boundaries are drawn over {FREQUENCY} and one axis of numbers, not over {names}")
+        raise PlotError(f"boundaries are drawn over {speed} and one axis of numbers, not over {names}")
     return view
 
 

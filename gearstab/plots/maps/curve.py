@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from gearstab.plots.axes import SPEEDS, Axis, Request, View, view_along
+from gearstab.plots.axes import Axis, Request, View, view_along
 from gearstab.plots.cases import Index, caption, some
 from gearstab.plots.drawing import grid, names, tongues
 from gearstab.plots.drawing.heading import write_legend, write_title
@@ -19,6 +19,7 @@ from gearstab.plots.drawing.text import fitted
 from gearstab.plots.kinds import Kind
 from gearstab.plots.maps import doubt, proved
 from gearstab.plots.variables import GROWTH_RATE, colour_label, default_variable, find_variable
+from gearstab.results.display import SPEEDS
 
 Array = np.ndarray
 Artists = dict[str, Any]
@@ -74,8 +75,7 @@ def draw_doubts(
 def dress(ax: Axes, x: Axis, label: str) -> None:
     """Scale and labels of a figure of curves over ``x``; ``label``: what they are."""
     ax.set_xscale("log" if x.logarithmic else "linear")
-    if x.logarithmic:
-        grid.number_decades(ax.xaxis)
+    grid.number(ax.xaxis, x)
     ax.set_xlabel(x.label)
     ax.set_ylabel(fitted(label, 1.8, 8.5))
 

@@ -8,8 +8,9 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.patches import Patch
 
-from gearstab.plots.axes import SPEEDS, Axis, View
+from gearstab.plots.axes import Axis, View
 from gearstab.plots.drawing.style import PROVED
+from gearstab.results.display import SPEEDS
 
 Array = np.ndarray
 

@@ -14,11 +14,12 @@ from mpl_toolkits.mplot3d import Axes3D  # type: ignore[import-untyped]
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection  # type: ignore[import-untyped]
 
 from gearstab.errors import PlotError
-from gearstab.plots.axes import FREQUENCY, Axis, MapView, Request, axis_of, mesh_numbers, units_of, view_of
+from gearstab.plots.axes import Axis, MapView, Request, axis_of, mesh_numbers, sweep_axes, view_of
 from gearstab.plots.drawing.heading import write_title
 from gearstab.plots.drawing.style import LINE, new_figure
-from gearstab.plots.drawing.text import axis_label, tongue_label
+from gearstab.plots.drawing.text import tongue_label
 from gearstab.plots.kinds import Contents, Kind
+from gearstab.results.display import SPEEDS
 
 Array = np.ndarray
 Artists = dict[str, Any]
@@ -152,7 +153,8 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
         needed = "a surface needs exactly two axes of numbers besides mesh_frequency"
         raise PlotError(f"{needed}; left over: {left}" if left else needed)
     tongue = chosen_tongue(tree, view)
-    lower, upper = read_surface(tree, view, tongue)
+    speed = next(axis for name, axis in sweep_axes(tree).items() if name in SPEEDS)
+    lower, upper = (edge / (speed.factor or 1.0) for edge in read_surface(tree, view, tongue))
     if not np.isfinite(upper - lower).any():
         raise PlotError("this tongue is closed everywhere in the result: nothing to draw")
     figure = new_figure(request, 0.86)
@@ -161,18 +163,18 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     with rc_context({"grid.color": "#cccccc", "grid.linewidth": 0.3}):
         ax: Axes3D = figure.add_axes((0.0, 0.02, 0.95, 0.9), projection="3d", computed_zorder=False)
     artists = draw_surface(ax, view, lower, upper)
-    dress(ax, view, data)
+    dress(ax, view, speed)
     label = axis_of(data, "tongue", mesh_numbers(tree)).text(tongue)
     write_title(figure, tree, request, view)
     artists["name"] = ax.text2D(0.05, 0.92, tongue_label(label, view.x.meshes), transform=ax.transAxes, fontsize=9)
     return figure, artists
 
 
-def dress(ax: Axes3D, view: MapView, data: xr.DataArray) -> None:
+def dress(ax: Axes3D, view: MapView, speed: Axis) -> None:
     """Labels, a view from above, white panes and a light grid."""
     ax.set_xlabel(view.x.short_label, labelpad=-4)
     ax.set_ylabel(view.y.short_label, labelpad=-4)
-    ax.set_zlabel(axis_label(FREQUENCY, "mesh frequency", units_of(data)), labelpad=-2, rotation=90)
+    ax.set_zlabel(speed.label, labelpad=-2, rotation=90)
     for axis in (ax.xaxis, ax.yaxis, ax.zaxis):
         axis.set_rotate_label(False)
     ax.view_init(elev=ELEVATION, azim=AZIMUTH)

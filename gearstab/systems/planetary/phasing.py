@@ -42,3 +42,18 @@ def phases_of(teeth: dict[str, int], planets: int) -> tuple[list[Fraction], Frac
     """
     sun = [Fraction(n * teeth["sun"], planets) % 1 for n in range(planets)]
     return sun, Fraction(teeth["planet"] + 1, 2) % 1
+
+
+def cycles(driving: str, fixed: str, z_s: float, z_r: float) -> float:
+    """Return how many teeth mesh in a turn of the driving body, where one of sun, carrier and ring is fixed.
+
+    Relative to the carrier the gears turn as in an ordinary train, and the mesh frequency is
+
+        Omega = z_s |w_s - w_c| = z_r |w_r - w_c|,    z_s (w_s - w_c) = -z_r (w_r - w_c)
+
+    Source: Willis' equation; Parker & Lin 2004 (J. Mech. Des. 126, 365-370).
+    """
+    if "carrier" in (driving, fixed):
+        # Sun against carrier: the sun's teeth; ring against carrier: the ring's.
+        return z_r if "ring" in (driving, fixed) else z_s
+    return z_s * z_r / (z_s + z_r)

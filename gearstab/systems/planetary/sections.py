@@ -21,10 +21,11 @@ from gearstab.config.model.fields import (
     Whole,
 )
 from gearstab.system import GearSystem
-from gearstab.systems.base import System
+from gearstab.systems.base import System, first_number
 from gearstab.systems.parts.mesh import ToothMesh
 from gearstab.systems.planetary.build import build, coordinates
 from gearstab.systems.planetary.feasibility import MOST_PLANETS, assembly, check_assembly, whole
+from gearstab.systems.planetary.phasing import cycles
 
 if TYPE_CHECKING:
     from gearstab.config.sections.axes import Config
@@ -33,6 +34,9 @@ HARMONICS = 12
 """Default of J. Natural frequencies converge as J^-3: of a gear as in Parker (2009, Table 1) with 3 to 8 planets
 the first nine are within 4e-5 of their limits with 8, 1.1e-5 with 12, 4e-6 with 16 and 2e-6 with 20, relative."""
 MOST_HARMONICS = 200
+
+BODIES = ("sun", "carrier", "ring")
+"""The bodies on the axis, of which one drives and one is fixed."""
 
 Support = Annotated[float, Field(ge=0), Quantity("N/m")]
 BodyForce = Annotated[float, Quantity("N", entry=True)]
@@ -225,6 +229,23 @@ class Planetary(System):
         default=None, title="tooth numbers", description="From which the mesh phases follow; or give phases."
     )
 
+    input: Annotated[str, Choice("input", BODIES)] = Field(
+        default="sun", title="input", description="The body whose speed input_speed is, where teeth are given."
+    )
+    fixed: Annotated[str, Choice("fixed body", BODIES)] = Field(
+        default="ring",
+        title="fixed body",
+        description="The body that does not turn: it tells how fast the teeth mesh at an input_speed.",
+    )
+
+    @classmethod
+    def cycles_of_input(cls, raw: dict[str, Any]) -> float | None:
+        """Cycles of the meshes, which all have one frequency, in a turn of the input: see :func:`.phasing.cycles`."""
+        teeth = raw.get("teeth") or {}
+        z_s, z_r = (first_number([teeth.get(key)]) for key in ("sun", "ring"))
+        driving, held = raw.get("input", "sun"), raw.get("fixed", "ring")
+        return None if z_s is None or z_r is None else cycles(str(driving), str(held), z_s, z_r)
+
     @classmethod
     def build(cls, p: dict[str, Any]) -> GearSystem:
         """See :func:`gearstab.systems.planetary.build.build`."""
@@ -266,6 +287,9 @@ class Planetary(System):
                     if inner is not None and inner.get(key) is None:
                         yield (section, key), "is missing", f"add {key}, which planar motion needs"
         yield from _phases(raw)
+        if raw.get("input", "sun") == raw.get("fixed", "ring"):
+            where = "input" if "input" in raw else "fixed"
+            yield (where,), "the body that drives is fixed", "choose another input, or another fixed body"
 
 
 def _phases(raw: dict[str, Any]) -> Iterator[Conflict]:

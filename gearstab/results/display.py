@@ -1,0 +1,118 @@
+"""The units in which a reader sees a result: what was typed in rpm is shown in rpm, while files hold SI numbers.
+
+A coordinate carries ``display_units`` and ``display_scale``, how many of its own unit one of those is, where the
+configuration gave all its values in another unit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from gearstab.config.model.units import MEANING, NUMBER, UnitError, scale
+from gearstab.errors import ResultError, listed
+
+Array = np.ndarray
+
+FREQUENCY = "mesh_frequency"
+SPEEDS = (FREQUENCY, "input_speed")
+"""Axes along which the mesh frequency varies."""
+FACTOR = "mesh_frequency_factor"
+"""Attribute of an axis of SPEEDS: mesh frequency over its values."""
+OF_MESH = (
+    "boundary_frequency", "first_order_boundary_frequency", "boundary_error", "center_frequency", "half_width",
+    "proved_frequency",
+)  # fmt: skip
+"""Variables that are mesh frequencies, or distances of them."""
+SI = "SI"
+
+
+def typed(units: str, si: str) -> dict[str, Any]:
+    """Return the attributes of a coordinate in the SI unit ``si`` whose values were typed in another one."""
+    return {"display_units": units, "display_scale": scale(units, si)} if units not in ("", si) else {}
+
+
+def in_display_units(tree: xr.DataTree, wanted: Sequence[str] = ()) -> xr.DataTree:
+    """Return the result with its coordinates in the units that were typed, or in those asked for.
+
+    wanted: ``UNIT``, for all coordinates that it fits; ``AXIS=UNIT``, for one; ``SI``, for none but these.
+    Raises ResultError for a unit that fits none, or not the axis.
+    """
+    groups = {node.path: node.to_dataset(inherit=False) for node in tree.subtree}
+    chosen = _chosen(groups, wanted)
+    if not chosen:
+        return tree
+    return xr.DataTree.from_dict({path: _shown(data, chosen) for path, data in groups.items()}, name=tree.name)
+
+
+def _chosen(groups: Mapping[str, xr.Dataset], wanted: Sequence[str]) -> dict[str, tuple[str, float]]:
+    """Name of a coordinate -> unit to show it in, and how many of its own one of that is."""
+    known = {
+        str(name): item.attrs
+        for data in groups.values()
+        for name, item in data.coords.items()
+        if item.dims == (name,) and item.dtype.kind in "fiu"
+    }
+    found = {
+        name: (str(attrs["display_units"]), float(attrs["display_scale"]))
+        for name, attrs in known.items()
+        if "display_units" in attrs and SI not in wanted
+    }
+    for text in wanted:
+        axis, _, unit = (part.strip() for part in text.rpartition("="))
+        fitting = [name for name in known if axis in ("", name) and _fits(unit, str(known[name].get("units", "1")))]
+        if unit != SI and not fitting:
+            there = listed(f"{name} ({attrs.get('units', '1')})" for name, attrs in known.items())
+            raise ResultError(f"--unit {text}: is no unit of {axis or 'an axis of this result'}; there is {there}")
+        for name in fitting:
+            found[name] = unit, scale(unit, str(known[name]["units"]))
+    return found
+
+
+def _fits(unit: str, si: str) -> bool:
+    try:
+        return bool(unit) and si != "1" and bool(scale(unit, si))
+    except UnitError:
+        return False
+
+
+def _shown(data: xr.Dataset, chosen: Mapping[str, tuple[str, float]]) -> xr.Dataset:
+    """A group with the chosen coordinates in their units."""
+    order = list(data.coords)
+    for name, (unit, one) in chosen.items():
+        if name not in data.coords:
+            continue
+        own = data[name]
+        attributes = {key: value for key, value in own.attrs.items() if not key.startswith("display_")}
+        attributes |= {"units": unit, "si_units": own.attrs.get("units", "1")}
+        if name in SPEEDS:
+            attributes[FACTOR] = float(own.attrs.get(FACTOR, 1.0)) * one
+        data = data.assign_coords({name: (own.dims, shown_as(own.values, one), attributes)})
+    # In their order, which is that of the sweep and changes where one is assigned.
+    return xr.Dataset(data.data_vars, {name: data.coords[name] for name in order}, data.attrs)
+
+
+def shown_as(values: Array, one: float) -> Array:
+    """Return values in a unit of which one is ``one`` SI units, to 14 digits: 600 rpm come back as 600."""
+    numbers = np.asarray(values, dtype=float) / one
+    return np.reshape([float(f"{x:.14g}") for x in numbers.flat], numbers.shape)
+
+
+def number_of(text: str, units: str) -> float:
+    """Return the number of a text, ``10000 rpm`` or without a unit, in the units of what it is compared with.
+
+    Raises ValueError for what is no number, or no quantity of the kind.
+    """
+    found = NUMBER.match(text)
+    if not found:
+        raise ValueError(f"{text!r} is no number")
+    value, unit = float(found[1]), found[2]
+    if unit in ("", units):
+        return value
+    si = next((si for si in MEANING if _fits(unit, si) and _fits(units, si)), None)
+    if si is None:
+        raise ValueError(f"{text!r} is not in {units}")
+    return value * scale(unit, si) / scale(units, si)
