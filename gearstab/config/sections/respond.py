@@ -102,7 +102,8 @@ class Respond(Section):
         system: its section as meant; size: number of its coordinates, None where it cannot be told.
         """
         if raw.get("mesh_frequency") is None and raw.get("input_speed") is None:
-            yield ("mesh_frequency",), "is missing", "add mesh_frequency (rad/s), or input_speed where the teeth are known"
+            hint = "add mesh_frequency (rad/s), or input_speed where the teeth are known"
+            yield ("mesh_frequency",), "is missing", hint
         yield from at_most_one(raw, ("mesh_frequency", "input_speed"))
         driven, parting = drives(system), may_part(system)
         if raw.get("discard") is not None and not parting and is_known(system):
