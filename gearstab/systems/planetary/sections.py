@@ -14,6 +14,7 @@ from gearstab.config.model.fields import (
     Choice,
     Count,
     Mass,
+    NonNegative,
     Quantity,
     Section,
     ToothCount,
@@ -22,7 +23,9 @@ from gearstab.config.model.fields import (
 )
 from gearstab.system import GearSystem
 from gearstab.systems.base import System, first_number
+from gearstab.systems.gearbox import sections as gearbox
 from gearstab.systems.parts.mesh import ToothMesh
+from gearstab.systems.planetary import teeth
 from gearstab.systems.planetary.build import build, coordinates
 from gearstab.systems.planetary.feasibility import MOST_PLANETS, assembly, check_assembly, whole
 from gearstab.systems.planetary.phasing import cycles
@@ -64,10 +67,12 @@ class Ring(Section):
 class Masses(Section):
     """Masses of the bodies."""
 
-    ring: Mass = Field(title="mass of the ring", description="m_r (kg).")
+    ring: Mass | None = Field(default=None, title="mass of the ring", description="m_r (kg); from gears without.")
     carrier: Mass | None = Field(default=None, title="mass of the carrier", description="m_c, for planar motion (kg).")
     sun: Mass | None = Field(default=None, title="mass of the sun", description="m_s, for planar motion (kg).")
-    planet: Mass = Field(title="mass of a planet", description="m_p, of each planet (kg).")
+    planet: Mass | None = Field(
+        default=None, title="mass of a planet", description="m_p, of each planet (kg); from gears without."
+    )
 
 
 class Inertias(Section):
@@ -78,11 +83,17 @@ class Inertias(Section):
         title="inertia of the ring",
         description="I_r/r_r^2 (kg); m_r/cos^2 of the ring's pressure angle, a thin rim at the pitch radius, without.",
     )
-    carrier: Mass = Field(
-        title="inertia of the carrier", description="I_c/r_c^2, r_c where the planets' centres are (kg)."
+    carrier: Mass | None = Field(
+        default=None,
+        title="inertia of the carrier",
+        description="I_c/r_c^2, r_c where the planets' centres are (kg); required.",
     )
-    sun: Mass = Field(title="inertia of the sun", description="I_s/r_s^2 (kg).")
-    planet: Mass = Field(title="inertia of a planet", description="I_p/r_p^2, of each planet (kg).")
+    sun: Mass | None = Field(
+        default=None, title="inertia of the sun", description="I_s/r_s^2 (kg); from gears without."
+    )
+    planet: Mass | None = Field(
+        default=None, title="inertia of a planet", description="I_p/r_p^2, of each planet (kg); from gears without."
+    )
 
 
 class Supports(Section):
@@ -132,16 +143,36 @@ class Supports(Section):
 class PressureAngles(Section):
     """Pressure angles; negative ones for load on the other flanks."""
 
-    sun: PressureAngle = Field(
-        title="pressure angle of the sun's meshes", description='alpha_s; in rad, or with a unit: "24.6 deg".'
+    sun: PressureAngle | None = Field(
+        default=None,
+        title="pressure angle of the sun's meshes",
+        description='alpha_s; in rad, or with a unit: "24.6 deg".',
     )
-    ring: PressureAngle = Field(
-        title="pressure angle of the ring's meshes", description='alpha_r; in rad, or with a unit: "24.6 deg".'
+    ring: PressureAngle | None = Field(
+        default=None,
+        title="pressure angle of the ring's meshes",
+        description='alpha_r; in rad, or with a unit: "24.6 deg".',
     )
 
 
 class PlanetaryMesh(ToothMesh):
     """The meshes of the sun, or of the ring, with the planets: all alike but for their phases."""
+
+    single_pair_stiffness: Annotated[float, Field(gt=0), Quantity("N/m")] | None = Field(
+        default=None,
+        title="measured stiffness of a pair",
+        description="With gears: in contact at the pitch point (N/m); the ring's teeth are not computed and need it.",
+    )
+    double_contact_factor: Annotated[float, Field(gt=0.5, le=1), Quantity()] | None = Field(
+        default=None,
+        title="double contact factor",
+        description="With gears: stiffness of two pairs over the sum of theirs (1); 1 without.",
+    )
+    variation: NonNegative | None = Field(
+        default=None,
+        title="measured variation",
+        description="With gears: (max k - min k)/mean k of the mesh stiffness (1).",
+    )
 
     misplaced: ClassVar[dict[str, str]] = {
         "name": "the meshes are called sun1, sun2, ... and ring1, ring2, ...",
@@ -194,6 +225,12 @@ class ToothNumbers(Section):
     ring: Teeth = Field(title="teeth of the ring", description="z_r = z_s + 2 z_p; (z_s + z_r)/planets is an integer.")
 
 
+NEEDED = {
+    "masses": ("ring", "planet"), "inertias": ("carrier", "sun", "planet"), "pressure_angles": ("sun", "ring"),
+}  # fmt: skip
+"""Numbers that are given, or follow from the teeth."""
+
+
 class Planetary(System):
     """Sun, carrier, equal and equally spaced planets and a ring (Parker 2009)."""
 
@@ -212,12 +249,16 @@ class Planetary(System):
         description="dimensionless: masses over m_r, stiffnesses over k_rp and frequencies over sqrt(k_rp/m_r).",
     )
     ring: Ring = Field(title="ring", description="How the ring deforms.")
-    masses: Masses = Field(title="masses", description="Mass of each body.")
-    inertias: Inertias = Field(title="inertias", description="Moments of inertia over squared base radii.")
+    masses: Masses = Field(default=Masses(), title="masses", description="Mass of each body.")
+    inertias: Inertias = Field(
+        default=Inertias(), title="inertias", description="Moments of inertia over squared base radii."
+    )
     supports: Supports = Field(
         default=Supports(), title="supports", description="Stiffness of the supports and planet bearings."
     )
-    pressure_angles: PressureAngles = Field(title="pressure angles", description="Of both kinds of meshes.")
+    pressure_angles: PressureAngles = Field(
+        default=PressureAngles(), title="pressure angles", description="Of both kinds of meshes."
+    )
     meshes: Meshes = Field(title="meshes", description="The meshes of the sun and of the ring.")
     load: BodyLoad | None = Field(
         default=None, title="load", description="Constant torques on ring, carrier and sun, over their radii (N)."
@@ -237,6 +278,18 @@ class Planetary(System):
         title="fixed body",
         description="The body that does not turn: it tells how fast the teeth mesh at an input_speed.",
     )
+
+    gears: gearbox.Teeth | None = Field(
+        default=None,
+        title="gears",
+        description="With teeth: module, pressure_angle and face_width, from which masses, inertias, pressure angles "
+        "and stiffness of the meshes follow where they are not given.",
+    )
+
+    @classmethod
+    def complete(cls, document: Document, raw: dict[str, Any], size: int | None) -> None:
+        """What follows from the teeth, see :mod:`.teeth`."""
+        teeth.fill(document, raw)
 
     @classmethod
     def cycles_of_input(cls, raw: dict[str, Any]) -> float | None:
@@ -280,6 +333,13 @@ class Planetary(System):
                 if supports.get(key) is not None:
                     remedy = "give ring_radial and ring_tangential, or make the ring rigid"
                     yield ("supports", key), "holds a rigid ring, and this one is elastic", remedy
+        for section, keys in NEEDED.items():
+            for key in keys:
+                if (raw.get(section) or {}).get(key) is None:
+                    where = (
+                        "add it" if key == "carrier" else f"add {key}, or gears: {{module, pressure_angle, face_width}}"
+                    )
+                    yield (section, key), "is missing", where
         if raw.get("motion", "planar") == "planar":
             for section, keys in (("masses", ("carrier", "sun")), ("supports", ("planet",))):
                 inner = raw.get(section, {})

@@ -1,0 +1,136 @@
+"""Masses, inertias, pressure angles and mesh stiffness of a planetary gear from its teeth, as ``gearbox`` has them.
+
+Sun and planets are discs of the pitch radius, the ring an annulus from its pitch circle to 1.2 root radii; the planets'
+centres are where sun and planet mesh without backlash, and the ring meshes with them at that distance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from pydantic_core import PydanticCustomError
+
+from gearstab.config.document.yaml import Document
+from gearstab.config.model.fields import Quantity
+from gearstab.config.model.introspection import as_parameters
+from gearstab.config.model.validation import validate
+from gearstab.errors import NotPossible
+from gearstab.systems.gearbox.sections import Teeth
+
+if TYPE_CHECKING:
+    from gearstab.systems.gearbox.teeth import MeshTeeth
+
+MEASURED = {"single_pair_stiffness": "N/m", "double_contact_factor": "1", "variation": "1"}
+"""Keys of a mesh that say how its teeth are to be taken, and their units."""
+NEEDED = ("module", "pressure_angle", "face_width")
+
+
+def fill(document: Document, raw: dict[str, Any]) -> None:
+    """Write what the teeth give into the section as written, where it does not give it itself; report what they cannot.
+
+    ``gears`` and the keys of MEASURED have then done their work, and are removed.
+    """
+    teeth, given = raw.get("teeth"), raw.pop("gears", None)
+    if given is None:
+        return
+    document.data["system"]["gears"] = given
+    found = validate(document, Teeth, ("system", "gears"))
+    del document.data["system"]["gears"]
+    shared = {} if found is None else as_parameters(found)
+    for key in NEEDED if found is not None else ():
+        if key not in shared:
+            document.report(("system", "gears", key), "is missing", f"add {key}, which all gears share")
+    for name in _axes_of_teeth(document.get(("sweep",))):
+        message = "sets numbers of teeth, and gears gives the numbers of those in system alone"
+        document.report(
+            ("sweep", name), message, "remove it, or give masses and stiffness instead of gears", at_key=True
+        )
+    counts = teeth if isinstance(teeth, dict) else {}
+    whole = all(type(counts.get(body)) is int and counts[body] > 3 for body in ("sun", "planet", "ring"))
+    if not whole:
+        document.report(("system", "gears"), "needs the numbers of teeth", "add teeth: {sun: .., planet: .., ring: ..}")
+    if whole and set(NEEDED) <= set(shared):
+        try:
+            _fill(document, raw, {body: shared | {"teeth": counts[body]} for body in ("sun", "planet", "ring")})
+        except NotPossible as error:
+            document.report(("system", "gears"), error.message, error.remedy or "change the teeth")
+
+
+def _axes_of_teeth(sweep: Any) -> list[str]:
+    """Names of the axes, in whichever form, that set a number of teeth."""
+    found = []
+    for name, spec in sweep.items() if isinstance(sweep, dict) else ():
+        cases = [key for case in spec if isinstance(case, dict) for key in case] if isinstance(spec, list) else []
+        tied = spec.get("targets") if isinstance(spec, dict) else None
+        names = [name, *cases, *(tied if isinstance(tied, list) else [])]
+        found += [name] if any(str(one).startswith("teeth.") for one in names) else []
+    return found
+
+
+def _fill(document: Document, raw: dict[str, Any], gears: Mapping[str, dict[str, Any]]) -> None:
+    from gearstab.gears.geometry import Gear
+    from gearstab.systems.gearbox import rotors
+    from gearstab.systems.gearbox.build import STEEL
+    from gearstab.systems.gearbox.teeth import MeshTeeth
+
+    ring = gears["ring"] | {"internal": True}
+    rim = Gear(ring["teeth"], **{key: value for key, value in ring.items() if key != "teeth"})
+    bodies = {"sun": gears["sun"], "planet": gears["planet"],
+              "ring": ring | {"body_radius": rim.bore, "bore_radius": rim.radius}}  # fmt: skip
+    numbers: dict[str, dict[str, float]] = {"masses": {}, "inertias": {}, "pressure_angles": {}}
+    for body, rotor in bodies.items():
+        numbers["masses"][body] = float(rotors.mass(rotor, STEEL["density"]))
+        numbers["inertias"][body] = float(rotors.inertia(rotor, STEEL["density"]) / rotors.base_radius(rotor) ** 2)
+    sections = raw.get("meshes") if isinstance(raw.get("meshes"), dict) else {}
+    centre = MeshTeeth((gears["sun"], gears["planet"]), {}, STEEL).pairs[0].centre
+    for name, pair in (("sun", (gears["sun"], gears["planet"])), ("ring", (gears["planet"], ring))):
+        section = (sections or {}).get(name, {})
+        if not isinstance(section, dict):
+            continue
+        mesh = MeshTeeth(pair, _measured(document, name, section) | {"centre_distance": centre}, STEEL)
+        numbers["pressure_angles"][name] = float(mesh.pairs[0].pressure_angle)
+        _fill_mesh(document, name, section, mesh)
+    for key, values in numbers.items():
+        _put(document, (key,), values)
+
+
+def _measured(document: Document, name: str, section: dict[str, Any]) -> dict[str, Any]:
+    """The parameters of a mesh for its teeth; those of MEASURED are taken out of the section."""
+    found = {key: value for key, value in section.items() if key not in MEASURED}
+    for key, unit in MEASURED.items():
+        value = section.pop(key, None)
+        if value is None:
+            continue
+        try:
+            found[key] = Quantity(unit).number(value)
+        except PydanticCustomError as error:
+            context = error.context or {}
+            path = ("system", "meshes", name, key)
+            document.report(path, str(context["message"]), str(context["hint"]), value=value)
+    return found
+
+
+def _fill_mesh(document: Document, name: str, section: dict[str, Any], mesh: MeshTeeth) -> None:
+    """Mean stiffness, epsilon and contact ratio of a rectangular wave."""
+    try:
+        filled = mesh.filled()
+    except NotPossible as error:
+        remedy = (
+            "give it, or mean_stiffness and epsilon" if name == "ring" else "change the teeth, or give the stiffness"
+        )
+        document.report(("system", "meshes", name), error.message, remedy)
+        return
+    wanted = ("mean_stiffness", "epsilon", "contact_ratio")
+    _put(document, ("meshes", name), {k: float(filled[k]) for k in wanted if k in filled and section.get(k) is None})
+
+
+def _put(document: Document, path: tuple[str, ...], values: Mapping[str, float]) -> None:
+    """Set what is not given in a section, which is made where there is none."""
+    place = document.where(("system", "teeth"))
+    if document.get(("system", *path)) is None:
+        document.put(("system", *path), {}, place)
+    section = document.get(("system", *path))
+    for key, value in values.items() if isinstance(section, dict) else ():
+        if section.get(key) is None:
+            document.put(("system", *path, key), value, place)

@@ -1,0 +1,128 @@
+"""Planetary gears from their teeth: against formulas of discs and involutes, and the same mesh in a gearbox."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scenes import problems, read
+
+from gearstab.config import Config
+from gearstab.systems import build
+
+Z = {"sun": 28, "planet": 20, "ring": 68}
+M, ALPHA, WIDTH, DENSITY = 0.002, np.deg2rad(20), 0.025, 7850.0
+TEXT = """\
+system:
+  kind: planetary
+  planets: 4
+  ring: {kind: rigid}
+  gears: {module: 2 mm, pressure_angle: 20 deg, face_width: 25 mm}
+  teeth: {sun: 28, planet: 20, ring: 68}
+  masses: {carrier: 1.5}
+  inertias: {carrier: 1.2}
+  supports: {carrier: 5.0e8, sun: 1.0e7, planet: 2.0e8, ring: 1.0e9, ring_rotation: 1.0e9}
+  meshes: {sun: {}, ring: {single_pair_stiffness: 3.0e8}}
+"""
+GEARS, TEETH = TEXT.splitlines(keepends=True)[4:6]
+PAIR = """\
+system:
+  kind: gearbox
+  gears: {module: 2 mm, pressure_angle: 20 deg, face_width: 25 mm}
+  rotors: [{name: sun, teeth: 28}, {name: planet, teeth: 20}]
+  meshes: [{name: m, gears: [sun, planet]}]
+  input: {rotor: sun}
+"""
+
+
+def radius(body: str) -> float:
+    return M * Z[body] / 2
+
+
+@pytest.fixture
+def gear(tmp_path: Path) -> Config:
+    return read(tmp_path, TEXT)
+
+
+def test_masses_and_inertias_are_those_of_discs(gear: Config) -> None:
+    p = gear.parameters
+    for body in ("sun", "planet"):
+        mass = np.pi * DENSITY * WIDTH * radius(body) ** 2
+        assert p["masses"][body] == pytest.approx(mass, rel=1e-12)
+        assert p["inertias"][body] == pytest.approx(mass / 2 / np.cos(ALPHA) ** 2, rel=1e-12)  # m r^2/2 over r_b^2
+    outer, inner = 1.2 * (radius("ring") + 1.25 * M), radius("ring")
+    mass = np.pi * DENSITY * WIDTH * (outer**2 - inner**2)
+    assert p["masses"]["ring"] == pytest.approx(mass, rel=1e-12)
+    of_ring = mass * (outer**2 + inner**2) / 2 / (inner * np.cos(ALPHA)) ** 2
+    assert p["inertias"]["ring"] == pytest.approx(of_ring, rel=1e-12)
+    assert (p["masses"]["carrier"], p["inertias"]["carrier"]) == (1.5, 1.2)
+
+
+def test_contact_ratios_are_those_of_involutes(gear: Config) -> None:
+    centre, pitch = radius("sun") + radius("planet"), np.pi * M * np.cos(ALPHA)
+
+    def reach(body: str, addendum: float) -> float:
+        return float(np.sqrt((radius(body) + addendum) ** 2 - (radius(body) * np.cos(ALPHA)) ** 2))
+
+    meshes = gear.parameters["meshes"]
+    outside = (reach("sun", M) + reach("planet", M) - centre * np.sin(ALPHA)) / pitch
+    inside = (reach("planet", M) - reach("ring", -M) + centre * np.sin(ALPHA)) / pitch
+    assert meshes["sun"]["contact_ratio"] == pytest.approx(outside, rel=1e-10)
+    assert meshes["ring"]["contact_ratio"] == pytest.approx(inside, rel=1e-10)
+    assert gear.parameters["pressure_angles"] == pytest.approx({"sun": ALPHA, "ring": ALPHA}, rel=1e-10)
+
+
+def test_the_stiffness_is_that_of_the_same_teeth_in_a_gearbox(gear: Config, tmp_path: Path) -> None:
+    mesh, same = build(gear.parameters).meshes[0], build(read(tmp_path, PAIR).parameters).meshes[0]
+    assert mesh.mean_stiffness == pytest.approx(float(same.mean_stiffness), rel=1e-12)
+    assert mesh.epsilon == pytest.approx(float(same.epsilon), rel=1e-12)
+    # The ring's is measured: so much for each of the pairs in contact.
+    ring = build(gear.parameters).meshes[-1]
+    low, high = (ring.mean_stiffness + 2 * ring.amplitude * level for level in ring.waveform.extremes())
+    assert (low, high) == pytest.approx((3.0e8, 6.0e8), rel=1e-12)
+
+
+def test_what_is_given_stands(tmp_path: Path) -> None:
+    text = TEXT.replace("carrier: 1.5", "carrier: 1.5, sun: 9").replace("sun: {}", "sun: {epsilon: 0.1}")
+    p = read(tmp_path, text).parameters
+    assert (p["masses"]["sun"], p["meshes"]["sun"]["epsilon"]) == (9, 0.1)
+    assert p["meshes"]["sun"]["contact_ratio"] > 1
+
+
+def test_the_resolved_configuration_holds_numbers(gear: Config, tmp_path: Path) -> None:
+    assert "gears" not in gear.tree["system"]
+    assert read(tmp_path, gear.resolved).resolved == gear.resolved
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "path", "message"),
+    [
+        (TEETH, "  phases: {sun: [0, 0, 0, 0]}\n", "system.gears", "numbers of teeth"),
+        ("module: 2 mm, ", "", "system.gears.module", "is missing"),
+        ("module: 2 mm", "module: 2 kg", "system.gears.module", "dimension"),
+        ("inertias: {carrier: 1.2}", "inertias: {}", "system.inertias.carrier", "is missing"),
+        ("{single_pair_stiffness: 3.0e8}", "{}", "system.meshes.ring", "give single_pair_stiffness"),
+        ("stiffness: 3.0e8", "stiffness: 3 m", "system.meshes.ring.single_pair_stiffness", "dimension"),
+        (GEARS, "", "system.masses.ring", "is missing"),
+        ("sun: 28, planet: 20", "sun: 4, planet: 32", "system.meshes.sun", "contact breaks off"),
+    ],
+    ids=range(8),
+)  # fmt: skip
+def test_mistakes(tmp_path: Path, old: str, new: str, path: str, message: str) -> None:
+    assert old in TEXT
+    found = problems(tmp_path, TEXT.replace(old, new))
+    assert any(problem.path == path and message in problem.message for problem in found), found
+
+
+@pytest.mark.parametrize(
+    "axis",
+    ["teeth.sun: [28, 32]", "t: {targets: [teeth.sun, teeth.ring], values: [[28, 32], [68, 72]]}",
+     "t: [{label: a, teeth.sun: 28}, {label: b, teeth.sun: 32}]"],
+    ids=["axis", "tie", "cases"],
+)  # fmt: skip
+def test_an_axis_of_teeth_would_leave_the_masses_behind(tmp_path: Path, axis: str) -> None:
+    found = problems(
+        tmp_path, f"{TEXT}sweep:\n  mesh_frequency: [1.0e4, 2.0e4]\n  {axis}\nmethods: {{floquet: {{}}}}\n"
+    )
+    assert any("numbers of teeth" in p.message and p.path.startswith("sweep.t") for p in found), found
