@@ -14,6 +14,8 @@ DEGRADED = 0.1
 LOOKED_AT = 24
 """Designs between the optimum and a bound, of which the first that is degraded counts."""
 HALVINGS = 40
+DEAR_LOOKED_AT, DEAR_HALVINGS = 6, 10
+"""The same where judging a design takes long."""
 
 
 def allowed(optimum: float, initial: float) -> float:
@@ -41,13 +43,14 @@ def margins(problem: Problem, judge: Judge, goal: Goal, design: Array, most: flo
         return found
     ends = np.array([problem.bounds[k, v] for k, v in sides])
     start = np.array([design[v] for _, v in sides])
-    part = np.linspace(0.0, 1.0, LOOKED_AT + 1)[1:]
+    looked, halvings = (DEAR_LOOKED_AT, DEAR_HALVINGS) if problem.dear else (LOOKED_AT, HALVINGS)
+    part = np.linspace(0.0, 1.0, looked + 1)[1:]
     places = start[:, None] + (ends - start)[:, None] * part
     bad = _values(judge, goal, design, sides, places) > most
-    first = np.where(bad.any(axis=1), np.argmax(bad, axis=1), LOOKED_AT)
-    outside = np.where(first < LOOKED_AT, (first + 1) / LOOKED_AT, np.nan)
-    inside = first / LOOKED_AT
-    for _ in range(HALVINGS):
+    first = np.where(bad.any(axis=1), np.argmax(bad, axis=1), looked)
+    outside = np.where(first < looked, (first + 1) / looked, np.nan)
+    inside = first / looked
+    for _ in range(halvings):
         middle = 0.5 * (inside + np.where(np.isnan(outside), inside, outside))
         wrong = _values(judge, goal, design, sides, (start + (ends - start) * middle)[:, None])[:, 0] > most
         outside = np.where(np.isnan(outside) | ~wrong, outside, middle)

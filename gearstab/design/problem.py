@@ -68,6 +68,12 @@ class Problem:
         return np.array(ends, dtype=float).T.reshape(2, -1)
 
     @cached_property
+    def dear(self) -> bool:
+        """Whether judging a design takes steady states, a hundred times as long as anything else."""
+        wanted = {name for weights in self.design.objectives for name in weights}
+        return "load_factor" in wanted | {limit.name for limit in self.design.limits}
+
+    @cached_property
     def given(self) -> Array:
         """``(1, variables)``, the design as the configuration has it."""
         return np.full((1, len(self.variables)), GIVEN)

@@ -15,6 +15,8 @@ from gearstab.system import Array, GearSystem
 
 UNIFORM = 48
 """Points over a range at which growth, required damping or response are computed, besides those in regions."""
+STEADY = 24
+"""The same of steady states, which take longest."""
 INSIDE = 9
 """Points in a region."""
 ZOOMS = 3
@@ -76,7 +78,7 @@ def load_factor(batch: Batch) -> Array:
     def value(system: GearSystem, omega: Array) -> Array:
         return np.asarray(np.nanmax(speed_response(system, omega, samples).dynamic_load_factor, axis=-1))
 
-    return _largest(batch, batch.system, value, regional=False)
+    return _largest(batch, batch.system, value, regional=False, uniform=STEADY)
 
 
 def root_stress(batch: Batch) -> Array:

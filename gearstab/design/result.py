@@ -187,7 +187,7 @@ def _growth(solution: Solution, low: float, high: float) -> dict[str, Any]:
 def _scans(solution: Solution) -> dict[str, Any]:
     problem, judge = solution.problem, solution.judge
     moving = [int(v) for v in np.flatnonzero(problem.continuous)]
-    if not moving:
+    if not moving or problem.dear:
         return {}
     across = np.linspace(0.0, 1.0, ACROSS)
     lines, steps = np.full((len(problem.variables), ACROSS), np.nan), np.full((len(problem.variables), 2), np.nan)

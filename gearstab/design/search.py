@@ -38,6 +38,8 @@ AT_A_BOUND = 1e-3
 """Of the bounds: what is nearer is tried on the bound itself."""
 EVALUATIONS = 120
 """Of a simplex search for each variable."""
+DEAR = {"samples": 4, "searched": 2, "size": 8, "generations": 6, "evaluations": 15}
+"""The same numbers, much smaller, where judging a design takes long (:attr:`Problem.dear`)."""
 
 Say = Callable[[str], None]
 
@@ -84,15 +86,16 @@ def _as_given(problem: Problem) -> Array | None:
 def _starts(problem: Problem, judge: Judge, choices: Array, cheap: bool, say: Say) -> Iterator[Array]:
     """Designs ``(K, variables)`` of one combination of choices each, from which exact searches begin."""
     score = judge.screen if cheap else lambda designs: judge.worth(designs).score(first)
-    samples = [_filled(problem, row, _sampled(problem, SAMPLES if cheap or len(choices) > 1 else 0)) for row in choices]
+    count = DEAR["samples"] if problem.dear and not cheap else SAMPLES
+    samples = [_filled(problem, row, _sampled(problem, count)) for row in choices]
     if len(choices) > 1:
-        say(f"{len(choices):,} combinations of choices at {SAMPLES} places each")
+        say(f"{len(choices):,} combinations of choices at {count} places each")
         least = [float(np.min(score(part))) for part in samples]
         order = np.argsort(least, kind="stable")[:LOOKED_AT]
         samples = [samples[k] for k in order]
         choices = choices[order]
     if not cheap:
-        yield from samples[:SEARCHED]
+        yield from samples[: DEAR["searched"] if problem.dear else SEARCHED]
         return
     ranked = []
     for row in choices:
@@ -105,7 +108,7 @@ def _starts(problem: Problem, judge: Judge, choices: Array, cheap: bool, say: Sa
 
 
 def _size(problem: Problem) -> int:
-    return int(np.clip(12 * problem.continuous.sum(), FEWEST, MOST))
+    return DEAR["size"] if problem.dear else int(np.clip(12 * problem.continuous.sum(), FEWEST, MOST))
 
 
 def _sampled(problem: Problem, count: int) -> Array:
@@ -170,8 +173,8 @@ def _spread(problem: Problem, designs: Array, scores: Array) -> Array:
 def searched(problem: Problem, judge: Judge, goal: Goal, start: Array, say: Say) -> Array:
     """Return the best design of one combination of choices by exact judgement, from designs to begin with."""
     say("exact judgement")
-    row = start[0]
-    places, scores = _evolved(problem, row, lambda x: judge.worth(x).score(goal), GENERATIONS, start)
+    row, generations = start[0], DEAR["generations"] if problem.dear else GENERATIONS
+    places, scores = _evolved(problem, row, lambda x: judge.worth(x).score(goal), generations, start)
     return polished(problem, judge, goal, places[int(np.argmin(scores))])
 
 
@@ -194,7 +197,8 @@ def polished(problem: Problem, judge: Judge, goal: Goal, design: Array) -> Array
             return float(score(_put(x, free, part)[None])[0])
 
         simplex = np.concatenate([x[None, free], x[free] + np.diag(np.where(x[free] > 0.5, -step, step))])
-        options = {"initial_simplex": simplex, "xatol": 1e-7, "fatol": 1e-12, "maxfev": EVALUATIONS * int(free.sum())}
+        most = (DEAR["evaluations"] if problem.dear else EVALUATIONS) * int(free.sum())
+        options = {"initial_simplex": simplex, "xatol": 1e-7, "fatol": 1e-12, "maxfev": most}
         bounds = [(0.0, 1.0)] * int(free.sum())
         found = minimize(function, x[free], method="Nelder-Mead", bounds=bounds, options=options)
         return _put(x, free, np.clip(found.x, 0.0, 1.0))

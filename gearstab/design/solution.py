@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from gearstab.config import ConfigError
 from gearstab.design import pareto, search
 from gearstab.design.answer import answer
 from gearstab.design.explain import explanation
@@ -16,7 +17,6 @@ from gearstab.design.margins import allowed, margins, sensitivities
 from gearstab.design.phasing import phasing
 from gearstab.design.problem import Problem, Span
 from gearstab.design.tongues import Tongues, single, tongues
-from gearstab.errors import NotPossible
 from gearstab.floquet import solve
 from gearstab.system import Array, GearSystem
 
@@ -75,7 +75,7 @@ class Solution:
 
 
 def solved(problem: Problem, say: Say = lambda text: None) -> Solution:
-    """Solve a design problem that was checked. Raises NotPossible where no design meets the constraints."""
+    """Solve a design problem that was checked. Raises ConfigError where no design meets the constraints."""
     judge = Judge(problem)
     initial = judge.worth(problem.given)
     front = None
@@ -83,7 +83,7 @@ def solved(problem: Problem, say: Say = lambda text: None) -> Solution:
     if len(problem.design.objectives) > 1:
         designs = pareto.front(problem, judge, say)
         if len(designs) == 0:
-            raise NotPossible("no design within the bounds meets the constraints", "relax constraints or widen bounds")
+            raise _infeasible(problem)
         objectives = judge.worth(designs).objectives
         front = designs, objectives
         optimum = designs[pareto.compromise(objectives)]
@@ -91,7 +91,7 @@ def solved(problem: Problem, say: Say = lambda text: None) -> Solution:
         optimum = search.best(problem, judge, goal, say)
     final = judge.worth(optimum[None])
     if final.violation[0] > 0:
-        raise NotPossible("no design within the bounds meets the constraints", "relax constraints or widen the bounds")
+        raise _infeasible(problem)
     say("sensitivities and margins")
     most = allowed(float(final.objectives[0, 0]), float(np.nan_to_num(initial.objectives[0, 0])))
     before, after = single(problem, problem.given[0]), single(problem, optimum)
@@ -104,6 +104,13 @@ def solved(problem: Problem, say: Say = lambda text: None) -> Solution:
         verified(after[0], after[1], found), before[0], after[0], before[1], after[1], reasons, front, choices,
         {} if choices is None or found is None else phasing(problem, choices[0]),
     )  # fmt: skip
+
+
+def _infeasible(problem: Problem) -> ConfigError:
+    """What is told where no design that was looked at is allowed."""
+    path = ("design", "constraints") if problem.design.limits else ("design", "variables")
+    message, hint = "no design within the bounds meets the constraints", "relax constraints, or widen bounds"
+    return ConfigError([problem.config.problem(path, message, hint)])
 
 
 def searchable(system: GearSystem) -> bool:

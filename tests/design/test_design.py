@@ -237,6 +237,16 @@ def test_constraints_hold(tmp_path: Path) -> None:
     assert worth.violation[7] == 0
 
 
+def test_constraints_that_nothing_meets(tmp_path: Path) -> None:
+    text = TWO.replace("[0.1, 0.9]", "{values: [0.0, 0.2]}").replace("[1.2, 1.7]", "{values: [1.3, 1.5]}")
+    source = written(tmp_path, TRAIN + text + "  constraints: {growth_rate: {max: 1.0e-6}}\n")
+    done = ran("design", source, "-o", tmp_path / "out.h5", "-q")
+    assert done.exit_code == 2
+    assert done.stderr.startswith(f"{source}:")
+    assert "design.constraints" in done.stderr
+    assert not (tmp_path / "out.h5").exists()
+
+
 def test_fronts_hold_what_nothing_dominates() -> None:
     objectives = np.array([[1.0, 5.0], [2.0, 3.0], [2.0, 3.0], [3.0, 4.0], [4.0, 1.0], [0.5, 6.0], [4.0, 2.0]])
     kept = nondominated(objectives)
