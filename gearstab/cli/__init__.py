@@ -88,6 +88,9 @@ def main(args: Sequence[str] | None = None) -> NoReturn:
     # a busy machine they were seen to take 200 times as long. Read when NumPy is imported; the user's choice stands.
     for variable in BLAS_THREADS:
         os.environ.setdefault(variable, "1")
+    # No plug-in of pydantic has a say in configurations, and to look for one among all installed packages takes longer
+    # than to check a small configuration.
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     # Figures go to files: which backend the user prefers for windows does not matter, even if there is no such one.
     os.environ["MPLBACKEND"] = "agg"
     for stream in (sys.stdout, sys.stderr):

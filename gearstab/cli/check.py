@@ -46,7 +46,7 @@ def checked(config: Path, overrides: tuple[str, ...]) -> Config:
 
     found = load(config, overrides)
     if found.methods.chosen:
-        from gearstab.sweep.plan import check
+        from gearstab.config.checks.options import check
         from gearstab.systems import build
 
         check(found, build(found.parameters))

@@ -198,7 +198,7 @@ def _read_system(document: Document, model: type[System], source: FilePath) -> _
     from gearstab.config.model.dimensions import check_units
     from gearstab.config.model.introspection import as_parameters
     from gearstab.config.model.validation import validate
-    from gearstab.config.sections import design, sweep, uncertain
+    from gearstab.config.sections import sweep
 
     raw = document.data["system"]
     _name_meshes(document, model)
@@ -211,10 +211,18 @@ def _read_system(document: Document, model: type[System], source: FilePath) -> _
     samples = _read_samples(document, meant, source)
     context = sweep.Context(document, model, meant)
     layouts = sweep.layouts(context) if "sweep" in document.data else []
-    variables = design.layouts(context) if "design" in document.data else []
+    variables: list[sweep.Layout] = []
+    if "design" in document.data:
+        from gearstab.config.sections import design
+
+        variables = design.layouts(context)
     known = set(sweep.base_values(document, [*layouts, *variables]))
-    targets = uncertain.resolve(context, value_at(document.data, uncertain.SECTION))
-    known |= set(uncertain.base_values(context, targets))
+    targets: dict[str, list[Target]] = {}
+    if value_at(document.data, ("methods", "tolerance")) is not None:
+        from gearstab.config.sections import uncertain
+
+        targets = uncertain.resolve(context, value_at(document.data, uncertain.SECTION))
+        known |= set(uncertain.base_values(context, targets))
     section = as_meant(raw | from_file, model)
     _report(document, ("system",), model.conflicts(section), section)
     known |= check_units(document, model, meant, "system", model, known)
@@ -296,10 +304,10 @@ def _read_methods(document: Document) -> Methods | None:
 
 def _read_uncertainties(methods: Methods, system: _System) -> tuple[Methods, Uncertainties | None]:
     """The methods with distributions in SI units, and the uncertain parameters; None without the method tolerance."""
-    from gearstab.config.sections import uncertain
-
     if methods.tolerance is None:
         return methods, None
+    from gearstab.config.sections import uncertain
+
     found = uncertain.uncertainties(system.context, methods.tolerance, system.uncertain, system.axes)
     if found is None:
         return methods, None
@@ -356,7 +364,7 @@ def _read_respond(
     from gearstab.config.sections.respond import Respond
 
     raw, section = document.data.get("system"), document.data["respond"]
-    wanted: type[Respond | PairRespond] = Respond if model is None else model.respond_model
+    wanted: type[Respond | PairRespond] = Respond if model is None else model.respond_model()
     known = as_meant(raw, model) or {}
     if system:
         known |= system.contents

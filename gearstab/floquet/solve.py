@@ -6,8 +6,6 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from gearstab.floquet import general
-from gearstab.floquet import smooth as magnus
 from gearstab.floquet.kernel import choice as kernel
 from gearstab.floquet.segments.blocks import Block, split, whole
 from gearstab.floquet.segments.pattern import prepare
@@ -51,6 +49,8 @@ def solve(
     omega = system.operating_points(mesh_frequency)
     if system.terms:
         # NumPy serves, whichever kernel is in use.
+        from gearstab.floquet import general
+
         kernel.record("numpy")
         return general.analyse(system, omega, exponents, tolerance)
     growth = np.full(omega.shape, -np.inf)
@@ -85,6 +85,8 @@ def _solutions(
 ) -> Iterator[tuple[Block, Stability]]:
     """Block by block."""
     if not system.piecewise_constant:
+        from gearstab.floquet import smooth as magnus
+
         yield from magnus.solutions(system, omega, exponents, reduction, tolerance)
         return
     for pattern in prepare(system):

@@ -119,18 +119,22 @@ class Floquet(Method):
     @cached_property
     def basis(self) -> Array | None:
         """What the options restrict the system to, None where they do not. Raises NotPossible."""
+        if self.options.modes is None and self.options.block is None:
+            return None
         from gearstab.floquet.truncation import modes_basis, type_basis
 
         if self.options.modes is not None:
             return modes_basis(self.system, self.options.modes)
-        return None if self.options.block is None else type_basis(self.system, self.options.block)
+        return type_basis(self.system, self.options.block)
 
     @cached_property
     def part(self) -> GearSystem:
         """The system that is solved."""
+        if self.basis is None:
+            return self.system
         from gearstab.floquet.truncation import restricted
 
-        return self.system if self.basis is None else restricted(self.system, self.basis)
+        return restricted(self.system, self.basis)
 
     @cached_property
     def strategy(self) -> Strategy:
@@ -244,8 +248,6 @@ class Floquet(Method):
         return said | {"restriction": f"{what} of the base system: {self.basis.shape[-1]} of {size} modes, {left_out}"}
 
     def check(self) -> None:
-        from gearstab.floquet.truncation import split_degenerate_group
-
         options = self.options
         if options.modes is not None and options.block is not None:
             raise OptionError(("modes",), "stands beside block: both block and modes restrict", "keep one of them")
@@ -254,9 +256,12 @@ class Floquet(Method):
         except NotPossible as error:
             key = "block" if options.modes is None else "modes"
             raise OptionError((key,), error.message, error.remedy) from None
-        if options.modes is not None and (group := split_degenerate_group(self.system, options.modes)):
-            message = f"modes {', '.join(map(str, group))} have equal frequencies"
-            raise OptionError(("modes",), message, "name all of them or none")
+        if options.modes is not None:
+            from gearstab.floquet.truncation import split_degenerate_group
+
+            if group := split_degenerate_group(self.system, options.modes):
+                message = f"modes {', '.join(map(str, group))} have equal frequencies"
+                raise OptionError(("modes",), message, "name all of them or none")
         try:
             taken = self.strategy.name
         except NotPossible as error:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cached_property
-from typing import Annotated, Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema, model_validator
@@ -14,8 +14,9 @@ from gearstab.methods.base import Method, Outcome, SampledMethod, Tolerance, fla
 from gearstab.methods.floquet import Floquet, FloquetOptions
 from gearstab.results.variables import PROBABILITY, SOBOL, Variable, flagged
 from gearstab.system import Array, GearSystem
-from gearstab.tolerance import estimates
-from gearstab.tolerance.design import Design, groups_of
+
+if TYPE_CHECKING:
+    from gearstab.tolerance.design import Design
 
 ROW = 512
 """Points of a block at least, so that a row of a map is not cut where that would cost as much again."""
@@ -127,6 +128,8 @@ class ToleranceAnalysis(SampledMethod):
     @cached_property
     def design(self) -> Design:
         """Which samples are drawn, the same for all systems."""
+        from gearstab.tolerance.design import Design, groups_of
+
         pairs = [tuple(self.names.index(name) for name in entry.between) for entry in self.options.correlation or ()]
         groups = groups_of(len(self.names), pairs)  # type: ignore[arg-type]
         return Design.of(groups, self.options.samples, self.options.sobol, self.options.seed)
@@ -147,6 +150,8 @@ class ToleranceAnalysis(SampledMethod):
 
     def run(self, mesh_frequency: Array) -> Outcome:
         """Compute a batch ``(rows, samples)``, the samples of a row in the order of the design."""
+        from gearstab.tolerance import estimates
+
         inner = self.inner.of(self.system)
         found = inner.run(mesh_frequency).values
         count = found["stable"].shape[-1]

@@ -18,10 +18,11 @@ from math import ceil, prod
 import numpy as np
 
 from gearstab import __version__
-from gearstab.config import Axis, Config, ConfigError
+from gearstab.config import Axis, Config
+from gearstab.config.checks.options import check
 from gearstab.config.sections.axes import MESH_FREQUENCY
 from gearstab.floquet.kernel import choice as kernel
-from gearstab.methods import POINTS, Method, OptionError, chosen
+from gearstab.methods import POINTS, Method, chosen
 from gearstab.results.variables import Variable
 from gearstab.sweep import teeth
 from gearstab.system import Array, GearSystem
@@ -167,18 +168,6 @@ class Plan:
             raise ValueError("no axis sets the mesh frequency")
         axis, values = found[-1]
         return np.asarray(values, dtype=float)[rows[axis.name]][:, None]
-
-
-def check(config: Config, base: GearSystem) -> None:
-    """Raises ConfigError where the options of methods do not fit the base system, with one problem a method."""
-    found = []
-    for method in chosen(config.methods, base):
-        try:
-            method.check()
-        except OptionError as error:
-            found.append(config.problem(("methods", method.name, *error.path), str(error), error.remedy))
-    if found:
-        raise ConfigError(found)
 
 
 def plan(config: Config) -> Plan:

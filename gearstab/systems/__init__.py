@@ -11,24 +11,23 @@ from typing import TYPE_CHECKING, Any, get_args
 
 from gearstab.config.model.fields import ShortName
 from gearstab.config.model.introspection import bare, field_types, is_model, short_name
+from gearstab.lazy import LazyTable
 from gearstab.system import GearSystem
-from gearstab.systems.base import System
-from gearstab.systems.gear_pair import GearPair
-from gearstab.systems.gearbox import Gearbox
-from gearstab.systems.matrices import Matrices
-from gearstab.systems.planetary import Planetary
-from gearstab.systems.two_stage import TwoStage
 
 if TYPE_CHECKING:
+    from gearstab.systems.base import System
     from gearstab.systems.gearbox.build import Train
 
-KINDS: dict[str, type[System]] = {
-    "gear_pair": GearPair,
-    "two_stage": TwoStage,
-    "planetary": Planetary,
-    "gearbox": Gearbox,
-    "matrices": Matrices,
-}
+KINDS: LazyTable[type[System]] = LazyTable(
+    {
+        "gear_pair": "gearstab.systems.gear_pair:GearPair",
+        "two_stage": "gearstab.systems.two_stage:TwoStage",
+        "planetary": "gearstab.systems.planetary:Planetary",
+        "gearbox": "gearstab.systems.gearbox:Gearbox",
+        "matrices": "gearstab.systems.matrices:Matrices",
+    }
+)
+"""By name, ``system.kind`` of a configuration; a kind is imported when it is used."""
 
 
 def model_of(parameters: dict[str, Any]) -> type[System]:
@@ -40,11 +39,17 @@ def short_names() -> dict[str, ShortName]:
     """Return all names that stand for a number of every mesh that has one, in any kind of system."""
     found: dict[str, ShortName] = {}
     for model in KINDS.values():
-        meshes = bare(field_types(model).get("meshes"))
-        kinds = field_types(meshes).values() if is_model(meshes) else get_args(meshes)
-        for mesh in kinds:
-            names = {name: short_name(annotation) for name, annotation in field_types(mesh).items()}
-            found |= {name: short for name, short in names.items() if short is not None and name not in found}
+        found = short_names_of(model) | found
+    return found
+
+
+def short_names_of(model: type[System]) -> dict[str, ShortName]:
+    """Return those in one kind of system."""
+    meshes = bare(field_types(model).get("meshes"))
+    found: dict[str, ShortName] = {}
+    for mesh in field_types(meshes).values() if is_model(meshes) else get_args(meshes):
+        names = {name: short_name(annotation) for name, annotation in field_types(mesh).items()}
+        found |= {name: short for name, short in names.items() if short is not None and name not in found}
     return found
 
 
@@ -62,4 +67,4 @@ def train_of(parameters: dict[str, Any]) -> Train | None:
     return model_of(parameters).train(parameters)
 
 
-__all__ = ["KINDS", "build", "model_of", "short_names", "train_of"]
+__all__ = ["KINDS", "build", "model_of", "short_names", "short_names_of", "train_of"]

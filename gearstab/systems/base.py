@@ -11,8 +11,6 @@ from gearstab.config.document.problems import Path
 from gearstab.config.document.yaml import Document
 from gearstab.config.model.conflicts import Conflict, items, plain_number, repeated_names, within, within_each
 from gearstab.config.model.fields import Choice, Flag, NonNegative, Section
-from gearstab.config.sections.respond import Respond
-from gearstab.config.sections.respond_pair import PairRespond
 from gearstab.systems import feasibility
 from gearstab.systems.parts.damping import Damping
 from gearstab.systems.parts.mesh import ToothMesh
@@ -21,6 +19,8 @@ if TYPE_CHECKING:
     from pathlib import Path as FilePath
 
     from gearstab.config.sections.axes import Axis, Config
+    from gearstab.config.sections.respond import Respond
+    from gearstab.config.sections.respond_pair import PairRespond
     from gearstab.system import Array, GearSystem
     from gearstab.systems.gearbox.build import Train
 
@@ -40,8 +40,6 @@ class System(Section):
     """Whose rules the meshes follow."""
     needs_units: ClassVar[bool] = False
     """Whether numbers of its own, of materials say, are in SI units."""
-    respond_model: ClassVar[type[Respond | PairRespond]] = Respond
-    """The section ``respond`` of this kind."""
 
     damping_ratio: NonNegative | None = Field(
         default=None,
@@ -71,6 +69,13 @@ class System(Section):
     def size(cls, raw: dict[str, Any]) -> int | None:
         """Number of coordinates, None where it cannot be told."""
         raise NotImplementedError
+
+    @classmethod
+    def respond_model(cls) -> type[Respond | PairRespond]:
+        """Return the section ``respond`` of this kind."""
+        from gearstab.config.sections.respond import Respond
+
+        return Respond
 
     @classmethod
     def turning(cls, raw: dict[str, Any]) -> Sequence[bool] | None:

@@ -48,7 +48,7 @@ def extreme_points(config: Config, concerns: Callable[[Path], bool]) -> Selectio
             # The contact ratio acts through its fraction.
             measure = np.asarray(values[0])
             measure = stiff_fraction(measure) if keys == {"contact_ratio"} else measure
-            picks[axis.name] = np.unique([np.argmin(measure), np.argmax(measure)])
+            picks[axis.name] = np.array(sorted({int(np.argmin(measure)), int(np.argmax(measure))}))
         else:
             picks[axis.name] = np.arange(axis.size)
     grids = np.meshgrid(*picks.values(), indexing="ij")

@@ -13,8 +13,6 @@ from gearstab import rotating_pair
 from gearstab.config.document.yaml import Document
 from gearstab.config.model.conflicts import Conflict, exactly_one, plain_number, wrong_length
 from gearstab.config.model.fields import Choice, Inertia, Length, Mass, NonNegative, Quantity, Teeth
-from gearstab.config.sections.respond import Respond
-from gearstab.config.sections.respond_pair import PairRespond
 from gearstab.rotating_pair import CLASSICAL, FORMULATIONS, PairNumbers
 from gearstab.system import Array, GearSystem
 from gearstab.system import Mesh as MeshOfSystem
@@ -26,6 +24,7 @@ from gearstab.waveforms import Rectangular
 
 if TYPE_CHECKING:
     from gearstab.config.sections.axes import Axis
+    from gearstab.config.sections.respond_pair import PairRespond
 
 OF_GEARS = ("teeth", "inertias", "torsional_stiffness", "single_contact_angle", "torque", "module", "radii")
 """Keys of a pair that is given by its gears, and not by an equivalent mass and a mesh."""
@@ -116,7 +115,6 @@ class RotatingPair(System):
         "meshes": TOGETHER,
         "speed": "it belongs to the section respond; in a sweep vary mesh_frequency",
     }
-    respond_model: ClassVar[type[Respond | PairRespond]] = PairRespond
 
     kind: Literal["gear_pair"] = Field(title="kind of system", description="A gear pair on rigid shafts.")
     formulation: Formulation = Field(
@@ -160,6 +158,12 @@ class RotatingPair(System):
     @classmethod
     def size(cls, raw: dict[str, Any]) -> int:
         return 1
+
+    @classmethod
+    def respond_model(cls) -> type[PairRespond]:
+        from gearstab.config.sections.respond_pair import PairRespond
+
+        return PairRespond
 
     @classmethod
     def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:

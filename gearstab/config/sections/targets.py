@@ -24,7 +24,7 @@ from gearstab.config.model.introspection import (
     number_kind,
 )
 from gearstab.config.sections.axes import MESH_FREQUENCY
-from gearstab.systems import short_names
+from gearstab.systems import short_names, short_names_of
 from gearstab.systems.base import System
 from gearstab.systems.parts.mesh import Mesh, ToothMesh, may_have
 from gearstab.waveforms.section import WaveformSection, name_of, owners, wave_of
@@ -142,9 +142,11 @@ def _named(name: str, model: type[System], raw: dict[str, Any]) -> list[Target]:
             raise TargetError("the numbers of teeth are not known", UNKNOWN_TEETH)
         own = [Target((path,), AngularFrequency, "input speed") for path in model.follow_speed(raw)]
         return [Target((MESH_FREQUENCY,), AngularFrequency, "input speed", None, cycles), *own]
-    short = short_names().get(name)
-    if short is not None and name not in model.model_fields:
-        return _of_meshes(name, short, model, raw)
+    if name.isidentifier() and name not in model.model_fields:
+        # One that only other kinds of systems have is known too, for the message.
+        short = short_names_of(model).get(name) or short_names().get(name)
+        if short is not None:
+            return _of_meshes(name, short, model, raw)
     return [_walk(name, model.expand_path(name.split(".")), model, raw)]
 
 

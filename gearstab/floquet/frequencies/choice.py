@@ -10,7 +10,6 @@ import numpy as np
 
 from gearstab.errors import NotPossible
 from gearstab.floquet.segments.pattern import Pattern, prepare, window
-from gearstab.floquet.smooth import sampled
 from gearstab.system import GearSystem
 from gearstab.waveforms import Profile
 
@@ -61,10 +60,15 @@ def sample(system: GearSystem) -> Pattern:
     """The mesh stiffness of a single system over its common period or, where there is no affordable one, a window."""
     system = replace(system, terms=())
     period = common_period(system)
-    if period is not None and period.segments <= AFFORDABLE:
-        return prepare(system)[0] if system.piecewise_constant else sampled(system)
+    affordable = period is not None and period.segments <= AFFORDABLE
     if system.piecewise_constant:
+        if affordable:
+            return prepare(system)[0]
         return window(system, SAMPLE / min(float(ratio) for ratio in system.frequency_ratios))[0]
+    from gearstab.floquet.smooth import sampled
+
+    if affordable:
+        return sampled(system)
     # What couples to what depends on which meshes vary alike, not on how fast.
     simple = {ratio: Fraction(1, k + 1) for k, ratio in enumerate(dict.fromkeys(system.frequency_ratios))}
     meshes = tuple(replace(mesh, frequency_ratio=simple[mesh.frequency_ratio]) for mesh in system.meshes)

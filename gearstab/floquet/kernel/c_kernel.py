@@ -7,7 +7,6 @@ the C side leaves in doubt is the same that the NumPy kernel leaves, and for n >
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -381,6 +380,8 @@ def _in_threads(part: Callable[[int, int], None], rows: int, cost_of_row: float,
     if workers <= 1:
         part(0, rows)
         return
+    from concurrent.futures import ThreadPoolExecutor
+
     pieces = min(rows, max(CHUNKS_A_THREAD * workers, int(rows * cost_of_row / LARGEST_PIECE)))
     edges = [rows * k // pieces for k in range(pieces + 1)]
     with ThreadPoolExecutor(workers) as pool:

@@ -20,9 +20,10 @@ from scenes import CONFIGS
 
 from gearstab.cli import group
 from gearstab.config import Config, ConfigError, load
+from gearstab.config.checks.options import check
 from gearstab.config.document.yaml import write
 from gearstab.config.sections.axes import parameters_at
-from gearstab.sweep.plan import check, plan
+from gearstab.sweep.plan import plan
 from gearstab.systems import build
 
 LARGE = {"train13.yaml", "drive_train.yaml", "fig4.yaml"}
