@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from gearstab.perturbation import Tongues
 
 ROWS = 128
-"""Rows of a block at least to first order. A result has a chunk for every region and block, and one of a few numbers takes
-more room and time as a chunk than the numbers take: four rows of 59 coordinates were 74,000 chunks of 32 bytes each."""
+"""Rows of a block at least to first order. A result has a chunk for every region and block, and a chunk of a few numbers
+takes more room and time than the numbers: blocks of four rows of 59 coordinates made 74,000 chunks of 32 bytes."""
 
 Harmonics = Annotated[int, Field(ge=1, le=1000), Whole]
 

@@ -39,7 +39,7 @@ def short_names() -> dict[str, ShortName]:
     """Return all names that stand for a number of every mesh that has one, in any kind of system."""
     found: dict[str, ShortName] = {}
     for model in KINDS.values():
-        found = short_names_of(model) | found
+        found |= {name: short for name, short in short_names_of(model).items() if name not in found}
     return found
 
 
