@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from gearstab.perturbation import Tongues
 
 ROWS = 128
-"""Rows of a block at least to first order. A result has a chunk for every region and block, and a chunk of a few numbers
+"""Rows of a block at least to first order. A result has a chunk for each region and block, and a chunk of a few numbers
 takes more room and time than the numbers: blocks of four rows of 59 coordinates made 74,000 chunks of 32 bytes."""
 
 Harmonics = Annotated[int, Field(ge=1, le=1000), Whole]
