@@ -15,6 +15,7 @@ from typing import Any
 
 from setuptools import Extension, setup
 from setuptools.command.build_ext import build_ext
+from setuptools.command.sdist import sdist
 from setuptools.errors import BaseError, CCompilerError
 
 SOURCES = sorted(glob("gearstab/ckernel/**/*.c", recursive=True))
@@ -57,6 +58,19 @@ class BuildKernel(build_ext):
             )
 
 
+class SourceDistribution(sdist):
+    """Besides the package, which setuptools finds: what the tests and the documentation need."""
+
+    def make_distribution(self) -> None:
+        """Add the folders of the repository to the files that are packed."""
+        self.filelist.extend(["Makefile", "CITATION.cff"])
+        for folder in ("configs", "docs", "scripts", "tests"):
+            self.filelist.graft(folder)
+        self.filelist.global_exclude("*.py[cod]")
+        self.filelist.global_exclude("*.so")
+        super().make_distribution()
+
+
 def kernel() -> Extension:
     """The extension module."""
     stable: dict[str, Any] = {"define_macros": [("Py_LIMITED_API", "0x030b0000")], "py_limited_api": True}
@@ -72,6 +86,6 @@ def kernel() -> Extension:
 
 setup(
     ext_modules=[kernel()],
-    cmdclass={"build_ext": BuildKernel},
+    cmdclass={"build_ext": BuildKernel, "sdist": SourceDistribution},
     options={"bdist_wheel": {"py_limited_api": "cp311"}} if STABLE_INTERFACE else {},
 )
