@@ -1,31 +1,51 @@
-"""Chunks of an array, encoded as HDF5's filters shuffle and deflate store them.
+"""Chunks of an array, encoded as HDF5's deflate filter stores them.
 
 Encoding them here rather than in the HDF5 library lets the threads or processes that computed the values do it too
-(HDF5 runs under one lock), and lets a merge of any number of parts copy bytes.
+(HDF5 runs under one lock), and lets a merge of any number of parts copy bytes. The filter shuffle is left out: with
+ISA-L, which encodes growth rates at 4 to 8 ns a value where zlib takes 50, it costs as much again as encoding.
 """
 
 from __future__ import annotations
 
 import zlib
+from functools import lru_cache
 
 import numpy as np
+
+try:
+    from isal.isal_zlib import compress
+except ImportError:  # where it has no wheel
+    from zlib import compress
 
 Array = np.ndarray
 
 LEVEL = 1
-"""Higher levels shrink growth rates by another 3 % for half as much time again."""
+"""The fastest that looks for repetitions, of ISA-L and of zlib: higher levels of ISA-L gain nothing."""
+FILTER = {"compression": "gzip", "compression_opts": LEVEL, "shuffle": False}
+"""What says so to :meth:`h5py.Group.create_dataset`."""
 
 
 def encode(values: Array, chunk: tuple[int, ...]) -> bytes:
-    """One chunk: ``values``, filled up with zeros to the shape ``chunk``, shuffled and deflated."""
+    """One chunk: ``values``, filled up with zeros to the shape ``chunk``, deflated.
+
+    What deflating does not shrink is stored in it as it is, within 0.1 % and a few bytes, and read four times as fast.
+    HDF5 could leave out the filter of such a chunk; but then no checksum of the chunk would tell damage.
+    """
     full = np.ascontiguousarray(values)
     if values.shape != chunk:
         full = np.zeros(chunk, dtype=values.dtype)
         full[tuple(slice(0, n) for n in values.shape)] = values
     octets = full.reshape(-1).view(np.uint8)
-    if full.itemsize > 1:
-        octets = np.ascontiguousarray(octets.reshape(-1, full.itemsize).T)
-    return zlib.compress(octets.data, LEVEL)
+    if not octets.any():
+        return _zeros(octets.size)
+    data = bytes(compress(octets.data, LEVEL))
+    return data if len(data) < octets.size else zlib.compress(octets.data, 0)
+
+
+@lru_cache(maxsize=64)
+def _zeros(size: int) -> bytes:
+    """A chunk of nothing but zeros, as those of flags that no point carries."""
+    return zlib.compress(bytes(size), LEVEL)
 
 
 def holds(data: bytes, size: int) -> bool:
@@ -40,5 +60,4 @@ def holds(data: bytes, size: int) -> bool:
 def decode(data: bytes, chunk: tuple[int, ...], dtype: str) -> Array:
     """The inverse of :func:`encode`, filled up as it is."""
     kind = np.dtype(dtype)
-    octets = np.frombuffer(zlib.decompress(data), dtype=np.uint8)
-    return np.ascontiguousarray(octets.reshape(kind.itemsize, -1).T).view(kind).reshape(chunk)
+    return np.frombuffer(bytearray(zlib.decompress(data)), dtype=kind).reshape(chunk)

@@ -16,7 +16,7 @@ from uuid import uuid4
 
 import numpy as np
 
-from gearstab.results.chunks import decode
+from gearstab.results.chunks import FILTER, decode
 from gearstab.results.guard import result_of
 from gearstab.results.output import Look, move, naming, sync, temporary_file, writing
 from gearstab.results.seal import append_seal, seal
@@ -125,7 +125,7 @@ def _create(target: h5py.Group, item: Field) -> h5py.Dataset:
     name = item.variable.name
     if item.variable.dtype == TEXT:
         return target.create_dataset(name, data=item.array(), dtype=h5py.string_dtype("utf-8"))
-    packed = {"compression": "gzip", "compression_opts": 1, "shuffle": True, "fillvalue": item.variable.fill}
+    packed = {**FILTER, "fillvalue": item.variable.fill}
     if not isinstance(item.values, Chunked):
         values = item.array()
         options = packed if values.nbytes > COMPRESSED_FROM else {}

@@ -25,7 +25,7 @@ from gearstab.methods import Key
 from gearstab.perturbation import Tongue
 from gearstab.results.output import write_bytes
 
-MAGIC = b"gearstab part 2\n"
+MAGIC = b"gearstab part 3\n"
 CHECKSUM = 32
 
 

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import errno
+import io
 import os
+import zlib
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
 import xarray as xr
-from hypothesis import given, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -21,13 +23,14 @@ from gearstab.results import (
     ResultError,
     ResultTree,
     Variable,
+    chunks,
     coordinate,
     fields_of,
     open_result,
     write_result,
 )
 from gearstab.results import variables as table
-from gearstab.results.chunks import decode, encode
+from gearstab.results.chunks import FILTER, decode, encode, holds
 from gearstab.results.output import write_bytes
 from gearstab.results.write import write_on_disk
 
@@ -130,22 +133,48 @@ def test_values_without_a_variable_are_refused() -> None:
         fields_of(table.FLOQUET, {"growth": np.zeros(3)})
 
 
-@settings(max_examples=40)
+def stored(data: bytes, chunk: tuple[int, ...], dtype: np.dtype) -> np.ndarray:
+    """What HDF5 makes of an encoded chunk, in a file that is opened anew, as a result is."""
+    with io.BytesIO() as content:
+        with h5py.File(content, "w") as file:
+            dataset = file.create_dataset("v", chunk, dtype, chunks=chunk, **FILTER)
+            dataset.id.write_direct_chunk((0,) * len(chunk), data)
+        with h5py.File(content) as file:
+            return file["v"][()]
+
+
+@pytest.mark.parametrize("compressor", ["isal", "zlib"])
+@settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
-    arrays(
+    values=arrays(
         st.sampled_from(["f8", "i1", "i2", "i4"]), st.tuples(*[st.integers(1, 5)] * 2), elements=st.integers(-100, 100)
     ),
-    st.tuples(*[st.integers(0, 3)] * 2),
+    more=st.tuples(*[st.integers(0, 3)] * 2),
 )
-def test_chunks_are_what_hdf5_decodes(values: np.ndarray, more: tuple[int, int]) -> None:
+def test_chunks_are_what_hdf5_decodes(
+    compressor: str, values: np.ndarray, more: tuple[int, int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if compressor == "zlib":
+        monkeypatch.setattr(chunks, "compress", zlib.compress)
     chunk = tuple(n + m for n, m in zip(values.shape, more, strict=True))
     data = encode(values, chunk)
     inside = tuple(slice(0, n) for n in values.shape)
     np.testing.assert_array_equal(decode(data, chunk, values.dtype.str)[inside], values)
-    with h5py.File("never-opened", "w", driver="core", backing_store=False) as file:
-        dataset = file.create_dataset("v", chunk, values.dtype, chunks=chunk, compression="gzip", shuffle=True)
-        dataset.id.write_direct_chunk((0, 0), data)
-        np.testing.assert_array_equal(dataset[inside], values)
+    np.testing.assert_array_equal(stored(data, chunk, values.dtype)[inside], values)
+
+
+@pytest.mark.parametrize("kind", ["noise", "zeros", "negative zeros", "smooth"])
+def test_chunks_of_every_kind_keep_each_bit_and_hardly_grow(kind: str) -> None:
+    rng = np.random.default_rng(7)
+    values = {
+        "noise": np.frombuffer(rng.bytes(8 * 3000), dtype="f8"), "zeros": np.zeros(3000),
+        "negative zeros": np.full(3000, -0.0), "smooth": np.round(np.sin(np.linspace(0, 3, 3000)), 2),
+    }[kind].reshape(60, 50)  # fmt: skip
+    data = encode(values, values.shape)
+    assert len(data) < values.nbytes * (1.001 if kind == "noise" else 0.5)
+    assert holds(data, values.nbytes)
+    assert decode(data, values.shape, "f8").tobytes() == values.tobytes()
+    assert stored(data, values.shape, values.dtype).tobytes() == values.tobytes()
 
 
 def test_a_file_on_disk_is_the_same_as_one_from_memory(tmp_path: Path, path: Path) -> None:
