@@ -13,7 +13,7 @@ from scenes import CONFIGS
 from gearstab.config import load
 from gearstab.errors import UserError
 from gearstab.sweep import plan
-from gearstab.sweep.plan import MOST, Layout, chunk_shape
+from gearstab.sweep.plan import FEW, LONGEST, MOST, Layout, chunk_shape, shared_points
 
 FIG3 = CONFIGS / "lin_parker_2002" / "fig3.yaml"
 FLOQUET = next(layout.method for layout in plan(load(FIG3)).layouts if layout.method.name == "floquet")
@@ -73,6 +73,24 @@ def test_costly_points_make_small_blocks() -> None:
     plain = layouts("sweep.epsilon.num=1000")["floquet"]
     exact = layouts("sweep.epsilon.num=1000", "methods.floquet.exponents=true")["floquet"]
     assert prod(exact.chunk) < prod(plain.chunk) / 2
+
+
+def test_costly_rows_share_their_preparation_and_a_few_are_divided_for_many_processors() -> None:
+    many = plan(load(CONFIGS / "kuria_kihiu_2008" / "map.yaml")).layouts[0]
+    assert (many.shape, many.chunk) == ((500, 20), (500, 1))
+    few = plan(load(CONFIGS / "kuria_kihiu_2008" / "map_exact.yaml")).layouts[0]
+    assert few.shape == (81, 5)
+    assert FEW <= few.count <= 2 * FEW
+
+
+@given(st.integers(1, 10**7), st.integers(1, 1000), st.floats(1, 1e12))
+def test_points_that_are_computed_together_are_neither_too_many_nor_too_dear(
+    length: int, rows: int, cost: float
+) -> None:
+    points = shared_points(length, rows, cost)
+    assert 1 <= points <= min(length, MOST)
+    assert points == 1 or points * cost < LONGEST + cost
+    assert rows >= FEW or points <= ceil(length * rows / FEW)
 
 
 def test_what_changes_numbers_changes_the_digest_of_parts() -> None:
