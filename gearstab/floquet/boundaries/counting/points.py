@@ -59,6 +59,12 @@ class Resolved(Pattern):
 
     fine: Pattern | None = None
 
+    def subset(self, index: Array) -> Pattern:
+        """Some of the rows, by position, of both."""
+        part = super().subset(index)
+        vars(part)["fine"] = None if self.fine is None else self.fine.subset(index)
+        return part
+
 
 def exact(pattern: Pattern) -> Pattern:
     """The pattern that gives the monodromy matrices."""
