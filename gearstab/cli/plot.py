@@ -26,13 +26,16 @@ KINDS_HELP = "; ".join(f"{name}: {kind.summary}" for name, kind in KINDS.items()
     "--level", multiple=True, type=click.FloatRange(0, 1, min_open=True, max_open=True),
     help="Probability at which a line is drawn (kind probability); may be given again [default: 0.01, 0.1, 0.5, 0.9].",
 )
+@click.option(
+    "--mark", multiple=True, metavar="NAME=X,Y", help="Mark a point of a map, in units of its axes; may be repeated."
+)
 @click.option("--title/--no-title", default=True, show_default=True, help="Write the result's title over the figure.")
 @click.option("--size", metavar="single|double", help="One journal column (88 mm) or two (180 mm).")
 @click.option("--dpi", type=click.IntRange(50, 2400), help="Resolution of pixels [default: 300].")
 def command(
     result: Path, output: Path | None, kind: str | None, x: str | None, y: str | None, select: tuple[str, ...],
-    unit: tuple[str, ...], variable: str | None, level: tuple[float, ...], title: bool, size: str | None,
-    dpi: int | None,
+    unit: tuple[str, ...], variable: str | None, mark: tuple[str, ...], level: tuple[float, ...], title: bool,
+    size: str | None, dpi: int | None,
 ) -> None:  # fmt: skip
     """Draw a figure from the file RESULT alone; nothing is computed again."""
     from gearstab.plots import draw
@@ -44,10 +47,26 @@ def command(
     target = output or result.with_suffix(".png")
     checked_extension(target)
     FIGURE.refuse(target, result)
-    request = Request(x, y, options.selections(select), variable, size, title, dpi, unit, levels=level)
+    chosen = options.selections(select)
+    request = Request(x, y, chosen, variable, size, title, dpi, unit, levels=level, marks=points(mark))
     with reading(result) as tree:
         figure, artists = draw(tree, kind, request)
         save(figure, target, title_of(tree))
     tell(f"figure: {target}")
     for note in [*artists["nearest"], *([artists["left_out"]] if artists.get("left_out") else [])]:
         tell(f"note: {note}")
+
+
+def points(texts: tuple[str, ...]) -> dict[str, tuple[float, float]]:
+    """``NAME=X,Y`` texts as a mapping. Raises PlotError for anything else."""
+    from gearstab.errors import PlotError
+
+    found: dict[str, tuple[float, float]] = {}
+    for text in texts:
+        name, _, place = text.rpartition("=")
+        try:
+            x, y = (float(part) for part in place.split(","))
+        except ValueError:
+            raise PlotError(f"--mark {text!r}: write NAME=X,Y, for instance A=4.2,0.3") from None
+        found[name.strip()] = x, y
+    return found

@@ -67,6 +67,8 @@ def draw(
         raise PlotError(f"no kind {name!r}; the kinds: {listed(KINDS)}")
     with style():
         figure, artists = KINDS[name].draw(tree, wanted)
+    if wanted.marks and "marks" not in artists:
+        raise PlotError(f"the kind {name} marks no points: leave --mark out, or choose --kind map or boundaries")
     return figure, artists | {"nearest": nearest_values(tree, wanted.select)}
 
 

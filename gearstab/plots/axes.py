@@ -350,6 +350,7 @@ class Request:
     partial: whether a figure may leave something out where all would be too much; else that is an error.
     levels: of contours, in a kind that draws some.
     ax: the frame to draw into, for kinds of figures with one frame; None for a figure of its own.
+    marks: points of a map by name, (x, y) in units of its axes.
     """
 
     x: str | None = None
@@ -363,6 +364,7 @@ class Request:
     partial: bool = False
     levels: tuple[float, ...] = ()
     ax: Axes | None = None
+    marks: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     def wide(self, default: str = "single") -> bool:
         """Whether the figure is as wide as two columns of a journal; default: its size unless one is asked for."""

@@ -14,7 +14,8 @@ from plot_results import planetary
 
 from gearstab.cli import group
 from gearstab.cli.options import selections
-from gearstab.errors import ResultError
+from gearstab.cli.plot import points
+from gearstab.errors import PlotError, ResultError
 from gearstab.plots import KINDS, draw
 from gearstab.plots.drawing.style import save
 
@@ -189,3 +190,34 @@ def test_selections_keep_what_follows_the_first_equals_sign():
     assert selections(("case=c1 = c2 = 1.5", "epsilon= 0.3")) == {"case": "c1 = c2 = 1.5", "epsilon": "0.3"}
     with pytest.raises(ResultError, match="AXIS=VALUE"):
         selections(("=3",))
+
+
+@pytest.mark.parametrize("kind", ["map", "boundaries"])
+def test_points_are_marked_where_they_lie(kind):
+    _, artists = draw(result_of("map"), kind, marks={"A": (4.2, 0.3)}, **options_of("map"))
+    cross, name = artists["marks"]
+    assert (cross.get_xdata()[0], cross.get_ydata()[0]) == (4.2, 0.3)
+    assert name.get_text() == "A"
+
+
+def test_points_are_refused_where_there_is_no_map():
+    with pytest.raises(PlotError, match="marks no points"):
+        draw(result_of("modes"), "modes", marks={"A": (4.2, 0.3)})
+
+
+def test_points_are_written_as_name_and_place():
+    assert points(("A=4.2,0.3", "x=y = 1, 2")) == {"A": (4.2, 0.3), "x=y": (1.0, 2.0)}
+    for text in ("A", "A=1", "A=1,2,3", "A=one,2"):
+        with pytest.raises(PlotError, match="NAME=X,Y"):
+            points((text,))
+
+
+def test_exact_and_approximate_boundaries_are_told_apart():
+    """A legend says which is which only where both are drawn."""
+    tree = result_of("map")
+    figure, _ = draw(tree, "map", **options_of("map"))
+    (legend,) = figure.legends
+    assert [t.get_text() for t in legend.get_texts()][:2] == ["boundaries (Floquet)", "perturbation theory"]
+    del tree["perturbation"]
+    figure, _ = draw(tree, "map", **options_of("map"))
+    assert not any("perturbation" in t.get_text() for legend in figure.legends for t in legend.get_texts())

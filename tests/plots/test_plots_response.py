@@ -137,3 +137,19 @@ def test_what_is_drawn_along_cannot_be_selected(tree, kind, along, other):
         draw(tree(), kind, select={along: "0.5"})
     with pytest.raises(PlotError, match=f"no axis 'colour' to select in this figure; there is .*{other}"):
         draw(tree(), kind, select={"colour": "1"})
+
+
+def test_what_would_be_a_solid_block_is_drawn_between_its_envelopes():
+    tree = made.response()
+    data = tree["response"].to_dataset()
+    time = np.linspace(0, 20, 4001)
+    fast = (1 + 0.1 * time) * np.cos(2 * np.pi * 20 * time)
+    coords = {"time": ("time", time, {"units": "s"}), "dof": ["x1"]}
+    block = xr.Dataset({"displacement": (("time", "dof"), fast[:, None], data["displacement"].attrs)}, coords=coords)
+    _, artists = draw(xr.DataTree.from_dict({"/": tree.to_dataset(), "/response": block}), "response")
+    (band,) = artists["lines"]
+    inside = band.get_paths()[0].vertices
+    assert inside[:, 1].max() == fast.max()
+    assert inside[:, 1].min() == fast.min()
+    _, artists = draw(tree, "response")
+    np.testing.assert_array_equal(artists["lines"][0].get_ydata(), data["displacement"].values[:, 0])

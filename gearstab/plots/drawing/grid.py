@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from math import ceil
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -10,11 +12,12 @@ from matplotlib.axis import Axis as MatplotlibAxis
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import Colormap, Normalize
+from matplotlib.patheffects import withStroke
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, ScalarFormatter
 
 from gearstab.plots.axes import Axis
-from gearstab.plots.drawing.style import FAILED
-from gearstab.plots.drawing.text import fitted
+from gearstab.plots.drawing.style import FAILED, LINE
+from gearstab.plots.drawing.text import fitted, plain
 
 Array = np.ndarray
 
@@ -114,3 +117,15 @@ def limits(axis: Axis) -> tuple[float, float]:
     """Where the frame of a map begins and ends along an axis: nothing was computed beyond the first and last number."""
     ends = axis.edges() if axis.size == 1 or not axis.numeric else axis.ascending
     return float(ends[0]), float(ends[-1])
+
+
+def draw_points(ax: Axes, points: Mapping[str, tuple[float, float]]) -> list[Any]:
+    """Mark points by a cross and their names."""
+    drawn: list[Any] = []
+    for name, place in points.items():
+        halo = [withStroke(linewidth=2.0, foreground="white")]
+        drawn += ax.plot(*place, "+", color=LINE, markersize=6, markeredgewidth=1.0, path_effects=halo, zorder=5)
+        drawn.append(ax.annotate(
+            plain(name), place, (4, 3), textcoords="offset points", fontsize=8, path_effects=halo, zorder=5
+        ))  # fmt: skip
+    return drawn

@@ -168,13 +168,14 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     figure, ax = new_frame(request, (0.78, 0.5))
     tints = [SHADE] if len(views) == 1 else [to_rgba(CASES[k], 0.18) for k in range(len(views))]
     cases = [draw_case(tree, ax, item, k, tints[k], len(views) == 1) for k, item in enumerate(views)]
+    points = grid.draw_points(ax, request.marks)
     handles = legend_handles(cases, [caption(view.free, case) for case in chosen])
     legend = write_legend(figure, handles, ax=request.ax)
     write_title(figure, tree, request, view)
     names.settle(figure)
     named = named_cases(tree, ax, views)
     names.freeze(figure, request)
-    return figure, {"cases": cases, "names": named, "legend": legend, "left_out": note}
+    return figure, {"cases": cases, "marks": points, "names": named, "legend": legend, "left_out": note}
 
 
 def _suits(contents: Contents) -> bool:

@@ -10,6 +10,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.colors import Colormap, LogNorm, Normalize
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from gearstab.plots.axes import MapView, Request, two_axes_only, view_of
 from gearstab.plots.drawing import grid, names, tongues
@@ -23,6 +24,8 @@ from gearstab.plots.variables import GROWTH_RATE, LOAD_FACTOR, colour_label, def
 Array = np.ndarray
 Artists = dict[str, Any]
 
+DASHED: tuple[float, tuple[float, float]] = (0, (4, 2))
+"""The line style of perturbation theory beside exact boundaries."""
 WIDE = 30
 """Values that differ by more than this factor are coloured by their logarithms."""
 MOST = 1000
@@ -124,7 +127,7 @@ def draw_boundaries(tree: xr.DataTree, ax: Axes, view: MapView | None, dashed: b
     first = tongues.read_tongues(tree, "perturbation", view, parameter)
     if first is not None:
         seen = tongues.widest(first, low, high) > tongues.INVISIBLE
-        dashes = {"linestyles": [(0, (4, 2))]} if dashed or exact is not None else {}
+        dashes = {"linestyles": [DASHED]} if dashed or exact is not None else {}
         artists["perturbation"] = tongues.boundary_lines(ax, first, frequency_on_x, seen, zorder=2.4, **dashes)
     return artists
 
@@ -145,6 +148,14 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     return whole_map(tree, request, dataset, data, painted, ", or --kind slices")
 
 
+def lines_of(artists: Artists) -> list[Line2D]:
+    """Legend entries of the boundaries where both exact ones and those of perturbation theory are drawn."""
+    if artists.get("boundaries") is None or artists.get("perturbation") is None:
+        return []
+    exact = Line2D([], [], color=LINE, linewidth=0.75, label="boundaries (Floquet)")
+    return [exact, Line2D([], [], color=LINE, linewidth=0.75, linestyle=DASHED, label="perturbation theory")]
+
+
 def whole_map(
     tree: xr.DataTree,
     request: Request,
@@ -162,13 +173,15 @@ def whole_map(
     two_axes_only(view, otherwise)
     figure, ax = new_frame(request, (0.78, 0.52))
     artists, label = paint(ax, view)
+    artists["marks"] = grid.draw_points(ax, request.marks)
     bar = figure.colorbar(artists["cells"], ax=ax, label=fitted(label, 1.8, 8.5), pad=0.02, aspect=28)
     bar.outline.set_linewidth(0.5)
     if artists.get("contours") is not None:
         bar.add_lines(artists["contours"])
     artists["colour_bar"] = bar
     tint, doubtful = artists.get("proved"), artists.get("doubtful", {})
-    write_legend(figure, [*proved.legend_of(tint), *doubt.legend_of_map(doubtful)], ax=request.ax)
+    handles = [*lines_of(artists), *proved.legend_of(tint), *doubt.legend_of_map(doubtful)]
+    write_legend(figure, handles, ax=request.ax)
     write_title(figure, tree, request, view)
     names.settle(figure)
     artists["names"] = names.name_view(tree, ax, view)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
+from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullLocator
 
@@ -27,6 +28,9 @@ GROWN = 1000
 
 TURNING = {"rad": "rotation", "rad/s": "angular velocity"}
 """What displacements and velocities in these units are called."""
+
+SOLID = 400
+"""A history that turns more often than this across a panel would be a solid block: its envelopes are drawn."""
 
 LONG = 20_000
 """Histories with more samples are stored as pixels inside a PDF or SVG file: as lines they would take megabytes."""
@@ -136,12 +140,24 @@ def draw_history(ax: Axes, label: str, data: xr.DataArray, colour: str) -> Any:
     """One history over time with a thin line at zero."""
     time = data.coords["time"].values if "time" in data.coords else np.arange(data.sizes["time"])
     ax.axhline(0.0, color="#8a8a8a", linewidth=0.4, zorder=0.5)
-    (line,) = ax.plot(time, data.values, color=colour, linewidth=0.6, rasterized=time.size > LONG)
+    line = draw_line(ax, time, np.asarray(data.values, dtype=float), colour)
     ax.set_xlim(time[0], time[-1])
     ax.set_ylabel(label, linespacing=0.95)
     ax.margins(y=0.08)
     show_growth(ax, data.values)
     return line
+
+
+def draw_line(ax: Axes, time: Array, values: Array, colour: str) -> Any:
+    """A history as a line, or between its envelopes where it turns so often that the line would fill a block."""
+    turns = int(np.count_nonzero(np.diff(np.sign(np.diff(values)))))
+    if turns < SOLID:
+        return ax.plot(time, values, color=colour, linewidth=0.6, rasterized=time.size > LONG)[0]
+    starts = np.unique(np.linspace(0, values.size, SOLID // 4, endpoint=False).astype(int))
+    low, high = np.minimum.reduceat(values, starts), np.maximum.reduceat(values, starts)
+    middle = time[np.minimum(starts + (starts[1] - starts[0]) // 2, time.size - 1)]
+    band = ax.fill_between(middle, low, high, facecolor=to_rgba(colour, 0.25), edgecolor=colour, linewidth=0.5)
+    return band
 
 
 def show_growth(ax: Axes, values: Array) -> None:
