@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 from numpy.testing import assert_allclose
-from scenes import CONFIGS, DATA
+from scenes import CONFIGS, CONFIGURATIONS, DATA
 from tongues import train
 
 from gearstab.cli import group
@@ -151,7 +151,7 @@ def test_a_mistake_is_one_line_and_exit_code_2(tmp_path: Path) -> None:
     assert len(missing.stderr.strip().splitlines()) == 1
 
 
-@pytest.mark.parametrize("path", sorted(CONFIGS.rglob("*.yaml")), ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", CONFIGURATIONS, ids=lambda path: path.stem)
 def test_every_configuration_of_the_repository(path: Path) -> None:
     result = info(path)
     assert result.exit_code == 0, result.output

@@ -18,7 +18,7 @@ import scipy.sparse
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from ruamel.yaml import YAML
-from scenes import read
+from scenes import CONFIGURATIONS, read
 
 from gearstab.config import Config, ConfigError, load
 from gearstab.config.document.yaml import parse, write
@@ -281,12 +281,8 @@ def test_overrides_of_axes(tmp_path: Path) -> None:
     assert config.methods.boundaries.tolerance == 1e-8
 
 
-def configurations(root: Path) -> list[Path]:
-    return sorted((root / "configs").rglob("*.yaml"))
-
-
 def test_resolved_configurations_are_the_same(tmp_path: Path, root: Path) -> None:
-    found = configurations(root)
+    found = CONFIGURATIONS
     assert found
     for source in found:
         config = load(source)

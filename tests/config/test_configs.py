@@ -6,12 +6,11 @@ import re
 from pathlib import Path
 
 import pytest
-from scenes import ROOT
+from scenes import CONFIGURATIONS, ROOT
 
 from gearstab.config import load
 from gearstab.config.model.schema import schema
 
-CONFIGS = sorted((ROOT / "configs").rglob("*.yaml"))
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 
 
@@ -34,26 +33,26 @@ def properties(node: object) -> set[str]:
     return set(node.get("properties", {})) | set().union(*map(properties, node.values()), set())
 
 
-@pytest.mark.parametrize("path", CONFIGS, ids=lambda p: p.relative_to(ROOT).as_posix())
+@pytest.mark.parametrize("path", CONFIGURATIONS, ids=lambda p: p.relative_to(ROOT).as_posix())
 def test_every_configuration_is_valid(path: Path) -> None:
     config = load(path)
     assert config.title
     assert sum([bool(config.axes), config.respond is not None, config.design is not None]) == 1
 
 
-@pytest.mark.parametrize("path", CONFIGS, ids=lambda p: p.relative_to(ROOT).as_posix())
+@pytest.mark.parametrize("path", CONFIGURATIONS, ids=lambda p: p.relative_to(ROOT).as_posix())
 def test_every_configuration_says_what_it_shows(path: Path) -> None:
     assert path.read_text().startswith("# ")
 
 
 def test_all_figures_of_the_paper_are_there() -> None:
-    found = {p.stem for p in CONFIGS if p.parent.name == "lin_parker_2002"}
+    found = {p.stem for p in CONFIGURATIONS if p.parent.name == "lin_parker_2002"}
     assert found == {f"fig{n}" for n in ("3", "5", "6a", "6b", "7a", "7b", "8a", "8b", "9a", "9b")}
 
 
 def test_the_gear_of_parker_2009_is_that_of_table_1() -> None:
     """Everything as printed but k_cu, which is 1e11 N/m."""
-    paths = [path for path in CONFIGS if path.parent.name == "parker_2009"]
+    paths = [path for path in CONFIGURATIONS if path.parent.name == "parker_2009"]
     assert {"table1", "fig3", "fig4", "contact_ratio", "gamma_sr", "ring_harmonics", "rigid_ring"} == {
         p.stem for p in paths
     }
@@ -69,7 +68,7 @@ def test_the_gear_of_parker_2009_is_that_of_table_1() -> None:
 
 
 def test_the_parameters_are_those_of_table_1() -> None:
-    for path in CONFIGS:
+    for path in CONFIGURATIONS:
         if path.parent.name == "lin_parker_2002":
             parameters = load(path).parameters
             assert parameters["inertias"] == [1.0, 0.3, 4.0], path

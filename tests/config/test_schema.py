@@ -5,11 +5,11 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import pytest
 from click.testing import CliRunner
+from scenes import CONFIGURATIONS
 
 from gearstab.cli.schema import command
 from gearstab.config import load
@@ -95,16 +95,15 @@ def mapping_errors(value: dict[str, Any], node: dict[str, Any], path: str) -> It
             yield from errors(item, rule, f"{path}.{name}")
 
 
-def test_every_configuration_of_the_repository_fits(root: Path) -> None:
-    found = sorted((root / "configs").rglob("*.yaml"))
-    assert found
-    for source in found:
+def test_every_configuration_of_the_repository_fits() -> None:
+    assert CONFIGURATIONS
+    for source in CONFIGURATIONS:
         assert list(errors(parse(source.read_text(), source.name).data, SCHEMA)) == [], source.name
 
 
-def test_resolved_configurations_fit(root: Path) -> None:
+def test_resolved_configurations_fit() -> None:
     """They stand in every result, and can be run again."""
-    for source in sorted((root / "configs").rglob("*.yaml")):
+    for source in CONFIGURATIONS:
         assert list(errors(parse(load(source).resolved, source.name).data, SCHEMA)) == [], source.name
 
 

@@ -13,6 +13,8 @@ from gearstab.config import Config, ConfigError, Problem, load
 
 ROOT = Path(__file__).resolve().parents[2]
 CONFIGS, DOCS, DATA = ROOT / "configs", ROOT / "docs", ROOT / "tests" / "data"
+CONFIGURATIONS = sorted(path for path in CONFIGS.rglob("*.yaml") if path.parent.name != "benchmarks")
+"""All that the program reads itself; a benchmark refers to one and adds published numbers."""
 
 TRAIN = """\
 title: A train

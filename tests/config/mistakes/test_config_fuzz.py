@@ -16,7 +16,7 @@ from click.testing import CliRunner
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from ruamel.yaml import YAML
-from scenes import CONFIGS
+from scenes import CONFIGS, CONFIGURATIONS
 
 from gearstab.cli import group
 from gearstab.config import Config, ConfigError, load
@@ -28,7 +28,7 @@ from gearstab.systems import build
 
 LARGE = {"train13.yaml", "drive_train.yaml", "fig4.yaml"}
 """Configurations that take long to read."""
-TEXTS = [path.read_text() for path in sorted(CONFIGS.rglob("*.yaml")) if path.name not in LARGE]
+TEXTS = [path.read_text() for path in CONFIGURATIONS if path.name not in LARGE]
 TREES = [YAML(typ="safe", pure=True).load(text) for text in TEXTS]
 
 VALUES: list[Any] = [

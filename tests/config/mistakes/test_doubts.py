@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
-from scenes import ROOT
+from scenes import CONFIGURATIONS
 
 from gearstab.cli import group
 from gearstab.config import load
@@ -107,7 +107,7 @@ def test_models_without_units_are_silent(tmp_path, units):
     assert doubts(tmp_path, text, *units, "equivalent_mass=1.0e+8") == []
 
 
-@pytest.mark.parametrize("path", sorted((ROOT / "configs").rglob("*.yaml")), ids=lambda p: p.stem)
+@pytest.mark.parametrize("path", CONFIGURATIONS, ids=lambda p: p.stem)
 def test_the_configurations_of_the_repository_are_silent(path):
     assert load(path).doubts == ()
 
