@@ -172,3 +172,8 @@ def at_most(error: object) -> str:
     """An upper bound of an error that is nothing but rounding (which differs from machine to machine), or the error."""
     x = float(np.asarray(error))
     return "equal to 1e-9" if x < 1e-9 else f"largest relative difference {x:.2g}"
+
+
+def sort_of(fully: bool, partly: bool) -> bool | None:
+    """True where a statement holds, None where it does in part, else False."""
+    return True if fully else (None if partly else False)

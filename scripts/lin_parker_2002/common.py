@@ -81,8 +81,3 @@ def regular(runs: Runs, config: str = "lin_parker_2002/fig3") -> xr.DataTree:
 def distance(tree: xr.DataTree, labels: list[str]) -> xr.DataArray:
     """Largest distance of a first-order edge from the Floquet one, by ``label``."""
     return xr.concat([abs(predicted(tree, s) - edges(tree, s)).max("side") for s in labels], "label")
-
-
-def sort_of(fully: bool, partly: bool) -> bool | None:
-    """True where a statement holds, None where it does in part, else False."""
-    return True if fully else (None if partly else False)

@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import xarray as xr
 
-from lin_parker_2002.common import BOTH, CLOSE, COMBINATION, FIRST_ORDER, PRIMARY, RANGE, distance, sort_of
-from statements import Runs, Statement, edges, half_width, measured, number, numbers, predicted, tongue, width
+from lin_parker_2002.common import BOTH, CLOSE, COMBINATION, FIRST_ORDER, PRIMARY, RANGE, distance
+from statements import Runs, Statement, edges, half_width, measured, number, numbers, predicted, sort_of, tongue, width
 
 FIG8 = {0.0: "lin_parker_2002/fig8a", 0.4: "lin_parker_2002/fig8b"}
 FIG9 = {0.0: "lin_parker_2002/fig9a", 0.4: "lin_parker_2002/fig9b"}

@@ -20,9 +20,21 @@ from lin_parker_2002.common import (
     interference,
     regular,
     sinpi,
-    sort_of,
 )
-from statements import Runs, Statement, at_most, center, edges, half_width, measured, number, numbers, slope, width
+from statements import (
+    Runs,
+    Statement,
+    at_most,
+    center,
+    edges,
+    half_width,
+    measured,
+    number,
+    numbers,
+    slope,
+    sort_of,
+    width,
+)
 
 FIG6A, FIG6B = "lin_parker_2002/fig6a", "lin_parker_2002/fig6b"
 
@@ -42,6 +54,25 @@ def first_mesh(runs: Runs) -> Iterator[Statement]:
         "closed form of the widths of each mesh's own tongues for R = 3/5 (s = 1), on the axis of Omega_1",
         at_most(error),
         error < 1e-9,
+    )
+
+
+def extremes_of_each_mesh(runs: Runs) -> Iterator[Statement]:
+    tree = regular(runs, FIG6A)
+    c1, c2, _ = axes(tree)
+    said, agrees = [], True
+    for label, most, least in (("2w3", [1.5], [1, 2]), ("w3", [1.25, 1.75], [1, 1.5, 2])):
+        for name, c in ((label, c1), (f"{label} (second)", c2)):
+            sizes = slope(tree, name).max([dim for dim in slope(tree, name).dims if dim != c.name])
+            largest = c.values[sizes.values > sizes.values.max() * (1 - 1e-9)]
+            none = c.values[sizes.values < 1e-9 * sizes.values.max()]
+            said.append(f"{name}: {numbers(largest)} and {numbers(none)}")
+            agrees &= largest.tolist() == most and none.tolist() == least
+    yield Statement(
+        "3.2, below (28)",
+        "largest regions for c = 1.5 (s = 1) and 1.25, 1.75 (s = 2) of each mesh; none for 1, 2 and 1, 1.5, 2",
+        f"contact ratios of the largest region and of none: {'; '.join(said)}",
+        agrees,
     )
 
 
@@ -199,6 +230,7 @@ def weak_overlap(runs: Runs) -> Iterator[Statement]:
 
 STATEMENTS: list[Callable[[Runs], Iterator[Statement]]] = [
     first_mesh,
+    extremes_of_each_mesh,
     phasing_without_effect,
     regions_of_fig6a,
     coupled_region,

@@ -8,6 +8,8 @@ from math import pi, tau
 import numpy as np
 import xarray as xr
 
+from gearstab.gears.geometry import Gear
+from gearstab.gears.pair import Pair
 from statements import Runs, Statement, at_most, number, numbers
 
 FIG3 = "oh_grosh_barber_2005/fig3"
@@ -15,6 +17,7 @@ OTHERS = {name: f"{FIG3}_{name}" for name in ("rigid_kinematic", "classical")}
 K1, K2, SINGLE = 1430.0, 2780.0, 1.73
 INERTIAS = (2.89e-3, 0.7402)
 TEETH = (24, 96)
+ANGLE = 20.0
 
 
 def constants(unit: float = 1.0) -> tuple[float, float, float]:
@@ -22,6 +25,12 @@ def constants(unit: float = 1.0) -> tuple[float, float, float]:
     first, second = (n**2 / (unit * inertia) for n, inertia in zip(TEETH, INERTIAS, strict=True))
     m2 = 0.5 * (first + second)
     return 0.5 * (first - second), m2, float(np.sqrt(m2 * 0.5 * (K1 + K2)))
+
+
+def of_teeth() -> float:
+    """The contact ratio of standard teeth with the numbers of Table 1."""
+    pinion, wheel = (Gear(teeth, 6.35e-3, np.deg2rad(ANGLE), face_width=0.1) for teeth in TEETH)
+    return Pair(pinion, wheel).contact_ratio
 
 
 def response(runs: Runs, config: str = FIG3, **changes: object) -> xr.Dataset:
@@ -79,7 +88,9 @@ def units(runs: Runs) -> Iterator[Statement]:
     yield Statement(
         "3, Table 1", "theta12 = 1.73 and theta21 = 4.56 rad; contact ratio 1.75",
         f"they add up to {number(1.73 + 4.56, 4)} = 2 pi + {number(1.73 + 4.56 - tau, 2)}; contact ratio "
-        f"{number(ratio, 4)}", None, "Both are durations within 2 pi of theta, for a contact ratio of 1.725.",
+        f"{number(ratio, 4)}; of its {TEETH[0]} and {TEETH[1]} teeth with {number(ANGLE, 2)} degrees "
+        f"{number(of_teeth(), 4)}", None,
+        "Both are durations within 2 pi of theta, for a contact ratio of 1.725: neither these nor the teeth give 1.75.",
     )  # fmt: skip
 
 

@@ -1,6 +1,6 @@
 """The statements of Parker, "Vibration of planetary gears with elastically deformable ring gears ..." (2009)."""
 
-from parker_2009 import existence, figures, modes
+from parker_2009 import degenerate, existence, figures, modes
 from statements import Paper
 
 PAPER = Paper(
@@ -14,6 +14,7 @@ time, into which it splits exactly.""",
     sections={
         "Table 1 and the modes": modes.STATEMENTS,
         "Which instabilities exist": existence.STATEMENTS,
+        "Degenerate modes, and what widths depend on": degenerate.STATEMENTS,
         "Widths, Fig. 3 and Fig. 4": figures.STATEMENTS,
     },
 )

@@ -146,10 +146,15 @@ def minima(runs: Runs) -> Iterator[Statement]:
         all(abs(gamma - BEST) < 1e-9 for gamma, _ in single.values()),
         "There c_r + 2 gamma_sr - c_s = 1: the same for every mode, since deflections enter (38) and (47) squared.",
     )  # fmt: skip
-    both = {f"w{p}+w{q}": (best(f"w{p}+w{q}"), sense[p - 1] * sense[q - 1] > 0) for p, q in ((1, 5), (3, 7), (4, 9))}
+    yield Statement(
+        "Conclusion 3", "for any single-mode instability the contact ratios and gamma_sr can be adjusted for a minimum",
+        "smallest over largest width, gamma_sr alone: as above; with integer contact ratios 0 (below (39))",
+        all(part < 1 for _, part in single.values()),
+    )  # fmt: skip
+    both = {f"w{p}+w{q}": (best(f"w{p}+w{q}"), sense[p - 1] * sense[q - 1] > 0) for p, q in ((3, 7), (4, 9))}
     yield Statement(
         "Below (39)",
-        "for two modes, the sign of delta_s1p delta_r1p delta_s1q delta_r1q says which gamma_sr that is",
+        "for two distinct modes the sign of delta_s1p delta_r1p delta_s1q delta_r1q says which gamma_sr that is",
         "; ".join(
             f"{label}: sign {'+' if same else '-'}, smallest at gamma_sr = {gamma:g} ({number(part, 2)} of the largest)"
             for label, ((gamma, part), same) in both.items()

@@ -135,14 +135,15 @@ def fig3(runs: Runs) -> Iterator[Statement]:
         "the seemingly larger numerical region near w5 results from a higher-order instability",
         f"Floquet over first-order width at eps = {EPSILON[0]}, {EPSILON[1]}: "
         + "; ".join(f"{label}: {numbers(values)}" for label, values in ratio.items()),
-        True,
-        "It is this region itself that terms of second order widen, on its lower side; and the one at w7 as much.",
+        None,
+        "It is larger, but by no other instability: terms of second order widen this region itself, on its lower side, "
+        "and the one at w7 as much.",
     )
     near = [2 * found.frequency[0], (found.frequency[0] + found.frequency[4]) / 2, 2 * found.frequency[4] / 3]
     touching = (near[0] - near[2]) / (half_width(first, "2w1") + half_width(first, "2w5/3"))
     yield Statement(
-        "(21), (22)",
-        "give the boundaries of every instability",
+        "(42)-(47)",
+        "give the boundaries of the instabilities of two pairs of translational modes",
         f"2w1, (w1+w5)/2 and 2w5/3 are at {numbers(near, 5)}: all three overlap from eps = {number(touching, 2)} on",
         None,
         "First order treats each by itself and is not valid where they overlap.",

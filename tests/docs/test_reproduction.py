@@ -35,7 +35,13 @@ def test_the_page_has_a_chapter_for_every_paper(root: Path, committed: list[str]
     assert tuple(packages.split(", ")) == PAPERS
 
 
-@pytest.mark.parametrize("number", range(len(PAPERS)), ids=PAPERS)
+SLOW = {"kuria_kihiu_2008"}
+"""Steady states over 2720 mesh cycles take minutes."""
+
+
+@pytest.mark.parametrize(
+    "number", [pytest.param(k, marks=[pytest.mark.slow] * (name in SLOW), id=name) for k, name in enumerate(PAPERS)]
+)
 def test_the_table_is_what_is_computed_now(root: Path, committed: list[str], number: int) -> None:
     """To the digits that are printed: few enough for any processor and either kernel."""
     script = root / "scripts" / "reproduction.py"
@@ -80,8 +86,13 @@ def test_what_holds_and_what_does_not_of_kuria_and_kihiu_2008_is_said(committed:
     for start in ("| (8) |", "| abstract | a higher module", "| conclusion 1 | (the higher stress"):
         (line,) = [line for line in committed if line.startswith(start)]
         assert "| **differs** |" in line
-    (drop,) = [line for line in committed if "peak root stress by about 45 %" in line]
-    assert "| agrees |" not in drop
+    (loads,) = [line for line in committed if line.startswith("| Fig. 6, Table II")]
+    assert "| *in part* |" in loads
+    drops = [line for line in committed if "peak root stress by about 45 %" in line]
+    assert [line.split("|")[1].strip() for line in drops] == ["Fig. 15", "Fig. 16"]
+    assert "| *in part* |" in drops[1]
+    (modules,) = [line for line in committed if line.startswith("| Fig. 17 |")]
+    assert "| agrees |" in modules
 
 
 HALF_WIDTHS = {
