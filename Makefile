@@ -10,23 +10,9 @@ VENV := .venv
 BIN := $(VENV)/bin
 GEARSTAB := $(BIN)/gearstab
 
-# A file that is older than what it was made from is made again: results when a configuration or the numerical code
-# changed, figures when a result or the plots changed.
-SOURCES := $(sort $(shell find gearstab -name '*.py' -o -name '*.[ch]'))
-PLOTS := $(filter gearstab/plots/%,$(SOURCES))
-NUMERICS := $(filter-out gearstab/plots/% gearstab/cli/%,$(SOURCES))
-CONFIGS := $(sort $(shell find configs -name '*.yaml'))
-RESPOND := $(sort $(shell grep -ls '^respond:' /dev/null $(CONFIGS)))
-DESIGN := $(sort $(shell grep -ls '^design:' /dev/null $(CONFIGS)))
-SWEEP := $(sort $(shell grep -ls '^sweep:' /dev/null $(CONFIGS)))
-SWEEP_RESULTS := $(SWEEP:configs/%.yaml=results/%.h5)
-RESPOND_RESULTS := $(RESPOND:configs/%.yaml=results/%.h5)
-DESIGN_RESULTS := $(DESIGN:configs/%.yaml=results/%.h5)
-FIGURES := $(patsubst results/%.h5,results/figures/%.$(FORMAT),$(SWEEP_RESULTS) $(RESPOND_RESULTS) $(DESIGN_RESULTS))
-
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help install demo test test-all test-portable test-sanitized test-oldest lint figures bench reproduction lock clean distclean
+.PHONY: help install demo test test-all test-portable test-sanitized test-oldest lint figures check-figures update-figures bench benchmarks reproduction lock clean distclean
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-15s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -68,7 +54,6 @@ test-portable: $(VENV)/.installed ## the fast tests as on other processors (CORE
 	@$(BIN)/python scripts/portable.py $(addprefix --core ,$(CORE)) $(addprefix --seed ,$(SEED))
 
 # The C kernel with checks of every access and every operation whose result C leaves open; the normal one is not touched.
-# Libraries in C++ throw through the sanitizer, which finds the function behind its own only if their runtime is there.
 SANITIZED := build/sanitized
 SANITIZE := -fsanitize=address,undefined,float-cast-overflow
 SANITIZED_TESTS := tests/kernel tests/boundaries/test_boundaries_compiled.py $(addprefix tests/floquet/test_,$(addsuffix .py,floquet blocks required_damping))
@@ -80,7 +65,7 @@ test-sanitized: $(VENV)/.installed ## tests of the C kernel built with address a
 	@GEARSTAB_CFLAGS="-O1 -g1 -fno-omit-frame-pointer $(SANITIZE) -fno-sanitize-recover=all" LDFLAGS="$(SANITIZE)" \
 	  $(BIN)/python -W ignore setup.py -q build --build-base $(SANITIZED)/base --build-lib $(SANITIZED)/lib
 	@grep -q __asan_ $(SANITIZED)/lib/gearstab/ckernel/_kernel*.so
-	@PYTHONPATH=$(CURDIR)/$(SANITIZED)/lib LD_PRELOAD="$$($(CC) -print-file-name=libasan.so) $$($(CC) -print-file-name=libstdc++.so.6)" ASAN_OPTIONS=detect_leaks=0 \
+	@PYTHONPATH=$(CURDIR)/$(SANITIZED)/lib LD_PRELOAD="$$($(CC) -print-file-name=libasan.so)" ASAN_OPTIONS=detect_leaks=0 \
 	  UBSAN_OPTIONS=print_stacktrace=1 $(BIN)/python -P -c '$(RUN_SANITIZED)' -q -s $(SANITIZED_TESTS)
 
 # The oldest versions that pyproject.toml allows have wheels for Python 3.11 and 3.12 only.
@@ -96,28 +81,16 @@ lint: $(VENV)/.installed ## linter and type checker
 	@$(BIN)/ruff check .
 	@$(BIN)/mypy
 
-figures: $(FIGURES) ## every figure of configs/ into results/figures/ (make -j figures)
+# Results and figures that are older than what they were made from are made again. FIGURES=lin_parker_2002 makes some of
+# them, FIGURES="--within 120" those that take two minutes together.
+figures: $(VENV)/.installed ## every figure of configs/ into results/figures/, with the time each takes
+	@$(BIN)/python scripts/figures.py --format $(FORMAT) $(FIGURES)
 
-$(SWEEP_RESULTS): results/%.h5: configs/%.yaml $(NUMERICS) | $(VENV)/.installed
-	@echo "sweep $<"
-	@$(GEARSTAB) sweep $< -o $@ --overwrite -q
+check-figures: $(VENV)/.installed ## and compare them with the stored references
+	@$(BIN)/python scripts/figures.py --check $(FIGURES)
 
-$(RESPOND_RESULTS): results/%.h5: configs/%.yaml $(NUMERICS) | $(VENV)/.installed
-	@echo "respond $<"
-	@$(GEARSTAB) respond $< -o $@
-
-$(DESIGN_RESULTS): results/%.h5: configs/%.yaml $(wildcard configs/design/*.csv) $(NUMERICS) | $(VENV)/.installed
-	@echo "design $<"
-	@$(GEARSTAB) design $< -o $@ -q > /dev/null
-
-$(FIGURES): results/figures/%.$(FORMAT): results/%.h5 $(PLOTS) | $(VENV)/.installed
-	@mkdir -p $(@D)
-	@$(GEARSTAB) plot $< -o $@ $(PLOT_OPTIONS)
-
-results/figures/parker_2009/table1.$(FORMAT) results/figures/lin_parker_1999/modes.$(FORMAT) \
-  results/figures/cooley_parker_2012/at_rest.$(FORMAT): PLOT_OPTIONS += --kind modes
-results/figures/kuria_kihiu_2008/steady.$(FORMAT): PLOT_OPTIONS += --kind teeth
-results/figures/kuria_kihiu_2008/contact_ratio.$(FORMAT): PLOT_OPTIONS += --kind curve --variable transmission_error_first_harmonic
+update-figures: $(VENV)/.installed ## and write the references anew; git diff shows what changed
+	@$(BIN)/python scripts/figures.py --update $(FIGURES)
 
 bench: $(VENV)/.installed ## speed and error of the methods, side by side
 	@$(BIN)/python scripts/bench.py
@@ -129,8 +102,12 @@ bench: $(VENV)/.installed ## speed and error of the methods, side by side
 	@$(BIN)/python scripts/bench_tolerance.py
 	@$(foreach scene,$(BENCH),echo; echo "$(scene)"; $(GEARSTAB) bench $(scene) -o results/bench/$(basename $(notdir $(scene))).h5 -q;)
 
-reproduction: $(VENV)/.installed results/lin_parker_2002/fig3.h5 ## docs: what the papers state against what comes out, and the picture
+benchmarks: $(VENV)/.installed ## published numbers against ours: the table of configs/benchmarks/
+	@$(BIN)/python scripts/benchmarks.py
+
+reproduction: $(VENV)/.installed ## docs: what the papers state against what comes out, and the picture
 	@$(BIN)/python scripts/reproduction.py --write
+	@$(BIN)/python scripts/figures.py lin_parker_2002/fig3
 	@$(GEARSTAB) plot results/lin_parker_2002/fig3.h5 -o docs/images/fig3.png --size double --dpi 130 --no-title
 
 lock: ## scripts/requirements.lock from pyproject.toml (needs uv; UPGRADE=--upgrade for new versions)
