@@ -97,7 +97,7 @@ def test_a_change_between_the_stored_cells_is_noticed(made, references: ModuleTy
     """The mean sees it."""
     now = references.of_result(made.result)
     then = copy.deepcopy(now)
-    then[name]["mean"] *= 1.0001
+    then[name]["mean"] *= 1.0002
     (line,) = references.of_variables(now, then)
     assert line.startswith(f"{name}: mean")
 
