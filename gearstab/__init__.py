@@ -16,7 +16,7 @@ from __future__ import annotations
 import sys
 from types import ModuleType
 
-__version__ = "0.1.0"
+from gearstab.version import __version__ as __version__
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:

@@ -11,9 +11,9 @@ from typing import Any, NoReturn
 
 import click
 
-from gearstab import __version__
 from gearstab.cli.console import tell
 from gearstab.errors import INTERRUPTED
+from gearstab.version import __version__
 
 BLAS_THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 """The environment variables that say how many threads a BLAS library starts."""

@@ -12,6 +12,6 @@ def command() -> None:
     """Print the JSON schema of the configuration, for completion and checks in an editor."""
     import json
 
-    from gearstab.config.model.schema import schema
+    from gearstab.config.schema import schema
 
     say(json.dumps(schema(), indent=2, ensure_ascii=False))

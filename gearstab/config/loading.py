@@ -10,23 +10,24 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gearstab.config.document import overrides as override
+from gearstab.config import overrides as override
+from gearstab.config.configuration import Config
 from gearstab.config.document.data import NAME, document_of
-from gearstab.config.document.overrides import TOP_LEVEL
 from gearstab.config.document.problems import ConfigError, Path, dotted, nearest
 from gearstab.config.document.yaml import Document, read, value_at
-from gearstab.config.sections.axes import MESH_FREQUENCY, Array, Axis, Config, parameters_at
+from gearstab.config.model.axes import MESH_FREQUENCY, Array, Axis, parameters_at
+from gearstab.config.overrides import TOP_LEVEL
 
 if TYPE_CHECKING:
     from gearstab.config.model.conflicts import Conflict
     from gearstab.config.sections.design import Design
     from gearstab.config.sections.methods import Methods
-    from gearstab.config.sections.respond import Respond
-    from gearstab.config.sections.respond_pair import PairRespond
     from gearstab.config.sections.sweep import Context
     from gearstab.config.sections.targets import Target
     from gearstab.config.sections.uncertain import Uncertainties
     from gearstab.systems.base import System
+    from gearstab.systems.parts.respond import Respond
+    from gearstab.systems.parts.respond_pair import PairRespond
 
 WITHIN = {
     "sweep": ", such as sweep: {mesh_frequency: {start: 1, stop: 5, num: 200}}",
@@ -46,7 +47,7 @@ def load(
     """Read and check a configuration.
 
     path: of a file, or what it would hold: then files named in it are relative to the folder of ``source``.
-    overrides: ``PATH=VALUE`` texts, see :func:`gearstab.config.document.overrides.apply`, or values by path.
+    overrides: ``PATH=VALUE`` texts, see :func:`gearstab.config.overrides.apply`, or values by path.
     needs: sections that the caller cannot do without, such as ``("sweep", "methods")``.
 
     Raises ConfigError with every problem found.
@@ -195,10 +196,10 @@ def _read_system(document: Document, model: type[System], source: FilePath) -> _
     """The sections ``system`` and ``sweep``; None after reporting problems."""
     from gearstab.config.checks.samples import check_variation
     from gearstab.config.model.conflicts import as_meant
-    from gearstab.config.model.dimensions import check_units
     from gearstab.config.model.introspection import as_parameters
     from gearstab.config.model.validation import validate
     from gearstab.config.sections import sweep
+    from gearstab.config.sections.dimensions import check_units
 
     raw = document.data["system"]
     _name_meshes(document, model)
@@ -359,9 +360,9 @@ def _read_respond(
     if "respond" not in document.data:
         return None
     from gearstab.config.model.conflicts import as_meant
-    from gearstab.config.model.dimensions import check_units
     from gearstab.config.model.validation import validate
-    from gearstab.config.sections.respond import Respond
+    from gearstab.config.sections.dimensions import check_units
+    from gearstab.systems.parts.respond import Respond
 
     raw, section = document.data.get("system"), document.data["respond"]
     wanted: type[Respond | PairRespond] = Respond if model is None else model.respond_model()

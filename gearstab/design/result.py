@@ -14,7 +14,8 @@ from gearstab.design.problem import Batch, Problem
 from gearstab.design.solution import Solution
 from gearstab.floquet import solve
 from gearstab.results import Group, Variable, fields_of
-from gearstab.results.design_tables import (
+from gearstab.results.units import in_units_of, unit_of
+from gearstab.results.variables.design import (
     DESIGN,
     DESIGN_CHOICES,
     DESIGN_FRONT,
@@ -24,7 +25,6 @@ from gearstab.results.design_tables import (
     DESIGN_SCANS,
     SEVERAL,
 )
-from gearstab.results.units import in_units_of, unit_of
 from gearstab.system import Array
 
 STATES = ("initial", "optimum")

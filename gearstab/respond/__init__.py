@@ -8,8 +8,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gearstab.config.sections.respond_pair import PairRespond
 from gearstab.results import ResultTree, write_result
+from gearstab.systems.parts.respond_pair import PairRespond
 
 if TYPE_CHECKING:
     from gearstab.config import Config

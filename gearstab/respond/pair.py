@@ -22,8 +22,8 @@ from gearstab.systems import build
 
 if TYPE_CHECKING:
     from gearstab.config import Config
-    from gearstab.config.sections.respond_pair import PairRespond
     from gearstab.response.measures.spectra import SHORTEST, spectrum
+    from gearstab.systems.parts.respond_pair import PairRespond
 from gearstab.response.rotating_pair import PairResponse
 
 MOST_SAMPLES, BYTES = 20_000_000, 64

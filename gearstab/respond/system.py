@@ -32,9 +32,9 @@ from gearstab.systems import build
 
 if TYPE_CHECKING:
     from gearstab.config import Config
-    from gearstab.config.sections.respond import Respond
     from gearstab.response import Response
     from gearstab.response.backlash import BacklashResponse
+    from gearstab.systems.parts.respond import Respond
 
 MOST_NUMBERS = 250_000_000
 """Numbers that a result may hold (2 GB); working on them takes some five times as much memory."""

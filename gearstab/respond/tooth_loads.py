@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from gearstab.config import Config
-    from gearstab.config.sections.respond import Respond
     from gearstab.response import Response
     from gearstab.response.measures.tooth_loads import Teeth
     from gearstab.system import GearSystem
+    from gearstab.systems.parts.respond import Respond
 
 
 def values(config: Config, wanted: Respond, system: GearSystem, found: Response) -> dict[str, Any]:

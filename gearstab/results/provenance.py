@@ -4,23 +4,31 @@ from __future__ import annotations
 
 import platform
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 
-from gearstab import __version__
 from gearstab.modal import mean_modes
 from gearstab.results.tree import Group, fields_of
 from gearstab.results.units import in_units_of
 from gearstab.results.variables import DEFLECTION_TYPE, MODES, Variable
 from gearstab.symmetry import deflection_types, oriented, type_names
 from gearstab.system import GearSystem
-
-if TYPE_CHECKING:
-    from gearstab.config import Config
+from gearstab.version import __version__
 
 
-def root_attributes(command: str, config: Config, kernel: str) -> dict[str, Any]:
+class Origin(Protocol):
+    """What a result says of the configuration that it comes from: title, text as run, digest."""
+
+    @property
+    def title(self) -> str: ...
+    @property
+    def resolved(self) -> str: ...
+    @property
+    def digest(self) -> str: ...
+
+
+def root_attributes(command: str, config: Origin, kernel: str) -> dict[str, Any]:
     """Title, configuration as run, versions, time.
 
     command: that writes the result. kernel: the one that ran, :func:`gearstab.ckernel.said`.

@@ -11,13 +11,13 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
-from gearstab import __version__
 from gearstab.config import Config
 from gearstab.errors import OutputError
 from gearstab.results.guard import SWEEP, result_of
 from gearstab.results.read import attributes, is_sealed
 from gearstab.results.tree import FORMAT
 from gearstab.sweep.plan import Plan
+from gearstab.version import __version__
 
 Identity = tuple[int, int]
 

@@ -17,16 +17,16 @@ from math import ceil, prod
 
 import numpy as np
 
-from gearstab import __version__
 from gearstab.config import Axis, Config
 from gearstab.config.checks.options import check
-from gearstab.config.sections.axes import MESH_FREQUENCY
+from gearstab.config.model.axes import MESH_FREQUENCY
 from gearstab.floquet.kernel import choice as kernel
 from gearstab.methods import POINTS, Method, chosen
 from gearstab.results.variables import Variable
 from gearstab.sweep import teeth
 from gearstab.system import Array, GearSystem
 from gearstab.systems import build
+from gearstab.version import __version__
 
 LEAST, MOST = 1 << 17, 1 << 20
 """Size of a block in points of a small system: enough to make calls cheap, few enough to be done in a second."""

@@ -18,9 +18,9 @@ from gearstab.systems.parts.mesh import ToothMesh
 if TYPE_CHECKING:
     from pathlib import Path as FilePath
 
-    from gearstab.config.sections.axes import Axis, Config
-    from gearstab.config.sections.respond import Respond
-    from gearstab.config.sections.respond_pair import PairRespond
+    from gearstab.config.model.axes import Axis, Grid
+    from gearstab.systems.parts.respond import Respond
+    from gearstab.systems.parts.respond_pair import PairRespond
     from gearstab.system import Array, GearSystem
     from gearstab.systems.gearbox.build import Train
 
@@ -73,7 +73,7 @@ class System(Section):
     @classmethod
     def respond_model(cls) -> type[Respond | PairRespond]:
         """Return the section ``respond`` of this kind."""
-        from gearstab.config.sections.respond import Respond
+        from gearstab.systems.parts.respond import Respond
 
         return Respond
 
@@ -107,10 +107,10 @@ class System(Section):
         return None
 
     @classmethod
-    def check_feasible(cls, document: Document, config: Config) -> None:
+    def check_feasible(cls, document: Document, grid: Grid) -> None:
         """Report what cannot exist somewhere on the grid, or at the base values where a response asks for them."""
-        feasibility.check_mesh_levels(document, config)
-        feasibility.check_symmetric(document, config.parameters)
+        feasibility.check_mesh_levels(document, grid)
+        feasibility.check_symmetric(document, grid.parameters)
 
     @classmethod
     def variant(cls, raw: dict[str, Any]) -> type[System]:

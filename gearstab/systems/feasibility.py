@@ -15,8 +15,8 @@ import numpy as np
 from gearstab.config.document.problems import Path
 from gearstab.config.document.yaml import Document, value_at
 from gearstab.config.model.arrays import matrix
+from gearstab.config.model.axes import Array, Grid, parameters_at
 from gearstab.config.model.conflicts import items
-from gearstab.config.sections.axes import Array, Config, parameters_at
 from gearstab.systems.parts.mesh import build_mesh
 from gearstab.waveforms import WAVEFORMS, Waveform
 from gearstab.waveforms.phase import stiff_fraction
@@ -34,16 +34,16 @@ Selection = dict[str, Array]
 """Axis name -> indices of the points that are looked at, all of one shape."""
 
 
-def extreme_points(config: Config, concerns: Callable[[Path], bool]) -> Selection:
+def extreme_points(grid: Grid, concerns: Callable[[Path], bool]) -> Selection:
     """The points that can be the worst for the parameters that a question concerns."""
     picks: Selection = {}
-    for axis in config.axes:
+    for axis in grid.axes:
         found = [item for item in axis.assignments if concerns(item.path)]
         if not found:
             continue
         values = [item.values for item in found]
         keys = {_key(item.path) for item in found}
-        known = (len(keys) == 1 or not keys & AT_THE_ENDS) and all(_ends_suffice(config, i.path) for i in found)
+        known = (len(keys) == 1 or not keys & AT_THE_ENDS) and all(_ends_suffice(grid, i.path) for i in found)
         if known and all(np.array_equal(v, values[0]) for v in values[1:]):
             # The contact ratio acts through its fraction.
             measure = np.asarray(values[0])
@@ -59,39 +59,39 @@ def _key(path: Path) -> str:
     return str(path[3] if len(path) > 3 and path[2] == "waveform" else path[-1])
 
 
-def _ends_suffice(config: Config, path: Path) -> bool:
+def _ends_suffice(grid: Grid, path: Path) -> bool:
     if path[0] != "meshes" or (path[2] == "waveform" and _key(path) in AT_THE_ENDS):
         return True
-    wave = wave_of(config.parameters["meshes"][path[1]].get("waveform"))
+    wave = wave_of(grid.parameters["meshes"][path[1]].get("waveform"))
     return path[2] != "waveform" and (path[2] != "contact_ratio" or (wave is not None and wave.fraction_sets_levels))
 
 
-def check_mesh_levels(document: Document, config: Config) -> None:
+def check_mesh_levels(document: Document, grid: Grid) -> None:
     """Report meshes whose stiffness is not positive somewhere on the grid."""
-    config = numbers_only(config)
-    for key, _ in items(config.parameters.get("meshes")):
-        check_levels(document, config, key)
+    grid = numbers_only(grid)
+    for key, _ in items(grid.parameters.get("meshes")):
+        check_levels(document, grid, key)
 
 
-def numbers_only(config: Config) -> Config:
+def numbers_only(grid: Grid) -> Grid:
     """Return the configuration without exact ratios on its axes, which play no part and must not change in a batch."""
-    axes = [replace(a, assignments=tuple(item for item in a.assignments if not item.structural)) for a in config.axes]
-    return replace(config, axes=tuple(axes))
+    axes = [replace(a, assignments=tuple(item for item in a.assignments if not item.structural)) for a in grid.axes]
+    return replace(grid, axes=tuple(axes))
 
 
-def check_levels(document: Document, config: Config, index: str | int) -> None:
+def check_levels(document: Document, grid: Grid, index: str | int) -> None:
     """Both extremes of a mesh stiffness, or its mean where negative stiffness is allowed, must be positive."""
 
     def concerns(path: Path) -> bool:
         return path[:2] == ("meshes", index) and path[2] in LEVEL_KEYS
 
-    points = extreme_points(config, concerns)
+    points = extreme_points(grid, concerns)
     selections: list[Selection] = [points] if points else [{}]
-    if points and config.respond is not None:
+    if points and grid.base_is_asked_for:
         selections.append({})
-    allowed = config.parameters["allow_negative_stiffness"]
+    allowed = grid.parameters["allow_negative_stiffness"]
     for selection in selections:
-        p = parameters_at(config, selection)["meshes"][index]
+        p = parameters_at(grid, selection)["meshes"][index]
         with np.errstate(all="ignore"):  # what overflows is reported, or of no concern
             item = build_mesh({"name": ""} | p, np.ones(1))
             depth, above = -item.waveform.extremes()[0], item.waveform.stiffer_level
@@ -107,27 +107,27 @@ def check_levels(document: Document, config: Config, index: str | int) -> None:
             numbers = {k: at_worst(p[k]) for k in LEVEL_KEYS if k in p and k != "waveform"}
             numbers |= {"depth": at_worst(depth), "above": at_worst(above), "mean": at_worst(item.mean_stiffness)}
             chosen = {name: int(rows[worst]) for name, rows in selection.items()}
-            _report(document, config, index, numbers, at_worst(checked), chosen)
+            _report(document, grid, index, numbers, at_worst(checked), chosen)
             return
 
 
 def _report(
-    document: Document, config: Config, index: str | int, p: dict[str, float], level: float, chosen: dict[str, int]
+    document: Document, grid: Grid, index: str | int, p: dict[str, float], level: float, chosen: dict[str, int]
 ) -> None:
-    own = config.parameters["meshes"][index]
-    allowed = config.parameters["allow_negative_stiffness"]
+    own = grid.parameters["meshes"][index]
+    allowed = grid.parameters["allow_negative_stiffness"]
     level_name = "mean stiffness" if allowed else "softer level"
     key = "epsilon" if "epsilon" in p else "amplitude" if "amplitude" in p else ""
     ratio = f" and contact ratio {p['contact_ratio']:.6g}" if "contact_ratio" in p else ""
     start = f"mesh '{own.get('name', index)}' has the {level_name} {level:.6g} <= 0"
     option = "" if allowed else ", or set system.allow_negative_stiffness: true"
     if not key:
-        place = _place(document, config, index, "waveform", chosen)
+        place = _place(document, grid, index, "waveform", chosen)
         document.report(place, f"{start}, which its samples give", f"check the samples{option}")
         return
     limit, rule = _limit(p, key, allowed, wave_of(own.get("waveform")))
     message = f"{start} at {key} {p[key]:.6g}{ratio}: the largest admissible {key} is below {limit:.6g} = {rule}"
-    document.report(_place(document, config, index, key, chosen), message, f"reduce {key}{option}")
+    document.report(_place(document, grid, index, key, chosen), message, f"reduce {key}{option}")
 
 
 def _limit(p: dict[str, float], key: str, allowed: bool, wave: type[Waveform] | None) -> tuple[float, str]:
@@ -149,10 +149,10 @@ def _limit(p: dict[str, float], key: str, allowed: bool, wave: type[Waveform] | 
     return 1 / (2 * depth), f"1/({divisor}), {low}"
 
 
-def _place(document: Document, config: Config, index: str | int, key: str, chosen: dict[str, int]) -> Path:
+def _place(document: Document, grid: Grid, index: str | int, key: str, chosen: dict[str, int]) -> Path:
     """Where the value to blame stands: in an axis that sets it or another level key, or in the mesh."""
     for wanted in (key, *LEVEL_KEYS):
-        for axis in config.axes:
+        for axis in grid.axes:
             if axis.name in chosen and any(a.path[:3] == ("meshes", index, wanted) for a in axis.assignments):
                 path: Path = ("sweep", axis.name)
                 point = chosen[axis.name]

@@ -23,8 +23,8 @@ from gearstab.systems.parts.mesh import Mesh, build_mesh
 from gearstab.waveforms import Rectangular
 
 if TYPE_CHECKING:
-    from gearstab.config.sections.axes import Axis
-    from gearstab.config.sections.respond_pair import PairRespond
+    from gearstab.config.model.axes import Axis
+    from gearstab.systems.parts.respond_pair import PairRespond
 
 OF_GEARS = ("teeth", "inertias", "torsional_stiffness", "single_contact_angle", "torque", "module", "radii")
 """Keys of a pair that is given by its gears, and not by an equivalent mass and a mesh."""
@@ -161,7 +161,7 @@ class RotatingPair(System):
 
     @classmethod
     def respond_model(cls) -> type[PairRespond]:
-        from gearstab.config.sections.respond_pair import PairRespond
+        from gearstab.systems.parts.respond_pair import PairRespond
 
         return PairRespond
 

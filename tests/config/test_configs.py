@@ -9,7 +9,7 @@ import pytest
 from scenes import CONFIGURATIONS, ROOT
 
 from gearstab.config import load
-from gearstab.config.model.schema import schema
+from gearstab.config.schema import schema
 
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 

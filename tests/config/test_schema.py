@@ -14,7 +14,7 @@ from scenes import CONFIGURATIONS
 from gearstab.cli.schema import command
 from gearstab.config import load
 from gearstab.config.document.yaml import parse
-from gearstab.config.model.schema import schema
+from gearstab.config.schema import schema
 
 SCHEMA = schema()
 TYPES: dict[str, Any] = {

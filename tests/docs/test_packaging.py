@@ -105,7 +105,7 @@ def test_version_stands_once(root: Path, project: dict) -> None:
     assert "version" in project["dynamic"]
     assert re.fullmatch(r"\d+\.\d+\.\d+\S*", gearstab.__version__)
     copies = [f for f in (root / "gearstab").rglob("*.py") if re.search(r"^__version__ =", f.read_text(), re.M)]
-    assert copies == [root / "gearstab" / "__init__.py"]
+    assert copies == [root / "gearstab" / "version.py"]
 
 
 def test_the_citation_is_that_of_this_version(root: Path, project: dict) -> None:

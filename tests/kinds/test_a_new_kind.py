@@ -14,7 +14,7 @@ from pydantic import Field
 
 from gearstab.config import ConfigError, load, parameters_at
 from gearstab.config.model.fields import Mass, Quantity, ShortName
-from gearstab.config.model.schema import schema
+from gearstab.config.schema import schema
 from gearstab.system import GearSystem
 from gearstab.systems import KINDS, build
 from gearstab.systems.base import System

@@ -10,7 +10,7 @@ import pytest
 from gearbox_trains import RPM
 
 from gearstab.config import ConfigError, load
-from gearstab.config.sections.axes import parameters_at
+from gearstab.config.model.axes import parameters_at
 from gearstab.plots import draw
 from gearstab.results import open_result
 from gearstab.sweep import plan, run

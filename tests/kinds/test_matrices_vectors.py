@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scenes import problems, read
 
-from gearstab.config.model.schema import schema
+from gearstab.config.schema import schema
 from gearstab.systems import build
 
 MODEL = """\

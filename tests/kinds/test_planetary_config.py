@@ -10,7 +10,7 @@ from click.testing import CliRunner
 
 from gearstab.cli import group
 from gearstab.config import ConfigError, load
-from gearstab.config.sections.axes import parameters_at
+from gearstab.config.model.axes import parameters_at
 from gearstab.modal import mean_modes
 from gearstab.systems import build
 

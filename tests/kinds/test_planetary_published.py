@@ -7,7 +7,7 @@ import pytest
 from scenes import CONFIGS
 
 from gearstab.config import load
-from gearstab.config.sections.axes import parameters_at
+from gearstab.config.model.axes import parameters_at
 from gearstab.modal import mean_modes
 from gearstab.symmetry import oriented, type_names
 from gearstab.systems import build

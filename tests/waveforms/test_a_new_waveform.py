@@ -61,7 +61,7 @@ import sys
 from pathlib import Path
 
 from gearstab.config import ConfigError, load, parameters_at
-from gearstab.config.model.schema import schema
+from gearstab.config.schema import schema
 from gearstab.systems import build
 
 folder = Path(sys.argv[1])

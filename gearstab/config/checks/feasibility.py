@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from gearstab.config.checks.plausibility import doubts
+from gearstab.config.configuration import Config
 from gearstab.config.document.problems import Problem
 from gearstab.config.document.yaml import Document
-from gearstab.config.sections.axes import Config
 from gearstab.system import GearSystem
 from gearstab.systems import build, model_of
 

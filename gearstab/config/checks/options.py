@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from gearstab.config.document.problems import ConfigError
-from gearstab.config.sections.axes import Config
+from gearstab.config.model.axes import Config
 from gearstab.methods import OptionError, chosen
 from gearstab.system import GearSystem
 

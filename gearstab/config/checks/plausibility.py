@@ -12,12 +12,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from gearstab.config.configuration import Config
 from gearstab.config.document.problems import Path, Problem
 from gearstab.config.document.yaml import Document, value_at
+from gearstab.config.model.axes import MESH_FREQUENCY, Axis
 from gearstab.config.model.fields import Quantity
 from gearstab.config.model.introspection import number_kind, type_at
 from gearstab.config.model.units import to_si
-from gearstab.config.sections.axes import MESH_FREQUENCY, Axis, Config
 from gearstab.config.sections.targets import INPUT_SPEED
 from gearstab.system import GearSystem
 from gearstab.systems import model_of, train_of

@@ -18,7 +18,7 @@ from gearstab.config.document.files import (
     usable,
 )
 from gearstab.config.document.problems import shown
-from gearstab.config.sections.axes import Array
+from gearstab.config.model.axes import Array
 from gearstab.waveforms import Waveform
 from gearstab.waveforms.samples import MOST_SAMPLES
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from gearstab.config.document.problems import Path
 from gearstab.config.document.yaml import Document
+from gearstab.config.model.axes import Array, Axis
 from gearstab.config.model.conflicts import plain_number
-from gearstab.config.sections.axes import Array, Axis
 from gearstab.waveforms import Sampled
 from gearstab.waveforms.section import wave_of
 

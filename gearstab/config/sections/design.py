@@ -11,9 +11,9 @@ from pydantic import TypeAdapter, ValidationError
 
 from gearstab.config.document.problems import Path, dotted, nearest
 from gearstab.config.document.yaml import Document
+from gearstab.config.model.axes import Axis
 from gearstab.config.model.validation import explain
 from gearstab.config.sections import design_variables
-from gearstab.config.sections.axes import Axis
 from gearstab.config.sections.expansion import expand_list
 from gearstab.config.sections.sweep import Context, Layout, build
 from gearstab.config.sections.targets import INPUT_SPEED, Target

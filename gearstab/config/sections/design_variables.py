@@ -13,7 +13,7 @@ import numpy as np
 from gearstab.config.document import files
 from gearstab.config.document.problems import Path, nearest
 from gearstab.config.document.yaml import Document, number
-from gearstab.config.sections.axes import Axis
+from gearstab.config.model.axes import Axis
 from gearstab.config.sections.sweep import Column, Context, Layout, cases, report_rivals
 from gearstab.config.sections.targets import INPUT_SPEED, MESH_FREQUENCY, Target
 

@@ -12,11 +12,11 @@ from pydantic import Field, TypeAdapter, ValidationError, WithJsonSchema
 
 from gearstab.config.document.problems import Path
 from gearstab.config.document.yaml import Document
+from gearstab.config.model.axes import Array
 from gearstab.config.model.fields import Choice, Section, Whole
 from gearstab.config.model.introspection import axis_choice, number_kind
 from gearstab.config.model.units import typed_unit
 from gearstab.config.model.validation import explain, validate
-from gearstab.config.sections.axes import Array
 from gearstab.config.sections.targets import Target
 
 LARGEST_AXIS = 100_000_000

@@ -11,9 +11,9 @@ from pydantic_core import PydanticCustomError
 
 from gearstab.config.document.problems import Path, Problem, dotted
 from gearstab.config.document.yaml import Document, value_at
+from gearstab.config.model.axes import MESH_FREQUENCY, Array, Axis, replaced
 from gearstab.config.model.fields import Quantity
 from gearstab.config.model.introspection import number_kind
-from gearstab.config.sections.axes import MESH_FREQUENCY, Array, Axis, replaced
 from gearstab.config.sections.targets import Target
 from gearstab.tolerance.design import groups_of
 from gearstab.tolerance.distributions import DISTRIBUTIONS, Distribution
@@ -207,9 +207,7 @@ def _between(low: float, high: float) -> str:
     return f"{low:g} at least" if np.isinf(high) else f"{high:g} at most" if np.isinf(low) else f"{low:g} to {high:g}"
 
 
-def _report_rivals(
-    context: Context, targets: Mapping[str, list[Target]], axes: Sequence[Axis], section: Any
-) -> None:
+def _report_rivals(context: Context, targets: Mapping[str, list[Target]], axes: Sequence[Axis], section: Any) -> None:
     """A number can have one distribution, and one that the sweep sets too only deviations from what that sets."""
     owners: dict[Path, str] = {}
     swept = {item.path: axis.name for axis in axes for item in axis.assignments}
@@ -268,4 +266,3 @@ def doubts(document: Document, found: Uncertainties, parameters: dict[str, Any],
             hint = "it is cut off there; choose a narrower one if that is not what is meant"
             problems.append(document.problem((*SECTION, "parameters", own.name), message, hint))
     return problems
-

@@ -10,7 +10,7 @@ import numpy as np
 
 from gearstab.config.document.problems import Path
 from gearstab.config.document.yaml import Document
-from gearstab.config.sections.axes import MESH_FREQUENCY, Array, Axis, Config, parameters_at
+from gearstab.config.model.axes import MESH_FREQUENCY, Array, Axis, Grid, parameters_at
 from gearstab.systems.gearbox.build import Train, build
 from gearstab.systems.gearbox.train import TrainError
 
@@ -25,24 +25,24 @@ Found = tuple[Path, str, str]
 """Path below ``system``, message, remedy."""
 
 
-def check_train(document: Document, config: Config) -> None:
+def check_train(document: Document, grid: Grid) -> None:
     """Report the first point at which there is no such train.
 
     Looked at are the corners of the grid, or the base values, and every axis by itself from end to end: all of its
     points as far as :data:`MOST_TEETH` and :data:`MOST_PAIRS` allow, else as many, evenly spread.
     """
-    axes = [axis for axis in config.axes if any(item.path != MESH_FREQUENCY for item in axis.assignments)]
+    axes = [axis for axis in grid.axes if any(item.path != MESH_FREQUENCY for item in axis.assignments)]
     for corner in islice(product(*(sorted({0, axis.size - 1}) for axis in axes)), MOST_CORNERS):
-        if _reported(document, config, dict(zip((a.name for a in axes), corner, strict=True)), _built):
+        if _reported(document, grid, dict(zip((a.name for a in axes), corner, strict=True)), _built):
             return
-    meshes = len(config.parameters["meshes"])
+    meshes = len(grid.parameters["meshes"])
     for axis in axes:
         for question, most in ((_built, MOST_TEETH // meshes), (_meshing, MOST_PAIRS // meshes)):
             points = _spread(axis, max(most, 2))
             at_once = not any(item.structural for item in axis.assignments)
-            if at_once and question(config, {axis.name: points}) is None:
+            if at_once and question(grid, {axis.name: points}) is None:
                 continue
-            if any(_reported(document, config, {axis.name: int(k)}, question) for k in points):
+            if any(_reported(document, grid, {axis.name: int(k)}, question) for k in points):
                 return
 
 
@@ -52,13 +52,13 @@ def _spread(axis: Axis, most: int) -> Array:
 
 
 def _reported(
-    document: Document, config: Config, at: dict[str, int], question: Callable[[Config, dict[str, Any]], Found | None]
+    document: Document, grid: Grid, at: dict[str, int], question: Callable[[Grid, dict[str, Any]], Found | None]
 ) -> bool:
     """Whether a question finds a mistake at a point, which is then reported."""
-    found = question(config, {name: np.array(k) for name, k in at.items()})
+    found = question(grid, {name: np.array(k) for name, k in at.items()})
     if found is None:
         return False
-    values = [f"{a.name} = {a.values[at[a.name]]}" for a in config.axes if _matters(config, at, a, found, question)]
+    values = [f"{a.name} = {a.values[at[a.name]]}" for a in grid.axes if _matters(grid, at, a, found, question)]
     path, message, remedy = found
     where = f" (at {', '.join(values)})" if values else ""
     document.report(("system", *path), f"{message}{where}", remedy, at_key=True)
@@ -66,22 +66,22 @@ def _reported(
 
 
 def _matters(
-    config: Config,
+    grid: Grid,
     at: dict[str, int],
     axis: Axis,
     found: Found,
-    question: Callable[[Config, dict[str, Any]], Found | None],
+    question: Callable[[Grid, dict[str, Any]], Found | None],
 ) -> bool:
     """Whether the mistake found at a point is another, or none, at the other end of an axis."""
     if axis.name not in at or axis.size == 1:
         return False
     other = at | {axis.name: 0 if at[axis.name] else axis.size - 1}
-    return question(config, {name: np.array(k) for name, k in other.items()}) != found
+    return question(grid, {name: np.array(k) for name, k in other.items()}) != found
 
 
-def _meshing(config: Config, at: dict[str, Any]) -> Found | None:
+def _meshing(grid: Grid, at: dict[str, Any]) -> Found | None:
     """Whether the gears of all meshes fit together."""
-    train = Train(parameters_at(config, at))
+    train = Train(parameters_at(grid, at))
     try:
         for k in range(len(train.meshes)):
             train.push(k)
@@ -90,13 +90,13 @@ def _meshing(config: Config, at: dict[str, Any]) -> Found | None:
     return None
 
 
-def _built(config: Config, at: dict[str, Any]) -> Found | None:
+def _built(grid: Grid, at: dict[str, Any]) -> Found | None:
     """Whether the train can be built, with mesh stiffnesses that stay positive."""
     try:
-        system = build(parameters_at(config, at))
+        system = build(parameters_at(grid, at))
     except TrainError as error:
         return error.where, error.message, error.remedy
-    if config.parameters["allow_negative_stiffness"]:
+    if grid.parameters["allow_negative_stiffness"]:
         return None
     for k, mesh in enumerate(system.meshes):
         lowest = float(np.min(mesh.lowest_stiffness))

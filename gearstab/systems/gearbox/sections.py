@@ -35,7 +35,7 @@ from gearstab.systems.gearbox.missing import missing_of_teeth
 from gearstab.systems.parts.mesh import Named, ToothMesh
 
 if TYPE_CHECKING:
-    from gearstab.config.sections.axes import Config
+    from gearstab.config.model.axes import Grid
 
 TorsionalStiffness = Annotated[float, Field(gt=0), Quantity("N m")]
 Torque = Annotated[float, Field(gt=0), Quantity("N m")]
@@ -221,9 +221,9 @@ class Gearbox(System):
         return Train(p)
 
     @classmethod
-    def check_feasible(cls, document: Document, config: Config) -> None:
+    def check_feasible(cls, document: Document, grid: Grid) -> None:
         """See :func:`gearstab.systems.gearbox.feasibility.check_train`."""
-        check_train(document, config)
+        check_train(document, grid)
 
     @classmethod
     def size(cls, raw: dict[str, Any]) -> int | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path as FilePath
 
 from gearstab.config.document.files import DataFileError, arrays, numbers, present, usable
-from gearstab.config.sections.axes import Array
+from gearstab.config.model.axes import Array
 
 REQUIRED = ("mass", "stiffness")
 OPTIONAL = ("damping",)

@@ -36,7 +36,7 @@ from gearstab.systems.parts.terms import Term, periodic_terms
 if TYPE_CHECKING:
     from pathlib import Path as FilePath
 
-    from gearstab.config.sections.axes import Config
+    from gearstab.config.model.axes import Grid
 
 UNITS = ("m", "rad")
 TOLD = {"mass": "kg m^2", "stiffness": "N m"}
@@ -131,11 +131,11 @@ class Matrices(System):
         return ["damping", "matrix", *parts[1:]] if entry else parts
 
     @classmethod
-    def check_feasible(cls, document: Document, config: Config) -> None:
+    def check_feasible(cls, document: Document, grid: Grid) -> None:
         """Matrices that no system has, too."""
-        feasibility.check_mesh_levels(document, config)
-        if feasibility.check_symmetric(document, config.parameters, [("mass",), ("stiffness",)]):
-            check_definite(document, feasibility.numbers_only(config), cls.build)
+        feasibility.check_mesh_levels(document, grid)
+        if feasibility.check_symmetric(document, grid.parameters, [("mass",), ("stiffness",)]):
+            check_definite(document, feasibility.numbers_only(grid), cls.build)
 
     @classmethod
     def complete(cls, document: Document, raw: dict[str, Any], size: int | None) -> None:

@@ -9,22 +9,22 @@ from typing import Any
 import numpy as np
 
 from gearstab.config.document.yaml import Document
+from gearstab.config.model.axes import Grid, parameters_at
 from gearstab.config.model.conflicts import Conflict, plain_number
-from gearstab.config.sections.axes import Config, parameters_at
 
 MOST_PLANETS = 30
 MOST_ASSEMBLIES = 100_000
 """Points of a grid of teeth that are looked at."""
 
 
-def check_assembly(document: Document, config: Config) -> None:
+def check_assembly(document: Document, grid: Grid) -> None:
     """Report the first point of the grid, over the axes of teeth and planets, at which the gear cannot be assembled."""
-    axes = [axis for axis in config.axes if any(item.path[0] in ("teeth", "planets") for item in axis.assignments)]
-    if not axes or config.parameters.get("teeth") is None:
+    axes = [axis for axis in grid.axes if any(item.path[0] in ("teeth", "planets") for item in axis.assignments)]
+    if not axes or grid.parameters.get("teeth") is None:
         return
     for places in islice(product(*(range(axis.size) for axis in axes)), MOST_ASSEMBLIES):
         at = {axis.name: np.array(k) for axis, k in zip(axes, places, strict=True)}
-        p = parameters_at(config, at)
+        p = parameters_at(grid, at)
         sun, planet, ring = (int(p["teeth"][name]) for name in ("sun", "planet", "ring"))
         if any(True for _ in assembly(sun, planet, ring, int(p["planets"]))):
             values = ", ".join(f"{axis.name} = {axis.values[k]}" for axis, k in zip(axes, places, strict=True))

@@ -31,7 +31,7 @@ from gearstab.systems.planetary.feasibility import MOST_PLANETS, assembly, check
 from gearstab.systems.planetary.phasing import cycles
 
 if TYPE_CHECKING:
-    from gearstab.config.sections.axes import Config
+    from gearstab.config.model.axes import Grid
 
 HARMONICS = 12
 """Default of J. Natural frequencies converge as J^-3: of a gear as in Parker (2009, Table 1) with 3 to 8 planets
@@ -305,10 +305,10 @@ class Planetary(System):
         return build(p)
 
     @classmethod
-    def check_feasible(cls, document: Document, config: Config) -> None:
+    def check_feasible(cls, document: Document, grid: Grid) -> None:
         """Planets that can be assembled at every point of a grid over their number or their teeth, besides."""
-        super().check_feasible(document, config)
-        check_assembly(document, config)
+        super().check_feasible(document, grid)
+        check_assembly(document, grid)
 
     @classmethod
     def size(cls, raw: dict[str, Any]) -> int | None:

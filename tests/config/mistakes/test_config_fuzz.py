@@ -22,7 +22,7 @@ from gearstab.cli import group
 from gearstab.config import Config, ConfigError, load
 from gearstab.config.checks.options import check
 from gearstab.config.document.yaml import write
-from gearstab.config.sections.axes import parameters_at
+from gearstab.config.model.axes import parameters_at
 from gearstab.sweep.plan import plan
 from gearstab.systems import build
 

@@ -10,12 +10,12 @@ from pydantic.json_schema import models_json_schema
 from gearstab.config.model.introspection import field_types, is_model, number_kind
 from gearstab.config.sections.expansion import Range
 from gearstab.config.sections.methods import Methods
-from gearstab.config.sections.respond import Respond
-from gearstab.config.sections.respond_pair import PairRespond
 from gearstab.config.sections.sweep import Tie
 from gearstab.design.names import OBJECTIVES, QUANTITIES
 from gearstab.systems import KINDS, short_names
 from gearstab.systems.gear_pair import RotatingPair
+from gearstab.systems.parts.respond import Respond
+from gearstab.systems.parts.respond_pair import PairRespond
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 NUMBER = {"type": ["number", "string"]}

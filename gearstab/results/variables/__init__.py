@@ -418,18 +418,3 @@ BENCH = (
     Variable("wrong_flags", ("setting",), "i4", "1", "reference points with a wrong stability flag"),
 )
 """Of a benchmark."""
-
-
-def every_variable() -> tuple[Variable, ...]:
-    """Return all variables of this module and of designs, those of the sections of a table once for each table."""
-    from gearstab.results import design_tables
-
-    found: list[Variable] = []
-    for table in (*globals().copy().values(), *vars(design_tables).values()):
-        found += [item for item in (table if isinstance(table, tuple) else (table,)) if isinstance(item, Variable)]
-    return tuple(found)
-
-
-def taken_names() -> frozenset[str]:
-    """Names of all variables and dimensions of this module: an axis of one of them could not stand beside it."""
-    return frozenset(name for variable in every_variable() for name in (variable.name, *variable.dims))
