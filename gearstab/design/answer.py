@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from gearstab.design import values
 from gearstab.design.names import objective_name, objective_unit
+from gearstab.design.solution import Solution
 from gearstab.results.units import in_brackets
-
-if TYPE_CHECKING:
-    from gearstab.design.solution import Solution
 
 LONGEST = 5
 """Variables in the answer; further ones are counted."""

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from gearstab.design import names, quantities, regions, values
+from gearstab.design.answer import answer
 from gearstab.design.judge import AT_ONCE, Judge, limited
 from gearstab.design.problem import Batch, Problem
 from gearstab.design.solution import Solution
@@ -58,7 +59,7 @@ def group(solution: Solution) -> Group:
 def attributes(solution: Solution) -> dict[str, Any]:
     """Return what a reader wants first, as texts."""
     return {
-        "answer": "\n".join(solution.answer),
+        "answer": "\n".join(answer(solution)),
         "explanation": "\n".join(solution.explanation),
         "settings": "\n".join(values.settings(solution.problem, solution.optimum)),
         "limiting": solution.limiting,

@@ -10,7 +10,6 @@ import numpy as np
 
 from gearstab.config import ConfigError
 from gearstab.design import pareto, search
-from gearstab.design.answer import answer
 from gearstab.design.explain import explanation
 from gearstab.design.judge import Goal, Judge
 from gearstab.design.margins import allowed, margins, sensitivities
@@ -67,11 +66,6 @@ class Solution:
         """The region that limits the optimum: the widest in the range, else the nearest one; "" for none in reach."""
         place = None if self.tongues is None else self.tongues.limiting(1)
         return "" if place is None or self.tongues is None else self.tongues.index[place][0].label
-
-    @property
-    def answer(self) -> list[str]:
-        """Ten lines for a reader."""
-        return answer(self)
 
 
 def solved(problem: Problem, say: Say = lambda text: None) -> Solution:

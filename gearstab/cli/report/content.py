@@ -197,10 +197,11 @@ def _tree(solution: Solution) -> Any:
 
 def _design(solution: Solution) -> Iterator[Block]:
     from gearstab.design import values
+    from gearstab.design.answer import answer
     from gearstab.results.units import unit_of
 
     yield Heading("Proposed design")
-    yield Points(solution.answer)
+    yield Points(answer(solution))
     problem = solution.problem
     rows = []
     for k, variable in enumerate(problem.variables):

@@ -1,0 +1,97 @@
+"""Imports go one way: no circle of files, and none from a room to one that stands above it or beside it."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+from functools import cache
+from graphlib import CycleError, TopologicalSorter
+
+import pytest
+from scenes import DOCS, ROOT
+
+PACKAGE = ROOT / "gearstab"
+
+
+def imports(text: str, module: str, known: frozenset[str]) -> Iterator[str]:
+    """Modules that a text imports: at its top, in functions and for types only, which are circles to a reader too."""
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.ImportFrom):
+            assert node.module is not None, f"{module} imports relatively"
+            names = [f"{node.module}.{alias.name}" for alias in node.names]
+            # What is no module is a name in one.
+            yield from (name if name in known else node.module for name in names)
+        elif isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+
+
+def graph(texts: dict[str, str]) -> dict[str, set[str]]:
+    """Module -> modules of ``texts`` that it imports."""
+    known = frozenset(texts)
+    return {m: {name for name in imports(text, m, known) if name in known} - {m} for m, text in texts.items()}
+
+
+def circle(edges: dict[str, set[str]]) -> list[str]:
+    """One circle of imports, first and last the same, or nothing."""
+    try:
+        TopologicalSorter(edges).prepare()
+    except CycleError as error:
+        return list(error.args[1])
+    return []
+
+
+def floors(page: str) -> dict[str, int]:
+    """Room -> its floor, from the table."""
+    rows = re.findall(r"^\| (\d+) \| (.+?) \|", page, re.MULTILINE)
+    return {room: int(number) for number, rooms in rows for room in re.findall(r"`([\w.]+)`", rooms)}
+
+
+def room(module: str, known: dict[str, int]) -> str | None:
+    """The innermost of the rooms that holds a module."""
+    parts = module.removeprefix("gearstab.").split(".")
+    return next((found for n in range(len(parts), 0, -1) if (found := ".".join(parts[:n])) in known), None)
+
+
+def upwards(edges: dict[str, set[str]], known: dict[str, int]) -> list[str]:
+    """Imports from a room to another that is not below it."""
+    places = {module: room(module, known) for module in edges}
+    pairs = [(a, b) for a, inner in edges.items() for b in inner if places[a] != places[b]]
+    return sorted(f"{a} -> {b}" for a, b in pairs if known[str(places[b])] >= known[str(places[a])])
+
+
+@cache
+def package() -> dict[str, set[str]]:
+    files = {f: f.relative_to(ROOT).with_suffix("").parts for f in PACKAGE.rglob("*.py")}
+    return graph({".".join(p[:-1] if p[-1] == "__init__" else p): f.read_text() for f, p in files.items()})
+
+
+PLACES = floors((DOCS / "extending.md").read_text())
+
+
+def test_no_circle() -> None:
+    assert len(package()) > 300
+    assert circle(package()) == []
+
+
+def test_every_room_has_a_floor() -> None:
+    assert [m for m in package() if room(m, PLACES) is None] == [], "give it a floor in docs/extending.md"
+    empty = set(PLACES) - {room(m, PLACES) for m in package()}
+    assert not empty, "of rooms that are no more"
+
+
+def test_no_import_upwards() -> None:
+    assert upwards(package(), PLACES) == []
+
+
+@pytest.mark.parametrize(
+    "form",
+    ["import gearstab.b", "from gearstab import b", "from gearstab.b import name", "def f():\n    import gearstab.b",
+     "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from gearstab.b import name"],
+)  # fmt: skip
+def test_what_is_found(form: str) -> None:
+    edges = graph({"gearstab": "", "gearstab.a": form, "gearstab.b": "from gearstab.a import f", "gearstab.a.c": ""})
+    assert edges["gearstab.a"] == {"gearstab.b"}
+    assert set(circle(edges)) == {"gearstab.a", "gearstab.b"}
+    assert upwards(edges, {"gearstab": 3, "a": 1, "b": 2}) == ["gearstab.a -> gearstab.b"]
+    assert upwards(edges, {"gearstab": 3, "a": 1, "b": 1}) == ["gearstab.a -> gearstab.b", "gearstab.b -> gearstab.a"]
