@@ -19,10 +19,10 @@ if TYPE_CHECKING:
     from pathlib import Path as FilePath
 
     from gearstab.config.model.axes import Axis, Grid
-    from gearstab.systems.parts.respond import Respond
-    from gearstab.systems.parts.respond_pair import PairRespond
     from gearstab.system import Array, GearSystem
     from gearstab.systems.gearbox.build import Train
+    from gearstab.systems.parts.respond import Respond
+    from gearstab.systems.parts.respond_pair import PairRespond
 
 
 class System(Section):

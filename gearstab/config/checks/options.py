@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from gearstab.config.configuration import Config
 from gearstab.config.document.problems import ConfigError
-from gearstab.config.model.axes import Config
 from gearstab.methods import OptionError, chosen
 from gearstab.system import GearSystem
 

@@ -12,6 +12,7 @@ from pydantic.fields import FieldInfo
 
 from gearstab.config.document.problems import Path, dotted, nearest
 from gearstab.config.document.yaml import value_at
+from gearstab.config.model.axes import MESH_FREQUENCY
 from gearstab.config.model.conflicts import items
 from gearstab.config.model.fields import AngularFrequency, Count, Quantity, Ratio, ShortName
 from gearstab.config.model.introspection import (
@@ -22,7 +23,6 @@ from gearstab.config.model.introspection import (
     is_model,
     number_kind,
 )
-from gearstab.config.model.axes import MESH_FREQUENCY
 from gearstab.config.sections.dimensions import quantity_at
 from gearstab.systems import short_names, short_names_of
 from gearstab.systems.base import System
