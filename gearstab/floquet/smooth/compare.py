@@ -22,7 +22,7 @@ from gearstab.system import Array
 EPSILON = float(np.finfo(float).eps)
 DRIFT = 5.0
 """Random rounding error of a product of S propagators: this times eps (sqrt(S) + phase)."""
-BIAS = 0.25
+BIAS = 0.2
 """Systematic rounding error of the same product: this times eps S. Modes of LAPACK are orthonormal but for an error
 whose mean over many similar matrices is not zero, and the product of the S changes of modes adds it up: 0.08 eps per
 step in a trace, 0.15 in a multiplier, over 480 to 7,680 steps. The compiled eigensolver removes it (symmetric.h)."""
