@@ -95,6 +95,8 @@ TOLERANCES: tuple[tuple[str, Tolerance], ...] = (
         reason="found to 1e-10; regions about as wide as the width floor may be closed")),
     ("perturbation/*", Tolerance(1e-7, 1e-7, odd=0.005, few=1, reason="closed forms; tongues on top of each other")),
     ("required_damping/*", Tolerance(1e-5, 1e-6, odd=0.01, few=2, reason="root finding on growth rates")),
+    ("passage/growth*", Tolerance(
+        1e-4, reason="what decays by 30 e-folds on the way is right to exp(30) eps")),
     ("*", Tolerance(reason="rounding, amplified by a long history or by resonance")),
 )  # fmt: skip
 """By group and variable; the first pattern that fits holds."""
