@@ -135,6 +135,7 @@ def test_blocks_and_processes_change_nothing(tmp_path, monkeypatch):
     assert set(whole["probability"].dims) == {"epsilon", "mesh_frequency", "case"}
     monkeypatch.setattr(planning, "LEAST", 500)
     monkeypatch.setattr(planning, "MOST", 500)
+    monkeypatch.setattr(planning, "LONGEST", 500)
     monkeypatch.setattr(tolerance, "ROW", 7)
     planned = plan(load(written(tmp_path, MAP)))
     assert planned.layouts[0].count > 20

@@ -32,7 +32,7 @@ def test_a_valid_configuration(root: Path) -> None:
     assert done.stdout == (
         "configs/gear_pair.yaml: valid gear_pair; "
         "damping_ratio (3) x contact_ratio (3) x mesh_frequency (500) = 4,500 points; "
-        "methods floquet, perturbation\n"
+        "methods floquet, perturbation, boundaries\n"
     )
 
 
