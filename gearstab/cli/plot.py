@@ -23,7 +23,9 @@ KINDS_HELP = "; ".join(f"{name}: {kind.summary}" for name, kind in KINDS.items()
 @options.unit
 @click.option("--variable", help="Variable to draw [default: growth_rate].")
 @click.option(
-    "--level", multiple=True, type=click.FloatRange(0, 1, min_open=True, max_open=True),
+    "--level",
+    multiple=True,
+    type=click.FloatRange(0, 1, min_open=True, max_open=True),
     help="Probability at which a line is drawn (kind probability); may be given again [default: 0.01, 0.1, 0.5, 0.9].",
 )
 @click.option(

@@ -88,9 +88,7 @@ class Gear:
                 f"the root radius {self.root_radius:.6g} m is not positive: too few teeth or too deep a cut"
             )
         if not self.full_rounding >= 0:
-            raise NotPossible(
-                f"a rack of this pressure angle has no tooth as deep as dedendum {self.dedendum} modules"
-            )
+            raise NotPossible(f"a rack of this pressure angle has no tooth as deep as dedendum {self.dedendum} modules")
         if not self.rounding >= 0 or self.rounding > self.full_rounding * (1 + 1e-12):
             raise NotPossible(
                 f"rack_tip_radius must lie between 0 and {self.full_rounding:.6g} modules (full rounding)"

@@ -47,9 +47,10 @@ def _path(knots: list[tuple[float, float]]) -> list[tuple[float, float]]:
 class PassageOptions(Section):
     """What grows while the mesh frequency changes, from end to end of its axis at given rates, or along a path."""
 
-    rate: Annotated[
-        list[Rate], AfterValidator(_moving), BeforeValidator(lambda v: v if isinstance(v, list) else [v])
-    ] | None = Field(
+    rate: (
+        Annotated[list[Rate], AfterValidator(_moving), BeforeValidator(lambda v: v if isinstance(v, list) else [v])]
+        | None
+    ) = Field(
         default=None,
         min_length=1,
         title="rate",

@@ -100,4 +100,3 @@ def _dwelling(values: dict[str, Array], row: int, over: GrowthOverSpeed, of_regi
         tongue = of_region[over.region[k]]
         values["dwell_frequency"][tongue, row] = over.at[k]
         values["dwell_growth_rate"][tongue, row] = over.peak[k]
-

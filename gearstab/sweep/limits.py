@@ -55,9 +55,7 @@ def refuse(plan: Plan, out: Path, jobs: int | None, confirmed: bool, confirm: st
             for layout in plan.layouts
             if layout.method.relief and layout.method.name in costly
         ]
-        raise RequestError(
-            f"the sweep is large: {', '.join(reasons)}; {confirm}{''.join(remedies)}"
-        )
+        raise RequestError(f"the sweep is large: {', '.join(reasons)}; {confirm}{''.join(remedies)}")
 
 
 def plainly_small(plan: Plan, jobs: int | None, free: float) -> bool:

@@ -49,9 +49,7 @@ def result_tree(finished: Finished, said: Mapping[str, str]) -> ResultTree:
     groups = {"modes": modes_group(plan.base)}
     for layout in plan.layouts:
         names = set(layout.dims)
-        beside = [
-            field for axis in plan.config.axes if axis.name in names for field in axis_fields(axis)[1:]
-        ]
+        beside = [field for axis in plan.config.axes if axis.name in names for field in axis_fields(axis)[1:]]
         groups[layout.method.name] = _method_group(finished, layout, beside)
     if plan.teeth is not None:
         groups[teeth.NAME] = teeth.group(plan.teeth)

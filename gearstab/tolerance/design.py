@@ -73,7 +73,7 @@ class Design:
         sequence = qmc.Sobol(columns, scramble=True, bits=BITS, seed=generator)
         drawn = sequence.random_base2(int(np.ceil(np.log2(self.base))))[: self.base]
         # In the middle of the cells of the sequence: 0 has no finite normal deviate.
-        drawn = np.floor(drawn * 2.0**BITS) * 2.0**-BITS + 0.5**(BITS + 1)
+        drawn = np.floor(drawn * 2.0**BITS) * 2.0**-BITS + 0.5 ** (BITS + 1)
         if not self.indices:
             return np.asarray(drawn)
         a, b = drawn[:, :count], drawn[:, count:]

@@ -54,9 +54,7 @@ def _interval(share: Array, design: Design) -> tuple[Array, Array]:
     found = mean * independent
     with np.errstate(invalid="ignore"):
         lower = np.where(mean <= 0, 0.0, betaincinv(np.maximum(found, 1e-300), independent - found + 1, tail))
-        upper = np.where(
-            mean >= 1, 1.0, betaincinv(found + 1, np.maximum(independent - found, 1e-300), 1 - tail)
-        )
+        upper = np.where(mean >= 1, 1.0, betaincinv(found + 1, np.maximum(independent - found, 1e-300), 1 - tail))
     return np.minimum(lower, mean), np.maximum(upper, mean)
 
 

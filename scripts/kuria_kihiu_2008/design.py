@@ -10,6 +10,8 @@ from kuria_kihiu_2008.common import FINER, LONG_TEETH, NO_SHIFT, STAGES, Design,
 from statements import Runs, Statement, numbers, sort_of
 
 HARMONIC = "transmission_error_first_harmonic"
+
+
 def changed(after: Design, before: Design, measure: str = HARMONIC) -> np.ndarray:
     """Of stages I to IV, in per cent."""
     return np.asarray(100 * (of_stages(after, measure) / of_stages(before, measure) - 1))

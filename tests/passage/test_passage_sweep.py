@@ -87,10 +87,13 @@ def test_blocks_change_nothing(tmp_path, monkeypatch):
 
 
 def test_the_slowest_rate_passes_with_the_amplification(tmp_path):
-    text = TRAIN + """
+    text = (
+        TRAIN
+        + """
 sweep: {mesh_frequency: [1.5, 6.0], damping_ratio: [0.0, 0.01]}
 methods: {passage: {rate: [0.1], amplification: 100}}
 """
+    )
     found = result(tmp_path, text)
     for ratio, rate in zip((0.0, 0.01), found["slowest_rate"].values, strict=True):
         again = result(tmp_path, text.replace("[0.1]", f"[{float(rate)!r}]").replace("[0.0, 0.01]", f"[{ratio}]"))

@@ -176,9 +176,7 @@ def test_systems_of_different_structure_have_their_own_tongues(make: Make, tmp_p
     for name in ("1", "1/2", "3/5"):
         system = build(planned.config.parameters | {"tooth_ratio": Fraction(name)})
         tongues = first_order(system, 2)
-        alone = dict(
-            zip(((t.label, t.frequency_ratio) for t in tongues.index), tongues.center_frequency, strict=True)
-        )
+        alone = dict(zip(((t.label, t.frequency_ratio) for t in tongues.index), tongues.center_frequency, strict=True))
         row = data["center_frequency"].sel(tooth_ratio=name, epsilon=0.2)
         row = row[np.isfinite(row.values)]
         found = dict(zip(zip(row["label"].values, row["frequency_ratio"].values, strict=True), row.values, strict=True))

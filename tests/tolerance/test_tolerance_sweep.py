@@ -68,10 +68,13 @@ def load_parameters():
 
 def test_a_known_probability(tmp_path):
     # A primary tongue is entered as epsilon grows: the probability is the part of the range beyond the edge.
-    text = PAIR + """
+    text = (
+        PAIR
+        + """
 sweep: {mesh_frequency: [1.9, 2.1]}
 methods: {tolerance: {samples: 1024, seed: 3, parameters: {epsilon: {uniform: [0.05, 0.45]}}}}
 """
+    )
     found = result(tmp_path, text)
     for frequency in (1.9, 2.1):
         begins = edge(0.05, 0.45, lambda e, f=frequency: solve(pair(epsilon=e), np.array([f])).stable[0, 0] == 0)
@@ -83,7 +86,9 @@ methods: {tolerance: {samples: 1024, seed: 3, parameters: {epsilon: {uniform: [0
 
 
 def test_samples_are_systems_built_one_by_one(tmp_path):
-    text = TRAIN + """
+    text = (
+        TRAIN
+        + """
 sweep: {mesh_frequency: [1.4, 2.3, 3.1], meshes.second.phasing: [0.0, 0.3]}
 methods:
   tolerance:
@@ -96,6 +101,7 @@ methods:
       inertias.1: {uniform: [-0.1, 0.1], deviation: true}
     correlation: [{between: [meshes.first.contact_ratio, epsilon], value: 0.7}]
 """
+    )
     found = result(tmp_path, text)
     from scipy import stats
 
@@ -117,7 +123,9 @@ methods:
         assert 0 < wanted.min() < wanted.max() < 1
 
 
-MAP = TRAIN + """
+MAP = (
+    TRAIN
+    + """
 sweep: {epsilon: {start: 0.05, stop: 0.4, num: 4}, mesh_frequency: {start: 1.0, stop: 5.0, num: 30}, case: CASES}
 methods:
   tolerance:
@@ -127,6 +135,7 @@ methods:
       input_shaft_stiffness: {uniform: [0.3, 0.8]}
       mesh_frequency: {normal: [0.0, 0.05], deviation: true}
 """.replace("CASES", "[{label: one, tooth_ratio: 1}, {label: two, tooth_ratio: 2}]")
+)
 
 
 def test_blocks_and_processes_change_nothing(tmp_path, monkeypatch):
@@ -146,10 +155,13 @@ def test_blocks_and_processes_change_nothing(tmp_path, monkeypatch):
 
 def test_the_speed_may_be_uncertain_without_an_axis(tmp_path):
     # The probability of a speed in a tongue, against its edges.
-    text = PAIR + """
+    text = (
+        PAIR
+        + """
 sweep: {epsilon: [0.2, 0.3]}
 methods: {tolerance: {samples: 1024, parameters: {mesh_frequency: {uniform: [1.8, 2.6]}}}}
 """
+    )
     found = result(tmp_path, text)
     assert found["probability"].dims == ("epsilon",)
     for epsilon in (0.2, 0.3):
@@ -162,10 +174,13 @@ methods: {tolerance: {samples: 1024, parameters: {mesh_frequency: {uniform: [1.8
 
 
 def test_deviations_follow_the_axis(tmp_path):
-    text = PAIR + """
+    text = (
+        PAIR
+        + """
 sweep: {epsilon: [0.1, 0.3], mesh_frequency: [1.9]}
 methods: {tolerance: {samples: 512, parameters: {epsilon: {uniform: [-0.05, 0.05], deviation: true}}}}
 """
+    )
     found = result(tmp_path, text)
     begins = edge(0.05, 0.45, lambda e: solve(pair(epsilon=e), np.array([1.9])).stable[0, 0] == 0)
     for epsilon in (0.1, 0.3):
@@ -174,10 +189,13 @@ methods: {tolerance: {samples: 512, parameters: {epsilon: {uniform: [-0.05, 0.05
 
 
 def test_what_failed_and_negative_levels_are_flagged(tmp_path):
-    text = PAIR + """
+    text = (
+        PAIR
+        + """
 sweep: {mesh_frequency: [1.9]}
 methods: {tolerance: {samples: 64, parameters: {epsilon: {uniform: [0.5, 1.5]}}}}
 """
+    )
     found = result(tmp_path, text)
     flags = dict(zip(found["status"].flag_meanings.split(), found["status"].flag_masks, strict=True))
     assert int(found["status"][0]) & flags["negative_stiffness"]
@@ -233,10 +251,13 @@ def test_correlations_that_contradict_each_other(tmp_path):
 
 
 def test_what_reaches_beyond_the_possible_is_cut_off_and_said(tmp_path):
-    text = TRAIN + """
+    text = (
+        TRAIN
+        + """
 sweep: {mesh_frequency: [1.0]}
 methods: {tolerance: {samples: 16, parameters: {meshes.first.contact_ratio: {normal: [1.02, 0.02]}}}}
 """
+    )
     config = load(written(tmp_path, text))
     # Below 1, one standard deviation off.
     assert "15.9 % of the distribution lies outside of 1 to 1000" in str(config.doubts[0])

@@ -89,9 +89,7 @@ def _legend(cases: list[dict[str, int]], view: Any, rates: Array) -> list[Line2D
     """What colours, lines and marks mean."""
     handles = []
     if len(cases) > 1:
-        handles = [
-            Line2D([], [], color=CASES[k], label=caption(view.free, case)) for k, case in enumerate(cases)
-        ]
+        handles = [Line2D([], [], color=CASES[k], label=caption(view.free, case)) for k, case in enumerate(cases)]
     for side, way in ((rates > 0, ""), (rates < 0, "downwards, ")):
         if side.any():
             looks = [LOOKS[key][way != ""] for key in ("exact", "adiabatic")]
