@@ -10,8 +10,8 @@ from pydantic.json_schema import models_json_schema
 from gearstab.config.model.introspection import field_types, is_model, number_kind
 from gearstab.config.sections.expansion import Range
 from gearstab.config.sections.methods import Methods
+from gearstab.config.sections.objectives import OBJECTIVES, QUANTITIES
 from gearstab.config.sections.sweep import Tie
-from gearstab.design.names import OBJECTIVES, QUANTITIES
 from gearstab.systems import KINDS, short_names
 from gearstab.systems.gear_pair import RotatingPair
 from gearstab.systems.parts.respond import Respond

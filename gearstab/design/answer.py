@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from gearstab.config.sections.objectives import objective_name, objective_unit
 from gearstab.design import values
-from gearstab.design.names import objective_name, objective_unit
 from gearstab.design.solution import Solution
 from gearstab.results.units import in_brackets
 

@@ -96,7 +96,7 @@ class Problem:
     def _built(self, designs: Array, members: Array) -> Iterator[Batch]:
         try:
             p = self.parameters(designs[members])
-            if not assembled(p):
+            if not model_of(p).assembled(p):
                 return
             system = build(p).over((len(members),))
         except (NotPossible, ArithmeticError, np.linalg.LinAlgError):
@@ -123,7 +123,7 @@ class Problem:
             axes.append(axis)
             selection[axis.name] = rows if variable.continuous else designs[:, k].astype(int)
         p = parameters_at(replace(self.config, axes=tuple(axes)), selection)
-        return _with_ring(p, {item.path for axis in axes for item in axis.assignments})
+        return model_of(p).dependent(p, {item.path for axis in axes for item in axis.assignments})
 
     def spans(self, p: Mapping[str, Any]) -> tuple[Span, ...]:
         """The operating ranges in the mesh frequency; of an input speed they go with the teeth."""
@@ -135,27 +135,3 @@ class Problem:
         if item.of == INPUT_SPEED:
             factor = float(model_of(p).cycles_of_input(p) or 1.0)
         return Span(item.low * factor, item.high * factor, item.weight, factor)
-
-
-def _with_ring(p: dict[str, Any], paths: set[Any]) -> dict[str, Any]:
-    """The parameters of a planetary gear whose ring follows from the teeth that vary: z_r = z_s + 2 z_p."""
-    varied = {("teeth", "sun"), ("teeth", "planet")} & paths
-    if not varied or ("teeth", "ring") in paths:
-        return p
-    teeth = p["teeth"]
-    return p | {"teeth": teeth | {"ring": teeth["sun"] + 2 * teeth["planet"]}}
-
-
-def assembled(p: Mapping[str, Any]) -> bool:
-    """Whether the planets of a planetary gear with known teeth fit between sun and ring at equal angles.
-
-        z_r = z_s + 2 z_p,   (z_s + z_r)/N an integer,   (z_s + z_p) sin(pi/N) > z_p + 2
-
-    The last one keeps the tips of neighbouring planets apart, with an addendum of one module.
-    """
-    teeth = p.get("teeth")
-    if p.get("kind") != "planetary" or not teeth:
-        return True
-    sun, planet, ring, count = (int(v) for v in (teeth["sun"], teeth["planet"], teeth["ring"], p["planets"]))
-    apart = (sun + planet) * np.sin(np.pi / count) > planet + 2
-    return ring == sun + 2 * planet and (sun + ring) % count == 0 and bool(apart)

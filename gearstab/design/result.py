@@ -8,9 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from gearstab.design import names, quantities, regions, values
+from gearstab.config.sections.objectives import QUANTITIES, objective_name, objective_unit
+from gearstab.design import values
 from gearstab.design.answer import answer
-from gearstab.design.judge import AT_ONCE, Judge, limited
+from gearstab.design.judging import quantities, regions
+from gearstab.design.judging.judge import AT_ONCE, Judge, limited
 from gearstab.design.problem import Batch, Problem
 from gearstab.design.solution import Solution
 from gearstab.floquet import solve
@@ -76,7 +78,7 @@ def attributes(solution: Solution) -> dict[str, Any]:
 
 def _united(solution: Solution, variable: Variable) -> Variable:
     """A variable in the unit of the objectives or, where values of several units stand in it, with a word on that."""
-    units = map(names.objective_unit, solution.problem.design.objectives)
+    units = map(objective_unit, solution.problem.design.objectives)
     own = [unit_of(solution.initial_system, unit) for unit in units]
     one = own[0] if len(set(own)) == 1 else "1"
     if variable.name in ("objective_initial", "objective_optimum", "design_objective", "choice_objective"):
@@ -99,7 +101,7 @@ def _main(solution: Solution) -> dict[str, Any]:
         "variable": [v.name for v in problem.variables],
         "variable_units": [unit_of(solution.initial_system, v.axis.units) for v in problem.variables],
         "variable_form": [v.form for v in problem.variables],
-        "objective": list(map(names.objective_name, problem.design.objectives)),
+        "objective": list(map(objective_name, problem.design.objectives)),
         "state": list(STATES),
         "lower_bound": np.array([_bound(problem, k, 0) for k in range(len(problem.variables))]),
         "upper_bound": np.array([_bound(problem, k, 1) for k in range(len(problem.variables))]),
@@ -137,7 +139,7 @@ def _quantities(solution: Solution) -> dict[str, Any]:
             known = {name: quantities.EXACT[name](batch) for name in wanted}
             table[:, state] = [value[0] for value in known.values()]
             held[:, state] = [_worst(batch, limit, known) for limit in problem.design.limits]
-    units = [unit_of(solution.initial_system, names.QUANTITIES[name].units) for name in wanted]
+    units = [unit_of(solution.initial_system, QUANTITIES[name].units) for name in wanted]
     found: dict[str, Any] = {"quantity": list(wanted), "quantity_units": units, "quantity_value": table}
     if problem.design.limits:
         found |= {

@@ -14,7 +14,7 @@ def check(config: Config) -> None:
     """Raise ConfigError for what the section ``design`` asks of a system that cannot give it."""
     from gearstab.config import ConfigError
     from gearstab.design.problem import Problem
-    from gearstab.design.search import combinations
+    from gearstab.design.searching.search import combinations
     from gearstab.rotating_pair import RotatingPair
     from gearstab.systems import build, train_of
 

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 
 from gearstab.config import ConfigError
-from gearstab.design import pareto, search
-from gearstab.design.explain import explanation
-from gearstab.design.judge import Goal, Judge
-from gearstab.design.margins import allowed, margins, sensitivities
-from gearstab.design.phasing import phasing
+from gearstab.design.judging.judge import Goal, Judge
 from gearstab.design.problem import Problem, Span
-from gearstab.design.tongues import Tongues, single, tongues
+from gearstab.design.reasons.explain import explanation
+from gearstab.design.reasons.margins import allowed, margins, sensitivities
+from gearstab.design.reasons.phasing import phasing
+from gearstab.design.reasons.tongues import Tongues, single, tongues
+from gearstab.design.searching import pareto, search
 from gearstab.floquet import solve
 from gearstab.system import Array, GearSystem
 

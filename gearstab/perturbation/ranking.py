@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -98,8 +98,6 @@ def _ends(system: GearSystem, found: Tongues, harmonics: int, modes: Sequence[in
     endless = np.isinf(found.half_width)
     lower, upper = np.moveaxis(found.boundary_frequency, 1, 0)
     if endless.any():
-        from dataclasses import replace
-
         free = first_order(replace(system, damping=None), harmonics, modes).boundary_frequency
         lower, upper = (np.where(endless, free[:, side], end) for side, end in ((0, lower), (1, upper)))
     return lower, upper, endless

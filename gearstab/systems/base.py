@@ -113,6 +113,16 @@ class System(Section):
         feasibility.check_symmetric(document, grid.parameters)
 
     @classmethod
+    def dependent(cls, p: dict[str, Any], varied: set[Path]) -> dict[str, Any]:
+        """Return parameters of a design with those that follow from what varies. varied: its paths in ``p``."""
+        return p
+
+    @classmethod
+    def assembled(cls, p: dict[str, Any]) -> bool:
+        """Whether a design can be put together, where numbers that are right each by itself may not fit."""
+        return True
+
+    @classmethod
     def variant(cls, raw: dict[str, Any]) -> type[System]:
         """The model that the keys of a section call for, where a kind has several."""
         return cls

@@ -13,18 +13,19 @@ from scenes import TRAIN, ran, read, written
 from scipy.linalg import expm, null_space
 
 from gearstab.config import Config
-from gearstab.design.judge import Judge
-from gearstab.design.margins import sensitivities
-from gearstab.design.pareto import nondominated, thinned
-from gearstab.design.problem import Problem, assembled
-from gearstab.design.regions import united
-from gearstab.design.tongues import tongues
+from gearstab.design.judging.judge import Judge
+from gearstab.design.judging.regions import united
+from gearstab.design.problem import Problem
+from gearstab.design.reasons.margins import sensitivities
+from gearstab.design.reasons.tongues import tongues
+from gearstab.design.searching.pareto import nondominated, thinned
 from gearstab.errors import PlotError
 from gearstab.floquet import solve
 from gearstab.floquet.boundaries import boundaries
 from gearstab.plots import draw
 from gearstab.results import open_result
 from gearstab.systems import build
+from gearstab.systems.planetary import Planetary
 
 RANGE = (4.8, 6.0)
 FLOOR = 1e-6 * RANGE[1]
@@ -304,4 +305,4 @@ def test_intervals_are_united() -> None:
 )
 def test_planets_that_can_be_assembled(sun: int, planet: int, ring: int, count: int, fits: bool) -> None:
     teeth = {"sun": sun, "planet": planet, "ring": ring}
-    assert assembled({"kind": "planetary", "planets": count, "teeth": teeth}) == fits
+    assert Planetary.assembled({"kind": "planetary", "planets": count, "teeth": teeth}) == fits

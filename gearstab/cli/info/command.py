@@ -88,7 +88,7 @@ def describe(config: Config, harmonics: int | None = None) -> dict[str, Any]:
 
 def _design(design: Design) -> dict[str, Any]:
     """What a search of ``gearstab design`` would be for."""
-    from gearstab.design.names import objective_name
+    from gearstab.config.sections.objectives import objective_name
 
     return {
         "ranges": [{item.of: [item.low, item.high], "weight": item.weight} for item in design.ranges],

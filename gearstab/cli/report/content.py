@@ -70,7 +70,7 @@ def _states(config: Config, solution: Solution | None) -> list[State]:
     """The given design and, where one was searched, the proposed one."""
     from dataclasses import replace
 
-    from gearstab.design.tongues import single
+    from gearstab.design.reasons.tongues import single
     from gearstab.rotating_pair import RotatingPair
     from gearstab.systems import build
 

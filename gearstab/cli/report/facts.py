@@ -13,7 +13,7 @@ import numpy as np
 
 from gearstab.cli.info.danger import CLOSED_BY, planets_step, remedies_of
 from gearstab.config import Config
-from gearstab.design import regions
+from gearstab.design.judging import regions
 from gearstab.design.problem import Span
 from gearstab.floquet import solve
 from gearstab.floquet.boundaries import boundaries

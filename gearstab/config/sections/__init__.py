@@ -1,1 +1,1 @@
-"""The sections ``sweep``, ``methods`` and ``respond``, and the axes and targets that a sweep sets."""
+"""The sections ``sweep``, ``methods`` and ``design``, and what an axis or a variable may set."""

@@ -15,9 +15,9 @@ from gearstab.config.model.axes import Axis
 from gearstab.config.model.validation import explain
 from gearstab.config.sections import design_variables
 from gearstab.config.sections.expansion import expand_list
+from gearstab.config.sections.objectives import OBJECTIVES, QUANTITIES
 from gearstab.config.sections.sweep import Context, Layout, build
 from gearstab.config.sections.targets import INPUT_SPEED, Target
-from gearstab.design.names import OBJECTIVES, QUANTITIES
 
 KEYS = {
     "range": "range: {mesh_frequency: [2.0, 6.0]}",

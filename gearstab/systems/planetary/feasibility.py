@@ -46,6 +46,14 @@ def assembly(sun: int, planet: int, ring: int, planets: Any) -> Iterator[Conflic
         yield ("teeth",), f"{message} is no integer", remedy
 
 
+def clear_of_each_other(sun: int, planet: int, planets: int) -> bool:
+    """Whether the tips of neighbouring planets stay apart, with an addendum of one module.
+
+    (z_s + z_p) sin(pi/N) > z_p + 2
+    """
+    return bool((sun + planet) * np.sin(np.pi / planets) > planet + 2)
+
+
 def whole(value: Any, low: int, high: int) -> bool:
     """Return whether a value as written is a whole number within limits."""
     number = plain_number(value)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
+from gearstab.config.document.problems import Path
 from gearstab.config.document.yaml import Document
 from gearstab.config.model.conflicts import Conflict, within, wrong_length
 from gearstab.config.model.fields import (
@@ -27,7 +28,7 @@ from gearstab.systems.gearbox import sections as gearbox
 from gearstab.systems.parts.mesh import ToothMesh
 from gearstab.systems.planetary import teeth
 from gearstab.systems.planetary.build import build, coordinates
-from gearstab.systems.planetary.feasibility import MOST_PLANETS, assembly, check_assembly, whole
+from gearstab.systems.planetary.feasibility import MOST_PLANETS, assembly, check_assembly, clear_of_each_other, whole
 from gearstab.systems.planetary.phasing import cycles
 
 if TYPE_CHECKING:
@@ -309,6 +310,23 @@ class Planetary(System):
         """Planets that can be assembled at every point of a grid over their number or their teeth, besides."""
         super().check_feasible(document, grid)
         check_assembly(document, grid)
+
+    @classmethod
+    def dependent(cls, p: dict[str, Any], varied: set[Path]) -> dict[str, Any]:
+        """The teeth of the ring follow from the others if these vary: z_r = z_s + 2 z_p."""
+        if ("teeth", "ring") in varied or not varied & {("teeth", "sun"), ("teeth", "planet")}:
+            return p
+        teeth = p["teeth"]
+        return p | {"teeth": teeth | {"ring": teeth["sun"] + 2 * teeth["planet"]}}
+
+    @classmethod
+    def assembled(cls, p: dict[str, Any]) -> bool:
+        """Whether planets with known teeth fit between sun and ring, and keep clear of each other."""
+        teeth = p.get("teeth")
+        if not teeth:
+            return True
+        sun, planet, ring, planets = (int(v) for v in (teeth["sun"], teeth["planet"], teeth["ring"], p["planets"]))
+        return clear_of_each_other(sun, planet, planets) and not any(True for _ in assembly(sun, planet, ring, planets))
 
     @classmethod
     def size(cls, raw: dict[str, Any]) -> int | None:

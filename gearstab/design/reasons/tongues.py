@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from gearstab.design import regions
+from gearstab.design.judging import regions
 from gearstab.design.problem import Batch, Problem, Span
 from gearstab.design.values import given_places
 from gearstab.floquet.boundaries import boundaries

@@ -15,9 +15,9 @@ from math import prod
 import numpy as np
 
 from gearstab.config import ConfigError
-from gearstab.design.judge import VIOLATED, Goal, Judge
+from gearstab.design.judging.judge import VIOLATED, Goal, Judge
+from gearstab.design.judging.quantities import screened
 from gearstab.design.problem import Problem
-from gearstab.design.quantities import screened
 from gearstab.system import Array
 
 MOST_COMBINATIONS = 20_000

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from gearstab.design.judge import Goal, Judge
+from gearstab.design.judging.judge import Goal, Judge
 from gearstab.design.problem import Problem
-from gearstab.design.tongues import WEIGHTS, step
+from gearstab.design.reasons.tongues import WEIGHTS, step
 from gearstab.system import Array
 
 DEGRADED = 0.1

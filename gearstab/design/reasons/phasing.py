@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from gearstab.design import regions
+from gearstab.design.judging import regions
 from gearstab.design.problem import Problem
-from gearstab.design.tongues import single, whole
+from gearstab.design.reasons.tongues import single, whole
 from gearstab.floquet.boundaries import boundaries
 from gearstab.modal import mean_modes
 from gearstab.perturbation import first_order

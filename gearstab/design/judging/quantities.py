@@ -1,4 +1,4 @@
-"""What designs are judged by, of many systems at once; see :data:`gearstab.design.names.QUANTITIES`."""
+"""What designs are judged by, of many systems at once; see :data:`gearstab.config.sections.objectives.QUANTITIES`."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from math import ceil
 
 import numpy as np
 
-from gearstab.design import regions
+from gearstab.design.judging import regions
 from gearstab.design.problem import Batch, Span
 from gearstab.modal import mean_modes
 from gearstab.system import Array, GearSystem

@@ -1,0 +1,1 @@
+"""What a design is worth: its quantities over the operating ranges, its objective and its constraints."""

@@ -1,0 +1,1 @@
+"""Why a design is good, how firmly, and what limits it."""
