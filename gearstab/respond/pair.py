@@ -11,8 +11,9 @@ import numpy as np
 from gearstab.config import ConfigError
 from gearstab.errors import NotPossible
 from gearstab.response.measures.spectra import SHORTEST, spectrum
-from gearstab.response.rotating_pair import STATUS, Start, held, respond
+from gearstab.response.rotating_pair import STATUS, PairResponse, Start, held, respond
 from gearstab.results import Group, ResultTree, fields_of
+from gearstab.results.display import with_orders
 from gearstab.results.guard import RESPOND
 from gearstab.results.provenance import modes_group, root_attributes
 from gearstab.results.units import in_brackets, unit_of
@@ -22,9 +23,7 @@ from gearstab.systems import build
 
 if TYPE_CHECKING:
     from gearstab.config import Config
-    from gearstab.response.measures.spectra import SHORTEST, spectrum
     from gearstab.systems.parts.respond_pair import PairRespond
-from gearstab.response.rotating_pair import PairResponse
 
 MOST_SAMPLES, BYTES = 20_000_000, 64
 """Samples that a result may hold, and the bytes of each."""
@@ -91,7 +90,7 @@ def _group(
     if pair.numbers.lever is None:
         words = "elastic mesh force times half the module"
         table = tuple(replace(v, units="N m", long_name=words) if v.name == "mesh_force" else v for v in table)
-    table = tuple(replace(v, units=unit_of(pair, v.units)) for v in table)
+    table = with_orders([replace(v, units=unit_of(pair, v.units)) for v in table], wanted.speed)
     values |= _spectrum(wanted, pair, found, step)
     return Group(fields_of(table, values), _attributes(wanted, pair, found) | holding)
 

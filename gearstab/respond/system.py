@@ -23,12 +23,13 @@ from gearstab.response import (
 from gearstab.response.linear.equilibrium import static_equilibrium, static_mesh_force
 from gearstab.response.measures.spectra import Spectra, amplitudes, densities
 from gearstab.results import Group, ResultTree, Variable, fields_of
+from gearstab.results.display import with_orders
 from gearstab.results.guard import RESPOND
 from gearstab.results.provenance import modes_group, root_attributes
 from gearstab.results.units import in_brackets, in_units_of
 from gearstab.results.variables import BACKLASH_RESPONSE, RESPONSE, TOOTH_LOADS, flagged
 from gearstab.system import GearSystem, shared_period
-from gearstab.systems import build
+from gearstab.systems import build, model_of
 
 if TYPE_CHECKING:
     from gearstab.config import Config
@@ -178,7 +179,9 @@ def _tree(
     if system.load is not None:
         common["static_mesh_force"] = static_mesh_force(system)
     said = ("status", "mesh_frequency", "common_period", "growth_rate", "largest_multiplier")
-    fields = fields_of(in_units_of(system, table), {**common, **values, **_spectral(wanted, system, found)})
+    cycles = model_of(config.parameters).cycles_of_input(config.parameters)
+    table = with_orders(in_units_of(system, table), None if cycles is None else found.mesh_frequency / cycles)
+    fields = fields_of(table, {**common, **values, **_spectral(wanted, system, found)})
     group = Group(fields, {**{name: getattr(found, name) for name in said}, **attributes})
     root = Group((), root_attributes(RESPOND, config, ran))
     return ResultTree(root, {"modes": modes_group(system), "response": group})

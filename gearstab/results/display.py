@@ -1,12 +1,14 @@
 """The units in which a reader sees a result: what was typed in rpm is shown in rpm, while files hold SI numbers.
 
 A coordinate carries ``display_units`` and ``display_scale``, how many of its own unit one of those is, where the
-configuration gave all its values in another unit.
+configuration gave all its values in another unit. The frequencies of a spectrum carry ``order_scale`` where the
+teeth are known: an order counts cycles per turn of the input shaft.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,10 +16,11 @@ import xarray as xr
 
 from gearstab.config.model.units import MEANING, NUMBER, UnitError, scale
 from gearstab.errors import ResultError, listed
+from gearstab.results.variables import Variable
 
 Array = np.ndarray
 
-FREQUENCY = "mesh_frequency"
+FREQUENCY, SPECTRAL = "mesh_frequency", "frequency"
 SPEEDS = (FREQUENCY, "input_speed")
 """Axes along which the mesh frequency varies."""
 FACTOR = "mesh_frequency_factor"
@@ -28,6 +31,12 @@ OF_MESH = (
 )  # fmt: skip
 """Variables that are mesh frequencies, or distances of them."""
 SI = "SI"
+ORDER, ORDER_SCALE = "order", "order_scale"
+"""The unit of frequencies over the speed of the input shaft, and the attribute that holds this speed."""
+SHOWN_SCALE = "shown_scale"
+"""Attribute of what is shown in another unit: how many of its own unit one of that is."""
+AS_FREQUENCY = ("peak_frequency",)
+"""Variables that are shown in the unit of the frequencies of a spectrum."""
 
 
 def typed(units: str, si: str) -> dict[str, Any]:
@@ -35,10 +44,22 @@ def typed(units: str, si: str) -> dict[str, Any]:
     return {"display_units": units, "display_scale": scale(units, si)} if units not in ("", si) else {}
 
 
+def with_orders(table: Sequence[Variable], shaft: float | None) -> tuple[Variable, ...]:
+    """Return a table of variables whose frequencies know what one order is.
+
+    shaft: speed of the input shaft, in the unit of the frequencies; None where no teeth are known.
+    """
+    if shaft is None:
+        return tuple(table)
+    said = {ORDER_SCALE: shaft}
+    return tuple(replace(v, attributes={**v.attributes, **said}) if v.name == SPECTRAL else v for v in table)
+
+
 def in_display_units(tree: xr.DataTree, wanted: Sequence[str] = ()) -> xr.DataTree:
     """Return the result with its coordinates in the units that were typed, or in those asked for.
 
-    wanted: ``UNIT``, for all coordinates that it fits; ``AXIS=UNIT``, for one; ``SI``, for none but these.
+    wanted: ``UNIT``, for all coordinates that it fits; ``AXIS=UNIT``, for one; ``SI``, for none but these; ``order``,
+        for the frequencies of a spectrum.
     Raises ResultError for a unit that fits none, or not the axis.
     """
     groups = {node.path: node.to_dataset(inherit=False) for node in tree.subtree}
@@ -63,13 +84,33 @@ def _chosen(groups: Mapping[str, xr.Dataset], wanted: Sequence[str]) -> dict[str
     }
     for text in wanted:
         axis, _, unit = (part.strip() for part in text.rpartition("="))
-        fitting = [name for name in known if axis in ("", name) and _fits(unit, str(known[name].get("units", "1")))]
+        fitting = {name: one for name in known if axis in ("", name) and (one := _scale_of(unit, known[name]))}
+        if unit == ORDER and not fitting:
+            raise ResultError(f"--unit {text}: {_no_orders(known)}")
         if unit != SI and not fitting:
             there = listed(f"{name} ({attrs.get('units', '1')})" for name, attrs in known.items())
             raise ResultError(f"--unit {text}: is no unit of {axis or 'an axis of this result'}; there is {there}")
-        for name in fitting:
-            found[name] = unit, scale(unit, str(known[name]["units"]))
+        found |= {name: (unit, one) for name, one in fitting.items()}
     return found
+
+
+def _scale_of(unit: str, attributes: Mapping[str, Any]) -> float:
+    """How many of its own unit one of another unit is, for a coordinate; 0 where the unit does not fit."""
+    if unit == ORDER:
+        return float(attributes.get(ORDER_SCALE, 0.0))
+    own = str(attributes.get("units", "1"))
+    return scale(unit, own) if _fits(unit, own) else 0.0
+
+
+def _no_orders(known: Mapping[str, Mapping[str, Any]]) -> str:
+    """Why nothing of a result can be shown in orders, and what can be."""
+    if SPECTRAL in known:
+        return "the speed of the input shaft is not known; give teeth in the configuration and run respond again"
+    if any(name in known for name in SPEEDS):
+        return (
+            "a mesh has the same order at every speed (see gearstab info); orders are for spectra of gearstab respond"
+        )
+    return "orders are for spectra of gearstab respond, and this result has none"
 
 
 def _fits(unit: str, si: str) -> bool:
@@ -87,10 +128,16 @@ def _shown(data: xr.Dataset, chosen: Mapping[str, tuple[str, float]]) -> xr.Data
             continue
         own = data[name]
         attributes = {key: value for key, value in own.attrs.items() if not key.startswith("display_")}
-        attributes |= {"units": unit, "si_units": own.attrs.get("units", "1")}
+        attributes |= {"units": unit, "si_units": own.attrs.get("units", "1"), SHOWN_SCALE: one}
         if name in SPEEDS:
             attributes[FACTOR] = float(own.attrs.get(FACTOR, 1.0)) * one
         data = data.assign_coords({name: (own.dims, shown_as(own.values, one), attributes)})
+    if SPECTRAL in chosen:
+        unit, one = chosen[SPECTRAL]
+        for name in (name for name in AS_FREQUENCY if name in data.data_vars):
+            own = data[name]
+            shown = {**own.attrs, "units": unit, "si_units": own.attrs.get("units", "1")}
+            data = data.assign({name: (own.dims, shown_as(own.values, one), shown)})
     # In their order, which is that of the sweep and changes where one is assigned.
     return xr.Dataset(data.data_vars, {name: data.coords[name] for name in order}, data.attrs)
 

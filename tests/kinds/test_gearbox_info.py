@@ -104,7 +104,7 @@ def test_the_report_of_the_tractor_gearbox(root: Path) -> None:
     assert "common period  2720 x 2 pi/Omega" in text
     header = next(line for line in text.splitlines() if line.startswith("mode "))
     assert header.split() == [
-        "mode", "frequency", "Hz", "type", "damping", "ratio",
+        "mode", "frequency", "(rad/s)", "Hz", "type", "damping", "ratio",
         *(word for name in ("I", "II", "III", "IVa", "IVb") for word in ("energy", name)), "shafts", "supports",
     ]  # fmt: skip
     # The modes of the meshes, from the modal strain energy: 13 kHz.

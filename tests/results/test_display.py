@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import json
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -176,3 +177,80 @@ def test_no_numbers(text: str, units: str) -> None:
 def test_an_unknown_unit_is_refused(tree: xr.DataTree) -> None:
     with pytest.raises(ResultError, match="is no unit of an axis"):
         in_display_units(tree, ["furlong"])
+
+
+MODES_OF_PAIR = """\
+system:
+  kind: gear_pair
+  teeth: [20, 50]
+  equivalent_mass: 0.5
+  damping_ratio: 0.05
+  load: [1000.0]
+  meshes: [{mean_stiffness: 2.0e8, epsilon: 0.2, contact_ratio: 1.6}]
+respond: {input_speed: "1500 rpm", steady_state: true}
+"""
+
+
+@pytest.fixture(scope="module")
+def response(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("order")
+    done = ran("respond", written(folder, MODES_OF_PAIR), "-o", folder / "r.h5", "-q")
+    assert done.exit_code == 0, done.output
+    return folder / "r.h5"
+
+
+def test_the_harmonics_of_a_steady_state_are_at_the_orders_of_the_teeth(response: Path) -> None:
+    # 20 teeth: the s-th harmonic of the mesh has the order 20 s, and 1500 rpm are 25 turns per second.
+    orders = [float(row["frequency (order)"]) for row in table(response, "--over", "frequency", "--unit", "order")]
+    np.testing.assert_allclose(orders, 20 * np.arange(len(orders)), rtol=1e-12)
+    hertz = [float(row["frequency (Hz)"]) for row in table(response, "--over", "frequency", "--unit", "Hz")]
+    np.testing.assert_allclose(hertz, 25 * np.array(orders), rtol=1e-12)
+    for row in table(response, "--over", "peak", "--unit", "order"):
+        assert float(row["peak_frequency (order)"]) % 20 == pytest.approx(0, abs=1e-9)
+
+
+def test_a_spectrum_in_orders_marks_the_natural_frequency_at_its_order(response: Path) -> None:
+    with open_result(response) as tree:
+        figure, artists = draw(tree, "spectrum", unit=["order"])
+        assert figure.axes[-1].get_xlabel() == "order of the input shaft"
+        (mark,) = artists["modes"]
+        assert mark.get_xdata()[0] == pytest.approx((2.0e8 / 0.5) ** 0.5 / (2 * np.pi) / 25)
+        _, artists = draw(tree, "spectrum", unit=["Hz"])
+        (mark,) = artists["modes"]
+        assert mark.get_xdata()[0] == pytest.approx((2.0e8 / 0.5) ** 0.5 / (2 * np.pi))
+
+
+def test_orders_that_do_not_exist_are_refused_in_one_line(result: Path, tmp_path: Path) -> None:
+    done = ran("export", result, "-o", "-", "--unit", "order")
+    assert done.exit_code == 2
+    assert "a mesh has the same order at every speed" in done.stderr
+    text = MODES_OF_PAIR.replace("  teeth: [20, 50]\n", "").replace('input_speed: "1500 rpm"', "mesh_frequency: 3000.0")
+    assert ran("respond", written(tmp_path, text), "-o", tmp_path / "r.h5", "-q").exit_code == 0
+    done = ran("info", tmp_path / "r.h5", "--unit", "order")
+    assert done.exit_code == 2
+    assert "the speed of the input shaft is not known" in done.stderr
+
+
+def test_info_shows_orders_of_meshes_and_frequencies_in_the_unit_asked_for(tmp_path: Path) -> None:
+    config = written(tmp_path, MODES_OF_PAIR)
+    shown = json.loads(ran("info", config, "--unit", "Hz", "--json").stdout)
+    assert shown["meshes"][0]["order"] == 20
+    assert shown["modes"][0]["natural_frequency"] == pytest.approx((2.0e8 / 0.5) ** 0.5 / (2 * np.pi))
+    plain = json.loads(ran("info", config, "--json").stdout)
+    for one, other in zip(plain["tongues"], shown["tongues"], strict=True):
+        assert one["center_frequency"] == pytest.approx(2 * np.pi * other["center_frequency"])
+        for edge, shown_edge in zip(one["boundary_frequency"], other["boundary_frequency"], strict=True):
+            assert edge == (None if shown_edge is None else pytest.approx(2 * np.pi * shown_edge))
+    done = ran("info", config, "--unit", "order")
+    assert done.exit_code == 2
+    assert len(done.stderr.splitlines()) == 1
+
+
+def test_dangerous_speeds_in_another_unit_are_the_same_speeds(tmp_path: Path) -> None:
+    config = written(tmp_path, GEARBOX)
+    rpm, hertz = (
+        json.loads(ran("info", config, *unit, "--json").stdout)["dangerous"] for unit in ([], ["--unit", "Hz"])
+    )
+    assert rpm["range"] == pytest.approx([20000, 80000])
+    assert hertz["range"] == pytest.approx([20000 / 60, 80000 / 60])
+    assert rpm["scale"] / hertz["scale"] == pytest.approx(1 / 60)

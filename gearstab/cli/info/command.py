@@ -10,7 +10,7 @@ import click
 
 from gearstab.cli import options
 from gearstab.cli.console import say
-from gearstab.cli.info import danger, periods, train
+from gearstab.cli.info import danger, periods, train, units
 from gearstab.cli.info.text import report
 
 if TYPE_CHECKING:
@@ -29,9 +29,12 @@ HARMONICS = 3
 @click.option(
     "--harmonics", type=click.IntRange(1, 50), help="List tongues up to this harmonic [default: as in CONFIG]."
 )
+@options.unit
 @click.option("--all", "every", is_flag=True, help="List all predicted tongues, however many and closed.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
-def command(config: Path, overrides: tuple[str, ...], harmonics: int | None, every: bool, as_json: bool) -> None:
+def command(
+    config: Path, overrides: tuple[str, ...], harmonics: int | None, unit: tuple[str, ...], every: bool, as_json: bool
+) -> None:
     """Show natural frequencies, modes and the tongues that perturbation theory predicts for CONFIG.
 
     Of a file RESULT: where it comes from, its groups, axes and variables.
@@ -42,7 +45,7 @@ def command(config: Path, overrides: tuple[str, ...], harmonics: int | None, eve
     if result.is_result(config):
         if overrides or harmonics:
             raise click.UsageError(f"{config} is a result, which --set and --harmonics do not change")
-        known = result.describe(config)
+        known = result.describe(config, unit)
         say(json.dumps(known, indent=2, allow_nan=False) if as_json else result.report(known))
         return
     from gearstab.config import load
@@ -50,6 +53,8 @@ def command(config: Path, overrides: tuple[str, ...], harmonics: int | None, eve
     loaded = load(config, overrides)
     warn(loaded)
     facts = describe(loaded, harmonics)
+    if unit:
+        facts = units.shown_in(facts, unit[-1])
     if as_json:
         say(json.dumps(facts, indent=2, allow_nan=False))
     else:
@@ -58,12 +63,13 @@ def command(config: Path, overrides: tuple[str, ...], harmonics: int | None, eve
 
 def describe(config: Config, harmonics: int | None = None) -> dict[str, Any]:
     """All that ``info`` shows, as plain numbers, texts and lists; None where a number does not exist."""
-    from gearstab.systems import build
+    from gearstab.systems import build, model_of
 
     system = build(config.parameters)
     asked = config.methods.perturbation
     order = harmonics or (asked.harmonics if asked else HARMONICS)
     sweep = {axis.name: axis.size for axis in config.axes}
+    orders = model_of(config.parameters).cycles_of_input(config.parameters)
     return {
         "title": config.title,
         "kind": config.kind,
@@ -71,7 +77,8 @@ def describe(config: Config, harmonics: int | None = None) -> dict[str, Any]:
         "coordinates": list(system.coordinates),
         "sweep": sweep,
         "frequency_range": _frequency_range(config),
-        "meshes": [_mesh(system, i) for i in range(len(system.meshes))],
+        "unit": "" if "time" in system.dimensionless else "rad/s",
+        "meshes": [_mesh(system, i, orders) for i in range(len(system.meshes))],
         "common_period": periods.common_period(system),
         "frequencies": periods.frequencies(config, system),
         **_modes(system),
@@ -112,7 +119,8 @@ def _number(value: Any) -> float | str | None:
     return "infinite" if abs(number) == float("inf") else number
 
 
-def _mesh(system: GearSystem, i: int) -> dict[str, Any]:
+def _mesh(system: GearSystem, i: int, orders: float | None) -> dict[str, Any]:
+    """A mesh; orders: cycles of a mesh of frequency ratio 1 per turn of the input, None where no teeth are known."""
     from gearstab.waveforms import WAVEFORMS
 
     mesh = system.meshes[i]
@@ -121,6 +129,7 @@ def _mesh(system: GearSystem, i: int) -> dict[str, Any]:
     return {
         "name": mesh.name,
         "frequency_ratio": str(mesh.frequency_ratio),
+        "order": None if orders is None else orders * float(mesh.frequency_ratio),
         "waveform": next((name for name, kind in WAVEFORMS.items() if type(mesh.waveform) is kind), None),
         "mean_stiffness": float(mesh.mean_stiffness),
         "epsilon": float(mesh.epsilon),

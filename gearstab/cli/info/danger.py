@@ -24,14 +24,15 @@ def facts(config: Config, system: GearSystem, harmonics: int) -> dict[str, Any]:
     from gearstab.perturbation.ranking import rank
 
     axis = next((a for a in config.axes if a.mesh_frequency is not None), None)
-    low, high, unit, scale = 0.0, inf, "" if "time" in system.dimensionless else "rad/s", 1.0
+    low, high, unit, scale, teeth = 0.0, inf, "" if "time" in system.dimensionless else "rad/s", 1.0, 1.0
     if axis is not None and axis.mesh_frequency is not None:
         from gearstab.config.model.units import scale as scale_of
 
         values = axis.mesh_frequency.values
         low, high = float(min(values)), float(max(values))
         unit = axis.typed_units or unit
-        scale = axis.mesh_frequency.factor * (scale_of(axis.typed_units, axis.units) if axis.typed_units else 1.0)
+        teeth = axis.mesh_frequency.factor
+        scale = teeth * (scale_of(axis.typed_units, axis.units) if axis.typed_units else 1.0)
     found = rank(system, low, high, harmonics)
     step = planets_step(system)
     return {
@@ -39,6 +40,7 @@ def facts(config: Config, system: GearSystem, harmonics: int) -> dict[str, Any]:
         "unit": unit,
         "range": None if axis is None else [low / scale, high / scale],
         "scale": scale,
+        "teeth": teeth,
         "harmonics": found.harmonics,
         "open": [_region(config, system, region, high - low, step) for region in found.open],
         "closest": [_region(config, system, region, high - low, step) for region in found.closest],

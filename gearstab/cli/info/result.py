@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -32,13 +33,16 @@ def is_result(path: Path) -> bool:
         return False
 
 
-def describe(path: Path) -> dict[str, Any]:
-    """Return all that is shown, as plain numbers, texts and lists. Raises ResultError."""
+def describe(path: Path, unit: Sequence[str] = ()) -> dict[str, Any]:
+    """Return all that is shown, as plain numbers, texts and lists.
+
+    unit: see :func:`gearstab.results.display.in_display_units`. Raises ResultError.
+    """
     from gearstab.results.display import in_display_units
     from gearstab.results.read import attributes, is_sealed, reading
 
     with reading(path) as stored:
-        root, tree = attributes(path), in_display_units(stored)
+        root, tree = attributes(path), in_display_units(stored, unit)
         return {
             "title": root.get("title", ""),
             "provenance": {name: root[name] for name, _ in PROVENANCE if name in root},

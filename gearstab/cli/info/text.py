@@ -33,6 +33,11 @@ def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return "\n".join("  ".join(cells).rstrip() for cells in padded)
 
 
+def heading(name: str, unit: str) -> str:
+    """The heading of a column with its unit, where there is one."""
+    return f"{name} ({unit})" if unit else name
+
+
 def _text(value: Any) -> str:
     if value is None:
         return "-"
@@ -75,6 +80,9 @@ def _design(design: dict[str, Any]) -> str:
 def _mesh_table(facts: dict[str, Any]) -> str:
     header = ["mesh", "Omega_i/Omega", "waveform", "mean stiffness", "epsilon", "contact ratio", "lag", "lowest"]
     keys = ["name", "frequency_ratio", "waveform", "mean_stiffness", "epsilon", "contact_ratio", "lag"]
+    if any(mesh["order"] is not None for mesh in facts["meshes"]):
+        header.insert(2, "order")
+        keys.insert(2, "order")
     rows = [
         [_text(mesh[key]) for key in keys] + [_text(level) for level in mesh["stiffness"]] for mesh in facts["meshes"]
     ]
@@ -125,7 +133,7 @@ def _mode_table(facts: dict[str, Any]) -> str:
 def _mode_lines(facts: dict[str, Any]) -> list[str]:
     gears = _gears([mesh["name"] for mesh in facts["meshes"]])
     turning = any(mode["mesh_deflection_type"] is not None for mode in facts["modes"])
-    header = ["mode", "frequency", "type", *(["T"] if turning else []), "damping ratio"]
+    header = ["mode", heading("frequency", facts["unit"]), "type", *(["T"] if turning else []), "damping ratio"]
     header += [f"deflection {name}" for name in gears] + [f"energy {name}" for name in gears]
     rows = []
     for mode in facts["modes"]:
@@ -182,7 +190,14 @@ def _tongue_table(facts: dict[str, Any], every: bool) -> str:
         return f"{title}: {len(facts['tongues'])}, listed with --all or --json.{_rule(facts)}"
     rule, whole = facts["existence_rule"], "+".join(mesh["name"] for mesh in facts["meshes"])
     header = ["tongue", "kind", "mesh", *(["T_p", "T_q"] if rule else [])]
-    header += ["root" if second else "centre", "half-width", "lower", "upper", *(["error"] if second else []), "remark"]
+    header += [
+        heading("root" if second else "centre", facts["unit"]),
+        "half-width",
+        "lower",
+        "upper",
+        *(["error"] if second else []),
+        "remark",
+    ]
     rows = []
     for tongue in facts["tongues"]:
         mesh = "all" if tongue["mesh"] == whole and len(facts["meshes"]) > FEW_MESHES else tongue["mesh"]

@@ -208,12 +208,17 @@ def modes(facts: dict[str, Any], table: Callable[[Sequence[str], Sequence[Sequen
     """The modes with the shares of their strain energy."""
     from math import pi
 
+    from gearstab.config.model.units import scale
+
+    # Beside another unit, that of the field.
+    hertz = scale(facts["unit"], "rad/s") / (2 * pi) if facts["unit"] != "Hz" else None
     names = [mesh["name"] for mesh in facts["meshes"]]
-    header = ["mode", "frequency", "Hz", "type", "damping ratio", *(f"energy {name}" for name in names)]
+    header = ["mode", f"frequency ({facts['unit']})", *(["Hz"] if hertz else []), "type", "damping ratio"]
+    header += [f"energy {name}" for name in names]
     rows = []
     for mode, share in zip(facts["modes"], facts["train"]["energy_share"], strict=True):
         damping, frequency = mode["damping_ratio"], mode["natural_frequency"]
-        row = [str(mode["mode"]), f"{frequency:.6g}", f"{frequency / (2 * pi):.5g}", mode["type"]]
+        row = [str(mode["mode"]), f"{frequency:.6g}", *([f"{frequency * hertz:.5g}"] if hertz else []), mode["type"]]
         row.append("-" if damping is None else f"{damping:.4g}" if not isinstance(damping, str) else damping)
         shares = [*(mode["mesh_energy_share"][name] for name in names), share["shafts"], share["supports"]]
         rows.append(row + ["-" if part is None else f"{100 * part:.1f} %" for part in shares])

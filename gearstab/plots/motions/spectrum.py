@@ -16,6 +16,7 @@ from gearstab.plots.drawing.style import CASES, new_figure
 from gearstab.plots.drawing.text import bracketed
 from gearstab.plots.kinds import Kind
 from gearstab.plots.motions.response import MOST_PANELS, columns, fit_labels, refuse_selections
+from gearstab.results.display import ORDER, SHOWN_SCALE
 
 Array = np.ndarray
 Artists = dict[str, Any]
@@ -40,10 +41,12 @@ def read_spectra(tree: xr.DataTree, wanted: str | None) -> xr.DataArray:
 
 
 def horizontal(data: xr.DataArray) -> tuple[Array, str]:
-    """Frequencies and the label of their axis: over w_d where the response knows it."""
-    if "normalised_frequency" in data.coords:
-        return data.coords["normalised_frequency"].values, r"frequency over $\omega_d$"
+    """Frequencies and the label of their axis: over w_d where the response knows it and no unit was asked for."""
     frequency = data.coords["frequency"]
+    if "normalised_frequency" in data.coords and SHOWN_SCALE not in frequency.attrs:
+        return data.coords["normalised_frequency"].values, r"frequency over $\omega_d$"
+    if units_of(frequency) == ORDER:
+        return frequency.values, "order of the input shaft"
     return frequency.values, r"frequency $\omega$" + bracketed(units_of(frequency))
 
 
@@ -72,12 +75,15 @@ def reach(x: Array, columns: list[Array], harmonics: bool) -> float:
     return float(x[min(last + max(1, last // 20), len(x) - 1)])
 
 
-def mark_modes(tree: xr.DataTree, axes: list[Axes], end: float) -> list[Any]:
-    """Dotted lines at the natural frequencies of the mean system, named over the first panel."""
+def mark_modes(tree: xr.DataTree, axes: list[Axes], end: float, unit: float) -> list[Any]:
+    """Dotted lines at the natural frequencies of the mean system, named over the first panel.
+
+    unit: how many of their unit one of the frequency axis is.
+    """
     if "modes" not in tree.children or "natural_frequency" not in tree["modes"].data_vars:
         return []
     found, last = [], -np.inf
-    frequencies = tree["modes"].to_dataset()["natural_frequency"].values
+    frequencies = tree["modes"].to_dataset()["natural_frequency"].values / unit
     for number, frequency in enumerate(frequencies, start=1):
         if not 0 < frequency < end:
             continue
@@ -111,7 +117,8 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
         lines.append(draw_spectrum(ax, x, part, harmonics))
         ax.set_ylabel(name, linespacing=0.95)
     axes[0].set_xlim(0.0, 1.015 * end if harmonics else end)
-    modes = mark_modes(tree, axes, end) if "normalised_frequency" not in data.coords else []
+    unit = float(data.coords["frequency"].attrs.get(SHOWN_SCALE, 1.0))
+    modes = mark_modes(tree, axes, end, unit) if "normalised_frequency" not in data.coords else []
     axes[-1].set_xlabel(label)
     figure.align_ylabels(axes)
     write_title(figure, tree, request)
