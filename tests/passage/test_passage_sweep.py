@@ -1,25 +1,13 @@
 """Sweeps with ``methods.passage``."""
 
 from importlib import import_module
-from pathlib import Path
 
 import numpy as np
 import pytest
+from scenes import TRAIN, problems, read, result_of
 
-from gearstab.config import ConfigError, load
-from gearstab.results import open_result
-from gearstab.sweep import plan, run
+from gearstab.sweep import plan
 
-TRAIN = """
-system:
-  kind: two_stage
-  inertias: [1.0, 0.3, 4.0]
-  input_shaft_stiffness: 0.5
-  tooth_ratio: 1
-  meshes:
-    - {name: first, mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5}
-    - {name: second, mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5}
-"""
 REDUCER = """
 system:
   kind: gearbox
@@ -39,19 +27,6 @@ system:
 """
 
 
-def written(folder: Path, text: str) -> Path:
-    path = folder / "passage.yaml"
-    path.write_text(text)
-    return path
-
-
-def result(folder: Path, text: str):
-    out = folder / "passage.h5"
-    run(plan(load(written(folder, text))), out, jobs=1, overwrite=True)
-    with open_result(out) as tree:
-        return tree["passage"].to_dataset().load()
-
-
 GRID = """
 sweep:
   mesh_frequency: {start: 1.5, stop: 6.0, num: 3}
@@ -63,7 +38,7 @@ methods: {passage: {rate: [0.03, 1.0, -0.1]}}
 
 def test_blocks_change_nothing(tmp_path, monkeypatch):
     planning = import_module("gearstab.sweep.plan")
-    whole = result(tmp_path, TRAIN + GRID)
+    whole = result_of(tmp_path, TRAIN + GRID, "passage")
     assert whole["growth"].dims == ("damping_ratio", "meshes.second.phasing", "rate")
     assert whole["growth_by_tongue"].dims == ("tongue", "damping_ratio", "meshes.second.phasing", "rate")
     assert whole["slowest_rate"].dims == ("damping_ratio", "meshes.second.phasing")
@@ -71,9 +46,9 @@ def test_blocks_change_nothing(tmp_path, monkeypatch):
     monkeypatch.setattr(planning, "LEAST", 1)
     monkeypatch.setattr(planning, "MOST", 1)
     monkeypatch.setattr(import_module("gearstab.methods.base").Method, "fewest", 1)
-    planned = plan(load(written(tmp_path, TRAIN + GRID)))
+    planned = plan(read(tmp_path, TRAIN + GRID))
     assert planned.layouts[0].count == 6
-    parts = result(tmp_path, TRAIN + GRID)
+    parts = result_of(tmp_path, TRAIN + GRID, "passage")
     assert sorted(parts["label"].values) == sorted(whole["label"].values)
     for name in ("growth", "growth_exact", "growth_error", "growth_through", "slowest_rate", "status"):
         assert np.array_equal(parts[name], whole[name]), name
@@ -94,21 +69,23 @@ sweep: {mesh_frequency: [1.5, 6.0], damping_ratio: [0.0, 0.01]}
 methods: {passage: {rate: [0.1], amplification: 100}}
 """
     )
-    found = result(tmp_path, text)
+    found = result_of(tmp_path, text, "passage")
     for ratio, rate in zip((0.0, 0.01), found["slowest_rate"].values, strict=True):
-        again = result(tmp_path, text.replace("[0.1]", f"[{float(rate)!r}]").replace("[0.0, 0.01]", f"[{ratio}]"))
+        again = result_of(
+            tmp_path, text.replace("[0.1]", f"[{float(rate)!r}]").replace("[0.0, 0.01]", f"[{ratio}]"), "passage"
+        )
         assert float(again["growth"][0, 0]) == pytest.approx(np.log(100), rel=1e-9)
 
 
 def test_rates_of_an_input_speed_are_those_of_the_input(tmp_path):
     speeds = 'sweep: {input_speed: ["900 rpm", "6000 rpm"]}\n'
-    found = result(tmp_path, REDUCER + speeds + 'methods: {passage: {rate: ["3000 rpm/s", -2000]}}\n')
+    found = result_of(tmp_path, REDUCER + speeds + 'methods: {passage: {rate: ["3000 rpm/s", -2000]}}\n', "passage")
     assert found["rate"].values == pytest.approx([3000 * 2 * np.pi / 60, -2000.0])
     factor = 20 * 2 * np.pi / 60
     low, high = 900 * factor, 6000 * factor
     rates = [3000 * factor, -2000 * 20]
     mesh = f"sweep: {{mesh_frequency: [{low}, {high}]}}\nmethods: {{passage: {{rate: {rates}}}}}\n"
-    other = result(tmp_path, REDUCER + mesh)
+    other = result_of(tmp_path, REDUCER + mesh, "passage")
     assert found["growth"].values == pytest.approx(other["growth"].values, rel=1e-6, abs=1e-9)
     assert found["growth_exact"].values == pytest.approx(other["growth_exact"].values, rel=1e-6, abs=1e-9)
     assert 3 < float(found["growth_exact"][0]) < 30
@@ -118,19 +95,21 @@ def test_rates_of_an_input_speed_are_those_of_the_input(tmp_path):
 def test_a_measured_table_of_speed_over_time(tmp_path):
     sweep = "sweep: {mesh_frequency: [1.5, 6.0]}\n"
     (tmp_path / "run_up.csv").write_text("time, speed\n0, 1.5\n10, 3.0\n# it dwells\n15, 3.0\n25, 6.0\n")
-    found = result(tmp_path, TRAIN + sweep + "methods: {passage: {table: run_up.csv}}\n")
-    other = result(tmp_path, TRAIN + sweep + "methods: {passage: {path: [[0, 1.5], [10, 3], [15, 3], [25, 6]]}}\n")
+    found = result_of(tmp_path, TRAIN + sweep + "methods: {passage: {table: run_up.csv}}\n", "passage")
+    other = result_of(
+        tmp_path, TRAIN + sweep + "methods: {passage: {path: [[0, 1.5], [10, 3], [15, 3], [25, 6]]}}\n", "passage"
+    )
     assert found.identical(other)
     assert float(found["rate"][0]) == pytest.approx(4.5 / 25)
-    ramp = result(tmp_path, TRAIN + sweep + "methods: {passage: {path: [[0, 1.5], [30, 6.0]]}}\n")
-    rate = result(tmp_path, TRAIN + sweep + "methods: {passage: {rate: 0.15}}\n")
+    ramp = result_of(tmp_path, TRAIN + sweep + "methods: {passage: {path: [[0, 1.5], [30, 6.0]]}}\n", "passage")
+    rate = result_of(tmp_path, TRAIN + sweep + "methods: {passage: {rate: 0.15}}\n", "passage")
     assert ramp["growth_exact"].values == pytest.approx(rate["growth_exact"].values, rel=1e-12)
 
 
 def test_a_path_too_long_to_follow_is_flagged(tmp_path, monkeypatch):
     monkeypatch.setattr(import_module("gearstab.passage.solve"), "MOST", 100)
     text = TRAIN + "sweep: {mesh_frequency: [1.5, 3.0]}\nmethods: {passage: {rate: [0.01, 100.0]}}\n"
-    found = result(tmp_path, text)
+    found = result_of(tmp_path, text, "passage")
     assert found["status"].values.tolist() == [1, 0]
     assert np.isnan(found["growth_exact"].values).tolist() == [True, False]
     assert np.isfinite(found["growth"].values).all()
@@ -157,9 +136,7 @@ def test_a_path_too_long_to_follow_is_flagged(tmp_path, monkeypatch):
 )
 def test_mistakes(tmp_path, method, sweep, path, said):
     text = f"{TRAIN}sweep: {{{sweep or 'mesh_frequency: [1.0, 2.0]'}}}\nmethods: {{passage: {method}}}\n"
-    with pytest.raises(ConfigError) as error:
-        load(written(tmp_path, text))
-    found = [str(problem) for problem in error.value.problems]
+    found = [str(problem) for problem in problems(tmp_path, text)]
     assert len(found) == 1, found
     assert f": {path if path.startswith('sweep') else 'methods.' + path}: " in found[0]
     assert said in found[0]

@@ -6,10 +6,13 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
+import xarray as xr
 from click.testing import CliRunner, Result
 
 from gearstab.cli import group, main
 from gearstab.config import Config, ConfigError, Problem, load
+from gearstab.results import open_result
+from gearstab.sweep import plan, run
 
 ROOT = Path(__file__).resolve().parents[2]
 CONFIGS, DOCS, DATA = ROOT / "configs", ROOT / "docs", ROOT / "tests" / "data"
@@ -47,6 +50,14 @@ def problems(folder: Path, text: str | bytes, *overrides: str) -> Sequence[Probl
     with pytest.raises(ConfigError) as caught:
         read(folder, text, *overrides)
     return caught.value.problems
+
+
+def result_of(folder: Path, text: str | bytes, method: str, jobs: int = 1) -> xr.Dataset:
+    """Sweep a configuration and read what one of its methods found."""
+    out = folder / "case.h5"
+    run(plan(read(folder, text)), out, jobs=jobs, overwrite=True)
+    with open_result(out) as tree:
+        return tree[method].to_dataset().load()
 
 
 def ran(*words: object) -> Result:
