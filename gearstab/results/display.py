@@ -9,14 +9,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 
 from gearstab.config.model.units import MEANING, NUMBER, UnitError, scale
 from gearstab.errors import ResultError, listed
 from gearstab.results.variables import Variable
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 Array = np.ndarray
 
@@ -66,7 +68,7 @@ def in_display_units(tree: xr.DataTree, wanted: Sequence[str] = ()) -> xr.DataTr
     chosen = _chosen(groups, wanted)
     if not chosen:
         return tree
-    return xr.DataTree.from_dict({path: _shown(data, chosen) for path, data in groups.items()}, name=tree.name)
+    return type(tree).from_dict({path: _shown(data, chosen) for path, data in groups.items()}, name=tree.name)
 
 
 def _chosen(groups: Mapping[str, xr.Dataset], wanted: Sequence[str]) -> dict[str, tuple[str, float]]:
@@ -139,7 +141,7 @@ def _shown(data: xr.Dataset, chosen: Mapping[str, tuple[str, float]]) -> xr.Data
             shown = {**own.attrs, "units": unit, "si_units": own.attrs.get("units", "1")}
             data = data.assign({name: (own.dims, shown_as(own.values, one), shown)})
     # In their order, which is that of the sweep and changes where one is assigned.
-    return xr.Dataset(data.data_vars, {name: data.coords[name] for name in order}, data.attrs)
+    return type(data)(data.data_vars, {name: data.coords[name] for name in order}, data.attrs)
 
 
 def shown_as(values: Array, one: float) -> Array:

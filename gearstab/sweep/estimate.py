@@ -1,6 +1,7 @@
 """What a sweep will take, from samples of its own grid that a clock interrupts.
 
-A sample is a part of a block. Samples grow until one takes a fair part of the time that there is; two of different size
+A sample is a part of a block: of a row of mesh frequencies first, whose points share their system and what is prepared
+for it, then several rows. Samples grow until one takes a fair part of the time that there is; two of different size
 tell what points share and what each takes. Others elsewhere on the grid tell how much dearer points are there: at low
 mesh frequencies, above all. A method to which a point is a whole range of mesh frequencies, of which none may be done
 in the time that there is, gives an account of its effort, which samples correct where they can.
@@ -34,7 +35,7 @@ ROWS = 5
 """Rows that are asked where they differ in structure, as trains of other tooth ratios do."""
 GROWTH = 2.0, 16.0
 """Least and greatest ratio of a sample's size to that before."""
-PART = 0.25
+PART = 1 / 3
 """Of the time that is left, what a sample may take: there are two of its size to come."""
 BRIEF = 1e-4
 """Seconds below which a sample is not told from no work at all."""
@@ -142,7 +143,7 @@ def seconds_per_point(work: Callable[[int], object], most: int = MANY, budget: f
         return None if found is None else Sample(points, found[1], 0.0)
 
     with ckernel.using(threads=1):
-        samples = _samples(sample, most, clock)
+        samples, _ = _samples(sample, most, clock)
     return samples[-1].seconds / samples[-1].points if samples else None
 
 
@@ -171,7 +172,7 @@ def _method(plan: Plan, layout: Layout, workers: int, clock: Clock) -> MethodEst
     work, size = _ranges(plan, layout, clock) if layout.method.frequency == RANGE else _points(plan, layout, clock)
     at_least = work is None
     if work is None:
-        work = max(clock.total, layout.points * UNIT * layout.method.cost())
+        work = max(clock.total, layout.points * UNIT * layout.cost)
     rounds = ceil(layout.count / min(workers, layout.count))
     seconds = work / layout.count * rounds if work > 1 else work
     memory = prod(layout.chunk) * _bytes_a_point(layout, size / layout.points) * (1 + OVERHEAD)
@@ -180,10 +181,14 @@ def _method(plan: Plan, layout: Layout, workers: int, clock: Clock) -> MethodEst
 
 def _points(plan: Plan, layout: Layout, clock: Clock) -> tuple[float | None, float]:
     """Seconds on one processor, None where not even one point is done in time, and bytes in the file."""
-    samples = _samples(lambda wanted: _sample(plan, layout, clock, wanted), prod(layout.chunk), clock)
+    known = UNIT * layout.cost
+    samples, known = _samples(lambda wanted: _sample(plan, layout, clock, wanted), prod(layout.chunk), clock, known)
     if not samples:
         return None, 0.0
-    work, size = (_scaled(layout, [getattr(s, name) for s in samples], samples) for name in ("seconds", "size"))
+    inner = plan.inner(layout)
+    row = 1 if inner is None else layout.chunk[inner]
+    work = _scaled(layout, row, [(s.points, s.seconds) for s in samples], known)
+    size = _scaled(layout, row, [(s.points, s.size) for s in samples], _bytes_a_point(layout, np.inf))
     return work * _dearer(plan, layout, clock, samples[-1]), size
 
 
@@ -222,42 +227,62 @@ def _effort(plan: Plan, layout: Layout, clock: Clock, place: float) -> Effort | 
     return None if found is None else found[0]
 
 
-def _samples(sample: Callable[[float], Sample | None], most: int, clock: Clock) -> list[Sample]:
+def _samples(
+    sample: Callable[[float], Sample | None], most: int, clock: Clock, known: float = np.inf
+) -> tuple[list[Sample], float]:
     """Samples of ascending size up to ``most`` points; none where not even a point is done in time.
 
-    sample: computes one of about so many points.
+    sample: computes one of about so many points. known: seconds of a point besides what it shares, roughly; returned as
+    well, infinite where that was disproved.
     """
     wanted, first = 1.0, sample(1.0)
     if first is None:
-        return []
+        return [], known
     # What is called for the first time imports and allocates as well.
     again = sample(wanted)
     samples = [first if again is None else min(first, again, key=lambda s: s.seconds)]
     while (last := samples[-1]).points < most:
-        room = clock.left / max(last.seconds, BRIEF)
-        # Much of what a single point takes may be shared.
-        growth = APART if len(samples) == 1 and room > APART else 0.0
-        growth = max(growth, min(PART * room, GROWTH[1]))
+        further = _further([(s.points, s.seconds) for s in samples[-2:]], known)
+        room = PART * clock.left - (last.seconds - further * last.points)
+        growth = min(room / max(further * last.points, BRIEF), GROWTH[1])
+        if len(samples) == 1 and clock.left > GROWTH[0] * last.seconds:
+            growth = max(growth, APART)  # Much of what a single point takes may be shared.
         if growth < GROWTH[0]:
             break
         wanted = max(wanted, last.points) * growth
         found = sample(wanted)
         if found is None:
+            known = np.inf if len(samples) == 1 else known
             break
         samples = [s for s in samples if s.points < found.points] + [found]
-    return samples
+    return samples, known
 
 
-def _scaled(layout: Layout, values: list[float], samples: list[Sample]) -> float:
-    """What all blocks take if samples take ``values``: some of it once a block, the rest for each of its points."""
-    points, total = samples[-1].points, values[-1]
-    if points >= prod(layout.chunk) or len(samples) == 1:
+def _further(values: list[tuple[int, float]], known: float) -> float:
+    """What each further point takes by the first and the last of samples (points, what they take).
+
+    known: what it takes about, if there is but one sample. It cannot be more than points take that share nothing.
+    """
+    (few, less), (points, total) = values[0], values[-1]
+    further = known if few == points else (total - less) / (points - few)
+    return min(max(0.0, further), total / points)
+
+
+def _scaled(layout: Layout, row: int, values: list[tuple[int, float]], known: float) -> float:
+    """What all blocks take if samples (points, what they take) do: some of it once per block, the rest per point.
+
+    row: how many points of a row of mesh frequencies a block has. A sample of fewer tells of a row, not of a block.
+    known: what a point takes besides what it shares, roughly.
+    """
+    points, total = values[-1]
+    within = points < row
+    if points >= prod(layout.chunk):
         return total * layout.points / points
-    # The difference of two that are hardly different is rounding.
-    other = max((k for k, s in enumerate(samples[:-1]) if APART * s.points <= points), default=0)
-    further = (total - values[other]) / (points - samples[other].points)
-    further = min(max(further, 0.0), total / points)
-    return (total - further * points) * layout.count + further * layout.points
+    # Whole rows are compared with whole rows; and the difference of two that are hardly different is rounding.
+    fitting = [value for value in values[:-1] if (within or value[0] >= row) and APART * value[0] <= points]
+    further = _further([*fitting[-1:], values[-1]], known if within else np.inf)
+    shares = layout.points / row if within else layout.count
+    return (total - further * points) * shares + further * layout.points
 
 
 def _dearer(plan: Plan, layout: Layout, clock: Clock, middle: Sample) -> float:
@@ -279,7 +304,7 @@ def _dearer(plan: Plan, layout: Layout, clock: Clock, middle: Sample) -> float:
 
 def _sample(plan: Plan, layout: Layout, clock: Clock, wanted: float, place: float = 0.5) -> Sample | None:
     """One sample of about ``wanted`` points somewhere on the grid; None where it does not end in time."""
-    block = block_at(layout, wanted, place)
+    block = block_at(layout, plan.inner(layout), wanted, place)
     found = clock.run(lambda: compute(plan, block).size())
     return None if found is None else Sample(block.points, found[1], found[0])
 
@@ -289,11 +314,18 @@ def _bytes_a_point(layout: Layout, encoded: float) -> float:
     return sum(np.dtype(v.dtype).itemsize * prod(layout.inner(v)) for v in over_grid) or 4 * encoded
 
 
-def block_at(layout: Layout, wanted: float, place: float = 0.5) -> Block:
-    """A block of about ``wanted`` points, of the shape of the method's own ones, at a place in parts of each axis."""
-    share = min(1.0, wanted / prod(layout.chunk))
-    along = [n for n in layout.chunk if n > 1]
-    factor = share ** (1 / len(along)) if along else 1.0
-    shape = tuple(max(1, min(n, round(n * factor))) for n in layout.chunk)
+def block_at(layout: Layout, inner: int | None, wanted: float, place: float = 0.5) -> Block:
+    """A part of a block, of about ``wanted`` points, at a place in parts of each axis.
+
+    inner: the axis that is filled before the others, if any; these are parts of the block's own in the same ratio.
+    """
+    shape, rest = [1] * len(layout.chunk), max(1.0, wanted)
+    if inner is not None:
+        shape[inner] = min(layout.chunk[inner], round(rest))
+        rest /= shape[inner]
+    others = [k for k, n in enumerate(layout.chunk) if n > 1 and k != inner]
+    share = min(1.0, rest / prod(layout.chunk[k] for k in others))
+    for k in others:
+        shape[k] = max(1, round(layout.chunk[k] * share ** (1 / len(others))))
     start = tuple(min(max(round(place * n - 0.5 * m), 0), n - m) for n, m in zip(layout.shape, shape, strict=True))
-    return Block(layout.method.name, 0, start, shape)
+    return Block(layout.method.name, 0, start, tuple(shape))

@@ -69,7 +69,7 @@ def _roughly(plan: Plan, layout: Layout, workers: int) -> float:
     """Seconds of a method; infinite where that is not found out at once."""
     if layout.method.frequency == RANGE:
         return by_effort(plan, layout, workers)
-    return layout.points * layout.method.cost() * SECONDS_OF_COST / workers
+    return layout.points * layout.cost * SECONDS_OF_COST / workers
 
 
 def large(plan: Plan, found: Estimate) -> list[str]:

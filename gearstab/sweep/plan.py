@@ -63,12 +63,16 @@ class Block:
 
 @dataclass(frozen=True)
 class Layout:
-    """A method's grid (names and sizes of its axes) and its division: the shape of all blocks but those at the ends."""
+    """A method's grid (names and sizes of its axes) and its division: the shape of all blocks but those at the ends.
+
+    cost: of a point, as the method gives it.
+    """
 
     method: Method
     dims: tuple[str, ...]
     shape: tuple[int, ...]
     chunk: tuple[int, ...]
+    cost: float
 
     @property
     def points(self) -> int:
@@ -144,6 +148,10 @@ class Plan:
         """The grid of a method."""
         return next(layout for layout in self.layouts if layout.method.name == method)
 
+    def inner(self, layout: Layout) -> int | None:
+        """Which axis of a method's grid is the mesh frequency and nothing else, if any."""
+        return None if self.fast is None or self.fast.name not in layout.dims else layout.dims.index(self.fast.name)
+
     @cached_property
     def digest(self) -> str:
         """What finished parts must agree in: numbers, division, program version and kernel."""
@@ -205,7 +213,7 @@ def _layout(config: Config, fast: Axis | None, method: Method) -> Layout:
     else:
         least = method.fewest
     chunk = chunk_shape(shape, inner, max(least, int(wanted)))
-    return Layout(method, tuple(axis.name for axis in axes), shape, chunk)
+    return Layout(method, tuple(axis.name for axis in axes), shape, chunk, cost)
 
 
 def shared_points(length: int, rows: int, cost: float) -> int:

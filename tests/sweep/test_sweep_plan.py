@@ -26,7 +26,7 @@ def test_blocks_cover_every_point_once(shape: tuple[int, ...], wanted: int, data
     inner = data.draw(st.sampled_from([None, *range(len(shape))]))
     chunk = chunk_shape(shape, inner, wanted)
     assert prod(chunk) <= max(wanted, 1)
-    layout = Layout(FLOQUET, tuple("abcd"[: len(shape)]), shape, chunk)
+    layout = Layout(FLOQUET, tuple("abcd"[: len(shape)]), shape, chunk, 1.0)
     hits = np.zeros(shape, dtype=int)
     blocks = list(layout.blocks())
     for number, block in enumerate(blocks):

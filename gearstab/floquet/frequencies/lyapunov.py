@@ -19,6 +19,7 @@ from collections.abc import Callable, Iterator
 from itertools import pairwise
 
 import numpy as np
+from scipy.special import stdtrit
 
 from gearstab.floquet.frequencies.propagation import growths
 from gearstab.floquet.frequencies.smooth import windows
@@ -182,8 +183,6 @@ def estimate(times: Array, logs: Array, confidence: float, conservative: bool) -
     third direction grows nearly as fast (two may be the real and imaginary part of one solution) it is at least what
     a window of this length can tell apart.
     """
-    from scipy.stats import t as student  # takes longer to load than a small sweep to run
-
     times = times[:, None]
     begin, end = times[0] + BURN_IN * (times[-1] - times[0]), times[-1]
     edges = begin + (end - begin) * np.linspace(0.0, 1.0, BATCHES + 1)[:, None, None]
@@ -191,7 +190,7 @@ def estimate(times: Array, logs: Array, confidence: float, conservative: bool) -
     value = average(times, logs, begin, end)
     middle = 0.5 * (begin + end)
     drift = np.abs(average(times, logs, begin, middle) - average(times, logs, middle, end))
-    spread = means.std(axis=0, ddof=1) / np.sqrt(BATCHES) * student.ppf(0.5 + confidence / 2, BATCHES - 1)
+    spread = means.std(axis=0, ddof=1) / np.sqrt(BATCHES) * stdtrit(BATCHES - 1, 0.5 + confidence / 2)
     other = np.abs(value - average(times, logs, begin, end, hann))
     half = np.max([spread, DRIFTS * drift, other], axis=0)
     largest = np.argmax(value[-1:] if conservative else value, axis=0)[None]
