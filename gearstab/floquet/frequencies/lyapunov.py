@@ -19,7 +19,6 @@ from collections.abc import Callable, Iterator
 from itertools import pairwise
 
 import numpy as np
-from scipy.special import stdtrit
 
 from gearstab.floquet.frequencies.propagation import growths
 from gearstab.floquet.frequencies.smooth import windows
@@ -183,6 +182,8 @@ def estimate(times: Array, logs: Array, confidence: float, conservative: bool) -
     third direction grows nearly as fast (two may be the real and imaginary part of one solution) it is at least what
     a window of this length can tell apart.
     """
+    from scipy.special import stdtrit  # takes longer to load than a small sweep to run
+
     times = times[:, None]
     begin, end = times[0] + BURN_IN * (times[-1] - times[0]), times[-1]
     edges = begin + (end - begin) * np.linspace(0.0, 1.0, BATCHES + 1)[:, None, None]
