@@ -115,9 +115,9 @@ def newest(files: Iterable[Path]) -> float:
 
 
 def numerics() -> list[Path]:
-    """The sources that results depend on: all but those of plots and of the command line."""
+    """The sources that results depend on: all but those of plots, texts and the command line."""
     files = [*GEARSTAB.rglob("*.py"), *GEARSTAB.rglob("*.[ch]")]
-    return [file for file in files if file.relative_to(GEARSTAB).parts[0] not in ("plots", "cli")]
+    return [file for file in files if file.relative_to(GEARSTAB).parts[0] not in ("plots", "cli", "info")]
 
 
 def make(figure: Figure) -> tuple[float, float]:

@@ -18,6 +18,6 @@ def reporter(wanted: bool | None) -> Reporter:
     seen = NOTEBOOK in sys.modules or (sys.stderr is not None and sys.stderr.isatty())
     if not (seen if wanted is None else wanted):
         return Reporter()
-    from gearstab.cli.progress import Bar
+    from gearstab.sweep.bar import Bar
 
-    return Bar()
+    return Bar(lambda text: print(text, file=sys.stderr))  # noqa: T201

@@ -37,7 +37,8 @@ def sweep(
     """
     from gearstab.api.progress import reporter
     from gearstab.results.read import from_bytes
-    from gearstab.sweep import limits, plan, run_in_memory
+    from gearstab.sweep import plan, run_in_memory
+    from gearstab.sweep.effort import limits
 
     planned = plan(as_config(config, "sweep", "methods"))
     folder = Path(tempfile.gettempdir()) / "result.h5"
@@ -47,7 +48,7 @@ def sweep(
 
 def said_of(config: Config) -> dict[str, str]:
     """Return what a result says of its origin; the file of a configuration is relative to the current folder."""
-    from gearstab.sweep.earlier import origin
+    from gearstab.sweep.storage.earlier import origin
 
     said = origin(config, Path("result.h5"))
     return said if config.source.is_file() else {"config_overrides": said["config_overrides"]}

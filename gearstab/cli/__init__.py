@@ -11,7 +11,7 @@ from typing import Any, NoReturn
 
 import click
 
-from gearstab.cli.console import tell
+from gearstab.cli.terminal.console import tell
 from gearstab.errors import INTERRUPTED
 from gearstab.version import __version__
 
@@ -20,9 +20,9 @@ BLAS_THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "V
 
 COMMANDS = {
     "init": ("gearstab.cli.init:command", "Print a configuration to start from."),
-    "sweep": ("gearstab.cli.sweep:command", "Compute stability over the grid of a configuration."),
+    "sweep": ("gearstab.cli.sweep.command:command", "Compute stability over the grid of a configuration."),
     "plot": ("gearstab.cli.plot:command", "Draw a figure from a result file."),
-    "info": ("gearstab.cli.info.command:command", "Show modes and tongues, or what a result holds."),
+    "info": ("gearstab.cli.info:command", "Show modes and tongues, or what a result holds."),
     "check": ("gearstab.cli.check:command", "Validate a configuration; list every mistake."),
     "respond": ("gearstab.cli.respond:command", "Compute a time response."),
     "design": ("gearstab.cli.design:command", "Find a design without instability."),
@@ -66,7 +66,7 @@ class LazyGroup(click.Group):
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run a command; mistakes of the user are a line each, whatever part of the command finds them."""
-        from gearstab.cli.errors import user_errors
+        from gearstab.cli.terminal.errors import user_errors
 
         with user_errors():
             return super().invoke(ctx)

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gearstab.cli import options
-from gearstab.cli.console import say, tell
+from gearstab.cli.terminal import options
+from gearstab.cli.terminal.console import say, tell
 
 if TYPE_CHECKING:
     from gearstab.bench import Scene

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gearstab.cli import options
-from gearstab.cli.console import say
-from gearstab.cli.errors import warn
+from gearstab.cli.terminal import options
+from gearstab.cli.terminal.console import say
+from gearstab.cli.terminal.errors import warn
 
 if TYPE_CHECKING:
     from gearstab.config import Config, Problem

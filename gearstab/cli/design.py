@@ -6,8 +6,8 @@ from pathlib import Path
 
 import click
 
-from gearstab.cli import options
-from gearstab.cli.console import say, tell
+from gearstab.cli.terminal import options
+from gearstab.cli.terminal.console import say, tell
 
 
 @click.command(name="design", short_help="Find a design without instability.")
@@ -20,7 +20,7 @@ def command(config: Path, output: Path | None, overrides: tuple[str, ...], quiet
 
     Prints the answer in some ten lines.
     """
-    from gearstab.cli.errors import warn
+    from gearstab.cli.terminal.errors import warn
     from gearstab.config import load
     from gearstab.design import check, design
     from gearstab.results import write_result

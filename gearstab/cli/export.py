@@ -6,8 +6,8 @@ from pathlib import Path
 
 import click
 
-from gearstab.cli import options
-from gearstab.cli.console import Output, tell
+from gearstab.cli.terminal import options
+from gearstab.cli.terminal.console import Output, tell
 
 
 @click.command(name="export", short_help="Write a result file as tidy CSV.")

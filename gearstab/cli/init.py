@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gearstab.cli.console import say
+from gearstab.cli.terminal.console import say
 
 if TYPE_CHECKING:
     from click.shell_completion import CompletionItem

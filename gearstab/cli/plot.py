@@ -6,8 +6,8 @@ from pathlib import Path
 
 import click
 
-from gearstab.cli import options
-from gearstab.cli.console import tell
+from gearstab.cli.terminal import options
+from gearstab.cli.terminal.console import tell
 from gearstab.plots import KINDS
 
 KINDS_HELP = "; ".join(f"{name}: {kind.summary}" for name, kind in KINDS.items())

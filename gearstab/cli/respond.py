@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gearstab.cli import options
-from gearstab.cli.console import tell
+from gearstab.cli.terminal import options
+from gearstab.cli.terminal.console import tell
 
 if TYPE_CHECKING:
     from gearstab.response import Response
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 @options.quiet
 def command(config: Path, output: Path | None, overrides: tuple[str, ...], quiet: bool) -> None:
     """Compute the response that the section `respond` of CONFIG describes and write it to a file."""
-    from gearstab.cli.errors import warn
+    from gearstab.cli.terminal.errors import warn
     from gearstab.config import load
     from gearstab.respond import respond
     from gearstab.results.guard import RESPOND, result_of

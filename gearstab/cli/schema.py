@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from gearstab.cli.console import say
+from gearstab.cli.terminal.console import say
 
 
 @click.command(name="schema", short_help="Print the JSON schema of the configuration.")

@@ -13,9 +13,9 @@ from gearstab.floquet.kernel import choice as kernel
 from gearstab.methods import POINTS, RANGE, Key, Outcome, SampledMethod
 from gearstab.results.chunks import encode, holds
 from gearstab.results.variables import GRID, ROWS, STRETCH, Variable
-from gearstab.sweep.parts import FinishedBlock, places_of
 from gearstab.sweep.plan import Block, Layout, Plan
 from gearstab.sweep.sampled import run_sampled
+from gearstab.sweep.storage.parts import FinishedBlock, places_of
 from gearstab.system import Array
 from gearstab.systems import build
 

@@ -29,10 +29,10 @@ from typing import Any
 from gearstab.floquet.kernel import choice as kernel
 from gearstab.interrupts import end_with
 from gearstab.sweep.compute import compute
-from gearstab.sweep.parts import FinishedBlock, PartFolder
 from gearstab.sweep.plan import Block, Plan
 from gearstab.sweep.reporter import Reporter
-from gearstab.sweep.store import Store
+from gearstab.sweep.storage.parts import FinishedBlock, PartFolder
+from gearstab.sweep.storage.store import Store
 
 WORTH_THREADS, WORTH_PROCESSES = 0.05, 3.0
 """Seconds of remaining work from which threads and processes (which take about a second to start) pay."""

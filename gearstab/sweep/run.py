@@ -15,13 +15,13 @@ from gearstab.errors import Interrupted, OutputError, SweepError
 from gearstab.results.guard import SWEEP, result_of
 from gearstab.results.output import free_bytes, prepare
 from gearstab.results.write import image, rewrite_attributes
-from gearstab.sweep import earlier, merge
-from gearstab.sweep.estimate import long_runs
-from gearstab.sweep.parts import PartFolder
+from gearstab.sweep.effort.estimate import long_runs
 from gearstab.sweep.plan import Plan
 from gearstab.sweep.pool import Failure, run_blocks
 from gearstab.sweep.reporter import Reporter
-from gearstab.sweep.store import Finished, Store
+from gearstab.sweep.storage import earlier, merge
+from gearstab.sweep.storage.parts import PartFolder
+from gearstab.sweep.storage.store import Finished, Store
 
 MOST_FAILURES = 10
 """Blocks that may fail before the sweep stops: then nothing is wrong with a block, but with all of them."""

@@ -20,11 +20,12 @@ from scenes import CONFIGS, ROOT, TRAIN, ran, written
 
 import gearstab as gs
 from gearstab.api import progress
-from gearstab.cli.progress import Bar
 from gearstab.errors import DoubtWarning, PlotError, RequestError
 from gearstab.results import open_result
-from gearstab.sweep import Reporter, limits, plan
-from gearstab.sweep.estimate import estimate
+from gearstab.sweep import Reporter, plan
+from gearstab.sweep.bar import Bar
+from gearstab.sweep.effort import limits
+from gearstab.sweep.effort.estimate import estimate
 
 SWEPT = (
     TRAIN

@@ -11,8 +11,9 @@ import pytest
 from scenes import ROOT, code
 
 from gearstab import __version__
-from gearstab.cli import COMMANDS, errors, group, main
-from gearstab.cli.progress import duration, quantity
+from gearstab.cli import COMMANDS, group, main
+from gearstab.cli.terminal import errors
+from gearstab.sweep.effort.words import duration, quantity
 
 HEAVY = {"numpy", "scipy", "pydantic", "h5py", "xarray", "matplotlib", "rich", "pint", "joblib", "ruamel", "h5netcdf"}
 

@@ -13,8 +13,10 @@ import numpy as np
 import pytest
 from scenes import TRAIN, code
 
-from gearstab.cli.progress import Bar, Messages, reporter
+from gearstab.cli.terminal.console import tell
+from gearstab.cli.terminal.progress import Messages, reporter
 from gearstab.results import open_result
+from gearstab.sweep.bar import Bar
 
 CONFIG = (
     TRAIN
@@ -121,7 +123,7 @@ def test_a_bar_is_drawn_on_a_terminal_only(monkeypatch: pytest.MonkeyPatch) -> N
 
 
 def test_the_bar_counts(capsys: pytest.CaptureFixture[str]) -> None:
-    bar = Bar()
+    bar = Bar(tell)
     bar.begin("floquet", 100, 40)
     bar.advance(0, 10, 0)
     bar.advance(60, 15, 0)

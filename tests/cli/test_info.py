@@ -14,7 +14,7 @@ from scenes import CONFIGS, CONFIGURATIONS, DATA
 from tongues import train
 
 from gearstab.cli import group
-from gearstab.cli.info.text import table
+from gearstab.info.tables import table
 from gearstab.modal import mean_modes, mesh_energy_shares, modal_damping_ratios, mode_types
 from gearstab.system import GearSystem, Mesh
 from gearstab.waveforms import Rectangular

@@ -11,12 +11,12 @@ import pytest
 from gearbox_trains import REFERENCE
 from ruamel.yaml import YAML
 
-from gearstab.cli.info import train as info_train
-from gearstab.cli.info.command import describe
-from gearstab.cli.info.text import report, table
 from gearstab.config import load
 from gearstab.gears.geometry import Gear
 from gearstab.gears.pair import Pair
+from gearstab.info import train as info_train
+from gearstab.info.configuration import describe
+from gearstab.info.text import report
 
 SMALL = """\
 system:
@@ -71,7 +71,7 @@ def test_static_forces_and_velocities_are_those_of_the_torques(small: dict[str, 
 
 
 def test_notices_name_the_gear_and_the_numbers(small: dict[str, Any]) -> None:
-    text = info_train.teeth(small["train"], table)
+    text = info_train.teeth(small["train"])
     # x >= (17.097 - z)/17.097 for the usual rack (to its five digits).
     least = (17.097 - 10) / 17.097
     assert f"warning: mesh a, pinion: undercut, the profile shift is 0 and should be at least {least:.4g}" in text

@@ -12,9 +12,9 @@ from numpy.testing import assert_array_equal
 from scenes import TRAIN
 from tongues import train
 
-from gearstab.cli.info.command import describe
-from gearstab.cli.info.text import report
 from gearstab.config import load
+from gearstab.info.configuration import describe
+from gearstab.info.text import report
 from gearstab.methods import OptionError
 from gearstab.methods.perturbation import Perturbation, PerturbationOptions
 from gearstab.perturbation import PERTURBATION_FLAGS, second_order

@@ -13,8 +13,8 @@ from click.testing import CliRunner
 from plot_results import planetary
 
 from gearstab.cli import group
-from gearstab.cli.options import selections
 from gearstab.cli.plot import points
+from gearstab.cli.terminal.options import selections
 from gearstab.errors import PlotError, ResultError
 from gearstab.plots import KINDS, draw
 from gearstab.plots.drawing.style import save

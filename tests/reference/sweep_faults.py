@@ -24,7 +24,8 @@ from gearstab.config import load
 from gearstab.errors import Interrupted, SweepError
 from gearstab.methods import Outcome
 from gearstab.methods.floquet import Floquet
-from gearstab.sweep import Plan, Reporter, plan, pool, run, run_in_memory, store
+from gearstab.sweep import Plan, Reporter, plan, pool, run, run_in_memory
+from gearstab.sweep.storage import store
 
 CONFIG = """
 title: A train

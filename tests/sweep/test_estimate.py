@@ -17,8 +17,9 @@ from sweep_faults import CONFIG, faulty
 
 from gearstab.cli import group
 from gearstab.floquet.boundaries.effort import effort
-from gearstab.sweep import Plan, estimate
-from gearstab.sweep.clock import within
+from gearstab.sweep import Plan
+from gearstab.sweep.effort import estimate
+from gearstab.sweep.effort.clock import within
 from gearstab.sweep.plan import Block
 from gearstab.system import GearSystem, Mesh
 from gearstab.waveforms import Rectangular

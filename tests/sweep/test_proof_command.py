@@ -11,12 +11,13 @@ from click.testing import CliRunner
 from test_sweep import divided
 
 from gearstab.cli import group
-from gearstab.cli.sweep_notes import percent, proof
+from gearstab.cli.sweep.notes import percent, proof
 from gearstab.config import load
 from gearstab.floquet import solve
 from gearstab.plots import draw
 from gearstab.results import open_result
-from gearstab.sweep import plan, run, store
+from gearstab.sweep import plan, run
+from gearstab.sweep.storage import store
 
 TRAIN = """
 title: A damped train

@@ -20,8 +20,9 @@ from scenes import ROOT
 from sweep_faults import CONFIG, FOLDER, faulty, value
 
 from gearstab.results import OutputError, open_result
-from gearstab.sweep import Interrupted, Reporter, SweepError, merge, pool, run, store
-from gearstab.sweep.parts import PartFolder, read_part
+from gearstab.sweep import Interrupted, Reporter, SweepError, pool, run
+from gearstab.sweep.storage import merge, store
+from gearstab.sweep.storage.parts import PartFolder, read_part
 
 SCRIPT = ROOT / "tests" / "reference" / "sweep_faults.py"
 ROWS = [f"{k}" for k in range(1, 9)]

@@ -20,9 +20,10 @@ from sweep_faults import CONFIG, FOLDER, faulty, value
 from gearstab.errors import UserError
 from gearstab.results import OutputError, open_result
 from gearstab.results.read import attributes
-from gearstab.sweep import Reporter, SweepError, run, store
-from gearstab.sweep.parts import CHECKSUM, MAGIC
-from gearstab.sweep.store import Hold
+from gearstab.sweep import Reporter, SweepError, run
+from gearstab.sweep.storage import store
+from gearstab.sweep.storage.parts import CHECKSUM, MAGIC
+from gearstab.sweep.storage.store import Hold
 
 SCRIPT = ROOT / "tests" / "reference" / "sweep_faults.py"
 OTHER = CONFIG.replace("7.0, 8.0]", "7.0, 9.0]")

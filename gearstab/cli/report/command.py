@@ -6,8 +6,8 @@ from pathlib import Path
 
 import click
 
-from gearstab.cli import options
-from gearstab.cli.console import tell
+from gearstab.cli.terminal import options
+from gearstab.cli.terminal.console import tell
 
 ENDINGS = (".html", ".pdf")
 
@@ -22,10 +22,10 @@ def command(config: Path, output: Path, overrides: tuple[str, ...], quiet: bool)
 
     The range is that of the section `design`, whose best design is searched and proposed, else that of the sweep.
     """
-    from gearstab.cli.errors import warn
     from gearstab.cli.report.content import page
     from gearstab.cli.report.html import html
     from gearstab.cli.report.pdf import pdf
+    from gearstab.cli.terminal.errors import warn
     from gearstab.config import load
     from gearstab.errors import OutputError
     from gearstab.results.output import FIGURES, RESULTS, TABLES, Content, write_bytes

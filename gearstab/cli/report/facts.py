@@ -11,13 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from gearstab.cli.info.danger import CLOSED_BY, planets_step, remedies_of
 from gearstab.config import Config
 from gearstab.design.judging import regions
 from gearstab.design.problem import Span
 from gearstab.floquet import solve
 from gearstab.floquet.boundaries import boundaries
 from gearstab.floquet.required_damping import required_damping
+from gearstab.info.danger import CLOSED_BY, planets_step, remedies_of
 from gearstab.modal import mean_modes, modal_damping_ratios
 from gearstab.perturbation import Tongue
 from gearstab.perturbation.ranking import Region

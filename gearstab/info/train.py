@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
+
+from gearstab.info.tables import table
 
 if TYPE_CHECKING:
     from gearstab.config import Config
@@ -188,7 +190,7 @@ def _body(rotor: dict[str, Any], speed: float | None) -> str:
     return f"{rotor['name']}: {', '.join(parts)}"
 
 
-def teeth(found: dict[str, Any], table: Callable[[Sequence[str], Sequence[Sequence[str]]], str]) -> str:
+def teeth(found: dict[str, Any]) -> str:
     """The teeth of all meshes, and what a designer should know of them."""
     header = ["mesh", "driver", "driven", "teeth", "centre distance (mm)", "pressure angle (deg)", "contact ratio"]
     header += ["static force (N)", "velocity (m/s)"]
@@ -204,7 +206,7 @@ def teeth(found: dict[str, Any], table: Callable[[Sequence[str], Sequence[Sequen
     return "\n".join(lines)
 
 
-def modes(facts: dict[str, Any], table: Callable[[Sequence[str], Sequence[Sequence[str]]], str]) -> str:
+def modes(facts: dict[str, Any]) -> str:
     """The modes with the shares of their strain energy."""
     from math import pi
 

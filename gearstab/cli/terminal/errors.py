@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gearstab.cli.console import STANDARD_OUTPUT, lost, tell
+from gearstab.cli.terminal.console import STANDARD_OUTPUT, lost, tell
 from gearstab.errors import FAILED, WRONG_INPUT, UserError
 
 if TYPE_CHECKING:

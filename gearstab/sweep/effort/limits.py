@@ -11,9 +11,9 @@ from gearstab import ckernel
 from gearstab.errors import RequestError
 from gearstab.methods import RANGE
 from gearstab.results.output import free_bytes
-from gearstab.sweep.estimate import LONG, Estimate, by_effort, estimate
-from gearstab.sweep.parts import PartFolder
+from gearstab.sweep.effort.estimate import LONG, Estimate, by_effort, estimate
 from gearstab.sweep.plan import Layout, Plan
+from gearstab.sweep.storage.parts import PartFolder
 
 MOST_POINTS = 1_000_000_000
 MOST_SECONDS = 8 * 3600.0

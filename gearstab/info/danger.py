@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
+
+from gearstab.info.tables import table
 
 if TYPE_CHECKING:
     from gearstab.config import Config
@@ -131,7 +133,7 @@ def _excluding(system: GearSystem, region: Region, planets: int) -> list[int]:
 # ---- text
 
 
-def text(found: dict[str, Any], table: Callable[[Sequence[str], Sequence[Sequence[str]]], str]) -> str:
+def text(found: dict[str, Any]) -> str:
     """The ranked regions as a table, or what is next to open."""
     unit, scale = found["unit"], found["scale"]
     within = "" if found["range"] is None else " from {:.6g} to {:.6g}".format(*found["range"])

@@ -30,10 +30,10 @@ from gearstab.results.variables import OCCURRENCE, STRETCH, TEXT, TONGUE, Variab
 from gearstab.results.write import write_on_disk, write_result
 from gearstab.sweep import teeth
 from gearstab.sweep.compute import inner_shape, moved
-from gearstab.sweep.earlier import origin
-from gearstab.sweep.parts import FinishedBlock
 from gearstab.sweep.plan import Layout
-from gearstab.sweep.store import Finished
+from gearstab.sweep.storage.earlier import origin
+from gearstab.sweep.storage.parts import FinishedBlock
+from gearstab.sweep.storage.store import Finished
 from gearstab.system import Array
 
 IN_MEMORY = 1 << 28
@@ -162,7 +162,7 @@ def write(finished: Finished, out: Path, folder: Path, look: Look) -> None:
 
 def write_apart(finished: Finished, said: Mapping[str, str], out: Path, path: Path) -> None:
     """Write a large result in a process of its own: on a full disk HDF5 may crash even if the error is caught."""
-    command = [sys.executable, "-c", "from gearstab.sweep.merge import main; main()", str(path)]
+    command = [sys.executable, "-c", "from gearstab.sweep.storage.merge import main; main()", str(path)]
     # Its own session: an interrupt from the terminal is handled here.
     child = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True)
     try:

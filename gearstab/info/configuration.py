@@ -1,17 +1,10 @@
-"""``gearstab info``: modes and predicted instability tongues of the base system of a configuration."""
+"""What is known of a configuration: modes and predicted instability tongues of its base system, as facts."""
 
 from __future__ import annotations
 
-import json
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import click
-
-from gearstab.cli import options
-from gearstab.cli.console import say
-from gearstab.cli.info import danger, periods, train, units
-from gearstab.cli.info.text import report
+from gearstab.info import danger, periods, train
 
 if TYPE_CHECKING:
     from gearstab.config import Config
@@ -21,44 +14,6 @@ if TYPE_CHECKING:
 
 HARMONICS = 3
 """Harmonics whose tongues are listed where the configuration does not ask for perturbation theory itself."""
-
-
-@click.command()
-@click.argument("config", metavar="CONFIG|RESULT", type=options.FILE)
-@options.overrides
-@click.option(
-    "--harmonics", type=click.IntRange(1, 50), help="List tongues up to this harmonic [default: as in CONFIG]."
-)
-@options.unit
-@click.option("--all", "every", is_flag=True, help="List all predicted tongues, however many and closed.")
-@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
-def command(
-    config: Path, overrides: tuple[str, ...], harmonics: int | None, unit: tuple[str, ...], every: bool, as_json: bool
-) -> None:
-    """Show natural frequencies, modes and the tongues that perturbation theory predicts for CONFIG.
-
-    Of a file RESULT: where it comes from, its groups, axes and variables.
-    """
-    from gearstab.cli.errors import warn
-    from gearstab.cli.info import result
-
-    if result.is_result(config):
-        if overrides or harmonics:
-            raise click.UsageError(f"{config} is a result, which --set and --harmonics do not change")
-        known = result.describe(config, unit)
-        say(json.dumps(known, indent=2, allow_nan=False) if as_json else result.report(known))
-        return
-    from gearstab.config import load
-
-    loaded = load(config, overrides)
-    warn(loaded)
-    facts = describe(loaded, harmonics)
-    if unit:
-        facts = units.shown_in(facts, unit[-1])
-    if as_json:
-        say(json.dumps(facts, indent=2, allow_nan=False))
-    else:
-        say(report(facts, every or harmonics is not None))
 
 
 def describe(config: Config, harmonics: int | None = None) -> dict[str, Any]:

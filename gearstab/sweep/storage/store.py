@@ -13,8 +13,8 @@ import numpy as np
 
 from gearstab.results.chunks import decode
 from gearstab.sweep.compute import fits
-from gearstab.sweep.parts import FinishedBlock, PartFolder
 from gearstab.sweep.plan import Block, Layout, Plan
+from gearstab.sweep.storage.parts import FinishedBlock, PartFolder
 
 try:
     import fcntl

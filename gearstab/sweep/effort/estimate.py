@@ -21,10 +21,10 @@ from gearstab import ckernel
 from gearstab.config import parameters_at
 from gearstab.methods import RANGE, Effort
 from gearstab.results.variables import GRID
-from gearstab.sweep import merge
-from gearstab.sweep.clock import within
 from gearstab.sweep.compute import compute
+from gearstab.sweep.effort.clock import within
 from gearstab.sweep.plan import Block, Layout, Plan
+from gearstab.sweep.storage import merge
 from gearstab.systems import build
 
 BUDGET = 1.0

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gearstab.cli import options
-from gearstab.cli.console import say, tell
-from gearstab.cli.errors import warn
+from gearstab.cli.terminal import options
+from gearstab.cli.terminal.console import say, tell
+from gearstab.cli.terminal.errors import warn
 
 if TYPE_CHECKING:
     from gearstab.config import Axis
     from gearstab.sweep import Plan, Summary
-    from gearstab.sweep.estimate import Estimate
+    from gearstab.sweep.effort.estimate import Estimate
 
 
 DRY_RUN, LEAST = 1.6, 0.4
@@ -59,22 +59,22 @@ def command(
         for note in notes(planned):
             tell(f"note: {note}")
     if dry_run:
-        from gearstab.sweep.estimate import estimate
+        from gearstab.sweep.effort.estimate import estimate
 
         left = max(DRY_RUN - (time.perf_counter() - start), LEAST)
         say(forecast(planned, estimate(planned, jobs, left), target))
         return
-    from gearstab.cli import sweep_notes
-    from gearstab.cli.progress import reporter
-    from gearstab.sweep import limits
+    from gearstab.cli.sweep import notes as remarks
+    from gearstab.cli.terminal.progress import reporter
+    from gearstab.sweep.effort import limits
 
     limits.refuse(planned, target, jobs, yes)
     summary = run(planned, target, jobs, resume is True, resume is False, reporter(quiet))
     if not quiet:
         tell(final_line(target, summary, time.perf_counter() - start))
         if summary.proved:
-            tell(sweep_notes.proof(summary.proved, summary.counted or 0.0))
-        for note in [] if summary.complete else sweep_notes.notes(planned, summary):
+            tell(remarks.proof(summary.proved, summary.counted or 0.0))
+        for note in [] if summary.complete else remarks.notes(planned, summary):
             tell(f"note: {note}")
         if slow_kernel(planned, summary):
             tell(SLOW_KERNEL)
@@ -99,7 +99,7 @@ def slow_kernel(plan: Plan, summary: Summary) -> bool:
 
 def final_line(target: Path, summary: Summary, seconds: float) -> str:
     """What the user reads at the end."""
-    from gearstab.cli.progress import duration
+    from gearstab.sweep.effort.words import duration
 
     if summary.complete:
         return f"{target}: already complete; --overwrite computes it again"
@@ -115,8 +115,9 @@ def final_line(target: Path, summary: Summary, seconds: float) -> str:
 
 def forecast(plan: Plan, found: Estimate, target: Path) -> str:
     """What ``--dry-run`` prints."""
-    from gearstab.cli.progress import duration
-    from gearstab.sweep.limits import large
+    from gearstab.info.tables import columns
+    from gearstab.sweep.effort.limits import large
+    from gearstab.sweep.effort.words import duration
 
     axes, more = [[axis.name, f"{axis.size:,}", extent(axis)] for axis in plan.config.axes], "more than "
     methods = [
@@ -124,8 +125,8 @@ def forecast(plan: Plan, found: Estimate, target: Path) -> str:
         for m in found.methods
     ]
     lines = [plan.config.title, ""]
-    lines += [*table(["axis", "values", "from .. to"], axes), ""]
-    lines += [*table(["method", "points", "blocks", "time", "in the file"], methods), ""]
+    lines += [*columns(["axis", "values", "from .. to"], axes), ""]
+    lines += [*columns(["method", "points", "blocks", "time", "in the file"], methods), ""]
     outlooks = [(layout.method.name, layout.method.outlook()) for layout in plan.layouts]
     said = [f"{name}: {text}" for name, text in outlooks if text is not None]
     lines += [*said, ""] if said else []
@@ -154,16 +155,7 @@ def extent(axis: Axis) -> str:
 
 def size(count: float) -> str:
     """A number of bytes."""
-    from gearstab.cli.progress import quantity
+    from gearstab.sweep.effort.words import quantity
 
     text = quantity(max(count, 1000.0))
     return f"{text}B"
-
-
-def table(header: list[str], rows: list[list[str]]) -> list[str]:
-    """Columns of text, two spaces apart."""
-    widths = [max(len(row[k]) for row in [header, *rows]) for k in range(len(header))]
-    return [
-        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
-        for row in [header, *rows]
-    ]

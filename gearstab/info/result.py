@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gearstab.cli.sweep import table
+from gearstab.info.tables import columns
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -133,10 +133,10 @@ def _listed(
     lines = [f"{name}: {_short(value)}" for name, value in attributes.items()]
     if coordinates:
         rows = [[item["name"], _over(item), _extent(item), _unit(item), item["long_name"]] for item in coordinates]
-        lines += ["", *table(["coordinate", "over", "from .. to", "unit", "long name"], rows)]
+        lines += ["", *columns(["coordinate", "over", "from .. to", "unit", "long name"], rows)]
     if variables:
         rows = [[item["name"], _over(item), _unit(item), _meaning(item)] for item in variables]
-        lines += ["", *table(["variable", "over", "unit", "long name"], rows)]
+        lines += ["", *columns(["variable", "over", "unit", "long name"], rows)]
     return ["", title, *lines] if lines else []
 
 

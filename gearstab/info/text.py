@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from gearstab.cli.info import danger, periods, train
+from gearstab.info import danger, periods, train
+from gearstab.info.tables import table
 
 FEW_MESHES = 4
 """Up to so many meshes have columns of their own."""
@@ -19,18 +20,8 @@ def report(facts: dict[str, Any], every: bool = False) -> str:
     """The facts as readable text. every: list all tongues, however many."""
     parts = [_heading, *((_train,) if facts["train"] else ()), _mesh_table, _mode_table, _reduction_text]
     texts = [part(facts) for part in parts]
-    texts.append(danger.text(facts["dangerous"], table))
+    texts.append(danger.text(facts["dangerous"]))
     return "\n\n".join([*texts, _tongue_table(facts, every)])
-
-
-def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Columns of text: the first to the left, numbers to the right, two spaces between."""
-    numeric = [all(row[k] in {"", "-"} or row[k][0] in "+-.0123456789" for row in rows) for k in range(len(header))]
-    widths = [max(len(line[k]) for line in [header, *rows]) for k in range(len(header))]
-    lines = [header, ["-" * width for width in widths], *rows]
-    pads = [str.rjust if right else str.ljust for right in numeric]
-    padded = ([pad(cell, width) for pad, cell, width in zip(pads, line, widths, strict=True)] for line in lines)
-    return "\n".join("  ".join(cells).rstrip() for cells in padded)
 
 
 def heading(name: str, unit: str) -> str:
@@ -90,7 +81,7 @@ def _mesh_table(facts: dict[str, Any]) -> str:
 
 
 def _train(facts: dict[str, Any]) -> str:
-    return f"{train.drawing(facts['train'])}\n\n{train.teeth(facts['train'], table)}"
+    return f"{train.drawing(facts['train'])}\n\n{train.teeth(facts['train'])}"
 
 
 def _gears(names: Sequence[str]) -> dict[str, list[str]]:
@@ -104,7 +95,7 @@ def _gears(names: Sequence[str]) -> dict[str, list[str]]:
 
 
 def _mode_table(facts: dict[str, Any]) -> str:
-    lines = [train.modes(facts, table)] if facts["train"] else _mode_lines(facts)
+    lines = [train.modes(facts)] if facts["train"] else _mode_lines(facts)
     equal = facts["equal_frequencies"]
     if len(equal) > FEW_GROUPS:
         listed = "; ".join(" ".join(map(str, group)) for group in equal)

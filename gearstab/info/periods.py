@@ -37,7 +37,7 @@ def frequencies(config: Config, system: GearSystem) -> dict[str, Any] | None:
 
     from gearstab.methods.floquet import Floquet, FloquetOptions
     from gearstab.modal import mean_modes
-    from gearstab.sweep.estimate import seconds_per_point
+    from gearstab.sweep.effort.estimate import seconds_per_point
 
     if len(set(system.frequency_ratios)) < 2:
         return None
@@ -65,7 +65,7 @@ def text(period: dict[str, Any] | None) -> str:
 
 def way(found: dict[str, Any]) -> str:
     """The way of exact stability in a line."""
-    from gearstab.cli.progress import duration
+    from gearstab.sweep.effort.words import duration
 
     seconds = found["seconds_per_point"]
     taken = "more than a second" if seconds is None else duration(seconds)

@@ -1,0 +1,1 @@
+"""``gearstab sweep``: from a configuration to a result file."""

@@ -1,0 +1,1 @@
+"""What a sweep will take: time, memory, size of the file; and whether that is too much to begin unasked."""

@@ -1,0 +1,1 @@
+"""Parts that survive a crash, and the result file that they become."""
