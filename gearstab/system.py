@@ -14,7 +14,8 @@ whole slab of a sweep is built and solved with a handful of array operations.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import cached_property
 from math import gcd, lcm, prod
@@ -178,6 +179,7 @@ class GearSystem:
         relies on it.
     deflection_unit: SI unit of the mesh deflections g_i^T q, ``m``, or ``rad`` where the mesh stiffness is torsional.
     dimensionless: which of ``mass``, ``length`` and ``time`` have no unit; results say that.
+    drawing: what pictures of the modes need besides, by name; attributes of the group ``/modes``.
     """
 
     mass: Array
@@ -192,6 +194,7 @@ class GearSystem:
     units: tuple[str, ...] = ()
     deflection_unit: str = "m"
     dimensionless: tuple[str, ...] = ()
+    drawing: Mapping[str, Array] = field(default_factory=dict)
 
     @property
     def coordinate_units(self) -> tuple[str, ...]:

@@ -30,6 +30,7 @@ def describe(config: Config, harmonics: int | None = None) -> dict[str, Any]:
         "kind": config.kind,
         "formulation": config.parameters.get("formulation"),
         "coordinates": list(system.coordinates),
+        "summary": model_of(config.parameters).summary(config.parameters),
         "sweep": sweep,
         "frequency_range": _frequency_range(config),
         "unit": "" if "time" in system.dimensionless else "rad/s",

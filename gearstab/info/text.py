@@ -47,6 +47,7 @@ def _heading(facts: dict[str, Any]) -> str:
         facts["title"],
         "",
         f"system         {facts['kind']}, {len(facts['coordinates'])} coordinates: {', '.join(facts['coordinates'])}",
+        *(f"{heading:<14} {said}" for heading, said in facts["summary"].items()),
         *_formulation(facts),
         f"common period  {periods.text(facts['common_period'])}",
     ]

@@ -40,16 +40,16 @@ STILL = 1e-9
 
 @dataclass(frozen=True)
 class Layout:
-    """Where the bodies rest: ring of radius 1 at the origin, planets at equal angles psi_n = 2 pi (n - 1)/N."""
+    """Where the bodies rest: ring of radius 1 at the origin, planets at the angles psi_n, ``(N,)``."""
 
-    planets: int
+    angles: Array
     sun: float
     planet: float
 
     @property
-    def angles(self) -> Array:
-        """``(N,)``, psi_n."""
-        return 2 * np.pi * np.arange(self.planets) / self.planets
+    def planets(self) -> int:
+        """N."""
+        return len(self.angles)
 
     @property
     def orbit(self) -> float:
@@ -76,12 +76,17 @@ def is_planetary(modes: xr.Dataset) -> bool:
     return "dof" in modes.coords and {"sun_rotation", "planet1_rotation"} <= set(modes["dof"].values.astype(str))
 
 
-def layout_of(names: list[str]) -> Layout:
-    """The drawing for as many planets as the coordinates name, which shrink where there are many."""
+def layout_of(names: list[str], angles: Array | None = None) -> Layout:
+    """The drawing for as many planets as the coordinates name, which shrink where there are many.
+
+    angles: psi_n; equal ones, 2 pi (n - 1)/N, without.
+    """
     planets = max(int(match[1]) for match in map(re.compile(r"planet(\d+)_").match, names) if match)
-    half = ROOM * 2 * np.sin(np.pi / planets)  # of the orbit's radius
+    psi = 2 * np.pi * np.arange(planets) / planets if angles is None else np.asarray(angles)
+    gap = np.diff([*np.sort(psi), psi.min() + 2 * np.pi]).min()
+    half = ROOM * 2 * np.sin(gap / 2)  # of the orbit's radius
     planet = min(SUN_AND_PLANET[1], half / (1 + half))
-    return Layout(planets, 1 - 2 * planet if planet < SUN_AND_PLANET[1] else SUN_AND_PLANET[0], planet)
+    return Layout(psi, 1 - 2 * planet if planet < SUN_AND_PLANET[1] else SUN_AND_PLANET[0], planet)
 
 
 def ring_shape(entries: Mapping[str, float], angle: Array) -> tuple[Array, Array]:
@@ -216,7 +221,7 @@ def draw_meshes(ax: Axes, layout: Layout, modes: xr.Dataset, p: int) -> dict[str
 def draw_mode(ax: Axes, modes: xr.Dataset, p: int) -> dict[str, Any]:
     """The picture of mode p (from 0): lines of ``ring``, ``carrier``, ``sun``, ``planets`` and dots of ``meshes``."""
     names = [str(name) for name in modes["dof"].values]
-    layout, angle = layout_of(names), np.linspace(0, 2 * np.pi, 361)
+    layout, angle = layout_of(names, modes.attrs.get("planet_angles")), np.linspace(0, 2 * np.pi, 361)
     entries = dict(zip(names, map(float, modes["mode_shape"].values[p]), strict=True))
     found = displaced(layout, entries, angle)
     artists: dict[str, Any] = {"ring": draw_ring(ax, angle, found), "carrier": draw_carrier(ax, layout, found)}

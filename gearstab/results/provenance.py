@@ -69,4 +69,4 @@ def modes_group(system: GearSystem) -> Group:
     if system.symmetry is not None:
         table, values = (*MODES, DEFLECTION_TYPE), values | {DEFLECTION_TYPE.name: deflection_types(system, modes)}
     said = {"comment": "modes of the mean system at the base values of the configuration"}
-    return Group(fields_of(in_units_of(system, table), values), said)
+    return Group(fields_of(in_units_of(system, table), values), {**said, **system.drawing})

@@ -136,6 +136,11 @@ class System(Section):
         return None
 
     @classmethod
+    def summary(cls, p: dict[str, Any]) -> dict[str, str]:
+        """Return what ``gearstab info`` says of the kind besides: a line each, by its heading."""
+        return {}
+
+    @classmethod
     def follow_speed(cls, raw: dict[str, Any]) -> list[Path]:
         """Numbers of the system that are the speed of the input too."""
         return []

@@ -7,6 +7,7 @@ at types again; its numbers are as written.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
+from fractions import Fraction
 from typing import Any, get_origin
 
 import numpy as np
@@ -104,8 +105,8 @@ def below(key: str | int, conflicts: Iterable[Conflict]) -> Iterator[Conflict]:
 
 
 def plain_number(value: Any) -> float | None:
-    """Return a number as written; None for a text with a unit and what is no number."""
-    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
+    """Return a number as written, or as a parameter; None for a text with a unit and what is no number."""
+    return float(value) if isinstance(value, int | float | Fraction) and not isinstance(value, bool) else None
 
 
 def within(raw: dict[str, Any], key: str, rule: Callable[[Any], Iterable[Conflict]]) -> Iterator[Conflict]:

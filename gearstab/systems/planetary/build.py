@@ -13,6 +13,7 @@ from gearstab.system import Array, Cyclic, GearSystem, Mesh
 from gearstab.systems.parts.damping import with_damping
 from gearstab.systems.parts.forcing import with_forcing
 from gearstab.systems.parts.mesh import build_mesh
+from gearstab.systems.planetary.angles import angles_of
 from gearstab.systems.planetary.phasing import lags
 
 CENTRAL = ("ring", "carrier", "sun")
@@ -20,7 +21,7 @@ CENTRAL = ("ring", "carrier", "sun")
 
 
 def build(p: dict[str, Any]) -> GearSystem:
-    """Sun, carrier, ring and N equal planets at the angles psi_n = 2 pi (n - 1)/N, with 2 N tooth meshes.
+    """Sun, carrier, ring and N equal planets at the angles psi_n, with 2 N tooth meshes.
 
     Coordinates, all lengths (m): translations x, y and rotation u = r theta (r the base radius, of the carrier the
     radius of the planets' centres) of the ring's rigid motion, the carrier and the sun; radial and tangential
@@ -42,9 +43,10 @@ def build(p: dict[str, Any]) -> GearSystem:
     and are exact for the deflections kept, |m| <= J (Galerkin). ``motion: rotational`` constrains x = y = 0 and lets
     the planets' centres move with the carrier: xi_n = 0, eta_n = u_c.
 
-    Parameters: ``planets`` N, ``ring`` (``kind`` rigid or elastic, ``harmonics`` J, ``bending_stiffness``), ``motion``,
-    ``masses``, ``inertias`` (I/r^2; the ring's is m_r/cos^2 a_r of a thin rim unless given), ``supports`` (``ring`` and
-    ``ring_rotation``, k_r and k_ru of Lin & Parker 1999, hold a rigid ring only),
+    Parameters: ``planets`` N, ``angles`` psi_n (2 pi (n - 1)/N without), ``ring`` (``kind`` rigid or elastic,
+    ``harmonics`` J, ``bending_stiffness``), ``motion``, ``masses``, ``inertias`` (I/r^2; the ring's is m_r/cos^2 a_r
+    of a thin rim unless given), ``supports`` (``ring`` and ``ring_rotation``, k_r and k_ru of Lin & Parker 1999, hold a
+    rigid ring only),
     ``pressure_angles``, ``meshes`` (``sun``, ``ring``), ``phases`` or ``teeth`` (:mod:`.phasing`), damping,
     ``load`` (torques over radii on ``ring``, ``carrier``, ``sun``). ``scaling: dimensionless`` refers masses to m_r,
     stiffnesses to the mean k_rp and so frequencies to sqrt(k_rp/m_r); lengths keep their scale.
@@ -53,7 +55,8 @@ def build(p: dict[str, Any]) -> GearSystem:
     misprinted there (derivatives in L2 act on v and v is projected on |m| >= 2; b_r of L4 depends on n and belongs
     inside the sum; M_j divides by r^2 twice). Rotational model: Lin & Parker 2002 (J. Sound Vib. 249, 129-145).
     """
-    gear = _Gear(int(p["planets"]), _harmonics(p["ring"]))
+    gear = _Gear(int(p["planets"]), _harmonics(p["ring"]), tuple(angles_of(p)))
+    symmetric = p.get("angles") is None
     angle = {name: np.asarray(p["pressure_angles"][name], dtype=float) for name in ("sun", "ring")}
     parts, meshes = [], []
     for name, lag in lags(p, gear.planets).items():
@@ -63,7 +66,8 @@ def build(p: dict[str, Any]) -> GearSystem:
             meshes.append(build_mesh(parts[-1], direction, lag=lag[n - 1]))
     full = GearSystem(
         gear.diagonal(_masses(gear, p, angle["ring"])), _stiffness(gear, p, angle["ring"]), tuple(meshes),
-        coordinates=gear.names, symmetry=Cyclic(gear.planets, gear.turn(), ("rotational", "translational", "planet")),
+        coordinates=gear.names, symmetry=gear.cyclic() if symmetric else None,
+        drawing={} if symmetric else {"planet_angles": vector(gear.angles)},
     )  # fmt: skip
     system = full if p["motion"] == "planar" else _rotational(full, gear)
     if gear.harmonics > 1 and system.symmetry is not None:
@@ -77,7 +81,7 @@ def build(p: dict[str, Any]) -> GearSystem:
 
 def coordinates(planets: int, harmonics: int, motion: str) -> tuple[str, ...]:
     """Names of the coordinates; ``harmonics`` is 1 for a rigid ring."""
-    names = _Gear(planets, harmonics).names
+    names = _Gear(planets, harmonics, ()).names
     return names if motion == "planar" else tuple(name for name in names if _free_to_rotate(name))
 
 
@@ -88,10 +92,11 @@ def _harmonics(ring: dict[str, Any]) -> int:
 
 @dataclass(frozen=True)
 class _Gear:
-    """Coordinates of a planar gear. planets: N; harmonics: J."""
+    """Coordinates of a planar gear. planets: N; harmonics: J; angles: psi_n, any of which may have a batch shape."""
 
     planets: int
     harmonics: int
+    angles: tuple[Array, ...]
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -106,9 +111,9 @@ class _Gear:
         """m = 2..J."""
         return range(2, self.harmonics + 1)
 
-    def angle(self, n: int) -> float:
+    def angle(self, n: int) -> Array:
         """psi_n."""
-        return 2 * np.pi * (n - 1) / self.planets
+        return self.angles[n - 1]
 
     def vector(self, entries: dict[str, Any]) -> Array:
         """``(..., n)`` with the given entries, which may have a batch shape; 0 elsewhere."""
@@ -117,6 +122,10 @@ class _Gear:
     def diagonal(self, entries: dict[str, Any]) -> Array:
         """``(..., n, n)`` with the given entries on the diagonal."""
         return diagonal([entries.get(name, 0.0) for name in self.names])
+
+    def cyclic(self) -> Cyclic:
+        """The symmetry of equally spaced planets."""
+        return Cyclic(self.planets, self.turn(), ("rotational", "translational", "planet"))
 
     def turn(self) -> Array:
         """``(n, n)``, the displacements turned by 2 pi/N: planet n takes what planet n - 1 had."""
@@ -178,13 +187,13 @@ def _spring(supports: dict[str, Any], key: str) -> Array:
 
 def _bearings(gear: _Gear) -> Array:
     """Sum over the planets of the squared radial and tangential deflection of a bearing, as a matrix."""
-    total = np.zeros((len(gear.names), len(gear.names)))
+    total: Array = np.zeros((len(gear.names), len(gear.names)))
     for n in range(1, gear.planets + 1):
         cosine, sine = np.cos(gear.angle(n)), np.sin(gear.angle(n))
         radial = {"carrier_x": cosine, "carrier_y": sine, f"planet{n}_radial": -1.0}
         tangential = {"carrier_x": -sine, "carrier_y": cosine, "carrier_rotation": 1.0, f"planet{n}_tangential": -1.0}
         for spring in (gear.vector(radial), gear.vector(tangential)):
-            total += np.outer(spring, spring)
+            total = total + spring[..., :, None] * spring[..., None, :]
     return total
 
 
@@ -220,7 +229,8 @@ def _rotational(system: GearSystem, gear: _Gear) -> GearSystem:
     return replace(
         system, mass=basis.T @ system.mass @ basis, stiffness=basis.T @ system.stiffness @ basis, coordinates=names,
         meshes=tuple(replace(mesh, direction=mesh.direction @ basis) for mesh in system.meshes),
-        symmetry=Cyclic(gear.planets, _left_inverse(basis) @ gear.turn() @ basis, ("rotational", "planet")),
+        symmetry=None if system.symmetry is None
+        else Cyclic(gear.planets, _left_inverse(basis) @ gear.turn() @ basis, ("rotational", "planet")),
     )  # fmt: skip
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import islice, product
 from typing import Any
 
@@ -11,22 +11,29 @@ import numpy as np
 from gearstab.config.document.yaml import Document
 from gearstab.config.model.axes import Grid, parameters_at
 from gearstab.config.model.conflicts import Conflict, plain_number
+from gearstab.systems.planetary.angles import ASSEMBLE, misfit
 
 MOST_PLANETS = 30
+OF_ASSEMBLY = ("teeth", "planets", "angles")
+"""Keys that decide it."""
 MOST_ASSEMBLIES = 100_000
 """Points of a grid of teeth that are looked at."""
 
 
 def check_assembly(document: Document, grid: Grid) -> None:
-    """Report the first point of the grid, over the axes of teeth and planets, at which the gear cannot be assembled."""
-    axes = [axis for axis in grid.axes if any(item.path[0] in ("teeth", "planets") for item in axis.assignments)]
-    if not axes or grid.parameters.get("teeth") is None:
+    """Report the first point of the grid, over axes of OF_ASSEMBLY, at which the gear cannot be assembled."""
+    axes = [axis for axis in grid.axes if any(item.path[0] in OF_ASSEMBLY for item in axis.assignments)]
+    if grid.parameters.get("teeth") is None:
         return
     for places in islice(product(*(range(axis.size) for axis in axes)), MOST_ASSEMBLIES):
         at = {axis.name: np.array(k) for axis, k in zip(axes, places, strict=True)}
         p = parameters_at(grid, at)
         sun, planet, ring = (int(p["teeth"][name]) for name in ("sun", "planet", "ring"))
-        if any(True for _ in assembly(sun, planet, ring, int(p["planets"]))):
+        wrong = next(assembly(sun, planet, ring, int(p["planets"]), p.get("angles")), None)
+        if wrong is not None and not axes:
+            path, message, hint = wrong
+            document.report(("system", *path), message, hint)
+        elif wrong is not None:
             values = ", ".join(f"{axis.name} = {axis.values[k]}" for axis, k in zip(axes, places, strict=True))
             hint = "tie teeth.sun, teeth.planet and teeth.ring to one axis, or let gearstab design go through them"
             numbers = f"z_s, z_p, z_r = {sun}, {planet}, {ring} with {p['planets']} planets"
@@ -35,23 +42,32 @@ def check_assembly(document: Document, grid: Grid) -> None:
             return
 
 
-def assembly(sun: int, planet: int, ring: int, planets: Any) -> Iterator[Conflict]:
-    """Yield what keeps teeth from fitting into each other, and planets at equal angles between them."""
+def assembly(sun: int, planet: int, ring: int, planets: Any, angles: Sequence[Any] | None = None) -> Iterator[Conflict]:
+    """Yield what keeps teeth from fitting into each other, and planets at equal or given angles between them."""
     if ring != sun + 2 * planet:
         yield ("teeth", "ring"), f"must be z_s + 2 z_p = {sun + 2 * planet}", f"give {sun + 2 * planet} teeth"
+    elif angles is not None:
+        if number := misfit(sun, ring, angles):
+            step = 360 / (sun + ring)
+            message = f"the teeth of planet {number} do not fit: angles are multiples of 360 deg/(z_s + z_r)"
+            near = step * round(np.degrees(float(angles[number - 1] - angles[0])) / step)
+            yield ("angles",), message, f'give "{near:.7g} deg" from the first one, or write angles: {ASSEMBLE}'
     elif whole(planets, 3, MOST_PLANETS) and (sun + ring) % int(planets):
         possible = [str(k) for k in range(3, MOST_PLANETS + 1) if (sun + ring) % k == 0]
-        remedy = f"change the teeth, or take one of planets: {', '.join(possible)}" if possible else "change the teeth"
+        remedy = f"write angles: {ASSEMBLE}, or change the teeth"
+        remedy += f", or take one of planets: {', '.join(possible)}" if possible else ""
         message = f"{planets} equally spaced planets cannot be assembled: (z_s + z_r)/N = {sun + ring}/{planets}"
         yield ("teeth",), f"{message} is no integer", remedy
 
 
-def clear_of_each_other(sun: int, planet: int, planets: int) -> bool:
+def clear_of_each_other(sun: int, planet: int, angles: Sequence[Any]) -> bool:
     """Whether the tips of neighbouring planets stay apart, with an addendum of one module.
 
-    (z_s + z_p) sin(pi/N) > z_p + 2
+    (z_s + z_p) sin(gap/2) > z_p + 2, the gap between neighbours being 2 pi/N where they are equally spaced.
     """
-    return bool((sun + planet) * np.sin(np.pi / planets) > planet + 2)
+    psi = np.sort(np.array([float(angle) for angle in angles]))
+    gaps = np.diff([*psi, psi[0] + 2 * np.pi])
+    return bool((sun + planet) * np.sin(min(gaps) / 2) > planet + 2)
 
 
 def whole(value: Any, low: int, high: int) -> bool:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from fractions import Fraction
+from math import tau
 from typing import Any
 
 import numpy as np
 
 from gearstab.system import Array
+from gearstab.systems.planetary.angles import angles_of
 
 
 def lags(p: dict[str, Any], planets: int) -> dict[str, list[Array]]:
@@ -21,6 +23,9 @@ def lags(p: dict[str, Any], planets: int) -> dict[str, list[Array]]:
     if p.get("teeth") is not None:
         found, lag = phases_of(p["teeth"], planets)
         sun, sun_ring = list(map(float, found)), float(lag) if sun_ring is None else sun_ring
+        if p.get("angles") is not None:
+            psi, z_s, places = angles_of(p), int(p["teeth"]["sun"]), int(p["teeth"]["sun"] + p["teeth"]["ring"])
+            sun = [z_s * np.rint((angle - psi[0]) * places / tau) % places / places for angle in psi]
     first = [np.asarray(value, dtype=float) for value in (sun or [0.0] * planets)]
     between = np.asarray(0.0 if sun_ring is None else sun_ring, dtype=float)
     return {"sun": first, "ring": [value + between for value in first]}
@@ -31,11 +36,11 @@ def phases_of(teeth: dict[str, int], planets: int) -> tuple[list[Fraction], Frac
 
         gamma_sn = (n - 1) z_s/N (mod 1),   gamma_sr = 0 for odd z_p, 1/2 for even z_p
 
-    gamma_sn holds for planets that turn clockwise while numbered counterclockwise. gamma_sr is the lag between the
-    passages of the two pitch points: a planet touches the sun and the ring with opposite flanks half a turn apart,
-    z_p/2 pitches, and the flanks of a tooth as thick as its gap are half a pitch apart. It is that between the
-    stiffness waves if contact begins equally long before the pitch point on both meshes (else give
-    ``phases.sun_ring``).
+    of equally spaced planets; gamma_sn = z_s psi_n/2 pi of one at the angle psi_n from the first. It holds for planets
+    that turn clockwise while numbered counterclockwise. gamma_sr is the lag between the passages of the pitch points: a
+    planet touches the sun and the ring with opposite flanks half a turn apart, z_p/2 pitches, and the flanks of a tooth
+    as thick as its gap are half a pitch apart. It is that between the stiffness waves if contact begins equally long
+    before the pitch point on both meshes (else give ``phases.sun_ring``).
 
     Source: Parker 2009, "Parametric instabilities for in-phase meshes", for gamma_sn; Parker & Lin 2004 (J. Mech. Des.
     126, 365-370) for the definitions; gamma_sr derived here for standard teeth.

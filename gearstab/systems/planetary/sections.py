@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from fractions import Fraction
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, cast
 
+import numpy as np
 from pydantic import Field
 
 from gearstab.config.document.problems import Path
@@ -26,7 +27,8 @@ from gearstab.system import GearSystem
 from gearstab.systems.base import System, first_number
 from gearstab.systems.gearbox import sections as gearbox
 from gearstab.systems.parts.mesh import ToothMesh
-from gearstab.systems.planetary import teeth
+from gearstab.systems.planetary import angles, teeth
+from gearstab.systems.planetary.angles import ASSEMBLE, angles_of
 from gearstab.systems.planetary.build import build, coordinates
 from gearstab.systems.planetary.feasibility import MOST_PLANETS, assembly, check_assembly, clear_of_each_other, whole
 from gearstab.systems.planetary.phasing import cycles
@@ -223,7 +225,11 @@ class ToothNumbers(Section):
 
     sun: Teeth = Field(title="teeth of the sun", description="z_s.")
     planet: Teeth = Field(title="teeth of a planet", description="z_p.")
-    ring: Teeth = Field(title="teeth of the ring", description="z_r = z_s + 2 z_p; (z_s + z_r)/planets is an integer.")
+    ring: Teeth = Field(
+        default=cast(Any, None),  # from the others
+        title="teeth of the ring",
+        description="z_r = z_s + 2 z_p, without too; (z_s + z_r)/planets is an integer for equal angles.",
+    )
 
 
 NEEDED = {
@@ -232,12 +238,22 @@ NEEDED = {
 """Numbers that are given, or follow from the teeth."""
 
 
+def _or_assemble(schema: dict[str, Any]) -> None:
+    schema["anyOf"].append({"const": ASSEMBLE})
+
+
 class Planetary(System):
-    """Sun, carrier, equal and equally spaced planets and a ring (Parker 2009)."""
+    """Sun, carrier, equal planets and a ring (Parker 2009)."""
 
     kind: Literal["planetary"] = Field(title="kind of system", description="A planetary gear.")
     planets: Annotated[Fraction, Count(of="planets"), Field(le=MOST_PLANETS)] = Field(
-        title="number of planets", description="N >= 3, equally spaced."
+        title="number of planets", description="N >= 3, equally spaced without angles."
+    )
+    angles: list[Annotated[float, Quantity("rad")]] | None = Field(
+        default=None,
+        title="angle of a planet",
+        description="psi_n (rad, or with a unit), or assemble: the nearest to equal ones at which the teeth fit.",
+        json_schema_extra=_or_assemble,
     )
     motion: Annotated[str, Choice("motion", ("planar", "rotational"))] = Field(
         default="planar",
@@ -289,7 +305,8 @@ class Planetary(System):
 
     @classmethod
     def complete(cls, document: Document, raw: dict[str, Any], size: int | None) -> None:
-        """What follows from the teeth, see :mod:`.teeth`."""
+        """What follows from the teeth, see :mod:`.angles` and :mod:`.teeth`."""
+        angles.complete(document, raw)
         teeth.fill(document, raw)
 
     @classmethod
@@ -299,6 +316,17 @@ class Planetary(System):
         z_s, z_r = (first_number([teeth.get(key)]) for key in ("sun", "ring"))
         driving, held = raw.get("input", "sun"), raw.get("fixed", "ring")
         return None if z_s is None or z_r is None else cycles(str(driving), str(held), z_s, z_r)
+
+    @classmethod
+    def summary(cls, p: dict[str, Any]) -> dict[str, str]:
+        """Where the planets are, and the numbers of teeth."""
+        psi = [np.degrees(float(angle)) for angle in angles_of(p)]
+        equal = "" if p.get("angles") is not None else ", equally spaced"
+        said = {"planets": f"{len(psi)} at {', '.join(f'{angle:.6g}' for angle in psi)} deg{equal}"}
+        if p.get("teeth"):
+            z_s, z_p, z_r = (int(p["teeth"][body]) for body in ("sun", "planet", "ring"))
+            said["teeth"] = f"sun {z_s}, planet {z_p}, ring {z_r} = z_s + 2 z_p"
+        return said
 
     @classmethod
     def build(cls, p: dict[str, Any]) -> GearSystem:
@@ -326,7 +354,8 @@ class Planetary(System):
         if not teeth:
             return True
         sun, planet, ring, planets = (int(v) for v in (teeth["sun"], teeth["planet"], teeth["ring"], p["planets"]))
-        return clear_of_each_other(sun, planet, planets) and not any(True for _ in assembly(sun, planet, ring, planets))
+        fits = not any(True for _ in assembly(sun, planet, ring, planets, p.get("angles")))
+        return fits and clear_of_each_other(sun, planet, angles_of(p))
 
     @classmethod
     def size(cls, raw: dict[str, Any]) -> int | None:
@@ -380,5 +409,8 @@ def _phases(raw: dict[str, Any]) -> Iterator[Conflict]:
     elif whole(planets, 3, MOST_PLANETS):
         yield from within(raw, "phases", lambda phases: wrong_length(phases, "sun", planets, "planet"))
     numbers: list[Any] = [(teeth or {}).get(key) for key in ("sun", "planet", "ring")]
-    if all(whole(number, 4, 10**6) for number in numbers):
+    psi = raw.get("angles")
+    if whole(planets, 3, MOST_PLANETS):
+        yield from wrong_length(raw, "angles", planets, "planet")
+    if psi is None and all(whole(number, 4, 10**6) for number in numbers):
         yield from assembly(int(numbers[0]), int(numbers[1]), int(numbers[2]), planets)
