@@ -1,4 +1,4 @@
-/* What the Python module (module.c) and the kernel at each level of vector instructions (level_*.c) agree on.
+/* What the Python module (module/module.c) and the kernel at each level of vector instructions (level_*.c) agree on.
 
    Arrays are contiguous, row-major, of doubles where nothing else is said; the module has checked their sizes. */
 

@@ -1,4 +1,7 @@
-"""Imports go one way: no circle of files, and none from a room to one that stands above it or beside it."""
+"""Imports go one way: no circle of files, and none from a room to one that stands above it or beside it.
+
+Folders have few entries.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +10,7 @@ import re
 from collections.abc import Iterator
 from functools import cache
 from graphlib import CycleError, TopologicalSorter
+from pathlib import Path
 
 import pytest
 from scenes import DOCS, ROOT
@@ -67,6 +71,28 @@ def package() -> dict[str, set[str]]:
 
 
 PLACES = floors((DOCS / "extending.md").read_text())
+
+
+MOST_ENTRIES = 14
+EXEMPT = {
+    "gearstab": "the rooms, whose order is the table of floors",
+    "tests": "a folder for each room",
+    "tests/data/figures": "a file or folder for each of configs/",
+}
+"""Folders that may hold more, and why."""
+
+
+def entries(folder: Path) -> list[str]:
+    """What a reader sees in a folder: not what Python and the compiler leave there."""
+    return sorted(p.name for p in folder.iterdir() if p.name != "__pycache__" and p.suffix not in (".so", ".pyd"))
+
+
+@pytest.mark.parametrize("top", ["gearstab", "tests"])
+def test_folders_can_be_taken_in_at_a_glance(top: str) -> None:
+    folders = [f for f in [ROOT / top, *(ROOT / top).rglob("*/")] if "__pycache__" not in f.parts]
+    found = {f.relative_to(ROOT).as_posix(): len(entries(f)) for f in folders}
+    crowded = {name: count for name, count in found.items() if count > MOST_ENTRIES}
+    assert set(crowded) == {name for name in EXEMPT if name.split("/")[0] == top}, crowded
 
 
 def test_no_circle() -> None:
