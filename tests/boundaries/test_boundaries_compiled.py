@@ -11,10 +11,11 @@ from tongues import train
 
 from gearstab.ckernel import library
 from gearstab.floquet.boundaries import boundaries
+from gearstab.floquet.boundaries.intervals import Interval, Intervals
 from gearstab.floquet.boundaries.parts import separated
 from gearstab.floquet.boundaries.undamped import compiled
 from gearstab.floquet.boundaries.undamped import search as reference
-from gearstab.floquet.boundaries.undamped.search import Interval, Search
+from gearstab.floquet.boundaries.undamped.search import Search
 from gearstab.floquet.kernel import c_kernel
 from gearstab.floquet.kernel.choice import using
 from gearstab.floquet.segments.pattern import Pattern, prepare
@@ -54,7 +55,7 @@ def patterns(item: GearSystem, start: float, stop: float) -> list[tuple[Pattern,
     return found
 
 
-def unstable(intervals: list[Interval], row: int) -> np.ndarray:
+def unstable(intervals: Intervals, row: int) -> np.ndarray:
     """``(I, 2)``; stable gaps narrower than the floor may be found or not: they are closed."""
     merged: list[list[float]] = []
     for i in sorted((i for i in intervals if i.row == row), key=lambda i: i.start):

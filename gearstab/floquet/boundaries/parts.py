@@ -7,14 +7,14 @@ any block is.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
+from gearstab.floquet.boundaries.intervals import by_row
 from gearstab.floquet.segments.blocks import split, whole
 from gearstab.floquet.segments.pattern import Pattern
-from gearstab.perturbation.tongues import Tongue
 from gearstab.system import Array
 
 TAKES_PART = 1e-6
@@ -57,37 +57,70 @@ def separated(pattern: Pattern, reduction: bool) -> Iterator[Part]:
         yield Part(block.pattern, pattern.size, modes, block.copies)
 
 
-@dataclass(frozen=True)
-class Region:
-    """Edges in Omega of one region of one row; error and cut: of the lower and the upper one."""
+@dataclass(frozen=True, eq=False)
+class Regions:
+    """Edges in Omega of K regions of rows: row ``(K,)``; edges, error, cut ``(K, 2)``, of the lower and the upper one.
 
-    row: int
-    edges: tuple[float, float]
-    error: tuple[float, float]
-    cut: tuple[bool, bool]
-    members: tuple[Tongue, ...]
+    owner, member ``(N,)``: the tongues of the regions, of each the leading one first: number of the region, ascending,
+    and number of the tongue.
+    """
+
+    row: Array
+    edges: Array
+    error: Array
+    cut: Array
+    owner: Array
+    member: Array
+
+    def subset(self, index: Array) -> Regions:
+        """Those at the positions ``index``."""
+        count = np.bincount(self.owner, minlength=len(self.row))
+        begin, own = (np.cumsum(count) - count)[index], count[index]
+        owner = np.repeat(np.arange(len(index)), own)
+        place = np.arange(len(owner)) - np.repeat(np.cumsum(own) - own, own) + np.repeat(begin, own)
+        edges, error, cut = (part[index] for part in (self.edges, self.error, self.cut))
+        return Regions(self.row[index], edges, error, cut, owner, self.member[place])
+
+    def ordered(self) -> Regions:
+        """By row and mesh frequency."""
+        return self.subset(np.lexsort((self.edges[:, 1], self.edges[:, 0], self.row)))
+
+    @classmethod
+    def joined(cls, parts: Sequence[Regions]) -> Regions:
+        """All of several, one after the other."""
+        offsets = np.cumsum([0, *(len(part.row) for part in parts)])
+        shifted = [replace(part, owner=part.owner + k) for part, k in zip(parts, offsets, strict=False)]
+        return cls(*(np.concatenate([getattr(part, f.name) for part in shifted]) for f in fields(cls)))
+
+    @classmethod
+    def none(cls) -> Regions:
+        """No region."""
+        whole, pairs = np.empty(0, dtype=np.int64), np.empty((0, 2))
+        return cls(whole, pairs, pairs, pairs.astype(bool), whole, whole)
 
 
-def united(regions: list[Region]) -> list[Region]:
+def united(regions: Regions) -> Regions:
     """Regions of different blocks that overlap as one, by row and mesh frequency.
 
     Of its tongues those of the widest region come first.
     """
-    groups: list[list[Region]] = []
-    upper = -np.inf
-    for region in sorted(regions, key=lambda r: (r.row, r.edges)):
-        if groups and groups[-1][0].row == region.row and region.edges[0] < upper:
-            groups[-1].append(region)
-            upper = max(upper, region.edges[1])
-        else:
-            groups.append([region])
-            upper = region.edges[1]
-    return [group[0] if len(group) == 1 else _union(group) for group in groups]
+    found = regions.ordered()
+    lower, upper = found.edges.T
+    rows = by_row(found.row, int(found.row.max(initial=-1)) + 1)
+    reach = np.concatenate([np.maximum.accumulate(upper[own]) for own in rows])
+    begin = np.append(True, (np.diff(found.row) > 0) | (lower[1:] >= reach[:-1]))[: len(lower)]
+    first = np.flatnonzero(begin)
+    several = np.diff(first, append=len(lower)) > 1
+    if not several.any():
+        return found
+    groups = np.split(np.arange(len(lower)), first[1:])
+    unions = [_union(found.subset(groups[k])) for k in np.flatnonzero(several)]
+    return Regions.joined([found.subset(first[~several]), *unions]).ordered()
 
 
-def _union(group: list[Region]) -> Region:
-    low, high = min(group, key=lambda r: r.edges[0]), max(group, key=lambda r: r.edges[1])
-    widest = sorted(group, key=lambda r: r.edges[0] - r.edges[1])
-    members = dict.fromkeys(tongue for region in widest for tongue in region.members)
-    edges, error = (low.edges[0], high.edges[1]), (low.error[0], high.error[1])
-    return Region(low.row, edges, error, (low.cut[0], high.cut[1]), tuple(members))
+def _union(group: Regions) -> Regions:
+    ends = np.array([np.argmin(group.edges[:, 0]), np.argmax(group.edges[:, 1])])
+    widest = np.argsort(group.edges[:, 0] - group.edges[:, 1], kind="stable")
+    member = np.array(list(dict.fromkeys(group.subset(widest).member.tolist())))
+    edges, error, cut = (part[ends, [0, 1]][None] for part in (group.edges, group.error, group.cut))
+    return Regions(group.row[:1], edges, error, cut, np.zeros(len(member), dtype=np.int64), member)

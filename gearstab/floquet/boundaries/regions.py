@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cached_property
 
 import numpy as np
 
@@ -29,9 +29,9 @@ class Boundaries:
 
     row ``(regions,)``; lower, upper ``(regions,)``: edges in the mesh frequency Omega of the first mesh, rad per unit
     time. tolerance ``(regions,)``: half of the larger of the two brackets that enclose the edges, relative to Omega.
-    cut ``(regions, 2)`` bool: whether the lower, upper edge is that of the range and not of the region. members: the
-    tongues of each region, the one that accounts for most of the growing motion first; more than one where
-        tongues have merged.
+    cut ``(regions, 2)`` bool: whether the lower, upper edge is that of the range and not of the region.
+    tongues: all that occur. owner, member ``(entries,)``: which region, ascending, has which of them; of a region the
+        one that accounts for most of the growing motion comes first; there are more where tongues have merged.
     contacts ``(rows,)``: collisions of multipliers that open no region as wide as ``width_floor`` (relative to Omega).
     evaluations ``(rows,)``: monodromy matrices computed, and proofs tried.
     proved: of each row, ``(K, 2)`` stretches of Omega, disjoint and ascending, that are proved stable (in floating
@@ -45,13 +45,23 @@ class Boundaries:
     upper: Array
     tolerance: Array
     cut: Array
-    members: tuple[tuple[Tongue, ...], ...]
+    tongues: tuple[Tongue, ...]
+    owner: Array
+    member: Array
     contacts: Array
     evaluations: Array
     width_floor: float
     proved: tuple[Array, ...]
     counted: tuple[Array, ...]
     limits: tuple[float, float]
+
+    @cached_property
+    def members(self) -> tuple[tuple[Tongue, ...], ...]:
+        """The tongues of each region."""
+        found: list[tuple[Tongue, ...]] = [()] * len(self.row)
+        for region, k in zip(self.owner.tolist(), self.member.tolist(), strict=True):
+            found[region] = (*found[region], self.tongues[k])
+        return tuple(found)
 
     def stable_share(self, stretches: tuple[Array, ...]) -> Array:
         """``(rows,)``: which part of the stable mesh frequencies these stretches make up; NaN where none is stable."""
@@ -76,52 +86,51 @@ class Boundaries:
 
     def arranged(self) -> Edges:
         """One array over all tongues that occur in any row."""
-        keys, place = self._occurrences()
-        index = tuple(sorted(set(keys), key=_order))
-        column = {key: k for k, key in enumerate(index)}
+        keys, which = self._occurrences()
+        order = sorted(range(len(keys)), key=lambda k: _order(keys[k]))
+        place = np.argsort(order).astype(np.int32)[which]
+        index = tuple(keys[k] for k in order)
+        row, leading = self.row[self.owner], np.searchsorted(self.owner, self.owner)
+        first = leading == np.arange(len(leading))
         edges = np.full((len(index), 2, self.rows), np.nan)
         tolerance = np.full((len(index), self.rows), np.nan)
         flags = np.zeros((len(index), self.rows), dtype=np.int16)
         holder = np.full((len(index), self.rows), -1, dtype=np.int32)
-        for key, (region, first) in zip(keys, place, strict=True):
-            k, r = column[key], self.row[region]
-            holder[k, r] = column[keys[first]]
-            if keys[first] != key:
-                flags[k, r] |= BOUNDARY_FLAGS["absorbed"]
-                continue
-            edges[k, :, r] = self.lower[region], self.upper[region]
-            tolerance[k, r] = self.tolerance[region]
-            flags[k, r] |= self._flags(region)
-        for k, (member, _) in enumerate(index):
-            opened = sum(flags[j] & BOUNDARY_FLAGS["open"] for j, (other, _) in enumerate(index) if other == member)
-            flags[k] |= np.where((flags[k] > 0) & (opened > 1), BOUNDARY_FLAGS["split"], 0).astype(np.int16)
+        holder[place, row] = place[leading]
+        flags[place[~first], row[~first]] = BOUNDARY_FLAGS["absorbed"]
+        there = place[first], self.row
+        edges[there[0], 0, there[1]], edges[there[0], 1, there[1]] = self.lower, self.upper
+        tolerance[there], flags[there] = self.tolerance, self._flags()
+        tongues: dict[Tongue, list[int]] = {}
+        for k, (named, _) in enumerate(index):
+            tongues.setdefault(named, []).append(k)
+        for same in tongues.values():
+            several = np.sum(flags[same] & BOUNDARY_FLAGS["open"] > 0, axis=0) > 1
+            flags[same] |= np.where((flags[same] > 0) & several, BOUNDARY_FLAGS["split"], 0).astype(np.int16)
         return Edges(index, edges, tolerance, flags, holder)
 
     def leading(self) -> list[tuple[Tongue, int]]:
         """Return under which (tongue, occurrence) each region stands."""
-        keys, place = self._occurrences()
-        return [keys[first] for _, first in sorted(set(place))]
+        keys, which = self._occurrences()
+        return [keys[k] for k in which[np.searchsorted(self.owner, np.arange(len(self.row)))]]
 
-    def _occurrences(self) -> tuple[list[tuple[Tongue, int]], list[tuple[int, int]]]:
-        """(tongue, occurrence) of every member of every region, and (region, position of the region's first member)."""
-        count: Counter[tuple[int, Tongue]] = Counter()
-        keys: list[tuple[Tongue, int]] = []
-        place: list[tuple[int, int]] = []
-        for region, members in enumerate(self.members):
-            first = len(keys)
-            for member in members:
-                seen = (int(self.row[region]), member)
-                keys.append((member, count[seen]))
-                place.append((region, first))
-                count[seen] += 1
-        return keys, place
+    def _occurrences(self) -> tuple[list[tuple[Tongue, int]], Array]:
+        """All (tongue, occurrence), and which of them each member of each region is."""
+        group = self.row[self.owner] * len(self.tongues) + self.member
+        order = np.argsort(group, kind="stable")
+        begin = np.searchsorted(group[order], group[order])
+        occurrence = np.empty_like(group)
+        occurrence[order] = np.arange(len(group)) - begin
+        pairs, which = np.unique(np.stack([self.member, occurrence], axis=1), axis=0, return_inverse=True)
+        return [(self.tongues[k], n) for k, n in pairs.tolist()], which.ravel()
 
-    def _flags(self, region: int) -> int:
-        names = ["open"]
-        names += ["merged"] if len(self.members[region]) > 1 else []
-        names += ["cut_below"] if self.cut[region, 0] else []
-        names += ["cut_above"] if self.cut[region, 1] else []
-        return sum(BOUNDARY_FLAGS[name] for name in names)
+    def _flags(self) -> Array:
+        """Of the tongue under which each region stands."""
+        merged = np.bincount(self.owner, minlength=len(self.row)) > 1
+        found = np.full(len(self.row), BOUNDARY_FLAGS["open"])
+        for name, where in zip(("merged", "cut_below", "cut_above"), (merged, *self.cut.T), strict=True):
+            found[where] |= BOUNDARY_FLAGS[name]
+        return found
 
 
 def _bridged(parts: Array, floor: float) -> Array:

@@ -21,7 +21,8 @@ import numpy as np
 from gearstab.floquet.boundaries.counting.krein import evaluate
 from gearstab.floquet.boundaries.counting.points import Resolved, exact
 from gearstab.floquet.boundaries.damped.search import Found, Limits
-from gearstab.floquet.boundaries.undamped.search import Interval, Search
+from gearstab.floquet.boundaries.intervals import Intervals
+from gearstab.floquet.boundaries.undamped.search import Search
 from gearstab.floquet.kernel import choice as kernel
 from gearstab.floquet.kernel.chain import ROUNDING, Chain, chain
 from gearstab.floquet.segments.pattern import Pattern
@@ -101,7 +102,7 @@ def _controlled(
     division: Division,
     limits: Limits,
     run: Callable[[Pattern], Result],
-    intervals: Callable[[Result], list[Interval]],
+    intervals: Callable[[Result], Intervals],
     stable: Verdict,
 ) -> tuple[Pattern, Result, Array]:
     """The pattern, what ``run`` finds on it, and the error of each interval's edges ``(I, 2)``, relative."""
@@ -161,21 +162,15 @@ def _fields_of(pattern: Pattern) -> dict[str, Any]:
     return {name: getattr(pattern, name) for name in Pattern.__dataclass_fields__}
 
 
-def _edge_errors(intervals: list[Interval], stable: Callable[[Array, Array], Array], tolerance: float) -> Array:
+def _edge_errors(intervals: Intervals, stable: Callable[[Array, Array], Array], tolerance: float) -> Array:
     """``(I, 2)``: SAFETY/(2^p - 1) times the distance within which half of the steps have each edge, relative; 0 for
     the ends of the range.
     """
-    edges = [
-        (k, side, edge, 1.0 if side else -1.0, 0.4 * (i.stop - i.start) / edge)
-        for k, i in enumerate(intervals)
-        for side, edge in enumerate((i.start, i.stop))
-        if not i.cut[side]
-    ]
     error = np.zeros((len(intervals), 2))
-    if not edges:
-        return error
-    index, side, edge, outwards, room = (np.array(part) for part in zip(*edges, strict=True))
-    row = np.array([intervals[k].row for k in index.astype(int)], dtype=int)
+    index, side = np.nonzero(~intervals.cut)
+    ends = np.stack([intervals.start, intervals.stop], axis=1)
+    edge, row = ends[index, side], intervals.row[index]
+    outwards, room = 2.0 * side - 1, 0.4 * np.ptp(ends, axis=1)[index] / edge
     distance = np.full(len(edge), np.inf)
     for power in range(WIDENINGS):
         left = np.flatnonzero(np.isinf(distance))
@@ -186,14 +181,11 @@ def _edge_errors(intervals: list[Interval], stable: Callable[[Array, Array], Arr
         inside = edge[left] * (1 - outwards[left] * np.minimum(reach, room[left]))
         both = stable(np.concatenate([row[left]] * 2), np.concatenate([beyond, inside])).reshape(2, -1)
         distance[left[both[0] & ~both[1]]] = reach
-    error[index.astype(int), side.astype(int)] = SAFETY / (2**CF6_5.order - 1) * distance
+    error[index, side] = SAFETY / (2**CF6_5.order - 1) * distance
     return error
 
 
-def _widened(intervals: list[Interval], error: Array) -> list[Interval]:
+def _widened(intervals: Intervals, error: Array) -> Intervals:
     """With the errors added to the brackets' halves."""
-    result = []
-    for i, (below, above) in zip(intervals, error, strict=True):
-        brackets = (i.error[0] + 2 * below * i.start, i.error[1] + 2 * above * i.stop)
-        result.append(replace(i, error=brackets))
-    return result
+    ends = np.stack([intervals.start, intervals.stop], axis=1)
+    return replace(intervals, error=intervals.error + 2 * error * ends)

@@ -11,10 +11,11 @@ import numpy as np
 from gearstab.floquet.boundaries import smooth
 from gearstab.floquet.boundaries.coverage import Coverage
 from gearstab.floquet.boundaries.damped.search import Found, Guide, Limits, collisions, growing
+from gearstab.floquet.boundaries.intervals import Interval, Intervals, by_row
 from gearstab.floquet.boundaries.names import harmonics, labels, naming
-from gearstab.floquet.boundaries.parts import Part, Region, separated, united
+from gearstab.floquet.boundaries.parts import Part, Regions, separated, united
 from gearstab.floquet.boundaries.regions import Boundaries, tongue_of
-from gearstab.floquet.boundaries.undamped.search import Interval, Search, by_row
+from gearstab.floquet.boundaries.undamped.search import Search
 from gearstab.floquet.kernel.chain import Chain, chain
 from gearstab.floquet.segments.pattern import Pattern, prepare
 from gearstab.modal import mean_modes
@@ -118,7 +119,7 @@ class _Collected:
 
     def __post_init__(self) -> None:
         rows = self.system.rows
-        self.regions: list[Region] = []
+        self.regions = [Regions.none()]
         self.contacts, self.evaluations = np.zeros((2, rows), dtype=np.int64)
         self.coverage = Coverage(rows, self.start, self.stop)
         modes = mean_modes(self.system)
@@ -126,32 +127,30 @@ class _Collected:
         self.squared = np.broadcast_to(modes.squared_frequency, (*self.system.batch, n)).reshape(rows, n)
         self.period = self.system.common_period()[0]
         self.tongues: dict[tuple[int, int, int], Tongue] = {}
-        self.latest: tuple[Part | None, int, tuple[int, float, list[int]]] = None, -1, (-1, 0.0, [])
+        self.number: dict[tuple[int, int, int], int] = {}
 
     def rigid(self, part: Part) -> None:
         """Rows in which a rigid-body mode grows are unstable everywhere."""
-        rows = part.pattern.rows
-        for row in rows[part.pattern.elastic.rigid_growth > 0]:
-            tongue = self._self_excited(self._rigid(int(row), part.whole))
-            self.regions.append(Region(int(row), (self.start, self.stop), (0.0, 0.0), (True, True), (tongue,)))
+        grows = part.pattern.elastic.rigid_growth > 0
+        row = part.pattern.rows[grows]
+        mode, pair = self._rigid(part)[grows], np.ones((len(row), 2))
+        member = np.array([self._self_excited(int(k)) for k in mode], dtype=np.int64)
+        whole = np.array([[self.start, self.stop]]) * pair
+        self.regions.append(Regions(row, whole, 0 * pair, pair > 0, np.arange(len(row)), member))
 
     def undamped(self, part: Part, found: Search) -> None:
         """Name and keep the regions of a part."""
         self.contacts[part.pattern.rows] += part.copies * found.contacts
         self.evaluations[part.pattern.rows] += found.evaluations
-        names = self._named(part, part.pattern, found.intervals)
-        for interval, roots in zip(found.intervals, names, strict=True):
-            self._keep(part, interval, roots)
+        self._keep(part, found.intervals, self._named(part, part.pattern, found.intervals))
         self.coverage.count(part.pattern.rows)
 
     def damped(self, part: Part, flow: Chain, found: Found) -> None:
         """The same of a damped part."""
         pattern = part.pattern
         self.evaluations[pattern.rows] += found.evaluations
-        names = self._of_damped(part, flow, found)
-        driven = growing(pattern)
-        for interval, roots in zip(found.intervals, naming.coupled(pattern, found.intervals, names), strict=True):
-            self._keep(part, interval, roots, int(driven[interval.row]))
+        names = naming.Names.of(self._of_damped(part, flow, found))
+        self._keep(part, found.intervals, naming.coupled(pattern, found.intervals, names), growing(pattern))
         for k, row in enumerate(pattern.rows):
             ranges = []
             for stretches in (found.proved, found.counted):
@@ -166,7 +165,7 @@ class _Collected:
         plain = harmonics.plain(found.intervals, seen)
         names: list[tuple[labels.Root, ...]] = [() if root is None else (root,) for root in plain]
         doubtful = [k for k, root in enumerate(plain) if root is None]
-        intervals = [found.intervals[k] for k in doubtful]
+        intervals = found.intervals.subset(doubtful)
         allowed = self._of_undamped(part, flow, intervals)
         for k, own in zip(
             doubtful, harmonics.named(flow, intervals, [seen[k] for k in doubtful], allowed), strict=True
@@ -174,98 +173,95 @@ class _Collected:
             names[k] = own
         return names
 
-    def _of_undamped(self, part: Part, flow: Chain, intervals: list[Interval]) -> list[set[labels.Root]]:
+    def _of_undamped(self, part: Part, flow: Chain, intervals: Intervals) -> list[set[labels.Root]]:
         """The roots of those regions of the system without damping that each damped one overlaps, or of the nearest;
         none where the common period is so long that there are too many.
         """
         limits = Limits(self.start, self.stop, 0.1 * self.floor, self.floor, 0.0)
-        owner = np.array([i.row for i in intervals], dtype=int)
         few = collisions(flow, *limits.cycles(part.pattern)) <= FEW
-        rows = np.unique(owner[few[owner]])
+        rows = np.unique(intervals.row[few[intervals.row]])
         if len(rows) == 0:
             return [set() for _ in intervals]
         own = part.subset(rows)
         pattern = own.pattern.without_damping()
         free = limits.undamped(pattern)
         self.evaluations[pattern.rows] += free.evaluations
-        of_row = by_row(np.array([g.row for g in free.intervals], dtype=int), len(rows))
+        of_row = by_row(free.intervals.row, len(rows))
         near: list[list[int]] = [[] for _ in intervals]
         for k, interval in enumerate(intervals):
             place = np.searchsorted(rows, interval.row)
             if place < len(rows) and rows[place] == interval.row:
                 near[k] = _near(interval, free.intervals, of_row[place])
         wanted = sorted({j for own_guides in near for j in own_guides})
-        names = dict(zip(wanted, self._named(own, pattern, [free.intervals[j] for j in wanted]), strict=True))
+        found = self._named(own, pattern, free.intervals.subset(wanted)).roots(len(wanted))
+        names = dict(zip(wanted, found, strict=True))
         return [{root for j in own_guides for root in names[j]} for own_guides in near]
 
-    def _named(self, part: Part, pattern: Pattern, intervals: list[Interval]) -> list[tuple[labels.Root, ...]]:
+    def _named(self, part: Part, pattern: Pattern, intervals: Intervals) -> naming.Names:
         """The roots of each region of a part's undamped pattern, modes counted from 0 in the part."""
-        frequency = np.stack([self._frequency(part, k) for k in range(len(pattern.rows))])
-        names, extra = naming.named(pattern, intervals, frequency)
+        rows = part.pattern.rows[:, None]
+        squared = np.maximum(self.squared[rows, self._modes(part)], 0.0)
+        names, extra = naming.named(pattern, intervals, np.sqrt(squared) / part.pattern.elastic.rate[:, None])
         self.evaluations[pattern.rows] += extra
         return names
 
-    def _frequency(self, part: Part, k: int) -> Array:
-        """``(n,)``, natural frequencies of a part's k-th row, in its units."""
-        numbers = self._modes(int(part.pattern.rows[k]), part.whole)[part.modes[k]]
-        squared = self.squared[part.pattern.rows[k], numbers]
-        return np.asarray(np.sqrt(np.maximum(squared, 0.0)) / part.pattern.elastic.rate[k])
+    def _modes(self, part: Part) -> Array:
+        """``(r, m)``: the mode, from 0, that each coordinate of a part is named after, rigid ones included."""
+        rigid = self._rigid(part)[:, None]
+        return part.modes + np.where(part.modes >= rigid, self.system.size - part.whole, 0)
 
-    def _modes(self, row: int, elastic: int) -> Array:
-        """Numbers from 0 of the elastic modes: rigid ones come between negative and positive squared frequencies."""
-        below, size = int((self.squared[row] < 0).sum()), self.squared.shape[1]
-        return np.delete(np.arange(size), np.arange(below, below + size - elastic))
+    def _rigid(self, part: Part) -> Array:
+        """``(r,)``: the first rigid-body mode, from 0: between negative and positive squared frequencies."""
+        return (self.squared[part.pattern.rows] < 0).sum(axis=1)
 
-    def _row(self, part: Part, k: int) -> tuple[int, float, list[int]]:
-        """Of a part's k-th row: its number, the unit of frequency, and the mode from 0 of each coordinate."""
-        if self.latest[0] is not part or self.latest[1] != k:
-            row = int(part.pattern.rows[k])
-            numbers = self._modes(row, part.whole)[part.modes[k]].tolist()
-            self.latest = part, k, (row, float(part.pattern.elastic.rate[k]), numbers)
-        return self.latest[2]
+    def _self_excited(self, mode: int) -> int:
+        """Number of the tongue of a mode from 0 that grows by itself."""
+        key = mode + 1, mode + 1, 0
+        if key not in self.number:
+            self.tongues[key] = self_excited(self.system, mode + 1)
+        return self.number.setdefault(key, len(self.number))
 
-    def _rigid(self, row: int, elastic: int) -> int:
-        """Number from 0 of the first rigid-body mode."""
-        return int(np.setdiff1d(np.arange(self.system.size), self._modes(row, elastic))[0])
+    def _tongue(self, p: int, q: int, cycles: int) -> int:
+        """Number of the tongue of two modes from 0."""
+        key = p + 1, q + 1, cycles
+        if key not in self.number:
+            self.tongues[key] = tongue_of(self.system, p + 1, q + 1, Fraction(cycles) / self.period)
+        return self.number.setdefault(key, len(self.number))
 
-    def _self_excited(self, mode: int) -> Tongue:
-        """Of a mode from 0."""
-        return self.tongues.setdefault((mode + 1, mode + 1, 0), self_excited(self.system, mode + 1))
-
-    def _tongue(self, root: labels.Root, numbers: list[int]) -> Tongue:
-        key = numbers[root.p] + 1, numbers[root.q] + 1, root.cycles
-        if key not in self.tongues:
-            self.tongues[key] = tongue_of(self.system, key[0], key[1], Fraction(root.cycles) / self.period)
-        return self.tongues[key]
-
-    def _keep(self, part: Part, interval: Interval, roots: tuple[labels.Root, ...], growing: int = -1) -> None:
-        """growing: the coordinate that grows by itself, after the elastic ones for rigid-body modes; -1 for none."""
-        row, rate, numbers = self._row(part, interval.row)
-        cut_upper, cut_lower = interval.cut
+    def _keep(self, part: Part, found: Intervals, names: naming.Names, driven: Array | None = None) -> None:
+        """driven: the coordinate of each row that grows by itself, rigid-body modes after the others; or -1."""
+        rate, modes = part.pattern.elastic.rate[found.row], self._modes(part)
         # The ends of the range itself, not what two divisions make of them.
-        lower = self.start if cut_lower else rate / interval.stop
-        upper = self.stop if cut_upper else rate / interval.start
-        error = interval.error[1] / interval.stop, interval.error[0] / interval.start
-        members = tuple(self._tongue(root, numbers) for root in roots)
-        if growing >= 0:
-            mode = numbers[growing] if growing < len(numbers) else self._rigid(row, part.whole)
-            members = (self._self_excited(mode), *members)
-        self.regions.append(Region(row, (lower, upper), error, (cut_lower, cut_upper), members))
+        lower = np.where(found.cut[:, 1], self.start, rate / found.stop)
+        upper = np.where(found.cut[:, 0], self.stop, rate / found.start)
+        error = found.error[:, ::-1] / np.stack([found.stop, found.start], axis=1)
+        row, owner = found.row[names.owner], names.owner
+        roots = np.stack([modes[row, names.root[:, 0]], modes[row, names.root[:, 1]], names.root[:, 2]], axis=1)
+        distinct, which = np.unique(roots, axis=0, return_inverse=True)
+        member = np.array([self._tongue(*root) for root in distinct.tolist()], dtype=np.int64)[which.ravel()]
+        if driven is not None:
+            first = np.flatnonzero(driven[found.row] >= 0)
+            itself = np.hstack([modes, self._rigid(part)[:, None]])[found.row[first], driven[found.row[first]]]
+            order = np.argsort(np.concatenate([first, owner]), kind="stable")
+            owner = np.concatenate([first, owner])[order]
+            member = np.append(np.array([self._self_excited(int(k)) for k in itself], dtype=np.int64), member)[order]
+        edges, cut = np.stack([lower, upper], axis=1), found.cut[:, ::-1]
+        self.regions.append(Regions(part.pattern.rows[found.row], edges, error, cut, owner, member))
 
     def result(self) -> Boundaries:
         """Everything, by row and mesh frequency."""
-        regions = united(self.regions)
-        edges = np.array([region.edges for region in regions], dtype=float).reshape(-1, 2)
-        row = np.array([region.row for region in regions], dtype=int)
-        covered = [self.coverage.of(k, edges[own]) for k, own in enumerate(by_row(row, self.system.rows))]
+        found = united(Regions.joined(self.regions))
+        covered = [self.coverage.of(k, found.edges[own]) for k, own in enumerate(by_row(found.row, self.system.rows))]
         return Boundaries(
             self.system.rows,
-            row,
-            edges[:, 0],
-            edges[:, 1],
-            np.array([0.5 * max(region.error) for region in regions], dtype=float),
-            np.array([region.cut for region in regions], dtype=bool).reshape(-1, 2),
-            tuple(region.members for region in regions),
+            found.row,
+            found.edges[:, 0],
+            found.edges[:, 1],
+            0.5 * found.error.max(axis=1, initial=0.0),
+            found.cut,
+            tuple(self.tongues[key] for key in self.number),
+            found.owner,
+            found.member,
             self.contacts,
             self.evaluations,
             self.floor,
@@ -275,7 +271,7 @@ class _Collected:
         )
 
 
-def _near(interval: Interval, guides: list[Interval], among: Array) -> list[int]:
+def _near(interval: Interval, guides: Intervals, among: Array) -> list[int]:
     """Positions of the undamped regions of a row that an interval overlaps, or of the nearest."""
     found = [int(j) for j in among if max(guides[j].start, interval.start) < min(guides[j].stop, interval.stop)]
     if found or len(among) == 0:

@@ -21,9 +21,10 @@ import numpy as np
 from gearstab.floquet.boundaries.damped.proof import MODULI, PROVED, Cover, cover, damping_ratio
 from gearstab.floquet.boundaries.damped.roots import Brackets, narrowed
 from gearstab.floquet.boundaries.damped.scan import STEP, Scan
+from gearstab.floquet.boundaries.intervals import Interval, Intervals, by_row
 from gearstab.floquet.boundaries.undamped import choice as undamped
 from gearstab.floquet.boundaries.undamped import search as counting
-from gearstab.floquet.boundaries.undamped.search import Interval, Search
+from gearstab.floquet.boundaries.undamped.search import Search
 from gearstab.floquet.kernel import damped as general
 from gearstab.floquet.kernel.chain import Chain
 from gearstab.floquet.segments.pattern import Pattern
@@ -61,7 +62,7 @@ class Found:
     peaks: cycles inside of each interval at which growth is largest, among samples.
     """
 
-    intervals: list[Interval]
+    intervals: Intervals
     peaks: list[Array]
     evaluations: Array
     proved: Stretches
@@ -130,12 +131,11 @@ def _constant(chain: Chain, first: Array, last: Array) -> Found:
     """Rows whose stiffness does not vary, so that the mesh frequency makes no difference."""
     grows = chain.values[:, 0].real.max(axis=1) > NO_GROWTH
     k, none = np.flatnonzero(~grows), np.empty(0)
-    unstable = [
-        Interval(int(r), float(first[r]), float(last[r]), (0, 0, 0), (0, 0, 0), (0.0, 0.0), (True, True))
-        for r in np.flatnonzero(grows)
-    ]
+    unstable = [Interval(int(r), float(first[r]), float(last[r]), cut=(True, True)) for r in np.flatnonzero(grows)]
     proved, counted = Stretches(k, first[k], last[k]), Stretches(none.astype(int), none, none)
-    return Found(unstable, [none for _ in unstable], np.zeros(len(first), dtype=np.int64), proved, counted)
+    return Found(
+        Intervals.of(unstable), [none for _ in unstable], np.zeros(len(first), dtype=np.int64), proved, counted
+    )
 
 
 def growing(pattern: Pattern) -> Array:
@@ -223,14 +223,14 @@ def _changes(scan: Scan) -> Array:
     return np.flatnonzero((scan.row[1:] == scan.row[:-1]) & (unstable[1:] != unstable[:-1]))
 
 
-def _intervals(scan: Scan, first: Array, last: Array, floor: float) -> list[Interval]:
+def _intervals(scan: Scan, first: Array, last: Array, floor: float) -> Intervals:
     """Pair the edges of each row; a region that reaches an end of the range is cut there."""
     change, result = _changes(scan), []
     smaller = np.abs(scan.growth[change]) < np.abs(scan.growth[change + 1])
     root = np.exp(np.where(smaller, scan.x[change], scan.x[change + 1]))
     error = root * (scan.x[change + 1] - scan.x[change])
-    of_row = counting.by_row(scan.row[change], len(first))
-    samples = counting.by_row(scan.row, len(first))
+    of_row = by_row(scan.row[change], len(first))
+    samples = by_row(scan.row, len(first))
     for row, (own, mine) in enumerate(zip(of_row, samples, strict=True)):
         cut = (bool(scan.growth[mine[0]] > 0), bool(scan.growth[mine[-1]] > 0))
         edges = [(float(root[k]), float(error[k])) for k in own]
@@ -239,17 +239,17 @@ def _intervals(scan: Scan, first: Array, last: Array, floor: float) -> list[Inte
         for k, ((start, wrong), (stop, other)) in enumerate(pairs):
             ends = (cut[0] and k == 0, cut[1] and k == len(pairs) - 1)
             if stop - start > floor * start:
-                result.append(Interval(row, start, stop, (0, 0, 0), (0, 0, 0), (wrong, other), ends))
-    return result
+                result.append(Interval(row, start, stop, error=(wrong, other), cut=ends))
+    return Intervals.of(result)
 
 
-def _peaks(scan: Scan, intervals: list[Interval]) -> list[Array]:
+def _peaks(scan: Scan, intervals: Intervals) -> list[Array]:
     """The samples of locally largest growth inside each interval, the largest first."""
     g, x = scan.growth, scan.x
     summit = np.zeros(len(g), dtype=bool)
     summit[1:-1] = (g[1:-1] > 0) & (g[1:-1] >= g[:-2]) & (g[1:-1] >= g[2:])
     summit = np.flatnonzero(summit)
-    of_row = counting.by_row(scan.row[summit], len(scan.noise))
+    of_row = by_row(scan.row[summit], len(scan.noise))
     result = []
     for i in intervals:
         own = summit[of_row[i.row]]

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from gearstab.floquet.boundaries.damped.scan import halves
+from gearstab.floquet.boundaries.intervals import Interval, Intervals, by_row
 from gearstab.floquet.boundaries.names.labels import BAND, Root, Shares, leading_roots
-from gearstab.floquet.boundaries.undamped.search import Interval, by_row
 from gearstab.floquet.kernel.chain import Chain
 from gearstab.system import Array
 
@@ -50,7 +50,7 @@ class Seen:
         return root if root is not None and self.places[0][root] > CLEAR else None
 
 
-def seen(chain: Chain, intervals: list[Interval], peaks: list[Array]) -> list[Seen]:
+def seen(chain: Chain, intervals: Intervals, peaks: list[Array]) -> list[Seen]:
     """What is seen in each interval; peaks: cycles inside of each, at which its tongues are strongest."""
     owner, cycle = [], []
     for k, (i, summits) in enumerate(zip(intervals, peaks, strict=True)):
@@ -58,7 +58,7 @@ def seen(chain: Chain, intervals: list[Interval], peaks: list[Array]) -> list[Se
         places = [0.5 * (i.start + i.stop), *summits[:PEAKS], i.start + ASIDE * width, i.stop - ASIDE * width]
         owner += [k] * len(places)
         cycle += places
-    row = np.array([intervals[k].row for k in owner], dtype=int)
+    row = intervals.row[np.array(owner, dtype=int)]
     order = np.argsort(row, kind="stable")
     found: list[Shares] = [{} for _ in owner]
     for position, there in zip(order, shares(chain, row[order], np.array(cycle)[order]) if owner else [], strict=True):
@@ -69,12 +69,11 @@ def seen(chain: Chain, intervals: list[Interval], peaks: list[Array]) -> list[Se
     return result
 
 
-def plain(intervals: list[Interval], found: list[Seen]) -> list[Root | None]:
+def plain(intervals: Intervals, found: list[Seen]) -> list[Root | None]:
     """The roots of the intervals of those rows in which every interval has a plain one, and each another one."""
     roots = [own.plain for own in found]
     result: list[Root | None] = [None] * len(intervals)
-    rows = np.array([i.row for i in intervals], dtype=int)
-    for mine in by_row(rows, int(rows.max(initial=-1)) + 1):
+    for mine in by_row(intervals.row, int(intervals.row.max(initial=-1)) + 1):
         own = [roots[k] for k in mine]
         if None not in own and len(set(own)) == len(own):
             for k in mine:
@@ -82,9 +81,7 @@ def plain(intervals: list[Interval], found: list[Seen]) -> list[Root | None]:
     return result
 
 
-def named(
-    chain: Chain, intervals: list[Interval], found: list[Seen], allowed: list[set[Root]]
-) -> list[tuple[Root, ...]]:
+def named(chain: Chain, intervals: Intervals, found: list[Seen], allowed: list[set[Root]]) -> list[tuple[Root, ...]]:
     """The roots of each interval, that with the largest share first; the nearest one where a growing solution has no
     harmonics of both signs.
 
@@ -101,7 +98,7 @@ def named(
             leads = max(chosen.values(), default=0.0)
             present[k] |= {r for r, share in chosen.items() if share > PRESENT and (allowed[k] or share == leads)}
     result: list[tuple[Root, ...]] = [()] * len(intervals)
-    for mine in by_row(np.array([i.row for i in intervals], dtype=int), len(chain.fractions)):
+    for mine in by_row(intervals.row, len(chain.fractions)):
         every = [best[k] or dict.fromkeys(sorted(allowed[k]) or [_nearest(chain, intervals[k])], 0.0) for k in mine]
         # Undamped regions have each root once already.
         free = [not allowed[k] for k in mine]

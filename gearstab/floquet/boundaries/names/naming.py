@@ -4,13 +4,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import numpy as np
 
 from gearstab.ckernel import in_use
 from gearstab.floquet.boundaries.counting.points import exact, first_modes
+from gearstab.floquet.boundaries.intervals import Intervals, by_row
 from gearstab.floquet.boundaries.names import labels
 from gearstab.floquet.boundaries.names.labels import Root, Shares, Unnamed
-from gearstab.floquet.boundaries.undamped.search import Interval, by_row
 from gearstab.floquet.kernel import c_kernel
 from gearstab.floquet.segments.pattern import Pattern
 from gearstab.system import Array
@@ -21,7 +24,31 @@ UNDEFLECTED = 1e-9
 """A modal mesh deflection below this part of the largest one is rounding."""
 
 
-def named(pattern: Pattern, intervals: list[Interval], frequency: Array) -> tuple[list[tuple[Root, ...]], Array]:
+@dataclass(frozen=True, eq=False)
+class Names:
+    """The roots of the regions, as columns: owner ``(N,)``, ascending, the number of a region; root ``(N, 3)``: p, q,
+    cycles of :class:`Root <gearstab.floquet.boundaries.names.labels.Root>`. Of a region the leading one comes first.
+    """
+
+    owner: Array
+    root: Array
+
+    @classmethod
+    def of(cls, names: Sequence[tuple[Root, ...]]) -> Names:
+        """The roots of each region as columns."""
+        listed = [(k, r.p, r.q, r.cycles) for k, roots in enumerate(names) for r in roots]
+        table = np.array(listed, dtype=np.int64).reshape(-1, 4)
+        return cls(table[:, 0], table[:, 1:])
+
+    def roots(self, count: int) -> list[tuple[Root, ...]]:
+        """Of each of so many regions."""
+        result: list[tuple[Root, ...]] = [()] * count
+        for k, root in zip(self.owner.tolist(), self.root.tolist(), strict=True):
+            result[k] = (*result[k], Root(*root))
+        return result
+
+
+def named(pattern: Pattern, intervals: Intervals, frequency: Array) -> tuple[Names, Array]:
     """The roots of each region, modes counted from 0, and the number of evaluations of each row.
 
     intervals: by row; frequency: ``(r, n)``, of the mean systems in the pattern's units.
@@ -35,27 +62,27 @@ def named(pattern: Pattern, intervals: list[Interval], frequency: Array) -> tupl
     return coupled(pattern, intervals, found), extra
 
 
-def coupled(pattern: Pattern, intervals: list[Interval], names: list[tuple[Root, ...]]) -> list[tuple[Root, ...]]:
+def coupled(pattern: Pattern, intervals: Intervals, names: Names) -> Names:
     """The roots of modes that act on each other; others pass through: a collision, but no tongue."""
-    acting = _coupled(pattern.elastic.directions)
-    return [
-        roots if len(roots) == 1 else tuple(r for r in roots if acting[i.row, r.p, r.q]) or roots[:1]
-        for i, roots in zip(intervals, names, strict=True)
-    ]
+    row, (p, q, _) = intervals.row[names.owner], names.root.T
+    acting: Array = _coupled(pattern.elastic.directions)[row, p, q]
+    # A region of which nothing would be left keeps its leading name.
+    leading = np.diff(names.owner, prepend=-1) > 0
+    left = np.bincount(names.owner, acting, minlength=len(intervals))
+    kept = acting | (leading & (left[names.owner] == 0))
+    return Names(names.owner[kept], names.root[kept])
 
 
-def _points(intervals: list[Interval]) -> tuple[Array, Array, Array]:
+def _points(intervals: Intervals) -> tuple[Array, Array, Array]:
     """(interval, row, cycle) where unstable solutions are looked for: in the middle, and near both edges of a region
     that may hold several tongues.
     """
-    ends = np.array([(i.start, i.stop) for i in intervals]).reshape(-1, 2)
-    several = np.array([sum(i.meetings) > 1 or any(i.cut) for i in intervals], dtype=bool)
+    several = (intervals.meetings.sum(axis=1) > 1) | intervals.cut.any(axis=1)
     owner = np.repeat(np.arange(len(intervals)), np.where(several, 3, 1))
     place = np.full(len(owner), 0.5)
     first = np.searchsorted(owner, np.flatnonzero(several))
     place[first + 1], place[first + 2] = ASIDE, 1 - ASIDE
-    row = np.array([i.row for i in intervals], dtype=int)[owner]
-    return owner, row, ends[owner, 0] + place * (ends[owner, 1] - ends[owner, 0])
+    return owner, intervals.row[owner], intervals.start[owner] + place * (intervals.stop - intervals.start)[owner]
 
 
 def _records(pattern: Pattern, row: Array, cycle: Array) -> Array:
@@ -65,46 +92,40 @@ def _records(pattern: Pattern, row: Array, cycle: Array) -> Array:
 
 
 def _compiled(
-    pattern: Pattern, intervals: list[Interval], frequency: Array, owner: Array, row: Array, cycle: Array
-) -> list[tuple[Root, ...]]:
+    pattern: Pattern, intervals: Intervals, frequency: Array, owner: Array, row: Array, cycle: Array
+) -> Names:
     found = _records(pattern, row, cycle)
     found["point"] = owner[found["point"]]
-    of_region = np.array([i.row for i in intervals], dtype=int)
-    middle = np.array([0.5 * (i.start + i.stop) for i in intervals])
-    passed = np.array([i.passed for i in intervals], dtype=np.int64).reshape(-1, 3)
-    meetings = np.array([_meetings(i) for i in intervals], dtype=np.int64).reshape(-1, 3)
-    known = c_kernel.names(frequency, pattern.cycles, of_region, middle, passed, meetings, found)
-    roots: dict[tuple[int, int, int], Root] = {}
-    names: list[tuple[Root, ...]] = [()] * len(intervals)
-    for region, p, q, cycles in known.tolist():
-        key = p, q, cycles
-        if key not in roots:
-            roots[key] = Root(p, q, cycles)
-        names[region] = (*names[region], roots[key])
-    return names
+    middle = 0.5 * (intervals.start + intervals.stop)
+    given = intervals.row, middle, intervals.passed, _meetings(intervals)
+    known = c_kernel.names(frequency, pattern.cycles, *given, found)
+    return Names(known["region"], np.stack([known[name] for name in ("p", "q", "cycles")], axis=1))
 
 
 def _reference(
-    pattern: Pattern, intervals: list[Interval], frequency: Array, owner: Array, row: Array, cycle: Array
-) -> list[tuple[Root, ...]]:
+    pattern: Pattern, intervals: Intervals, frequency: Array, owner: Array, row: Array, cycle: Array
+) -> Names:
     shares: list[Shares] = [{} for _ in intervals]
     for k, there in zip(owner, labels.shares(pattern, row, cycle) if len(owner) else [], strict=True):
         for root, share in there.items():
             shares[k][root] = max(share, shares[k].get(root, 0.0))
     names: list[tuple[Root, ...]] = [()] * len(intervals)
-    for k, mine in enumerate(by_row(np.array([i.row for i in intervals], dtype=int), len(pattern.rows))):
-        unnamed = [
-            Unnamed(0.5 * (i.start + i.stop), shares[j], i.passed, _meetings(i)) for j in mine for i in [intervals[j]]
-        ]
-        if unnamed:
-            for j, own in zip(mine, labels.assign(unnamed, frequency[k], pattern.cycles), strict=True):
+    middle = 0.5 * (intervals.start + intervals.stop)
+    counts = zip(intervals.passed.tolist(), _meetings(intervals).tolist(), strict=True)
+    every = [
+        Unnamed(float(middle[k]), shares[k], tuple(passed), tuple(meetings))
+        for k, (passed, meetings) in enumerate(counts)
+    ]
+    for k, mine in enumerate(by_row(intervals.row, len(pattern.rows))):
+        if len(mine):
+            for j, own in zip(mine, labels.assign([every[j] for j in mine], frequency[k], pattern.cycles), strict=True):
                 names[j] = own
-    return names
+    return Names.of(names)
 
 
-def _meetings(interval: Interval) -> tuple[int, int, int]:
+def _meetings(intervals: Intervals) -> Array:
     """Those inside; where the range cuts a region they are not all there."""
-    return (0, 0, 0) if any(interval.cut) else interval.meetings
+    return np.where(np.any(intervals.cut, axis=1, keepdims=True), 0, intervals.meetings)
 
 
 def _coupled(directions: Array) -> Array:

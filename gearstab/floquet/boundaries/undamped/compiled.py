@@ -13,7 +13,8 @@ import numpy as np
 from gearstab.floquet.boundaries.counting.krein import evaluate
 from gearstab.floquet.boundaries.counting.pairs import COMBINATION, SELF
 from gearstab.floquet.boundaries.counting.points import exact
-from gearstab.floquet.boundaries.undamped.search import Interval, Search
+from gearstab.floquet.boundaries.intervals import Intervals
+from gearstab.floquet.boundaries.undamped.search import Search
 from gearstab.floquet.kernel import c_kernel
 from gearstab.floquet.segments.pattern import Pattern
 from gearstab.system import Array
@@ -41,7 +42,7 @@ def search(pattern: Pattern, first: Array, last: Array, tolerance: float, floor:
     """
     if len(pattern.states) == 1 and np.all(pattern.squared_frequency > 0):
         # Constant stiffness: multipliers only pass through each other.
-        return Search([], *np.zeros((2, len(first)), dtype=np.int64))
+        return Search(Intervals.of([]), *np.zeros((2, len(first)), dtype=np.int64))
     edges, reach = c_kernel.edges(exact(pattern), pattern, first, last, tolerance, floor, DENSITY)
     ends = _ends(edges, reach, first, last)
     begin = np.flatnonzero((ends["enters"][:-1] == 1) & (ends["enters"][1:] == 0) & (np.diff(ends["row"]) == 0))
@@ -52,16 +53,8 @@ def search(pattern: Pattern, first: Array, last: Array, tolerance: float, floor:
     extra = _sharpen(pattern, start, stop, meetings, tolerance)
     contacts = reach["passed"][:, 1] - reach["passed"][:, 0]
     np.subtract.at(contacts, start["row"], meetings)
-    columns = (
-        start["row"].tolist(),
-        start["cycle"].tolist(),
-        stop["cycle"].tolist(),
-        map(tuple, start["passed"].tolist()),
-        map(tuple, meetings.tolist()),
-        zip(start["error"].tolist(), stop["error"].tolist(), strict=True),
-        zip((start["cut"] == 1).tolist(), (stop["cut"] == 1).tolist(), strict=True),
-    )
-    intervals = list(map(Interval, *columns))
+    error, cut = (np.stack([start[name], stop[name]], axis=1) for name in ("error", "cut"))
+    intervals = Intervals(start["row"], start["cycle"], stop["cycle"], start["passed"], meetings, error, cut == 1)
     # A collision beside +-1 is one of the complex conjugates too.
     return Search(intervals, np.maximum(contacts, 0) @ [1, 1, 2], reach["evaluations"] + extra)
 

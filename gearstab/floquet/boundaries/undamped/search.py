@@ -22,6 +22,7 @@ import numpy as np
 
 from gearstab.floquet.boundaries.counting.krein import evaluate
 from gearstab.floquet.boundaries.counting.pairs import COMBINATION, SELF
+from gearstab.floquet.boundaries.intervals import Interval, Intervals, by_row
 from gearstab.floquet.segments.pattern import Pattern
 from gearstab.system import Array
 
@@ -89,30 +90,12 @@ class Brackets:
 
 
 @dataclass(frozen=True)
-class Interval:
-    """One unstable interval of a row in cycle = 1/Omega.
-
-    passed: collisions at +1, at -1 and elsewhere between T = 0 and ``start``; meetings: how many of each are inside,
-    from the counts on both sides (where the range cuts the interval, in the part that it shows); error: widths of the
-    brackets of both edges; cut: whether an end is that of the range.
-    """
-
-    row: int
-    start: float
-    stop: float
-    passed: tuple[int, int, int]
-    meetings: tuple[int, int, int]
-    error: tuple[float, float]
-    cut: tuple[bool, bool]
-
-
-@dataclass(frozen=True)
 class Search:
     """intervals: by row and ascending cycle. contacts ``(r,)``: collisions that open no interval wider than the
     floor. evaluations ``(r,)``: monodromy matrices computed.
     """
 
-    intervals: list[Interval]
+    intervals: Intervals
     contacts: Array
     evaluations: Array
 
@@ -143,7 +126,7 @@ def search(pattern: Pattern, first: Array, last: Array, tolerance: float, floor:
     """
     if len(pattern.states) == 1 and np.all(pattern.squared_frequency > 0):
         # Constant stiffness: multipliers only pass through each other.
-        return Search([], *np.zeros((2, len(first)), dtype=np.int64))
+        return Search(Intervals.of([]), *np.zeros((2, len(first)), dtype=np.int64))
     samples, brackets = _scan(pattern, first, last)
     spacing = np.full(len(first), np.inf)
     np.minimum.at(spacing, samples.row[brackets.left], samples.cycle[brackets.right] - samples.cycle[brackets.left])
@@ -312,9 +295,7 @@ def _finish(samples: Samples, brackets: Brackets, kind: Array, edges: list[tuple
     np.add.at(contacts, samples.row[a[narrow]], (samples.ended[b] - samples.begun[a])[narrow])
 
 
-def _assemble(
-    samples: Samples, edges: list[tuple[Array, ...]], first: Array, last: Array, floor: float
-) -> list[Interval]:
+def _assemble(samples: Samples, edges: list[tuple[Array, ...]], first: Array, last: Array, floor: float) -> Intervals:
     a, b = (np.concatenate(part) for part in zip(*edges, strict=True))
     order = np.lexsort((samples.cycle[a], samples.row[a]))
     a, b = a[order], b[order]
@@ -323,13 +304,7 @@ def _assemble(
     edges_of, samples_of = by_row(samples.row[a], len(first)), by_row(samples.row[usable], len(first))
     for row, (mine, own) in enumerate(zip(edges_of, samples_of, strict=True)):
         result += _intervals(samples, a[mine], b[mine], usable[own], row, floor)
-    return result
-
-
-def by_row(row: Array, count: int) -> list[Array]:
-    """Positions of the entries of each of ``count`` rows, in their order."""
-    order = np.argsort(row, kind="stable")
-    return np.split(order, np.searchsorted(row[order], np.arange(1, count)))
+    return Intervals.of(result)
 
 
 def _intervals(samples: Samples, a: Array, b: Array, own: Array, row: int, floor: float) -> list[Interval]:
