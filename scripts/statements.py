@@ -168,10 +168,10 @@ def numbers(values: Iterable[object], digits: int = 3) -> str:
     return ", ".join(number(v, digits) for v in np.asarray(values).ravel())
 
 
-def at_most(error: object) -> str:
+def at_most(error: object, bound: str = "1e-9") -> str:
     """An upper bound of an error that is nothing but rounding (which differs from machine to machine), or the error."""
     x = float(np.asarray(error))
-    return "equal to 1e-9" if x < 1e-9 else f"largest relative difference {x:.2g}"
+    return f"equal to {bound}" if x < float(bound) else f"largest relative difference {x:.2g}"
 
 
 def sort_of(fully: bool, partly: bool) -> bool | None:
