@@ -16,9 +16,9 @@ def kinds(context: click.Context, parameter: click.Parameter, incomplete: str) -
     """Complete the name of a kind."""
     from click.shell_completion import CompletionItem
 
-    from gearstab.config.starts import STARTS
+    from gearstab.systems import KINDS
 
-    return [CompletionItem(name) for name in STARTS if name.startswith(incomplete)]
+    return [CompletionItem(name) for name in KINDS if name.startswith(incomplete)]
 
 
 @click.command(name="init", short_help="Print a configuration to start from.")
@@ -28,10 +28,11 @@ def command(kind: str | None) -> None:
 
     Without KIND: print the kinds.
     """
-    from gearstab.config.starts import STARTS, start
+    from gearstab.config.starts import commented, starts
 
     if kind is None:
-        width = max(map(len, STARTS))
-        say("\n".join(f"{name:<{width}}  {title}" for name, (title, *_) in STARTS.items()))
+        there = starts()
+        width = max(map(len, there))
+        say("\n".join(f"{name:<{width}}  {start.title}" for name, start in there.items()))
     else:
-        say(start(kind))
+        say(commented(kind))

@@ -29,8 +29,8 @@ Array = np.ndarray
 INNER = ("tongue", "side", "stretch", "exponent", "mesh", "parameter")
 """Dimensions of what was computed at a point, or of boundaries; they are no axes of the sweep."""
 
-GROUPS = ("floquet", "perturbation", "boundaries", "uncoupled", "required_damping", "tolerance", "passage", "response")
-"""The groups that stand over the axes of a sweep."""
+BESIDE = ("modes", "teeth", "bench", "design")
+"""Groups that do not stand over the axes of a sweep; every other one is that of a method, or a response."""
 
 
 @dataclass(frozen=True)
@@ -243,9 +243,9 @@ def datasets(tree: xr.DataTree) -> list[xr.Dataset]:
 
 
 def swept_groups(tree: xr.DataTree) -> list[str]:
-    """Their names; a response from ``gearstab respond`` stands over time."""
-    held = [group for group in GROUPS if group in tree.children]
-    return [group for group in held if group != "response" or "time" not in tree[group].dims]
+    """Their names, Floquet's first; a response from ``gearstab respond`` stands over time."""
+    held = [str(group) for group in tree.children if group not in BESIDE and "time" not in tree[group].dims]
+    return sorted(held, key=lambda group: group != "floquet")
 
 
 def spanned_frequency(tree: xr.DataTree, meshes: Mapping[str, int]) -> Axis:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from pydantic import Field
@@ -25,6 +26,19 @@ if TYPE_CHECKING:
     from gearstab.systems.parts.respond_pair import PairRespond
 
 
+@dataclass(frozen=True)
+class Start:
+    """A configuration to start from: title, section ``system``, section ``sweep`` with a remark on each axis."""
+
+    title: str
+    system: dict[str, Any]
+    sweep: dict[str, tuple[Any, str]]
+
+
+START_MESH = {"mean_stiffness": 2.0e8, "epsilon": 0.2, "contact_ratio": 1.6}
+"""Of spur gears of steel, some centimetres wide, in N/m."""
+
+
 class System(Section):
     """The section ``system`` of a kind: its fields are the keys, and its methods all that other rooms ask of a kind.
 
@@ -40,6 +54,8 @@ class System(Section):
     """Whose rules the meshes follow."""
     needs_units: ClassVar[bool] = False
     """Whether numbers of its own, of materials say, are in SI units."""
+    start: ClassVar[Start | None] = None
+    """What ``gearstab init`` prints; a kind without one is not offered there."""
 
     damping_ratio: NonNegative | None = Field(
         default=None,

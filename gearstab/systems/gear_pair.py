@@ -16,7 +16,7 @@ from gearstab.config.model.fields import Choice, Inertia, Length, Mass, NonNegat
 from gearstab.rotating_pair import CLASSICAL, FORMULATIONS, PairNumbers
 from gearstab.system import Array, GearSystem
 from gearstab.system import Mesh as MeshOfSystem
-from gearstab.systems.base import System, first_number
+from gearstab.systems.base import START_MESH, Start, System, first_number
 from gearstab.systems.parts.damping import with_damping
 from gearstab.systems.parts.forcing import LoadOfOne, with_forcing
 from gearstab.systems.parts.mesh import Mesh, build_mesh
@@ -46,6 +46,18 @@ class GearPair(System):
     misplaced: ClassVar[dict[str, str]] = dict.fromkeys(
         ("module", "radii", "inertias", "face_width", "pressure_angle", "profile_shift"), LEAVE_OUT
     )
+
+    start: ClassVar[Start | None] = Start(
+        "A gear pair: the dynamic transmission error is its only coordinate",
+        {
+            "kind": "gear_pair", "equivalent_mass": 0.5, "damping_ratio": 0.02,
+            "meshes": [{"name": "mesh", **START_MESH}],
+        },
+        {
+            "mesh_frequency": ({"start": 5000.0, "stop": 50000.0, "num": 301}, "rad/s; or rpm: \"3000 rpm\""),
+            "epsilon": ({"start": 0.0, "stop": 0.4, "num": 41}, "of the mesh"),
+        },
+    )  # fmt: skip
 
     kind: Literal["gear_pair"] = Field(title="kind of system", description="A gear pair on rigid shafts.")
     formulation: Annotated[str, Choice("formulation", (CLASSICAL,))] = Field(

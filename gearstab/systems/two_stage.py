@@ -14,7 +14,7 @@ from gearstab.config.model.arrays import diagonal
 from gearstab.config.model.conflicts import Conflict, wrong_length
 from gearstab.config.model.fields import ExactRatio, Mass, Quantity, Teeth
 from gearstab.system import GearSystem
-from gearstab.systems.base import System, first_number
+from gearstab.systems.base import START_MESH, Start, System, first_number
 from gearstab.systems.parts.damping import with_damping
 from gearstab.systems.parts.forcing import Load, with_forcing
 from gearstab.systems.parts.mesh import Mesh, SecondMesh, build_mesh
@@ -24,6 +24,19 @@ class TwoStage(System):
     """Three or four gears with two meshes on an elastic input shaft (Lin & Parker 2002, Fig. 1)."""
 
     mesh_names: ClassVar[tuple[str, ...]] = ("first", "second")
+
+    start: ClassVar[Start | None] = Start(
+        "A two-stage train on an input shaft: coordinates along the lines of action",
+        {
+            "kind": "two_stage", "inertias": [1.0, 0.3, 4.0], "input_shaft_stiffness": 1.0e8, "tooth_ratio": "3/5",
+            "damping_ratio": 0.01,
+            "meshes": [{"name": "first", **START_MESH}, {"name": "second", **START_MESH, "phasing": 0.0}],
+        },
+        {
+            "mesh_frequency": ({"start": 5000.0, "stop": 100000.0, "num": 401}, "rad/s, of the first mesh"),
+            "epsilon": ({"start": 0.0, "stop": 0.4, "num": 41}, "of both meshes"),
+        },
+    )  # fmt: skip
 
     kind: Literal["two_stage"] = Field(title="kind of system", description="Two meshes in a row, three or four gears.")
     inertias: tuple[Mass, Mass, Mass] = Field(

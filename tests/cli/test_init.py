@@ -16,9 +16,10 @@ import gearstab as gs
 from gearstab.cli import COMMANDS
 from gearstab.config import Config
 from gearstab.config.model.introspection import field_types
-from gearstab.config.starts import STARTS, start
+from gearstab.config.starts import commented, starts
 from gearstab.systems import KINDS
 
+STARTS = starts()
 SMALL = {"mesh_frequency": 7, "input_speed": 7, "epsilon": 2}
 
 
@@ -51,9 +52,9 @@ def test_a_start_shows_what_there_is_to_see(kind: str) -> None:
 
 
 def start_data(kind: str) -> dict:
-    title, system, sweep = STARTS[kind]
-    return {"title": title, "system": system, "sweep": {name: spec for name, (spec, _) in sweep.items()},
-            "methods": {"floquet": {}}}  # fmt: skip
+    start = STARTS[kind]
+    sweep = {name: spec for name, (spec, _) in start.sweep.items()}
+    return {"title": start.title, "system": start.system, "sweep": sweep, "methods": {"floquet": {}}}
 
 
 def widths(config: Config) -> list[dict]:
@@ -63,7 +64,7 @@ def widths(config: Config) -> list[dict]:
 
 @pytest.mark.parametrize("kind", STARTS)
 def test_comments_are_the_descriptions_of_the_keys(kind: str) -> None:
-    text = start(kind)
+    text = commented(kind)
     for name, field in KINDS[kind].model_fields.items():
         line = next((line for line in text.splitlines() if re.match(rf"  {name}:", line)), None)
         if line is None:

@@ -5,6 +5,7 @@ Its mesh has a number of its own, whose field alone makes it an axis and gives i
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -15,9 +16,10 @@ from pydantic import Field
 from gearstab.config import ConfigError, load, parameters_at
 from gearstab.config.model.fields import Mass, Quantity, ShortName
 from gearstab.config.schema import schema
+from gearstab.config.starts import commented
 from gearstab.system import GearSystem
 from gearstab.systems import KINDS, build
-from gearstab.systems.base import System
+from gearstab.systems.base import Start, System
 from gearstab.systems.parts.damping import with_damping
 from gearstab.systems.parts.mesh import Mesh, build_mesh
 
@@ -32,6 +34,9 @@ class Anchored(System):
     """One mass on a spring and a mesh."""
 
     mesh_names: ClassVar[tuple[str, ...]] = ("only",)
+    start: ClassVar[Start | None] = Start(
+        "A mass on a spring", {"kind": "anchored", "mass": 0.25}, {"spring": ([3, 8], "of the anchor")}
+    )
 
     kind: Literal["anchored"] = Field(title="kind of system", description="A mass that a spring holds.")
     mass: Mass = Field(title="held mass", description="m (kg).")
@@ -88,6 +93,12 @@ def test_a_number_with_a_short_name_is_an_axis(written: Any) -> None:
     assert (config.axes[2].name, config.axes[2].units, config.axes[2].long_name) == ("preload", "N", "preload")
     parameters = parameters_at(config, {"preload": np.array([0, 1])})
     np.testing.assert_array_equal(parameters["meshes"][0]["preload"], [1000.0, 2000.0])
+
+
+def test_it_is_offered_to_start_from(written: Any) -> None:
+    text = commented("anchored")
+    assert re.search(r"(?m)^  mass: 0.25 +# m \(kg\)$", text)
+    assert re.search(r"(?m)^  spring: \[3, 8\] +# of the anchor$", text)
 
 
 def test_its_mistakes_are_told_like_those_of_others(written: Any) -> None:

@@ -103,6 +103,7 @@ print(json.dumps({
     "name": floquet["decrement"].attrs["long_name"],
     "kinds": [before, plots.default_kind(tree, plots.Request())],
     "drawn": plots.draw(tree)[1]["drawn"],
+    "map": list(plots.draw(tree, "map", variable="power_of_frequency")[1]),
 }))
 """
 
@@ -120,3 +121,4 @@ def test_new_ones_are_one_class_and_one_line(tmp_path: Path) -> None:
     assert found["name"] == "growth within a mesh cycle"
     assert found["kinds"] == ["map", "toy"]
     assert found["drawn"]
+    assert "cells" in found["map"]

@@ -27,7 +27,7 @@ from gearstab.config.model.fields import (
     ToothCount,
 )
 from gearstab.system import GearSystem
-from gearstab.systems.base import System
+from gearstab.systems.base import Start, System
 from gearstab.systems.gearbox.build import Train, build
 from gearstab.systems.gearbox.feasibility import check_train
 from gearstab.systems.gearbox.mesh import LUBRICATED, GearboxMesh
@@ -193,6 +193,31 @@ class Gearbox(System):
 
     mesh_model: ClassVar[type[ToothMesh]] = GearboxMesh
     needs_units: ClassVar[bool] = True
+
+    start: ClassVar[Start | None] = Start(
+        "A two-stage gearbox, from its teeth",
+        {
+            "kind": "gearbox", "damping_ratio": 0.005,
+            "gears": {"module": "2 mm", "pressure_angle": "20 deg", "face_width": "20 mm"},
+            "rotors": [
+                {"name": "motor", "inertia": 0.01}, {"name": "pinion", "teeth": 20}, {"name": "wheel", "teeth": 60},
+                {"name": "second pinion", "teeth": 20, "module": "2.5 mm", "face_width": "30 mm"},
+                {"name": "second wheel", "teeth": 80, "module": "2.5 mm", "face_width": "30 mm"},
+                {"name": "machine", "inertia": 0.2},
+            ],
+            "shafts": [
+                {"name": "input", "between": ["motor", "pinion"], "stiffness": 1.0e4},
+                {"name": "middle", "between": ["wheel", "second pinion"], "stiffness": 5.0e4},
+                {"name": "output", "between": ["second wheel", "machine"], "stiffness": 8.0e4},
+            ],
+            "meshes": [
+                {"name": "first", "gears": ["pinion", "wheel"]},
+                {"name": "second", "gears": ["second pinion", "second wheel"]},
+            ],
+            "input": {"rotor": "motor", "torque": 20.0}, "outputs": [{"rotor": "machine"}],
+        },
+        {"input_speed": ({"start": "300 rpm", "stop": "9000 rpm", "num": 301}, "of the motor")},
+    )  # fmt: skip
 
     kind: Literal["gearbox"] = Field(title="kind of system", description="A multistage gearbox, from its teeth.")
     gears: Teeth = Field(

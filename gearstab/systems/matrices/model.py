@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, StrictStr
@@ -24,7 +24,7 @@ from gearstab.config.model.fields import ByCoordinate, Choice, NameText, Quantit
 from gearstab.config.model.units import UnitError, to_si
 from gearstab.system import Array, GearSystem
 from gearstab.systems import feasibility
-from gearstab.systems.base import System
+from gearstab.systems.base import START_MESH, Start, System
 from gearstab.systems.matrices.definite import check_definite
 from gearstab.systems.matrices.file import read_matrices
 from gearstab.systems.matrices.vectors import default_names, write_out
@@ -50,6 +50,23 @@ CoordinateUnits = Annotated[list[Annotated[str, Choice("unit of a coordinate", U
 
 class Matrices(System):
     """Any linear model from elsewhere: M q'' + C q' + (K0 + sum k_i(t) g_i g_i^T) q = 0."""
+
+    start: ClassVar[Start | None] = Start(
+        "A model from elsewhere: two inertias and two gears on shafts, as matrices",
+        {
+            "kind": "matrices", "coordinates": ["motor", "pinion", "gear", "load"], "coordinate_units": "rad",
+            "mass": [[0.02, 0, 0, 0], [0, 0.002, 0, 0], [0, 0, 0.05, 0], [0, 0, 0, 0.4]],
+            "stiffness": [
+                [1.0e4, -1.0e4, 0, 0], [-1.0e4, 1.0e4, 0, 0], [0, 0, 5.0e4, -5.0e4], [0, 0, -5.0e4, 5.0e4],
+            ],
+            "damping_ratio": 0.01,
+            "meshes": [{"name": "mesh", "direction": [0, 0.034, -0.102, 0], **START_MESH}],
+        },
+        {
+            "mesh_frequency": ({"start": 500.0, "stop": 30000.0, "num": 301}, "rad/s"),
+            "epsilon": ({"start": 0.0, "stop": 0.4, "num": 41}, "of the mesh"),
+        },
+    )  # fmt: skip
 
     kind: Literal["matrices"] = Field(title="kind of system", description="A model given as matrices.")
     mass: list[list[MassEntry]] | None = Field(

@@ -24,7 +24,7 @@ from gearstab.config.model.fields import (
     Whole,
 )
 from gearstab.system import GearSystem
-from gearstab.systems.base import System, first_number
+from gearstab.systems.base import START_MESH, Start, System, first_number
 from gearstab.systems.gearbox import sections as gearbox
 from gearstab.systems.parts.mesh import ToothMesh
 from gearstab.systems.planetary import angles, teeth
@@ -244,6 +244,26 @@ def _or_assemble(schema: dict[str, Any]) -> None:
 
 class Planetary(System):
     """Sun, carrier, equal planets and a ring (Parker 2009)."""
+
+    start: ClassVar[Start | None] = Start(
+        "A planetary gear with a rigid ring",
+        {
+            "kind": "planetary", "planets": 4, "damping_ratio": 0.02, "ring": {"kind": "rigid"},
+            "masses": {"ring": 2.4, "carrier": 5.4, "sun": 0.4, "planet": 0.7},
+            "inertias": {"ring": 3.0, "carrier": 6.3, "sun": 0.4, "planet": 0.6},
+            "supports": {
+                "carrier": 1.0e8, "sun": 1.0e8, "planet": 1.0e8, "carrier_rotation": 0.0, "sun_rotation": 0.0,
+                "ring_radial": 1.0e8, "ring_tangential": 1.0e9,
+            },
+            "pressure_angles": {"sun": "24.6 deg", "ring": "24.6 deg"},
+            "meshes": {"sun": START_MESH | {"contact_ratio": 1.4}, "ring": START_MESH | {"contact_ratio": 1.8}},
+            "teeth": {"sun": 27, "planet": 35, "ring": 97},
+        },
+        {
+            "mesh_frequency": ({"start": 5000.0, "stop": 60000.0, "num": 301}, "rad/s"),
+            "epsilon": ({"start": 0.0, "stop": 0.4, "num": 9}, "of all meshes"),
+        },
+    )  # fmt: skip
 
     kind: Literal["planetary"] = Field(title="kind of system", description="A planetary gear.")
     planets: Annotated[Fraction, Count(of="planets"), Field(le=MOST_PLANETS)] = Field(
