@@ -64,8 +64,6 @@ def in_display_units(tree: xr.DataTree, wanted: Sequence[str] = ()) -> xr.DataTr
         for the frequencies of a spectrum.
     Raises ResultError for a unit that fits none, or not the axis.
     """
-    import xarray as xr
-
     groups = {node.path: node.to_dataset(inherit=False) for node in tree.subtree}
     chosen = _chosen(groups, wanted)
     if not chosen:

@@ -5,10 +5,11 @@ from __future__ import annotations
 import errno
 import subprocess
 import sys
+from pathlib import Path
 
 import click
 import pytest
-from scenes import ROOT, code
+from scenes import ROOT, TRAIN, code, written
 
 from gearstab import __version__
 from gearstab.cli import COMMANDS, group, main
@@ -35,6 +36,14 @@ def test_help_imports_nothing_but_click(args: list[str]) -> None:
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     assert "gearstab" in done.stdout
     assert not HEAVY & set(done.stderr.split())
+
+
+def test_a_sweep_imports_nothing_that_reads_draws_or_pools(tmp_path: Path) -> None:
+    """xarray and pandas alone would add half to the time of the gear train's map."""
+    config = written(tmp_path, TRAIN + "sweep: {mesh_frequency: [1, 2]}\nmethods: {floquet: {}, boundaries: {}}\n")
+    command = [sys.executable, "-c", SHOW_MODULES, "sweep", config, "-o", tmp_path / "o.h5", "-q"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert not {"xarray", "pandas", "matplotlib", "joblib", "pint"} & set(done.stderr.split())
 
 
 @pytest.mark.parametrize("name", COMMANDS)

@@ -102,8 +102,8 @@ def test_rates_are_those_of_the_points(gear) -> None:
 @given(st.integers(6, 200), st.floats(-0.3, 1.0), st.sampled_from([0.25, 0.35, 0.43]))
 def test_the_form_radius_is_where_the_straight_flank_ends(z, x, alpha) -> None:
     """sqrt[r_b^2 + (r sin alpha - h/sin alpha)^2], h the depth of the rack's straight flank below the pitch line."""
-    gear = Gear(z, 0.002, alpha, x)
     try:
+        gear = Gear(z, 0.002, alpha, x)
         profile = tooth_profile(gear)
     except ValueError:
         return

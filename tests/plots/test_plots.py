@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import plot_results as made
 import pytest
 from matplotlib.colors import ListedColormap, Normalize
+from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from gearstab.errors import PlotError
 from gearstab.plots import KINDS, default_kind, draw
 from gearstab.plots.axes import Axis, Request
 from gearstab.plots.drawing.grid import draw_cells
 from gearstab.plots.drawing.style import new_figure
+from gearstab.plots.maps import surface
 
 
 def growth_of(tree, **index):
@@ -366,7 +370,17 @@ def test_curves_of_several_cases():
 # --- surface
 
 
-def test_surface_shows_both_boundaries_and_the_line_where_they_meet():
+class Recorded(Poly3DCollection):
+    """One that keeps its corners, which Matplotlib gives back to nobody."""
+
+    def set_verts(self, verts: Any, closed: bool = True) -> None:
+        if len(verts):
+            self.corners = np.asarray(verts)
+        super().set_verts(verts, closed)
+
+
+def test_surface_shows_both_boundaries_and_the_line_where_they_meet(monkeypatch):
+    monkeypatch.setattr(surface, "Poly3DCollection", Recorded)
     tree = made.two_amplitudes()
     assert default_kind(tree, Request()) == "surface"
     _, artists = draw(tree)
@@ -377,7 +391,7 @@ def test_surface_shows_both_boundaries_and_the_line_where_they_meet():
     np.testing.assert_allclose(line[:, 2], 3.715, atol=1e-12)
     assert line[:, 0].min() == 0
     assert line[:, 0].max() == 0.5
-    corners = np.asarray(artists["surfaces"]._faces)
+    corners = artists["surfaces"].corners
     assert corners.shape == (2 * 20 * 15, 4, 3)  # two sheets of quadrilaterals
     x, y, z = corners.reshape(-1, 3).T
     np.testing.assert_allclose(np.abs(z - 3.715), np.abs(0.40 * x - 0.45 * y), atol=1e-12)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import tau
 from typing import Any
 
@@ -10,7 +11,9 @@ import pytest
 from energy_pair_reference import KAPPA, REFERENCE, W0, M, complex_of, pair
 from hypothesis import given
 from hypothesis import strategies as st
+from scenes import CONFIGS
 
+from gearstab.config import load
 from gearstab.floquet import STATUS_FLAGS, solve
 from gearstab.response.rotating_pair import Start, orbit, respond
 from gearstab.response.rotating_pair.jumps import Law
@@ -18,12 +21,15 @@ from gearstab.response.rotating_pair.motion import Arc
 from gearstab.response.rotating_pair.orbit import Problem
 from gearstab.response.rotating_pair.stability import (
     FLAGS,
+    held,
     monodromy,
     multipliers,
     saltation,
     section_map,
     stability,
 )
+from gearstab.rotating_pair import RotatingPair
+from gearstab.systems import build
 
 MODELS = ("rigid_kinematic", "energy_conserving")
 
@@ -306,3 +312,16 @@ def test_where_the_speed_couples_with_the_deflection_the_growth_is_that_of_all_t
     assert np.abs(values.imag).max() > 1e-3
     largest = np.log(np.abs(values).max()) / (tau / 15225.0)
     assert found.growth_rate.item() == pytest.approx(largest, rel=1e-6)
+
+
+def test_a_held_motion_has_all_its_samples_however_it_is_rounded() -> None:
+    """Small differences grow some thousand times in 120 cycles; the end is a sample all the same."""
+    system = load(CONFIGS / "oh_grosh_barber_2005" / "fig4a.yaml", ("torque=84.2",)).parameters
+    gears, omega = build(system), 24 * tau * 10
+    assert isinstance(gears, RotatingPair)
+    start, drive = held(gears, omega)
+    for change in (-1e-11, 0.0, 1e-11):
+        begin = replace(start, phi=(start.phi or 0.0) * (1 + change))
+        found = respond(gears, begin, tau / omega / 40, cycles=120, drive=drive)
+        assert found.time.size == 120 * 40 + 1
+        assert abs(found.end * omega / tau - 120) < 1e-5
