@@ -107,6 +107,7 @@ def _chunks(excited: Excited, family: Family, which: Array, last: int, n: int) -
     """Rows and pairs to take at a time."""
     count = 2 * sum(last // cycles for cycles in family.cycles)
     rows = len(excited.strength)
+    # As many rows as fit with a few pairs, then as many pairs as fit with these rows.
     step = max(1, int(AT_ONCE / (count * n * max(n, min(len(which), 8)))))
     width = max(1, int(AT_ONCE / (count * n * min(step, rows))))
     return [

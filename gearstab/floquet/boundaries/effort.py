@@ -46,6 +46,10 @@ TRIED = 16
 ROUNDS = 35
 FEW, MANY = 4, 48
 """Points of two calls, or collisions of two searches, that are timed."""
+LEAST = 0.1
+"""Of the time of the longer one: their difference counts no less, whatever a coarse clock says."""
+TOLERANCE, FLOOR = 1e-10, 1e-6
+"""Of the searches, as by default."""
 KEPT = 2.0
 """Seconds of all over those of the compiled search and names: 1.4 to 2.3 for ratios of 49/50 and 99/100."""
 TIMED = 64
@@ -74,7 +78,7 @@ def effort(system: GearSystem, start: float, stop: float) -> Effort:
 
     It is timed on a few points, which takes milliseconds. Raises NotPossible for a system without a common period.
     """
-    limits = Limits(start, stop, 1e-10, 1e-6, BUDGET)
+    limits = Limits(start, stop, TOLERANCE, FLOOR, BUDGET)
     call, total, work = 0.0, 0.0, 0.0
     for pattern in prepare(system) if system.piecewise_constant else smooth.patterns(system, limits):
         blocks = [block.pattern for block in split(pattern) if not block.constant]
@@ -113,10 +117,10 @@ def _searched(pattern: Pattern, low: np.ndarray, high: np.ndarray) -> tuple[floa
     for few in (FEW, FEW, MANY):
         half = 0.5 * (high - low) * min(1.0, few / count)
         begin = time.process_time()
-        found = undamped.search(pattern, middle - half, middle + half, 1e-10, 1e-6)
+        found = undamped.search(pattern, middle - half, middle + half, TOLERANCE, FLOOR)
         naming.named(pattern, found.intervals, frequency)
         spent.append(time.process_time() - begin)
-    return 0.0, KEPT * max(spent[2] - spent[1], 0.1 * spent[2]) / (MANY - FEW)
+    return 0.0, KEPT * max(spent[2] - spent[1], LEAST * spent[2]) / (MANY - FEW)
 
 
 def _evaluated(pattern: Pattern, low: np.ndarray, high: np.ndarray) -> tuple[float, float]:
@@ -130,7 +134,7 @@ def _evaluated(pattern: Pattern, low: np.ndarray, high: np.ndarray) -> tuple[flo
         evaluate(part, np.zeros(count, dtype=int), cycle)
         spent.append(time.process_time() - begin)
     scale = len(pattern.states) / kept
-    point = max(spent[2] - spent[1], 0.1 * spent[2]) / (MANY - FEW)
+    point = max(spent[2] - spent[1], LEAST * spent[2]) / (MANY - FEW)
     each = EVALUATIONS * point * scale + NAMED * _naming(pattern, float(low[0]), float(high[0]))
     return max(spent[1] - FEW * point, 0.0) * scale, each
 

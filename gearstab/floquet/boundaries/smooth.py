@@ -170,6 +170,7 @@ def _edge_errors(intervals: Intervals, stable: Callable[[Array, Array], Array], 
     index, side = np.nonzero(~intervals.cut)
     ends = np.stack([intervals.start, intervals.stop], axis=1)
     edge, row = ends[index, side], intervals.row[index]
+    # The window stays on its side of the middle, where the other edge is farther.
     outwards, room = 2.0 * side - 1, 0.4 * np.ptp(ends, axis=1)[index] / edge
     distance = np.full(len(edge), np.inf)
     for power in range(WIDENINGS):

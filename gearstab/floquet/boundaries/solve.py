@@ -177,6 +177,7 @@ class _Collected:
         """The roots of those regions of the system without damping that each damped one overlaps, or of the nearest;
         none where the common period is so long that there are too many.
         """
+        # Whether regions overlap is known with edges to a tenth of the narrowest one.
         limits = Limits(self.start, self.stop, 0.1 * self.floor, self.floor, 0.0)
         few = collisions(flow, *limits.cycles(part.pattern)) <= FEW
         rows = np.unique(intervals.row[few[intervals.row]])

@@ -333,6 +333,7 @@ def radii(chain: Chain, row: Array, cycle: Array, growth: Array, limit: int | No
     def part(first: int, last: int) -> None:
         _library().radii(ckernel.simd(), *given, first, last, len(row), *where, radius)
 
+    # Roughly: it decides only from how many points on threads pay.
     _in_threads(part, len(row), 10.0 * len(chain.states) * chain.size**3, limit)
     left = np.flatnonzero(np.isnan(radius).any(axis=1) | ~chain.sound[row])
     if len(left):

@@ -27,6 +27,9 @@ CHUNK = 1024
 LARGE = 2.0**200
 """Entries above this are scaled down, so that a product of any length stays finite."""
 
+RESCALE_EVERY = 8
+"""Segments without exponential growth; as in modal.h, so that both kernels round alike."""
+
 products, moduli, radii = lyapunov.products, lyapunov.moduli, lyapunov.radii
 
 
@@ -58,7 +61,7 @@ def propagate(pattern: Pattern, row: int, omega: Array) -> tuple[Array, Array]:
             x[0] = position
         if len(pattern.states) > 1:
             x = np.matmul(pattern.change(s)[row], x.reshape(2, n, -1)).reshape(x.shape)
-        if s % 8 == 7 or np.any(growth > 0):
+        if s % RESCALE_EVERY == RESCALE_EVERY - 1 or np.any(growth > 0):
             _rescale(x, scale)
     _unscale(x, scale)
     return x.reshape(2 * n, 2 * n, points), scale

@@ -185,6 +185,7 @@ def _refine(values: Array, family: Array, offset: Array, none: Array, basis: Arr
     between = label[:, :, None] != label[:, None, :]
     error = np.where(between, coupling, 0.0).max(axis=(1, 2))
     start = cluster_start(values)
+    # Rows that are near to being taken for coupled; others are decoupled well enough.
     (members,) = np.nonzero(error > 0.1 * none)
     for index, key in equal_rows(np.concatenate([label, start], axis=1)[members]):
         rows, count = members[index], values.shape[1]

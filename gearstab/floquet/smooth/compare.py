@@ -115,6 +115,7 @@ def _difference_damped(fine: Scan, coarse: Scan) -> tuple[Array, Array]:
     with np.errstate(over="ignore", invalid="ignore"):
         other = coarse.values * np.exp(coarse.scale - fine.scale)[..., None]
         gap = np.abs(fine.values[..., :, None] - other[..., None, :]).min(axis=-1).max(axis=-1, initial=0.0)
+        # A multiplier of one over the scale; exp(709) overflows.
         largest = np.maximum(np.abs(fine.values).max(axis=-1, initial=0.0), np.exp(np.minimum(-fine.scale, 700.0)))
         found = gap / largest
     found = np.where(np.isfinite(found), found, np.abs(fine.growth - coarse.growth))

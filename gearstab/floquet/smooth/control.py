@@ -138,6 +138,7 @@ def _more(ratio: Array, order: int) -> Array:
     """Resolutions by which an error must fall by a factor ``ratio``."""
     with np.errstate(divide="ignore"):
         wanted = 2 * np.log2(ratio) / order
+    # Of no or an endless error, too, a whole number comes out.
     return np.ceil(np.clip(np.nan_to_num(wanted, nan=1.0), -100, 100)).astype(int)
 
 

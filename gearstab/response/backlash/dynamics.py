@@ -122,6 +122,7 @@ class Dynamics:
             generator = self.generator(self.values(at), contact) * length
             size = float(np.abs(generator).sum(axis=2).max())
             if size > SHORTER:
+                # A little shorter than this size asks for; not by more than a thousand for a spike at one node.
                 length *= max(0.9 * SHORTER / size, 1e-3)
                 continue
             y_at = _picard(generator, y)

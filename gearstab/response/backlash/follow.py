@@ -80,7 +80,7 @@ def follow(dynamics: Dynamics, x: Array, tolerance: float) -> Iterator[Stretch]:
             begin, end = float(edges[q] * period), float(edges[q + 1] * period)
             y = dynamics.whole(x, edges[q])
             values = dynamics.values(np.array([0.5 * (edges[q] + edges[q + 1])]))[0] if exact else None
-            while end - begin > 1e-15 * period:
+            while end - begin > 1e-15 * period:  # else only rounding is left
                 longest = end - begin
                 if values is not None:
                     piece = dynamics.constant(values, contact, y, longest)
@@ -145,6 +145,7 @@ def _next(
         for sign, limit, following in _limits(dynamics, mesh, int(contact[mesh])):
             distance = sign * deflection
             distance[0] -= sign * limit
+            # A mesh that has just come to this limit is on it; one that came to the other limit is a width away.
             if mesh == switched and abs(distance[0]) <= 0.25 * teeth.width[mesh]:
                 distance[0] = 0.0
             if (bernstein(len(distance) - 1) @ distance).min() >= GRAZING * teeth.width[mesh]:

@@ -53,6 +53,7 @@ class Meter:
     def __init__(self, dynamics: Dynamics, since: float, until: float) -> None:
         period = dynamics.motion.period
         self.dynamics, self.since = dynamics, since
+        # A period that begins or ends at the limit but for rounding counts.
         self.first = int(np.ceil(since / period - 1e-9))
         self.whole = self.first < int(np.floor(until / period * (1 + 1e-12)))
         self.begin = self.end = self.first * period
@@ -118,6 +119,7 @@ class Meter:
         """States without rigid-body modes, which turn the train as a whole, but for velocities that are damped."""
         basis = self.dynamics.motion.basis
         n = basis.size // 2
+        # Modes along which no mesh is deflected, but for rounding, and that nothing stiffens.
         still = ~np.any(np.abs(self.dynamics.gauge[:, :n]) > 1e-9 * np.abs(self.dynamics.gauge[:, :n]).max(), axis=0)
         free = still & (np.abs(self.dynamics.fixed[n : 2 * n, :n]).max(axis=0, initial=0.0) == 0)
         drag = np.abs(self.dynamics.fixed[n : 2 * n, n : 2 * n]).max(axis=0, initial=0.0)

@@ -75,6 +75,7 @@ def speed_cycles(
     held = balanced(system, next(bases(system)))
     growth = np.ravel(solve(at_rest(system), omega).growth_rate)
     per_period = first.drive.counts[0]
+    # Whole periods, but for rounding.
     left_out = int(np.ceil((0.5 * cycles if discard is None else discard) / per_period - 1e-9))
     periods = max(int(np.ceil(cycles / per_period - 1e-9)), left_out + 1)
     found: list[LimitCycle | None] = [None] * len(omega)

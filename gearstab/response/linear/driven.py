@@ -88,6 +88,7 @@ class Driven:
             if self.drive.exact:
                 tau[inside] = 0.5 * (edges[q] + edges[q + 1])
             else:
+                # Just inside, where a function that jumps at an edge still has the value of the interval.
                 tau[inside] = np.clip(tau[inside], edges[q] + 1e-9 * width, edges[q + 1] - 1e-9 * width)
         return np.asarray(self.drive.split(self.drive.varying(tau[None])[0])[0])
 

@@ -142,7 +142,7 @@ class Exact:
         drives = self.points.excitation.z(self.begin + (fractions - steps)[:, None] * self.length)
         for step, z in zip(steps, drives, strict=True):
             if step > 0:
-                key = round(float(step), 14)
+                key = round(float(step), 14)  # equal steps, but for rounding, share their propagators
                 if key not in known:
                     known[key] = next(self._propagators(np.array([step])))
                 p, f = known[key]

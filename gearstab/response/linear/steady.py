@@ -72,6 +72,7 @@ def starts(
         frequency = omega[basis.rows[row], column]
         steps = 1 if drive.exact else resolution(drive, basis, row, frequency, tolerance)
         longest = float(np.diff(drive.schedule.edges, axis=1).max())
+        # Numbers kept for each point: states at the samples, and about ten more for every mesh.
         nodes = samples * drive.counts[0] * longest * (basis.size + 10 * len(drive.counts))
         widest = max((basis.size + drive.width) ** 2, int(nodes))
         step = max(1, MOST_ENTRIES // widest)

@@ -42,6 +42,7 @@ HERMITE = _powers(BETWEEN) @ COEFFICIENTS
 RATES = _derivatives(NODES, 8) @ np.linalg.inv(_powers(np.concatenate([NODES, BETWEEN]), 8))
 """``(5, 9)``, derivatives at the nodes of the polynomial of degree eight through nodes and points between."""
 _OFF = np.array([0.07, 0.93])
+"""Between the outer two nodes at either end, where interpolation errs most."""
 DOUBT = _powers(_OFF) @ COEFFICIENTS
 DOUBT[:, :5] -= _powers(_OFF, 4) @ np.linalg.inv(_powers(NODES, 4))
 """``(2, 10)``, by how much the polynomial of degree four through the values alone is off."""

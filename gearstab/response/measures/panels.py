@@ -111,7 +111,7 @@ def fastest(points: Points) -> float:
 
 
 def _means(points: Points) -> Array:
-    """``(r, J)``, the mean values of what varies in A, by the rule of three points an interval."""
+    """``(r, J)``, the mean values of what varies in A, by Gauss's rule of three points an interval, about."""
     edges = points.edges
     total = 0.0
     for q in occupied(points):

@@ -20,6 +20,9 @@ LONGEST = 1e15
 SLACK = 1 + 1e-9
 """Room for rounding in times by which theta has left for certain."""
 
+PERIOD = 1.01
+"""Of the swing, and a little more: what happens in a period has then happened, however it is rounded."""
+
 
 class Exit(NamedTuple):
     """Where theta leaves its region: the time since the beginning of the arc and the direction, 1 or -1."""
@@ -54,15 +57,16 @@ def _windows(arc: Arc, lower: float, upper: float) -> Iterator[tuple[float, floa
         return
     period = 2 * pi / sqrt(arc.discriminant) if arc.discriminant > 0 else inf
     if arc.drift == 0:
-        yield 0.0, min(1.01 * period, LONGEST)
+        yield 0.0, min(PERIOD * period, LONGEST)
         return
     if abs(arc.drift) > abs(arc.m) * arc.bounds(0.0)[1]:
         # theta' keeps its sign.
         yield 0.0, end
         return
-    first = min(1.01 * period, end)
+    first = min(PERIOD * period, end)
     yield 0.0, first
     begin = first
+    # The swing shrinks meanwhile, so that each bound gives a later one; any number of them is right.
     for _ in range(60):
         later = _ahead(arc, lower, upper, begin)
         if later <= begin * SLACK:

@@ -182,7 +182,7 @@ def _stall(law: Law, region: int, arc: Arc, duration: float) -> float | None:
     end = duration
     if duration == inf:
         end = 1.0
-        while spare(end) > 0 and end < 1e12:
+        while spare(end) > 0 and end < 1e12:  # in 1/w0: what is not spent by then never is
             end *= 2
     if spare(end) >= 0:
         return None

@@ -224,7 +224,7 @@ def newton(p: Problem, x: Array) -> tuple[Array, Array]:
             1.0, np.abs(x[active] / size[active]).max(axis=-1)
         )
         timely = (x[active, TIME] > 0) & (x[active, TIME] < tau / q.omega)
-        sound = solvable & timely & (change < 1e6)
+        sound = solvable & timely & (change < 1e6)  # a larger step leads nowhere
         good[active[sound & close[active]]] = True
         going = sound & ~close[active]
         close[active] = change <= CLOSE

@@ -152,6 +152,7 @@ def _stability(p: Problem) -> tuple[Array, ...]:
         status[index] |= np.where(coupled, FLAGS["speed_coupled"], 0).astype(np.int16)
         # ln of the multiplier of the speed; without damping 0 but for rounding.
         status[index] |= np.where(own > 1e-9, FLAGS["speed_unstable"], 0).astype(np.int16)
+    # Without damping the growth is 0 but for rounding.
     stable = np.where(found, growth <= 1e-10 * p.omega, -1).astype(np.int8)
     return growth, stable, status, exponents, speed, drive
 
@@ -171,6 +172,7 @@ def multipliers(p: Problem, x: Array, matrix: Array) -> tuple[Array, Array, Arra
         which = np.argmax(np.abs(shares), axis=-1)
         rows = np.arange(rest.size)
         chosen = values[rows, which]
+        # An eigenvalue of a real matrix is real or clearly not, but where two are about to meet.
         coupled[rest] = np.abs(chosen.imag) > 1e-12 * np.abs(chosen)
         own[rest] = np.log(np.abs(chosen))
         others = np.stack([values[rows, (which + 1) % 3], values[rows, (which + 2) % 3]], axis=-1).astype(complex)
@@ -241,6 +243,7 @@ def _crosses(p: Problem, i: int, region: int, start: Array, duration: float, eta
     edges = (0.0, float(p.single[i]), tau)
     law = Law(m, float(p.zeta[i]), float(p.load[i]), kappa, edges, m, p.impulsive, eta)
     arc = law.arc(region, (float(start[0]), float(start[1]), 0.0, float(start[3])))
+    # The orbit's own exit is at its end: looked for a little beyond, and recognised to Newton's accuracy.
     found = first_exit(arc, 0.0, edges[region + 1] - edges[region], 1.01 * duration)
     return found is not None and found.direction > 0 and abs(found.time - duration) <= 1e-8 * duration
 

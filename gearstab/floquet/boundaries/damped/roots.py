@@ -57,6 +57,7 @@ def _next(a: Array, b: Array, c: Array, fa: Array, fb: Array, fc: Array, limit: 
         xi, phi = (a - b) / (c - b), (fa - fb) / (fc - fb)
         smooth = (1 - np.sqrt(1 - xi) < phi) & (phi < np.sqrt(xi))
         t = fa / (fb - fa) * fc / (fb - fc) + (c - a) / (b - a) * fa / (fc - fa) * fb / (fc - fb)
+        # From the old ends, so that a zero beside one of them is enclosed by the next step, and not crept up to.
         least = 0.25 * limit / np.abs(b - a)
     t = np.where(smooth & np.isfinite(t), t, 0.5)
     return np.clip(t, np.minimum(least, 0.5), np.maximum(1 - least, 0.5))

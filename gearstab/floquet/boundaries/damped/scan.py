@@ -31,6 +31,10 @@ SHARPNESS = 4.0
 """The same for a corner, to which the growth falls like a square root."""
 DOUBTFUL_GAIN = 0.1
 """The least gain to be hoped for, as a part of the height of the extremum over its neighbours."""
+GOLDEN = 0.38
+"""Part of the wider side at which to look where a vertex tells nothing new."""
+BESIDE, INSIDE = 0.05, 0.1
+"""Parts of a range by which a point to look at next must keep off the middle sample, or is kept off the outer ones."""
 SAME = 0.5
 """Squared overlap of two solutions above which they are one branch."""
 CLOSEST = 1e-5
@@ -129,9 +133,9 @@ def _extrema(scan: Scan, floor: float) -> tuple[Array, Array]:
     top = np.where(np.isfinite(top), top, b)
     gain = np.maximum(np.where(np.isfinite(gain), gain, 0.0), DOUBTFUL_GAIN * (fb - np.minimum(fa, fc)))
     wanted = (r[2:] == r[:-2]) & (fb >= fa) & (fb >= fc) & (fb + OPTIMISM * gain > 0) & (c - a > floor)
-    wider = np.where(c - b > b - a, b + 0.38 * (c - b), b - 0.38 * (b - a))
-    top = np.where(np.abs(top - b) < 0.05 * (c - a), wider, top)
-    top = np.clip(top, a + 0.1 * (b - a), c - 0.1 * (c - b))
+    wider = np.where(c - b > b - a, b + GOLDEN * (c - b), b - GOLDEN * (b - a))
+    top = np.where(np.abs(top - b) < BESIDE * (c - a), wider, top)
+    top = np.clip(top, a + INSIDE * (b - a), c - INSIDE * (c - b))
     return r[1:-1][wanted], top[wanted]
 
 
@@ -150,7 +154,7 @@ def _corners(scan: Scan, floor: float) -> list[tuple[Array, Array]]:
         meet = (g[2:-1] - g[1:-2] + left * b - right * c) / (left - right)
         value = g[1:-2] + left * (meet - b)
     sharp = above & (meet > b) & (meet < c) & (low < SHARPNESS * (low - value)) & (c - b > floor)
-    place = np.clip(meet, b + 0.1 * (c - b), c - 0.1 * (c - b))
+    place = np.clip(meet, b + INSIDE * (c - b), c - INSIDE * (c - b))
     pairs = np.flatnonzero((r[1:] == r[:-1]) & (g[1:] > 0) & (g[:-1] > 0) & (np.diff(x) > max(CLOSEST, floor)))
     middle = 0.5 * (x[pairs] + x[pairs + 1])
     pairs, middle = (part[scan._opened(r[pairs], middle)] for part in (pairs, middle))

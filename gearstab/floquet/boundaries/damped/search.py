@@ -164,6 +164,7 @@ def _guided(scan: Scan, guide: Pattern, rows: Array, first: Array, last: Array, 
     """Sample rows in and about the regions of the same system without damping, and between unstable samples; the
     evaluations of each row.
     """
+    # Edges of a guide need no more than a tenth of the narrowest region.
     free = undamped.search(guide, first[rows], last[rows], 0.1 * floor, floor)
     count = counting.collisions(guide, first[rows], last[rows])
     spacing = (last - first)[rows] / count / DENSITY

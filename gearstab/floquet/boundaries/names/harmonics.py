@@ -136,6 +136,7 @@ def _nearest(chain: Chain, interval: Interval) -> Root:
     p, q = np.triu_indices(len(frequency))
     turns = (frequency[p] + frequency[q]) * chain.cycles * 0.5 * (interval.start + interval.stop)
     number = np.maximum(np.rint(turns), 1)
+    # Equally near is what agrees to six digits: the middle of an interval is no better known.
     best = np.lexsort((number, np.round(np.abs(turns / number - 1), 6)))[0]
     return Root(int(p[best]), int(q[best]), int(number[best]))
 
@@ -146,6 +147,7 @@ def shares(chain: Chain, row: Array, cycle: Array) -> list[Shares]:
     """
     result: list[Shares] = [{} for _ in row]
     fastest = np.abs(chain.values.imag).max(axis=(1, 2))[row] * chain.period(cycle) / (2 * np.pi)
+    # A power of two, for the Fourier transform.
     count = np.exp2(np.ceil(np.log2(np.maximum(2 * SAMPLES * BAND * fastest, 16)))).astype(int)
     count = np.minimum(count, LONGEST)
     for number in np.unique(count[chain.sound[row]]):

@@ -244,7 +244,7 @@ def solution_actions(pattern: Pattern, row: Array, cycle: Array, vector: Array, 
     n = pattern.size
     period = 2 * np.pi * pattern.cycles * cycle
     frequency = np.sqrt(pattern.squared_frequency[row].astype(complex))
-    # Of a state without stiffness along a mode: it is divided by below.
+    # Of a state without stiffness along a mode: it is divided by below. Its square is nothing beside usual ones.
     frequency = np.where(np.abs(frequency) < 1e-7, 1e-7, frequency)
     count = _frequencies(pattern, row, cycle) // 2
     w = (-1j * logs[:, None] + 2 * np.pi * np.arange(-count, count + 1)) / period[:, None]

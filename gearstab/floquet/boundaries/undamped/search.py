@@ -36,6 +36,15 @@ PATIENCE = 4
 """Rounds of interpolation in which a bracket must halve."""
 NEAR = 1.2
 """Margin by which a pair must miss each other for a bracket to be empty, and a third multiplier for one edge."""
+SMALL = 0.26
+"""Of the scan's spacing: brackets whose integers are unknown are taken at face value below, after two halvings."""
+ELSEWHERE = 0.11
+"""Part of a bracket by which to go off its middle, to either side in turn, for each time that it told nothing."""
+CLOSED, BESIDE = 0.8, 0.45
+"""A tongue predicted to be narrower than the first part of the floor is enclosed between stable points at the second
+part of the floor from it, on both sides."""
+WITHIN = 0.4
+"""Of the tolerance: the least distance of a proposed edge from the ends of its bracket."""
 ATTEMPTS = 4
 """Points tried where signs are lost in rounding, before a bracket is left as it is."""
 ROUNDS = 200
@@ -201,7 +210,7 @@ def classify(samples: Samples, brackets: Brackets, spacing: Array) -> Array:
     kind[~stable_a & stable_b & single] = EXIT
     kind[stable_a & stable_b & ~same] = NARROW
     kind[~near & ((stable_a & stable_b & same) | (~stable_a & ~stable_b & (begun > ended)))] = NOTHING
-    small = width < 0.26 * spacing[samples.row[a]]
+    small = width < SMALL * spacing[samples.row[a]]
     face = np.where(stable_a, np.where(stable_b, NARROW, ENTRANCE), np.where(stable_b, EXIT, NOTHING))
     return np.where(known, kind, np.where(small, face, OPEN))
 
@@ -216,7 +225,7 @@ def propose(samples: Samples, brackets: Brackets, kind: Array, tolerance: float,
     x, y = samples.cycle[a], samples.cycle[b]
     middle = 0.5 * (x + y)
     # Where a middle told nothing, somewhere else.
-    middle += (y - x) * 0.11 * brackets.failures * np.where(brackets.failures % 2 == 1, 1, -1)
+    middle += (y - x) * ELSEWHERE * brackets.failures * np.where(brackets.failures % 2 == 1, 1, -1)
     weight = np.where(kind == NARROW, samples.ended[b] - samples.begun[a], 1)
     weight = np.where(kind == ENTRANCE, samples.begun[b] - samples.begun[a], weight)
     weight = np.where(kind == EXIT, samples.ended[b] - samples.ended[a], weight)
@@ -229,13 +238,14 @@ def propose(samples: Samples, brackets: Brackets, kind: Array, tolerance: float,
         root = np.where((better > x) & (better < y), better, root)
         usable = (f < 0) & (g > 0) & (root > x) & (root < y) & (weight <= 2) & (kind != OPEN)
         usable &= (brackets.failures == 0) & (brackets.age < PATIENCE)
-        least = 0.4 * tolerance * x
+        least = WITHIN * tolerance * x
         root = np.where(side != 0, np.clip(root, x + least, y - least), root)
         # Is the tongue predicted to be narrower than the floor? Then enclose it between two stable points.
         slope = (g - f) / (y - x)
         coupling = np.maximum(samples.ahead[1, group, a], samples.behind[1, group, b])
-        closed = (side == 0) & (4 * coupling < 0.8 * floor * x * slope)
-        probe = np.where(root - x > 0.46 * floor * x, root - 0.45 * floor * x, root + 0.45 * floor * x)
+        closed = (side == 0) & (4 * coupling < CLOSED * floor * x * slope)
+        aside = BESIDE * floor * x
+        probe = np.where(root - x > (BESIDE + 0.01) * floor * x, root - aside, root + aside)
     usable &= ~closed | ((probe > x) & (probe < y))
     return np.where(usable, np.where(closed, probe, root), middle)
 
