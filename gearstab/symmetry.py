@@ -93,7 +93,7 @@ def deflection_types(system: GearSystem, modes: Modes) -> Array:
 
 
 def type_names(system: GearSystem, modes: Modes) -> list[str]:
-    """What every mode is called: by its T where the system has symmetry, else as :func:`gearstab.modal.mode_types`."""
+    """Name every mode: by its T where the system has symmetry, else as :func:`gearstab.modal.mode_types`."""
     plain = [str(kind) for kind in mode_types(modes)]
     if system.symmetry is None:
         return plain

@@ -8,7 +8,7 @@ with one direction g_i a tooth mesh and, where something else varies or is not s
 follows the mesh stiffness), periodic terms.
 
 Systems (``gearstab.systems``) build it, methods (Floquet, perturbation, response) read it, and neither knows
-about the other. Every array may carry leading *batch* dimensions, one entry a grid row, so that a
+about the other. Every array may carry leading *batch* dimensions, one entry per grid row, so that a
 whole slab of a sweep is built and solved with a handful of array operations.
 """
 
@@ -262,7 +262,7 @@ class GearSystem:
 
     @property
     def frequency_ratios(self) -> list[Fraction | float]:
-        """Of the meshes, then of the terms."""
+        """Frequency ratios of the meshes, then of the terms."""
         return [mesh.frequency_ratio for mesh in self.meshes] + [term.frequency_ratio for term in self.terms]
 
     def over(self, batch: tuple[int, ...]) -> GearSystem:

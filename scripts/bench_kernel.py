@@ -57,7 +57,7 @@ class Way:
 
 
 def train(ratio: str, rows: int, damping: dict[str, object] | None = None) -> GearSystem:
-    """Lin & Parker's gear train for ``rows`` values of epsilon; 4 segments a period for R = 1, 16 for R = 3/5."""
+    """Lin & Parker's gear train for ``rows`` values of epsilon; 4 segments per period for R = 1, 16 for R = 3/5."""
     epsilon = np.linspace(0.01, 0.5, rows)
     meshes = [
         {"name": "first", "mean_stiffness": 1.0, "epsilon": epsilon, "contact_ratio": 1.47},
@@ -138,7 +138,7 @@ def numpy_eigenvalues(pattern: Pattern, omega: Array) -> Array:
 
 
 def compare(title: str, ways: list[Way], rounds: int, clock: Callable[[], float] = time.thread_time) -> list[float]:
-    """Print microseconds a point of all ways and their ratios to the first; returns the medians in seconds a point."""
+    """Print microseconds per point of all ways and their ratios to the first; returns medians in seconds per point."""
     for way in ways:
         way.run()
     times: list[list[float]] = [[] for _ in ways]

@@ -1,7 +1,7 @@
 """Smooth mesh stiffness: how much faster than DOP853 the Magnus steps are at an equal measured error.
 
-Both are given several tolerances; the CPU time a point that an error of 1e-6 takes is read off their curves: time over
-the largest error of the growth a period at some points, against an integrator in extended precision.
+Both are given several tolerances; the CPU time per point that an error of 1e-6 takes is read off their curves: time
+over the largest error of the growth per period at some points, against an integrator in extended precision.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ ROUNDS = 7
 
 @dataclass(frozen=True)
 class Setting:
-    """A method with a tolerance: seconds a point, the least of all rounds, and the measured error."""
+    """A method with a tolerance: seconds per point, the least of all rounds, and the measured error."""
 
     seconds: float
     error: float
@@ -90,7 +90,7 @@ def seconds_at(settings: list[Setting]) -> float:
 def main() -> None:
     """Measure and print the table."""
     os.environ["GEARSTAB_THREADS"] = "1"
-    table = Table(title=f"CPU time a point for an error of {ERROR:.0e} in the growth a period, one core")
+    table = Table(title=f"CPU time per point for an error of {ERROR:.0e} in the growth per period, one core")
     for heading in ("wave", "points", "Magnus, us", "DOP853, ms", "times faster"):
         table.add_column(heading, justify="left" if heading == "wave" else "right", no_wrap=True)
     for name, path in SCENES.items():

@@ -59,7 +59,7 @@ def seconds(text: str) -> tuple[int, float]:
 
 
 def main(rows: int = 200) -> None:
-    """Run both, with and without damping and Sobol indices, and print the ratios of processor time a point."""
+    """Run both, with and without damping and Sobol indices, and print the ratios of processor time per point."""
     title = f"Two-stage train, map of 400 x {rows} cells with 1,000 samples each, one processor"
     table = Table(title=title)
     for heading in ("", "points", "ns a point", "x plain"):

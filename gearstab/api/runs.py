@@ -25,7 +25,7 @@ def sweep(
     Parameters
     ----------
     config: as in :func:`gearstab.load`, with the sections ``sweep`` and ``methods``.
-    jobs: threads or processes, default one a processor.
+    jobs: threads or processes, default one per processor.
     progress: whether to show a bar; default: in a notebook and on a terminal.
     confirmed: True to begin a sweep of very many points, hours or gigabytes.
 

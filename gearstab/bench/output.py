@@ -31,7 +31,7 @@ def bench_group(scene: Scene, points: int, found: Sequence[Measurement]) -> Grou
 
 
 def table(found: Sequence[Measurement], points: int) -> str:
-    """One line a setting: points a second, the ratio to the fastest, the error, wrong flags."""
+    """One line per setting: points per second, the ratio to the fastest, the error, wrong flags."""
     fastest = min(m.seconds for m in found)
     lines = [f"{'method':<26}{'rtol':>8}{'points/s':>12}{'times slower':>14}{'error':>11}{'wrong flags':>14}"]
     for m in found:

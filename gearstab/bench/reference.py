@@ -2,7 +2,7 @@
 
 The segments' generators are the doubles of the scene; their exponentials, the product and the refinement of its
 dominant multiplier by inverse iteration are carried out with 30 digits (mpmath) or, for more than SMALL coordinates
-where that takes minutes a point, with the 64-bit mantissa of an extended double where the processor has one.
+where that takes minutes per point, with the 64-bit mantissa of an extended double where the processor has one.
 
 Where the stiffness is smooth, x' = A(t) x is solved by Gauss collocation of order 16 in extended doubles, on steps
 between the kinks, short enough for a truncation error below their rounding.

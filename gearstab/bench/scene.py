@@ -31,7 +31,7 @@ class Scene:
 
     @cached_property
     def edges(self) -> list[float]:
-        """Where in the common period (0 to 1) anything jumps or has a kink; the first is 0, the last 1."""
+        """Return where in the common period (0 to 1) anything jumps or has a kink; the first is 0, the last 1."""
         counts = self.system.common_period()[1]
         varying: tuple[Mesh | PeriodicTerm, ...] = (*self.system.meshes, *self.system.terms)
         found = {0.0, 1.0}

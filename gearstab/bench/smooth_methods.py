@@ -22,7 +22,7 @@ Method = Callable[[Scene, Array, float], Array]
 HARMONICS = 5
 """Of a mesh's wave that the number of collocation points allows for."""
 LARGEST = 1500
-"""Order of an eigenvalue problem that Hill's method may take; minutes a point beyond it."""
+"""Order of an eigenvalue problem that Hill's method may take; minutes per point beyond it."""
 
 
 def periods(scene: Scene, omega: Array) -> Array:

@@ -1,4 +1,4 @@
-"""Measure every method that fits a scene: time a point against true error."""
+"""Measure every method that fits a scene: time per point against true error."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ QUICK = 0.02
 class Measurement:
     """One method with one tolerance.
 
-    seconds: median time a point.  error: the largest |growth - reference| over the reference points, growth being
+    seconds: median time per point.  error: the largest |growth - reference| over the reference points, growth being
     ln max |lambda| over one common period.  wrong: how many of these points get the wrong stability flag, taking a
     growth above FLAG as unstable.
     """

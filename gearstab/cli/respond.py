@@ -41,7 +41,7 @@ def command(config: Path, output: Path | None, overrides: tuple[str, ...], quiet
 
 
 def summary(found: Response | PairResponse, out: Path) -> str:
-    """What came out, in one line; a second one if the history was cut."""
+    """Summarise a response in one line, and in a second one if the history was cut."""
     from gearstab.response.backlash import BacklashResponse
     from gearstab.response.rotating_pair import PairResponse
 
@@ -77,7 +77,7 @@ ENDED = {
 
 
 def backlash_summary(found: BacklashResponse, out: Path) -> str:
-    """What came out, in a few lines."""
+    """Summarise a motion with backlash in a few lines."""
     end = found.time[-1]
     lines = [f"response: {out}: {len(found.time):,} samples to t = {end:.6g}, {len(found.events):,} changes of contact"]
     if found.cycle is not None:
@@ -96,7 +96,7 @@ def backlash_summary(found: BacklashResponse, out: Path) -> str:
 
 
 def pair_summary(found: PairResponse, out: Path) -> str:
-    """What came out, in one line; a second one if the history is chaotic."""
+    """Summarise the motion of a pair in one line, and in a second one if the history is chaotic."""
     from math import inf
 
     import numpy as np

@@ -172,7 +172,7 @@ def _case() -> dict[str, Any]:
 
 def _matrix_or(form: dict[str, Any]) -> dict[str, Any]:
     """The damping of a model given as matrices may be nested lists, as its mass and stiffness are."""
-    rows = {"type": "array", "items": {"type": "array", "items": NUMBER}, "description": "C, one row a coordinate."}
+    rows = {"type": "array", "items": {"type": "array", "items": NUMBER}, "description": "C, one row per coordinate."}
     return {"description": form["description"], "anyOf": [*form["anyOf"], rows]}
 
 

@@ -30,7 +30,7 @@ def check(config: Config) -> None:
     found = []
     for path, name in asked:
         if name in ("instability_width", "tongue_distance", "required_damping") and system.terms:
-            message = f"{name} takes periodic mesh stiffness only, and this system has friction or the like"
+            message = f"{name} supports only periodic mesh stiffness, and this system also has friction or the like"
             found.append(config.problem(path, message, "use growth_rate"))
         elif not system.commensurate and name != "root_stress":
             found.append(config.problem(path, f"{name} needs a common period of the meshes", "give exact ratios"))

@@ -135,7 +135,7 @@ def merged(
     for number, entry in enumerate(entries, 1):
         name = entry.setdefault("name", f"mesh{number}")
         if "direction" not in entry:
-            raise NotPossible(f"mesh '{name}' has no direction", "give direction, one number a coordinate")
+            raise NotPossible(f"mesh '{name}' has no direction", "give direction, one number per coordinate")
         if not entry.keys() & {"epsilon", "amplitude", "waveform"}:
             message = f"nothing says how the stiffness of mesh '{name}' varies"
             raise NotPossible(message, "give epsilon and contact_ratio")

@@ -28,7 +28,7 @@ def from_ross(
     rotor: a ``ross.Rotor`` or ``ross.MultiRotor``. The gear mesh of a multi-rotor is the first mesh; where ROSS
         computed its stiffness over a mesh period (``GearElementTVMS``) that is its wave.
     meshes: what else is to be said of the meshes, one entry each: ``[{"epsilon": 0.2, "contact_ratio": 1.6}]``; needed
-        where the stiffness is constant there. Further entries need ``direction`` (one number a coordinate) and
+        where the stiffness is constant there. Further entries need ``direction`` (one number per coordinate) and
         ``mean_stiffness``.
     modes: how many of the lowest modes to keep, default all; ``note`` of the result says what that neglects.
     speed: of the (driving) rotor, rad/s, at which bearings are taken and which gyroscopic effects go with. These, and

@@ -21,7 +21,7 @@ def from_opentorsion(
     assembly: an ``opentorsion.Assembly``. Its elastic gears are the meshes: the angle between the gears is theta_parent
         + (R/R_parent) theta, the stiffness is in N m/rad; rigid gears are constraints, as there.
     meshes: what varies, one entry for each elastic gear in their order: ``[{"epsilon": 0.2, "contact_ratio": 1.6}]``,
-        and any other key of a mesh; further entries need ``direction`` (one number a coordinate) and
+        and any other key of a mesh; further entries need ``direction`` (one number per coordinate) and
         ``mean_stiffness``.
     modes: how many of the lowest modes to keep, default all; ``note`` of the result says what that neglects.
 

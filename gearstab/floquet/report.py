@@ -18,7 +18,7 @@ SHARE = 1e-9
 
 @dataclass(frozen=True)
 class BlockSummary:
-    """A block of a system: numbers (from 1) of its modes, its size, how often it occurs, segments a period, distinct
+    """A block of a system: numbers (from 1) of its modes, its size, how often it occurs, segments per period, distinct
     stiffness states.
 
     Identical blocks share modes of equal frequency: each is made of ``size`` combinations of ``copies`` times as many.
@@ -50,7 +50,7 @@ class Reduction:
         return max(1.0, sum(part.segments * part.size**3 for part in self.parts) / (4 * 3**3))
 
     def text(self) -> str:
-        """In a line, for instance "2 modes dropped; blocks of 7, 9 (twice) modes"."""
+        """Say it in one line, for instance "2 modes dropped; blocks of 7, 9 (twice) modes"."""
         words = []
         if self.rigid:
             words.append(f"{_modes(len(self.rigid))} of rigid bodies dropped")

@@ -47,7 +47,7 @@ ROUNDS = 100
 POINTS_AT_ONCE = 4096
 """Points of the root finding treated side by side."""
 RESOLVED = 1e-8
-"""Error of the growth a period, where it is propagated in Magnus steps."""
+"""Error of the growth per period, where it is propagated in Magnus steps."""
 MOST_HALVINGS = 6
 """Of the Magnus steps."""
 ROWS_AT_ONCE = 32
@@ -129,7 +129,7 @@ def _smooth(system: GearSystem, omega: Array, level: float) -> Iterator[Block]:
 
 
 def _resolved(division: Division, omega: Array, level: float) -> Pattern:
-    """A division in steps of which half as long ones change no growth a period by more than RESOLVED."""
+    """A division in steps of which half as long ones change no growth per period by more than RESOLVED."""
     own = omega[division.rows] / division.elastic.rate[:, None]
     factor = np.full(len(division.rows), level)
     pattern = division.pattern(CF6_5, 0)

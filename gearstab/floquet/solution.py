@@ -16,7 +16,7 @@ from gearstab.floquet.stability import STATUS_FLAGS, Stability
 from gearstab.system import Array
 
 DAMPED_ON_CIRCLE = 1e-10
-"""A damped system whose growth a period is below this is stable: the rounding error of a long product, and far less
+"""A damped system whose growth per period is below this is stable: the rounding error of a long product, and far less
 than the decay of any damping ratio above 1e-10."""
 ENTRIES_AT_ONCE = 2**22
 """Of the monodromy matrices of points in doubt: 32 MB."""

@@ -93,8 +93,8 @@ def _projection(turn: Array, order: int, kind: int) -> Array:
 
 
 def neglected(system: GearSystem, basis: Array) -> float:
-    """What a restriction of a single system leaves out: the largest coupling between modes inside and outside of the
-    subspace, relative to w_p w_q; 0 where it is rounding error and the restriction exact.
+    """Measure what a restriction of a single system leaves out: the largest coupling between modes inside and outside
+    of the subspace, relative to w_p w_q; 0 where it is rounding error and the restriction exact.
 
     Meshes that vary alike are taken together, so that couplings which cancel count as none.
     """

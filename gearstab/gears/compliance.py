@@ -124,7 +124,9 @@ def _foundation(gear: Gear, theta: float, x: Array, y: Array, beta: Array) -> Ar
 
 
 def contact_compliance(pair: Pair) -> float:
-    """Of the Hertz contact of one pair, 2/(pi b) [(1 - nu1^2)/E1 + (1 - nu2^2)/E2] (Yang & Sun 1985), m/N."""
+    """Return the compliance of the Hertz contact of one pair, 2/(pi b) [(1 - nu1^2)/E1 + (1 - nu2^2)/E2] (Yang & Sun
+    1985), m/N.
+    """
     parts = sum((1 - gear.poisson**2) / gear.young for gear in (pair.pinion, pair.wheel))
     return 2 * parts / (pi * pair.face_width)
 

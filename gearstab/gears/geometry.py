@@ -110,7 +110,7 @@ class Gear:
 
     @property
     def radius(self) -> float:
-        """Of the reference circle, r = m z/2."""
+        """Radius of the reference circle, r = m z/2."""
         return self.module * self.teeth / 2
 
     @property
@@ -130,7 +130,7 @@ class Gear:
 
     @property
     def height(self) -> float:
-        """Of the tooth, from root to tip."""
+        """Height of the tooth, from root to tip."""
         return self.sign * (self.tip_radius - self.root_radius)
 
     @property
@@ -159,7 +159,7 @@ class Gear:
 
     @property
     def base_half_angle(self) -> float:
-        """Of the tooth where its involutes meet the base circle, s/2r + inv alpha (internal: -)."""
+        """Half the angle of the tooth where its involutes meet the base circle, s/2r + inv alpha (internal: -)."""
         return pi / (2 * self.teeth) + self.sign * (
             2 * self.profile_shift * tan(self.pressure_angle) / self.teeth + involute(self.pressure_angle)
         )
@@ -171,7 +171,9 @@ class Gear:
         return acos(min(self.base_radius / radius, 1.0))
 
     def thickness(self, radius: float) -> float:
-        """Of the tooth along the arc of that radius, between its involutes; negative beyond their point."""
+        """Return the thickness of the tooth along the arc of that radius, between its involutes; negative beyond their
+        point.
+        """
         return 2 * radius * (self.base_half_angle - self.sign * involute(self.profile_angle(radius)))
 
     @property

@@ -103,7 +103,7 @@ class Pair:
 
     @property
     def pitch_radii(self) -> tuple[float, float]:
-        """In operation, r_w = r_b/cos alpha_w."""
+        """Radii of the pitch circles in operation, r_w = r_b/cos alpha_w."""
         c = cos(self.pressure_angle)
         return self.pinion.base_radius / c, self.wheel.base_radius / c
 
@@ -177,7 +177,9 @@ class Pair:
 
     @property
     def tip_clearances(self) -> tuple[float, float]:
-        """Between the pinion's tip and the wheel's root, and the wheel's tip and the pinion's root, metres."""
+        """Return the clearances between the pinion's tip and the wheel's root, and between the wheel's tip and the
+        pinion's root, metres.
+        """
         one, two, sign = self.pinion, self.wheel, self.wheel.sign
         return (
             sign * (self.centre - two.root_radius) - one.tip_radius,

@@ -45,7 +45,7 @@ class ToothProfile:
 
     @property
     def form_radius(self) -> float:
-        """Where the fillet ends and the involute begins."""
+        """Radius at which the fillet ends and the involute begins."""
         return self.gear.base_radius * sqrt(1 + self.form_roll**2)
 
     @property
@@ -55,7 +55,7 @@ class ToothProfile:
 
     @property
     def root_half_angle(self) -> float:
-        """Of the tooth at the root circle, where the fillet begins."""
+        """Half the angle of the tooth at the root circle, where the fillet begins."""
         x, y, _, _ = _fillet(self.gear, pi / 2)
         return float(np.arctan2(x, y))
 

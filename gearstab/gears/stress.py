@@ -43,7 +43,9 @@ class CriticalSection:
 
 @lru_cache(maxsize=4096)
 def critical_section(gear: Gear) -> CriticalSection:
-    """Of an external gear's tooth. Where the whole fillet is steeper, its end on the involute counts."""
+    """Return the critical section of an external gear's tooth. Where the whole fillet is steeper, its end on the
+    involute counts.
+    """
     from scipy.optimize import brentq
 
     profile = tooth_profile(gear)

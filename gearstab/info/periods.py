@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
 
 def common_period(system: GearSystem) -> dict[str, Any] | None:
-    """What the common period of all meshes consists of; None where there is none."""
+    """Describe the common period of all meshes; None where there is none."""
     from gearstab.floquet.frequencies import choice
     from gearstab.floquet.segments.pattern import prepare
 
@@ -30,8 +30,8 @@ def common_period(system: GearSystem) -> dict[str, Any] | None:
 
 
 def frequencies(config: Config, system: GearSystem) -> dict[str, Any] | None:
-    """How exact stability goes through several mesh frequencies, and the seconds per point of a sweep on one processor,
-    None where they are more than one; None for a single mesh frequency.
+    """Return the strategy of exact stability for several mesh frequencies, and the seconds per point of a sweep on one
+    processor, None where they are more than one; None for a single mesh frequency.
     """
     import numpy as np
 

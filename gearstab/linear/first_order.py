@@ -70,7 +70,7 @@ class Modal:
         return replace(self, parts=parts, **own)
 
     def dissipative(self) -> list[Array]:
-        """What acts on velocities: the damping, then the parts that vary, each ``(r, n, n)``."""
+        """Matrices that act on velocities: the damping, then the parts that vary, each ``(r, n, n)``."""
         return [self.damping, *(matrix for on_velocity, matrix in self.parts if on_velocity)]
 
     def generator(self, elastic: Array, damped: Array, weight: Array) -> tuple[Array, Array]:

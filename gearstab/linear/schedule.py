@@ -28,7 +28,7 @@ class Source:
 
 
 def sources(system: GearSystem, counts: tuple[int, ...]) -> list[Source]:
-    """Of the mesh stiffnesses, then of all profiles of the terms.
+    """What varies: the mesh stiffnesses, then all profiles of the terms.
 
     counts: how many cycles of each are in the common period.
     """

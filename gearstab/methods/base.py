@@ -40,7 +40,7 @@ class OptionError(ValueError):
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a method gives for a batch of systems, one a row.
+    """What a method gives for a batch of systems, one per row.
 
     values: by variable, with GRID as ``(rows, P)`` and ROWS as ``(rows,)`` (one row may stand for all).
     tongues: what the dimension ``tongue`` consists of, for methods that have it.
@@ -54,7 +54,7 @@ class Effort(Protocol):
     """What one system takes."""
 
     def seconds(self, rows: float, batches: float = 1.0) -> float:
-        """Of so many like it, in so many batches."""
+        """Return the seconds of so many like it, in so many batches."""
         ...
 
 
@@ -165,7 +165,7 @@ class Method(ABC):
         """Raise OptionError for a system with further periodic terms."""
         if self.system.terms:
             names = ", ".join(term.name for term in self.system.terms)
-            raise OptionError((), f"takes periodic mesh stiffness only, and this system has {names} as well", remedy)
+            raise OptionError((), f"supports only periodic mesh stiffness, and this system also has {names}", remedy)
 
     def needs_common_period(self, remedy: str, path: tuple[str, ...] = (), without: str = "common period") -> None:
         """Raise OptionError for a system without one."""

@@ -118,7 +118,7 @@ class Floquet(Method):
 
     @cached_property
     def basis(self) -> Array | None:
-        """What the options restrict the system to, None where they do not. Raises NotPossible."""
+        """Return the subspace to which the options restrict the system, None where they do not. Raises NotPossible."""
         if self.options.modes is None and self.options.block is None:
             return None
         from gearstab.floquet.truncation import modes_basis, type_basis
@@ -138,7 +138,7 @@ class Floquet(Method):
 
     @cached_property
     def strategy(self) -> Strategy:
-        """How it goes through its mesh frequencies. Raises NotPossible."""
+        """Return the strategy for several mesh frequencies. Raises NotPossible."""
         from gearstab.floquet.frequencies import chosen
 
         return chosen(self.part, self.options.frequencies, self.options.affordable_segments)
@@ -250,7 +250,7 @@ class Floquet(Method):
     def check(self) -> None:
         options = self.options
         if options.modes is not None and options.block is not None:
-            raise OptionError(("modes",), "stands beside block: both block and modes restrict", "keep one of them")
+            raise OptionError(("modes",), "cannot be combined with block: both restrict the modes", "give one of them")
         try:
             _ = self.basis
         except NotPossible as error:

@@ -90,7 +90,7 @@ class PassageOptions(Section):
 
     @property
     def factor(self) -> float:
-        """Of the mesh frequency over what the axis, the rates and the path give."""
+        """Return the mesh frequency over the quantity of the axis, the rates and the path."""
         return self._factor
 
     def over(self, factor: float) -> PassageOptions:

@@ -56,7 +56,7 @@ class RequiredDamping(Method):
 
     @cached_property
     def strategy(self) -> Strategy:
-        """Of ``common_period`` and ``per_mesh``. Raises NotPossible where the one asked for does not exist."""
+        """Choose ``common_period`` or ``per_mesh``. Raises NotPossible where the one asked for does not exist."""
         from gearstab.floquet.frequencies import chosen
 
         taken = chosen(self.system, self.options.frequencies).name

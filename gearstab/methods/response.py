@@ -118,7 +118,7 @@ class BacklashResponse(Response):
 
     @property
     def cycles(self) -> float:
-        """How long motions are followed at every mesh frequency."""
+        """Number of periods for which motions are followed at every mesh frequency."""
         return self.options.cycles or self.CYCLES
 
     def variables(self) -> tuple[Variable, ...]:
@@ -134,7 +134,7 @@ class BacklashResponse(Response):
         return Outcome({name: values[None] for name, values in vars(found).items()})
 
     def cost(self) -> float:
-        """Measured: 0.7 ms a cycle of a gear pair, and more the more modes are faster than the mesh frequency."""
+        """Measured: 0.7 ms per cycle of a gear pair, and more the more modes are faster than the mesh frequency."""
         cycles = max(self.cycles, 2 * self.system.common_period()[1][0])
         return 4000 * self.system.size * cycles * (1 if self.system.piecewise_constant else 5)
 

@@ -122,12 +122,12 @@ class ToleranceAnalysis(SampledMethod):
 
     @cached_property
     def names(self) -> list[str]:
-        """Of the uncertain parameters."""
+        """Names of the uncertain parameters."""
         return list(self.options.parameters)
 
     @cached_property
     def design(self) -> Design:
-        """Which samples are drawn, the same for all systems."""
+        """Samples that are drawn, the same for all systems."""
         from gearstab.tolerance.design import Design, groups_of
 
         pairs = [tuple(self.names.index(name) for name in entry.between) for entry in self.options.correlation or ()]
@@ -136,7 +136,7 @@ class ToleranceAnalysis(SampledMethod):
 
     @cached_property
     def inner(self) -> Method:
-        """What decides on the stability of a sample."""
+        """The method that decides on the stability of a sample."""
         return Floquet.on(FloquetOptions(tolerance=self.options.tolerance), self.system)
 
     def variables(self) -> tuple[Variable, ...]:

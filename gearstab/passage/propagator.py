@@ -72,7 +72,7 @@ class Motion:
 
     @property
     def elastic(self) -> int:
-        """How many elastic modes the state has, positions and velocities of each."""
+        """Number of elastic modes of the state, positions and velocities of each."""
         moving = np.abs(self.basis.outlet[0]).max(axis=0) > 0
         return int(np.count_nonzero(moving))
 

@@ -81,7 +81,7 @@ class Tongues:
 
     @property
     def label(self) -> tuple[str, ...]:
-        """Of each tongue."""
+        """Label of each tongue."""
         return tuple(t.label for t in self.index)
 
 
@@ -164,7 +164,7 @@ def _label_at(p: int, q: int, ratio: Fraction) -> str:
 
 
 def self_excited(system: GearSystem, p: int) -> Tongue:
-    """What stands for a mode (from 1) that negative damping makes grow at any mesh frequency, without a root."""
+    """Return the tongue of a mode (from 1) that negative damping makes grow at any mesh frequency, without a root."""
     everything = "+".join(mesh.name for mesh in system.meshes)
     return Tongue(p, p, 0, everything, "self-excited", f"mode {p} self-excited", 0.0)
 

@@ -144,7 +144,7 @@ def draw_chart(ax: Axes, modes: xr.Dataset, p: int) -> tuple[Line2D, Line2D]:
 
 
 def draw_charts(tree: xr.DataTree, modes: xr.Dataset, kept: list[int], request: Request) -> tuple[Figure, Artists]:
-    """One chart a mode, one over the other; the lowest has the names."""
+    """One chart per mode, one over the other; the lowest has the names."""
     names = [*modes["dof"].values, *modes["mesh"].values]
     size = request.size or ("single" if len(names) <= 24 else "double")
     wide, room = WIDTHS.get(size, 1.0), max(len(str(name)) for name in names)
@@ -187,7 +187,7 @@ def left_out(modes: xr.Dataset, kept: list[int], request: Request) -> str:
 
 
 def draw_pictures(tree: xr.DataTree, modes: xr.Dataset, kept: list[int], request: Request) -> tuple[Figure, Artists]:
-    """One picture a mode, all bodies displaced over where they rest."""
+    """One picture per mode, all bodies displaced over where they rest."""
     size = request.size or ("double" if len(kept) > 2 else "single")
     rows, columns = arrangement(len(kept), ACROSS if size == "double" else 2)
     wide = WIDTHS.get(size, 1.0)  # new_figure says what is wrong with another size
@@ -213,8 +213,8 @@ def draw_pictures(tree: xr.DataTree, modes: xr.Dataset, kept: list[int], request
 def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     """The whole figure.
 
-    Artists: ``pictures``, one a mode (see ``gear_bodies.draw_mode``), for a planetary gear; else ``shapes`` and
-    ``deflections``, lines of one chart a mode. Raises PlotError without mode shapes or for what cannot be selected.
+    Artists: ``pictures``, one per mode (see ``gear_bodies.draw_mode``), for a planetary gear; else ``shapes`` and
+    ``deflections``, lines of one chart per mode. Raises PlotError without mode shapes or for what cannot be selected.
     """
     modes = read_modes(tree)
     kept = chosen_modes(modes, request)

@@ -1,4 +1,4 @@
-"""Work-precision diagram: time a point against true error, one line a method (``/bench``)."""
+"""Work-precision diagram: time per point against true error, one line per method (``/bench``)."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ MARKERS = "ospDv^<>X"
 
 
 def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
-    """The whole figure; its artists are ``lines``, one a method. Raises PlotError without benchmark results."""
+    """The whole figure; its artists are ``lines``, one per method. Raises PlotError without benchmark results."""
     if "bench" not in tree.children:
         raise PlotError(f"this result holds no benchmark; it holds {listed(tree.children)}")
     figure, ax = new_frame(request, 0.95)
@@ -54,7 +54,7 @@ def draw_methods(ax: Axes, dataset: xr.Dataset) -> list[Any]:
     ax.set_yscale("log")
     ax.invert_xaxis()
     ax.set_xlabel("largest error of the growth in one period")
-    ax.set_ylabel("time a point (s)")
+    ax.set_ylabel("time per point (s)")
     ax.grid(True, which="major", linewidth=0.3, color="#c8c8c8")
     return lines
 

@@ -1,4 +1,4 @@
-"""A group of a result as tidy CSV: one row a grid point, one column an axis, a coordinate or a variable.
+"""A group of a result as tidy CSV: one row per grid point, one column an axis, a coordinate or a variable.
 
 Numbers are written with the fewest digits that give the same double again, missing ones as empty cells.
 """
@@ -193,7 +193,7 @@ def led_by(dataset: xr.Dataset, over: str | None, path: Path) -> xr.Dataset:
     matching = [dims for dims in sets if set(asked) <= set(dims)]
     if over and not matching:
         there = "; ".join(",".join(dims) for dims in sets) or "no dimension"
-        raise ResultError(f"{path}: nothing stands over '{over}' there; there is {there}")
+        raise ResultError(f"{path}: no variable has the dimension '{over}'; available: {there}")
     if not asked or not matching:
         return dataset
     best: tuple[str, ...] = max(matching, key=lambda dims: sets[dims])
@@ -211,7 +211,7 @@ def widest_sets(dataset: xr.Dataset) -> dict[tuple[str, ...], int]:
 
 
 def left_out(dataset: xr.Dataset, table: xr.Dataset) -> str:
-    """What a group holds beside the table, and how to get it; empty if the table holds everything."""
+    """Say what a group holds beside the table and how to export it; empty if the table holds everything."""
     missing = dataset.drop_vars(list(table.data_vars))
     parts = [f"{names_over(missing, dims)} (--over {','.join(dims)})" for dims in widest_sets(missing) if dims]
     return "not in the table: " + "; ".join(parts) if parts else ""

@@ -86,7 +86,7 @@ class Content:
         if found.st_size == 0:
             return
         if fault := self.fault(out):
-            raise OutputError(f"{out}: {fault}; it is not overwritten: choose another output or remove it")
+            raise OutputError(f"{out}: {fault}; it is not overwritten: choose another output or delete it")
         if not found.st_mode & 0o222:
             raise OutputError(f"{out}: is write-protected; choose another output, or allow it with chmod +w")
 

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 class Bar(Reporter):
-    """A bar a method: points, points a second, time left, unstable share. say: shows a message."""
+    """A bar per method: points, points per second, time left, unstable share. say: shows a message."""
 
     def __init__(self, say: Callable[[str], None]) -> None:
         self._say = say

@@ -57,7 +57,7 @@ class Block:
 
     @property
     def points(self) -> int:
-        """How many points of its method's grid it holds."""
+        """Number of points of its method's grid."""
         return prod(self.shape)
 
 
@@ -149,24 +149,24 @@ class Plan:
         return next(layout for layout in self.layouts if layout.method.name == method)
 
     def inner(self, layout: Layout) -> int | None:
-        """Which axis of a method's grid is the mesh frequency and nothing else, if any."""
+        """Return the axis of a method's grid that is the mesh frequency and nothing else, if any."""
         return None if self.fast is None or self.fast.name not in layout.dims else layout.dims.index(self.fast.name)
 
     @cached_property
     def digest(self) -> str:
-        """What finished parts must agree in: numbers, division, program version and kernel."""
+        """Digest in which finished parts must agree: numbers, division, program version and kernel."""
         division = [[layout.method.name, layout.chunk] for layout in self.layouts]
         text = json.dumps([self.config.digest, division, __version__, self.kernel])
         return hashlib.sha256(text.encode()).hexdigest()
 
     @cached_property
     def teeth(self) -> teeth.Teeth | None:
-        """What is wrong with the teeth of a gearbox, over its grid; None for other systems."""
+        """Return what is wrong with the teeth of a gearbox, over its grid; None for other systems."""
         return teeth.over_grid(self.config, self.row_axes, self.base)
 
     @property
     def mesh_frequency_range(self) -> tuple[float, float]:
-        """From where to where the axis of the mesh frequency goes, however few points it has."""
+        """Lowest and highest mesh frequency of the axis, however few points it has."""
         if self.fast is None:
             raise ValueError("no axis sets the mesh frequency alone")
         low, high = self.fast.span

@@ -64,7 +64,7 @@ def run(
     that this is meant. A result of the same configuration that is whole is left as it is, but for its time stamp, as
     ``make`` goes by that. One of an earlier state of the configuration file is replaced when the new one is complete.
 
-    jobs: threads or processes, default one a processor.
+    jobs: threads or processes, default one per processor.
 
     Raises OutputError, before anything is computed, if ``out`` holds something else (the result of another
     configuration is replaced with ``overwrite``), or if it cannot be written; SweepError if the disk is full, a block
@@ -91,7 +91,7 @@ def run(
             kept = f"{len(store.finished.blocks)} of {plan.blocks} blocks"
             reporter.message(f"going on with {kept} that are finished in {folder.every}")
         elif resume:
-            reporter.message("nothing to go on with: starting anew")
+            reporter.message("no finished blocks found: starting from the beginning")
         for text in long_runs(plan, jobs):
             reporter.message(f"warning: {text}")
         return _run(plan, store, out, before, jobs or ckernel.threads(), reporter)

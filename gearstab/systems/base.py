@@ -48,7 +48,7 @@ class System(Section):
     """
 
     mesh_names: ClassVar[tuple[str, ...]] = ()
-    """Names of meshes that are given none; further ones are called mesh1, mesh2, ..."""
+    """Default mesh names; further meshes are mesh1, mesh2, ..."""
 
     mesh_model: ClassVar[type[ToothMesh]] = ToothMesh
     """Whose rules the meshes follow."""
@@ -95,7 +95,7 @@ class System(Section):
 
     @classmethod
     def turning(cls, raw: dict[str, Any]) -> Sequence[bool] | None:
-        """Which coordinates are rotations in rad, the others displacements in m; None where it cannot be told."""
+        """Tell which coordinates are rotations in rad, others being displacements in m; None where it is unknown."""
         return [False] * (cls.size(raw) or 0)
 
     @classmethod
@@ -171,7 +171,7 @@ class System(Section):
 
     @classmethod
     def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
-        """What contradicts itself in the section as meant, however wrong it is otherwise."""
+        """Yield the contradictions in the section as meant, however wrong it is otherwise."""
         if raw.get("damping_ratio") is not None and raw.get("damping") is not None:
             yield ("damping",), "damping_ratio is given already", "keep one of damping_ratio, damping"
         yield from within(raw, "damping", lambda damping: Damping.conflicts(damping, cls.size(raw)))

@@ -184,7 +184,7 @@ def check_symmetric(document: Document, parameters: dict[str, Any], others: Sequ
 
 
 def report_matrix(document: Document, path: Path, name: str, message: str, hint: str) -> None:
-    """At the entry as written, or at the file that holds it."""
+    """Report a matrix at the entry as written, or at the file that holds it."""
     if document.get(path[:2]) is None:
         path, message = ("system", "file"), f"{name} {message}"
     document.report(path, message, hint)

@@ -60,7 +60,7 @@ class TwoStage(System):
     )
     meshes: tuple[Mesh, SecondMesh] = Field(title="meshes", description="The first and the second tooth mesh.")
     load: Load | None = Field(
-        default=None, title="load", description="Constant forces along the lines of action, one a coordinate (N)."
+        default=None, title="load", description="Constant forces along the lines of action, one per coordinate (N)."
     )
 
     @classmethod
@@ -81,7 +81,7 @@ class TwoStage(System):
 
     @classmethod
     def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
-        """A load of one number a coordinate."""
+        """A load of one number per coordinate."""
         yield from super().conflicts(raw)
         yield from wrong_length(raw, "load", 3)
         ratio = _ratio(raw.get("teeth"))
@@ -96,7 +96,7 @@ class TwoStage(System):
 
         Parameters: ``inertias`` m1..m3, ``input_shaft_stiffness`` k0, ``tooth_ratio`` R = Z2/Z4 = Omega_1/Omega_2 (a
         Fraction; 1 for three gears), ``meshes``; ``phasing`` h of the second mesh is a *lead* by h of its own period;
-        ``load``: constant forces, one a coordinate.
+        ``load``: constant forces, one per coordinate.
 
         Source: Lin & Parker 2002, (1), (2) and section 3.2.
         """

@@ -45,7 +45,7 @@ class Design:
 
     @property
     def matrices(self) -> int:
-        """Of a scramble: A alone, or A, B and as many as there are groups."""
+        """Return the matrices of a scramble: A alone, or A, B and as many as there are groups."""
         return max(self.groups) + 3 if self.indices else 1
 
     @property

@@ -80,7 +80,7 @@ def sobol_indices(unstable: Array, design: Design) -> tuple[Array, Array, Array,
     of_a, of_b = (_counted(part)[..., None] for part in (a, b))
 
     def indices(keep: Array) -> tuple[Array, Array]:
-        """Of the scrambles that are kept."""
+        """Return the indices of the scrambles that are kept."""
         count = len(keep) * design.base
 
         def mean(sums: Array) -> Array:

@@ -128,7 +128,7 @@ class Waveform:
 
     @property
     def mean_stiffness(self) -> Array:
-        """Of the stiffness that the wave was made from, for a mesh that does not give it; zeros for other waves."""
+        """Mean of the stiffness that the wave was made from, for meshes that do not give it; zeros of other waves."""
         return np.zeros(self.batch)
 
     @property

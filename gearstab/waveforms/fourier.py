@@ -56,14 +56,14 @@ class Fourier(Waveform):
 
     @classmethod
     def build(cls, spec: dict[str, Any], contact_ratio: Any = None) -> Self:
-        """From ``sin`` and ``cos``, either of which may be shorter or missing."""
+        """Build the wave from ``sin`` and ``cos``, either of which may be shorter or missing."""
         sin, cos = list(spec.get("sin") or []), list(spec.get("cos") or [])
         order = max(len(sin), len(cos))
         return cls(*(vector([*part, *[0.0] * (order - len(part))]) for part in (sin, cos)))
 
     @classmethod
     def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
-        """At least one harmonic."""
+        """Yield a conflict without any harmonic."""
         if not raw.get("sin") and not raw.get("cos"):
             yield (), "has no harmonics", "add sin: [..] or cos: [..], the coefficients of the harmonics"
 
@@ -83,7 +83,8 @@ class Fourier(Waveform):
         return np.zeros((*self.batch, 0))
 
     def extremes(self) -> tuple[Array, Array]:
-        """At the zeros of w', which is a polynomial of degree 2 S in z = exp(2 pi i x) but for a factor.
+        """Find the extremes at the zeros of w', which is a polynomial of degree 2 S in z = exp(2 pi i x) but for a
+        factor.
 
         All its roots are taken as phases: those off the unit circle are values of w like others, and multiple roots,
         which are known less well, belong to phases near which w hardly varies.

@@ -77,7 +77,7 @@ class Sampled(OfStiffness):
 
     @property
     def mean_stiffness(self) -> Array:
-        """Of the interpolation, ``(...)``."""
+        """Mean of the interpolation, ``(...)``."""
         return self._pieces.integral()
 
     @cached_property

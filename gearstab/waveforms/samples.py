@@ -36,7 +36,7 @@ class SampleKeys(Keys):
         description="sampled: in [0, 1), ascending; pair: from 0 to 1 along the contact of one pair (1).",
     )
     stiffness: list[Annotated[float, Quantity("N/m", ("N m",))]] | None = Field(
-        default=None, title="sampled stiffness", description="sampled, pair: one value a phase (N/m)."
+        default=None, title="sampled stiffness", description="sampled, pair: one value per phase (N/m)."
     )
     interpolation: Annotated[str, Choice("interpolation", ("linear", "cubic"))] | None = Field(
         default=None,
@@ -62,7 +62,7 @@ def sample_conflicts(wave: type[Waveform], raw: dict[str, Any]) -> Iterator[Conf
     positions = _positions(phase)
     if positions is not None and stiffness is not None:
         if len(positions) != len(stiffness):
-            yield ("stiffness",), f"has {len(stiffness)} entries", f"give {len(positions)}, one a phase"
+            yield ("stiffness",), f"has {len(stiffness)} entries", f"give {len(positions)}, one per phase"
         elif found := wave.wrong_phase(positions, str(raw.get("interpolation") or "linear")):
             index, message, hint = found
             yield ("phase",) if index is None else ("phase", index), message, hint

@@ -64,7 +64,7 @@ class Pieces:
         return _ranges(np.concatenate([scaled, np.zeros((4 - len(power), *scaled.shape[1:]))]))
 
     def integral(self) -> Array:
-        """Of f over all pieces, ``(...)``."""
+        """Integrate f over all pieces, ``(...)``."""
         h, m = np.diff(self.knots)[:, None], np.arange(1, np.shape(self.coefficients)[-1] + 1)
         return np.sum(self.coefficients * h**m / m, axis=(-2, -1))
 

@@ -136,13 +136,13 @@ class Pair(OfStiffness):
         return total
 
     def breakpoints(self) -> Array:
-        """Where a pair comes and goes, and the kinks of p of all pairs."""
+        """Return where a pair comes and goes, and the kinks of p of all pairs."""
         c = np.asarray(self.contact_ratio, dtype=float)[..., None]
         ends = np.concatenate([np.zeros_like(c), stiff_fraction(c)], axis=-1)
         return np.concatenate([ends, wrapped(c * self.shape.knots[1:-1])], axis=-1)
 
     def stiffness_harmonic(self, order: int) -> tuple[Array, Array]:
-        """From the transform of p: the sum over j of pieces of p is p over its whole contact."""
+        """Compute it from the transform of p: the sum over j of pieces of p is p over its whole contact."""
         c = np.asarray(self.contact_ratio, dtype=float)
         found = c * self.shape.transform(2 * np.pi * order * c)
         return -2 * found.imag, 2 * found.real

@@ -82,7 +82,7 @@ class Trapezoidal(Waveform):
         return wrapped(np.stack([-half, half, d - half, d + half], axis=-1))
 
     def extremes(self) -> tuple[Array, Array]:
-        """In the middle of the soft and of the stiff part."""
+        """Return the values in the middle of the soft and of the stiff part."""
         d, r = np.broadcast_arrays(self.stiff_fraction, self._width)
         safe = np.where(r > 0, r, 1.0)
         low = np.where(r > 0, np.maximum(0.0, 1.0 - (1.0 - d) / safe), 0.0)

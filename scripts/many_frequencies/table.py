@@ -30,7 +30,7 @@ CYCLES = 500
 FREQUENCIES = (350.0, 1615.1, 1620.6, 1890.33, 2226.0, 2240.0, 2307.17, 2846.3, 2969.2, 3466.64, 3910.55, 3926.0)
 """Of mesh I, Hz: the speed of the paper, and places in and about tongues of meshes I and II."""
 TIMED = 64
-"""Points of a sweep that a time a point is taken from."""
+"""Points of a sweep that a time per point is taken from."""
 EDGES = ((1580.0, 1650.0), (1878.0, 1905.0), (3400.0, 3520.0), (3640.0, 3680.0))
 """Ranges of the mesh frequency, Hz, with one wide tongue each: three of mesh I, one of mesh II."""
 STEPS = 2001

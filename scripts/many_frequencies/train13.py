@@ -41,7 +41,7 @@ def shafts(data: dict[str, Any]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def rows(matrix: np.ndarray) -> str:
-    """A matrix as YAML, a line a row."""
+    """A matrix as YAML, a line per row."""
     return "\n".join(f"    - [{', '.join(f'{value:.17g}' for value in row)}]" for row in matrix)
 
 

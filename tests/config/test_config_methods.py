@@ -26,7 +26,7 @@ IRRATIONAL = "frequency_ratio: 0.70710678, exact: false}"
 TERM = "lag: 0}\n  terms: [{name: friction, left: [1, 1], right: [1, 0], stiffness: {mean: 0.1}}]"
 SMOOTH = "lag: 0, waveform: {kind: trapezoidal, ramp: 0.1}}"
 LOADED = "lag: 0}\n  load: [1, 0]\n  forces: [{direction: [1, 0], sin: [1]}]"
-ONLY = "takes periodic mesh stiffness only, and this system has friction as well"
+ONLY = "supports only periodic mesh stiffness, and this system also has friction"
 
 
 def said(line: int, path: str, message: str) -> str:

@@ -202,7 +202,7 @@ WRONG = {
     ),
     "lengths": (
         "waveform: {kind: sampled, phase: [0, 0.5, 0.7], stiffness: [1, 2]}",
-        "stiffness: has 2 entries; give 3, one a phase",
+        "stiffness: has 2 entries; give 3, one per phase",
     ),
     "two stiffnesses": (
         "mean_stiffness: 1, max_stiffness: 2, waveform: {kind: sampled, phase: [0, 0.5], stiffness: [1, 2]}",

@@ -250,7 +250,7 @@ def test_growth_beyond_double_precision():
     """A negative stiffness level over a long period: |lambda| > 1e300, and the quasi-static growth is known.
 
     Half of the period k = 1 - eps < 0: x grows like exp(sqrt(eps - 1) t); the other half it turns. The growth rate
-    tends to sqrt(eps - 1)/2 for long periods, with a relative error of (ln 4)/(growth a period).
+    tends to sqrt(eps - 1)/2 for long periods, with a relative error of (ln 4)/(growth per period).
     """
     result = solve(build(pair({"epsilon": 2.0})), np.array([0.002]), exponents=True)
     period = 2 * np.pi / 0.002

@@ -61,7 +61,7 @@ def test_symmetric_systems_agree_with_the_exact_solver(damping, stiffness):
     system = train(damping, stiffness)
     ours, exact = analyse(system, OMEGA, exponents=True), solve(system, OMEGA, exponents=True)
     np.testing.assert_array_equal(ours.stable, exact.stable)
-    # Products of some 16 exponentials, whose growth a period is right to 1e-14 of the largest multiplier; close
+    # Products of some 16 exponentials, whose growth per period is right to 1e-14 of the largest multiplier; close
     # to an edge multipliers depend on it by the square root.
     np.testing.assert_allclose(ours.growth_rate, exact.growth_rate, atol=2e-8)
     by_size = [np.sort(found.exponents.real, axis=-1) for found in (ours, exact)]

@@ -52,7 +52,7 @@ def value(stiffness: float) -> np.ndarray:
 
 
 class Faulty(Floquet):
-    """Computes one row and does what the files tell. It is no use to run it in threads."""
+    """Computes one row and does what the files tell. Never run it in threads."""
 
     parallel = False
 

@@ -160,7 +160,7 @@ def test_a_curve_tints_what_is_proved(swept: tuple[Path, str]) -> None:
 
 
 def test_the_reducer_is_proved_stable_throughout(root: Path) -> None:
-    """163 segments a period; random speeds between the ends of the range agree."""
+    """163 segments per period; random speeds between the ends of the range agree."""
     planned = plan(load(root / "configs" / "reducer.yaml"))
     layout = next(layout for layout in planned.layouts if layout.method.name == "boundaries")
     ends = np.array(planned.mesh_frequency_range)

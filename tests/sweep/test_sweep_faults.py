@@ -453,7 +453,7 @@ def test_overwrite_starts_anew(scene: Scene) -> None:
 def test_what_is_something_else_is_not_overwritten(scene: Scene) -> None:
     scene.out.write_text("my notes")
     for overwrite in (False, True):
-        with pytest.raises(OutputError, match="choose another output or remove it"):
+        with pytest.raises(OutputError, match="choose another output or delete it"):
             scene.run(overwrite=overwrite)
     assert scene.out.read_text() == "my notes"
     scene.out.unlink()

@@ -27,7 +27,7 @@ SLOW_KERNEL = "note: the compiled kernel was not built; sweeps run on the slower
 @click.command(name="sweep", short_help="Compute a grid.")
 @options.config
 @options.output("Result file [default: results/<CONFIG's name>.h5].")
-@click.option("-j", "--jobs", type=click.IntRange(min=1), help="Threads or processes [default: one a processor].")
+@click.option("-j", "--jobs", type=click.IntRange(min=1), help="Threads or processes [default: one per processor].")
 @options.overrides
 @click.option(
     "--resume/--overwrite", default=None, help="Go on with what an interrupted run finished (default), or start anew."
@@ -81,7 +81,7 @@ def command(
 
 
 def notes(plan: Plan) -> list[str]:
-    """What the user should know of choices that were made automatically."""
+    """Return notes on choices that were made automatically."""
     found = [layout.method.note() for layout in plan.layouts]
     return [note for note in found if note is not None]
 
@@ -98,7 +98,7 @@ def slow_kernel(plan: Plan, summary: Summary) -> bool:
 
 
 def final_line(target: Path, summary: Summary, seconds: float) -> str:
-    """What the user reads at the end."""
+    """Return the line that ends a sweep."""
     from gearstab.sweep.effort.words import duration
 
     if summary.complete:
@@ -114,7 +114,7 @@ def final_line(target: Path, summary: Summary, seconds: float) -> str:
 
 
 def forecast(plan: Plan, found: Estimate, target: Path) -> str:
-    """What ``--dry-run`` prints."""
+    """Return the text that ``--dry-run`` prints."""
     from gearstab.info.tables import columns
     from gearstab.sweep.effort.limits import large
     from gearstab.sweep.effort.words import duration

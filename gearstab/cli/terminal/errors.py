@@ -47,7 +47,7 @@ def exit_code(error: Exception) -> int | None:
 
 
 def text(error: Exception) -> str:
-    """What the user reads."""
+    """Return the text of an error for the user."""
     if isinstance(error, OSError) and error.filename is not None:
         return f"{error.filename}: {(error.strerror or 'cannot be used').lower()}"
     if isinstance(error, MemoryError):

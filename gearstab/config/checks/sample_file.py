@@ -67,7 +67,7 @@ def columns_of(content: str, names: tuple[str, str]) -> tuple[list[str], list[fl
             continue
         first = False
         if len(fields) <= max(columns) or (len(fields) != 2 and columns == (0, 1)):
-            hint = f"write two numbers a line, {' and '.join(names)}, or name the columns in the first line"
+            hint = f"write two numbers per line, {' and '.join(names)}, or name the columns in the first line"
             raise DataFileError(f"{place}: has {len(fields)} column{'s' * (len(fields) != 1)}", hint)
         for name, k in zip(names, columns, strict=True):
             value = _number(fields[k])

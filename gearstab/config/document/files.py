@@ -51,7 +51,7 @@ def usable(path: FilePath, what: str, suffixes: Sequence[str]) -> None:
 
 
 def text(path: FilePath) -> str:
-    """What a text file holds. Raises DataFileError."""
+    """Return the contents of a text file. Raises DataFileError."""
     try:
         if path.stat().st_size > LARGEST_TEXT:
             raise DataFileError(f"is larger than {LARGEST_TEXT // 10**6} MB", "save fewer samples")

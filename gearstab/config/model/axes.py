@@ -21,7 +21,7 @@ class Assignment:
     """One parameter that an axis sets.
 
     path: keys and indices into ``Config.parameters``; MESH_FREQUENCY is the mesh frequency itself.
-    values: one a point of the axis: a float array, or a list where the parameter is no plain number (an exact ratio).
+    values: one per point of the axis: a float array, or a list where the parameter is no plain number (an exact ratio).
     factor: of the values over those of the axis.
     name: the path as one writes it, meshes by name; units and title: SI unit, "1" without one, and what it is.
     typed_units: the unit that the user wrote at every value, such as rpm; "" for plain numbers or several units.

@@ -122,10 +122,10 @@ def within_each(raw: dict[str, Any], key: str, rule: Callable[[Any], Iterable[Co
 
 
 def wrong_length(raw: dict[str, Any], key: str, size: int | None, what: str = "coordinate") -> Iterator[Conflict]:
-    """Yield a conflict where the list at a key does not have as many entries as there are; None: nobody knows."""
+    """Yield a conflict where the list at a key has another number of entries than ``size``; None: it is unknown."""
     inner = raw.get(key)
     if inner is not None and size is not None and len(inner) != size:
-        yield (key,), f"has {len(inner)} entries", f"give {size}, one a {what}"
+        yield (key,), f"has {len(inner)} entries", f"give {size}, one per {what}"
 
 
 def no_direction(raw: dict[str, Any], key: str, size: int | None, hint: str) -> Iterator[Conflict]:

@@ -48,14 +48,14 @@ def entry_type(annotation: Any, index: int) -> Any:
 
 
 def number_kind(annotation: Any) -> Quantity | Ratio | None:
-    """What kind of number a field is, None for other fields."""
+    """Return the kind of number that a field is, None for other fields."""
     if get_origin(annotation) is not Annotated:
         return None
     return next((m for m in get_args(annotation)[1:] if isinstance(m, Quantity | Ratio)), None)
 
 
 def short_name(annotation: Any) -> ShortName | None:
-    """What the name of a field stands for by itself, None for other fields."""
+    """Return what the name of a field stands for by itself, None for other fields."""
     if get_origin(annotation) is not Annotated:
         return None
     return next((m for m in get_args(annotation)[1:] if isinstance(m, ShortName)), None)

@@ -129,7 +129,7 @@ def sets_mesh_frequency(section: dict[str, Any]) -> bool:
 
 
 def layouts(context: Context) -> list[Layout]:
-    """What each axis sets; reports unknown names, and parameters that two axes set."""
+    """Return what each axis sets; report unknown names, and parameters that two axes set."""
     document = context.document
     section = document.get(("sweep",))
     if not isinstance(section, dict) or not section:

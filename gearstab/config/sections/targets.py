@@ -70,7 +70,7 @@ class Target:
 
     @property
     def adapter(self) -> TypeAdapter[list[Any]]:
-        """What checks and converts a list of values."""
+        """Return the pydantic adapter that checks and converts a list of values."""
         return TypeAdapter(list[self.annotation])  # type: ignore[name-defined]
 
     @property

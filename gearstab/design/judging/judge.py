@@ -37,7 +37,9 @@ class Worth:
     distance: Array
 
     def score(self, goal: Goal) -> Array:
-        """What an optimiser minimises: feasible designs by their goal, ties at zero by their distance."""
+        """Return the number that an optimiser minimises: feasible designs by their goal, ties at zero by their
+        distance.
+        """
         value = goal(np.where(np.isnan(self.objectives), 0.0, self.objectives)) - self.distance
         worse = np.where(np.isinf(self.violation), IMPOSSIBLE, VIOLATED * (1 + np.minimum(self.violation, 1e6)))
         return np.where(self.violation > 0, worse, value)
@@ -101,7 +103,7 @@ def weighted(batch: Batch, weights: Mapping[str, float], known: dict[str, Array]
 
 
 def excess(problem: Problem, batch: Batch, known: dict[str, Array] | None) -> Array:
-    """By how much designs are beyond their limits, relative, summed; infinite for what cannot exist.
+    """Return how far designs exceed their limits: the sum of the relative excesses, infinite for what cannot exist.
 
     known: quantities by name, completed; None to leave out the limits on quantities.
     """

@@ -44,7 +44,7 @@ class Driven:
 
     @property
     def left(self) -> float:
-        """Which part of the moduli the sum is."""
+        """Return the modulus of a sum over the sum of the moduli."""
         total = sum(abs(z) for z in self.phasors)
         return abs(sum(self.phasors)) / total if total else 0.0
 

@@ -104,7 +104,7 @@ def _of(problem: Problem, design: Array) -> _Own:
 
 
 def whole(spans: Sequence[Span]) -> tuple[float, float]:
-    """From where to where regions are of interest, of all ranges."""
+    """Return the lowest and highest mesh frequency at which regions are of interest, over all ranges."""
     ends = [regions.reach(span.low, span.high) for span in spans]
     return min(low for low, _ in ends), max(high for _, high in ends)
 

@@ -70,7 +70,7 @@ def nondominated(objectives: Array) -> Array:
 
 
 def thinned(designs: Array, objectives: Array) -> Array:
-    """At most MOST designs of a front, the extremes and those farthest apart, by the first objective."""
+    """Choose at most MOST designs of a front: the extremes and those farthest apart, by the first objective."""
     low, high = _corners(objectives)
     unit = (objectives - low) / (high - low)
     kept = [int(k) for k in dict.fromkeys(np.argmin(unit, axis=0))]

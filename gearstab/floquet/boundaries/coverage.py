@@ -19,7 +19,7 @@ def union(parts: Array) -> Array:
 
 
 def complement(parts: Array, start: float, stop: float) -> Array:
-    """What intervals ``(K, 2)`` leave of start..stop, as disjoint ascending ones."""
+    """Return the gaps that intervals ``(K, 2)`` leave in start..stop, disjoint and ascending."""
     inner = union(np.clip(parts, start, stop))
     edges = np.concatenate([[start], inner.ravel(), [stop]]).reshape(-1, 2)
     return edges[edges[:, 1] > edges[:, 0]]
@@ -35,11 +35,13 @@ class Coverage:
         self.uncounted: list[list[Array]] = [[] for _ in range(rows)]
 
     def count(self, rows: Array) -> None:
-        """Of a part of the systems of some rows, all is counted and nothing proved."""
+        """Record that a part of the systems of some rows was searched by counting only."""
         self.bare[rows] = True
 
     def add(self, row: int, proved: Array, counted: Array) -> None:
-        """What is proved, and what else is counted, of a part of a row's system: ``(K, 2)`` mesh frequencies each."""
+        """Add what was proved, and what else was counted, of a part of a row's system: ``(K, 2)`` mesh frequencies
+        each.
+        """
         both = np.concatenate([proved, counted])
         for left, known in ((self.unproved, proved), (self.uncounted, both)):
             rest = complement(known, self.start, self.stop)

@@ -69,12 +69,12 @@ class Effort:
     each: float
 
     def seconds(self, rows: float, batches: float = 1.0) -> float:
-        """Of a search of so many rows like this one, in so many batches."""
+        """Return the seconds of a search of so many rows like this one, in so many batches."""
         return batches * ROUNDS * self.call + rows * self.collisions * self.each
 
 
 def effort(system: GearSystem, start: float, stop: float) -> Effort:
-    """What a search of a single system (no batch) between two mesh frequencies takes on this machine.
+    """Measure what a search of a single system (no batch) between two mesh frequencies takes on this machine.
 
     It is timed on a few points, which takes milliseconds. Raises NotPossible for a system without a common period.
     """

@@ -82,7 +82,7 @@ class Regions:
         return Regions(self.row[index], edges, error, cut, owner, self.member[place])
 
     def ordered(self) -> Regions:
-        """By row and mesh frequency."""
+        """Sort by row and mesh frequency."""
         return self.subset(np.lexsort((self.edges[:, 1], self.edges[:, 0], self.row)))
 
     @classmethod

@@ -81,7 +81,7 @@ class Boundaries:
         return result
 
     def labels(self) -> list[str]:
-        """Of each region; the tongues of a merged one are joined by " & "."""
+        """Return the label of each region; the tongues of a merged one are joined by " & "."""
         return [" & ".join(t.label for t in members) for members in self.members]
 
     def arranged(self) -> Edges:

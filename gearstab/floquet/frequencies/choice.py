@@ -16,7 +16,7 @@ from gearstab.waveforms import Profile
 COMMON_PERIOD, PER_MESH, LYAPUNOV = "common_period", "per_mesh", "lyapunov"
 STRATEGIES = (COMMON_PERIOD, PER_MESH, LYAPUNOV)
 AFFORDABLE = 20_000
-"""Segments of a common period up to which it is the automatic choice: some 7 ms a point of 12 coordinates."""
+"""Segments of a common period up to which it is the automatic choice: some 7 ms per point of 12 coordinates."""
 EXPONENTIALS = 40
 """A period of a smooth function takes about eight Magnus steps of five exponentials, each a segment of its own."""
 SAMPLE = 50
@@ -45,7 +45,7 @@ def common_period(system: GearSystem) -> Period | None:
 
 
 def segments_a_cycle(system: GearSystem) -> float:
-    """How many segments there are in 2 pi/Omega on average, at most; of smooth functions about."""
+    """Return the mean number of segments in 2 pi/Omega, an upper bound; of smooth functions roughly."""
     breaks = [_pieces(mesh.waveform) for mesh in system.meshes]
     breaks += [sum(_pieces(profile) for profile in term.profiles) for term in system.terms]
     return sum(float(ratio) * max(1, b) for ratio, b in zip(system.frequency_ratios, breaks, strict=True))
@@ -133,6 +133,6 @@ def chosen(system: GearSystem, asked: str, affordable: int = AFFORDABLE) -> Stra
 
 
 def varying(system: GearSystem) -> int:
-    """How many frequencies vary anything."""
+    """Count the frequencies with which anything varies."""
     moving = [mesh.frequency_ratio for mesh in system.meshes if np.any(mesh.epsilon)]
     return len(set(moving + [term.frequency_ratio for term in system.terms]))

@@ -44,7 +44,7 @@ SEPARATE = 10.0
 RESOLUTION = 0.5
 """What the size of a solution may hide, over the length of the window: a change by a factor of 1.6."""
 FEWEST_STEPS, MOST_STEPS = 8, 128
-"""Magnus steps a period of the fastest mesh."""
+"""Magnus steps per period of the fastest mesh."""
 POINTS_AT_ONCE = 2048
 """Mesh frequencies carried side by side."""
 

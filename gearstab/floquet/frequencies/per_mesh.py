@@ -54,7 +54,7 @@ def solve(system: GearSystem, mesh_frequency: Array, solver: Callable[[GearSyste
 
 
 def groups(system: GearSystem) -> tuple[Group, ...]:
-    """One a mesh frequency, in the order of the meshes, then of the terms."""
+    """One per mesh frequency, in the order of the meshes, then of the terms."""
     parts: list[Mesh | PeriodicTerm] = [*system.meshes, *system.terms]
     names: dict[Fraction | float, list[str]] = {}
     for part in parts:

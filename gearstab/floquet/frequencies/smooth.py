@@ -36,7 +36,7 @@ class Window:
     constant: Array
 
     def pattern(self, steps: int) -> Pattern:
-        """With about so many steps a period of the fastest mesh."""
+        """Return the pattern with about so many steps per period of the fastest mesh."""
         density = steps * max(float(mesh.frequency_ratio) for mesh in self.sampler.system.meshes)
         counts = np.where(self.constant, 1, np.ceil(density * self.length)).astype(int)
         start, length, piece = in_steps(self.start[None], self.length[None], counts)

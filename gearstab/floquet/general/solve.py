@@ -23,7 +23,7 @@ from gearstab.linear.schedule import Schedule, schedule
 from gearstab.system import Array, GearSystem
 
 FINEST = 14
-"""Doublings of the first number of steps (about one a radian of the fastest mode) that are tried at most: 2^14."""
+"""Doublings of the first number of steps (about one per radian of the fastest mode) that are tried at most: 2^14."""
 SAFETY = 4.0
 """The estimate is this times |difference| / (2^6 - 1), the remainder of a method of order six that has converged."""
 ROUNDING = 3e-16
@@ -129,7 +129,7 @@ def _multipliers(
 
 
 def _first_levels(rows: list[Generator], plan: Schedule, cycles: float, omega: Array) -> Array:
-    """``(rows, P)``: log2 of the steps a common period that make about one a radian of the fastest mode."""
+    """``(rows, P)``: log2 of the steps per common period that make about one per radian of the fastest mode."""
     typical = plan.values(0.5 * (plan.edges[:, 1:] + plan.edges[:, :-1]))
     fastest = np.empty(len(rows))
     for r, row in enumerate(rows):

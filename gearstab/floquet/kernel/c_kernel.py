@@ -38,7 +38,7 @@ ENTRIES_AT_ONCE = 1 << 23
 
 
 def scan(pattern: Pattern, omega: Array, limit: int | None = None) -> tuple[Array, Array]:
-    """Verdict (int8) and growth a period of every point, ``(r, P)`` each; mesh frequencies ``(r, P)``.
+    """Verdict (int8) and growth per period of every point, ``(r, P)`` each; mesh frequencies ``(r, P)``.
 
     limit: the number of threads, by default :func:`gearstab.ckernel.threads`; the results do not depend on it.
     """

@@ -2,7 +2,7 @@
 
 With the state vector x = (w u, u', r') -- elastic coordinates, their velocities, and the velocities of rigid
 coordinates that damping couples to them -- each segment has a constant generator A_d, x' = A_d x. It is
-diagonalised once a state, A_d = X L X^-1, and serves all mesh frequencies: exp(A_d t) = X exp(L t) X^-1. Where X is
+diagonalised once per state, A_d = X L X^-1, and serves all mesh frequencies: exp(A_d t) = X exp(L t) X^-1. Where X is
 nearly singular (critical damping) the exponential is formed by scaling and squaring instead.
 """
 

@@ -70,7 +70,7 @@ def moduli(chain: Chain, row: Array, cycle: Array) -> Array:
 
 
 def settings(chain: Chain) -> tuple[float | int, ...]:
-    """What the compiled kernel is told."""
+    """Return the numbers that the compiled kernel needs."""
     numbers = (PART, LONGEST, PIECES, chain.rounding, LARGEST, LEAST, NEGLIGIBLE)
     return (*numbers, BISECTIONS, DOUBLINGS, UNKNOWNS)
 

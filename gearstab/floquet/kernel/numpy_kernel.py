@@ -1,7 +1,7 @@
 """The kernel in NumPy: exact propagation over one period, vectorised over rows and mesh frequencies.
 
 Each segment is n rotations in the modal coordinates of its state followed by the change to the next state's modes.
-The eigenproblems were solved once a state and serve the whole frequency axis. The arrays are laid out with the mesh
+The eigenproblems were solved once per state and serve the whole frequency axis. The arrays are laid out with the mesh
 frequency last, so that every operation runs over contiguous memory.
 
 For a conservative system the monodromy matrix M is symplectic, M^-1 = -J M^T J, and W = M + M^-1 = [[E, F], [G,
@@ -154,7 +154,7 @@ def monodromy(pattern: Pattern, row: int | Array, omega: Array) -> tuple[Array, 
 
 
 def trace_change(rho: Array, other: Array, weight: float) -> tuple[Array, Array]:
-    """How far the multipliers of two computations differ ``(...)``, and the size of the largest, at least 1.
+    """Bound how far the multipliers of two computations differ ``(...)``, and the size of the largest, at least 1.
 
     rho, other: lambda + 1/lambda ``(..., n)``, in any order. From |d ln lambda| = |d rho|/|lambda - 1/lambda| = |d
     rho|/|rho^2 - 4|^(1/2), but |d rho|^(1/2) where that is larger than the root; weighted by min(1, weight times the
@@ -248,7 +248,7 @@ def _traces(matrix: Array) -> Array:
 
 
 def scan(pattern: Pattern, omega: Array) -> tuple[Array, Array]:
-    """Verdict (int8) and growth a period of every point, ``(r, P)`` each; mesh frequencies ``(r, P)``."""
+    """Verdict (int8) and growth per period of every point, ``(r, P)`` each; mesh frequencies ``(r, P)``."""
     verdict = np.full(omega.shape, DOUBTFUL, dtype=np.int8)
     growth = np.zeros(omega.shape)
     if pattern.size > 3:

@@ -4,7 +4,7 @@ With the elastic modes of the mean system as coordinates the equations are
 
     u'' + C u' + [W^2 + sum_i k_vi(t) delta_i delta_i^T] u = 0,
 
-and all that varies is the matrix of the mesh stiffness variation, which takes one value a state: meshes whose
+and all that varies is the matrix of the mesh stiffness variation, which takes one value per state: meshes whose
 stiffness varies alike, k_vi = c_i f(t), enter through the single matrix sum_i c_i delta_i delta_i^T. In a basis in
 which W^2, C and the variation of every state are block diagonal (:mod:`~gearstab.floquet.segments.decouple`) each
 block is a system of its own:

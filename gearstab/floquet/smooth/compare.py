@@ -4,7 +4,7 @@ The error of a set of multipliers is the largest of all, relative to the largest
 
     max_j |lambda_j - lambda_j*| / max(1, max_k |lambda_k|).
 
-The logarithm of the largest multiplier, and so the growth a period, is wrong by no more than that.
+The logarithm of the largest multiplier, and so the growth per period, is wrong by no more than that.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ def scan(pattern: Pattern, omega: Array, interpolate: bool = False) -> Scan:
 
 
 def difference(fine: Scan, coarse: Scan, decay: Array) -> tuple[Array, Array]:
-    """By how much the multipliers differ, and what rounding may have made of those of ``fine``, ``(r, P)`` each.
+    """Return how much the multipliers differ, and the rounding error of those of ``fine``, ``(r, P)`` each.
 
     decay ``(r, P)``: uniform decay a period that the multipliers do not contain.
     """

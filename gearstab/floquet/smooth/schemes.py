@@ -40,7 +40,7 @@ class Scheme:
 
     @property
     def exponentials(self) -> int:
-        """m, their number a step."""
+        """m, their number per step."""
         return len(self.weights)
 
     @property

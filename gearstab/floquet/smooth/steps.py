@@ -143,7 +143,7 @@ class Division:
         return np.where(self.constant, 1, steps)
 
     def missed(self) -> float:
-        """By how much the coarsest steps fail to resolve the stiffness, over FOLLOWED: 1 or less is enough."""
+        """Return how badly the coarsest steps resolve the stiffness, over FOLLOWED: 1 or less is good enough."""
         start, length, piece = in_steps(self.start, self.length, self.counts(0))
         moving = ~self.constant[piece]
         if not moving.any():
@@ -217,7 +217,7 @@ def divisions(system: GearSystem) -> Iterator[Division]:
 
 
 def portions(system: GearSystem, most: int | None = None) -> Iterator[Division]:
-    """All rows, ``most`` at once, by default as many as fit in memory at TYPICAL segments a common period."""
+    """All rows, ``most`` at once, by default as many as fit in memory at TYPICAL segments per common period."""
     for division in divisions(system):
         size = max(1, division.elastic.static.shape[-1])
         step = most or max(1, ENTRIES_AT_ONCE // (TYPICAL * size**2))

@@ -122,7 +122,7 @@ LEGEND = {
 
 
 def legend_handles(cases: list[Artists], captions: list[str]) -> list[Any]:
-    """One entry a case if there are several, then one for each sort of line or fill that was drawn."""
+    """One entry per case if there are several, then one for each sort of line or fill that was drawn."""
     handles: list[Any] = []
     if len(cases) > 1:
         handles += [Line2D([], [], color=CASES[k], linestyle=DASHES[k], label=text) for k, text in enumerate(captions)]

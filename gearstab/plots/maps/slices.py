@@ -88,5 +88,8 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
 
 
 KIND = Kind(
-    "slices", "maps over a third axis, one panel a value", draw, lambda c: c.dimensions is not None and c.dimensions > 2
+    "slices",
+    "maps over a third axis, one panel per value",
+    draw,
+    lambda c: c.dimensions is not None and c.dimensions > 2,
 )

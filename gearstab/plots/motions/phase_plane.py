@@ -69,7 +69,7 @@ def draw_history(ax: Axes, data: xr.Dataset, mesh: str) -> Any:
 
 
 def draw_plane(ax: Axes, data: xr.Dataset, mesh: str) -> Any:
-    """Rate over deflection, with the sections once a common period as dots."""
+    """Rate over deflection, with the sections once per common period as dots."""
     one, part = data.sel(mesh=mesh), settled(data)
     x, v = one["mesh_deflection"].values[part], one["mesh_velocity"].values[part]
     ax.axvspan(*one["play"].values, color=SHADE, linewidth=0, zorder=0.4)
@@ -95,7 +95,7 @@ def label(words: str, data: xr.DataArray, mesh: str) -> str:
 
 
 def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
-    """The whole figure, a row a mesh: ``histories``, ``planes``, ``sections``, ``bands``, lists by mesh."""
+    """The whole figure, a row per mesh: ``histories``, ``planes``, ``sections``, ``bands``, lists by mesh."""
     data = read_backlash(tree)
     names = meshes_of(data, request)
     wide = request.wide("double")

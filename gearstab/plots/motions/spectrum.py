@@ -1,4 +1,4 @@
-"""Spectra of a response: power spectral densities or amplitudes of harmonics, one panel a mesh."""
+"""Spectra of a response: power spectral densities or amplitudes of harmonics, one panel per mesh."""
 
 from __future__ import annotations
 

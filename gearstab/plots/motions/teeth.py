@@ -23,7 +23,7 @@ DYNAMIC = ("tooth_load", "root_stress")
 
 
 def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
-    """One panel a mesh (or a gear, of ``--variable root_stress``); its artists are ``lines`` and ``static``."""
+    """One panel per mesh (or a gear, of ``--variable root_stress``); its artists are ``lines`` and ``static``."""
     dataset = read_response(tree)
     name = request.variable or DYNAMIC[0]
     if name not in DYNAMIC:

@@ -53,7 +53,7 @@ class Play:
         return np.where(contact == LOWER, self.low, self.high)
 
     def kind(self, mesh: int, contact: int) -> int:
-        """What the change of a mesh into ``contact`` is, by its position in KINDS."""
+        """Return the kind of a change of a mesh into ``contact``, as a position in KINDS."""
         return 0 if contact == APART else 1 if contact == self.drive[mesh] else 2
 
 

@@ -100,7 +100,7 @@ class Meter:
         return self.dynamics.values(time / self.dynamics.motion.period)[:, :count]
 
     def summary(self, complete: int) -> LimitCycle | None:
-        """Of what counts, if so many common periods are complete; None without anything."""
+        """Summarise the settled part, if that many common periods are complete; None if nothing is left."""
         first, last = (self.first, complete) if self.whole else (0, len(self.sections))
         begin, end = self.begin, last * self.dynamics.motion.period if self.whole else self.end
         if last <= first or end <= begin:

@@ -135,7 +135,7 @@ def at_rest(system: GearSystem) -> GearSystem:
 
 
 def samples_until(duration: float, step: float) -> int:
-    """How many samples from 0 are not after the end; one on it, but for rounding, is not."""
+    """Count the samples from 0 that are not after the end; one on it, but for rounding, is not."""
     return int(np.floor(duration / step * (1 + 1e-12))) + 1
 
 

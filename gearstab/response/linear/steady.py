@@ -185,5 +185,5 @@ def resolution(drive: Excitation, basis: Basis, at: Array, omega: Array, toleran
     if before is not None and not np.isfinite(before).all():
         return MOST  # beyond double precision, which the status will say
     raise NotPossible(
-        f"mesh stiffness too rough for the tolerance {tolerance:g}: {MOST} steps an interval are not enough"
+        f"mesh stiffness too rough for the tolerance {tolerance:g}: {MOST} steps per interval are not enough"
     )

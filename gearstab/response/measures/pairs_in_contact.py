@@ -29,7 +29,7 @@ class Contact:
 
 
 def contact(system: GearSystem) -> Contact:
-    """Of a system of any batch."""
+    """Return the pairs in contact of the meshes of a system of any batch."""
     ratios = [getattr(mesh.waveform, "contact_ratio", None) for mesh in system.meshes]
     c = np.stack([system.flat(np.nan if ratio is None else ratio, 0) for ratio in ratios], axis=-1)
     lag = np.stack([system.flat(mesh.lag, 0) for mesh in system.meshes], axis=-1)

@@ -43,7 +43,7 @@ class Piece:
         return np.asarray(total * self.length.reshape(-1, *(1,) * (total.ndim - 1)))
 
     def extremes(self) -> tuple[Array, Array, Array]:
-        """Of force and deflection, least and greatest value and what samples alone would miss, ``(K, 2, meshes)``."""
+        """Return least and greatest force and deflection, and what samples alone would miss, ``(K, 2, meshes)``."""
         values = np.stack([self.force, self.deflection], axis=3)
         rates = np.stack([self.force_rate, self.deflection_rate], axis=3) * self.length[:, None, None]
         return extremes(values, rates)
@@ -111,7 +111,7 @@ def fastest(points: Points) -> float:
 
 
 def _means(points: Points) -> Array:
-    """``(r, J)``, the mean values of what varies in A, by Gauss's rule of three points an interval, about."""
+    """``(r, J)``, the mean values of what varies in A, by Gauss's rule of three points per interval, about."""
     edges = points.edges
     total = 0.0
     for q in occupied(points):

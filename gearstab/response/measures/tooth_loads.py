@@ -32,7 +32,7 @@ class Teeth:
 
     @property
     def sharing(self) -> StiffnessModel:
-        """How pairs in contact share the load: those of an internal gear of unknown stiffness do so equally."""
+        """Return how pairs in contact share the load: those of an internal gear of unknown stiffness do so equally."""
         if self.pair.wheel.internal and self.model.single_pair_stiffness is None:
             return replace(self.model, single_pair_stiffness=1.0)
         return self.model
@@ -63,13 +63,14 @@ def positions(points: int) -> Array:
 
 
 def phases(system: GearSystem, mesh: int, time: Array, mesh_frequency: float) -> Array:
-    """Of a mesh at times, in its cycles; 0 is the entry of a pair of teeth."""
+    """Return the phases of a mesh at times, in its cycles; 0 is the entry of a pair of teeth."""
     item = system.meshes[mesh]
     return time * mesh_frequency * float(item.frequency_ratio) / (2 * np.pi) - float(item.lag) + AFTER
 
 
 def tooth_loads(teeth: Teeth, phase: Array, force: Array, static: float, points: int = MOST_POINTS) -> ToothLoads:
-    """From the mesh force ``(samples,)`` at phases ``(samples,)``, in cycles, and the static mesh force.
+    """Compute the loads of teeth from the mesh force ``(samples,)`` at phases ``(samples,)``, in cycles, and the static
+    mesh force.
 
     points: parts of the contact; with fewer samples in a mesh cycle some of them may be empty, NaN. All are NaN where
     the teeth by themselves would part, with a contact ratio below 1.

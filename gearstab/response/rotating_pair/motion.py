@@ -135,7 +135,7 @@ class Arc:
         return phi + step, rate + change, theta + advance, speed + self.m * change + self.pull * times
 
     def bounds(self, t: float) -> tuple[float, float]:
-        """What |phi - its equilibrium| and |phi'| do not exceed from t on; both infinite without an oscillation.
+        """Bounds that |phi - its equilibrium| and |phi'| do not exceed from t on; both infinite without an oscillation.
 
         The energy phi'^2 + kappa (phi - equilibrium)^2 never grows.
         """

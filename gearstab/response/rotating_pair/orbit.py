@@ -53,7 +53,7 @@ class Problem:
         )  # fmt: skip
 
     def loaded(self, part: Array) -> Problem:
-        """With a part of the load."""
+        """Return the pair with a part of the load."""
         return replace(self, load=part * self.load)
 
 

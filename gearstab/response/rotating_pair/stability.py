@@ -198,7 +198,7 @@ def _reciprocal(matrix: Array, conservative: Array, decay: Array) -> Array:
 
 
 def speed_shares(p: Problem, x: Array, vectors: Array) -> Array:
-    """How much of the speed each eigenvector carries: shares that add up to 1, ``(N, 3)``.
+    """Return how much of the speed each eigenvector carries: shares that add up to 1, ``(N, 3)``.
 
     Eigenvector r_i with its left counterpart l_i: (g r_i)(l_i y)/(g y), with the gradient g of the energy on the
     section and the change y of the orbit with the speed. Without damping g and y are themselves the eigenvectors of
@@ -219,7 +219,7 @@ def speed_shares(p: Problem, x: Array, vectors: Array) -> Array:
 
 
 def monotone(p: Problem, x: Array) -> Array:
-    """Whether theta really crosses each boundary once a cycle and not earlier, ``(N,)``."""
+    """Whether theta really crosses each boundary once per cycle and not earlier, ``(N,)``."""
     motion = orbit.cycle(p, x)
     good = np.isfinite(x).all(axis=1) & (x[:, orbit.TIME] > 0) & (x[:, orbit.TIME] < tau / p.omega)
     starts = (np.stack([x[:, 0], x[:, 1], np.zeros(len(x)), x[:, 2]], axis=-1), motion.after[0])

@@ -1,4 +1,4 @@
-"""What a result file can hold: one line a variable, with its dimensions, type, units and long name.
+"""What a result file can hold: one line per variable, with its dimensions, type, units and long name.
 
 Units are SI, as everywhere inside the program; :mod:`gearstab.results.units` replaces them by what the coordinates of
 a system have, and by 1 in a model without units (``system.units: none``). ``1`` is dimensionless.
@@ -353,7 +353,7 @@ BACKLASH_SPEED_RESPONSE = (
     Variable("period", (GRID,), "i2", "1", "common periods after which the motion repeats itself; 0: it does not"),
     Variable("status", (GRID,), "i2", "1", "what is to be said of the motion; 0: nothing"),
 )
-"""Of what motions with backlash settle to."""
+"""Limit cycles of motions with backlash."""
 
 PAIR_RESPONSE = (
     coordinate("time", "time", "f8", "s", "time"),
@@ -413,7 +413,7 @@ TEETH = (
 BENCH = (
     coordinate("method", "setting", TEXT, "1", "method"),
     coordinate("tolerance", "setting", "f8", "1", "relative tolerance asked for (NaN: an exact method)"),
-    Variable("seconds", ("setting",), "f8", "s", "median time a point"),
+    Variable("seconds", ("setting",), "f8", "s", "median time per point"),
     Variable("error", ("setting",), "f8", "1", "largest error of the growth over one common period"),
     Variable("wrong_flags", ("setting",), "i4", "1", "reference points with a wrong stability flag"),
 )

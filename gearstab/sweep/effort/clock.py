@@ -22,7 +22,8 @@ class _TimeUp(SystemExit):
 
 
 def within(seconds: float, work: Callable[[], Found]) -> tuple[Found, float] | None:
-    """What ``work`` returns and the processor time that it took (s); None where that is not done within ``seconds``.
+    """Run ``work``; return its result and the processor time that it took (s), None where it does not end within
+    ``seconds``.
 
     What it raises is raised here. Work that is stopped must leave nothing half done behind.
     """

@@ -112,7 +112,7 @@ class Clock:
         return self._end - time.perf_counter()
 
     def run(self, work: Callable[[], Found]) -> tuple[Found, float] | None:
-        """What the work returns and the seconds that it takes; None where it does not end in time."""
+        """Return the result of the work and the seconds that it takes; None where it does not end in time."""
         return within(self.left, work) if self.left > 0 else None
 
 
@@ -148,7 +148,7 @@ def seconds_per_point(work: Callable[[int], object], most: int = MANY, budget: f
 
 
 def long_runs(plan: Plan, jobs: int | None = None) -> list[str]:
-    """What the user should know before methods start that are going to take long, one line each."""
+    """Warn of methods that are going to take long before they start, one line each."""
     found = []
     for layout in plan.layouts:
         if layout.method.frequency != RANGE:

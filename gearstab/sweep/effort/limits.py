@@ -73,7 +73,7 @@ def _roughly(plan: Plan, layout: Layout, workers: int) -> float:
 
 
 def large(plan: Plan, found: Estimate) -> list[str]:
-    """In which respects a sweep is large, for the user; empty for none."""
+    """Say in which respects a sweep is large; empty for none."""
     reasons = []
     if plan.points > MOST_POINTS:
         reasons.append(f"{plan.points:,} points")

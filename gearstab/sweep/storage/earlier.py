@@ -78,7 +78,7 @@ def look_again(plan: Plan, out: Path, before: Identity | None) -> None:
 
 
 def identity(path: Path) -> Identity | None:
-    """What tells a file from one that was there before; None where there is none."""
+    """Return what tells a file from one that was there before; None where there is none."""
     try:
         found = path.stat()
     except OSError:
@@ -87,7 +87,7 @@ def identity(path: Path) -> Identity | None:
 
 
 def origin(config: Config, out: Path) -> dict[str, str]:
-    """What a result says of where its configuration stands, as attributes: relative to its own folder."""
+    """Return the attributes of a result that say where its configuration stands: relative to its own folder."""
     return {"config_file": _relative(config.source, out), "config_overrides": "\n".join(config.overrides)}
 
 

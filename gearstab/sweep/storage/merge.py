@@ -183,7 +183,7 @@ def write_apart(finished: Finished, said: Mapping[str, str], out: Path, path: Pa
 
 
 def main() -> None:
-    """In a process of its own: write what standard input names to the path in the arguments."""
+    """Run in a child process: read plan and parts from standard input, write the result to the given path."""
     parent = os.getppid()
     finished, said = pickle.load(sys.stdin.buffer)
     interrupts.end_with(parent)

@@ -34,7 +34,7 @@ class FinishedBlock:
     """A finished block.
 
     key: of the block. tongues: of the dimension ``tongue`` of this block. places: by variable, (offset, length) of its
-    chunks, one, or one a tongue, in the part file at ``path``, or else in ``held``, in memory.
+    chunks, one, or one per tongue, in the part file at ``path``, or else in ``held``, in memory.
     points: how many it holds; unstable, failed: how many of them are; flags: how many carry each flag of ``status``.
     kernels: which ones computed it.
     """
@@ -60,7 +60,7 @@ class FinishedBlock:
         return sum(length for name, places in self.places.items() if variable in (None, name) for _, length in places)
 
     def pieces(self, variable: str) -> list[bytes]:
-        """The encoded chunks of a variable: one, or one a tongue."""
+        """The encoded chunks of a variable: one, or one per tongue."""
         found = []
         with io.BytesIO(self.held) if self.path is None else open(self.path, "rb") as file:
             for offset, length in self.places[variable]:

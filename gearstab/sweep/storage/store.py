@@ -47,7 +47,7 @@ class Finished:
 
     @property
     def kernels(self) -> set[str]:
-        """Which kernels computed it."""
+        """Kernels that computed it."""
         return {name for block in self.blocks.values() for name in block.kernels}
 
     def flags(self, layout: Layout) -> dict[str, int]:
@@ -58,7 +58,7 @@ class Finished:
         return dict(total)
 
     def mean(self, variable: str) -> float | None:
-        """Return the mean of a variable of one value a row over all rows that have one; None where there is none."""
+        """Return the mean of a variable of one value per row over all rows that have one; None where there is none."""
         total, count = 0.0, 0
         for layout in self.plan.layouts:
             if not layout.gives(variable):

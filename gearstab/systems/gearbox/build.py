@@ -128,7 +128,7 @@ class Train:
 
     @cached_property
     def masses(self) -> dict[int, Array]:
-        """Of the supported rotors."""
+        """Masses of the supported rotors."""
         density = self.material["density"]
         return {k: self._solid(k, rotors.mass(self.rotors[k], density)) for k in self.layout.supported}
 

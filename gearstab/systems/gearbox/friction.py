@@ -61,7 +61,8 @@ def terms(mesh: Mesh, rubbing: Rubbing, ends: tuple[Array, Array], damping: Arra
 
 
 def forces(mesh: Mesh, rubbing: Rubbing, ends: tuple[Array, Array]) -> list[PeriodicForce]:
-    """What a transmission error e adds: the mesh force is k (g^T q - e), and so friction has sigma mu h k_p e less.
+    """Return the forces that a transmission error e adds: the mesh force is k (g^T q - e), and so friction has sigma mu
+    h k_p e less.
 
     Its damping part, c_p de/dt, is small of second order (friction times damping) and left out.
     """

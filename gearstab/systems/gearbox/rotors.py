@@ -39,12 +39,14 @@ def _disc(rotor: dict[str, Any], density: Array | float) -> tuple[Array, Array]:
 
 
 def mass(rotor: dict[str, Any], density: Array | float) -> Array:
-    """As given, or that of a disc of radius ``body_radius`` (the pitch radius without) and ``bore_radius``."""
+    """Return the mass as given, or that of a disc of radius ``body_radius`` (the pitch radius without) and
+    ``bore_radius``.
+    """
     return number(rotor, "mass") if rotor.get("mass") is not None else _disc(rotor, density)[0]
 
 
 def inertia(rotor: dict[str, Any], density: Array | float) -> Array:
-    """As given, or m (R^2 + R_i^2)/2 of that disc."""
+    """Return the inertia as given, or m (R^2 + R_i^2)/2 of that disc."""
     if rotor.get("inertia") is not None:
         return number(rotor, "inertia")
     solid, squares = _disc(rotor, density)

@@ -274,7 +274,7 @@ class Gearbox(System):
 
     @classmethod
     def follow_speed(cls, raw: dict[str, Any]) -> list[Path]:
-        """Of ``input``, where the friction of lubricated teeth depends on it."""
+        """The speed of ``input``, where the friction of lubricated teeth depends on it."""
         laws = [mesh.get("friction") or {} for _, mesh in items(raw.get("meshes"))]
         lubricated = any(law.get("kind") in LUBRICATED for law in laws)
         return [("input", "speed")] if lubricated and raw.get("input") else []

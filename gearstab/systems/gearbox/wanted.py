@@ -11,7 +11,7 @@ MEAN, VARIATION, CONTACT_RATIO, WAVE = "mean", "variation", "contact_ratio", "wa
 
 
 def from_teeth(p: dict[str, Any]) -> frozenset[str]:
-    """Which of MEAN, VARIATION, CONTACT_RATIO, WAVE the teeth of a mesh with these parameters give."""
+    """Return which of MEAN, VARIATION, CONTACT_RATIO, WAVE the teeth of a mesh with these parameters give."""
     wave = WAVEFORMS[(p.get("waveform") or {}).get("kind", "rectangular")]
     if wave.of_teeth:
         return frozenset((MEAN, VARIATION, CONTACT_RATIO, WAVE))

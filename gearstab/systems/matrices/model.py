@@ -72,7 +72,7 @@ class Matrices(System):
     mass: list[list[MassEntry]] | None = Field(
         default=None,
         title="mass matrix",
-        description="M, one row a coordinate (kg, or kg m^2 of a rotation); symmetric, positive definite.",
+        description="M, one row per coordinate (kg, or kg m^2 of a rotation); symmetric, positive definite.",
     )
     stiffness: list[list[StiffnessEntry]] | None = Field(
         default=None,
@@ -189,7 +189,7 @@ class Matrices(System):
                 remedy = f"add {name}, or file: the name of a .npz, .h5 or .mat file with it"
                 yield (), f"{name} is missing", remedy
             elif rows is not None and not len(rows) and size is None:
-                yield (name,), "has no rows", "give one row a coordinate"
+                yield (name,), "has no rows", "give one row per coordinate"
             else:
                 yield from not_square(raw, name, size)
         yield from wrong_length(raw, "coordinates", size)
@@ -198,7 +198,7 @@ class Matrices(System):
             yield from within_each(raw, "meshes", lambda mesh: no_direction(mesh, "direction", size, hint))
         units = raw.get("coordinate_units")
         if units is not None and size is not None and len(units) not in (1, size):
-            yield ("coordinate_units",), f"has {len(units)} entries", f"give {size}, one a coordinate, or one for all"
+            yield ("coordinate_units",), f"has {len(units)} entries", f"give {size}, one per coordinate, or one for all"
         for key in ("coordinate_units", "deflection_unit"):
             if raw.get("units") == "none" and raw.get(key) not in (None, "m", ["m"]):
                 yield (key,), "is given for a model without units", "remove it, or units: none"

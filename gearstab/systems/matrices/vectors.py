@@ -15,7 +15,7 @@ SECTIONS = {"meshes": ("direction",), "forces": ("direction",), "terms": ("left"
 def write_out(document: Document, raw: dict[str, Any], size: int | None) -> None:
     """Replace every such mapping by the list of its entries, zero where it names none; report unknown coordinates.
 
-    size: number of coordinates; without it nobody knows how long a list would be.
+    size: number of coordinates; without it the length of a list is unknown.
     """
     if size is None:
         return

@@ -25,7 +25,7 @@ class Damping(Section):
     modal: list[NonNegative] | None = Field(
         default=None,
         title="modal damping ratios",
-        description="One damping ratio a mode, by ascending natural frequency (1).",
+        description="One damping ratio per mode, by ascending natural frequency (1).",
     )
     rayleigh: (
         tuple[Annotated[float, Field(ge=0), Quantity("1/s")], Annotated[float, Field(ge=0), Quantity("s")]] | None
@@ -35,7 +35,7 @@ class Damping(Section):
         description="[alpha (1/s), beta (s)]: C = alpha M + beta K of the mean system.",
     )
     matrix: list[list[MatrixEntry]] | None = Field(
-        default=None, title="damping matrix", description="C, one row a coordinate (N s/m); symmetric."
+        default=None, title="damping matrix", description="C, one row per coordinate (N s/m); symmetric."
     )
 
     @classmethod
@@ -55,7 +55,7 @@ def not_square(raw: dict[str, Any], key: str, size: int | None) -> Iterator[Conf
         yield (key,), f"has {len(rows)} rows", f"give {size} rows of {size} numbers"
     for i, row in enumerate(rows):
         if len(row) != size:
-            yield (key, i), f"has {len(row)} entries", f"give {size}, one a coordinate"
+            yield (key, i), f"has {len(row)} entries", f"give {size}, one per coordinate"
 
 
 def with_damping(system: GearSystem, p: dict[str, Any]) -> GearSystem:

@@ -26,7 +26,7 @@ from gearstab.waveforms import Fourier
 ErrorAmplitude = Annotated[float, Quantity("m", ("rad",), entry=True)]
 ForceAmplitude = Annotated[float, Quantity("N", ("N m",), entry=True)]
 Load = list[ForceAmplitude]
-"""Constant generalised forces, one a coordinate."""
+"""Constant generalised forces, one per coordinate."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ class TransmissionError(Section):
 
     @classmethod
     def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
-        """At least one harmonic."""
+        """Yield a conflict without any harmonic."""
         yield from no_harmonics(raw, "m")
 
 
@@ -105,7 +105,7 @@ class Force(Section):
 
     @classmethod
     def conflicts_of_size(cls, raw: dict[str, Any], size: int | None) -> Iterator[Conflict]:
-        """At least one harmonic, and a direction of the size of the system that is not zero."""
+        """Yield conflicts without any harmonic, and of a direction that is zero or not of the size of the system."""
         yield from no_harmonics(raw, "N")
         yield from no_direction(raw, "direction", size, "let the force act on at least one coordinate")
 
@@ -119,7 +119,7 @@ def no_harmonics(raw: dict[str, Any], unit: str) -> Iterator[Conflict]:
 def with_forcing(system: GearSystem, p: dict[str, Any]) -> GearSystem:
     """The system with what drives it.
 
-    ``load``: constant generalised forces, one a coordinate; ``forces``: periodic ones, each a ``direction`` and a
+    ``load``: constant generalised forces, one per coordinate; ``forces``: periodic ones, each a ``direction`` and a
     Fourier series ``sin``, ``cos`` with ``frequency_ratio`` and ``lag``; ``transmission_error`` of a mesh: ``sin``,
     ``cos``. A transmission error acts through the mesh's own damping too. ``backlash`` of a mesh, 2 b, and its
     ``backlash_zero``, which only the response heeds, come with it.

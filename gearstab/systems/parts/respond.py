@@ -34,12 +34,12 @@ class Initial(Section):
     displacement: list[Annotated[float, Quantity("m", ("rad",), entry=True)]] = Field(
         default=[],
         title="initial displacement",
-        description="One number a coordinate (m, or rad of a rotation); zeros without.",
+        description="One number per coordinate (m, or rad of a rotation); zeros without.",
     )
     velocity: list[Annotated[float, Quantity("m/s", ("rad/s",), entry=True)]] = Field(
         default=[],
         title="initial velocity",
-        description="One number a coordinate (m/s, or rad/s of a rotation); zeros without.",
+        description="One number per coordinate (m/s, or rad/s of a rotation); zeros without.",
     )
 
 
@@ -140,7 +140,7 @@ def _of_steady_state(raw: dict[str, Any], driven: bool) -> Iterator[Conflict]:
         return
     for key in ("duration", "cycles", "initial"):
         if raw.get(key) is not None:
-            yield (key,), "has no place beside steady_state", "remove it, or set steady_state: false"
+            yield (key,), "is not allowed together with steady_state", "remove it, or set steady_state: false"
 
 
 def may_part(system: dict[str, Any]) -> bool:

@@ -112,7 +112,7 @@ class _Gear:
         return range(2, self.harmonics + 1)
 
     def angle(self, n: int) -> Array:
-        """psi_n."""
+        """Return psi_n."""
         return self.angles[n - 1]
 
     def vector(self, entries: dict[str, Any]) -> Array:
@@ -239,7 +239,7 @@ def _left_inverse(basis: Array) -> Array:
 
 
 def _load(coordinates: Sequence[str], torques: dict[str, Any] | None) -> list[Any] | None:
-    """Generalised forces, one a coordinate, of torques over radii on ``ring``, ``carrier`` and ``sun``."""
+    """Generalised forces, one per coordinate, of torques over radii on ``ring``, ``carrier`` and ``sun``."""
     if not torques:
         return None
     of = {f"{body}_rotation": torques.get(body, 0.0) for body in CENTRAL}

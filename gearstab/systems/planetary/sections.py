@@ -179,9 +179,9 @@ class PlanetaryMesh(ToothMesh):
 
     misplaced: ClassVar[dict[str, str]] = {
         "name": "the meshes are called sun1, sun2, ... and ring1, ring2, ...",
-        "lag": "give the lags in phases: sun: one a planet, sun_ring: of the ring's meshes",
-        "phase": "give the lags in phases: sun: one a planet, sun_ring: of the ring's meshes",
-        "phasing": "give the lags in phases: sun: one a planet, sun_ring: of the ring's meshes",
+        "lag": "give the lags in phases: sun: one per planet, sun_ring: of the ring's meshes",
+        "phase": "give the lags in phases: sun: one per planet, sun_ring: of the ring's meshes",
+        "phasing": "give the lags in phases: sun: one per planet, sun_ring: of the ring's meshes",
     }
 
 
@@ -208,7 +208,7 @@ class Phases(Section):
     sun: list[Turns] | None = Field(
         default=None,
         title="phase of a sun's mesh",
-        description="gamma_sn, one a planet, of the waves of the sun's meshes (1); all 0, in phase, without.",
+        description="gamma_sn, one per planet, of the waves of the sun's meshes (1); all 0, in phase, without.",
     )
     sun_ring: Turns | None = Field(
         default=None,
@@ -325,7 +325,7 @@ class Planetary(System):
 
     @classmethod
     def complete(cls, document: Document, raw: dict[str, Any], size: int | None) -> None:
-        """What follows from the teeth, see :mod:`.angles` and :mod:`.teeth`."""
+        """Fill in what follows from the teeth, see :mod:`.angles` and :mod:`.teeth`."""
         angles.complete(document, raw)
         teeth.fill(document, raw)
 
@@ -339,7 +339,7 @@ class Planetary(System):
 
     @classmethod
     def summary(cls, p: dict[str, Any]) -> dict[str, str]:
-        """Where the planets are, and the numbers of teeth."""
+        """Say where the planets are, and how many teeth the gears have."""
         psi = [np.degrees(float(angle)) for angle in angles_of(p)]
         equal = "" if p.get("angles") is not None else ", equally spaced"
         said = {"planets": f"{len(psi)} at {', '.join(f'{angle:.6g}' for angle in psi)} deg{equal}"}
@@ -389,7 +389,7 @@ class Planetary(System):
 
     @classmethod
     def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
-        """What is missing for the kind of motion and ring, and phases that fit the planets and teeth."""
+        """Yield what is missing for the kind of motion and ring, and phases that fit the planets and teeth."""
         yield from super().conflicts(raw)
         ring, supports = raw.get("ring") or {}, raw.get("supports") or {}
         if ring.get("kind") == "elastic" and ring.get("bending_stiffness") is None:
@@ -422,7 +422,7 @@ class Planetary(System):
 def _phases(raw: dict[str, Any]) -> Iterator[Conflict]:
     phases, teeth, planets = raw.get("phases"), raw.get("teeth"), raw.get("planets")
     if phases is None and teeth is None:
-        yield (), "phases or teeth are missing", "add phases: {sun: [one lag a planet], sun_ring: ..}, or teeth"
+        yield (), "phases or teeth are missing", "add phases: {sun: [one lag per planet], sun_ring: ..}, or teeth"
     sun = (phases or {}).get("sun")
     if sun is not None and teeth is not None:
         yield ("phases", "sun"), "the phases follow from teeth already", "keep phases.sun or teeth"

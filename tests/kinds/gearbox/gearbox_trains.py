@@ -96,7 +96,7 @@ def train(rotors: list[dict[str, Any]], meshes: list[dict[str, Any]], **more: An
 
 
 def turned(system: Any, places: dict[str, complex], spins: dict[str, float]) -> np.ndarray:
-    """The velocities of all coordinates while the whole train turns once a second, counter-clockwise, as one body.
+    """The velocities of all coordinates while the whole train turns once per second, counter-clockwise, as one body.
 
     places: centres of the rotors in the complex plane. spins: 1 where a rotor's positive sense is counter-clockwise.
     """

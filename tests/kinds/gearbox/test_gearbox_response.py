@@ -40,7 +40,7 @@ def test_measures_over_speed_against_a_history_by_hand(first: dict[str, Any]) ->
     history = steady_state(system, omega, 6000)
     samples = len(history.time) - 1
     force, static = history.mesh_force[:-1], static_mesh_force(system)
-    # A history of 6000 samples a cycle misses an extreme at a jump by what the force changes in a sample.
+    # A history of 6000 samples per cycle misses an extreme at a jump by what the force changes in a sample.
     near = 2e-3
     for i, item in enumerate(system.meshes):
         cycles = (5, 3)[i]
@@ -107,7 +107,7 @@ def test_the_tractor_gearbox_has_the_load_factors_of_the_reference() -> None:
     assert np.all(np.diff(found.load_factor_fewest_pairs[0, 0, stages]) < 0)
 
 
-@pytest.mark.slow  # ten seconds a speed
+@pytest.mark.slow  # ten seconds per speed
 @pytest.mark.parametrize("rpm", ["2100", "6000"])
 def test_load_factors_over_speed_are_those_of_the_reference(rpm: str) -> None:
     system = build(crosscheck() | {"damping_factor": 1.0})

@@ -8,7 +8,7 @@ narrower than a floor or the budget is spent:
   of their radii: a gap that shrinks from both sides closes in on what is narrow inside;
 * where the numbers differ a multiplier crosses the circle: the zero of its ln |lambda| is found with Chandrupatla's
   method (1997, Adv. Eng. Softw. 28, 145-149), inverse quadratic interpolation and bisection;
-* towards an edge so found in a geometric sequence, as radii shrink with the distance to it: about ten to one a point.
+* towards an edge so found in a geometric sequence, as radii shrink with the distance to it: about ten to one per point.
 
 All is done in x = ln(1/Omega), for all rows at once. Nothing can be hidden in a stretch. What is left is *open*.
 """
@@ -50,7 +50,7 @@ STRONGEST = 12.0
 """Growth a period, as a logarithm, up to which a proof is tried: the square of its exponential magnifies rounding."""
 ROUNDS = 100
 MODULI, PROOF = 1.5, 10.0
-"""Work of a monodromy matrix with its multipliers, and of a proof, in products of two matrices a segment."""
+"""Work of a monodromy matrix with its multipliers, and of a proof, in products of two matrices per segment."""
 
 
 @dataclass
@@ -193,7 +193,7 @@ class Cover:
         return np.asarray(chosen & ~np.isin(gaps.row + 1j * gaps.left, self.settled))
 
     def crossed(self, gaps: Gaps) -> Array:
-        """In which gaps multipliers cross the circle."""
+        """Return the gaps in which multipliers cross the unit circle."""
         return np.asarray(self.items.outside[gaps.before] != self.items.outside[gaps.after])
 
     def narrow(self, gaps: Gaps, tolerance: float) -> None:
@@ -218,7 +218,7 @@ class Cover:
         self.settled = np.append(self.settled, (gaps.row + 1j * gaps.left)[wrong])
 
     def wanted(self, gaps: Gaps, floor: float) -> tuple[Array, Array]:
-        """Where to try a proof next (row, x) in gaps in which no multiplier is known to cross the circle."""
+        """Return where to try a proof next, (row, x), in gaps in which no multiplier is known to cross the circle."""
         items, width = self.items, gaps.width
         left, right = items.kind[gaps.before], items.kind[gaps.after]
         radius = [
@@ -279,8 +279,8 @@ def damping_ratio(chain: Chain) -> Array:
 def cover(chain: Chain, first: Array, last: Array, tolerance: float, floor: float, budget: float) -> Cover:
     """Prove what can be proved between x = ``first`` and ``last`` ``(r,)``.
 
-    tolerance, floor: of edges, and of gaps that are left, in x. budget: products of two matrices a row, after which no
-    more is begun; nor is where far more would be needed.
+    tolerance, floor: of edges, and of gaps that are left, in x. budget: products of two matrices per row, after which
+    no more is begun; nor is where far more would be needed.
     """
     found = Cover(chain, first, last, budget)
     count = (last - first) / (FIRST * np.maximum(damping_ratio(chain), np.finfo(float).tiny))

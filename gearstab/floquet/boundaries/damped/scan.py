@@ -48,7 +48,7 @@ UNDAMPED = 1e-8
 class Scan:
     """Samples of a cover, ordered by row and x, and the growth rate at them.
 
-    noise: ``(r,)``, growth a period that rounding gives to an undamped solution.
+    noise: ``(r,)``, growth per period that rounding gives to an undamped solution.
     """
 
     def __init__(self, found: Cover, opened: Gaps) -> None:
@@ -79,7 +79,7 @@ class Scan:
 
     def settle(self, chosen: Array) -> None:
         """Find those of the chosen rows ``(r,)`` with an undamped mode, whose growth never falls below zero but for
-        rounding: there a growth a period up to DAMPED_ON_CIRCLE is none.
+        rounding: there a growth per period up to DAMPED_ON_CIRCLE is none.
         """
         lowest = np.zeros(len(self.noise))
         np.minimum.at(lowest, self.cover.samples.row, self.cover.samples.logs[:, 0])

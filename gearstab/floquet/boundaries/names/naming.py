@@ -41,7 +41,7 @@ class Names:
         return cls(table[:, 0], table[:, 1:])
 
     def roots(self, count: int) -> list[tuple[Root, ...]]:
-        """Of each of so many regions."""
+        """Return the root of each of so many regions."""
         result: list[tuple[Root, ...]] = [()] * count
         for k, root in zip(self.owner.tolist(), self.root.tolist(), strict=True):
             result[k] = (*result[k], Root(*root))

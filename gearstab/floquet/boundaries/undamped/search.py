@@ -193,8 +193,8 @@ def collisions(pattern: Pattern, first: Array, last: Array) -> Array:
 
 
 def classify(samples: Samples, brackets: Brackets, spacing: Array) -> Array:
-    """What each bracket holds. Where the integers are unknown (strong growth) a bracket is halved down to a quarter
-    of the scan's spacing and then taken at face value.
+    """Decide what each bracket holds. Where the integers are unknown (strong growth) a bracket is halved down to a
+    quarter of the scan's spacing and then taken at face value.
     """
     a, b = brackets.left, brackets.right
     stable_a, stable_b = samples.stable[a], samples.stable[b]
