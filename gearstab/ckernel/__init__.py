@@ -38,15 +38,15 @@ except ImportError:
 
 
 @dataclass(frozen=True)
-class Choice:
+class KernelChoice:
     """What a part of a program chose: the kernel's name and the number of threads of a call; None leaves it open."""
 
     kernel: str | None = None
     threads: int | None = None
 
 
-_own: ContextVar[Choice | None] = ContextVar("choice", default=None)
-_active: dict[object, Choice] = {}
+_own: ContextVar[KernelChoice | None] = ContextVar("choice", default=None)
+_active: dict[object, KernelChoice] = {}
 """Choices of all threads, the latest last: what threads without a choice of their own go by."""
 _recorder: ContextVar[set[str] | None] = ContextVar("recorder", default=None)
 
@@ -58,7 +58,7 @@ def using(kernel: str | None = None, threads: int | None = None) -> Iterator[Non
     It holds for the threads that are started inside as well. What is None stays as it was outside.
     """
     outer = _choice()
-    choice = Choice(kernel or outer.kernel, threads or outer.threads)
+    choice = KernelChoice(kernel or outer.kernel, threads or outer.threads)
     token, key = _own.set(choice), object()
     _active[key] = choice
     try:
@@ -68,8 +68,8 @@ def using(kernel: str | None = None, threads: int | None = None) -> Iterator[Non
         _own.reset(token)
 
 
-def _choice() -> Choice:
-    return _own.get() or next(reversed(_active.values()), Choice())
+def _choice() -> KernelChoice:
+    return _own.get() or next(reversed(_active.values()), KernelChoice())
 
 
 def available() -> tuple[str, ...]:

@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from gearstab.cli.terminal import options
-from gearstab.cli.terminal.console import Output, tell
+from gearstab.cli.terminal.console import StandardOutput, tell
 
 
 @click.command(name="export", short_help="Write a result file as tidy CSV.")
@@ -39,7 +39,7 @@ def command(
     from gearstab.results.export import export
 
     out = None if str(output) == "-" else output
-    rows, notes = export(result, out, Output(), group, over, options.selections(select), unit)
+    rows, notes = export(result, out, StandardOutput(), group, over, options.selections(select), unit)
     if out is not None:
         tell(f"{out}: {rows:,} rows")
     for note in notes:

@@ -212,7 +212,7 @@ def _read_system(document: Document, model: type[System], source: FilePath) -> _
     samples = _read_samples(document, meant, source)
     context = sweep.Context(document, model, meant)
     layouts = sweep.layouts(context) if "sweep" in document.data else []
-    variables: list[sweep.Layout] = []
+    variables: list[sweep.UnresolvedAxis] = []
     if "design" in document.data:
         from gearstab.config.sections import design
 

@@ -13,7 +13,7 @@ from gearstab.config.sections.methods import Methods
 from gearstab.config.sections.objectives import OBJECTIVES, QUANTITIES
 from gearstab.config.sections.sweep import Tie
 from gearstab.systems import KINDS, short_names
-from gearstab.systems.gear_pair import RotatingPair
+from gearstab.systems.gear_pair import RotatingGearPair
 from gearstab.systems.parts.respond import Respond
 from gearstab.systems.parts.respond_pair import PairRespond
 
@@ -28,7 +28,7 @@ def schema() -> dict[str, Any]:
     What only the whole document can tell is left to ``gearstab check``: which parameter names exist, and whether a
     parameter without a value gets one from an axis. So no parameter that an axis can set is required here.
     """
-    systems: list[type[BaseModel]] = [*KINDS.values(), RotatingPair]
+    systems: list[type[BaseModel]] = [*KINDS.values(), RotatingGearPair]
     models: list[type[BaseModel]] = [*systems, Methods, Respond, PairRespond, Range, Tie]
     references, definitions = models_json_schema([(m, "validation") for m in models], ref_template="#/$defs/{model}")
     found = definitions["$defs"]

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from gearstab.config import Axis, Config, parameters_at
-from gearstab.config.sections.design import Design, SpeedRange, Variable
+from gearstab.config.sections.design import Design, DesignVariable, SpeedRange
 from gearstab.config.sections.targets import INPUT_SPEED
 from gearstab.errors import NotPossible
 from gearstab.system import Array, GearSystem
@@ -41,7 +41,7 @@ class Batch:
 
 
 @dataclass(frozen=True)
-class Problem:
+class DesignProblem:
     """A configuration with a section ``design``.
 
     A design is a row of ``(rows, variables)``: the value of a continuous variable, the number (from 0) of the choice of
@@ -52,7 +52,7 @@ class Problem:
     design: Design
 
     @property
-    def variables(self) -> tuple[Variable, ...]:
+    def variables(self) -> tuple[DesignVariable, ...]:
         """What may change."""
         return self.design.variables
 

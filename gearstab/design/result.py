@@ -13,7 +13,7 @@ from gearstab.design import values
 from gearstab.design.answer import answer
 from gearstab.design.judging import quantities, regions
 from gearstab.design.judging.judge import AT_ONCE, Judge, limited
-from gearstab.design.problem import Batch, Problem
+from gearstab.design.problem import Batch, DesignProblem
 from gearstab.design.solution import Solution
 from gearstab.floquet import solve
 from gearstab.results import Group, Variable, fields_of
@@ -118,7 +118,7 @@ def _main(solution: Solution) -> dict[str, Any]:
     return found | {"sensitivity": solution.sensitivity if several else solution.sensitivity[0]}
 
 
-def _bound(problem: Problem, k: int, side: int) -> float:
+def _bound(problem: DesignProblem, k: int, side: int) -> float:
     variable = problem.variables[k]
     if variable.continuous:
         return variable.bounds[side]
@@ -213,7 +213,7 @@ def _scans(solution: Solution) -> dict[str, Any]:
     return found
 
 
-def _moved(problem: Problem, design: Array, places: dict[int, Array]) -> Array:
+def _moved(problem: DesignProblem, design: Array, places: dict[int, Array]) -> Array:
     """The design with variables at places between their bounds."""
     designs = np.repeat(design[None], len(next(iter(places.values()))), axis=0)
     for v, part in places.items():
@@ -248,14 +248,14 @@ def _choices(solution: Solution) -> dict[str, Any]:
     return found | solution.phasing
 
 
-def numbers(problem: Problem, designs: Array) -> Array:
+def numbers(problem: DesignProblem, designs: Array) -> Array:
     """``(designs, variables)``, values as numbers."""
     return np.array(
         [[values.number(problem, v, place) for v, place in zip(problem.variables, row, strict=True)] for row in designs]
     )
 
 
-def words(problem: Problem, design: Array) -> str:
+def words(problem: DesignProblem, design: Array) -> str:
     """``meshes.first.contact_ratio = 1.1, stage = row 2``."""
     pairs = zip(problem.variables, design, strict=True)
     return ", ".join(f"{variable.name} = {values.text(problem, variable, place)}" for variable, place in pairs)

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 def check(config: Config) -> None:
     """Raise ConfigError for what the section ``design`` asks of a system that cannot give it."""
     from gearstab.config import ConfigError
-    from gearstab.design.problem import Problem
+    from gearstab.design.problem import DesignProblem
     from gearstab.design.searching.search import combinations
     from gearstab.rotating_pair import RotatingPair
     from gearstab.systems import build, train_of
@@ -41,7 +41,7 @@ def check(config: Config) -> None:
             found.append(config.problem(path, message, "describe the gears in a gearbox and give input.torque"))
     if found:
         raise ConfigError(found)
-    combinations(Problem(config, config.design))
+    combinations(DesignProblem(config, config.design))
 
 
 def design(config: Config, say: Callable[[str], None] = lambda text: None) -> ResultTree:
@@ -52,7 +52,7 @@ def design(config: Config, say: Callable[[str], None] = lambda text: None) -> Re
 
     Raises ConfigError and NotPossible.
     """
-    from gearstab.design.problem import Problem
+    from gearstab.design.problem import DesignProblem
     from gearstab.design.result import group
     from gearstab.design.solution import solved
     from gearstab.floquet.kernel import choice as kernel
@@ -64,6 +64,6 @@ def design(config: Config, say: Callable[[str], None] = lambda text: None) -> Re
         raise ValueError("the configuration has no section design")
     check(config)
     with kernel.recorded() as ran:
-        solution = solved(Problem(config, config.design), say)
+        solution = solved(DesignProblem(config, config.design), say)
         groups = {"modes": modes_group(solution.initial_system), "design": group(solution)}
     return ResultTree(Group((), root_attributes(DESIGN, config, kernel.said(ran))), groups)

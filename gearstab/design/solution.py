@@ -10,11 +10,11 @@ import numpy as np
 
 from gearstab.config import ConfigError
 from gearstab.design.judging.judge import Goal, Judge
-from gearstab.design.problem import Problem, Span
+from gearstab.design.problem import DesignProblem, Span
 from gearstab.design.reasons.explain import explanation
 from gearstab.design.reasons.margins import allowed, margins, sensitivities
 from gearstab.design.reasons.phasing import phasing
-from gearstab.design.reasons.tongues import Tongues, single, tongues
+from gearstab.design.reasons.tongues import DesignTongues, single, tongues
 from gearstab.design.searching import pareto, search
 from gearstab.floquet import solve
 from gearstab.system import Array, GearSystem
@@ -37,7 +37,7 @@ class Solution:
     choices of planetary gears.
     """
 
-    problem: Problem
+    problem: DesignProblem
     judge: Judge
     optimum: Array
     objective_initial: Array
@@ -45,7 +45,7 @@ class Solution:
     margins: Array
     most: float
     sensitivity: Array
-    tongues: Tongues | None
+    tongues: DesignTongues | None
     verified: tuple[int, int]
     initial_system: GearSystem
     optimum_system: GearSystem
@@ -68,7 +68,7 @@ class Solution:
         return "" if place is None or self.tongues is None else self.tongues.index[place][0].label
 
 
-def solved(problem: Problem, say: Say = lambda text: None) -> Solution:
+def solved(problem: DesignProblem, say: Say = lambda text: None) -> Solution:
     """Solve a design problem that was checked. Raises ConfigError where no design meets the constraints."""
     judge = Judge(problem)
     initial = judge.worth(problem.given)
@@ -100,7 +100,7 @@ def solved(problem: Problem, say: Say = lambda text: None) -> Solution:
     )  # fmt: skip
 
 
-def _infeasible(problem: Problem) -> ConfigError:
+def _infeasible(problem: DesignProblem) -> ConfigError:
     """What is told where no design that was looked at is allowed."""
     path = ("design", "constraints") if problem.design.limits else ("design", "variables")
     message, hint = "no design within the bounds meets the constraints", "relax constraints, or widen bounds"
@@ -121,7 +121,7 @@ def _choices(judge: Judge) -> tuple[Array, Array]:
     return designs[order], objectives[order]
 
 
-def verified(system: GearSystem, spans: tuple[Span, ...], found: Tongues | None) -> tuple[int, int]:
+def verified(system: GearSystem, spans: tuple[Span, ...], found: DesignTongues | None) -> tuple[int, int]:
     """Count points of Floquet analysis over the ranges, and those that contradict the edges.
 
     A point whose multipliers fail, or which lies at an edge, contradicts nothing.

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from gearstab.config.document.yaml import value_at
-from gearstab.config.sections.design import Variable
-from gearstab.design.problem import Problem
+from gearstab.config.sections.design import DesignVariable
+from gearstab.design.problem import DesignProblem
 from gearstab.system import Array
 
 
-def given_places(problem: Problem) -> Array:
+def given_places(problem: DesignProblem) -> Array:
     """``(variables,)``, the given design as values of its continuous variables and numbers of its choices.
 
     NaN for a choice that is none of those of its variable.
@@ -18,7 +18,7 @@ def given_places(problem: Problem) -> Array:
     return np.array([_place(problem, variable) for variable in problem.variables])
 
 
-def _place(problem: Problem, variable: Variable) -> float:
+def _place(problem: DesignProblem, variable: DesignVariable) -> float:
     values = [value_at(problem.config.parameters, item.path) for item in variable.axis.assignments]
     if variable.continuous:
         value = values[0]
@@ -29,7 +29,7 @@ def _place(problem: Problem, variable: Variable) -> float:
     return np.nan
 
 
-def number(problem: Problem, variable: Variable, place: float) -> float:
+def number(problem: DesignProblem, variable: DesignVariable, place: float) -> float:
     """The number that a value of a variable is: itself, or of choices that set several the number, from 1, of the row.
 
     NaN for words. A place of NaN stands for the given design.
@@ -46,7 +46,7 @@ def number(problem: Problem, variable: Variable, place: float) -> float:
         return np.nan
 
 
-def _given_number(problem: Problem, variable: Variable) -> float:
+def _given_number(problem: DesignProblem, variable: DesignVariable) -> float:
     place = _place(problem, variable)
     if variable.form == "choices" or variable.continuous or not np.isnan(place):
         return np.nan if np.isnan(place) else number(problem, variable, place)
@@ -56,7 +56,7 @@ def _given_number(problem: Problem, variable: Variable) -> float:
         return np.nan
 
 
-def text(problem: Problem, variable: Variable, place: float) -> str:
+def text(problem: DesignProblem, variable: DesignVariable, place: float) -> str:
     """The value for a reader: six digits, or the label of a choice."""
     if variable.form == "choices":
         place = _place(problem, variable) if np.isnan(place) else place
@@ -69,7 +69,7 @@ def text(problem: Problem, variable: Variable, place: float) -> str:
     return f"{value:.6g}"
 
 
-def settings(problem: Problem, design: Array) -> list[str]:
+def settings(problem: DesignProblem, design: Array) -> list[str]:
     """``PATH=VALUE`` texts for ``--set`` that turn the given design into another one."""
     found = []
     for variable, place in zip(problem.variables, design, strict=True):

@@ -12,7 +12,7 @@ from gearstab.floquet.kernel import damped, decision, graded, numpy_kernel
 from gearstab.floquet.kernel.invariants import DOUBTFUL, STABLE
 from gearstab.floquet.segments.blocks import Block
 from gearstab.floquet.segments.pattern import Pattern
-from gearstab.floquet.stability import STATUS_FLAGS, Stability
+from gearstab.floquet.stability import STATUS_FLAGS, FloquetStability
 from gearstab.system import Array
 
 DAMPED_ON_CIRCLE = 1e-10
@@ -45,7 +45,7 @@ class OperatingPoints:
         return np.repeat(bit[:, None], self.omega.shape[1], axis=1)
 
 
-def solved(part: OperatingPoints, block: Block, exponents: bool) -> Stability:
+def solved(part: OperatingPoints, block: Block, exponents: bool) -> FloquetStability:
     """A block ``(r, P)``, without its copies, in the system's own units of time; its exponents are the elastic ones.
 
     A constant one without stiffness along a mode is left to the general rules.
@@ -57,7 +57,7 @@ def solved(part: OperatingPoints, block: Block, exponents: bool) -> Stability:
     return conservative(part, exponents) if damping is None else with_damping(part, damping, exponents)
 
 
-def constant(part: OperatingPoints, exponents: bool) -> Stability:
+def constant(part: OperatingPoints, exponents: bool) -> FloquetStability:
     """A block whose stiffness does not vary: its exponents are those of a constant system, at every mesh frequency."""
     pattern = part.pattern
     rate = pattern.elastic.rate[:, None]
@@ -75,10 +75,10 @@ def constant(part: OperatingPoints, exponents: bool) -> Stability:
         turns -= np.ceil(turns - 0.5)
         imaginary = 2 * np.pi * turns / part.period[..., None]
         table = (values.real[:, None, :] + 1j * imaginary) * rate[..., None]
-    return Stability(growth * rate, stable, part.status(), table)
+    return FloquetStability(growth * rate, stable, part.status(), table)
 
 
-def conservative(part: OperatingPoints, exponents: bool) -> Stability:
+def conservative(part: OperatingPoints, exponents: bool) -> FloquetStability:
     """A block without damping but a uniform one."""
     pattern, omega = part.pattern, part.omega
     verdict, growth = kernel.current().scan(pattern, omega)
@@ -92,7 +92,7 @@ def conservative(part: OperatingPoints, exponents: bool) -> Stability:
     # Without damping the verdict decides; with uniform damping a growth below the decay is stable.
     stable = np.where(shift == 0, verdict == STABLE, value <= shift).astype(np.int8)
     table = conservative_exponents(pattern, omega, verdict == STABLE) * rate[..., None] if exponents else None
-    return Stability((value - shift) * rate, stable, status, table)
+    return FloquetStability((value - shift) * rate, stable, status, table)
 
 
 def conservative_exponents(pattern: Pattern, omega: Array, stable: Array) -> Array:
@@ -144,7 +144,7 @@ def _chains(chosen: Array, pattern: Pattern) -> Iterator[tuple[int, Array]]:
             yield int(row), points[i : i + step]
 
 
-def with_damping(part: OperatingPoints, damping: Array, exponents: bool) -> Stability:
+def with_damping(part: OperatingPoints, damping: Array, exponents: bool) -> FloquetStability:
     """A block with damping of its own."""
     pattern, omega = part.pattern, part.omega
     generator = damped.generators(pattern, damping)
@@ -154,7 +154,7 @@ def with_damping(part: OperatingPoints, damping: Array, exponents: bool) -> Stab
     stable = (growth <= DAMPED_ON_CIRCLE).astype(np.int8)
     rate = pattern.elastic.rate[:, None]
     table = _damped_table(pattern, generator, omega) * rate[..., None] if exponents else None
-    return Stability(growth / part.period * rate, stable, status, table)
+    return FloquetStability(growth / part.period * rate, stable, status, table)
 
 
 def damped_exponents(pattern: Pattern, damping: Array, omega: Array) -> Array:

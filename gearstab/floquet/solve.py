@@ -10,7 +10,7 @@ from gearstab.floquet.kernel import choice as kernel
 from gearstab.floquet.segments.blocks import Block, split, whole
 from gearstab.floquet.segments.pattern import prepare
 from gearstab.floquet.solution import DAMPED_ON_CIRCLE, OperatingPoints, solved
-from gearstab.floquet.stability import STATUS_FLAGS, Stability, ordered
+from gearstab.floquet.stability import STATUS_FLAGS, FloquetStability, ordered
 from gearstab.system import Array, GearSystem
 
 TOLERANCE = 1e-9
@@ -23,7 +23,7 @@ def solve(
     exponents: bool = False,
     reduction: bool = True,
     tolerance: float = TOLERANCE,
-) -> Stability:
+) -> FloquetStability:
     """Stability of every row of a system at every mesh frequency of the first mesh.
 
     * Piecewise constant mesh stiffness: the monodromy matrix over the common period of all meshes is the exact product
@@ -77,12 +77,14 @@ def solve(
     stable[failed] = -1
     status[failed] |= STATUS_FLAGS["failed"]
     growth[failed] = np.nan
-    return Stability(growth, stable, status, None if table is None else ordered(table.values), error, kernel.said(ran))
+    return FloquetStability(
+        growth, stable, status, None if table is None else ordered(table.values), error, kernel.said(ran)
+    )
 
 
 def _solutions(
     system: GearSystem, omega: Array, exponents: bool, reduction: bool, tolerance: float
-) -> Iterator[tuple[Block, Stability]]:
+) -> Iterator[tuple[Block, FloquetStability]]:
     """Block by block."""
     if not system.piecewise_constant:
         from gearstab.floquet import smooth as magnus

@@ -25,7 +25,7 @@ def ordered(exponents: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class Stability:
+class FloquetStability:
     """Stability of rows at mesh frequencies, ``(rows, P)``.
 
     growth_rate: the largest real part of the characteristic exponents, 1/time, without rigid-body modes that do not

@@ -35,7 +35,7 @@ LEAST_SLIDING = 0.01  # of the rolling velocity, below which Benedict & Kelley's
 
 
 @dataclass(frozen=True)
-class Contact:
+class ContactState:
     """State of one contact of teeth; arrays of a common shape, of magnitudes but for ``slide_roll``.
 
     Parameters
@@ -59,7 +59,7 @@ class Contact:
         return self.sliding / self.entrainment
 
 
-class Friction(Protocol):
+class FrictionLaw(Protocol):
     """A friction coefficient that depends on the state of the contact."""
 
     @property
@@ -67,7 +67,7 @@ class Friction(Protocol):
         """The slide-roll ratios, other than 0, at which the coefficient is not smooth."""
         ...
 
-    def coefficient(self, contact: Contact) -> Array:
+    def coefficient(self, contact: ContactState) -> Array:
         """mu >= 0, of the contact's shape."""
         ...
 
@@ -85,7 +85,7 @@ class ConstantFriction:
     def kinks(self) -> tuple[float, ...]:
         return ()
 
-    def coefficient(self, contact: Contact) -> Array:
+    def coefficient(self, contact: ContactState) -> Array:
         return np.full(np.shape(contact.sliding), self.level)
 
 
@@ -116,7 +116,7 @@ class XuKahraman:
     def kinks(self) -> tuple[float, ...]:
         return ()
 
-    def coefficient(self, contact: Contact) -> Array:
+    def coefficient(self, contact: ContactState) -> Array:
         b1, b2, b3, b4, b5, b6, b7, b8, b9 = XU_KAHRAMAN
         sr, p = np.abs(contact.slide_roll), contact.pressure * 1e-9
         heat = sr * p * np.log10(self.viscosity)
@@ -152,7 +152,7 @@ class BenedictKelley:
     def kinks(self) -> tuple[float, ...]:
         return (-2 * LEAST_SLIDING, 2 * LEAST_SLIDING)
 
-    def coefficient(self, contact: Contact) -> Array:
+    def coefficient(self, contact: ContactState) -> Array:
         rolling = 2 * contact.entrainment
         sliding = np.maximum(np.abs(contact.sliding), LEAST_SLIDING * rolling)
         argument = 29700 * contact.load * 1e-3 / (self.viscosity * sliding * rolling**2)
@@ -176,12 +176,12 @@ def sliding_contact(pair: Pair, slide_roll: float) -> float:
     return velocities * pair.length / (pair.ratio + pair.wheel.sign * velocities)
 
 
-def contact_state(pair: Pair, s: Array | float, pinion_speed: float, force: Array | float) -> Contact:
+def contact_state(pair: Pair, s: Array | float, pinion_speed: float, force: Array | float) -> ContactState:
     """Velocities, curvature and pressure at the contact s under the normal force, at |pinion_speed| rad/s."""
     s = np.asarray(s, dtype=float)
     first = abs(pinion_speed) * s
     second = abs(pinion_speed) / pair.ratio * pair.wheel_arm(s)
-    return Contact(
+    return ContactState(
         sliding=first - second,
         entrainment=(first + second) / 2,
         radius=1 / pair.curvature(s),
@@ -216,7 +216,7 @@ class MeshFriction:
 
 
 def mesh_friction(
-    pair: Pair, friction: Friction, pinion_speed: float, force: float, model: StiffnessModel = PLAIN
+    pair: Pair, friction: FrictionLaw, pinion_speed: float, force: float, model: StiffnessModel = PLAIN
 ) -> MeshFriction:
     """The friction of a mesh at the pinion's speed (rad/s) under the mean mesh force (N, normal to the teeth).
 

@@ -9,7 +9,7 @@ from gearstab.info.tables import table
 
 if TYPE_CHECKING:
     from gearstab.config import Config
-    from gearstab.perturbation.ranking import Region
+    from gearstab.perturbation.ranking import RankedRegion
     from gearstab.system import GearSystem
 
 WORTHWHILE = 0.5
@@ -61,7 +61,7 @@ def planets_step(system: GearSystem) -> tuple[int, int] | None:
 
 
 def _region(
-    config: Config, system: GearSystem, region: Region, width: float, step: tuple[int, int] | None
+    config: Config, system: GearSystem, region: RankedRegion, width: float, step: tuple[int, int] | None
 ) -> dict[str, Any]:
     tongue, found = region.tongue, region.amplitudes
     return {
@@ -79,7 +79,9 @@ def _region(
     }
 
 
-def remedies_of(config: Config, system: GearSystem, region: Region, step: tuple[int, int] | None) -> dict[str, Any]:
+def remedies_of(
+    config: Config, system: GearSystem, region: RankedRegion, step: tuple[int, int] | None
+) -> dict[str, Any]:
     """Return the damping ratio, contact ratios, phasing or tooth numbers that close a region to first order."""
     from gearstab.perturbation import remedies
 
@@ -114,7 +116,7 @@ def _phase(mesh: dict[str, Any], shift: float) -> tuple[str, float]:
     return key, round((float(mesh.get(key, 0.0)) + sense * shift) % 1.0, 9) % 1.0
 
 
-def _excluding(system: GearSystem, region: Region, planets: int) -> list[int]:
+def _excluding(system: GearSystem, region: RankedRegion, planets: int) -> list[int]:
     """Remainders of the sun's tooth number over the number of planets that exclude a region by the existence rule."""
     from gearstab.modal import mean_modes
     from gearstab.perturbation.multiple_scales import group_of, modal_rows

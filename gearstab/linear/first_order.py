@@ -27,7 +27,7 @@ SLOWEST = 1e-6
 
 
 @dataclass(frozen=True)
-class Modal:
+class ModalMatrices:
     """Modal matrices of rows of a system, in the modes of the mean system.
 
     shapes: ``(r, n, n)``, Phi.  squared: ``(r, n)``, w_p^2.  rate: ``(r,)``, the unit of 1/time.
@@ -45,7 +45,7 @@ class Modal:
     parts: list[tuple[bool, Array]]
 
     @classmethod
-    def of(cls, system: GearSystem) -> Modal:
+    def of(cls, system: GearSystem) -> ModalMatrices:
         """Compute those of all rows of the flattened batch."""
         modes = mean_modes(system)
         shapes, squared = system.flat(modes.shapes, 2), system.flat(modes.squared_frequency, 1)
@@ -63,7 +63,7 @@ class Modal:
         static = back @ system.flat(system.stiffness, 2) @ shapes
         return cls(shapes, squared, rate, rigid_modes(squared, deflection), static, damping, parts)
 
-    def subset(self, index: Array) -> Modal:
+    def subset(self, index: Array) -> ModalMatrices:
         """Some of the rows, by position."""
         parts = [(on_velocity, matrix[index]) for on_velocity, matrix in self.parts]
         own = {name: getattr(self, name)[index] for name in ("shapes", "squared", "rate", "rigid", "static", "damping")}
@@ -140,7 +140,7 @@ def bases(system: GearSystem, whole: bool = False) -> Iterator[Basis]:
 
     whole: keep all modes, positions of rigid-body modes included, for histories that follow the train as it turns.
     """
-    modal = Modal.of(system)
+    modal = ModalMatrices.of(system)
     if whole:
         rigid, elastic = modal.rigid, (~modal.rigid[:, None, :]).astype(float)
         parts = [(on_velocity, matrix if on_velocity else matrix * elastic) for on_velocity, matrix in modal.parts]
@@ -152,7 +152,7 @@ def bases(system: GearSystem, whole: bool = False) -> Iterator[Basis]:
         yield _basis(modal.subset(members), members, damped[members[0]])
 
 
-def _basis(modal: Modal, rows: Array, damped: Array) -> Basis:
+def _basis(modal: ModalMatrices, rows: Array, damped: Array) -> Basis:
     """Rows whose rigid-body modes, and those of them that damping acts on ``(n,)``, are the same."""
     rigid, rate, shapes = modal.rigid[0], modal.rate[:, None, None], modal.shapes
     elastic = np.flatnonzero(~rigid)

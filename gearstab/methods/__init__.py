@@ -7,19 +7,28 @@ from __future__ import annotations
 
 from typing import Any
 
-from gearstab.methods.base import POINTS, RANGE, Effort, Key, Method, OptionError, Outcome, SampledMethod
-from gearstab.methods.boundaries import Boundaries
+from gearstab.methods.base import POINTS, RANGE, EffortEstimate, Key, Method, OptionError, Outcome, SampledMethod
+from gearstab.methods.boundaries import BoundaryAnalysis
 from gearstab.methods.floquet import Floquet
 from gearstab.methods.passage import Passage
 from gearstab.methods.perturbation import Perturbation, Uncoupled
-from gearstab.methods.required_damping import RequiredDamping
-from gearstab.methods.response import Response
+from gearstab.methods.required_damping import DampingAnalysis
+from gearstab.methods.response import SteadyStateAnalysis
 from gearstab.methods.tolerance import ToleranceAnalysis
 from gearstab.system import GearSystem
 
 METHODS: dict[str, type[Method]] = {
     method.name: method
-    for method in (Floquet, Perturbation, Uncoupled, RequiredDamping, Boundaries, Passage, Response, ToleranceAnalysis)
+    for method in (
+        Floquet,
+        Perturbation,
+        Uncoupled,
+        DampingAnalysis,
+        BoundaryAnalysis,
+        Passage,
+        SteadyStateAnalysis,
+        ToleranceAnalysis,
+    )
 }
 """By name, the key in ``methods`` of a configuration and the group in the result."""
 
@@ -31,4 +40,15 @@ def chosen(methods: Any, system: GearSystem) -> list[Method]:
     return sorted(found, key=lambda method: not method.cheap)
 
 
-__all__ = ["METHODS", "POINTS", "RANGE", "Effort", "Key", "Method", "OptionError", "Outcome", "SampledMethod", "chosen"]
+__all__ = [
+    "METHODS",
+    "POINTS",
+    "RANGE",
+    "EffortEstimate",
+    "Key",
+    "Method",
+    "OptionError",
+    "Outcome",
+    "SampledMethod",
+    "chosen",
+]

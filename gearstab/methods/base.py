@@ -15,7 +15,7 @@ from gearstab.system import Array, GearSystem
 
 if TYPE_CHECKING:
     from gearstab.perturbation import Tongue
-    from gearstab.tolerance.design import Design
+    from gearstab.tolerance.design import SamplingDesign
 
 POINTS, RANGE = "points", "range"
 """What of the mesh frequency a method needs: every point of the grid or the ends of its axis; None for neither."""
@@ -50,7 +50,7 @@ class Outcome:
     tongues: tuple[Key, ...] = ()
 
 
-class Effort(Protocol):
+class EffortEstimate(Protocol):
     """What one system takes."""
 
     def seconds(self, rows: float, batches: float = 1.0) -> float:
@@ -106,7 +106,7 @@ class Method(ABC):
     def cost(self) -> float:
         """Return about how many points of an undamped system of three coordinates and four segments a point takes."""
 
-    def effort(self, mesh_frequency: Array) -> Effort:
+    def effort(self, mesh_frequency: Array) -> EffortEstimate:
         """Return what one system takes between the ends of a range, of a method with RANGE.
 
         To such a method a point is a whole range of mesh frequencies, so that not even a single one can be tried.
@@ -193,7 +193,7 @@ class SampledMethod(Method):
 
     @property
     @abstractmethod
-    def design(self) -> Design:
+    def design(self) -> SamplingDesign:
         """The samples, the same for all systems."""
 
     def portions(self, rows: int, points: int) -> Iterator[slice]:

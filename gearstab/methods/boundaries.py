@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from pydantic import Field
 
 from gearstab.config.model.fields import Section
-from gearstab.methods.base import RANGE, Effort, Key, Outcome, Tolerance, TongueMethod
+from gearstab.methods.base import RANGE, EffortEstimate, Key, Outcome, Tolerance, TongueMethod
 from gearstab.results.variables import EXACT, OCCURRENCE, TONGUE, Variable, flagged
 from gearstab.system import Array
 
@@ -25,7 +25,7 @@ class BoundariesOptions(Section):
     )
 
 
-class Boundaries(TongueMethod):
+class BoundaryAnalysis(TongueMethod):
     """Exact boundaries."""
 
     name = "boundaries"
@@ -65,7 +65,7 @@ class Boundaries(TongueMethod):
         self.needs_common_period("remove it, or give exact ratios")
         self.only_mesh_stiffness()
 
-    def effort(self, mesh_frequency: Array) -> Effort:
+    def effort(self, mesh_frequency: Array) -> EffortEstimate:
         from gearstab.floquet.boundaries.effort import effort
 
         start, stop = (float(end) for end in mesh_frequency)

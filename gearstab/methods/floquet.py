@@ -17,7 +17,7 @@ from gearstab.results.variables import BY_MESH, ERROR_ESTIMATE, EXPONENTS, FLOQU
 from gearstab.system import Array, GearSystem
 
 if TYPE_CHECKING:
-    from gearstab.floquet import Stability
+    from gearstab.floquet import FloquetStability
     from gearstab.floquet.frequencies import Strategy
     from gearstab.rotating_pair import RotatingPair
 
@@ -186,12 +186,12 @@ class Floquet(Method):
             values |= {"exponent_real": found.exponents.real, "exponent_imag": found.exponents.imag}
         return Outcome(values)
 
-    def solved(self, mesh_frequency: Array) -> Stability:
+    def solved(self, mesh_frequency: Array) -> FloquetStability:
         """Compute the stability of the part of the system by its strategy."""
         from gearstab.floquet import solve
         from gearstab.floquet.frequencies import lyapunov, per_mesh
 
-        def exact(system: GearSystem, omega: Array) -> Stability:
+        def exact(system: GearSystem, omega: Array) -> FloquetStability:
             return solve(system, omega, exponents=self.options.exponents, tolerance=self.options.tolerance)
 
         if self.strategy.name == "per_mesh":

@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, PrivateAttr, model_validator
 
 from gearstab.config.model.fields import Quantity, Section, wrong
-from gearstab.methods.base import RANGE, Effort, Key, Method, Outcome, Tolerance
+from gearstab.methods.base import RANGE, EffortEstimate, Key, Method, Outcome, Tolerance
 from gearstab.results.variables import OCCURRENCE, PASSAGE, TONGUE, Variable, flagged
 from gearstab.system import Array
 
@@ -104,7 +104,7 @@ class PassageOptions(Section):
 class _Effort:
     """Of the search for regions, and of the segments of all ramps."""
 
-    search: Effort
+    search: EffortEstimate
     ramps: float
 
     def seconds(self, rows: float, batches: float = 1.0) -> float:
@@ -169,7 +169,7 @@ class Passage(Method):
         self.needs_common_period("remove it, or give exact ratios")
         self.only_mesh_stiffness()
 
-    def effort(self, mesh_frequency: Array) -> Effort:
+    def effort(self, mesh_frequency: Array) -> EffortEstimate:
         from gearstab.floquet.boundaries.effort import effort
         from gearstab.passage.propagator import MOST, motion
 

@@ -47,7 +47,7 @@ class RequiredDampingOptions(Section):
     )
 
 
-class RequiredDamping(Method):
+class DampingAnalysis(Method):
     """The damping that suppresses instability."""
 
     name = "required_damping"

@@ -52,7 +52,7 @@ FLAG_NOTES = {
 }
 
 
-class Response(Method):
+class SteadyStateAnalysis(Method):
     """The periodic steady state of a system whose teeth stay in contact."""
 
     name = "response"
@@ -68,7 +68,7 @@ class Response(Method):
     def on(cls, options: Any, system: GearSystem) -> Method:
         from gearstab.response.backlash import has_backlash
 
-        return (BacklashResponse if has_backlash(system) else cls)(options, system)
+        return (BacklashAnalysis if has_backlash(system) else cls)(options, system)
 
     def variables(self) -> tuple[Variable, ...]:
         from gearstab.response.linear.steady import STATUS_FLAGS
@@ -104,7 +104,7 @@ class Response(Method):
                 raise OptionError((name,), "no mesh has backlash", "remove it, or give a mesh backlash")
 
 
-class BacklashResponse(Response):
+class BacklashAnalysis(SteadyStateAnalysis):
     """What motions of a system whose teeth may part settle to, from one mesh frequency to the next."""
 
     singly = True

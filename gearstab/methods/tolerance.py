@@ -16,7 +16,7 @@ from gearstab.results.variables import PROBABILITY, SOBOL, Variable, flagged
 from gearstab.system import Array, GearSystem
 
 if TYPE_CHECKING:
-    from gearstab.tolerance.design import Design
+    from gearstab.tolerance.design import SamplingDesign
 
 ROW = 512
 """Points of a block at least, so that a row of a map is not cut where that would cost as much again."""
@@ -126,13 +126,13 @@ class ToleranceAnalysis(SampledMethod):
         return list(self.options.parameters)
 
     @cached_property
-    def design(self) -> Design:
+    def design(self) -> SamplingDesign:
         """Samples that are drawn, the same for all systems."""
-        from gearstab.tolerance.design import Design, groups_of
+        from gearstab.tolerance.design import SamplingDesign, groups_of
 
         pairs = [tuple(self.names.index(name) for name in entry.between) for entry in self.options.correlation or ()]
         groups = groups_of(len(self.names), pairs)  # type: ignore[arg-type]
-        return Design.of(groups, self.options.samples, self.options.sobol, self.options.seed)
+        return SamplingDesign.of(groups, self.options.samples, self.options.sobol, self.options.seed)
 
     @cached_property
     def inner(self) -> Method:

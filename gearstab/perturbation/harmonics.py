@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from gearstab.perturbation.tongues import Excitation
+from gearstab.perturbation.tongues import ParametricExcitation
 from gearstab.system import Array, GearSystem, Mesh, shared_period
 
 HIGHEST = 2048
@@ -42,13 +42,13 @@ class Family:
     members: tuple[int, ...]
     cycles: tuple[int, ...]
 
-    def holds(self, excitation: Excitation) -> bool:
+    def holds(self, excitation: ParametricExcitation) -> bool:
         """Whether the frequency of an excitation is a multiple of the base frequency."""
         if excitation.parts:
             return excitation.parts[0][0] in self.members
         return self.exact and isinstance(excitation.ratio, Fraction)
 
-    def number(self, excitation: Excitation) -> int:
+    def number(self, excitation: ParametricExcitation) -> int:
         """k of an excitation."""
         return round(float(excitation.ratio) / self.base)
 

@@ -23,7 +23,7 @@ from itertools import product
 import numpy as np
 
 from gearstab.modal import mean_modes
-from gearstab.perturbation.tongues import Excitation, Tongue, Tongues, tongue
+from gearstab.perturbation.tongues import ParametricExcitation, Tongue, Tongues, tongue
 from gearstab.system import Array, GearSystem
 from gearstab.waveforms import Rectangular
 
@@ -51,7 +51,7 @@ def uncoupled(system: GearSystem, harmonics: int) -> Tongues:
         ratio = system.meshes[members[0]].frequency_ratio
         variation = _variation(system, members, modes.mesh_deflection)
         for m, p in product(range(1, harmonics + 1), wanted):
-            force = Excitation(m * ratio, tuple((i, m) for i in members))
+            force = ParametricExcitation(m * ratio, tuple((i, m) for i in members))
             root = np.sqrt(squared[..., p])
             index.append(tongue(system, force, int(p) + 1, int(p) + 1))
             centers.append(np.broadcast_to(2 * root / (m * float(ratio)), system.batch))

@@ -9,7 +9,7 @@ import numpy as np
 
 from gearstab.modal import mean_modes, significant_deflection
 from gearstab.perturbation.damped import group_pair, single_pair, undamped
-from gearstab.perturbation.tongues import Excitation, Tongues, excitations, tongue
+from gearstab.perturbation.tongues import ParametricExcitation, Tongues, excitations, tongue
 from gearstab.system import Array, GearSystem
 
 EQUAL_FREQUENCY = 1e-8
@@ -29,7 +29,7 @@ Weights = list[tuple[int, Array, Array]]
 
 
 def first_order(
-    system: GearSystem, harmonics: int, modes: Sequence[int] | None = None, further: Sequence[Excitation] = ()
+    system: GearSystem, harmonics: int, modes: Sequence[int] | None = None, further: Sequence[ParametricExcitation] = ()
 ) -> Tongues:
     """First-order boundaries of all instability regions.
 
@@ -92,7 +92,7 @@ def _boundaries(center: Array, width: Array, threshold: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class Modal:
+class ModalQuantities:
     """Modal quantities of all rows, with the batch flattened.
 
     frequency ``(rows, n)``, 0 for rigid-body modes and NaN for negative stiffness, and its square, which is then
@@ -105,13 +105,15 @@ class Modal:
     damping: Array | None
     batch: tuple[int, ...]
 
-    def rows(self, rows: Array) -> Modal:
+    def rows(self, rows: Array) -> ModalQuantities:
         damping = None if self.damping is None else self.damping[rows]
-        return Modal(self.frequency[rows], self.squared_frequency[rows], self.deflection[rows], damping, self.batch)
+        return ModalQuantities(
+            self.frequency[rows], self.squared_frequency[rows], self.deflection[rows], damping, self.batch
+        )
 
 
-def modal_rows(system: GearSystem) -> Modal:
-    """See :class:`Modal`; mesh deflections and damping rates that are rounding are exactly zero."""
+def modal_rows(system: GearSystem) -> ModalQuantities:
+    """See :class:`ModalQuantities`; mesh deflections and damping rates that are rounding are exactly zero."""
     modes = mean_modes(system)
     deflection = np.where(significant_deflection(modes), modes.mesh_deflection, 0.0)
     damping = None
@@ -120,7 +122,7 @@ def modal_rows(system: GearSystem) -> Modal:
         largest = np.abs(damping).max(axis=(-2, -1), keepdims=True)
         damping = system.flat(np.where(np.abs(damping) <= ROUNDING * largest, 0.0, damping), 2)
     frequency, squared = (system.flat(a, 1) for a in (modes.natural_frequency, modes.squared_frequency))
-    return Modal(frequency, squared, system.flat(deflection, 2), damping, system.batch)
+    return ModalQuantities(frequency, squared, system.flat(deflection, 2), damping, system.batch)
 
 
 def partitions(frequency: Array) -> Iterator[tuple[Array, list[Group]]]:
@@ -154,7 +156,7 @@ def _groups_of(pattern: Array) -> list[Group]:
     return groups
 
 
-def _weights(system: GearSystem, force: Excitation, batch: tuple[int, ...], rows: Array) -> Weights:
+def _weights(system: GearSystem, force: ParametricExcitation, batch: tuple[int, ...], rows: Array) -> Weights:
     """Strength and phase of every mesh that contributes to an excitation."""
     weights = []
     for i, s in force.parts:
@@ -166,7 +168,7 @@ def _weights(system: GearSystem, force: Excitation, batch: tuple[int, ...], rows
     return weights
 
 
-def _coupling(modal: Modal, weights: Weights, p: Group, q: Group) -> Array:
+def _coupling(modal: ModalQuantities, weights: Weights, p: Group, q: Group) -> Array:
     """B_pq for matching lists of modes, ``(len(p), rows)``, exactly zero where only rounding is left."""
     total = np.zeros((len(p), len(modal.frequency)), dtype=complex)
     size = np.zeros(total.shape)
@@ -180,7 +182,7 @@ def _coupling(modal: Modal, weights: Weights, p: Group, q: Group) -> Array:
 
 
 def _solve(
-    modal: Modal, weights: Weights, wanted: list[tuple[Group, Group, int]]
+    modal: ModalQuantities, weights: Weights, wanted: list[tuple[Group, Group, int]]
 ) -> Iterator[tuple[list[int], Array, Array, Array]]:
     """Yield (places, w_P + w_Q, half-width in nu, threshold) of the wanted pairs, ``(places, rows)`` each."""
     single = [(P[0], Q[0], k) for P, Q, k in wanted if len(P) == len(Q) == 1]
@@ -193,7 +195,7 @@ def _solve(
             yield [place], total[None], width[None], threshold[None]
 
 
-def _single_pairs(modal: Modal, weights: Weights, p: Group, q: Group) -> tuple[Array, Array, Array]:
+def _single_pairs(modal: ModalQuantities, weights: Weights, p: Group, q: Group) -> tuple[Array, Array, Array]:
     """Tongues between modes of distinct frequency, all pairs at once."""
     w = modal.frequency.T
     coupling = np.abs(_coupling(modal, weights, p, q)) / np.sqrt(w[p] * w[q])
@@ -203,26 +205,26 @@ def _single_pairs(modal: Modal, weights: Weights, p: Group, q: Group) -> tuple[A
     return w[p] + w[q], *single_pair(coupling, mu[p], mu[q])
 
 
-def _block(modal: Modal, weights: Weights, P: Group, Q: Group) -> Array:
+def _block(modal: ModalQuantities, weights: Weights, P: Group, Q: Group) -> Array:
     """G ``(rows, P, Q)`` of two groups."""
     w_p, w_q = modal.frequency[:, P].mean(axis=1), modal.frequency[:, Q].mean(axis=1)
     flat = _coupling(modal, weights, [p for p in P for _ in Q], [q for _ in P for q in Q])
     return (flat / np.sqrt(w_p * w_q)).T.reshape(-1, len(P), len(Q))
 
 
-def block(modal: Modal, system: GearSystem, force: Excitation, P: Group, Q: Group) -> Array:
+def block(modal: ModalQuantities, system: GearSystem, force: ParametricExcitation, P: Group, Q: Group) -> Array:
     """Return G = B[P, Q]/sqrt(w_P w_Q) of an excitation, ``(rows, P, Q)``. modal: of the same system."""
     rows = np.arange(len(modal.frequency))
     return _block(modal, _weights(system, force, modal.batch, rows), P, Q)
 
 
-def group_of(modal: Modal, mode: int) -> Group:
+def group_of(modal: ModalQuantities, mode: int) -> Group:
     """Return the modes (from 0) of one row that share the frequency of a mode."""
     ((_, groups),) = partitions(modal.frequency)
     return next(group for group in groups if mode in group)
 
 
-def _group_pair(modal: Modal, weights: Weights, P: Group, Q: Group) -> tuple[Array, Array, Array]:
+def _group_pair(modal: ModalQuantities, weights: Weights, P: Group, Q: Group) -> tuple[Array, Array, Array]:
     """The tongue of two groups of which at least one has several modes."""
     w_p, w_q = modal.frequency[:, P].mean(axis=1), modal.frequency[:, Q].mean(axis=1)
     matrix = _block(modal, weights, P, Q)

@@ -20,7 +20,7 @@ MOST_TONGUES = 40_000
 
 
 @dataclass(frozen=True)
-class Region:
+class RankedRegion:
     """A tongue that meets the range. lower, upper: its ends, of mesh frequency; inside: the width in the range.
 
     Where one mode of two is undamped first order has no ends: then they are those without damping, and ``endless``.
@@ -45,8 +45,8 @@ class Ranking:
     it and closed by damping, or not excited. harmonics: how many were looked at.
     """
 
-    open: tuple[Region, ...]
-    closest: tuple[Region, ...]
+    open: tuple[RankedRegion, ...]
+    closest: tuple[RankedRegion, ...]
     opened: int
     closed: int
     quiet: int
@@ -69,9 +69,9 @@ def rank(system: GearSystem, low: float, high: float, harmonics: int, most: int 
     closed = centred & (found.half_width == 0) & (found.threshold > 0) & np.isfinite(found.threshold)
     modal = modal_rows(system)
 
-    def regions(order: Array, count: int) -> tuple[Region, ...]:
+    def regions(order: Array, count: int) -> tuple[RankedRegion, ...]:
         return tuple(
-            Region(
+            RankedRegion(
                 found.index[k], float(lower[k]), float(upper[k]), float(inside[k]), bool(endless[k]),
                 float(found.threshold[k]), resonance(system, found.index[k], modal),
             )

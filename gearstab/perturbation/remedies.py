@@ -28,8 +28,8 @@ from typing import Any
 import numpy as np
 
 from gearstab.perturbation.damped import growth
-from gearstab.perturbation.multiple_scales import Modal, block, group_of, modal_rows
-from gearstab.perturbation.tongues import Excitation, Tongue, sharing
+from gearstab.perturbation.multiple_scales import ModalQuantities, block, group_of, modal_rows
+from gearstab.perturbation.tongues import ParametricExcitation, Tongue, sharing
 from gearstab.system import Array, GearSystem, Mesh
 
 VANISHING = 1e-9
@@ -95,13 +95,13 @@ def strength(coupling: Array) -> float:
     return float(np.linalg.svd(coupling, compute_uv=False)[0])
 
 
-def resonance(system: GearSystem, tongue: Tongue, modal: Modal | None = None) -> Resonance:
+def resonance(system: GearSystem, tongue: Tongue, modal: ModalQuantities | None = None) -> Resonance:
     """Return the amplitude equations of a tongue of a single system. modal: of the system, if it is known."""
     modal = modal or modal_rows(system)
     p, q = (group_of(modal, mode - 1) for mode in (tongue.mode_p, tongue.mode_q))
     w_p, w_q = (float(modal.frequency[0, group].mean()) for group in (p, q))
     ratio, shared = _excitation(system, tongue)
-    parts = {i: block(modal, system, Excitation(ratio, ((i, s),)), p, q)[0] for i, s in shared}
+    parts = {i: block(modal, system, ParametricExcitation(ratio, ((i, s),)), p, q)[0] for i, s in shared}
     none = np.zeros((system.size, system.size))
     damping = none if modal.damping is None else modal.damping[0]
     blocks = damping[np.ix_(p, p)], damping[np.ix_(q, q)]

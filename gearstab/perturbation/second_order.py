@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gearstab.perturbation.harmonics import HIGHEST, ROUNDING, Excited, Family, families, table
-from gearstab.perturbation.multiple_scales import Group, Modal, first_order, modal_rows, partitions
+from gearstab.perturbation.multiple_scales import Group, ModalQuantities, first_order, modal_rows, partitions
 from gearstab.perturbation.reduced import Reduced, adjoint, edges, second_threshold
 from gearstab.perturbation.response import Pairs, limit, nearest_resonance, second_order_coupling
-from gearstab.perturbation.tongues import Excitation, Tongues, excitations, products
+from gearstab.perturbation.tongues import ParametricExcitation, Tongues, excitations, products
 from gearstab.system import Array, GearSystem
 
 CLOSEST = 1e-12
@@ -144,14 +144,14 @@ class _Block:
     system: GearSystem
     groups: list[Group]
     members: Array
-    modal: Modal
-    representative: Modal
+    modal: ModalQuantities
+    representative: ModalQuantities
     excited: Excited
     source: Array
     scale: Array
 
     def solve(
-        self, force: Excitation, pairs: list[tuple[Group, Group]], first: Tongues, where: Array
+        self, force: ParametricExcitation, pairs: list[tuple[Group, Group]], first: Tongues, where: Array
     ) -> tuple[Array, Array, Array, Array, Array]:
         """Boundaries ``(2, rows, pairs)``, half-widths, errors, thresholds and status ``(rows, pairs)``."""
         ratio = float(force.ratio)
@@ -174,7 +174,7 @@ class _Block:
         return (root + sigma) / ratio, width, SAFETY * third / ratio, threshold, status
 
     def _reduced(
-        self, force: Excitation, pairs: list[tuple[Group, Group]], half: Array
+        self, force: ParametricExcitation, pairs: list[tuple[Group, Group]], half: Array
     ) -> tuple[Reduced, tuple[Array, Array, Array, Array]]:
         """The amplitude equations of all pairs; the size of their second-order terms, and the nearest resonance."""
         couplings = _Couplings(self.system, self.excited, self.representative, self.groups, force, pairs)
@@ -199,7 +199,7 @@ class _Block:
             problem = self._damped(problem, force, pairs)
         return problem, (size * two, strength * scale, distance, motion)
 
-    def _damped(self, problem: Reduced, force: Excitation, pairs: list[tuple[Group, Group]]) -> Reduced:
+    def _damped(self, problem: Reduced, force: ParametricExcitation, pairs: list[tuple[Group, Group]]) -> Reduced:
         """Damping of the groups and, where damping couples modes, its effects of second order."""
         damping, squared = self.modal.damping, self.modal.squared_frequency
         assert damping is not None
@@ -228,14 +228,14 @@ class _Block:
             problem, shift_p=problem.shift_p + shifts[0], shift_q=problem.shift_q + shifts[1], skew=skew / norm, **parts
         )
 
-    def _direct_matrix(self, force: Excitation) -> Array:
+    def _direct_matrix(self, force: ParametricExcitation) -> Array:
         """B of the excitation between all modes, ``(rows, n, n)``."""
         family, number = _family_of(self.system, force)
         found: Array = self.excited.matrices(family, np.array([number]))[:, :, 0]
         return found[self.source] * self.scale[:, None, None]
 
 
-def _family_of(system: GearSystem, force: Excitation) -> tuple[Family, int]:
+def _family_of(system: GearSystem, force: ParametricExcitation) -> tuple[Family, int]:
     """The family that an excitation belongs to, and its number there."""
     family = next(family for family in families(system) if family.holds(force))
     return family, family.number(force)
@@ -254,9 +254,9 @@ class _Couplings:
         self,
         system: GearSystem,
         excited: Excited,
-        modal: Modal,
+        modal: ModalQuantities,
         groups: list[Group],
-        force: Excitation,
+        force: ParametricExcitation,
         pairs: list[tuple[Group, Group]],
     ) -> None:
         self.groups = groups
@@ -342,7 +342,7 @@ def _sizes(problem: Reduced, around: tuple[Array, Array, Array, Array]) -> tuple
     return terms, terms * mixing + strength**2 / distance * (half * motion / distance)
 
 
-def _blocks(system: GearSystem, modal: Modal, rows: Array, groups: list[Group]) -> Iterator[_Block]:
+def _blocks(system: GearSystem, modal: ModalQuantities, rows: Array, groups: list[Group]) -> Iterator[_Block]:
     """Rows of one structure in blocks of bounded size, those of proportional epsilons under one representative."""
     n, meshes = modal.deflection.shape[1:]
     step = int(np.clip(BLOCK // (n * n * meshes), 1, MOST_ROWS))

@@ -16,7 +16,7 @@ from gearstab.system import Array, GearSystem
 
 
 @dataclass(frozen=True)
-class Excitation:
+class ParametricExcitation:
     """One frequency of parametric excitation, nu = ratio * Omega, and all the mesh harmonics that share it.
 
     parts: pairs (mesh number from 0, harmonic s_i) with s_i r_i = ratio, in the order of the meshes; none for sums and
@@ -100,7 +100,7 @@ def overlapping(tongues: Tongues) -> Array:
     return found
 
 
-def excitations(system: GearSystem, harmonics: int) -> tuple[Excitation, ...]:
+def excitations(system: GearSystem, harmonics: int) -> tuple[ParametricExcitation, ...]:
     """Every nu = s r_i Omega with s <= ``harmonics`` for some mesh i, each once, with *all* its mesh harmonics.
 
     A mesh whose own harmonic number exceeds ``harmonics`` still contributes to a frequency that another mesh
@@ -108,10 +108,10 @@ def excitations(system: GearSystem, harmonics: int) -> tuple[Excitation, ...]:
     """
     ratios = [mesh.frequency_ratio for mesh in system.meshes]
     found = dict.fromkeys(s * r for r in ratios for s in range(1, harmonics + 1))
-    return tuple(Excitation(nu, sharing(system, nu)) for nu in found)
+    return tuple(ParametricExcitation(nu, sharing(system, nu)) for nu in found)
 
 
-def products(system: GearSystem, harmonics: int) -> tuple[Excitation, ...]:
+def products(system: GearSystem, harmonics: int) -> tuple[ParametricExcitation, ...]:
     """Every nu = |s_i r_i +- s_j r_j| Omega with s_i + s_j <= ``harmonics`` that is no harmonic of a mesh, each once.
 
     Of meshes whose frequencies differ by an exact ratio; these frequencies excite in second order of epsilon.
@@ -125,7 +125,7 @@ def products(system: GearSystem, harmonics: int) -> tuple[Excitation, ...]:
         for t in range(1, harmonics - s + 1)
         for sign in (-1, 1)
     }
-    return tuple(Excitation(nu, ()) for nu in sorted(found) if nu and not sharing(system, nu))
+    return tuple(ParametricExcitation(nu, ()) for nu in sorted(found) if nu and not sharing(system, nu))
 
 
 def sharing(system: GearSystem, ratio: Fraction | float) -> tuple[tuple[int, int], ...]:
@@ -169,7 +169,7 @@ def self_excited(system: GearSystem, p: int) -> Tongue:
     return Tongue(p, p, 0, everything, "self-excited", f"mode {p} self-excited", 0.0)
 
 
-def tongue(system: GearSystem, excitation: Excitation, p: int, q: int) -> Tongue:
+def tongue(system: GearSystem, excitation: ParametricExcitation, p: int, q: int) -> Tongue:
     """The tongue of modes p <= q (from 1) under one excitation.
 
     Its harmonic, kind and label refer to the first contributing mesh. Where that mesh runs at another frequency than

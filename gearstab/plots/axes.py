@@ -34,7 +34,7 @@ BESIDE = ("modes", "teeth", "bench", "design")
 
 
 @dataclass(frozen=True)
-class Axis:
+class FigureAxis:
     """One axis of a sweep.
 
     values: ``(size,)`` floats, or the labels of an axis of cases. meshes: number of each mesh by name, for symbols.
@@ -172,18 +172,18 @@ def mesh_numbers(tree: xr.DataTree) -> dict[str, int]:
     return {str(name): number for number, name in enumerate(modes.coords["mesh"].values, start=1)}
 
 
-def axis_of(data: xr.DataArray | xr.Dataset, name: str, meshes: Mapping[str, int]) -> Axis:
+def axis_of(data: xr.DataArray | xr.Dataset, name: str, meshes: Mapping[str, int]) -> FigureAxis:
     """The axis of a dimension; a tongue goes by its label, a dimension without coordinate by its index."""
     source = "label" if name == "tongue" and "label" in data.coords else name
     if source not in data.coords:
-        return Axis(name, np.arange(data.sizes[name]), long_name=name.replace("_", " "), meshes=meshes)
+        return FigureAxis(name, np.arange(data.sizes[name]), long_name=name.replace("_", " "), meshes=meshes)
     coordinate = data.coords[source]
     values = coordinate.values
     if values.dtype.kind not in "fiu":
         values = np.array(texts(values), dtype=object)
     attributes = coordinate.attrs
     factor = attributes.get(FACTOR, 1.0 if name == FREQUENCY else None)
-    return Axis(name, values, units_of(coordinate), str(attributes.get("long_name", "")), meshes, factor)
+    return FigureAxis(name, values, units_of(coordinate), str(attributes.get("long_name", "")), meshes, factor)
 
 
 def texts(values: Iterable[str | bytes]) -> list[str]:
@@ -204,9 +204,9 @@ def group_of(tree: xr.DataTree, name: str) -> xr.Dataset:
     return tree[name].to_dataset() if name in tree.children else xr.Dataset()
 
 
-def sweep_axes(tree: xr.DataTree) -> dict[str, Axis]:
+def sweep_axes(tree: xr.DataTree) -> dict[str, FigureAxis]:
     """All axes of the groups of a sweep, in the order in which the result names them."""
-    meshes, axes = mesh_numbers(tree), dict[str, Axis]()
+    meshes, axes = mesh_numbers(tree), dict[str, FigureAxis]()
     for dataset in datasets(tree):
         for variable in dataset.data_vars.values():
             for dim in variable.dims:
@@ -229,7 +229,7 @@ def distinct(tree: xr.DataTree) -> xr.DataTree:
     return tree.isel(repeated) if repeated else tree
 
 
-def joined(axis: Axis, other: Axis) -> Axis:
+def joined(axis: FigureAxis, other: FigureAxis) -> FigureAxis:
     """The axis of two groups: the same in both, but for the tongues, of which the exact boundaries know more."""
     if axis.name != "tongue" or axis.numeric or other.numeric:
         return axis
@@ -248,7 +248,7 @@ def swept_groups(tree: xr.DataTree) -> list[str]:
     return sorted(held, key=lambda group: group != "floquet")
 
 
-def spanned_frequency(tree: xr.DataTree, meshes: Mapping[str, int]) -> Axis:
+def spanned_frequency(tree: xr.DataTree, meshes: Mapping[str, int]) -> FigureAxis:
     """The mesh frequency of a result of boundaries alone: its axis if stored, else what they span, with some air.
 
     A single value is none: boundaries stand for the whole range, however few points the sweep put on it.
@@ -264,7 +264,7 @@ def spanned_frequency(tree: xr.DataTree, meshes: Mapping[str, int]) -> Axis:
     low, high = (values.min(), values.max()) if values.size else (0.0, 1.0)
     air = 0.03 * (high - low) or 0.05 * abs(high) or 0.5
     units = units_of(edges[0]) if edges else "1"
-    return Axis(FREQUENCY, filled(max(low - air, 0.0), high + air), units, "mesh frequency", meshes, 1.0)
+    return FigureAxis(FREQUENCY, filled(max(low - air, 0.0), high + air), units, "mesh frequency", meshes, 1.0)
 
 
 def filled(low: float, high: float) -> Array:
@@ -272,7 +272,7 @@ def filled(low: float, high: float) -> Array:
     return np.linspace(low, high, 257)
 
 
-def find_axis(axes: Mapping[str, Axis], name: str) -> Axis:
+def find_axis(axes: Mapping[str, FigureAxis], name: str) -> FigureAxis:
     """An axis by its name or by the only dotted path that ends with it. Raises PlotError naming the axes."""
     if name in axes:
         return axes[name]
@@ -300,17 +300,17 @@ def nearest_values(tree: xr.DataTree, select: Mapping[str, str]) -> list[str]:
 class View:
     """Which part of a result a figure shows: two axes, an index on each fixed one, and what is left over."""
 
-    x: Axis
-    y: Axis | None
+    x: FigureAxis
+    y: FigureAxis | None
     fixed: Mapping[str, int]
-    free: tuple[Axis, ...]
+    free: tuple[FigureAxis, ...]
     chosen: tuple[str, ...] = ()
     """Captions of what the user selected, for the title."""
     tongue: str | None = None
     """The label of the tongue selected, to which lines are then restricted."""
 
     @property
-    def speed(self) -> Axis | None:
+    def speed(self) -> FigureAxis | None:
         """The axis drawn along which the mesh frequency varies."""
         return next((axis for axis in (self.x, self.y) if axis is not None and axis.name in SPEEDS), None)
 
@@ -339,7 +339,7 @@ class View:
 class MapView(View):
     """A view over two axes."""
 
-    y: Axis
+    y: FigureAxis
 
 
 @dataclass(frozen=True)
@@ -413,7 +413,9 @@ def _view(tree: xr.DataTree, dims: Iterable[str], request: Request, own: xr.Data
     return View(x, y, {**fixed, **single}, free, tuple(chosen), tongue)
 
 
-def chosen_axis(axes: Mapping[str, Axis], every: Mapping[str, Axis], fixed: Mapping[str, int], name: str) -> Axis:
+def chosen_axis(
+    axes: Mapping[str, FigureAxis], every: Mapping[str, FigureAxis], fixed: Mapping[str, int], name: str
+) -> FigureAxis:
     """The axis asked for by ``--x`` or ``--y``. Raises PlotError if it is fixed or not among those of the variable."""
     axis = find_axis(every, name)
     if axis.name in fixed:
@@ -421,14 +423,14 @@ def chosen_axis(axes: Mapping[str, Axis], every: Mapping[str, Axis], fixed: Mapp
     return find_axis(axes, axis.name)
 
 
-def default(axes: list[Axis], preferred: list[str]) -> Axis | None:
+def default(axes: list[FigureAxis], preferred: list[str]) -> FigureAxis | None:
     """The axis with a preferred name (or ending so), else the longest with numbers, else the first."""
     named = [axis for name in preferred for axis in axes if axis.name.split(".")[-1] == name]
     numeric = sorted((axis for axis in axes if axis.numeric), key=lambda axis: -axis.size)
     return next(iter([*named, *numeric, *axes]), None)
 
 
-def axes_text(axes: Mapping[str, Axis]) -> str:
+def axes_text(axes: Mapping[str, FigureAxis]) -> str:
     """Names and sizes of the axes, for messages."""
     return f"there is {listed(f'{axis.name} ({axis.size})' for axis in axes.values())}"
 

@@ -8,12 +8,12 @@ from itertools import product
 import numpy as np
 
 from gearstab.errors import PlotError
-from gearstab.plots.axes import Axis
+from gearstab.plots.axes import FigureAxis
 
 Index = dict[str, int]
 
 
-def combinations(free: tuple[Axis, ...], most: int, what: str) -> list[Index]:
+def combinations(free: tuple[FigureAxis, ...], most: int, what: str) -> list[Index]:
     """Every combination of indices on the axes left over. Raises PlotError if there are more than ``most``."""
     names = [axis.name for axis in free]
     chosen = [dict(zip(names, index, strict=True)) for index in product(*(range(axis.size) for axis in free))]
@@ -25,7 +25,7 @@ def combinations(free: tuple[Axis, ...], most: int, what: str) -> list[Index]:
 
 
 def some(
-    free: tuple[Axis, ...], most: int, what: str, partial: bool, largest: Callable[[Index], float] | None = None
+    free: tuple[FigureAxis, ...], most: int, what: str, partial: bool, largest: Callable[[Index], float] | None = None
 ) -> tuple[list[Index], str]:
     """The combinations and, where ``partial`` lets some of too many be left out, a sentence on those that are shown.
 
@@ -45,7 +45,7 @@ def some(
     return chosen, said(f"{len(chosen)} of {count} {what}", free)
 
 
-def said(shown: str, free: tuple[Axis, ...]) -> str:
+def said(shown: str, free: tuple[FigureAxis, ...]) -> str:
     """A sentence on what is shown and how to choose something else."""
     chosen = " ".join(f"--select {axis.name}=VALUE" for axis in free)
     return f"shows {shown}; choose with {chosen}"
@@ -63,6 +63,6 @@ def thinned(sizes: list[int], most: int) -> list[list[int]]:
     return [[round(i) for i in np.linspace(0, size - 1, kept)] for size, kept in zip(sizes, left, strict=True)]
 
 
-def caption(free: tuple[Axis, ...], chosen: Index) -> str:
+def caption(free: tuple[FigureAxis, ...], chosen: Index) -> str:
     """What tells one combination from the others."""
     return ", ".join(axis.caption(chosen[axis.name]) for axis in free)

@@ -39,7 +39,7 @@ STILL = 1e-9
 
 
 @dataclass(frozen=True)
-class Layout:
+class GearPositions:
     """Where the bodies rest: ring of radius 1 at the origin, planets at the angles psi_n, ``(N,)``."""
 
     angles: Array
@@ -76,7 +76,7 @@ def is_planetary(modes: xr.Dataset) -> bool:
     return "dof" in modes.coords and {"sun_rotation", "planet1_rotation"} <= set(modes["dof"].values.astype(str))
 
 
-def layout_of(names: list[str], angles: Array | None = None) -> Layout:
+def layout_of(names: list[str], angles: Array | None = None) -> GearPositions:
     """The drawing for as many planets as the coordinates name, which shrink where there are many.
 
     angles: psi_n; equal ones, 2 pi (n - 1)/N, without.
@@ -86,7 +86,7 @@ def layout_of(names: list[str], angles: Array | None = None) -> Layout:
     gap = np.diff([*np.sort(psi), psi.min() + 2 * np.pi]).min()
     half = ROOM * 2 * np.sin(gap / 2)  # of the orbit's radius
     planet = min(SUN_AND_PLANET[1], half / (1 + half))
-    return Layout(psi, 1 - 2 * planet if planet < SUN_AND_PLANET[1] else SUN_AND_PLANET[0], planet)
+    return GearPositions(psi, 1 - 2 * planet if planet < SUN_AND_PLANET[1] else SUN_AND_PLANET[0], planet)
 
 
 def ring_shape(entries: Mapping[str, float], angle: Array) -> tuple[Array, Array]:
@@ -117,7 +117,7 @@ def planet_centre(entries: Mapping[str, float], n: int, psi: float) -> tuple[flo
     return x * np.cos(psi) + y * np.sin(psi), -x * np.sin(psi) + y * np.cos(psi) + u
 
 
-def displaced(layout: Layout, entries: Mapping[str, float], angle: Array) -> Displaced:
+def displaced(layout: GearPositions, entries: Mapping[str, float], angle: Array) -> Displaced:
     """The bodies of a mode, scaled so that none of their points moves further than ``LARGEST``.
 
     entries: by name of the coordinate. angle: where the ring's points rest.
@@ -162,7 +162,7 @@ def draw_gear(ax: Axes, rest: Array, radius: float, moved: Array, turn: float, c
     return line
 
 
-def draw_carrier(ax: Axes, layout: Layout, found: Displaced) -> Line2D:
+def draw_carrier(ax: Axes, layout: GearPositions, found: Displaced) -> Line2D:
     """Arms from the carrier's centre to the planets' pins, at rest and displaced."""
     rest = circle(np.zeros(2), layout.orbit, layout.angles)
     moved = circle(found.centres["carrier"], layout.orbit, layout.angles + found.turns["carrier"])
@@ -199,7 +199,7 @@ def mesh_deflection(modes: xr.Dataset) -> Array:
     return np.where(np.abs(values) > STILL * np.sqrt(np.sum(values**2, axis=0)), values, 0.0)
 
 
-def draw_meshes(ax: Axes, layout: Layout, modes: xr.Dataset, p: int) -> dict[str, Any]:
+def draw_meshes(ax: Axes, layout: GearPositions, modes: xr.Dataset, p: int) -> dict[str, Any]:
     """A dot at each mesh whose area goes with its deflection: full where positive, open where negative."""
     names, values = modes["mesh"].values.astype(str), mesh_deflection(modes)[p]
     largest = np.abs(values).max()

@@ -10,7 +10,7 @@ from typing import Any
 import xarray as xr
 from matplotlib.figure import Figure
 
-from gearstab.plots.axes import INNER, Axis, Request, find_axis, sweep_axes
+from gearstab.plots.axes import INNER, FigureAxis, Request, find_axis, sweep_axes
 from gearstab.plots.variables import find_variable
 from gearstab.results.display import SPEEDS
 
@@ -23,7 +23,7 @@ class Contents:
     request: Request
 
     @cached_property
-    def axes(self) -> dict[str, Axis]:
+    def axes(self) -> dict[str, FigureAxis]:
         """All axes of a sweep; none in a response over time, a benchmark, or modes alone."""
         return sweep_axes(self.tree)
 
@@ -33,17 +33,17 @@ class Contents:
         return {find_axis(self.axes, name).name for name in self.request.select}
 
     @cached_property
-    def free(self) -> list[Axis]:
+    def free(self) -> list[FigureAxis]:
         """The axes of the sweep with several values that are not fixed."""
         return [a for a in self.axes.values() if a.size > 1 and a.name not in {*self.fixed, *INNER}]
 
     @property
-    def parameters(self) -> list[Axis]:
+    def parameters(self) -> list[FigureAxis]:
         """Those along which the mesh frequency does not vary."""
         return [axis for axis in self.free if axis.name not in SPEEDS]
 
     @property
-    def mesh(self) -> list[Axis]:
+    def mesh(self) -> list[FigureAxis]:
         """The axis of meshes where it is not fixed, as a list."""
         return [self.axes["mesh"]] if "mesh" in self.axes and "mesh" not in self.fixed else []
 
@@ -61,12 +61,12 @@ class Contents:
         """Whether there are growth rates."""
         return self.holds("floquet") and "growth_rate" in self.tree["floquet"].data_vars
 
-    def own(self, group: str) -> list[Axis]:
+    def own(self, group: str) -> list[FigureAxis]:
         """The free axes over which a group stands."""
         return [axis for axis in self.free if axis.name in map(str, self.tree[group].sizes)]
 
     @cached_property
-    def drawn(self) -> list[Axis] | None:
+    def drawn(self) -> list[FigureAxis] | None:
         """The axes of the variable asked for, else of growth rates, responses, required damping or probabilities."""
         if not self.axes:
             return None

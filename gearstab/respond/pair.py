@@ -11,7 +11,7 @@ import numpy as np
 from gearstab.config import ConfigError
 from gearstab.errors import NotPossible
 from gearstab.response.measures.spectra import SHORTEST, spectrum
-from gearstab.response.rotating_pair import STATUS, PairResponse, Start, held, respond
+from gearstab.response.rotating_pair import STATUS, InitialState, PairResponse, held, respond
 from gearstab.results import Group, ResultTree, fields_of
 from gearstab.results.display import with_orders
 from gearstab.results.guard import RESPOND
@@ -38,7 +38,7 @@ def response(config: Config, wanted: PairRespond) -> tuple[PairResponse, ResultT
     step = tau / speed / wanted.samples_per_cycle
     _affordable(config, wanted, speed)
     initial, drive = wanted.initial, 0.0
-    start = Start(speed, initial.phi, initial.phi_dot, initial.theta)
+    start = InitialState(speed, initial.phi, initial.phi_dot, initial.theta)
     if wanted.hold_speed:
         start, drive = _held(config, pair, speed)
     duration = inf if wanted.duration is None else wanted.duration
@@ -48,7 +48,7 @@ def response(config: Config, wanted: PairRespond) -> tuple[PairResponse, ResultT
     return found, ResultTree(root, {"modes": modes_group(pair), "response": group})
 
 
-def _held(config: Config, pair: RotatingPair, mesh_frequency: float) -> tuple[Start, float]:
+def _held(config: Config, pair: RotatingPair, mesh_frequency: float) -> tuple[InitialState, float]:
     """State and torque on the periodic orbit; raises ConfigError where there is none."""
     try:
         return held(pair, mesh_frequency)

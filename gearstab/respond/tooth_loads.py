@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from gearstab.config import Config
     from gearstab.response import Response
-    from gearstab.response.measures.tooth_loads import Teeth
+    from gearstab.response.measures.tooth_loads import LoadedTeeth
     from gearstab.system import GearSystem
     from gearstab.systems.parts.respond import Respond
 
@@ -40,11 +40,11 @@ def values(config: Config, wanted: Respond, system: GearSystem, found: Response)
     }
 
 
-def teeth(config: Config) -> list[Teeth]:
+def teeth(config: Config) -> list[LoadedTeeth]:
     """Return those of all meshes, none of a system that is not computed from its teeth."""
-    from gearstab.response.measures.tooth_loads import Teeth
+    from gearstab.response.measures.tooth_loads import LoadedTeeth
     from gearstab.systems import train_of
 
     train = train_of(config.parameters)
     meshes = [] if train is None else train.teeth_of_meshes
-    return [Teeth(mesh.pairs[0], mesh.models[0], tuple(mesh.p["gears"])) for mesh in meshes]
+    return [LoadedTeeth(mesh.pairs[0], mesh.models[0], tuple(mesh.p["gears"])) for mesh in meshes]

@@ -13,14 +13,14 @@ from gearstab.floquet.kernel import choice as kernel
 from gearstab.methods import POINTS, RANGE, Key, Outcome, SampledMethod
 from gearstab.results.chunks import encode, holds
 from gearstab.results.variables import GRID, ROWS, STRETCH, Variable
-from gearstab.sweep.plan import Block, Layout, Plan
+from gearstab.sweep.plan import GridBlock, Layout, Plan
 from gearstab.sweep.sampled import run_sampled
 from gearstab.sweep.storage.parts import FinishedBlock, places_of
 from gearstab.system import Array
 from gearstab.systems import build
 
 
-def compute(plan: Plan, block: Block) -> FinishedBlock:
+def compute(plan: Plan, block: GridBlock) -> FinishedBlock:
     """Compute one block."""
     layout = plan.layout(block.method)
     rows, columns = selection(plan, layout, block)
@@ -34,7 +34,7 @@ def compute(plan: Plan, block: Block) -> FinishedBlock:
     return replace(_encoded(plan, layout, block, values, tongues), kernels=tuple(sorted(ran)))
 
 
-def selection(plan: Plan, layout: Layout, block: Block) -> tuple[dict[str, Array], slice]:
+def selection(plan: Plan, layout: Layout, block: GridBlock) -> tuple[dict[str, Array], slice]:
     """The block's rows, as indices into the points of each axis, and its part of the mesh frequency axis."""
     columns = slice(0, 1)
     ranges, names = [], []
@@ -125,7 +125,7 @@ def moved(positions: Array, index: Array) -> Array:
 
 
 def _encoded(
-    plan: Plan, layout: Layout, block: Block, values: dict[str, Array], tongues: tuple[Key, ...]
+    plan: Plan, layout: Layout, block: GridBlock, values: dict[str, Array], tongues: tuple[Key, ...]
 ) -> FinishedBlock:
     chunks = {}
     for variable in layout.method.results:
@@ -169,7 +169,7 @@ def _counted(status: Array, flags: Mapping[str, int]) -> dict[str, int]:
     }
 
 
-def fits(plan: Plan, block: Block, part: FinishedBlock) -> bool:
+def fits(plan: Plan, block: GridBlock, part: FinishedBlock) -> bool:
     """Whether a finished block from elsewhere has the variables and the sizes that this one must have."""
     layout = plan.layout(block.method)
     table = {variable.name: variable for variable in layout.method.results}
@@ -184,7 +184,7 @@ def fits(plan: Plan, block: Block, part: FinishedBlock) -> bool:
     return True
 
 
-def _in_place(plan: Plan, layout: Layout, block: Block, data: Array) -> Array:
+def _in_place(plan: Plan, layout: Layout, block: GridBlock, data: Array) -> Array:
     """``(rows, P, ...)`` as an array over the axes in the order of the result."""
     rest = data.shape[2:]
     if plan.fast is None:

@@ -42,7 +42,7 @@ LONGEST = 10**9
 
 
 @dataclass(frozen=True)
-class Block:
+class GridBlock:
     """One piece of work: a hyper-rectangle of a method's grid. start, shape: over the axes of the method's results."""
 
     method: str
@@ -93,12 +93,12 @@ class Layout:
         constants = self.method.constants()
         return tuple(len(constants[dim]) for dim in variable.dims if dim in constants)
 
-    def blocks(self) -> Iterator[Block]:
+    def blocks(self) -> Iterator[GridBlock]:
         """All blocks, in the order of their numbers."""
         starts = product(*(range(0, n, c) for n, c in zip(self.shape, self.chunk, strict=True)))
         for number, start in enumerate(starts):
             shape = tuple(min(c, n - s) for n, c, s in zip(self.shape, self.chunk, start, strict=True))
-            yield Block(self.method.name, number, start, shape)
+            yield GridBlock(self.method.name, number, start, shape)
 
 
 @dataclass(frozen=True)
@@ -160,7 +160,7 @@ class Plan:
         return hashlib.sha256(text.encode()).hexdigest()
 
     @cached_property
-    def teeth(self) -> teeth.Teeth | None:
+    def teeth(self) -> teeth.ToothNotices | None:
         """Return what is wrong with the teeth of a gearbox, over its grid; None for other systems."""
         return teeth.over_grid(self.config, self.row_axes, self.base)
 

@@ -29,7 +29,7 @@ from typing import Any
 from gearstab.floquet.kernel import choice as kernel
 from gearstab.interrupts import end_with
 from gearstab.sweep.compute import compute
-from gearstab.sweep.plan import Block, Plan
+from gearstab.sweep.plan import GridBlock, Plan
 from gearstab.sweep.reporter import Reporter
 from gearstab.sweep.storage.parts import FinishedBlock, PartFolder
 from gearstab.sweep.storage.store import Store
@@ -50,7 +50,7 @@ TRACKERS = ("joblib.externals.loky.backend.resource_tracker", "multiprocessing.r
 class Failure:
     """A block that could not be computed: by an exception, or (None) because it killed its process twice."""
 
-    block: Block
+    block: GridBlock
     error: BaseException | None
 
 
@@ -59,7 +59,7 @@ Result = FinishedBlock | Failure
 
 def run_blocks(
     plan: Plan,
-    blocks: Sequence[Block],
+    blocks: Sequence[GridBlock],
     store: Store,
     jobs: int,
     reporter: Reporter,
@@ -89,7 +89,7 @@ def run_blocks(
         yield from _in_processes(plan, rest, store, jobs, reporter)
 
 
-def attempt(plan: Plan, block: Block, threads: int) -> FinishedBlock | Failure:
+def attempt(plan: Plan, block: GridBlock, threads: int) -> FinishedBlock | Failure:
     """Compute a block with the plan's kernel; a block that fails does not end the sweep.
 
     threads: how many a call of the compiled kernel may use, in which it runs rows of the block side by side.
@@ -101,7 +101,7 @@ def attempt(plan: Plan, block: Block, threads: int) -> FinishedBlock | Failure:
         return Failure(block, error)
 
 
-def _in_threads(plan: Plan, blocks: list[Block], jobs: int, reporter: Reporter) -> Iterator[Result]:
+def _in_threads(plan: Plan, blocks: list[GridBlock], jobs: int, reporter: Reporter) -> Iterator[Result]:
     each = max(1, jobs // len(blocks))
     pool = ThreadPoolExecutor(min(jobs, len(blocks)))
     try:
@@ -122,10 +122,10 @@ def _in_threads(plan: Plan, blocks: list[Block], jobs: int, reporter: Reporter) 
             pool.shutdown(wait=True, cancel_futures=True)
 
 
-def _in_processes(plan: Plan, blocks: list[Block], store: Store, jobs: int, reporter: Reporter) -> Iterator[Result]:
+def _in_processes(plan: Plan, blocks: list[GridBlock], store: Store, jobs: int, reporter: Reporter) -> Iterator[Result]:
     pending = {block.key: block for block in blocks}
     while pending:
-        started: dict[str, Block] = {}
+        started: dict[str, GridBlock] = {}
         for result in _pooled(plan, list(pending.values()), store, min(jobs, len(pending)), started, reporter):
             del pending[_key(result)]
             yield result
@@ -144,7 +144,7 @@ def _key(result: Result) -> str:
 
 
 def _pooled(
-    plan: Plan, blocks: list[Block], store: Store, jobs: int, started: dict[str, Block], reporter: Reporter
+    plan: Plan, blocks: list[GridBlock], store: Store, jobs: int, started: dict[str, GridBlock], reporter: Reporter
 ) -> Iterator[Result]:
     """Compute blocks in processes until all are done or a process dies; ``started`` gets those handed out."""
     from joblib.externals.loky import get_reusable_executor
@@ -252,7 +252,7 @@ def _interrupts_later() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _work(plan: Plan, block: Block, folder: PartFolder) -> FinishedBlock | Failure:
+def _work(plan: Plan, block: GridBlock, folder: PartFolder) -> FinishedBlock | Failure:
     """In a process of the pool: compute a block and write its part file."""
     part = attempt(plan, block, 1)
     if isinstance(part, Failure):

@@ -17,7 +17,7 @@ NAME = "teeth"
 
 
 @dataclass(frozen=True)
-class Teeth:
+class ToothNotices:
     """Flags of :data:`gearstab.systems.gearbox.notices.NOTICE_FLAGS`.
 
     axes: those of the grid on which the geometry depends; flags: ``(*axes, mesh)``; meshes: their names.
@@ -28,7 +28,7 @@ class Teeth:
     meshes: tuple[str, ...]
 
 
-def over_grid(config: Config, row_axes: tuple[Axis, ...], base: GearSystem) -> Teeth | None:
+def over_grid(config: Config, row_axes: tuple[Axis, ...], base: GearSystem) -> ToothNotices | None:
     """Look at the teeth of every geometry of the grid; None for systems that are not given by their teeth."""
     from gearstab.systems import train_of
 
@@ -45,10 +45,10 @@ def over_grid(config: Config, row_axes: tuple[Axis, ...], base: GearSystem) -> T
     for members in alike(axes, rows, len(flags)):
         chosen = {name: places[members] for name, places in rows.items()}
         flags[members] = notice_flags(parameters_at(config, chosen))
-    return Teeth(axes, flags.reshape(*shape, len(meshes)), meshes)
+    return ToothNotices(axes, flags.reshape(*shape, len(meshes)), meshes)
 
 
-def group(found: Teeth) -> Group:
+def group(found: ToothNotices) -> Group:
     """Return the group of the result."""
     from gearstab.systems.gearbox.notices import NOTICE_FLAGS
 

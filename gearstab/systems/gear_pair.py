@@ -19,7 +19,7 @@ from gearstab.system import Mesh as MeshOfSystem
 from gearstab.systems.base import START_MESH, Start, System, first_number
 from gearstab.systems.parts.damping import with_damping
 from gearstab.systems.parts.forcing import LoadOfOne, with_forcing
-from gearstab.systems.parts.mesh import Mesh, build_mesh
+from gearstab.systems.parts.mesh import NamedToothMesh, build_mesh
 from gearstab.waveforms import Rectangular
 
 if TYPE_CHECKING:
@@ -66,7 +66,7 @@ class GearPair(System):
     equivalent_mass: Mass = Field(
         title="equivalent mass", description="m = 1/(r1^2/J1 + r2^2/J2), along the line of action (kg)."
     )
-    meshes: tuple[Mesh] = Field(title="meshes", description="Exactly one tooth mesh.")
+    meshes: tuple[NamedToothMesh] = Field(title="meshes", description="Exactly one tooth mesh.")
     load: LoadOfOne | None = Field(
         default=None, title="load", description="The static force along the line of action (N)."
     )
@@ -100,7 +100,7 @@ class GearPair(System):
         # Beside an equivalent mass or a mesh the teeth tell the speed alone.
         keys = DECISIVE if "equivalent_mass" in raw or "meshes" in raw else OF_GEARS
         by_gears = any(key in raw for key in keys) or (formulation in FORMULATIONS and formulation != CLASSICAL)
-        return RotatingPair if by_gears else cls
+        return RotatingGearPair if by_gears else cls
 
     @classmethod
     def cycles_of_input(cls, raw: dict[str, Any]) -> float | None:
@@ -119,7 +119,7 @@ class GearPair(System):
         return with_forcing(with_damping(system, p), p)
 
 
-class RotatingPair(System):
+class RotatingGearPair(System):
     """Two gears whose mesh stiffness depends on their rotation (Oh, Grosh & Barber 2005)."""
 
     misplaced: ClassVar[dict[str, str]] = {

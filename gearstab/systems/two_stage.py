@@ -17,7 +17,7 @@ from gearstab.system import GearSystem
 from gearstab.systems.base import START_MESH, Start, System, first_number
 from gearstab.systems.parts.damping import with_damping
 from gearstab.systems.parts.forcing import Load, with_forcing
-from gearstab.systems.parts.mesh import Mesh, SecondMesh, build_mesh
+from gearstab.systems.parts.mesh import NamedToothMesh, SecondMesh, build_mesh
 
 
 class TwoStage(System):
@@ -58,7 +58,9 @@ class TwoStage(System):
         description="[Z1, Z2, Z4, Z3] along the train: the input gear, both gears of the middle shaft (of three gears "
         "the same number twice), the output gear. For tooth_ratio and input_speed.",
     )
-    meshes: tuple[Mesh, SecondMesh] = Field(title="meshes", description="The first and the second tooth mesh.")
+    meshes: tuple[NamedToothMesh, SecondMesh] = Field(
+        title="meshes", description="The first and the second tooth mesh."
+    )
     load: Load | None = Field(
         default=None, title="load", description="Constant forces along the lines of action, one per coordinate (N)."
     )

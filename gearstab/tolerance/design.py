@@ -22,7 +22,7 @@ BITS = 30
 
 
 @dataclass(frozen=True)
-class Design:
+class SamplingDesign:
     """Samples of d numbers, uniform in (0, 1).
 
     groups: ``(d,)``, to which group each number belongs, from 0 on; what is correlated is in one group.
@@ -36,7 +36,7 @@ class Design:
     seed: int
 
     @classmethod
-    def of(cls, groups: tuple[int, ...], samples: int, indices: bool, seed: int) -> Design:
+    def of(cls, groups: tuple[int, ...], samples: int, indices: bool, seed: int) -> SamplingDesign:
         """Return a design of ``samples`` samples, or the few more that make whole matrices."""
         # The index of a single group is one.
         indices = indices and max(groups) > 0

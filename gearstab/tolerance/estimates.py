@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from gearstab.system import Array
-from gearstab.tolerance.design import SCRAMBLES, Design
+from gearstab.tolerance.design import SCRAMBLES, SamplingDesign
 
 CONFIDENCE = 0.95
 LEAST_VARIANCE = 0.02
 """Of what is unstable with probability p, p (1 - p): where it is less, Sobol indices are a quotient of noise."""
 
 
-def probability(unstable: Array, failed: Array, design: Design) -> tuple[Array, Array, Array]:
+def probability(unstable: Array, failed: Array, design: SamplingDesign) -> tuple[Array, Array, Array]:
     """Return the probability ``(...)`` and the ends of its interval of 95 %.
 
     The interval is that of Clopper & Pearson (1934) for as many independent samples as would have the variance that the
@@ -37,7 +37,7 @@ def _mean(samples: Array) -> Array:
     return np.asarray(samples.sum(axis=(-2, -1), dtype=np.int64) / (samples.shape[-2] * samples.shape[-1]))
 
 
-def _interval(share: Array, design: Design) -> tuple[Array, Array]:
+def _interval(share: Array, design: SamplingDesign) -> tuple[Array, Array]:
     """Both ends of the interval of the mean of ``(..., scrambles)``."""
     from scipy.special import betaincinv, stdtrit
 
@@ -58,7 +58,7 @@ def _interval(share: Array, design: Design) -> tuple[Array, Array]:
     return np.minimum(lower, mean), np.maximum(upper, mean)
 
 
-def sobol_indices(unstable: Array, design: Design) -> tuple[Array, Array, Array, Array]:
+def sobol_indices(unstable: Array, design: SamplingDesign) -> tuple[Array, Array, Array, Array]:
     """Return first-order and total indices ``(..., d)``, and the half-widths of their intervals of 95 %.
 
     S_i = Var E(y | x_i)/Var y by Janon et al. (2014, ESAIM: Probability and Statistics 18, equation 6) and

@@ -10,7 +10,7 @@ from gearstab.waveforms.profile import Constant, Product, Scaled
 from gearstab.waveforms.rectangular import Rectangular
 from gearstab.waveforms.sampled import Sampled
 from gearstab.waveforms.tooth import Tooth
-from gearstab.waveforms.tooth_pair import Pair
+from gearstab.waveforms.tooth_pair import ToothPair
 from gearstab.waveforms.trapezoidal import Trapezoidal
 
 WAVEFORMS: dict[str, type[Waveform]] = {
@@ -18,7 +18,7 @@ WAVEFORMS: dict[str, type[Waveform]] = {
     "trapezoidal": Trapezoidal,
     "fourier": Fourier,
     "sampled": Sampled,
-    "pair": Pair,
+    "pair": ToothPair,
     "tooth": Tooth,
 }
 
@@ -26,13 +26,13 @@ __all__ = [
     "WAVEFORMS",
     "Constant",
     "Fourier",
-    "Pair",
     "Product",
     "Profile",
     "Rectangular",
     "Sampled",
     "Scaled",
     "Tooth",
+    "ToothPair",
     "Trapezoidal",
     "Waveform",
 ]

@@ -48,7 +48,7 @@ class PairKeys(SampleKeys, ShapeKeys):
 
 
 @dataclass(frozen=True)
-class Pair(OfStiffness):
+class ToothPair(OfStiffness):
     """w = (k - mean k)/(max k - min k) of k(x) = sum_j p((x + j)/c), j with 0 <= x + j < c; 0 where k is constant.
 
     p(u) is the stiffness of one pair of teeth along its contact, from its first point u = 0 to its last one u = 1, c

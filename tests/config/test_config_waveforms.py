@@ -11,7 +11,7 @@ import pytest
 
 from gearstab.config import ConfigError, load, parameters_at
 from gearstab.systems import build
-from gearstab.waveforms import WAVEFORMS, Constant, Fourier, Pair, Rectangular, Sampled, Trapezoidal
+from gearstab.waveforms import WAVEFORMS, Constant, Fourier, Rectangular, Sampled, ToothPair, Trapezoidal
 
 PAIR = """\
 system:
@@ -72,7 +72,7 @@ def test_pairs_of_teeth(tmp_path) -> None:
     mesh = mesh_of(
         tmp_path, "contact_ratio: 1.7, waveform: {kind: pair, shape: parabolic, ends: 0.4, pair_stiffness: 5}"
     )
-    assert isinstance(mesh.waveform, Pair)
+    assert isinstance(mesh.waveform, ToothPair)
     x = np.linspace(0, 0.999, 100)
     pair = sum(np.where(x + j < 1.7, 5 * (1 - 0.6 * (2 * (x + j) / 1.7 - 1) ** 2), 0.0) for j in (0, 1))
     found = mesh.mean_stiffness * (1 + 2 * mesh.epsilon * mesh.waveform.value(x))

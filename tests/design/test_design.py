@@ -15,7 +15,7 @@ from scipy.linalg import expm, null_space
 from gearstab.config import Config
 from gearstab.design.judging.judge import Judge
 from gearstab.design.judging.regions import united
-from gearstab.design.problem import Problem
+from gearstab.design.problem import DesignProblem
 from gearstab.design.reasons.margins import sensitivities
 from gearstab.design.reasons.tongues import tongues
 from gearstab.design.searching.pareto import nondominated, thinned
@@ -145,10 +145,10 @@ def test_the_result_is_the_same_again(tmp_path: Path) -> None:
 
 
 @cache
-def problem_of(folder: Path, text: str) -> tuple[Config, Problem]:
+def problem_of(folder: Path, text: str) -> tuple[Config, DesignProblem]:
     config = read(folder, TRAIN + text)
     assert config.design is not None
-    return config, Problem(config, config.design)
+    return config, DesignProblem(config, config.design)
 
 
 def test_sensitivities_of_edges_are_those_of_a_variational_formula(tmp_path: Path) -> None:
@@ -199,7 +199,7 @@ def variational(omega: float) -> float:
 def test_first_order_sensitivities_are_the_limit_for_small_variations(tmp_path: Path) -> None:
     config = read(tmp_path, TRAIN + TWO, "epsilon=0.002")
     assert config.design is not None
-    found = tongues(Problem(config, config.design), [np.array([1.4, 0.3])])
+    found = tongues(DesignProblem(config, config.design), [np.array([1.4, 0.3])])
     k = [tongue.label for tongue, _ in found.index].index("2w3")
     assert found.sensitivity[k] == pytest.approx(found.first_order[k], abs=1e-5)
     assert np.abs(found.first_order[k]).min() > 1e-4

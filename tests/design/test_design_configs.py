@@ -10,7 +10,7 @@ import xarray as xr
 from scenes import CONFIGS, problems, ran, read, written
 
 from gearstab.config import load
-from gearstab.design.problem import Problem
+from gearstab.design.problem import DesignProblem
 from gearstab.floquet.boundaries import boundaries
 from gearstab.symmetry import phase_step
 
@@ -26,7 +26,7 @@ def designed(source: Path, folder: Path) -> xr.Dataset:
         return tree["design"].to_dataset().load()
 
 
-def widths(problem: Problem, designs: np.ndarray) -> np.ndarray:
+def widths(problem: DesignProblem, designs: np.ndarray) -> np.ndarray:
     """Unstable length of the ranges, by the search for boundaries alone."""
     (batch,) = problem.batches(designs)
     total = np.zeros(len(designs))
@@ -42,7 +42,7 @@ def test_the_optimum_is_a_minimum_of_its_neighbourhood(tmp_path: Path, name: str
     found = designed(FOLDER / f"{name}.yaml", tmp_path)
     config = load(FOLDER / f"{name}.yaml")
     assert config.design is not None
-    problem = Problem(config, config.design)
+    problem = DesignProblem(config, config.design)
     best, (low, high) = found["optimum"].values, problem.bounds
     assert widths(problem, best[None])[0] == pytest.approx(float(found["objective_optimum"]), abs=1e-6)
     rng = np.random.default_rng(5)
@@ -71,7 +71,7 @@ def test_teeth_of_planets_suppress_what_the_existence_rule_forbids(tmp_path: Pat
     found = designed(source, tmp_path)
     config = load(source)
     assert config.design is not None
-    problem = Problem(config, config.design)
+    problem = DesignProblem(config, config.design)
     assert found.sizes["choice"] > 4
     for k in range(found.sizes["choice"]):
         sun, planet = (int(value) for value in found["choice_value"].values[k])
@@ -95,7 +95,7 @@ def test_teeth_of_planets_suppress_what_the_existence_rule_forbids(tmp_path: Pat
 def test_the_phases_follow_from_the_teeth_of_a_design(tmp_path: Path) -> None:
     config = read(tmp_path, PLANETARY)
     assert config.design is not None
-    problem = Problem(config, config.design)
+    problem = DesignProblem(config, config.design)
     (batch,) = problem.batches(np.array([[4.0, 2.0]]))  # 25 and 23 teeth, 71 of the ring
     assert {name: int(value) for name, value in batch.p["teeth"].items()} == {"sun": 25, "planet": 23, "ring": 71}
     from gearstab.design.reasons.tongues import single

@@ -13,7 +13,7 @@ from scenes import TRAIN, ran, written
 from gearstab.cli.report import facts
 from gearstab.cli.report.content import page
 from gearstab.cli.report.html import html
-from gearstab.cli.report.page import Heading, Page, Points, Table, Text
+from gearstab.cli.report.page import BulletList, Heading, Page, Table, Text
 from gearstab.cli.report.pdf import LETTERS, pdf
 from gearstab.config import load
 
@@ -104,7 +104,7 @@ def test_mistakes(tmp_path: Path) -> None:
 
 def test_letters_that_mean_something_to_html_and_wide_tables() -> None:
     table = Table(["k" * 40] * 5, [["word " * 20] * 5])
-    found = Page("a < b & c", [Heading("h"), Text("x > y"), Points(["<i>"]), table])
+    found = Page("a < b & c", [Heading("h"), Text("x > y"), BulletList(["<i>"]), table])
     data = html(found).decode()
     assert "<title>a &lt; b &amp; c</title>" in data
     assert "&lt;i&gt;" in data

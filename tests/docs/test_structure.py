@@ -1,6 +1,6 @@
 """Imports go one way: no circle of files, and none from a room to one that stands above it or beside it.
 
-Folders have few entries.
+Folders have few entries, and a class name stands for one thing.
 """
 
 from __future__ import annotations
@@ -93,6 +93,16 @@ def test_folders_can_be_taken_in_at_a_glance(top: str) -> None:
     found = {f.relative_to(ROOT).as_posix(): len(entries(f)) for f in folders}
     crowded = {name: count for name, count in found.items() if count > MOST_ENTRIES}
     assert set(crowded) == {name for name in EXEMPT if name.split("/")[0] == top}, crowded
+
+
+def test_a_class_name_has_one_meaning() -> None:
+    found: dict[str, list[str]] = {}
+    for file in sorted(PACKAGE.rglob("*.py")):
+        for node in ast.walk(ast.parse(file.read_text())):
+            if isinstance(node, ast.ClassDef):
+                found.setdefault(node.name, []).append(file.relative_to(ROOT).as_posix())
+    assert len(found) > 300
+    assert {name: places for name, places in found.items() if len(places) > 1} == {}
 
 
 def test_no_circle() -> None:

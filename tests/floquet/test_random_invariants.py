@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from random_documents import Document, gear_pairs, matrices, two_stages
 
 from gearstab.config import load
-from gearstab.floquet import Stability, solve
+from gearstab.floquet import FloquetStability, solve
 from gearstab.systems import build
 
 FREQUENCIES = np.array([0.37, 0.83, 1.19, 1.94, 3.1])
@@ -25,7 +25,7 @@ MASS, RATE = 3.0, 7.0
 """New units: numbers of masses are so many times as large, and those of rates."""
 
 
-def solved(system: Document, folder: Path, factor: float = 1.0) -> tuple[Stability, np.ndarray]:
+def solved(system: Document, folder: Path, factor: float = 1.0) -> tuple[FloquetStability, np.ndarray]:
     """The solution at ``factor`` times the frequencies, and the common periods there."""
     path = folder / "random.yaml"
     path.write_text(json.dumps({"system": system}))
@@ -34,7 +34,7 @@ def solved(system: Document, folder: Path, factor: float = 1.0) -> tuple[Stabili
     return solve(built, frequencies), 2 * np.pi * float(built.common_period()[0]) / frequencies
 
 
-def alike(found: Stability, other: Stability, period: np.ndarray, rate: float = 1.0) -> None:
+def alike(found: FloquetStability, other: FloquetStability, period: np.ndarray, rate: float = 1.0) -> None:
     """Both tell the same, where the growth rates of the other are ``rate`` times as large."""
     growth, again = found.growth_rate * period, other.growth_rate / rate * period
     np.testing.assert_allclose(again, growth, atol=NEAR, rtol=1e-6)

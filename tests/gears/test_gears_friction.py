@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from gearstab.gears.friction import (
     BenedictKelley,
     ConstantFriction,
-    Contact,
+    ContactState,
     XuKahraman,
     contact_state,
     mesh_friction,
@@ -34,7 +34,7 @@ MEASURED = StiffnessModel(single_pair_stiffness=2e8)
 
 def test_xu_kahraman_spot() -> None:
     """SR 0.3, 1 GPa, 10 cP, 0.4 um, 10 m/s, 10 mm -> 0.01907, and its formula written out once more."""
-    contact = Contact(*(np.array(v) for v in (3.0, 10.0, 0.01, 1e9, 1e5)))
+    contact = ContactState(*(np.array(v) for v in (3.0, 10.0, 0.01, 1e9, 1e5)))
     assert contact.slide_roll == 0.3
     found = XuKahraman(10.0, 0.4).coefficient(contact)
     assert abs(found - 0.01907) < 1e-5
@@ -47,7 +47,7 @@ def test_xu_kahraman_spot() -> None:
 
 def test_benedict_kelley_in_the_units_it_was_published_in() -> None:
     """mu = 0.0127 50/(50 - S) log10[3.17e8 W/(nu V_s V_r^2)]: S in microinch rms, W in lb/in, V in in/s, nu in cP."""
-    contact = Contact(*(np.array(v) for v in (2.0, 8.0, 0.01, 1e9, 2e5)))
+    contact = ContactState(*(np.array(v) for v in (2.0, 8.0, 0.01, 1e9, 2e5)))
     found = BenedictKelley(10.0, 0.3).coefficient(contact)
     load = 2e5 / 175.1268  # N/m in a pound an inch
     inch = 39.37008

@@ -21,10 +21,10 @@ from gearstab.system import GearSystem
 from gearstab.systems import KINDS, build
 from gearstab.systems.base import Start, System
 from gearstab.systems.parts.damping import with_damping
-from gearstab.systems.parts.mesh import Mesh, build_mesh
+from gearstab.systems.parts.mesh import NamedToothMesh, build_mesh
 
 
-class Preloaded(Mesh):
+class Preloaded(NamedToothMesh):
     """A mesh with a number that other meshes have not."""
 
     preload: Annotated[float, Quantity("N"), ShortName()] = Field(default=0.0, title="preload", description="F (N).")

@@ -15,7 +15,7 @@ from gearstab.floquet import solve
 from gearstab.floquet.boundaries import boundaries
 from gearstab.system import GearSystem
 from gearstab.systems import build
-from gearstab.waveforms import Fourier, Pair, Rectangular, Sampled, Trapezoidal
+from gearstab.waveforms import Fourier, Rectangular, Sampled, ToothPair, Trapezoidal
 from gearstab.waveforms.tooth_pair import parabolic
 
 CONFIG = CONFIGS / "waveforms" / "mathieu.yaml"
@@ -116,7 +116,7 @@ WAVES = {
     ),
     "linear": (Sampled(np.array([0.0, 0.2, 0.35, 0.6]), np.array([1.0, 3.0, 2.5, 2.0])), 0.25, 300, 1e-8),
     "trapezoidal": (Trapezoidal(1.4, 0.3), 0.3, 300, 1e-8),
-    "pair": (Pair(1.7, parabolic(0.4)), 0.3, 300, 3e-7),
+    "pair": (ToothPair(1.7, parabolic(0.4)), 0.3, 300, 3e-7),
     "rectangular": (Rectangular(1.6), 0.3, 300, 3e-7),
 }  # fmt: skip
 

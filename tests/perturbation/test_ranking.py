@@ -10,7 +10,7 @@ import pytest
 from tongues import monodromy, segments, train
 
 from gearstab.perturbation import first_order
-from gearstab.perturbation.ranking import Region, rank
+from gearstab.perturbation.ranking import RankedRegion, rank
 from gearstab.perturbation.remedies import contact_ratios, phasing, resonance, strength
 from gearstab.system import GearSystem
 from gearstab.systems import build
@@ -25,13 +25,13 @@ def growth_rates(system: GearSystem, omega: np.ndarray) -> np.ndarray:
     return np.log(largest) * omega / (2 * np.pi * segments(system)[0])
 
 
-def peak(system: GearSystem, region: Region) -> float:
+def peak(system: GearSystem, region: RankedRegion) -> float:
     """The largest growth rate around a region, wherever second order has moved it to."""
     middle, half = 0.5 * (region.lower + region.upper), region.upper - region.lower
     return float(growth_rates(system, np.linspace(middle - half, middle + half, 401)).max())
 
 
-def labelled(system: GearSystem, label: str, low: float = 0.3, high: float = 7.0) -> Region:
+def labelled(system: GearSystem, label: str, low: float = 0.3, high: float = 7.0) -> RankedRegion:
     found = rank(system, low, high, 3, most=1000, nearest=1000)
     return next(region for region in (*found.open, *found.closest) if region.tongue.label == label)
 

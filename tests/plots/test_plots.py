@@ -12,7 +12,7 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from gearstab.errors import PlotError
 from gearstab.plots import KINDS, default_kind, draw
-from gearstab.plots.axes import Axis, Request
+from gearstab.plots.axes import FigureAxis, Request
 from gearstab.plots.drawing.grid import draw_cells
 from gearstab.plots.drawing.style import new_figure
 from gearstab.plots.maps import surface
@@ -238,7 +238,10 @@ def test_cells_narrower_than_a_pixel_are_averaged_and_wide_ones_stay_sharp():
     figure = new_figure(Request(), 0.5)
     figure.set_layout_engine("none")
     ax = figure.add_axes((0, 0, 1, 1))
-    frequency, case = Axis("mesh_frequency", np.arange(4000.0)), Axis("case", np.array(["a", "b"], dtype=object))
+    frequency, case = (
+        FigureAxis("mesh_frequency", np.arange(4000.0)),
+        FigureAxis("case", np.array(["a", "b"], dtype=object)),
+    )
     draw_cells(ax, frequency, case, values, ListedColormap(["black"]), Normalize(0, 1))
     ax.set(xlim=(0, 3999), ylim=(-0.5, 1.5))
     ax.set_axis_off()

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gearstab.plots import draw
-from gearstab.plots.axes import Axis
+from gearstab.plots.axes import FigureAxis
 from gearstab.plots.drawing.placement import FAR, isotonic, pack, place
 from gearstab.plots.drawing.text import axis_label, fitted, symbol, tongue_label, unit_text
 
@@ -177,7 +177,7 @@ def test_units(units, text):
 
 
 def test_labels_with_commas_are_quoted_in_messages():
-    axis = Axis("case", np.array(["worst", "c = 1.5, h = 0"], dtype=object))
+    axis = FigureAxis("case", np.array(["worst", "c = 1.5, h = 0"], dtype=object))
     assert axis.extent() == "its values: worst, 'c = 1.5, h = 0'"
 
 

@@ -34,7 +34,7 @@ PARAMETERS: dict[str, Any] = {
 
 def pair(formulation: str = "energy_conserving", **changes: Any) -> RotatingPair:
     """The pair with changed parameters."""
-    return gear_pair.RotatingPair.build(PARAMETERS | {"formulation": formulation} | changes)
+    return gear_pair.RotatingGearPair.build(PARAMETERS | {"formulation": formulation} | changes)
 
 
 def theta_dot(rpm: float) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gearstab.waveforms import Fourier, Pair, Rectangular, Sampled, Tooth, Trapezoidal
+from gearstab.waveforms import Fourier, Rectangular, Sampled, Tooth, ToothPair, Trapezoidal
 from gearstab.waveforms.splines import interpolate
 from gearstab.waveforms.tooth import Piecewise, nodes, through
 from gearstab.waveforms.tooth_pair import constant, parabolic
@@ -54,7 +54,7 @@ CASES = {
         Sampled(np.array([0.2, 0.7, 0.9]), np.array([1.0, 2.0, 0.0]), "cubic"),
         Sampled(UNIFORM, np.full(40, 3e8), "cubic"),
     ],
-    "pair": [Pair(c, shape) for c in RATIOS for shape in (constant(2.0), parabolic(), TOOTH, CURVED)],
+    "pair": [ToothPair(c, shape) for c in RATIOS for shape in (constant(2.0), parabolic(), TOOTH, CURVED)],
     "tooth": [
         *(Tooth(pieces(flank, *cuts)) for flank in (arch, flat) for cuts in ((0.0, 0.6), (0.0, 0.0))),
         Tooth(Piecewise(np.array([0.0, 0.3]), np.array([[2e8], [1e8]]))),

@@ -12,13 +12,13 @@ from energy_pair_reference import K0, KAPPA, REFERENCE, W0, M, pair, theta_dot, 
 from scipy.integrate import solve_ivp
 
 from gearstab.response.measures.spectra import spectrum
-from gearstab.response.rotating_pair import STATUS, PairResponse, Start, respond
+from gearstab.response.rotating_pair import STATUS, InitialState, PairResponse, respond
 from gearstab.response.rotating_pair.integrate import (
     CHATTER,
-    Event,
+    Crossing,
     Goal,
-    Piece,
     Run,
+    TimedArc,
     integrate,
 )
 from gearstab.response.rotating_pair.jumps import Law, law_of
@@ -33,7 +33,7 @@ def name_of(case: dict[str, Any]) -> str:
 
 def computed(case: dict[str, Any], step: float = 1e-5, **goal: float) -> PairResponse:
     system = pair(case["model"], torque=case["T0_Nm"], damping_ratio=case["zeta"])
-    return respond(system, Start(theta_dot(case["rpm"])), step, **goal)
+    return respond(system, InitialState(theta_dot(case["rpm"])), step, **goal)
 
 
 def law(load: float = 0.01, zeta: float = 0.05, **changes: Any) -> Law:
@@ -41,7 +41,7 @@ def law(load: float = 0.01, zeta: float = 0.05, **changes: Any) -> Law:
     return Law(**(whole | {"follows": M, "impulsive": True} | changes))
 
 
-def run(one: Law, start: tuple[float, float, float, float], goal: Goal) -> tuple[list[Piece | Event], Run]:
+def run(one: Law, start: tuple[float, float, float, float], goal: Goal) -> tuple[list[TimedArc | Crossing], Run]:
     how = Run()
     return list(integrate(one, start, goal, how)), how
 
@@ -92,14 +92,14 @@ def test_samples_are_those_of_50_digits(case: dict[str, Any]) -> None:
 @pytest.mark.parametrize("torque", [21.05, 42.1])
 def test_without_damping_the_energy_is_constant(torque: float) -> None:
     """To 1e-12 over 100 cycles, reflections and backward crossings included."""
-    found = respond(pair(torque=torque), Start(theta_dot(600)), 1e-5, duration=100 * tau / theta_dot(600))
+    found = respond(pair(torque=torque), InitialState(theta_dot(600)), 1e-5, duration=100 * tau / theta_dot(600))
     assert len(found.events.time) > 190
     assert np.ptp(found.energy) < 1e-12 * found.energy[0]
     assert np.abs(found.events.energy_change).max() < 1e-12 * found.energy[0]
 
 
 def test_with_damping_the_energy_falls() -> None:
-    found = respond(pair(damping_ratio=0.1), Start(theta_dot(300)), 2e-5, cycles=100)
+    found = respond(pair(damping_ratio=0.1), InitialState(theta_dot(300)), 2e-5, cycles=100)
     # Rounding of a sum of 25 J.
     assert np.diff(found.energy).max() < 1e-13 * found.energy[0]
     assert found.energy[-1] < 0.9 * found.energy[0]
@@ -108,7 +108,7 @@ def test_with_damping_the_energy_falls() -> None:
 def test_the_energy_falls_by_what_the_damper_takes() -> None:
     """dU/dt = -4 zeta w0 phi'^2/M2, integrated numerically over many samples."""
     system = pair(damping_ratio=0.05, torque=42.1)
-    found = respond(system, Start(theta_dot(1500)), 2e-7, cycles=2)
+    found = respond(system, InitialState(theta_dot(1500)), 2e-7, cycles=2)
     power = 4 * 0.05 * W0 * found.phi_dot**2 / system.numbers.m2
     lost = np.sum(0.5 * (power[1:] + power[:-1])) * 2e-7
     # The trapezoidal rule across eight kinks and jumps of phi'.
@@ -118,7 +118,7 @@ def test_the_energy_falls_by_what_the_damper_takes() -> None:
 @pytest.mark.parametrize("formulation", ["rigid_kinematic", "classical"])
 @pytest.mark.parametrize("zeta", [0.0, 0.1])
 def test_the_energy_jumps_by_dk_phi_squared_where_the_terms_in_dk_are_left_out(formulation: str, zeta: float) -> None:
-    found = respond(pair(formulation, damping_ratio=zeta), Start(theta_dot(600)), 1e-5, cycles=15)
+    found = respond(pair(formulation, damping_ratio=zeta), InitialState(theta_dot(600)), 1e-5, cycles=15)
     change = np.where(found.events.pairs_after == 2, 1350.0, -1350.0)
     expected = change * found.events.phi**2
     # Energies of 100 J are subtracted.
@@ -128,7 +128,7 @@ def test_the_energy_jumps_by_dk_phi_squared_where_the_terms_in_dk_are_left_out(f
 def test_the_formulations_agree_without_load() -> None:
     """phi stays 0: nothing is stored, nothing jumps."""
     for formulation in FORMULATIONS:
-        found = respond(pair(formulation, torque=0.0), Start(theta_dot(600)), 1e-4, cycles=3)
+        found = respond(pair(formulation, torque=0.0), InitialState(theta_dot(600)), 1e-4, cycles=3)
         np.testing.assert_array_equal(found.phi, 0.0)
         np.testing.assert_allclose(found.theta_dot, theta_dot(600), rtol=1e-15)
 
@@ -153,7 +153,7 @@ def test_the_jump_is_the_limit_of_a_steep_change() -> None:
     one = law(load=0.05, zeta=0.02)
     start = (0.08, 0.01, 1.2, 0.4)
     events, _ = run(one, start, Goal(time=4.0))
-    piece = [item for item in events if isinstance(item, Piece)][-1]
+    piece = [item for item in events if isinstance(item, TimedArc)][-1]
     exact = np.array(piece.arc.at(4.0 - piece.begin))
     errors = []
     for width in (0.02, 0.01):
@@ -171,20 +171,20 @@ def test_a_slow_gear_is_reflected() -> None:
     case = REFERENCE["reflection"]
     one = law(load=case["phis"], zeta=case["zeta"])
     events, how = run(one, tuple(map(float, case["start"])), Goal(time=2.0))
-    (event,) = [item for item in events if isinstance(item, Event)]
+    (event,) = [item for item in events if isinstance(item, Crossing)]
     assert not event.passed
     assert event.time == pytest.approx(case["tau"], rel=1e-12)
     assert event.before[1] == pytest.approx(case["phidot_before"], abs=1e-15)
     assert event.after == pytest.approx((case["phi"], case["phidot_after"], 1.73, case["thetadot_after"]), rel=1e-12)
     assert how.status & STATUS["reflected"]
-    last = [item for item in events if isinstance(item, Piece)][-1]
+    last = [item for item in events if isinstance(item, TimedArc)][-1]
     assert last.region == 0
     # theta' changes sign, and the kinetic energy is kept.
     assert one.energy(0, event.after) == pytest.approx(one.energy(0, event.before), rel=1e-14)
 
 
 def test_the_gears_stall_where_the_load_and_damping_trap_them() -> None:
-    found = respond(pair(damping_ratio=0.1, torque=42.1), Start(theta_dot(60)), 1e-7)
+    found = respond(pair(damping_ratio=0.1, torque=42.1), InitialState(theta_dot(60)), 1e-7)
     assert found.status & STATUS["stalled"]
     assert "stalled" in found.status_text
     assert found.end == found.stalled < inf
@@ -195,8 +195,8 @@ def test_the_gears_stall_where_the_load_and_damping_trap_them() -> None:
 
 def test_stalled_gears_never_leave_again() -> None:
     system = pair(damping_ratio=0.1, torque=42.1)
-    stalled = respond(system, Start(theta_dot(60)), 1e-4)
-    longer = respond(system, Start(theta_dot(60)), 1e-4, duration=20 * stalled.end)
+    stalled = respond(system, InitialState(theta_dot(60)), 1e-4)
+    longer = respond(system, InitialState(theta_dot(60)), 1e-4, duration=20 * stalled.end)
     assert longer.status & STATUS["stalled"]
     assert longer.stalled == pytest.approx(stalled.stalled, rel=1e-12)
     assert not longer.events.passed[longer.events.time > stalled.stalled].any()
@@ -208,13 +208,13 @@ def test_stalled_gears_never_leave_again() -> None:
 
 
 def test_a_run_over_cycles_ends_where_the_gears_stall() -> None:
-    found = respond(pair(damping_ratio=0.1, torque=42.1), Start(theta_dot(60)), 1e-4, cycles=1000)
+    found = respond(pair(damping_ratio=0.1, torque=42.1), InitialState(theta_dot(60)), 1e-4, cycles=1000)
     assert found.status & STATUS["stalled"]
     assert found.end == found.stalled
 
 
 def test_without_enough_energy_the_gears_are_stalled_from_the_start() -> None:
-    found = respond(pair(torque=42.1), Start(1.0), 1e-4, cycles=1)
+    found = respond(pair(torque=42.1), InitialState(1.0), 1e-4, cycles=1)
     assert found.stalled == 0.0
     assert found.end == 0.0
     assert len(found.time) == 1
@@ -225,17 +225,20 @@ def test_chatter_is_cut() -> None:
     one = law(load=0.5, zeta=0.0)
     events, how = run(one, (0.1, 0.0, 1.73 - 1e-9, 1e-6), Goal(time=1e4))
     assert how.status & STATUS["chatter"]
-    assert sum(isinstance(item, Event) for item in events) > CHATTER
+    assert sum(isinstance(item, Crossing) for item in events) > CHATTER
 
 
 @pytest.mark.parametrize("formulation", FORMULATIONS)
 def test_a_run_in_two_parts_is_the_run(formulation: str) -> None:
     system = pair(formulation, damping_ratio=0.05)
-    whole = respond(system, Start(theta_dot(600)), 1e-5, cycles=7)
-    half = respond(system, Start(theta_dot(600)), 1e-5, cycles=3.3)
+    whole = respond(system, InitialState(theta_dot(600)), 1e-5, cycles=7)
+    half = respond(system, InitialState(theta_dot(600)), 1e-5, cycles=3.3)
     assert half.theta[0] == 0.0
     rest = respond(
-        system, Start(whole.sections.theta_dot[2], whole.sections.phi[2], whole.sections.phi_dot[2]), 1e-5, cycles=4
+        system,
+        InitialState(whole.sections.theta_dot[2], whole.sections.phi[2], whole.sections.phi_dot[2]),
+        1e-5,
+        cycles=4,
     )
     np.testing.assert_allclose(rest.sections.phi, whole.sections.phi[3:], rtol=1e-11)
     np.testing.assert_allclose(rest.sections.time + whole.sections.time[2], whole.sections.time[3:], rtol=1e-12)
@@ -248,7 +251,7 @@ def test_a_run_in_two_parts_is_the_run(formulation: str) -> None:
 def test_a_run_may_begin_anywhere_and_counts_cycles_from_there() -> None:
     system = pair(damping_ratio=0.05)
     for theta in (0.5, 1.73, 5.0, 2 * tau + 0.5, -3.0):
-        found = respond(system, Start(theta_dot(600), theta=theta), 1e-5, cycles=2)
+        found = respond(system, InitialState(theta_dot(600), theta=theta), 1e-5, cycles=2)
         assert found.theta[0] == pytest.approx(theta, abs=1e-14)
         assert found.events.theta[0] > theta
         assert found.end * W0 > 0
@@ -261,7 +264,7 @@ def test_a_run_may_begin_anywhere_and_counts_cycles_from_there() -> None:
 def test_gears_that_turn_back_across_a_boundary() -> None:
     """Rigid kinematic, undamped, unstable: against the Runge-Kutta method with k(theta), blind to the boundaries."""
     system = pair("rigid_kinematic", torque=42.1)
-    found = respond(system, Start(theta_dot(600)), 1e-5, duration=0.0625)
+    found = respond(system, InitialState(theta_dot(600)), 1e-5, duration=0.0625)
     (back,) = np.flatnonzero(found.events.direction < 0)
     assert found.status == STATUS["reversed"]
     assert found.events.pairs_before[back] == 2
@@ -288,7 +291,7 @@ def test_gears_that_turn_back_across_a_boundary() -> None:
 
 def test_sections_that_are_crossed_backwards_say_so() -> None:
     system = pair("rigid_kinematic", torque=42.1)
-    found = respond(system, Start(theta_dot(600)), 1e-5, duration=0.09).sections
+    found = respond(system, InitialState(theta_dot(600)), 1e-5, duration=0.09).sections
     (back,) = np.flatnonzero(found.direction < 0)[:1]
     # Into cycle c, out of it and into it again: three times theta = 2 pi c.
     assert found.cycle[back - 1 : back + 2].tolist() == [found.cycle[back]] * 3
@@ -299,14 +302,14 @@ def test_sections_that_are_crossed_backwards_say_so() -> None:
 def test_a_sample_on_a_change_of_stiffness_is_just_after_it() -> None:
     """The classical pair turns uniformly: sample 200 c is on theta = 2 pi c."""
     system = pair("classical")
-    found = respond(system, Start(theta_dot(600)), tau / theta_dot(600) / 200, cycles=3)
+    found = respond(system, InitialState(theta_dot(600)), tau / theta_dot(600) / 200, cycles=3)
     assert found.stiffness[[0, 200, 400, 600]].tolist() == [1430.0, 1430.0, 1430.0, 1430.0]
     assert found.stiffness[[199, 399]].tolist() == [2780.0, 2780.0]
 
 
 def test_pieces_follow_each_other() -> None:
     items, how = run(law(), (0.015, 0.0, 0.0, 0.1), Goal(cycles=20))
-    pieces = [item for item in items if isinstance(item, Piece)]
+    pieces = [item for item in items if isinstance(item, TimedArc)]
     for first, second in pairwise(pieces):
         assert second.begin == first.begin + first.duration
         assert second.arc.start[0] == pytest.approx(first.arc.at(first.duration)[0], rel=1e-15)
@@ -319,9 +322,9 @@ def test_a_batch_has_no_response() -> None:
 
 
 def test_the_mesh_force_needs_a_length() -> None:
-    with_module = respond(pair(module=6.35e-3), Start(theta_dot(600)), 1e-5, cycles=1)
-    with_radii = respond(pair(radii=[0.0762, 0.3048]), Start(theta_dot(600)), 1e-5, cycles=1)
-    without = respond(pair(), Start(theta_dot(600)), 1e-5, cycles=1)
+    with_module = respond(pair(module=6.35e-3), InitialState(theta_dot(600)), 1e-5, cycles=1)
+    with_radii = respond(pair(radii=[0.0762, 0.3048]), InitialState(theta_dot(600)), 1e-5, cycles=1)
+    without = respond(pair(), InitialState(theta_dot(600)), 1e-5, cycles=1)
     np.testing.assert_allclose(with_module.mesh_force, with_radii.mesh_force, rtol=1e-15)
     np.testing.assert_allclose(without.mesh_force, without.stiffness * without.phi)
     # F r1 = N1 k phi, the torque on the driving gear.
@@ -342,7 +345,7 @@ def test_a_spectrum_holds_the_variance_and_finds_its_lines() -> None:
 
 def test_the_loads_scale_out_of_the_classical_formulation() -> None:
     """It is linear in phi: twice the torque, twice the deflection."""
-    first = respond(pair("classical", damping_ratio=0.05), Start(theta_dot(600)), 1e-5, cycles=3)
-    second = respond(pair("classical", damping_ratio=0.05, torque=42.1), Start(theta_dot(600)), 1e-5, cycles=3)
+    first = respond(pair("classical", damping_ratio=0.05), InitialState(theta_dot(600)), 1e-5, cycles=3)
+    second = respond(pair("classical", damping_ratio=0.05, torque=42.1), InitialState(theta_dot(600)), 1e-5, cycles=3)
     np.testing.assert_allclose(second.phi, 2 * first.phi, rtol=1e-12)
     assert pytest.approx(2105.0) == K0

@@ -14,7 +14,7 @@ from scenes import ran
 from gearstab.config import load
 from gearstab.config.document.problems import ConfigError
 from gearstab.floquet import solve
-from gearstab.response.rotating_pair import STATUS, Start, respond
+from gearstab.response.rotating_pair import STATUS, InitialState, respond
 from gearstab.response.rotating_pair.stability import stability
 from gearstab.results import open_result
 from gearstab.systems import build
@@ -72,7 +72,7 @@ def test_the_file_holds_the_response(tmp_path: Path) -> None:
     found = answered(tmp_path)["response"]
     system = build(load(tmp_path / "pair.yaml").parameters)
     step = tau / (24 * 600 * pi / 30) / 50
-    expected = respond(system, Start(24 * 600 * pi / 30, 0.01472027972), step, cycles=12)
+    expected = respond(system, InitialState(24 * 600 * pi / 30, 0.01472027972), step, cycles=12)
     for name in ("time", "phi", "phi_dot", "theta", "theta_dot", "energy"):
         np.testing.assert_array_equal(found[name].values, getattr(expected, name))
         assert found[name].dims == ("time",)

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from energy_pair_reference import W0, pair, theta_dot
 
-from gearstab.response.rotating_pair import STATUS, Start, respond
+from gearstab.response.rotating_pair import STATUS, InitialState, respond
 from gearstab.response.rotating_pair.errors import LOST, growth
-from gearstab.response.rotating_pair.integrate import Event, Goal, Piece, Run, integrate
+from gearstab.response.rotating_pair.integrate import Crossing, Goal, Run, TimedArc, integrate
 from gearstab.response.rotating_pair.jumps import Law, law_of
 from gearstab.response.rotating_pair.motion import State
 from gearstab.rotating_pair import FORMULATIONS
@@ -20,9 +20,11 @@ from gearstab.rotating_pair import FORMULATIONS
 mp.mp.dps = 80
 
 
-def run(law: Law, start: State, time: float) -> tuple[list[Piece], list[Event]]:
+def run(law: Law, start: State, time: float) -> tuple[list[TimedArc], list[Crossing]]:
     found = list(integrate(law, start, Goal(time), Run()))
-    return [item for item in found if isinstance(item, Piece)], [item for item in found if isinstance(item, Event)]
+    return [item for item in found if isinstance(item, TimedArc)], [
+        item for item in found if isinstance(item, Crossing)
+    ]
 
 
 def chaotic(seed: int) -> tuple[Law, State]:
@@ -33,7 +35,7 @@ def chaotic(seed: int) -> tuple[Law, State]:
     return law, (float(law.load * rng.uniform(-1, 3) / law.kappa[0]), 0.0, 0.0, speed)
 
 
-def at_time(law: Law, pieces: list[Piece], number: int, time: float) -> np.ndarray:
+def at_time(law: Law, pieces: list[TimedArc], number: int, time: float) -> np.ndarray:
     """The state at a time, on the piece after an event or on the continuation of that; theta without its cycles."""
     piece = pieces[number + 1]
     return np.array(piece.arc.at(time - piece.begin)) + np.array([0, 0, tau * piece.cycle, 0])
@@ -64,7 +66,7 @@ def test_the_amplification_is_that_of_disturbed_starts(formulation: str, zeta: f
         assert not all(event.passed for event in events[:count])
 
 
-def followed(law: Law, start: State, pieces: list[Piece], events: list[Event]) -> list[float]:
+def followed(law: Law, start: State, pieces: list[TimedArc], events: list[Crossing]) -> list[float]:
     """|phi| after each event less that of 80 digits, as long as both meet the same boundaries."""
     state, errors = [mp.mpf(value) for value in start], []
     kappa = [mp.mpf(value) for value in law.kappa]
@@ -162,18 +164,18 @@ def test_a_meeting_at_rest_leaves_nothing_certain() -> None:
 
 def test_the_response_says_from_when_on(tmp_path: Path) -> None:
     system = pair(torque=42.1)
-    slow = respond(system, Start(theta_dot(80.0)), 1e-4, duration=1.0)
+    slow = respond(system, InitialState(theta_dot(80.0)), 1e-4, duration=1.0)
     assert slow.status & STATUS["unpredictable"]
     assert "unpredictable" in slow.status_text
     assert 0 < slow.predictable < slow.end
     number = int(np.argmax(slow.events.rounding_error > LOST))
     assert slow.predictable == slow.events.time[number]
     # Two runs that differ by the last digit agree until then, and not for long after it.
-    other = respond(system, Start(theta_dot(80.0) * (1 + 3e-16)), 1e-4, duration=1.0)
+    other = respond(system, InitialState(theta_dot(80.0) * (1 + 3e-16)), 1e-4, duration=1.0)
     before = slow.time < slow.predictable
     size = np.abs(slow.phi).max()
     assert np.abs(slow.phi - other.phi)[before].max() < 0.1 * size
     assert np.abs(slow.phi - other.phi)[~before].max() > 0.3 * size
-    fast = respond(system, Start(theta_dot(600.0)), 1e-5, cycles=20)
+    fast = respond(system, InitialState(theta_dot(600.0)), 1e-5, cycles=20)
     assert fast.predictable == inf
     assert fast.status == 0

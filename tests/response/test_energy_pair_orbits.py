@@ -15,10 +15,10 @@ from scenes import CONFIGS
 
 from gearstab.config import load
 from gearstab.floquet import STATUS_FLAGS, solve
-from gearstab.response.rotating_pair import Start, orbit, respond
+from gearstab.response.rotating_pair import InitialState, orbit, respond
 from gearstab.response.rotating_pair.jumps import Law
 from gearstab.response.rotating_pair.motion import Arc
-from gearstab.response.rotating_pair.orbit import Problem
+from gearstab.response.rotating_pair.orbit import PeriodicProblem
 from gearstab.response.rotating_pair.stability import (
     FLAGS,
     held,
@@ -34,14 +34,14 @@ from gearstab.systems import build
 MODELS = ("rigid_kinematic", "energy_conserving")
 
 
-def problem(model: str, load: Any, zeta: Any, omega: Any) -> Problem:
+def problem(model: str, load: Any, zeta: Any, omega: Any) -> PeriodicProblem:
     load, zeta, omega = np.broadcast_arrays(*(np.atleast_1d(np.asarray(v, float)) for v in (load, zeta, omega)))
     one = np.ones(load.shape)
     kappa = (KAPPA[0] * one, KAPPA[1] * one)
-    return Problem(M * one, zeta, kappa, 1.73 * one, load, omega, model == "energy_conserving")
+    return PeriodicProblem(M * one, zeta, kappa, 1.73 * one, load, omega, model == "energy_conserving")
 
 
-def solved(p: Problem) -> np.ndarray:
+def solved(p: PeriodicProblem) -> np.ndarray:
     x, found = orbit.solve(p)
     assert found.all()
     return x
@@ -104,16 +104,16 @@ def start_of(x: np.ndarray) -> np.ndarray:
     return np.array([x[0], x[1], 0.0, x[2]])
 
 
-def returned(p: Problem, x: np.ndarray, start: np.ndarray) -> np.ndarray:
+def returned(p: PeriodicProblem, x: np.ndarray, start: np.ndarray) -> np.ndarray:
     """(phi, phi', theta') at the next crossing of the section, by the integrator that makes time responses."""
-    from gearstab.response.rotating_pair.integrate import Event, Goal, Run, integrate
+    from gearstab.response.rotating_pair.integrate import Crossing, Goal, Run, integrate
 
     law = Law(
         float(p.m[0]), float(p.zeta[0]), float(p.load[0]), (KAPPA[0], KAPPA[1]), (0.0, 1.73, tau), float(p.m[0]),
         p.impulsive, float(x[orbit.DRIVE]),
     )  # fmt: skip
     items = list(integrate(law, (start[0], start[1], 0.0, start[2]), Goal(cycles=1), Run()))
-    last = [item for item in items if isinstance(item, Event)][-1]
+    last = [item for item in items if isinstance(item, Crossing)][-1]
     return np.array([last.after[0], last.after[1], last.after[3]])
 
 
@@ -232,7 +232,7 @@ def test_the_response_from_the_orbit_repeats_itself() -> None:
     omega = 1.6 * W0
     x = solved(problem(MODELS[1], 0.01, 0.05, 1.6))[0]
     found = respond(
-        system, Start(x[2] * W0, x[0], x[1] * W0), tau / omega / 50, cycles=10, drive=x[orbit.DRIVE] * 2105.0
+        system, InitialState(x[2] * W0, x[0], x[1] * W0), tau / omega / 50, cycles=10, drive=x[orbit.DRIVE] * 2105.0
     )
     np.testing.assert_allclose(found.sections.time, tau / omega * np.arange(1, 11), rtol=1e-11)
     np.testing.assert_allclose(found.sections.phi, x[0], rtol=1e-10)
@@ -251,7 +251,7 @@ def test_the_growth_rate_is_that_of_a_disturbed_response() -> None:
     held = stability(system, np.array([omega]))
     assert held.stable.item() == 0
     x = solved(problem(MODELS[1], 0.01, 0.0, 2.1))[0]
-    found = respond(system, Start(x[2] * W0, x[0] + 1e-9, x[1] * W0), tau / omega, cycles=60)
+    found = respond(system, InitialState(x[2] * W0, x[0] + 1e-9, x[1] * W0), tau / omega, cycles=60)
     off = np.abs(found.sections.phi - x[0])
     rate = np.log(off[49] / off[19]) / (30 * tau / omega)
     # Grown from 1e-9 to 1e-5 of 1e-2: nonlinear terms and the decaying part are a thousandth.

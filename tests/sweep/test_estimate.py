@@ -20,7 +20,7 @@ from gearstab.floquet.boundaries.effort import effort
 from gearstab.sweep import Plan
 from gearstab.sweep.effort import estimate
 from gearstab.sweep.effort.clock import within
-from gearstab.sweep.plan import Block
+from gearstab.sweep.plan import GridBlock
 from gearstab.system import GearSystem, Mesh
 from gearstab.waveforms import Rectangular
 
@@ -39,7 +39,7 @@ class Machine:
     def perf_counter(self) -> float:
         return self.now
 
-    def compute(self, plan: Plan, block: Block) -> Machine:
+    def compute(self, plan: Plan, block: GridBlock) -> Machine:
         place = 1 - (np.array(block.start) + 0.5 * np.array(block.shape)) / np.array(plan.layouts[0].shape)
         rows = prod(n for k, n in enumerate(block.shape) if k != plan.inner(plan.layouts[0]))
         self.now += (
@@ -140,7 +140,7 @@ def test_a_point_that_takes_longer_than_there_is_time(plan: Plan, monkeypatch: p
 def test_a_first_call_is_not_taken_for_the_others(plan: Plan, monkeypatch: pytest.MonkeyPatch) -> None:
     machine = on(Machine(0.0, 1e-3), monkeypatch)
 
-    def compute(plan: Plan, block: Block) -> Machine:
+    def compute(plan: Plan, block: GridBlock) -> Machine:
         machine.now += 0.3 * (machine.blocks == 0)
         return machine.compute(plan, block)
 

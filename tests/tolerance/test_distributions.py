@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from gearstab.tolerance.design import Design, correlated, groups_of
+from gearstab.tolerance.design import SamplingDesign, correlated, groups_of
 from gearstab.tolerance.distributions import Normal, Triangular, Uniform
 
 CASES = [
@@ -37,7 +37,7 @@ def test_cut_off_it_is_the_conditional_distribution(own, reference):
 
 
 def test_samples_are_those_of_the_seed_alone():
-    first, again, other = (Design.of((0, 1, 2), 1000, True, seed).points for seed in (3, 3, 4))
+    first, again, other = (SamplingDesign.of((0, 1, 2), 1000, True, seed).points for seed in (3, 3, 4))
     assert np.array_equal(first, again)
     assert not np.any(first == other)
     assert np.all((first > 0) & (first < 1))
@@ -45,7 +45,7 @@ def test_samples_are_those_of_the_seed_alone():
 
 def test_every_scramble_covers_the_square_evenly():
     # Of 256 points of a (0, m, 2)-net every dyadic rectangle of area 2^-8 holds one; random ones miss a third of them.
-    design = Design.of((0, 1), 2048, False, 7)
+    design = SamplingDesign.of((0, 1), 2048, False, 7)
     for points in design.points.reshape(8, 256, 2):
         for k in range(9):
             cell = np.floor(points * [2**k, 2 ** (8 - k)])
@@ -53,7 +53,7 @@ def test_every_scramble_covers_the_square_evenly():
 
 
 def test_matrices_mix_the_columns_of_a_group():
-    design = Design.of((0, 1, 0), 500, True, 1)
+    design = SamplingDesign.of((0, 1, 0), 500, True, 1)
     a, b, first, second = design.points.reshape(*design.shape, 3)[2]
     assert np.array_equal(first, np.column_stack([b[:, 0], a[:, 1], b[:, 2]]))
     assert np.array_equal(second, np.column_stack([a[:, 0], b[:, 1], a[:, 2]]))
@@ -68,7 +68,7 @@ def test_groups():
 
 def test_copula_has_the_correlation_and_keeps_the_margins():
     matrix = np.array([[1.0, 0.6, 0.0], [0.6, 1.0, 0.0], [0.0, 0.0, 1.0]])
-    points = Design.of((0, 1, 2), 2**14, False, 2).points
+    points = SamplingDesign.of((0, 1, 2), 2**14, False, 2).points
     found = correlated(points, matrix)
     assert np.array_equal(found[:, 2], points[:, 2])
     deviates = stats.norm.ppf(found)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.special import ndtri
 
-from gearstab.tolerance.design import Design
+from gearstab.tolerance.design import SamplingDesign
 from gearstab.tolerance.estimates import probability, sobol_indices
 
 NOTHING = np.zeros((1, 1, 1), dtype=bool)
@@ -36,7 +36,7 @@ def covered(case, repetitions, largest):
     random = np.random.default_rng(0)
     hits = 0
     for seed in range(repetitions):
-        design = Design.of(groups, samples, indices, seed)
+        design = SamplingDesign.of(groups, samples, indices, seed)
         p = random.uniform(0.0, largest)
         found = unstable(design.points, p).reshape(design.shape)
         middle, lower, upper = probability(found, NOTHING, design)
@@ -60,7 +60,7 @@ def test_intervals_cover_the_truth_in_a_thousand_repetitions(case, largest):
 
 def test_an_interval_is_no_wider_than_it_must_be():
     # Independent samples would give 0.031 at p = 1/2; scrambled ones of a number know an edge to 1/128.
-    design = Design.of((0,), 1024, False, 0)
+    design = SamplingDesign.of((0,), 1024, False, 0)
     _, lower, upper = probability(one_edge(design.points, 0.47).reshape(design.shape), NOTHING, design)
     assert upper - lower < 0.015
     none = np.zeros(design.shape, dtype=bool)
@@ -70,7 +70,7 @@ def test_an_interval_is_no_wider_than_it_must_be():
 
 
 def test_failed_samples_count_as_either():
-    design = Design.of((0,), 1024, False, 0)
+    design = SamplingDesign.of((0,), 1024, False, 0)
     x = design.points[:, 0].reshape(design.shape)
     middle, lower, upper = probability(x < 0.4, x > 0.9, design)
     assert middle == pytest.approx(0.4 / 0.9, abs=0.01)
@@ -82,7 +82,7 @@ def test_failed_samples_count_as_either():
 @pytest.mark.parametrize(("a", "b"), [(0.5, 0.5), (0.8, 0.4), (0.9, 0.6)])
 def test_sobol_indices_of_a_rectangle(a, b):
     # y = [x < a][z < b] has V = ab (1 - ab), S_x = b (1 - a)/(1 - ab) and T_x = 1 - S_z; a third number does nothing.
-    design = Design.of((0, 1, 2), 2**15, True, 5)
+    design = SamplingDesign.of((0, 1, 2), 2**15, True, 5)
     points = design.points
     unstable = ((points[:, 0] < a) & (points[:, 1] < b)).reshape(design.shape)
     first, total, of_first, of_total = sobol_indices(unstable, design)
@@ -95,14 +95,14 @@ def test_sobol_indices_of_a_rectangle(a, b):
 
 
 def test_indices_are_masked_where_nothing_varies():
-    design = Design.of((0, 1), 1024, True, 5)
+    design = SamplingDesign.of((0, 1), 1024, True, 5)
     for p in (0.0, 0.01, 0.995):
         unstable = one_edge(design.points, p).reshape(design.shape)
         assert all(np.isnan(found).all() for found in sobol_indices(unstable, design))
 
 
 def test_a_single_group_has_the_index_one():
-    design = Design.of((0, 0), 1024, True, 5)
+    design = SamplingDesign.of((0, 0), 1024, True, 5)
     unstable = corner(design.points, 0.5).reshape(design.shape)
     assert design.matrices == 1
     assert np.array_equal(sobol_indices(unstable, design)[0], [1.0, 1.0])

@@ -12,7 +12,7 @@ from gearstab.floquet import solve
 from gearstab.sweep import plan
 from gearstab.sweep.compute import compute
 from gearstab.systems import build
-from gearstab.tolerance.design import Design, correlated
+from gearstab.tolerance.design import SamplingDesign, correlated
 
 PAIR = """
 system: {kind: gear_pair, equivalent_mass: 1.0, meshes: [{mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5}]}
@@ -75,7 +75,7 @@ methods:
     from scipy import stats
 
     matrix = np.array([[1.0, 0.7, 0.0], [0.7, 1.0, 0.0], [0.0, 0.0, 1.0]])
-    points = correlated(Design.of((0, 0, 1), 64, False, 5).points, matrix)
+    points = correlated(SamplingDesign.of((0, 0, 1), 64, False, 5).points, matrix)
     ratio, epsilon, inertia = (stats.norm(1.5, 0.1).ppf(points[:, 0]),
                                stats.triang(1 / 3, 0.2, 0.3).ppf(points[:, 1]),
                                0.3 + stats.uniform(-0.1, 0.2).ppf(points[:, 2]))  # fmt: skip

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from waves import ALL, CASES, IDS, IRREGULAR, LEVELS, RATIOS, arch, flat, pieces
 
-from gearstab.waveforms import WAVEFORMS, Constant, Fourier, Pair, Rectangular, Sampled, Scaled, Tooth, Trapezoidal
+from gearstab.waveforms import WAVEFORMS, Constant, Fourier, Rectangular, Sampled, Scaled, Tooth, ToothPair, Trapezoidal
 from gearstab.waveforms.tooth import Piecewise, stacked
 from gearstab.waveforms.tooth_pair import parabolic
 
@@ -22,7 +22,7 @@ BATCHES = {
     "trapezoidal": Trapezoidal(np.array([1.0, 1.3, 2.6]), np.array([[0.0], [0.1], [0.8]])),
     "fourier": Fourier(np.array([[[0.3, 0.0]], [[0.0, 0.0]]]), np.array([[0.5, 0.1], [0.0, 0.0], [0.0, 0.2]])),
     "sampled": Sampled(IRREGULAR, LEVELS * np.array([1.0, 1.5])[:, None, None] + np.arange(3.0)[:, None] ** 2, "cubic"),
-    "pair": Pair(np.array([1.0, 1.3, 2.6]), parabolic(np.array([[1.0], [0.55]]))),
+    "pair": ToothPair(np.array([1.0, 1.3, 2.6]), parabolic(np.array([[1.0], [0.55]]))),
     "tooth": Tooth(stacked([pieces(f, 0.0, d) for f in (arch, flat) for d in (0.1, 0.6)], (2, 2))),
 }
 
@@ -178,10 +178,10 @@ def entry(wave, index):
         return Trapezoidal(*(float(np.broadcast_to(p, wave.batch)[index]) for p in (wave.contact_ratio, wave.ramp)))
     if isinstance(wave, Sampled):
         return Sampled(wave.phase, wave.stiffness[index], wave.interpolation)
-    if isinstance(wave, Pair):
+    if isinstance(wave, ToothPair):
         pieces = np.broadcast_to(wave.shape.coefficients, (*wave.batch, *wave.shape.coefficients.shape[-2:]))
         own = replace(wave.shape, coefficients=pieces[index])
-        return Pair(float(np.broadcast_to(wave.contact_ratio, wave.batch)[index]), own)
+        return ToothPair(float(np.broadcast_to(wave.contact_ratio, wave.batch)[index]), own)
     if isinstance(wave, Tooth):
         return Tooth(Piecewise(wave.stiffness.edges[index], wave.stiffness.coefficients[index]))
     sizes = (*wave.batch, np.shape(wave.sin)[-1])

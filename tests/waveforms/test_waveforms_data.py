@@ -8,7 +8,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
-from gearstab.waveforms import Pair, Rectangular, Sampled, Trapezoidal
+from gearstab.waveforms import Rectangular, Sampled, ToothPair, Trapezoidal
 from gearstab.waveforms.splines import Pieces, interpolate
 from gearstab.waveforms.tooth_pair import constant, parabolic
 
@@ -88,7 +88,7 @@ def test_constant_samples_have_no_wave() -> None:
 
 @pytest.mark.parametrize("c", [1.0, 1.25, 1.9, 2.0, 2.4])
 def test_equally_stiff_pairs_make_the_rectangular_wave(c) -> None:
-    wave, other = Pair(c, constant(3.0)), Rectangular(c)
+    wave, other = ToothPair(c, constant(3.0)), Rectangular(c)
     assert wave.piecewise_constant
     x = np.linspace(-1, 2, 1234)
     np.testing.assert_allclose(wave.value(x), other.value(x), atol=1e-14)
@@ -104,7 +104,7 @@ def test_pairs_that_come_and_go_along_ramps_make_the_trapezoidal_wave() -> None:
     c, r = 1.6, 0.2
     length = c + r
     shape = interpolate(np.array([0.0, r, c, length]) / length, np.array([0.0, 1.0, 1.0, 0.0]), "linear", False)
-    wave, other = Pair(length, shape), Trapezoidal(c, r)
+    wave, other = ToothPair(length, shape), Trapezoidal(c, r)
     x = np.linspace(0, 1, 333)
     # The pair begins half a ramp before the jump of the rectangular wave.
     np.testing.assert_allclose(wave.value(x + r / 2), other.value(x), atol=1e-13)
@@ -118,7 +118,7 @@ def test_the_parabola_is_that_of_cai_and_hayashi() -> None:
     shape = parabolic()
     np.testing.assert_allclose(shape.value(u), -1.8 * u**2 + 1.8 * u + 0.55, atol=1e-15)
     assert shape.integral() == pytest.approx(0.85, abs=1e-15)
-    wave = Pair(2.0, shape)
+    wave = ToothPair(2.0, shape)
     assert wave.mean_stiffness == pytest.approx(1.7, rel=1e-15)
     total = wave.mean_stiffness + 2 * wave.amplitude * wave.value(u)
     np.testing.assert_allclose(total, sum(-1.8 * v**2 + 1.8 * v + 0.55 for v in (u / 2, (u + 1) / 2)), atol=1e-14)
@@ -126,17 +126,17 @@ def test_the_parabola_is_that_of_cai_and_hayashi() -> None:
 
 def test_a_triangular_pair_of_contact_ratio_two_is_constant() -> None:
     shape = interpolate(np.array([0.0, 0.5, 1.0]), np.array([0.0, 1.0, 0.0]), "linear", False)
-    wave = Pair(2.0, shape)
+    wave = ToothPair(2.0, shape)
     assert wave.amplitude == 0
     assert not np.any(wave.value(np.linspace(0, 1, 50)))
 
 
 def test_a_batch_of_contact_ratios_and_shapes() -> None:
     c = np.array([1.2, 1.7, 2.3])[:, None]
-    wave = Pair(c, parabolic(np.array([0.3, 0.55]), 2.0))
+    wave = ToothPair(c, parabolic(np.array([0.3, 0.55]), 2.0))
     assert wave.batch == (3, 2)
     for i, j in np.ndindex(3, 2):
-        one = Pair(float(c[i, 0]), parabolic([0.3, 0.55][j], 2.0))
+        one = ToothPair(float(c[i, 0]), parabolic([0.3, 0.55][j], 2.0))
         assert wave.mean_stiffness[i, j] == pytest.approx(one.mean_stiffness, rel=1e-14)
         assert wave.amplitude[i, j] == pytest.approx(one.amplitude, rel=1e-13)
 
@@ -178,7 +178,7 @@ def test_kinks_that_coincide_with_jumps_do_no_harm(thousandths, pairs, ulps) -> 
     if not 0.01 < place < 0.99:
         return
     place += ulps * np.spacing(place)
-    wave = Pair(c, interpolate(np.array([0.0, place, 1.0]), np.array([1.0, 2.0, 1.0]), "linear", False))
+    wave = ToothPair(c, interpolate(np.array([0.0, place, 1.0]), np.array([1.0, 2.0, 1.0]), "linear", False))
     x = np.concatenate([np.linspace(0, 1, 501), [c - np.floor(c) + h for h in (-1e-9, 0.0, 1e-9)]])
     values = wave.value(x)
     low, high = wave.extremes()

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from gearstab.cli.report import facts
 from gearstab.cli.report.facts import State
-from gearstab.cli.report.page import Block, Heading, Page, Picture, Points, Table, Text
+from gearstab.cli.report.page import Block, BulletList, Heading, Page, Picture, Table, Text
 from gearstab.errors import NotPossible, UserError
 from gearstab.results.units import in_brackets
 
@@ -50,7 +50,7 @@ def page(config: Config, say: Callable[[str], None]) -> Page:
     blocks += _contact(states)
     blocks += _uncertainty(config, states[0])
     blocks += _modes(states[0])
-    blocks += [Heading("Assumptions and limits"), Points(LIMITS)]
+    blocks += [Heading("Assumptions and limits"), BulletList(LIMITS)]
     blocks += _provenance(config)
     return Page(config.title, blocks)
 
@@ -59,11 +59,11 @@ def _solution(config: Config, say: Callable[[str], None]) -> Solution | None:
     if config.design is None:
         return None
     from gearstab.design import check
-    from gearstab.design.problem import Problem
+    from gearstab.design.problem import DesignProblem
     from gearstab.design.solution import solved
 
     check(config)
-    return solved(Problem(config, config.design), say)
+    return solved(DesignProblem(config, config.design), say)
 
 
 def _states(config: Config, solution: Solution | None) -> list[State]:
@@ -201,7 +201,7 @@ def _design(solution: Solution) -> Iterator[Block]:
     from gearstab.results.units import unit_of
 
     yield Heading("Proposed design")
-    yield Points(answer(solution))
+    yield BulletList(answer(solution))
     problem = solution.problem
     rows = []
     for k, variable in enumerate(problem.variables):
@@ -216,7 +216,7 @@ def _design(solution: Solution) -> Iterator[Block]:
     )
     if solution.explanation:
         yield Text("Why, by first-order theory:")
-        yield Points(solution.explanation)
+        yield BulletList(solution.explanation)
 
 
 def _contact(states: Sequence[State]) -> Iterator[Block]:

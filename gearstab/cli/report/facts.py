@@ -20,7 +20,7 @@ from gearstab.floquet.required_damping import required_damping
 from gearstab.info.danger import CLOSED_BY, planets_step, remedies_of
 from gearstab.modal import mean_modes, modal_damping_ratios
 from gearstab.perturbation import Tongue
-from gearstab.perturbation.ranking import Region
+from gearstab.perturbation.ranking import RankedRegion
 from gearstab.perturbation.remedies import resonance
 from gearstab.system import Array, GearSystem
 
@@ -118,7 +118,7 @@ def _remedies(system: GearSystem, config: Config, tongue: Tongue, lower: float, 
     """What closes a region to first order, a remedy each."""
     if tongue.harmonic < 1:
         return []
-    region = Region(tongue, lower, upper, upper - lower, False, 0.0, resonance(system, tongue))
+    region = RankedRegion(tongue, lower, upper, upper - lower, False, 0.0, resonance(system, tongue))
     found = remedies_of(config, system, region, planets_step(system))
     cells = {name: cell(found) for name, cell in CLOSED_BY.items() if name != "damping ratio"}
     return [f"{name}: {text}" for name, text in cells.items() if text]

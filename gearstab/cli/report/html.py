@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from html import escape
 from string import Template
 
-from gearstab.cli.report.page import Block, Heading, Page, Picture, Points, Table, Text
+from gearstab.cli.report.page import Block, BulletList, Heading, Page, Picture, Table, Text
 
 PAGE = Template("""\
 <!DOCTYPE html>
@@ -51,7 +51,7 @@ def _block(block: Block) -> str:
             return f"<h2>{escape(text)}</h2>"
         case Text(text, strong):
             return f'<p class="strong">{escape(text)}</p>' if strong else f"<p>{escape(text)}</p>"
-        case Points(items):
+        case BulletList(items):
             return "<ul>\n" + "\n".join(f"<li>{escape(item)}</li>" for item in items) + "\n</ul>"
         case Table(header, rows):
             return "<table>\n" + "\n".join([_row(header, "th"), *(_row(row, "td") for row in rows)]) + "\n</table>"

@@ -26,7 +26,7 @@ class Text:
 
 
 @dataclass(frozen=True)
-class Points:
+class BulletList:
     """A list of short statements."""
 
     items: Sequence[str]
@@ -48,7 +48,7 @@ class Picture:
     caption: str
 
 
-Block = Heading | Text | Points | Table | Picture
+Block = Heading | Text | BulletList | Table | Picture
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ import io
 from collections.abc import Iterator, Sequence
 from textwrap import wrap
 
-from gearstab.cli.report.page import Block, Heading, Page, Picture, Points, Table, Text
+from gearstab.cli.report.page import Block, BulletList, Heading, Page, Picture, Table, Text
 
 PAPER = (8.27, 11.69)
 """A4, inches."""
@@ -63,7 +63,7 @@ def _lines(block: Block) -> Iterator[Line]:
         case Text(text, strong):
             yield from ((line, strong) for line in wrap(text, LETTERS))
             yield "", False
-        case Points(items):
+        case BulletList(items):
             for item in items:
                 yield from ((line, False) for line in wrap(item, LETTERS, initial_indent="- ", subsequent_indent="  "))
             yield "", False

@@ -39,7 +39,7 @@ def lost(error: OSError) -> NoReturn:
     raise click.exceptions.Exit(FAILED) from error
 
 
-class Output(io.RawIOBase):
+class StandardOutput(io.RawIOBase):
     """Standard output as a binary file, whose errors carry its name."""
 
     def writable(self) -> bool:

@@ -16,7 +16,7 @@ from gearstab.config.model.validation import explain
 from gearstab.config.sections import design_variables
 from gearstab.config.sections.expansion import expand_list
 from gearstab.config.sections.objectives import OBJECTIVES, QUANTITIES
-from gearstab.config.sections.sweep import Context, Layout, build
+from gearstab.config.sections.sweep import Context, UnresolvedAxis, build
 from gearstab.config.sections.targets import INPUT_SPEED, Target
 
 KEYS = {
@@ -30,7 +30,7 @@ SPEEDS: tuple[str, ...] = ("mesh_frequency", INPUT_SPEED)
 
 
 @dataclass(frozen=True)
-class Variable:
+class DesignVariable:
     """A quantity that may change.
 
     axis: its values as those of an axis of a sweep, both bounds of a continuous one, else all choices.
@@ -85,14 +85,14 @@ class Design:
     objectives: weights by name of quantity; several are for a Pareto front. tree: the section as plain data, resolved.
     """
 
-    variables: tuple[Variable, ...]
+    variables: tuple[DesignVariable, ...]
     ranges: tuple[SpeedRange, ...]
     objectives: tuple[Mapping[str, float], ...]
     limits: tuple[Limit, ...]
     tree: Mapping[str, Any]
 
 
-def layouts(context: Context) -> list[Layout]:
+def layouts(context: Context) -> list[UnresolvedAxis]:
     """Find what each variable sets; what is wrong with the section's keys and variables is reported."""
     document = context.document
     section = document.get(("design",))
@@ -109,7 +109,7 @@ def layouts(context: Context) -> list[Layout]:
     return list(design_variables.layouts(context)) if section.get("variables") else []
 
 
-def read(context: Context, found: list[Layout]) -> Design | None:
+def read(context: Context, found: list[UnresolvedAxis]) -> Design | None:
     """Read the section; None after reporting problems."""
     before = len(context.document.problems)
     variables, specs = [], {}
@@ -118,7 +118,7 @@ def read(context: Context, found: list[Layout]) -> Design | None:
         form = design_variables.form_of(context.document, layout.name)
         if built is None or form is None:
             continue
-        variables.append(Variable(built[0], form))
+        variables.append(DesignVariable(built[0], form))
         specs[layout.name] = _spec(form, built[1])
         design_variables.check(context.document, variables[-1].axis, form)
     section = context.document.get(("design",))

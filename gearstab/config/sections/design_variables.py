@@ -14,7 +14,7 @@ from gearstab.config.document import files
 from gearstab.config.document.problems import Path, nearest
 from gearstab.config.document.yaml import Document, number
 from gearstab.config.model.axes import Axis
-from gearstab.config.sections.sweep import Column, Context, Layout, cases, report_rivals
+from gearstab.config.sections.sweep import Column, Context, UnresolvedAxis, cases, report_rivals
 from gearstab.config.sections.targets import INPUT_SPEED, MESH_FREQUENCY, Target
 
 FORMS = {
@@ -29,7 +29,7 @@ MOST_CHOICES = 10_000
 """Of one variable."""
 
 
-def layouts(context: Context) -> Iterator[Layout]:
+def layouts(context: Context) -> Iterator[UnresolvedAxis]:
     """Find what each variable sets; reports forms that are none, names that stand for nothing, and rivals."""
     document = context.document
     section = document.get(PLACE)
@@ -64,7 +64,7 @@ def check(document: Document, axis: Axis, form: str) -> None:
         document.report(path, "has no room between its bounds", "give the lower bound first", value=document.get(path))
 
 
-def _layout(context: Context, name: str) -> Layout | None:
+def _layout(context: Context, name: str) -> UnresolvedAxis | None:
     document, path = context.document, (*PLACE, name)
     if name in (MESH_FREQUENCY[0], INPUT_SPEED):
         document.report(path, "is what the range is of, and no variable", "give it in design.range", at_key=True)
@@ -90,7 +90,7 @@ def _layout(context: Context, name: str) -> Layout | None:
     return None if entries is None else _of_choices(context, name, (*path, "choices"), entries)
 
 
-def _of_bounds(context: Context, name: str, path: Path, spec: list[Any]) -> Layout | None:
+def _of_bounds(context: Context, name: str, path: Path, spec: list[Any]) -> UnresolvedAxis | None:
     if len(spec) != 2:
         context.document.report(path, "must be the lower and the upper bound", "write [low, high]", value=spec)
         return None
@@ -99,7 +99,7 @@ def _of_bounds(context: Context, name: str, path: Path, spec: list[Any]) -> Layo
         return None
     plain = all(isinstance(value, int | float) and not isinstance(value, bool) for value in spec)
     middle = 0.5 * (spec[0] + spec[1]) if plain else spec[0]
-    return Layout(name, [Column(path, targets, base=_given(targets, middle))])
+    return UnresolvedAxis(name, [Column(path, targets, base=_given(targets, middle))])
 
 
 def _given(targets: list[Target], otherwise: Any) -> Any:
@@ -110,13 +110,13 @@ def _given(targets: list[Target], otherwise: Any) -> Any:
     return str(default) if isinstance(default, Fraction) else default
 
 
-def _of_values(context: Context, name: str, path: Path, items: list[Any]) -> Layout | None:
+def _of_values(context: Context, name: str, path: Path, items: list[Any]) -> UnresolvedAxis | None:
     """Also of a number that has a base value: a choice that is not one of the base system is no mistake."""
     targets: list[Target] = context.resolve(name, path[:-1])
     if not targets:
         return None
     places = [(*path, i) if path[-1] == "values" else path for i in range(len(items))]
-    return Layout(name, [Column(path, targets, items, places, _given(targets, items[0]))])
+    return UnresolvedAxis(name, [Column(path, targets, items, places, _given(targets, items[0]))])
 
 
 def _integers(document: Document, path: Path, ends: Any) -> list[int] | None:
@@ -132,12 +132,12 @@ def _integers(document: Document, path: Path, ends: Any) -> list[int] | None:
     return list(range(int(ends[0]), int(ends[1]) + 1))
 
 
-def _of_choices(context: Context, name: str, path: Path, entries: Any) -> Layout | None:
+def _of_choices(context: Context, name: str, path: Path, entries: Any) -> UnresolvedAxis | None:
     document = context.document
     if not isinstance(entries, list) or not entries or not all(isinstance(entry, dict) for entry in entries):
         document.report(path, "must be a list of mappings", "write choices: [{path: value}, ..]", value=entries)
         return None
-    found: Layout = cases(context, name, path, entries)
+    found: UnresolvedAxis = cases(context, name, path, entries)
     return found
 
 

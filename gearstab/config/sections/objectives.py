@@ -14,7 +14,7 @@ NonNegative = Field(ge=0)
 
 
 @dataclass(frozen=True)
-class Named:
+class Criterion:
     """A quantity: its unit, long name, and the type of a number that limits it."""
 
     units: str
@@ -22,8 +22,8 @@ class Named:
     annotation: Any
 
 
-def _named(units: str, long_name: str) -> Named:
-    return Named(units, long_name, Annotated[float, NonNegative, Quantity(units)])
+def _named(units: str, long_name: str) -> Criterion:
+    return Criterion(units, long_name, Annotated[float, NonNegative, Quantity(units)])
 
 
 QUANTITIES = {

@@ -84,7 +84,7 @@ class Column:
 
 
 @dataclass
-class Layout:
+class UnresolvedAxis:
     """An axis before its values are known.
 
     sound: whether every name in it stands for something. labels, cases and tie: of axes in these forms, as written.
@@ -128,7 +128,7 @@ def sets_mesh_frequency(section: dict[str, Any]) -> bool:
     return False
 
 
-def layouts(context: Context) -> list[Layout]:
+def layouts(context: Context) -> list[UnresolvedAxis]:
     """Return what each axis sets; report unknown names, and parameters that two axes set."""
     document = context.document
     section = document.get(("sweep",))
@@ -148,13 +148,13 @@ def layouts(context: Context) -> list[Layout]:
         elif isinstance(spec, dict) and ("targets" in spec or "values" in spec):
             found.append(_tie(context, name, path, spec))
         else:
-            found.append(Layout(name, [Column(path, context.resolve(name, path))]))
+            found.append(UnresolvedAxis(name, [Column(path, context.resolve(name, path))]))
     report_rivals(document, found)
     _report_teeth(document, found)
     return found
 
 
-def report_rivals(document: Document, found: list[Layout]) -> None:
+def report_rivals(document: Document, found: list[UnresolvedAxis]) -> None:
     """Report parameters that are set twice: each can be set by one axis or variable only, and by one name only."""
     owners: dict[Path, Path] = {}
     for layout in found:
@@ -167,7 +167,7 @@ def report_rivals(document: Document, found: list[Layout]) -> None:
                     break
 
 
-def _report_teeth(document: Document, found: list[Layout]) -> None:
+def _report_teeth(document: Document, found: list[UnresolvedAxis]) -> None:
     """How many cycles of a mesh are in a turn of the input must not change from point to point."""
     columns = [column for layout in found for column in layout.columns]
     teeth = any("teeth" in path for c in columns for target in c.targets for path in target.paths)
@@ -193,7 +193,7 @@ def _named_freely(context: Context, name: str, path: Path) -> None:
         context.document.report(path, message, "choose another name", at_key=True)
 
 
-def _tie(context: Context, name: str, path: Path, spec: dict[str, Any]) -> Layout:
+def _tie(context: Context, name: str, path: Path, spec: dict[str, Any]) -> UnresolvedAxis:
     document = context.document
     _named_freely(context, name, path)
     for key in spec:
@@ -203,18 +203,20 @@ def _tie(context: Context, name: str, path: Path, spec: dict[str, Any]) -> Layou
     if not isinstance(names, list) or not names or not all(isinstance(n, str) for n in names):
         where = (*path, "targets")
         document.report(where, "must be a list of parameter names", "write targets: [name, name]", value=names)
-        return Layout(name, [])
+        return UnresolvedAxis(name, [])
     targets = [context.resolve(n, (*path, "targets", i)) for i, n in enumerate(names)]
     values: Any = spec.get("values")
     apart = isinstance(values, list) and any(isinstance(v, list | dict) for v in values)
     if not apart:
-        return Layout(name, [_shared(document, path, [t for found in targets for t in found])], all(targets), tie=spec)
+        return UnresolvedAxis(
+            name, [_shared(document, path, [t for found in targets for t in found])], all(targets), tie=spec
+        )
     if len(values) != len(names):
         given = f"{len(names)} targets, but values for {len(values)}"
         document.report((*path, "values"), given, "give one list for each target, or one list of numbers for all")
-        return Layout(name, [])
+        return UnresolvedAxis(name, [])
     columns = [Column((*path, "values", i), found) for i, found in enumerate(targets)]
-    return Layout(name, columns, all(targets), tie=spec)
+    return UnresolvedAxis(name, columns, all(targets), tie=spec)
 
 
 def _shared(document: Document, path: Path, targets: list[Target]) -> Column:
@@ -234,7 +236,7 @@ def _shared(document: Document, path: Path, targets: list[Target]) -> Column:
     return Column(inner, targets)
 
 
-def cases(context: Context, name: str, path: Path, entries: list[dict[str, Any]]) -> Layout:
+def cases(context: Context, name: str, path: Path, entries: list[dict[str, Any]]) -> UnresolvedAxis:
     """An axis, or a design variable, whose entries are mappings that change several parameters together."""
     document = context.document
     _named_freely(context, name, path)
@@ -243,7 +245,7 @@ def cases(context: Context, name: str, path: Path, entries: list[dict[str, Any]]
     if not any(key != "label" for entry in entries for key in entry):
         document.report(path, "the cases set nothing", "let each set parameters, such as contact_ratio: 1.5")
         sound = False
-    return Layout(name, columns, sound, labels, cases=entries)
+    return UnresolvedAxis(name, columns, sound, labels, cases=entries)
 
 
 def _case_columns(context: Context, path: Path, entries: list[dict[str, Any]]) -> tuple[list[Column], bool]:
@@ -314,7 +316,7 @@ def _labels(document: Document, path: Path, entries: list[dict[str, Any]]) -> li
     return labels
 
 
-def base_values(document: Document, found: list[Layout]) -> Iterator[Path]:
+def base_values(document: Document, found: list[UnresolvedAxis]) -> Iterator[Path]:
     """Give every parameter that an axis sets and the system does not the axis' first value; yields where."""
     for layout in found:
         for column in layout.columns:
@@ -329,7 +331,7 @@ def base_values(document: Document, found: list[Layout]) -> Iterator[Path]:
                     yield path
 
 
-def build(context: Context, layout: Layout) -> tuple[Axis, Any] | None:
+def build(context: Context, layout: UnresolvedAxis) -> tuple[Axis, Any] | None:
     """The axis and its resolved specification; None after reporting problems."""
     document = context.document
     expansions = [[column.expand(document, t) for t in column.targets] for column in layout.columns]
@@ -359,7 +361,7 @@ def build(context: Context, layout: Layout) -> tuple[Axis, Any] | None:
     return axis, _spec(layout, expansions)
 
 
-def _coordinate(layout: Layout, targets: list[Target], first: Expansion) -> tuple[Any, str, str]:
+def _coordinate(layout: UnresolvedAxis, targets: list[Target], first: Expansion) -> tuple[Any, str, str]:
     if layout.labels is not None:
         return layout.labels, "1", layout.name
     values = [str(v) for v in first.values] if isinstance(first.values, list) else first.values
@@ -368,7 +370,7 @@ def _coordinate(layout: Layout, targets: list[Target], first: Expansion) -> tupl
     return values, units, layout.name if layout.tie and len(titles) > 1 else titles[0]
 
 
-def _spec(layout: Layout, expansions: list[list[Expansion]]) -> Any:
+def _spec(layout: UnresolvedAxis, expansions: list[list[Expansion]]) -> Any:
     if layout.cases is not None:
         given = {
             place[-2:]: value

@@ -26,7 +26,7 @@ from gearstab.config.model.introspection import (
 from gearstab.config.sections.dimensions import quantity_at
 from gearstab.systems import short_names, short_names_of
 from gearstab.systems.base import System
-from gearstab.systems.parts.mesh import Mesh, ToothMesh, may_have
+from gearstab.systems.parts.mesh import NamedToothMesh, ToothMesh, may_have
 from gearstab.waveforms.section import WaveformSection, name_of, owners, wave_of
 
 INPUT_SPEED = "input_speed"
@@ -230,7 +230,7 @@ def _index(name: str, part: str, path: Path, value: Any, entry: Any) -> int:
         names = [mesh.get("name") if isinstance(mesh, dict) else None for mesh in entries]
         if part not in names:
             choices = [name.replace(part, str(known)) for known in names if isinstance(known, str)]
-            what = "mesh" if issubclass(entry, Mesh) else "entry"
+            what = "mesh" if issubclass(entry, NamedToothMesh) else "entry"
             raise TargetError(f"there is no {what} '{part}'", nearest(name, choices))
         return names.index(part)
     if not part.isdecimal():

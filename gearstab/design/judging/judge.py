@@ -11,7 +11,7 @@ import numpy as np
 from gearstab.config.document.yaml import value_at
 from gearstab.config.sections.design import Limit
 from gearstab.design.judging.quantities import EXACT, first_order_width, tongue_distance
-from gearstab.design.problem import Batch, Problem
+from gearstab.design.problem import Batch, DesignProblem
 from gearstab.system import Array
 
 AT_ONCE = 256
@@ -48,7 +48,7 @@ class Worth:
 class Judge:
     """Judges designs exactly, and remembers every one of them."""
 
-    def __init__(self, problem: Problem) -> None:
+    def __init__(self, problem: DesignProblem) -> None:
         self.problem = problem
         self.designs: list[Array] = []
         self.worths: list[Worth] = []
@@ -102,7 +102,7 @@ def weighted(batch: Batch, weights: Mapping[str, float], known: dict[str, Array]
     return total
 
 
-def excess(problem: Problem, batch: Batch, known: dict[str, Array] | None) -> Array:
+def excess(problem: DesignProblem, batch: Batch, known: dict[str, Array] | None) -> Array:
     """Return how far designs exceed their limits: the sum of the relative excesses, infinite for what cannot exist.
 
     known: quantities by name, completed; None to leave out the limits on quantities.
@@ -140,7 +140,7 @@ def _number(batch: Batch, path: tuple[str | int, ...]) -> Array:
     return np.broadcast_to(np.asarray(value, dtype=float), (rows,))
 
 
-def _impossible(problem: Problem, batch: Batch) -> Array:
+def _impossible(problem: DesignProblem, batch: Batch) -> Array:
     """Infinite for meshes that are soft to nothing and for teeth with faults that the given design has not."""
     fault = np.zeros(batch.system.rows)
     if not batch.p.get("allow_negative_stiffness"):

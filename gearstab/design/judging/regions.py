@@ -22,7 +22,7 @@ MOST_HARMONICS = 8
 
 
 @dataclass(frozen=True)
-class Regions:
+class DisjointRegions:
     """Disjoint regions ``(rows, K)`` by ascending mesh frequency, NaN where a row has fewer."""
 
     lower: Array
@@ -39,19 +39,21 @@ class Regions:
         return np.asarray(np.min(np.where(np.isnan(away), np.inf, away), axis=1, initial=np.inf))
 
 
-def exact(system: GearSystem, low: float, high: float, tolerance: float = TOLERANCE, floor: float = FLOOR) -> Regions:
+def exact(
+    system: GearSystem, low: float, high: float, tolerance: float = TOLERANCE, floor: float = FLOOR
+) -> DisjointRegions:
     """Find all regions of all rows between two mesh frequencies by root finding on the Floquet problem."""
     found = boundaries(system, low, high, tolerance, floor)
     return _by_row(found.row, found.lower, found.upper, found.rows)
 
 
-def _by_row(row: Array, lower: Array, upper: Array, rows: int) -> Regions:
+def _by_row(row: Array, lower: Array, upper: Array, rows: int) -> DisjointRegions:
     count = np.bincount(row, minlength=rows)
     place = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
     edges = np.full((2, rows, max(1, int(count.max(initial=0)))), np.nan)
     order = np.lexsort((lower, row))
     edges[:, row[order], place] = lower[order], upper[order]
-    return Regions(edges[0], edges[1])
+    return DisjointRegions(edges[0], edges[1])
 
 
 def reach(low: float, high: float) -> tuple[float, float]:
@@ -67,7 +69,7 @@ def harmonics(system: GearSystem, low: float) -> int:
     return int(np.clip(ceil(2 * fastest / (low * slowest)), 1, MOST_HARMONICS))
 
 
-def predicted(system: GearSystem, low: float, high: float) -> Regions:
+def predicted(system: GearSystem, low: float, high: float) -> DisjointRegions:
     """Predict the regions of all rows by first-order theory; united where they overlap."""
     near = reach(low, high)
     found = first_order(system, harmonics(system, near[0]))
@@ -79,7 +81,7 @@ def predicted(system: GearSystem, low: float, high: float) -> Regions:
     return united(np.where(open_, lower, np.nan)[:, keep], np.where(open_, upper, np.nan)[:, keep])
 
 
-def united(lower: Array, upper: Array) -> Regions:
+def united(lower: Array, upper: Array) -> DisjointRegions:
     """Unite intervals ``(rows, K)`` that overlap; NaN for none."""
     order = np.argsort(lower, axis=1)
     lower, upper = np.take_along_axis(lower, order, 1), np.take_along_axis(upper, order, 1)
@@ -88,4 +90,4 @@ def united(lower: Array, upper: Array) -> Regions:
     # What an earlier interval covers is taken off; one that lies in it wholly is none.
     start = np.maximum(lower, np.minimum(before, upper))
     empty = ~(upper > start)
-    return Regions(np.where(empty, np.nan, start), np.where(empty, np.nan, upper))
+    return DisjointRegions(np.where(empty, np.nan, start), np.where(empty, np.nan, upper))

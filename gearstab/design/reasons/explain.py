@@ -34,7 +34,7 @@ CLOSED = 0.05
 
 
 @dataclass(frozen=True)
-class Driven:
+class DrivenRegion:
     """A region and the phasors (complex) of the meshes (numbers from 0) that drive it, each at its harmonic."""
 
     tongue: Tongue
@@ -49,7 +49,7 @@ class Driven:
         return abs(sum(self.phasors)) / total if total else 0.0
 
 
-def driven(system: GearSystem, tongues: Sequence[Tongue]) -> list[Driven]:
+def driven(system: GearSystem, tongues: Sequence[Tongue]) -> list[DrivenRegion]:
     """Return what drives each of the regions of a single system to first order."""
     modes = mean_modes(system)
     deflection = np.where(significant_deflection(modes), modes.mesh_deflection, 0.0)
@@ -65,7 +65,7 @@ def driven(system: GearSystem, tongues: Sequence[Tongue]) -> list[Driven]:
             turn = np.exp(-2j * np.pi * s * float(mesh.lag))
             parts.append((i, s, complex(strength * (float(b) - 1j * float(a)) * turn)))
         if parts:
-            found.append(Driven(tongue, *(tuple(column) for column in zip(*parts, strict=True))))
+            found.append(DrivenRegion(tongue, *(tuple(column) for column in zip(*parts, strict=True))))
     return found
 
 
@@ -84,7 +84,7 @@ def _listed(labels: Sequence[str]) -> str:
     return ", ".join(unique[:MOST_LABELS]) + more
 
 
-def _missing(system: GearSystem, known: list[Driven]) -> Iterator[str]:
+def _missing(system: GearSystem, known: list[DrivenRegion]) -> Iterator[str]:
     """Harmonics that a contact ratio leaves out."""
     for i, mesh in enumerate(system.meshes):
         if not isinstance(mesh.waveform, Rectangular):
@@ -101,7 +101,7 @@ def _missing(system: GearSystem, known: list[Driven]) -> Iterator[str]:
             )
 
 
-def _pairs(system: GearSystem, known: list[Driven]) -> Iterator[str]:
+def _pairs(system: GearSystem, known: list[DrivenRegion]) -> Iterator[str]:
     """Two meshes of one frequency with rectangular waves: the rule of c_1 - c_2 + 2 h."""
     both = [item for item in known if len(item.meshes) == 2 and min(map(abs, item.phasors)) > 0]
     groups = sorted({(item.meshes, item.harmonics) for item in both})
@@ -122,7 +122,7 @@ def _pairs(system: GearSystem, known: list[Driven]) -> Iterator[str]:
             yield f"{rule} = {value:.4g}{names} {' and '.join(words)}"
 
 
-def _effects(items: list[Driven]) -> Iterator[str]:
+def _effects(items: list[DrivenRegion]) -> Iterator[str]:
     """closes .., narrows .., widens .., by the phase between two meshes and how equal they are."""
     groups: dict[str, list[str]] = {"closes": [], "narrows": [], "widens": []}
     for item in items:
@@ -137,14 +137,14 @@ def _effects(items: list[Driven]) -> Iterator[str]:
             yield f"{word} {_listed(labels)}"
 
 
-def _many(system: GearSystem, known: list[Driven]) -> Iterator[str]:
+def _many(system: GearSystem, known: list[DrivenRegion]) -> Iterator[str]:
     """More meshes than two whose phasors cancel."""
     closed = [item.tongue.label for item in known if len(item.meshes) > 2 and item.left < CLOSED]
     if closed:
         yield f"the meshes of one frequency cancel each other in {_listed(closed)}"
 
 
-def _existence(system: GearSystem, known: list[Driven]) -> Iterator[str]:
+def _existence(system: GearSystem, known: list[DrivenRegion]) -> Iterator[str]:
     """The rule of cyclic symmetry, Parker 2009, conclusion 2."""
     step = phase_step(system)
     if step is None or system.symmetry is None:

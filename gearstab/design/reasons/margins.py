@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gearstab.design.judging.judge import Goal, Judge
-from gearstab.design.problem import Problem
+from gearstab.design.problem import DesignProblem
 from gearstab.design.reasons.tongues import WEIGHTS, step
 from gearstab.system import Array
 
@@ -29,7 +29,7 @@ def allowed(optimum: float, initial: float) -> float:
     return DEGRADED * max(initial, 0.0)
 
 
-def margins(problem: Problem, judge: Judge, goal: Goal, design: Array, most: float) -> Array:
+def margins(problem: DesignProblem, judge: Judge, goal: Goal, design: Array, most: float) -> Array:
     """``(2, variables)``, how far each variable may go down and up until the goal exceeds ``most``.
 
     At most as far as its bounds; whole choices of integers; NaN of other choices.
@@ -71,7 +71,7 @@ def _values(judge: Judge, goal: Goal, design: Array, sides: list[tuple[int, int]
     return np.asarray(value).reshape(places.shape)
 
 
-def _steps(problem: Problem, judge: Judge, goal: Goal, design: Array, most: float, v: int) -> list[float]:
+def _steps(problem: DesignProblem, judge: Judge, goal: Goal, design: Array, most: float, v: int) -> list[float]:
     """Choices that an integer may go down and up."""
     size = problem.variables[v].axis.size
     places = np.arange(size, dtype=float)
@@ -81,7 +81,7 @@ def _steps(problem: Problem, judge: Judge, goal: Goal, design: Array, most: floa
     return [float(np.argmin(run)) if not run.all() else float(len(run)) for run in runs]
 
 
-def sensitivities(problem: Problem, judge: Judge, design: Array) -> Array:
+def sensitivities(problem: DesignProblem, judge: Judge, design: Array) -> Array:
     """``(objectives, variables)``, d(objective)/d(variable) by differences of the exact objective; NaN of choices.
 
     On a kink, where a region just closes, it is the mean of the slopes on both sides.

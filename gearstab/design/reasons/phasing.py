@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from gearstab.design.judging import regions
-from gearstab.design.problem import Problem
+from gearstab.design.problem import DesignProblem
 from gearstab.design.reasons.tongues import single, whole
 from gearstab.floquet.boundaries import boundaries
 from gearstab.modal import mean_modes
@@ -19,7 +19,7 @@ MOST = 400
 """Choices that are gone through, the best ones."""
 
 
-def phasing(problem: Problem, designs: Array) -> dict[str, Any]:
+def phasing(problem: DesignProblem, designs: Array) -> dict[str, Any]:
     """Return of each choice z_s mod N, the regions within reach that its phases forbid, and those found in the ranges.
 
     What the existence rule forbids to first order is compared with the regions that root finding leaves: a forbidden

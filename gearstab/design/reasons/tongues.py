@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from gearstab.design.judging import regions
-from gearstab.design.problem import Batch, Problem, Span
+from gearstab.design.problem import Batch, DesignProblem, Span
 from gearstab.design.values import given_places
 from gearstab.floquet.boundaries import boundaries
 from gearstab.floquet.boundaries.regions import BOUNDARY_FLAGS, union
@@ -27,7 +27,7 @@ Key = tuple[Tongue, int]
 
 
 @dataclass(frozen=True)
-class Tongues:
+class DesignTongues:
     """Regions of ``(states,)`` designs, each region once.
 
     index: (tongue, occurrence). edges ``(tongue, 2, states)``, rad per unit time, NaN where a tongue is closed.
@@ -50,7 +50,7 @@ class Tongues:
         return int(min(open_, key=lambda k: (self.distance[k, state], -width[k])))
 
 
-def tongues(problem: Problem, designs: Sequence[Array]) -> Tongues:
+def tongues(problem: DesignProblem, designs: Sequence[Array]) -> DesignTongues:
     """Find the regions of designs within reach of the operating ranges, and the sensitivities of their edges."""
     found = [_of(problem, design) for design in designs]
     index = union([own.index for own in found])
@@ -63,7 +63,7 @@ def tongues(problem: Problem, designs: Sequence[Array]) -> Tongues:
         where[rows, :, state] = own.edges
         away[rows, state] = distance(own.edges, own.spans)
         tables[0, rows, :, state], tables[1, rows, :, state] = own.sensitivity, own.first_order
-    return Tongues(index, where, away, tables[0], tables[1])
+    return DesignTongues(index, where, away, tables[0], tables[1])
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ def distance(edges: Array, spans: Sequence[Span]) -> Array:
     return np.asarray(np.min(away, axis=0))
 
 
-def _of(problem: Problem, design: Array) -> _Own:
+def _of(problem: DesignProblem, design: Array) -> _Own:
     rows, steps = _moved(problem, design)
     batches = list(problem.batches(rows))
     if len(batches) != 1 or len(batches[0].members) != len(rows):
@@ -109,7 +109,7 @@ def whole(spans: Sequence[Span]) -> tuple[float, float]:
     return min(low for low, _ in ends), max(high for _, high in ends)
 
 
-def _moved(problem: Problem, design: Array) -> tuple[Array, dict[tuple[int, int], int]]:
+def _moved(problem: DesignProblem, design: Array) -> tuple[Array, dict[tuple[int, int], int]]:
     """The design and its neighbours along each continuous variable, and the row of (variable, steps)."""
     places = np.where(np.isnan(design), given_places(problem), design)
     rows = [design]
@@ -126,13 +126,13 @@ def _moved(problem: Problem, design: Array) -> tuple[Array, dict[tuple[int, int]
     return np.array(rows), steps
 
 
-def step(problem: Problem, variable: int) -> float:
+def step(problem: DesignProblem, variable: int) -> float:
     """h of the differences along a continuous variable."""
     low, high = problem.bounds[:, variable]
     return STEP * float(high - low)
 
 
-def _differences(problem: Problem, values: Array, steps: dict[tuple[int, int], int]) -> Array:
+def _differences(problem: DesignProblem, values: Array, steps: dict[tuple[int, int], int]) -> Array:
     """d/d(variable) ``(..., variables)`` of values ``(..., rows)``, NaN of variables that were not moved."""
     found = np.full((*values.shape[:-1], len(problem.variables)), np.nan)
     for v in {v for v, _ in steps}:
@@ -142,7 +142,7 @@ def _differences(problem: Problem, values: Array, steps: dict[tuple[int, int], i
 
 
 def _predicted(
-    problem: Problem, batch: Batch, steps: dict[tuple[int, int], int], keys: Sequence[Key], low: float
+    problem: DesignProblem, batch: Batch, steps: dict[tuple[int, int], int], keys: Sequence[Key], low: float
 ) -> Array:
     """The same of the edges of first-order theory, of the tongues that it knows."""
     found = first_order(batch.system, regions.harmonics(batch.system, low))
@@ -157,7 +157,7 @@ def _predicted(
     return table
 
 
-def single(problem: Problem, design: Array) -> tuple[GearSystem, tuple[Span, ...], dict[str, Any]]:
+def single(problem: DesignProblem, design: Array) -> tuple[GearSystem, tuple[Span, ...], dict[str, Any]]:
     """Build one design by itself: the system, its operating ranges and its parameters, plain numbers."""
     p = {key: _scalars(value) for key, value in problem.parameters(design[None]).items()}
     return build(p), problem.spans(p), p

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from gearstab.design.judging.judge import Goal, Judge
-from gearstab.design.problem import Problem
+from gearstab.design.problem import DesignProblem
 from gearstab.design.searching import search
 from gearstab.design.searching.search import Say
 from gearstab.system import Array
@@ -22,7 +22,7 @@ MOST = 40
 """Designs of a front that are kept."""
 
 
-def front(problem: Problem, judge: Judge, say: Say) -> Array:
+def front(problem: DesignProblem, judge: Judge, say: Say) -> Array:
     """Return the designs of the front ``(designs, variables)``, by their first objective.
 
     The best design by each objective alone, then the best ones by max_k w_k (f_k - u_k)/(n_k - u_k) for weights w in
@@ -109,7 +109,7 @@ def _directions(count: int) -> Iterator[Array]:
         yield np.full(count, 1 / count)
 
 
-def _of_one_choice(problem: Problem, designs: Array) -> Array:
+def _of_one_choice(problem: DesignProblem, designs: Array) -> Array:
     """Those with the same choices as the first one."""
     fixed = ~problem.continuous
     return np.asarray(designs[np.all(designs[:, fixed] == designs[0, fixed], axis=1)])

@@ -17,7 +17,7 @@ import numpy as np
 from gearstab.config import ConfigError
 from gearstab.design.judging.judge import VIOLATED, Goal, Judge
 from gearstab.design.judging.quantities import screened
-from gearstab.design.problem import Problem
+from gearstab.design.problem import DesignProblem
 from gearstab.system import Array
 
 MOST_COMBINATIONS = 20_000
@@ -39,7 +39,7 @@ AT_A_BOUND = 1e-3
 EVALUATIONS = 120
 """Of a simplex search for each variable."""
 DEAR = {"samples": 4, "searched": 2, "size": 8, "generations": 6, "evaluations": 15}
-"""The same numbers, much smaller, where judging a design takes long (:attr:`Problem.dear`)."""
+"""The same numbers, much smaller, where judging a design takes long (:attr:`DesignProblem.dear`)."""
 
 Say = Callable[[str], None]
 
@@ -49,7 +49,7 @@ def first(objectives: Array) -> Array:
     return objectives[:, 0]
 
 
-def combinations(problem: Problem) -> Array:
+def combinations(problem: DesignProblem) -> Array:
     """``(C, variables)``, every combination of choices; 0 for continuous variables. Raises ConfigError for too many."""
     sizes = [1 if v.continuous else v.axis.size for v in problem.variables]
     if prod(sizes) > MOST_COMBINATIONS:
@@ -58,7 +58,7 @@ def combinations(problem: Problem) -> Array:
     return np.array(list(product(*(range(size) for size in sizes))), dtype=float).reshape(-1, len(sizes))
 
 
-def best(problem: Problem, judge: Judge, goal: Goal = first, say: Say = lambda text: None) -> Array:
+def best(problem: DesignProblem, judge: Judge, goal: Goal = first, say: Say = lambda text: None) -> Array:
     """Return the best design found ``(variables,)``."""
     choices = combinations(problem)
     if not problem.continuous.any():
@@ -74,7 +74,7 @@ def best(problem: Problem, judge: Judge, goal: Goal = first, say: Say = lambda t
     return np.asarray(designs[int(np.argmin(judge.worth(designs).score(goal)))])
 
 
-def _as_given(problem: Problem) -> Array | None:
+def _as_given(problem: DesignProblem) -> Array | None:
     """The given design by the values of its variables; None where it is not within bounds and choices."""
     from gearstab.design.values import given_places
 
@@ -83,7 +83,7 @@ def _as_given(problem: Problem) -> Array | None:
     return places if np.all((places >= low) & (places <= high)) else None
 
 
-def _starts(problem: Problem, judge: Judge, choices: Array, cheap: bool, say: Say) -> Iterator[Array]:
+def _starts(problem: DesignProblem, judge: Judge, choices: Array, cheap: bool, say: Say) -> Iterator[Array]:
     """Designs ``(K, variables)`` of one combination of choices each, from which exact searches begin."""
     score = judge.screen if cheap else lambda designs: judge.worth(designs).score(first)
     count = DEAR["samples"] if problem.dear and not cheap else SAMPLES
@@ -107,11 +107,11 @@ def _starts(problem: Problem, judge: Judge, choices: Array, cheap: bool, say: Sa
         yield chosen
 
 
-def _size(problem: Problem) -> int:
+def _size(problem: DesignProblem) -> int:
     return DEAR["size"] if problem.dear else int(np.clip(12 * problem.continuous.sum(), FEWEST, MOST))
 
 
-def _sampled(problem: Problem, count: int) -> Array:
+def _sampled(problem: DesignProblem, count: int) -> Array:
     """Points of the unit cube, ``(count, continuous variables)``; scrambled, with a fixed seed."""
     from scipy.stats import qmc
 
@@ -119,7 +119,7 @@ def _sampled(problem: Problem, count: int) -> Array:
     return np.asarray(sampler.random(count))
 
 
-def _filled(problem: Problem, row: Array, unit: Array) -> Array:
+def _filled(problem: DesignProblem, row: Array, unit: Array) -> Array:
     """Designs of a combination of choices, with continuous variables at points of the unit cube."""
     low, high = problem.bounds[:, problem.continuous]
     designs = np.tile(row, (len(unit), 1))
@@ -127,14 +127,14 @@ def _filled(problem: Problem, row: Array, unit: Array) -> Array:
     return designs
 
 
-def _unit(problem: Problem, designs: Array) -> Array:
+def _unit(problem: DesignProblem, designs: Array) -> Array:
     """The reverse."""
     low, high = problem.bounds[:, problem.continuous]
     return np.asarray((designs[:, problem.continuous] - low) / (high - low))
 
 
 def _evolved(
-    problem: Problem, row: Array, score: Callable[[Array], Array], generations: int, begin: Array | None
+    problem: DesignProblem, row: Array, score: Callable[[Array], Array], generations: int, begin: Array | None
 ) -> tuple[Array, Array]:
     """Everything that a differential evolution looks at, and its scores. begin: designs of the first generation."""
     from scipy.optimize import differential_evolution
@@ -158,7 +158,7 @@ def _evolved(
     return np.concatenate(places), np.concatenate(scores)
 
 
-def _spread(problem: Problem, designs: Array, scores: Array) -> Array:
+def _spread(problem: DesignProblem, designs: Array, scores: Array) -> Array:
     """The best of many designs that are apart from each other."""
     unit = _unit(problem, designs)
     chosen: list[int] = []
@@ -170,7 +170,7 @@ def _spread(problem: Problem, designs: Array, scores: Array) -> Array:
     return designs[chosen]
 
 
-def searched(problem: Problem, judge: Judge, goal: Goal, start: Array, say: Say) -> Array:
+def searched(problem: DesignProblem, judge: Judge, goal: Goal, start: Array, say: Say) -> Array:
     """Return the best design of one combination of choices by exact judgement, from designs to begin with."""
     say("exact judgement")
     row, generations = start[0], DEAR["generations"] if problem.dear else GENERATIONS
@@ -178,12 +178,12 @@ def searched(problem: Problem, judge: Judge, goal: Goal, start: Array, say: Say)
     return polished(problem, judge, goal, places[int(np.argmin(scores))])
 
 
-def improved(problem: Problem, judge: Judge, goal: Goal, start: Array, generations: int) -> None:
+def improved(problem: DesignProblem, judge: Judge, goal: Goal, start: Array, generations: int) -> None:
     """Have designs of one combination of choices evolve for some generations; the judge remembers what is found."""
     _evolved(problem, start[0], lambda x: judge.worth(x).score(goal), generations, start)
 
 
-def polished(problem: Problem, judge: Judge, goal: Goal, design: Array) -> Array:
+def polished(problem: DesignProblem, judge: Judge, goal: Goal, design: Array) -> Array:
     """The bottom of the valley in which a design lies."""
     from scipy.optimize import minimize
 

@@ -58,7 +58,7 @@ def separated(pattern: Pattern, reduction: bool) -> Iterator[Part]:
 
 
 @dataclass(frozen=True, eq=False)
-class Regions:
+class RegionEdges:
     """Edges in Omega of K regions of rows: row ``(K,)``; edges, error, cut ``(K, 2)``, of the lower and the upper one.
 
     owner, member ``(N,)``: the tongues of the regions, of each the leading one first: number of the region, ascending,
@@ -72,34 +72,34 @@ class Regions:
     owner: Array
     member: Array
 
-    def subset(self, index: Array) -> Regions:
+    def subset(self, index: Array) -> RegionEdges:
         """Those at the positions ``index``."""
         count = np.bincount(self.owner, minlength=len(self.row))
         begin, own = (np.cumsum(count) - count)[index], count[index]
         owner = np.repeat(np.arange(len(index)), own)
         place = np.arange(len(owner)) - np.repeat(np.cumsum(own) - own, own) + np.repeat(begin, own)
         edges, error, cut = (part[index] for part in (self.edges, self.error, self.cut))
-        return Regions(self.row[index], edges, error, cut, owner, self.member[place])
+        return RegionEdges(self.row[index], edges, error, cut, owner, self.member[place])
 
-    def ordered(self) -> Regions:
+    def ordered(self) -> RegionEdges:
         """Sort by row and mesh frequency."""
         return self.subset(np.lexsort((self.edges[:, 1], self.edges[:, 0], self.row)))
 
     @classmethod
-    def joined(cls, parts: Sequence[Regions]) -> Regions:
+    def joined(cls, parts: Sequence[RegionEdges]) -> RegionEdges:
         """All of several, one after the other."""
         offsets = np.cumsum([0, *(len(part.row) for part in parts)])
         shifted = [replace(part, owner=part.owner + k) for part, k in zip(parts, offsets, strict=False)]
         return cls(*(np.concatenate([getattr(part, f.name) for part in shifted]) for f in fields(cls)))
 
     @classmethod
-    def none(cls) -> Regions:
+    def none(cls) -> RegionEdges:
         """No region."""
         whole, pairs = np.empty(0, dtype=np.int64), np.empty((0, 2))
         return cls(whole, pairs, pairs, pairs.astype(bool), whole, whole)
 
 
-def united(regions: Regions) -> Regions:
+def united(regions: RegionEdges) -> RegionEdges:
     """Regions of different blocks that overlap as one, by row and mesh frequency.
 
     Of its tongues those of the widest region come first.
@@ -115,12 +115,12 @@ def united(regions: Regions) -> Regions:
         return found
     groups = np.split(np.arange(len(lower)), first[1:])
     unions = [_union(found.subset(groups[k])) for k in np.flatnonzero(several)]
-    return Regions.joined([found.subset(first[~several]), *unions]).ordered()
+    return RegionEdges.joined([found.subset(first[~several]), *unions]).ordered()
 
 
-def _union(group: Regions) -> Regions:
+def _union(group: RegionEdges) -> RegionEdges:
     ends = np.array([np.argmin(group.edges[:, 0]), np.argmax(group.edges[:, 1])])
     widest = np.argsort(group.edges[:, 0] - group.edges[:, 1], kind="stable")
     member = np.array(list(dict.fromkeys(group.subset(widest).member.tolist())))
     edges, error, cut = (part[ends, [0, 1]][None] for part in (group.edges, group.error, group.cut))
-    return Regions(group.row[:1], edges, error, cut, np.zeros(len(member), dtype=np.int64), member)
+    return RegionEdges(group.row[:1], edges, error, cut, np.zeros(len(member), dtype=np.int64), member)

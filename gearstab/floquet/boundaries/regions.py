@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from gearstab.perturbation.tongues import Excitation, Tongue, sharing, tongue
+from gearstab.perturbation.tongues import ParametricExcitation, Tongue, sharing, tongue
 from gearstab.system import Array, GearSystem
 
 BOUNDARY_FLAGS = {"open": 1, "merged": 2, "absorbed": 4, "cut_below": 8, "cut_above": 16, "split": 32}
@@ -171,4 +171,4 @@ def _order(key: tuple[Tongue, int]) -> tuple[float, int, int, int]:
 
 def tongue_of(system: GearSystem, p: int, q: int, ratio: Fraction) -> Tongue:
     """The tongue of modes p <= q (from 1) at nu = ratio * Omega."""
-    return tongue(system, Excitation(ratio, sharing(system, ratio)), p, q)
+    return tongue(system, ParametricExcitation(ratio, sharing(system, ratio)), p, q)

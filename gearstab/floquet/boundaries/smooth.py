@@ -20,7 +20,7 @@ import numpy as np
 
 from gearstab.floquet.boundaries.counting.krein import evaluate
 from gearstab.floquet.boundaries.counting.points import Resolved, exact
-from gearstab.floquet.boundaries.damped.search import Found, Limits
+from gearstab.floquet.boundaries.damped.search import Limits, SearchResult
 from gearstab.floquet.boundaries.intervals import Intervals
 from gearstab.floquet.boundaries.undamped.search import Search
 from gearstab.floquet.kernel import choice as kernel
@@ -46,7 +46,7 @@ Verdict = Callable[[Pattern], Callable[[Array, Array], Array]]
 """For a pattern: which points (row, cycle) are stable."""
 
 
-def searched(system: GearSystem, limits: Limits) -> Iterator[tuple[Pattern, Search | tuple[Chain, Found]]]:
+def searched(system: GearSystem, limits: Limits) -> Iterator[tuple[Pattern, Search | tuple[Chain, SearchResult]]]:
     """Patterns of all rows and what is found out about them; the edges' brackets contain the error of the steps."""
     if system.damping is None:
         for division in portions(system):
@@ -72,7 +72,7 @@ def _conservative(division: Division, limits: Limits) -> tuple[Pattern, Search]:
     return pattern, replace(found, intervals=_widened(found.intervals, error))
 
 
-def _damped(division: Division, plain: Division, limits: Limits) -> tuple[Pattern, tuple[Chain, Found]]:
+def _damped(division: Division, plain: Division, limits: Limits) -> tuple[Pattern, tuple[Chain, SearchResult]]:
     """plain: the same rows without damping."""
 
     def stable(pattern: Pattern) -> Callable[[Array, Array], Array]:
@@ -83,7 +83,7 @@ def _damped(division: Division, plain: Division, limits: Limits) -> tuple[Patter
         own = plain.subset(rows)
         return _resolved(own, _resolution(own, limits), limits)
 
-    def run(pattern: Pattern) -> Found:
+    def run(pattern: Pattern) -> SearchResult:
         # A proof allows for what the steps may be wrong by.
         flow = replace(chain(exact(pattern)), rounding=max(ROUNDING, limits.tolerance))
         return limits.damped(flow, pattern, guide)

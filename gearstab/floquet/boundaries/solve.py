@@ -10,10 +10,10 @@ import numpy as np
 
 from gearstab.floquet.boundaries import smooth
 from gearstab.floquet.boundaries.coverage import Coverage
-from gearstab.floquet.boundaries.damped.search import Found, Guide, Limits, collisions, growing
+from gearstab.floquet.boundaries.damped.search import Guide, Limits, SearchResult, collisions, growing
 from gearstab.floquet.boundaries.intervals import Interval, Intervals, by_row
 from gearstab.floquet.boundaries.names import harmonics, labels, naming
-from gearstab.floquet.boundaries.parts import Part, Regions, separated, united
+from gearstab.floquet.boundaries.parts import Part, RegionEdges, separated, united
 from gearstab.floquet.boundaries.regions import Boundaries, tongue_of
 from gearstab.floquet.boundaries.undamped.search import Search
 from gearstab.floquet.kernel.chain import Chain, chain
@@ -83,7 +83,7 @@ def boundaries(
 
 def _searched(
     system: GearSystem, limits: Limits, reduction: bool
-) -> Iterator[tuple[Part, Search | tuple[Chain, Found]]]:
+) -> Iterator[tuple[Part, Search | tuple[Chain, SearchResult]]]:
     """Parts of all rows and what is found out about them."""
     if not system.piecewise_constant:
         for pattern, found in smooth.searched(system, limits):
@@ -119,7 +119,7 @@ class _Collected:
 
     def __post_init__(self) -> None:
         rows = self.system.rows
-        self.regions = [Regions.none()]
+        self.regions = [RegionEdges.none()]
         self.contacts, self.evaluations = np.zeros((2, rows), dtype=np.int64)
         self.coverage = Coverage(rows, self.start, self.stop)
         modes = mean_modes(self.system)
@@ -136,7 +136,7 @@ class _Collected:
         mode, pair = self._rigid(part)[grows], np.ones((len(row), 2))
         member = np.array([self._self_excited(int(k)) for k in mode], dtype=np.int64)
         whole = np.array([[self.start, self.stop]]) * pair
-        self.regions.append(Regions(row, whole, 0 * pair, pair > 0, np.arange(len(row)), member))
+        self.regions.append(RegionEdges(row, whole, 0 * pair, pair > 0, np.arange(len(row)), member))
 
     def undamped(self, part: Part, found: Search) -> None:
         """Name and keep the regions of a part."""
@@ -145,7 +145,7 @@ class _Collected:
         self._keep(part, found.intervals, self._named(part, part.pattern, found.intervals))
         self.coverage.count(part.pattern.rows)
 
-    def damped(self, part: Part, flow: Chain, found: Found) -> None:
+    def damped(self, part: Part, flow: Chain, found: SearchResult) -> None:
         """The same of a damped part."""
         pattern = part.pattern
         self.evaluations[pattern.rows] += found.evaluations
@@ -159,7 +159,7 @@ class _Collected:
                 ranges.append(np.clip(pattern.elastic.rate[k] / cycles, self.start, self.stop))
             self.coverage.add(int(row), *ranges)
 
-    def _of_damped(self, part: Part, flow: Chain, found: Found) -> list[tuple[labels.Root, ...]]:
+    def _of_damped(self, part: Part, flow: Chain, found: SearchResult) -> list[tuple[labels.Root, ...]]:
         """The roots of each damped region; where harmonics leave doubts in a row, with the help of undamped ones."""
         seen = harmonics.seen(flow, found.intervals, found.peaks)
         plain = harmonics.plain(found.intervals, seen)
@@ -247,11 +247,11 @@ class _Collected:
             owner = np.concatenate([first, owner])[order]
             member = np.append(np.array([self._self_excited(int(k)) for k in itself], dtype=np.int64), member)[order]
         edges, cut = np.stack([lower, upper], axis=1), found.cut[:, ::-1]
-        self.regions.append(Regions(part.pattern.rows[found.row], edges, error, cut, owner, member))
+        self.regions.append(RegionEdges(part.pattern.rows[found.row], edges, error, cut, owner, member))
 
     def result(self) -> Boundaries:
         """Everything, by row and mesh frequency."""
-        found = united(Regions.joined(self.regions))
+        found = united(RegionEdges.joined(self.regions))
         covered = [self.coverage.of(k, found.edges[own]) for k, own in enumerate(by_row(found.row, self.system.rows))]
         return Boundaries(
             self.system.rows,

@@ -27,7 +27,7 @@ from gearstab.floquet.kernel import damped
 from gearstab.floquet.segments.blocks import split
 from gearstab.floquet.segments.pattern import Pattern, window
 from gearstab.floquet.segments.reduction import Elastic
-from gearstab.floquet.stability import STATUS_FLAGS, Stability
+from gearstab.floquet.stability import STATUS_FLAGS, FloquetStability
 from gearstab.system import Array, GearSystem
 
 BURN_IN = 0.21421356
@@ -51,7 +51,7 @@ POINTS_AT_ONCE = 2048
 
 def solve(
     system: GearSystem, mesh_frequency: Array, cycles: float = 500, confidence: float = 0.95, seed: int = 0
-) -> Stability:
+) -> FloquetStability:
     """The largest Lyapunov exponent of every row of a system at every mesh frequency of the first mesh.
 
     A conservative row cannot decay: it counts as stable, with growth rate 0, where its growth is within the interval.
@@ -125,7 +125,7 @@ def length(system: GearSystem, cycles: float) -> float:
     return cycles / min(float(ratio) for ratio in system.frequency_ratios)
 
 
-def _decided(growth: Array, upper: Array, lower: Array, status: Array, conservative: Array) -> Stability:
+def _decided(growth: Array, upper: Array, lower: Array, status: Array, conservative: Array) -> FloquetStability:
     failed = ~np.isfinite(growth)
     interval = np.maximum(upper - growth, growth - lower)
     still = conservative & (lower <= 0)
@@ -136,7 +136,7 @@ def _decided(growth: Array, upper: Array, lower: Array, status: Array, conservat
     stable[failed] = -1
     status[failed] |= STATUS_FLAGS["failed"]
     growth[failed], interval[failed] = np.nan, np.nan
-    return Stability(growth, stable, status, interval=interval)
+    return FloquetStability(growth, stable, status, interval=interval)
 
 
 def _exponents(pattern: Pattern, constant: bool, omega: Array, settings: tuple[float, int]) -> tuple[Array, Array]:

@@ -14,7 +14,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from gearstab.floquet.stability import STATUS_FLAGS, Stability
+from gearstab.floquet.stability import STATUS_FLAGS, FloquetStability
 from gearstab.system import Array, GearSystem, Mesh, PeriodicTerm
 from gearstab.waveforms import Constant, Profile, Rectangular
 
@@ -23,14 +23,16 @@ NODES = 12
 
 
 @dataclass(frozen=True)
-class Group:
+class FrequencyGroup:
     """What varies with one frequency: names of its meshes, joined by ``+``, and Omega_i/Omega."""
 
     name: str
     ratio: Fraction | float
 
 
-def solve(system: GearSystem, mesh_frequency: Array, solver: Callable[[GearSystem, Array], Stability]) -> Stability:
+def solve(
+    system: GearSystem, mesh_frequency: Array, solver: Callable[[GearSystem, Array], FloquetStability]
+) -> FloquetStability:
     """Stability of every row of a system at every mesh frequency of the first mesh.
 
     Parameters
@@ -50,10 +52,10 @@ def solve(system: GearSystem, mesh_frequency: Array, solver: Callable[[GearSyste
     status = np.bitwise_or.reduce([one.status for one in found]) | np.int16(STATUS_FLAGS["per_mesh"])
     errors = [one.error_estimate for one in found if one.error_estimate is not None]
     error = np.max(errors, axis=0) if errors else None
-    return Stability(growth, stable.astype(np.int8), status, by_mesh=by_mesh, error_estimate=error)
+    return FloquetStability(growth, stable.astype(np.int8), status, by_mesh=by_mesh, error_estimate=error)
 
 
-def groups(system: GearSystem) -> tuple[Group, ...]:
+def groups(system: GearSystem) -> tuple[FrequencyGroup, ...]:
     """One per mesh frequency, in the order of the meshes, then of the terms."""
     parts: list[Mesh | PeriodicTerm] = [*system.meshes, *system.terms]
     names: dict[Fraction | float, list[str]] = {}
@@ -61,10 +63,12 @@ def groups(system: GearSystem) -> tuple[Group, ...]:
         names.setdefault(part.frequency_ratio, []).append(part.name)
     meshes = {mesh.name for mesh in system.meshes}
     # A term is named only where no mesh has its frequency.
-    return tuple(Group("+".join([n for n in own if n in meshes] or own), ratio) for ratio, own in names.items())
+    return tuple(
+        FrequencyGroup("+".join([n for n in own if n in meshes] or own), ratio) for ratio, own in names.items()
+    )
 
 
-def varies(system: GearSystem, group: Group) -> Array:
+def varies(system: GearSystem, group: FrequencyGroup) -> Array:
     """``(rows,)``: whether anything varies with the frequency of a group."""
     found = np.full(system.batch, any(term.frequency_ratio == group.ratio for term in system.terms))
     for mesh in system.meshes:
@@ -81,7 +85,7 @@ def apart(system: GearSystem) -> Iterator[tuple[GearSystem, float]]:
         yield alone(whole, group), float(group.ratio)
 
 
-def alone(system: GearSystem, group: Group) -> GearSystem:
+def alone(system: GearSystem, group: FrequencyGroup) -> GearSystem:
     """The system in which only one group varies. Its frequency is Omega, so that the system always has a period."""
 
     one, ratio = Fraction(1), group.ratio

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gearstab.linear.first_order import UNDAMPED, Modal, acted_on
+from gearstab.linear.first_order import UNDAMPED, ModalMatrices, acted_on
 from gearstab.system import Array, GearSystem
 
 
@@ -40,20 +40,20 @@ class Generator:
 
 def generators(system: GearSystem) -> list[Generator]:
     """Those of all rows of the flattened batch."""
-    modal = Modal.of(system)
+    modal = ModalMatrices.of(system)
     return [_generator(modal.subset(np.array([row]))) for row in range(system.rows)]
 
 
 def free_rotations(system: GearSystem) -> Array:
     """``(rows, n)``: which modes of the mean system are rigid-body motion that no mesh and no term feels."""
-    return _unfelt(Modal.of(system))
+    return _unfelt(ModalMatrices.of(system))
 
 
-def _unfelt(modal: Modal) -> Array:
+def _unfelt(modal: ModalMatrices) -> Array:
     return np.asarray(modal.rigid & ~acted_on([matrix for on_velocity, matrix in modal.parts if not on_velocity]))
 
 
-def _generator(modal: Modal) -> Generator:
+def _generator(modal: ModalMatrices) -> Generator:
     """That of a single row."""
     rigid = _unfelt(modal)[0]
     modal = _turned(modal, np.flatnonzero(rigid))
@@ -77,7 +77,7 @@ def _coupled(drag: list[Array], rows: Array, columns: Array) -> bool:
     return max((float(np.abs(part).max(initial=0.0)) for part in parts), default=0.0) > UNDAMPED * largest
 
 
-def _turned(modal: Modal, rigid: Array) -> Modal:
+def _turned(modal: ModalMatrices, rigid: Array) -> ModalMatrices:
     """The same with its modes ``rigid`` turned so that as few of them as possible are damped."""
     if len(rigid) < 2:
         return modal

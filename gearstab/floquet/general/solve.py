@@ -17,7 +17,7 @@ import numpy as np
 
 from gearstab.floquet.general.coordinates import Generator, generators
 from gearstab.floquet.segments.pattern import CONSTANT, PROBES
-from gearstab.floquet.stability import STATUS_FLAGS, Stability, ordered
+from gearstab.floquet.stability import STATUS_FLAGS, FloquetStability, ordered
 from gearstab.linear.magnus import NODES, ORDER, expm, exponent, polynomial
 from gearstab.linear.schedule import Schedule, schedule
 from gearstab.system import Array, GearSystem
@@ -37,7 +37,9 @@ ENTRIES_AT_ONCE = 2**21
 """Of the matrices of the points that are treated together: 16 MB."""
 
 
-def analyse(system: GearSystem, mesh_frequency: Array, exponents: bool = False, tolerance: float = 1e-9) -> Stability:
+def analyse(
+    system: GearSystem, mesh_frequency: Array, exponents: bool = False, tolerance: float = 1e-9
+) -> FloquetStability:
     """Stability of every row of any commensurate system at every mesh frequency.
 
     Parameters
@@ -69,7 +71,7 @@ def analyse(system: GearSystem, mesh_frequency: Array, exponents: bool = False, 
             table[r] = ordered(np.concatenate([logs / period[:, None], rigid], axis=1))
     status = np.where(error <= tolerance, 0, STATUS_FLAGS["not_converged"]).astype(np.int16)
     status[stable < 0] |= STATUS_FLAGS["failed"]
-    return Stability(growth, stable, status, table, error, "numpy")
+    return FloquetStability(growth, stable, status, table, error, "numpy")
 
 
 @dataclass(frozen=True)

@@ -36,7 +36,7 @@ VISIBLE = 1e6
 
 
 @dataclass(frozen=True)
-class Scan:
+class KernelAnswer:
     """What a kernel says of points ``(r, P)``.
 
     growth: ln max |lambda| a period before any uniform decay. verdict: int8 as of the kernels, or None with damping.
@@ -60,18 +60,18 @@ def rounding(pattern: Pattern, omega: Array) -> Array:
     return np.asarray(EPSILON * (DRIFT * (np.sqrt(count) + phase) + BIAS * count))
 
 
-def scan(pattern: Pattern, omega: Array, interpolate: bool = False) -> Scan:
+def scan(pattern: Pattern, omega: Array, interpolate: bool = False) -> KernelAnswer:
     """All points of a pattern; interpolate: whether over mesh frequency, where that pays."""
     noise = rounding(pattern, omega)
     if pattern.elastic.damping is None:
         verdict, growth, rho, magnified = kernel.current().scan_traces(pattern, omega, interpolate)
-        return Scan(growth, verdict, rho, np.zeros(omega.shape), noise * magnified)
+        return KernelAnswer(growth, verdict, rho, np.zeros(omega.shape), noise * magnified)
     generator: Generators = damped.generators(pattern, pattern.elastic.damping)
     growth, scale, values = kernel.current().multipliers_damped(pattern, generator, omega)
-    return Scan(growth, None, values, scale, noise)
+    return KernelAnswer(growth, None, values, scale, noise)
 
 
-def difference(fine: Scan, coarse: Scan, decay: Array) -> tuple[Array, Array]:
+def difference(fine: KernelAnswer, coarse: KernelAnswer, decay: Array) -> tuple[Array, Array]:
     """Return how much the multipliers differ, and the rounding error of those of ``fine``, ``(r, P)`` each.
 
     decay ``(r, P)``: uniform decay a period that the multipliers do not contain.
@@ -87,7 +87,7 @@ def difference(fine: Scan, coarse: Scan, decay: Array) -> tuple[Array, Array]:
     return found * size, noise * size
 
 
-def _difference_conservative(fine: Scan, coarse: Scan) -> tuple[Array, Array]:
+def _difference_conservative(fine: KernelAnswer, coarse: KernelAnswer) -> tuple[Array, Array]:
     with np.errstate(invalid="ignore", over="ignore"):
         change, largest = kernel.current().trace_change(fine.values, coarse.values, WEIGHT)
     close = change < VISIBLE * fine.rounding
@@ -111,7 +111,7 @@ def colliding(rho: Array, error: Array) -> Array:
     return np.asarray(kernel.current().trace_condition(rho, error)[1] <= NEAR * error)
 
 
-def _difference_damped(fine: Scan, coarse: Scan) -> tuple[Array, Array]:
+def _difference_damped(fine: KernelAnswer, coarse: KernelAnswer) -> tuple[Array, Array]:
     with np.errstate(over="ignore", invalid="ignore"):
         other = coarse.values * np.exp(coarse.scale - fine.scale)[..., None]
         gap = np.abs(fine.values[..., :, None] - other[..., None, :]).min(axis=-1).max(axis=-1, initial=0.0)

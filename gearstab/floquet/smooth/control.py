@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from gearstab.floquet.segments.pattern import Pattern
-from gearstab.floquet.smooth.compare import Scan, colliding, difference, scan
+from gearstab.floquet.smooth.compare import KernelAnswer, colliding, difference, scan
 from gearstab.floquet.smooth.schemes import Scheme
 from gearstab.floquet.smooth.steps import Division
 from gearstab.system import Array
@@ -88,7 +88,7 @@ class Estimates:
     """What is known of points ``(r, P)``.
 
     omega, decay, tolerance: what they are and how exactly they are wanted, see :func:`estimates`.
-    growth, verdict: as of :class:`~gearstab.floquet.smooth.compare.Scan`. error: estimated, of the multipliers.
+    growth, verdict: as of :class:`~gearstab.floquet.smooth.compare.KernelAnswer`. error: estimated, of the multipliers.
     rounding: the part of it that more steps would not lessen. changed: whether the verdict did at the last doubling.
     resolution: at which they were computed. changed includes points whose multipliers are as close as their error.
     """
@@ -159,7 +159,9 @@ def _improve(found: Estimates, ladder: Ladder, rows: Array, points: Array, valid
         found.verdict[place], found.changed[place] = fine.verdict, changed
 
 
-def estimated(fine: Scan, coarse: Scan, decay: Array, factor: float, valid: Array) -> tuple[Array, Array, Array]:
+def estimated(
+    fine: KernelAnswer, coarse: KernelAnswer, decay: Array, factor: float, valid: Array
+) -> tuple[Array, Array, Array]:
     """(error estimate, the part of it that is rounding, whether multipliers differ by much more than is usual) of the
     points of ``fine``, ``(r, P)`` each.
 

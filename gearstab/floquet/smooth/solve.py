@@ -23,7 +23,7 @@ from gearstab.floquet.solution import (
     pieces,
     solved,
 )
-from gearstab.floquet.stability import STATUS_FLAGS, Stability
+from gearstab.floquet.stability import STATUS_FLAGS, FloquetStability
 from gearstab.system import Array, GearSystem
 
 WASTED = -1.0
@@ -39,7 +39,7 @@ SAMPLES = Scheme("samples", 0, CF6_5.nodes, np.diag(CF6_5.weights.sum(axis=0)))
 
 def solutions(
     system: GearSystem, omega: Array, exponents: bool, reduction: bool, tolerance: float
-) -> Iterator[tuple[Block, Stability]]:
+) -> Iterator[tuple[Block, FloquetStability]]:
     """All blocks of all rows at mesh frequencies ``(rows, P)``, rad per unit time."""
     for division in portions(system):
         negative = _negative(division)
@@ -108,7 +108,7 @@ def _work(choice: Ladder, resolution: Array) -> float:
     return float(sum(choice.segments(int(k)) * n for k, n in zip(found, count, strict=True)))
 
 
-def _varying(division: Division, omega: Array, exponents: bool, tolerance: float) -> Stability:
+def _varying(division: Division, omega: Array, exponents: bool, tolerance: float) -> FloquetStability:
     """A block whose stiffness varies, at ``omega`` in its own units."""
     elastic = division.elastic
     period = 2 * np.pi * division.cycles / omega
@@ -139,7 +139,7 @@ def _varying(division: Division, omega: Array, exponents: bool, tolerance: float
     status[near] |= STATUS_FLAGS["near_boundary"]
     status[~(found.error <= tolerance)] |= STATUS_FLAGS["not_converged"]
     rate = elastic.rate[:, None]
-    return Stability(
+    return FloquetStability(
         growth / period * rate,
         stable.astype(np.int8),
         status,

@@ -15,14 +15,16 @@ from matplotlib.colors import Colormap, Normalize
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, ScalarFormatter
 
-from gearstab.plots.axes import Axis
+from gearstab.plots.axes import FigureAxis
 from gearstab.plots.drawing.style import FAILED, LINE
 from gearstab.plots.drawing.text import fitted, plain
 
 Array = np.ndarray
 
 
-def draw_cells(ax: Axes, x: Axis, y: Axis, values: Array, cmap: Colormap, norm: Normalize) -> ScalarMappable:
+def draw_cells(
+    ax: Axes, x: FigureAxis, y: FigureAxis, values: Array, cmap: Colormap, norm: Normalize
+) -> ScalarMappable:
     """Colour the cells of a grid; masked ones stay as they are.
 
     values: masked ``(y.size, x.size)`` over ascending axes. Even spacing gives an image (whose array repeats cells if
@@ -53,7 +55,7 @@ def resolved(values: Array, width: float, height: float) -> tuple[Array, bool]:
     return values, down or across
 
 
-def draw_failed(ax: Axes, x: Axis, y: Axis, failed: Array) -> PolyCollection | None:
+def draw_failed(ax: Axes, x: FigureAxis, y: FigureAxis, failed: Array) -> PolyCollection | None:
     """Hatch the cells without a value in grey; None if there are none."""
     if not failed.any():
         return None
@@ -65,7 +67,7 @@ def draw_failed(ax: Axes, x: Axis, y: Axis, failed: Array) -> PolyCollection | N
     return patches
 
 
-def runs(x: Axis, y: Axis, cells: Array) -> PolyCollection:
+def runs(x: FigureAxis, y: FigureAxis, cells: Array) -> PolyCollection:
     """Return one polygon for each run of chosen cells along x; ``cells``: ``(y.size, x.size)`` over ascending axes."""
     columns, rows = x.edges(), y.edges()
     padded = np.zeros((cells.shape[0], cells.shape[1] + 2), dtype=np.int8)
@@ -77,7 +79,7 @@ def runs(x: Axis, y: Axis, cells: Array) -> PolyCollection:
     return PolyCollection(list(corners))
 
 
-def frame(ax: Axes, x: Axis, y: Axis) -> None:
+def frame(ax: Axes, x: FigureAxis, y: FigureAxis) -> None:
     """Limits, scales, ticks and labels of both axes.
 
     The limits are the first and the last number; on an axis of labels or of one value they are the cells' edges.
@@ -96,7 +98,7 @@ def frame(ax: Axes, x: Axis, y: Axis) -> None:
             side.set_tick_params(which="minor", length=0)
 
 
-def number(side: MatplotlibAxis, axis: Axis) -> None:
+def number(side: MatplotlibAxis, axis: FigureAxis) -> None:
     """Numbers as one writes them: decades of a logarithmic axis, turns per minute without a power of ten."""
     if axis.logarithmic:
         number_decades(side)
@@ -113,7 +115,7 @@ def number_decades(side: MatplotlibAxis) -> None:
     side.set_minor_formatter(NullFormatter())
 
 
-def limits(axis: Axis) -> tuple[float, float]:
+def limits(axis: FigureAxis) -> tuple[float, float]:
     """Where the frame of a map begins and ends along an axis: nothing was computed beyond the first and last number."""
     ends = axis.edges() if axis.size == 1 or not axis.numeric else axis.ascending
     return float(ends[0]), float(ends[-1])

@@ -21,7 +21,14 @@ from matplotlib.transforms import (
 from gearstab.plots.axes import Request, View
 from gearstab.plots.drawing.placement import Placed, place
 from gearstab.plots.drawing.text import tongue_label
-from gearstab.plots.drawing.tongues import INVISIBLE, Tongues, frequency_limits, parameter_axis, read_tongues, widest
+from gearstab.plots.drawing.tongues import (
+    INVISIBLE,
+    DrawnTongues,
+    frequency_limits,
+    parameter_axis,
+    read_tongues,
+    widest,
+)
 
 Array = np.ndarray
 
@@ -40,14 +47,14 @@ class NamedTongues:
     inner: tuple[Line2D, ...] = ()
 
 
-def anchors(tongues: Tongues, low: float, high: float, logarithmic: bool = False) -> tuple[Array, Array, Array]:
+def anchors(tongues: DrawnTongues, low: float, high: float, logarithmic: bool = False) -> tuple[Array, Array, Array]:
     """Where each tongue meets the end of its parameter axis.
 
     Returns (middle of the tongue as a part of the frame, position along the parameter axis, weight) for every tongue:
     at the last row where it is visible. The weight is its greatest width; tongues not worth a name have 0.
     """
     if logarithmic:
-        tongues = Tongues(np.log(tongues.edges), tongues.labels, tongues.parameter)
+        tongues = DrawnTongues(np.log(tongues.edges), tongues.labels, tongues.parameter)
         low, high = np.log(low), np.log(high)
     part = tongues.inside(low, high)
     width = np.nan_to_num(part[:, 1] - part[:, 0])
@@ -71,7 +78,7 @@ def name_view(tree: xr.DataTree, ax: Axes, view: View, rows: int = 3) -> NamedTo
     return name_tongues(ax, lines, frequency_on_x, rows) if lines is not None else NamedTongues()
 
 
-def merged(groups: list[Tongues], low: float, high: float) -> Tongues | None:
+def merged(groups: list[DrawnTongues], low: float, high: float) -> DrawnTongues | None:
     """The labelled tongues of all groups that can be seen, from the first group that shows each; None without any."""
     edges: dict[str, Array] = {}
     for group in groups:
@@ -79,10 +86,10 @@ def merged(groups: list[Tongues], low: float, high: float) -> Tongues | None:
         for i in np.flatnonzero(seen):
             edges.setdefault(group.labels[i], group.edges[i])
     edges.pop("", None)
-    return Tongues(np.stack(list(edges.values())), tuple(edges), groups[0].parameter) if edges else None
+    return DrawnTongues(np.stack(list(edges.values())), tuple(edges), groups[0].parameter) if edges else None
 
 
-def name_tongues(ax: Axes, tongues: Tongues, frequency_on_x: bool, rows: int = 3) -> NamedTongues:
+def name_tongues(ax: Axes, tongues: DrawnTongues, frequency_on_x: bool, rows: int = 3) -> NamedTongues:
     """Write the tongues' names beyond the far end of the parameter axis, with leaders to where they belong.
 
     The frame must have its final length along the frequency axis; names stand above it, or right of it if the

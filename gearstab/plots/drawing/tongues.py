@@ -10,7 +10,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 
-from gearstab.plots.axes import Axis, View, texts
+from gearstab.plots.axes import FigureAxis, View, texts
 from gearstab.plots.drawing.style import GROWTH, LINE
 from gearstab.results.display import SPEEDS
 
@@ -28,7 +28,7 @@ INVISIBLE = 0.004
 
 
 @dataclass(frozen=True)
-class Tongues:
+class DrawnTongues:
     """Boundaries over one axis of parameters.
 
     edges: ``(tongue, 2, size)``, lower and upper mesh frequency, or the speed that gives it where the figure shows
@@ -37,7 +37,7 @@ class Tongues:
 
     edges: Array
     labels: tuple[str, ...]
-    parameter: Axis
+    parameter: FigureAxis
 
     @property
     def positions(self) -> Array:
@@ -60,7 +60,7 @@ def frequency_limits(ax: Axes, frequency_on_x: bool) -> tuple[float, float]:
     return ax.get_xlim() if frequency_on_x else ax.get_ylim()
 
 
-def read_tongues(tree: xr.DataTree, group: str, view: View, parameter: Axis | None) -> Tongues | None:
+def read_tongues(tree: xr.DataTree, group: str, view: View, parameter: FigureAxis | None) -> DrawnTongues | None:
     """The boundaries of a group over ``parameter`` at the view's indices; None if the result does not hold them.
 
     Without a parameter (a figure over the mesh frequency alone) the tongues have one row, at position 0.
@@ -75,16 +75,16 @@ def read_tongues(tree: xr.DataTree, group: str, view: View, parameter: Axis | No
         return None
     edges = view.cut(data, "tongue", "side", *own) / view.factor
     if parameter is None:
-        edges, parameter = edges[..., None], Axis("", np.zeros(1), meshes=view.x.meshes)
+        edges, parameter = edges[..., None], FigureAxis("", np.zeros(1), meshes=view.x.meshes)
     if edges.shape[0] == 0:
         return None
     raw = data.coords["label"].values if "label" in data.coords else [""] * edges.shape[0]
     labels = texts(raw)
     kept = [i for i, label in enumerate(labels) if view.tongue in (None, label)]
-    return Tongues(edges[kept], tuple(labels[i] for i in kept), parameter)
+    return DrawnTongues(edges[kept], tuple(labels[i] for i in kept), parameter)
 
 
-def widest(tongues: Tongues, low: float, high: float) -> Array:
+def widest(tongues: DrawnTongues, low: float, high: float) -> Array:
     """``(tongue,)``: the greatest width inside the frame, as a part of it; 0 for one that is never seen."""
     part = tongues.inside(low, high)
     width = np.nan_to_num(part[:, 1] - part[:, 0])
@@ -92,7 +92,7 @@ def widest(tongues: Tongues, low: float, high: float) -> Array:
 
 
 def boundary_lines(
-    ax: Axes, tongues: Tongues, frequency_on_x: bool, chosen: Array | None = None, **line: Any
+    ax: Axes, tongues: DrawnTongues, frequency_on_x: bool, chosen: Array | None = None, **line: Any
 ) -> LineCollection:
     """Draw both edges of the ``chosen`` tongues (an index array or mask; default all) as thin lines."""
     edges = tongues.edges if chosen is None else tongues.edges[chosen]
@@ -105,7 +105,7 @@ def boundary_lines(
     return lines
 
 
-def exact_lines(ax: Axes, tongues: Tongues, frequency_on_x: bool) -> tuple[LineCollection, LineCollection]:
+def exact_lines(ax: Axes, tongues: DrawnTongues, frequency_on_x: bool) -> tuple[LineCollection, LineCollection]:
     """Draw exact boundaries: both edges of a tongue where it is wide enough to see, else one light line for all of it.
 
     A line is broken where an edge leaps, as it does where regions merge and where a name passes to another region.
@@ -144,7 +144,7 @@ def pieces(frequency: Array, positions: Array, span: float) -> list[Array]:
     return [part for part in parts if len(part) > 1 and np.isfinite(part).all()]
 
 
-def parameter_axis(view: View) -> tuple[Axis, bool] | None:
+def parameter_axis(view: View) -> tuple[FigureAxis, bool] | None:
     """(the axis across the mesh frequency, whether the frequency is on x); None if the frequency is on neither."""
     if view.y is None:
         return None

@@ -18,7 +18,7 @@ from gearstab.plots.cases import caption, some
 from gearstab.plots.drawing import grid, names, tongues
 from gearstab.plots.drawing.heading import write_legend, write_title
 from gearstab.plots.drawing.style import CASES, DASHES, LINE, SHADE, new_frame
-from gearstab.plots.drawing.tongues import Tongues
+from gearstab.plots.drawing.tongues import DrawnTongues
 from gearstab.plots.kinds import Contents, Kind
 from gearstab.plots.maps import proved
 from gearstab.results.display import SPEEDS
@@ -62,7 +62,7 @@ def draw_regions(tree: xr.DataTree, ax: Axes, view: MapView, colour: Any) -> obj
     return grid.draw_cells(ax, view.x, view.y, cells, ListedColormap([colour]), Normalize(0, 1))
 
 
-def draw_marks(ax: Axes, exact: Tongues, frequency_on_x: bool, colour: str) -> tuple[Line2D, Line2D]:
+def draw_marks(ax: Axes, exact: DrawnTongues, frequency_on_x: bool, colour: str) -> tuple[Line2D, Line2D]:
     """Small open circles on both exact boundaries, at every so many values of the parameter.
 
     Returns the circles and, in the middle of tongues whose two circles would lie on one another, the dots.
@@ -152,7 +152,7 @@ def named_cases(tree: xr.DataTree, ax: Axes, views: list[MapView]) -> names.Name
         if lines:
             best = np.argmax([tongues.widest(item, *limits) for item in lines], axis=0)
             edges = np.stack([item.edges for item in lines])[best, np.arange(best.size)]
-            groups.append(Tongues(edges, lines[0].labels, parameter))
+            groups.append(DrawnTongues(edges, lines[0].labels, parameter))
     shown = names.merged(groups, *limits)
     return names.name_tongues(ax, shown, frequency_on_x) if shown is not None else names.NamedTongues()
 

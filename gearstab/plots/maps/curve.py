@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from gearstab.plots.axes import Axis, Request, View, view_along
+from gearstab.plots.axes import FigureAxis, Request, View, view_along
 from gearstab.plots.cases import Index, caption, some
 from gearstab.plots.drawing import grid, names, tongues
 from gearstab.plots.drawing.heading import write_legend, write_title
@@ -40,7 +40,7 @@ def peak(values: Array) -> float:
     return float(finite.max()) if finite.size else float("nan")
 
 
-def draw_bands(tree: xr.DataTree, ax: Axes, view: View) -> tuple[tongues.Tongues | None, object | None]:
+def draw_bands(tree: xr.DataTree, ax: Axes, view: View) -> tuple[tongues.DrawnTongues | None, object | None]:
     """Shade the unstable mesh frequencies, between exact boundaries or else as perturbation theory predicts them.
 
     Returns the tongues and the bands.
@@ -72,7 +72,7 @@ def draw_doubts(
     return words
 
 
-def dress(ax: Axes, x: Axis, label: str) -> None:
+def dress(ax: Axes, x: FigureAxis, label: str) -> None:
     """Scale and labels of a figure of curves over ``x``; ``label``: what they are."""
     ax.set_xscale("log" if x.logarithmic else "linear")
     grid.number(ax.xaxis, x)

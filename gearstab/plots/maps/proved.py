@@ -8,14 +8,14 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.patches import Patch
 
-from gearstab.plots.axes import Axis, View
+from gearstab.plots.axes import FigureAxis, View
 from gearstab.plots.drawing.style import PROVED
 from gearstab.results.display import SPEEDS
 
 Array = np.ndarray
 
 
-def read_proved(tree: xr.DataTree, view: View, parameter: Axis | None) -> Array | None:
+def read_proved(tree: xr.DataTree, view: View, parameter: FigureAxis | None) -> Array | None:
     """``(stretch, 2, size)``: ends of what is proved, over ``parameter`` as it ascends or, without one, over one
     position; as :func:`gearstab.plots.drawing.tongues.read_tongues` says. None where nothing is, or the result does
     not tell.
@@ -32,7 +32,7 @@ def read_proved(tree: xr.DataTree, view: View, parameter: Axis | None) -> Array 
 
 
 def draw_proved(
-    tree: xr.DataTree, ax: Axes, view: View, parameter: Axis | None, frequency_on_x: bool = True
+    tree: xr.DataTree, ax: Axes, view: View, parameter: FigureAxis | None, frequency_on_x: bool = True
 ) -> PolyCollection | None:
     """Tint what is proved stable: bands across a curve, or the cells of a map's rows; None where nothing is."""
     ends = read_proved(tree, view, parameter) if view.speed is not None and view.speed.name in SPEEDS else None

@@ -14,7 +14,7 @@ from mpl_toolkits.mplot3d import Axes3D  # type: ignore[import-untyped]
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection  # type: ignore[import-untyped]
 
 from gearstab.errors import PlotError
-from gearstab.plots.axes import Axis, MapView, Request, axis_of, mesh_numbers, sweep_axes, view_of
+from gearstab.plots.axes import FigureAxis, MapView, Request, axis_of, mesh_numbers, sweep_axes, view_of
 from gearstab.plots.drawing.heading import write_title
 from gearstab.plots.drawing.style import LINE, new_figure
 from gearstab.plots.drawing.text import tongue_label
@@ -108,7 +108,7 @@ def facets(x: Array, y: Array, z: Array) -> Array:
     return quads[np.isfinite(quads).all(axis=(1, 2))]
 
 
-def thinned(axis: Axis) -> Array:
+def thinned(axis: FigureAxis) -> Array:
     """Indices (into ascending order) of at most ``FACETS`` + 1 evenly spaced values, both ends included.
 
     Where no such step exists the last facet is the smaller one.
@@ -170,7 +170,7 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     return figure, artists
 
 
-def dress(ax: Axes3D, view: MapView, speed: Axis) -> None:
+def dress(ax: Axes3D, view: MapView, speed: FigureAxis) -> None:
     """Labels, a view from above, white panes and a light grid."""
     ax.set_xlabel(view.x.short_label, labelpad=-4)
     ax.set_ylabel(view.y.short_label, labelpad=-4)

@@ -31,16 +31,16 @@ MOST_KEPT = 512
 
 
 @dataclass(frozen=True)
-class Piece:
+class PolynomialPiece:
     """y(t + u length) = sum_k u^k powers_k for u in [0, 1]; ``powers (degree + 1, D)``."""
 
     length: float
     powers: Array
 
-    def until(self, u: float) -> Piece:
+    def until(self, u: float) -> PolynomialPiece:
         """Its beginning, up to u."""
         scale = u ** np.arange(len(self.powers))
-        return Piece(self.length * u, self.powers * scale[:, None])
+        return PolynomialPiece(self.length * u, self.powers * scale[:, None])
 
     def at(self, u: Array) -> Array:
         """``(X, D)``."""
@@ -100,7 +100,7 @@ class Dynamics:
         found[:, : self.size, self.size] += force @ self.pushes
         return found
 
-    def constant(self, values: Array, contact: Array, y: Array, longest: float) -> Piece:
+    def constant(self, values: Array, contact: Array, y: Array, longest: float) -> PolynomialPiece:
         """A piece while all functions keep their ``values (J,)``, not longer than ``longest``."""
         key = values.tobytes() + contact.tobytes()
         if key not in self.kept:
@@ -108,10 +108,10 @@ class Dynamics:
                 self.kept.clear()
             self.kept[key] = _series(self.generator(values[None], contact)[0])
         length, series = self.kept[key]
-        piece = Piece(length, series @ y)
-        return piece if length <= longest else Piece(longest, piece.until(longest / length).powers)
+        piece = PolynomialPiece(length, series @ y)
+        return piece if length <= longest else PolynomialPiece(longest, piece.until(longest / length).powers)
 
-    def varying(self, begin: float, contact: Array, y: Array, longest: float, tolerance: float) -> Piece:
+    def varying(self, begin: float, contact: Array, y: Array, longest: float, tolerance: float) -> PolynomialPiece:
         """A piece while functions vary smoothly, from the time ``begin`` within the common period.
 
         Raises NotPossible where no piece is short enough for the tolerance, relative to the state.
@@ -130,7 +130,7 @@ class Dynamics:
             if np.abs(waves[-2:]).max() <= tolerance * np.abs(waves).max():
                 powers = _POWERS @ waves
                 powers[0] = y
-                return Piece(length, powers)
+                return PolynomialPiece(length, powers)
             length *= 0.5
         raise NotPossible(f"mesh stiffness too rough for the tolerance {tolerance:g} of motion with backlash")
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from gearstab.response.backlash.contact import APART, LOWER, UPPER
 from gearstab.response.backlash.crossing import bernstein, first_below
-from gearstab.response.backlash.dynamics import Dynamics, Piece
+from gearstab.response.backlash.dynamics import Dynamics, PolynomialPiece
 from gearstab.response.linear.intervals import occupied
 from gearstab.system import Array
 
@@ -47,7 +47,7 @@ class Stretch:
     event: what ends it; grazing: whether a flank is hardly touched, or hardly missed.
     """
 
-    piece: Piece
+    piece: PolynomialPiece
     period: int
     begin: float
     interval: int
@@ -120,7 +120,7 @@ def _fastest(dynamics: Dynamics) -> float:
     return float(np.abs(np.linalg.eigvals(closed[:m, :m])).max() * motion.period / (2 * np.pi))
 
 
-def _rate(piece: Piece, dynamics: Dynamics, values: Array | None, begin: float, contact: Array) -> Array:
+def _rate(piece: PolynomialPiece, dynamics: Dynamics, values: Array | None, begin: float, contact: Array) -> Array:
     """dy/dt at the end of a piece."""
     if piece.length > 0:
         return np.asarray(np.arange(len(piece.powers)) @ piece.powers / piece.length)
@@ -130,7 +130,7 @@ def _rate(piece: Piece, dynamics: Dynamics, values: Array | None, begin: float, 
 
 
 def _next(
-    dynamics: Dynamics, piece: Piece, contact: Array, switched: int | None
+    dynamics: Dynamics, piece: PolynomialPiece, contact: Array, switched: int | None
 ) -> tuple[tuple[float, int, int] | None, bool]:
     """The first change of contact in a piece, (u, mesh, contact afterwards), and whether a touch is grazing.
 

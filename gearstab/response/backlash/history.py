@@ -96,12 +96,12 @@ def backlash_response(
     model = dynamics(system, motion, teeth)
     grid = motion.drive.counts[0] * samples_per_cycle
     meter = Meter(model, 0.5 * duration if discard is None else discard, duration)
-    run = Run(model, grid, samples_until(duration, motion.period / grid), meter)
+    run = Recording(model, grid, samples_until(duration, motion.period / grid), meter)
     run.follow(motion.state(*start), tolerance)
     return _assembled(system, run, start)
 
 
-class Run:
+class Recording:
     """A motion on its way: samples, events, meter."""
 
     def __init__(self, model: Dynamics, grid: int, samples: int, meter: Meter) -> None:
@@ -143,7 +143,7 @@ class Run:
         self.known = int(inside[-1]) + 1
 
 
-def _assembled(system: GearSystem, run: Run, start: tuple[Array, Array]) -> BacklashResponse:
+def _assembled(system: GearSystem, run: Recording, start: tuple[Array, Array]) -> BacklashResponse:
     motion, teeth, samples = run.model.motion, run.model.teeth, run.known
     q, v = motion.physical(run.x[:samples])
     q[0], v[0] = start

@@ -11,7 +11,7 @@ from gearstab.linear.first_order import bases
 from gearstab.modal import mean_modes
 from gearstab.response.backlash.contact import play, resting
 from gearstab.response.backlash.dynamics import dynamics
-from gearstab.response.backlash.history import BACKLASH_FLAGS, Run
+from gearstab.response.backlash.history import BACKLASH_FLAGS, Recording
 from gearstab.response.backlash.measure import LimitCycle, Meter
 from gearstab.response.linear.driven import driven
 from gearstab.response.linear.equilibrium import static_mesh_force
@@ -84,7 +84,7 @@ def speed_cycles(
     for k in np.argsort(-omega if down else omega, kind="stable"):
         model = dynamics(held, driven(held, omega[k]), teeth)
         period = model.motion.period
-        run = Run(model, 1, periods + 1, Meter(model, left_out * period, periods * period))
+        run = Recording(model, 1, periods + 1, Meter(model, left_out * period, periods * period))
         run.follow(model.motion.state(*start), tolerance)
         status[k] |= run.flags & ~SETTLED
         if run.flags & FAILED:

@@ -12,7 +12,7 @@ import numpy as np
 
 from gearstab.linear.first_order import Basis, bases
 from gearstab.response.linear.excitation import Excitation, excitation
-from gearstab.response.linear.intervals import Points, intervals, occupied
+from gearstab.response.linear.intervals import SteadyPoints, intervals, occupied
 from gearstab.response.linear.steady import period_map, resolution
 from gearstab.system import Array, GearSystem
 
@@ -32,7 +32,7 @@ class Driven:
 
     drive: Excitation
     basis: Basis
-    points: Points
+    points: SteadyPoints
 
     @property
     def period(self) -> float:
@@ -106,7 +106,7 @@ def driven(system: GearSystem, mesh_frequency: float, tolerance: float = 1e-9) -
     (basis,) = bases(system, whole=True)
     at, omega = np.zeros(1, dtype=int), np.array([float(mesh_frequency)])
     steps = 1 if drive.exact else resolution(drive, basis, at, omega, tolerance)
-    return Driven(drive, basis, Points(drive, basis, at, omega, steps))
+    return Driven(drive, basis, SteadyPoints(drive, basis, at, omega, steps))
 
 
 def first_sample(edges: Array) -> Array:

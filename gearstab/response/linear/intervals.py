@@ -30,7 +30,7 @@ Map = tuple[Array, Array]
 
 
 @dataclass(frozen=True)
-class Points:
+class SteadyPoints:
     """K operating points: rows of a basis and mesh frequencies.
 
     excitation: of all rows of the system; basis: of some of them.
@@ -89,7 +89,7 @@ class Points:
 class Exact:
     """Propagation through one interval ``q`` between neighbouring edges, everything constant."""
 
-    def __init__(self, points: Points, q: int) -> None:
+    def __init__(self, points: SteadyPoints, q: int) -> None:
         begin, end = points.edges[:, q], points.edges[:, q + 1]
         values = points.middles[q, None]
         a, constant, rates = points.inputs(values)
@@ -153,7 +153,7 @@ class Exact:
 class Stepped:
     """The same where functions vary smoothly, in Magnus steps."""
 
-    def __init__(self, points: Points, q: int) -> None:
+    def __init__(self, points: SteadyPoints, q: int) -> None:
         self.points = points
         self.begin, self.end = points.edges[:, q], points.edges[:, q + 1]
 
@@ -234,13 +234,13 @@ def _size(drive: Array) -> Array:
 Interval = Exact | Stepped
 
 
-def intervals(points: Points) -> Iterator[Interval]:
+def intervals(points: SteadyPoints) -> Iterator[Interval]:
     """All intervals of a common period that are not empty in every row."""
     kind = Exact if points.excitation.exact else Stepped
     for q in occupied(points):
         yield kind(points, q)
 
 
-def occupied(points: Points) -> list[int]:
+def occupied(points: SteadyPoints) -> list[int]:
     """The intervals that some row has."""
     return [int(q) for q in np.flatnonzero(np.any(np.diff(points.edges, axis=1) > 0, axis=0))]

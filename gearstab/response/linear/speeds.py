@@ -8,7 +8,7 @@ import numpy as np
 
 from gearstab.errors import NotPossible
 from gearstab.response.linear.equilibrium import static_mesh_force
-from gearstab.response.linear.steady import STATUS_FLAGS, Start, starts
+from gearstab.response.linear.steady import STATUS_FLAGS, SteadyStart, starts
 from gearstab.response.measures.pairs_in_contact import Contact, contact
 from gearstab.response.measures.panels import COARSE, pieces
 from gearstab.system import Array, GearSystem
@@ -86,7 +86,7 @@ def speed_response(
     return SpeedResponse(peak, mean, spread, span, error, least, harmonic, *factors, status)
 
 
-def _measured(begin: Start, static: Array, pairs: Contact, samples_per_cycle: int) -> tuple[Array, Array]:
+def _measured(begin: SteadyStart, static: Array, pairs: Contact, samples_per_cycle: int) -> tuple[Array, Array]:
     """The measures ``(9, K, meshes)``, the last two the forces of the last two factors, and the flags ``(K,)``."""
     count, meshes = len(begin.x), static.shape[1]
     panels = samples_per_cycle * begin.points.excitation.counts[0] / 4

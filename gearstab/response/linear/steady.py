@@ -21,7 +21,7 @@ from gearstab.errors import NotPossible
 from gearstab.linear.first_order import Basis, bases
 from gearstab.response.linear.eigen import Eigen
 from gearstab.response.linear.excitation import Excitation, excitation
-from gearstab.response.linear.intervals import Points, intervals
+from gearstab.response.linear.intervals import SteadyPoints, intervals
 from gearstab.response.measures.panels import fastest
 from gearstab.system import Array, GearSystem
 
@@ -45,20 +45,20 @@ BALANCED = 1e-6
 
 
 @dataclass(frozen=True)
-class Start:
+class SteadyStart:
     """Steady states of K points at t = 0.
 
     x: ``(K, m)``; status: ``(K,)`` int, bits of STATUS_FLAGS.
     """
 
-    points: Points
+    points: SteadyPoints
     x: Array
     status: Array
 
 
 def starts(
     system: GearSystem, omega: Array, tolerance: float = 1e-9, samples: int = 1
-) -> Iterator[tuple[Array, Array, Start]]:
+) -> Iterator[tuple[Array, Array, SteadyStart]]:
     """Steady states at mesh frequencies ``(rows, P)``, in chunks: (rows (K,), columns (K,), start).
 
     samples: how many of a cycle of the first mesh are looked at, for the size of chunks.
@@ -79,11 +79,11 @@ def starts(
         known: dict[bytes, Eigen | None] = {}
         for i in range(0, len(row), step):
             part = slice(i, i + step)
-            points = Points(drive, basis, row[part], frequency[part], steps, known)
+            points = SteadyPoints(drive, basis, row[part], frequency[part], steps, known)
             yield basis.rows[row[part]], column[part], start(points)
 
 
-def start(points: Points) -> Start:
+def start(points: SteadyPoints) -> SteadyStart:
     """The steady states of the points at t = 0."""
     with np.errstate(over="ignore", invalid="ignore"):
         matrix, shift = period_map(points)
@@ -102,7 +102,7 @@ def start(points: Points) -> Start:
     status[amplified > ILL_CONDITIONED] |= STATUS_FLAGS["ill_conditioned"]
     status[unbalanced(points.excitation, points.basis)[points.at]] |= STATUS_FLAGS["unbalanced"]
     status[~solvable] |= STATUS_FLAGS["failed"]
-    return Start(points, x, status)
+    return SteadyStart(points, x, status)
 
 
 def amplification(matrix: Array, difference: Array) -> Array:
@@ -118,7 +118,7 @@ def amplification(matrix: Array, difference: Array) -> Array:
         return np.asarray(size * np.maximum(size, 1 / least))
 
 
-def period_map(points: Points) -> tuple[Array, Array]:
+def period_map(points: SteadyPoints) -> tuple[Array, Array]:
     """M ``(K, m, m)`` and b ``(K, m)``."""
     m, count = points.basis.size, len(points.at)
     matrix, shift = np.broadcast_to(np.eye(m), (count, m, m)), np.zeros((count, m))
@@ -161,7 +161,7 @@ def resolution(drive: Excitation, basis: Basis, at: Array, omega: Array, toleran
     Raises NotPossible where MOST are not enough.
     """
     chosen = _samples(at, omega)
-    points = Points(drive, basis, at[chosen], omega[chosen])
+    points = SteadyPoints(drive, basis, at[chosen], omega[chosen])
     longest, turns = float(np.diff(points.edges, axis=1).max()), fastest(points)
     if turns > SLOW:
         raise NotPossible(

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gearstab.response.linear.intervals import Points, intervals, occupied
+from gearstab.response.linear.intervals import SteadyPoints, intervals, occupied
 from gearstab.response.measures.extremes import BETWEEN, HERMITE, NODES, RATES, extremes
 from gearstab.system import Array
 
@@ -22,7 +22,7 @@ COARSE = np.array([1 / 6, 0.0, 2 / 3, 0.0, 1 / 6])
 
 
 @dataclass(frozen=True)
-class Piece:
+class PanelSamples:
     """One interval of K points.
 
     tau: ``(panels, 5, K)``, times in parts of the common period; length: ``(K,)``, of a panel.
@@ -49,7 +49,7 @@ class Piece:
         return extremes(values, rates)
 
 
-def pieces(points: Points, x: Array, panels: float) -> Iterator[Piece]:
+def pieces(points: SteadyPoints, x: Array, panels: float) -> Iterator[PanelSamples]:
     """The steady state that begins with x ``(K, m)``; about that many panels in a common period."""
     basis, at = points.basis, points.at
     directions = points.excitation.directions[basis.rows]
@@ -68,7 +68,7 @@ def pieces(points: Points, x: Array, panels: float) -> Iterator[Piece]:
         values = [np.einsum("kim,xkm->xki", part, state).reshape(shape) for part in (gauge, gauge_rate)]
         length = (end - begin) / count
         force, force_rate = _force(points, q, tau.reshape(shape[:3]), length, *values)
-        yield Piece(tau.reshape(shape[:3]), length, force, values[0], force_rate, values[1])
+        yield PanelSamples(tau.reshape(shape[:3]), length, force, values[0], force_rate, values[1])
 
 
 def _fractions(count: int, nodes: Array) -> Array:
@@ -76,7 +76,9 @@ def _fractions(count: int, nodes: Array) -> Array:
     return np.asarray(((np.arange(count)[:, None] + nodes) / count).ravel())
 
 
-def _force(points: Points, q: int, tau: Array, length: Array, deflection: Array, rate: Array) -> tuple[Array, Array]:
+def _force(
+    points: SteadyPoints, q: int, tau: Array, length: Array, deflection: Array, rate: Array
+) -> tuple[Array, Array]:
     """Mesh forces k (d - e) and their derivatives ``(panels, 5, K, meshes)`` in interval q, from deflections d."""
     drive, rows, at = points.excitation, points.basis.rows, points.at
     errors, slopes = drive.errors[rows][at], 2 * np.pi * drive.cycles * drive.slopes[rows][at]
@@ -96,7 +98,7 @@ def _force(points: Points, q: int, tau: Array, length: Array, deflection: Array,
     return force, slope / length[:, None]
 
 
-def _stiffness(points: Points, q: int, fractions: Array) -> Array:
+def _stiffness(points: SteadyPoints, q: int, fractions: Array) -> Array:
     """``(X, K, meshes)`` within interval q, its ends from inside."""
     begin, end = points.edges[:, q], points.edges[:, q + 1]
     inner = np.array([0.5]) if points.excitation.exact else np.clip(fractions, 1e-9, 1 - 1e-9)
@@ -104,13 +106,13 @@ def _stiffness(points: Points, q: int, fractions: Array) -> Array:
     return np.asarray(points.excitation.split(values)[0][:, points.at])
 
 
-def fastest(points: Points) -> float:
+def fastest(points: SteadyPoints) -> float:
     """The largest natural frequency at the mean stiffness times the common period, in turns, among the points."""
     values = np.abs(np.linalg.eigvals(points.basis.generator(_means(points)[None])[0]))
     return float(np.max(values.max(axis=-1, initial=0.0)[points.at] * points.period) / (2 * np.pi))
 
 
-def _means(points: Points) -> Array:
+def _means(points: SteadyPoints) -> Array:
     """``(r, J)``, the mean values of what varies in A, by Gauss's rule of three points per interval, about."""
     edges = points.edges
     total = 0.0

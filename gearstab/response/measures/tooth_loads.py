@@ -23,7 +23,7 @@ AFTER = 1e-9
 
 
 @dataclass(frozen=True)
-class Teeth:
+class LoadedTeeth:
     """The teeth of a mesh: pair of gears, how its stiffness is computed, names of the driver and the driven gear."""
 
     pair: Pair
@@ -68,7 +68,7 @@ def phases(system: GearSystem, mesh: int, time: Array, mesh_frequency: float) ->
     return time * mesh_frequency * float(item.frequency_ratio) / (2 * np.pi) - float(item.lag) + AFTER
 
 
-def tooth_loads(teeth: Teeth, phase: Array, force: Array, static: float, points: int = MOST_POINTS) -> ToothLoads:
+def tooth_loads(teeth: LoadedTeeth, phase: Array, force: Array, static: float, points: int = MOST_POINTS) -> ToothLoads:
     """Compute the loads of teeth from the mesh force ``(samples,)`` at phases ``(samples,)``, in cycles, and the static
     mesh force.
 

@@ -22,7 +22,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gearstab.response.rotating_pair.integrate import Event, Piece
+from gearstab.response.rotating_pair.integrate import Crossing, TimedArc
 from gearstab.response.rotating_pair.jumps import Law
 from gearstab.response.rotating_pair.motion import free_basis
 from gearstab.system import Array
@@ -38,7 +38,7 @@ TINY = float(np.finfo(float).tiny)
 
 
 @dataclass(frozen=True)
-class Growth:
+class ErrorGrowth:
     """What becomes of errors, just after each event ``(events,)``.
 
     amplification: the factor by which a small error of the initial state has grown, with time in units of 1/w0: the
@@ -56,10 +56,10 @@ class Growth:
         return int(np.argmax(lost)) if lost.any() else None
 
 
-def growth(law: Law, pieces: Sequence[Piece], events: Sequence[Event]) -> Growth:
+def growth(law: Law, pieces: Sequence[TimedArc], events: Sequence[Crossing]) -> ErrorGrowth:
     """Errors along the pieces of a run, each but the last of which ends with the event of the same number."""
     if not events:
-        return Growth(np.empty(0), np.empty(0))
+        return ErrorGrowth(np.empty(0), np.empty(0))
     steps, noise, size = _steps(law, pieces, events)
     amplification, error = np.full(len(events), LARGEST), np.ones(len(events))
     total, root = np.eye(4), np.diag(ROUNDING * np.array([size[0], size[0], 1.0, 1.0]))
@@ -74,10 +74,10 @@ def growth(law: Law, pieces: Sequence[Piece], events: Sequence[Event]) -> Growth
         if deviation > size[k]:
             # Of no more use, and large numbers overflow.
             root = root * (size[k] / deviation)
-    return Growth(amplification, np.maximum.accumulate(error))
+    return ErrorGrowth(amplification, np.maximum.accumulate(error))
 
 
-def _steps(law: Law, pieces: Sequence[Piece], events: Sequence[Event]) -> tuple[Array, Array, Array]:
+def _steps(law: Law, pieces: Sequence[TimedArc], events: Sequence[Crossing]) -> tuple[Array, Array, Array]:
     """Derivatives from one event to the next ``(E, 4, 4)``, factors of the covariances of the rounding errors that
     each step adds ``(E, 4, 4)``, and the largest |phi| so far ``(E,)``.
     """

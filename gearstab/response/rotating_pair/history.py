@@ -7,13 +7,13 @@ from math import floor, inf, tau
 
 import numpy as np
 
-from gearstab.response.rotating_pair.errors import Growth, growth
+from gearstab.response.rotating_pair.errors import ErrorGrowth, growth
 from gearstab.response.rotating_pair.integrate import (
     STATUS,
-    Event,
+    Crossing,
     Goal,
-    Piece,
     Run,
+    TimedArc,
     integrate,
 )
 from gearstab.response.rotating_pair.jumps import Law, law_of
@@ -57,7 +57,7 @@ class Events:
 
     pairs_before, pairs_after: of teeth in contact, the same where the gears were reflected. energy_change: of the
     total energy, dk phi^2 where a formulation neglects what that takes. error_amplification, rounding_error: see
-    :class:`~gearstab.response.rotating_pair.errors.Growth`.
+    :class:`~gearstab.response.rotating_pair.errors.ErrorGrowth`.
     """
 
     time: Array
@@ -115,7 +115,7 @@ class PairResponse:
 
 
 @dataclass(frozen=True)
-class Start:
+class InitialState:
     """The initial state. phi None: the static deflection T0/k. speed: theta_dot."""
 
     speed: float
@@ -126,7 +126,7 @@ class Start:
 
 def respond(
     pair: RotatingPair,
-    start: Start,
+    start: InitialState,
     step: float,
     duration: float = inf,
     cycles: float | None = None,
@@ -158,8 +158,8 @@ def respond(
         goal = Goal(duration * rate, min(patience, slow), floor(cycles), tau * (cycles - floor(cycles)))
     run = Run()
     found = list(integrate(law, state, goal, run))
-    pieces = [item for item in found if isinstance(item, Piece)]
-    events = [item for item in found if isinstance(item, Event)]
+    pieces = [item for item in found if isinstance(item, TimedArc)]
+    events = [item for item in found if isinstance(item, Crossing)]
     samples = _samples(pieces, step, rate, run.time, turns)
     errors, predictable = growth(law, pieces, events), inf
     if errors.first_lost is not None:
@@ -183,7 +183,7 @@ class _Samples:
     step: float
 
 
-def _samples(pieces: list[Piece], seconds: float, rate: float, end: float, turns: int) -> _Samples:
+def _samples(pieces: list[TimedArc], seconds: float, rate: float, end: float, turns: int) -> _Samples:
     """Each piece at the samples in it; its end belongs to the next one."""
     states, regions, step = [], [], seconds * rate
     count = floor(end / step + MISSED) + 1
@@ -244,7 +244,7 @@ def total_energy(numbers: PairNumbers, law: Law, region: Array, states: Array) -
     return (kinetic + strain - 2 * law.load * phi - 2 * law.drive * theta) * float(numbers.k0)
 
 
-def _sections(numbers: PairNumbers, law: Law, events: list[Event], turns: int) -> Sections:
+def _sections(numbers: PairNumbers, law: Law, events: list[Crossing], turns: int) -> Sections:
     found = [event for event in events if event.new_cycle != event.cycle]
     rate = float(numbers.w0)
     # Theta = 2 pi c is crossed into cycle c forwards, out of it backwards.
@@ -263,7 +263,7 @@ def _sections(numbers: PairNumbers, law: Law, events: list[Event], turns: int) -
     )
 
 
-def _events(numbers: PairNumbers, law: Law, events: list[Event], turns: int, errors: Growth) -> Events:
+def _events(numbers: PairNumbers, law: Law, events: list[Crossing], turns: int, errors: ErrorGrowth) -> Events:
     rate = float(numbers.w0)
     before = np.array([event.before for event in events]).reshape(-1, 4).T
     after = np.array([event.after for event in events]).reshape(-1, 4).T

@@ -49,7 +49,7 @@ class Goal:
     rest: float = 0.0
 
 
-class Piece(NamedTuple):
+class TimedArc(NamedTuple):
     """An arc of a run: when it begins, how long it lasts, in which region and cycle; theta is local to the cycle."""
 
     begin: float
@@ -59,7 +59,7 @@ class Piece(NamedTuple):
     cycle: int
 
 
-class Event(NamedTuple):
+class Crossing(NamedTuple):
     """A boundary that was met at a time: the state before and after, and whether the gears passed."""
 
     time: float
@@ -97,7 +97,7 @@ def region_at(law: Law, state: State) -> int:
     return 0 if theta < single else 1
 
 
-def integrate(law: Law, start: State, goal: Goal, run: Run) -> Iterator[Piece | Event]:
+def integrate(law: Law, start: State, goal: Goal, run: Run) -> Iterator[TimedArc | Crossing]:
     """All pieces and events of a run, in order; ``run`` tells how it went.
 
     start: theta is local to cycle 0, from 0 to 2 pi; backwards from 0 is written as 2 pi of cycle -1 by the caller.
@@ -118,15 +118,15 @@ def integrate(law: Law, start: State, goal: Goal, run: Run) -> Iterator[Piece | 
             run.status |= STATUS["stalled"]
             run.stalled = run.time + stall
             if goal.time == inf:
-                yield Piece(run.time, stall, arc, region, cycle)
+                yield TimedArc(run.time, stall, arc, region, cycle)
                 run.time += stall
                 return
         if duration == inf:
             run.status |= STATUS["stalled"]
             run.stalled = run.time
-            yield Piece(run.time, 0.0, arc, region, cycle)
+            yield TimedArc(run.time, 0.0, arc, region, cycle)
             return
-        yield Piece(run.time, duration, arc, region, cycle)
+        yield TimedArc(run.time, duration, arc, region, cycle)
         run.time += duration
         if found is None:
             run.status |= STATUS["time_limit"] if goal.time > limit else 0
@@ -137,7 +137,7 @@ def integrate(law: Law, start: State, goal: Goal, run: Run) -> Iterator[Piece | 
         edge = law.edges[region + (found.direction > 0)]
         before = (phi, rate, edge, speed)
         rate, speed, passed = law.cross(region, before, found.direction)
-        event = Event(run.time, found.direction, passed, region, cycle, before, (phi, rate, edge, speed))
+        event = Crossing(run.time, found.direction, passed, region, cycle, before, (phi, rate, edge, speed))
         yield event
         run.status |= 0 if passed else STATUS["reflected"]
         run.status |= STATUS["reversed"] if passed and found.direction < 0 else 0
@@ -154,7 +154,7 @@ def integrate(law: Law, start: State, goal: Goal, run: Run) -> Iterator[Piece | 
             if edge in (0.0, tau):
                 state = (phi, rate, tau - edge, speed)
                 if cycle == last_cycle and last_angle == 0.0 and found.direction > 0:
-                    yield Piece(run.time, 0.0, law.arc(region, state), region, cycle)
+                    yield TimedArc(run.time, 0.0, law.arc(region, state), region, cycle)
                     return
     run.status |= STATUS["event_limit"]
 

@@ -32,7 +32,7 @@ FINE = 1e-9
 
 
 @dataclass(frozen=True)
-class Problem:
+class PeriodicProblem:
     """N periodic problems, ``(N,)`` each: m, zeta, kappa with one and two pairs, the angle of single contact, the load
     phi_s and the mesh frequency over w0. impulsive: whether changes of stiffness take kinetic energy.
     """
@@ -45,14 +45,14 @@ class Problem:
     omega: Array
     impulsive: bool
 
-    def at(self, index: Array) -> Problem:
+    def at(self, index: Array) -> PeriodicProblem:
         """Some of them."""
-        return Problem(
+        return PeriodicProblem(
             self.m[index], self.zeta[index], (self.kappa[0][index], self.kappa[1][index]), self.single[index],
             self.load[index], self.omega[index], self.impulsive,
         )  # fmt: skip
 
-    def loaded(self, part: Array) -> Problem:
+    def loaded(self, part: Array) -> PeriodicProblem:
         """Return the pair with a part of the load."""
         return replace(self, load=part * self.load)
 
@@ -72,7 +72,7 @@ class Leg:
     before: Array
 
 
-def leg(p: Problem, region: int, start: Array, duration: Array, eta: Array) -> Leg:
+def leg(p: PeriodicProblem, region: int, start: Array, duration: Array, eta: Array) -> Leg:
     """Motion from ``start (N, 4)`` for a duration; theta counts from the start."""
     m, kappa, t = p.m, p.kappa[region], duration
     s, c, u = free_basis(t, kappa, p.zeta)
@@ -96,13 +96,13 @@ def leg(p: Problem, region: int, start: Array, duration: Array, eta: Array) -> L
     return Leg(end, state, drive, field(p, region, end, eta))
 
 
-def field(p: Problem, region: int, state: Array, eta: Array) -> Array:
+def field(p: PeriodicProblem, region: int, state: Array, eta: Array) -> Array:
     """F = (phi', phi'', theta', theta''), ``(N, 4)``."""
     force = p.load - p.kappa[region] * state[:, 0] - 2 * p.zeta * state[:, 1]
     return np.stack([state[:, 1], force + p.m * eta, state[:, 3], p.m * force + eta], axis=-1)
 
 
-def jump(p: Problem, region: int, before: Array) -> tuple[Array, Array]:
+def jump(p: PeriodicProblem, region: int, before: Array) -> tuple[Array, Array]:
     """The state after leaving a region forwards, theta counted anew, and its derivative DR ``(N, 4, 4)``.
 
     NaN where the gears would be reflected.
@@ -134,7 +134,7 @@ class Cycle:
     jumps: tuple[Array, Array]
 
 
-def cycle(p: Problem, x: Array) -> Cycle:
+def cycle(p: PeriodicProblem, x: Array) -> Cycle:
     """The motion of unknowns ``(N, 5)`` through one mesh cycle."""
     start = np.stack([x[:, PHI], x[:, RATE], np.zeros(len(x)), x[:, SPEED]], axis=-1)
     first = leg(p, 0, start, x[:, TIME], x[:, DRIVE])
@@ -144,7 +144,7 @@ def cycle(p: Problem, x: Array) -> Cycle:
     return Cycle((first, second), (middle, last), (jump1, jump2))
 
 
-def equations(p: Problem, x: Array) -> tuple[Array, Array, Cycle]:
+def equations(p: PeriodicProblem, x: Array) -> tuple[Array, Array, Cycle]:
     """Residuals ``(N, 5)``, their derivatives ``(N, 5, 5)`` and the motion."""
     found = cycle(p, x)
     (first, second), (_, last), (jump1, jump2) = found.legs, found.after, found.jumps
@@ -168,20 +168,20 @@ def equations(p: Problem, x: Array) -> tuple[Array, Array, Cycle]:
     return residual, np.stack(rows, axis=-2), found
 
 
-def uniform(p: Problem) -> Array:
+def uniform(p: PeriodicProblem) -> Array:
     """The orbit without load: phi = 0 and theta' = Omega."""
     zero = np.zeros_like(p.omega)
     return np.stack([zero, zero, p.omega, p.single / p.omega, zero], axis=-1)
 
 
-def scale(p: Problem) -> Array:
+def scale(p: PeriodicProblem) -> Array:
     """``(N, 5)``: sizes of the unknowns, to measure changes by."""
     load = np.maximum(np.abs(p.load), 1e-300)  # without load the division by it must not fail
     # A drive of Omega/T changes the speed by itself within a cycle.
     return np.stack([load, load, p.omega, p.single / p.omega, p.omega**2 / tau], axis=-1)
 
 
-def solve(problem: Problem) -> tuple[Array, Array]:
+def solve(problem: PeriodicProblem) -> tuple[Array, Array]:
     """Periodic orbits: the unknowns ``(N, 5)`` and whether each was found.
 
     Every orbit is followed from no load to the whole one in steps of its own, halved where Newton's method does not
@@ -209,7 +209,7 @@ def solve(problem: Problem) -> tuple[Array, Array]:
     return x, done >= 1
 
 
-def newton(p: Problem, x: Array) -> tuple[Array, Array]:
+def newton(p: PeriodicProblem, x: Array) -> tuple[Array, Array]:
     """Newton's method from a guess ``(N, 5)``; where it converged."""
     x = x.copy()
     good, close = np.zeros(len(x), dtype=bool), np.zeros(len(x), dtype=bool)
@@ -234,7 +234,7 @@ def newton(p: Problem, x: Array) -> tuple[Array, Array]:
     return x, good
 
 
-def _slope(p: Problem, x: Array, part: Array) -> Array:
+def _slope(p: PeriodicProblem, x: Array, part: Array) -> Array:
     """dx/d(part of the load), ``(N, 5)``; 0 where the orbit is at a fold."""
     _, derivative, found = equations(p.loaded(part), x)
     second, (jump1, jump2) = found.legs[1], found.jumps
@@ -249,7 +249,7 @@ def _slope(p: Problem, x: Array, part: Array) -> Array:
     return _solved(derivative, -by_part)[0]
 
 
-def _by_load(p: Problem, region: int, t: Array) -> Array:
+def _by_load(p: PeriodicProblem, region: int, t: Array) -> Array:
     """The derivative of the end of a leg by phi_s, ``(N, 4)``."""
     s, _, u = free_basis(t, p.kappa[region], p.zeta)
     return np.stack([u, s, p.m * u, p.m * s], axis=-1)

@@ -22,9 +22,9 @@ import numpy as np
 from gearstab.errors import NotPossible
 from gearstab.response.rotating_pair import orbit
 from gearstab.response.rotating_pair.exits import first_exit
-from gearstab.response.rotating_pair.history import Start
+from gearstab.response.rotating_pair.history import InitialState
 from gearstab.response.rotating_pair.jumps import Law
-from gearstab.response.rotating_pair.orbit import Cycle, Problem
+from gearstab.response.rotating_pair.orbit import Cycle, PeriodicProblem
 from gearstab.rotating_pair import CLASSICAL, ENERGY_CONSERVING, RotatingPair
 from gearstab.system import Array
 
@@ -85,14 +85,14 @@ def stability(pair: RotatingPair, mesh_frequency: Array) -> PairStability:
     )
 
 
-def problem_of(pair: RotatingPair, omega: Array) -> Problem:
+def problem_of(pair: RotatingPair, omega: Array) -> PeriodicProblem:
     """The periodic problems of all rows at mesh frequencies ``(rows, P)``, flattened."""
     numbers = pair.numbers
 
     def flat(values: Array) -> Array:
         return np.ravel(np.broadcast_to(pair.flat(values)[:, None], omega.shape))
 
-    return Problem(
+    return PeriodicProblem(
         m=flat(numbers.m),
         zeta=flat(numbers.zeta),
         kappa=(flat(numbers.kappa[0]), flat(numbers.kappa[1])),
@@ -103,7 +103,7 @@ def problem_of(pair: RotatingPair, omega: Array) -> Problem:
     )
 
 
-def saltation(p: Problem, region: int, motion: Cycle, eta: Array) -> Array:
+def saltation(p: PeriodicProblem, region: int, motion: Cycle, eta: Array) -> Array:
     """S of the jump at the end of a region, ``(N, 4, 4)``."""
     derivative, before = motion.jumps[region], motion.legs[region].before
     after = orbit.field(p, 1 - region, motion.after[region], eta)
@@ -112,7 +112,7 @@ def saltation(p: Problem, region: int, motion: Cycle, eta: Array) -> Array:
     return matrix
 
 
-def monodromy(p: Problem, x: Array) -> Array:
+def monodromy(p: PeriodicProblem, x: Array) -> Array:
     """The monodromy matrix from just after theta = 0 to just after theta = 2 pi, ``(N, 4, 4)``."""
     motion = orbit.cycle(p, x)
     eta = x[:, orbit.DRIVE]
@@ -122,7 +122,7 @@ def monodromy(p: Problem, x: Array) -> Array:
     return total
 
 
-def section_map(p: Problem, x: Array) -> Array:
+def section_map(p: PeriodicProblem, x: Array) -> Array:
     """The derivative of the return map of the section, in (phi, phi', theta'), ``(N, 3, 3)``."""
     total = monodromy(p, x)
     start = np.stack([x[:, orbit.PHI], x[:, orbit.RATE], np.zeros(len(x)), x[:, orbit.SPEED]], axis=-1)
@@ -132,7 +132,7 @@ def section_map(p: Problem, x: Array) -> Array:
     return total[:, SECTION][:, :, SECTION]
 
 
-def _stability(p: Problem) -> tuple[Array, ...]:
+def _stability(p: PeriodicProblem) -> tuple[Array, ...]:
     x, found = orbit.solve(p)
     found &= monotone(p, x)
     count = len(x)
@@ -157,7 +157,7 @@ def _stability(p: Problem) -> tuple[Array, ...]:
     return growth, stable, status, exponents, speed, drive
 
 
-def multipliers(p: Problem, x: Array, matrix: Array) -> tuple[Array, Array, Array]:
+def multipliers(p: PeriodicProblem, x: Array, matrix: Array) -> tuple[Array, Array, Array]:
     """(ln of the parametric pair ``(N, 2)``, ln |multiplier of the speed|, whether that is one of a complex pair)."""
     conservative = p.zeta == 0
     logs = np.empty((len(x), 2), dtype=complex)
@@ -197,7 +197,7 @@ def _reciprocal(matrix: Array, conservative: Array, decay: Array) -> Array:
     return np.stack([first, second], axis=-1) - decay[:, None]
 
 
-def speed_shares(p: Problem, x: Array, vectors: Array) -> Array:
+def speed_shares(p: PeriodicProblem, x: Array, vectors: Array) -> Array:
     """Return how much of the speed each eigenvector carries: shares that add up to 1, ``(N, 3)``.
 
     Eigenvector r_i with its left counterpart l_i: (g r_i)(l_i y)/(g y), with the gradient g of the energy on the
@@ -218,7 +218,7 @@ def speed_shares(p: Problem, x: Array, vectors: Array) -> Array:
     return shares / np.einsum("ni,ni->n", gradient, change)[:, None]
 
 
-def monotone(p: Problem, x: Array) -> Array:
+def monotone(p: PeriodicProblem, x: Array) -> Array:
     """Whether theta really crosses each boundary once per cycle and not earlier, ``(N,)``."""
     motion = orbit.cycle(p, x)
     good = np.isfinite(x).all(axis=1) & (x[:, orbit.TIME] > 0) & (x[:, orbit.TIME] < tau / p.omega)
@@ -236,7 +236,7 @@ def monotone(p: Problem, x: Array) -> Array:
     return good
 
 
-def _crosses(p: Problem, i: int, region: int, start: Array, duration: float, eta: float) -> bool:
+def _crosses(p: PeriodicProblem, i: int, region: int, start: Array, duration: float, eta: float) -> bool:
     """Whether the first exit from a region is the one that the orbit has."""
     m = float(p.m[i])
     kappa = (float(p.kappa[0][i]), float(p.kappa[1][i]))
@@ -248,7 +248,7 @@ def _crosses(p: Problem, i: int, region: int, start: Array, duration: float, eta
     return found is not None and found.direction > 0 and abs(found.time - duration) <= 1e-8 * duration
 
 
-def held(pair: RotatingPair, mesh_frequency: float) -> tuple[Start, float]:
+def held(pair: RotatingPair, mesh_frequency: float) -> tuple[InitialState, float]:
     """The state of a single pair on its periodic orbit of mean mesh frequency, just after theta = 0, and the torque.
 
     The torque (N m) is unbalanced and acts on theta as the ``drive`` of
@@ -262,4 +262,4 @@ def held(pair: RotatingPair, mesh_frequency: float) -> tuple[Start, float]:
         raise NotPossible("no periodic orbit of this mean speed was found")
     rate = float(pair.numbers.w0)
     phi, phi_dot, theta_dot, _, drive = (float(value) for value in x[0])
-    return Start(theta_dot * rate, phi, phi_dot * rate), drive * float(pair.numbers.k0)
+    return InitialState(theta_dot * rate, phi, phi_dot * rate), drive * float(pair.numbers.k0)

@@ -19,11 +19,11 @@ import numpy as np
 
 from gearstab import ckernel
 from gearstab.config import parameters_at
-from gearstab.methods import RANGE, Effort
+from gearstab.methods import RANGE, EffortEstimate
 from gearstab.results.variables import GRID
 from gearstab.sweep.compute import compute
 from gearstab.sweep.effort.clock import within
-from gearstab.sweep.plan import Block, Layout, Plan
+from gearstab.sweep.plan import GridBlock, Layout, Plan
 from gearstab.sweep.storage import merge
 from gearstab.systems import build
 
@@ -217,7 +217,7 @@ def _by_effort(plan: Plan, layout: Layout, clock: Clock) -> float | None:
     return float(np.mean(seconds)) if len(seconds) == len(efforts) else None
 
 
-def _effort(plan: Plan, layout: Layout, clock: Clock, place: float) -> Effort | None:
+def _effort(plan: Plan, layout: Layout, clock: Clock, place: float) -> EffortEstimate | None:
     """What the row at a place of the grid takes; None where that is not found out in time."""
     number = round(place * (layout.points - 1))
     index = np.unravel_index(number, layout.shape) if layout.shape else ()
@@ -314,7 +314,7 @@ def _bytes_a_point(layout: Layout, encoded: float) -> float:
     return sum(np.dtype(v.dtype).itemsize * prod(layout.inner(v)) for v in over_grid) or 4 * encoded
 
 
-def block_at(layout: Layout, inner: int | None, wanted: float, place: float = 0.5) -> Block:
+def block_at(layout: Layout, inner: int | None, wanted: float, place: float = 0.5) -> GridBlock:
     """A part of a block, of about ``wanted`` points, at a place in parts of each axis.
 
     inner: the axis that is filled before the others, if any; these are parts of the block's own in the same ratio.
@@ -328,4 +328,4 @@ def block_at(layout: Layout, inner: int | None, wanted: float, place: float = 0.
     for k in others:
         shape[k] = max(1, round(layout.chunk[k] * share ** (1 / len(others))))
     start = tuple(min(max(round(place * n - 0.5 * m), 0), n - m) for n, m in zip(layout.shape, shape, strict=True))
-    return Block(layout.method.name, 0, start, tuple(shape))
+    return GridBlock(layout.method.name, 0, start, tuple(shape))

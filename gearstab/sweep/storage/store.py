@@ -13,7 +13,7 @@ import numpy as np
 
 from gearstab.results.chunks import decode
 from gearstab.sweep.compute import fits
-from gearstab.sweep.plan import Block, Layout, Plan
+from gearstab.sweep.plan import GridBlock, Layout, Plan
 from gearstab.sweep.storage.parts import FinishedBlock, PartFolder
 
 try:
@@ -36,7 +36,7 @@ class Finished:
         """Return what is there of a method, in the order of its blocks."""
         return [self.blocks[block.key] for block in layout.blocks() if block.key in self.blocks]
 
-    def missing(self, layout: Layout) -> list[Block]:
+    def missing(self, layout: Layout) -> list[GridBlock]:
         """Return what is not there of a method."""
         return [block for block in layout.blocks() if block.key not in self.blocks]
 

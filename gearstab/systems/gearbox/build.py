@@ -118,9 +118,9 @@ class Train:
         return matrices.line_of_action(position, angle, self.sense(mesh), self.internal(mesh))
 
     @property
-    def layout(self) -> matrices.Layout:
+    def layout(self) -> matrices.RotorCoordinates:
         supported = tuple(k for k, rotor in enumerate(self.rotors) if rotor.get("support") is not None)
-        return matrices.Layout(tuple(self.place), supported)
+        return matrices.RotorCoordinates(tuple(self.place), supported)
 
     @cached_property
     def inertias(self) -> list[Array]:

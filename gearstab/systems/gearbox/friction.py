@@ -18,7 +18,7 @@ from gearstab.waveforms import Constant, Product, Profile, Scaled
 
 
 def arms(
-    layout: matrices.Layout, gears: tuple[int, int], rubbing: Rubbing, push: tuple[Array, Array], sense: int,
+    layout: matrices.RotorCoordinates, gears: tuple[int, int], rubbing: Rubbing, push: tuple[Array, Array], sense: int,
     swapped: bool,
 ) -> tuple[Array, Array]:  # fmt: skip
     """u and v ``(..., n)`` of one mesh, h = u + s v.

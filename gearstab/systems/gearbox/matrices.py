@@ -17,7 +17,7 @@ from gearstab.system import Array
 
 
 @dataclass(frozen=True)
-class Layout:
+class RotorCoordinates:
     """Where the coordinates of each rotor are: its rotation at its own number, its displacement x at ``lateral``.
 
     lateral: number of the coordinate x (y follows) by rotor, for supported rotors.
@@ -47,7 +47,7 @@ class Layout:
         return ("rad",) * len(self.names) + ("m",) * (2 * len(self.supported))
 
 
-def unit(layout: Layout, entries: dict[int, Array | float]) -> Array:
+def unit(layout: RotorCoordinates, entries: dict[int, Array | float]) -> Array:
     """``(..., n)``, a vector with the given entries and zeros."""
     shape = np.broadcast_shapes(*(np.shape(value) for value in entries.values()))
     result = np.zeros((*shape, layout.size))
@@ -61,7 +61,7 @@ def spring(direction: Array, stiffness: Array | float) -> Array:
     return np.asarray(stiffness)[..., None, None] * direction[..., :, None] * direction[..., None, :]
 
 
-def shaft_direction(layout: Layout, first: int, second: int) -> Array:
+def shaft_direction(layout: RotorCoordinates, first: int, second: int) -> Array:
     """The twist of a shaft; both of its ends turn the same way."""
     return unit(layout, {first: 1.0, second: -1.0})
 
@@ -90,7 +90,7 @@ def line_of_action(
 
 
 def mesh_direction(
-    layout: Layout, gears: tuple[int, int], base_radii: tuple[Array | float, Array | float],
+    layout: RotorCoordinates, gears: tuple[int, int], base_radii: tuple[Array | float, Array | float],
     push: tuple[Array, Array],
 ) -> Array:  # fmt: skip
     """g with g^T q = R_b1 theta_1 - R_b2 theta_2 + n . (u_1 - u_2): how much the teeth are pressed together.

@@ -17,7 +17,7 @@ from gearstab.config.model.fields import (
     Section,
 )
 from gearstab.systems.parts.forcing import TransmissionError
-from gearstab.systems.parts.mesh import Lag, Mesh, following_conflicts
+from gearstab.systems.parts.mesh import Lag, NamedToothMesh, following_conflicts
 from gearstab.waveforms.section import shape_conflicts, wave_of
 
 FRICTIONS = {
@@ -63,7 +63,7 @@ class Friction(Section):
                 yield (key,), f"{kind} friction takes no {key}", "remove it, or choose another law"
 
 
-class GearboxMesh(Mesh):
+class GearboxMesh(NamedToothMesh):
     """A mesh of two gears. What is not given of its stiffness follows from the teeth."""
 
     misplaced: ClassVar[dict[str, str]] = {"phasing": "give a lag, the opposite of a lead: lag = -phasing"}

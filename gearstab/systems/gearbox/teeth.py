@@ -9,7 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from gearstab.gears.friction import BenedictKelley, ConstantFriction, Friction, MeshFriction, XuKahraman, mesh_friction
+from gearstab.gears.friction import (
+    BenedictKelley,
+    ConstantFriction,
+    FrictionLaw,
+    MeshFriction,
+    XuKahraman,
+    mesh_friction,
+)
 from gearstab.gears.geometry import Gear
 from gearstab.gears.mesh_stiffness import MeshStiffness, StiffnessModel, mesh_stiffness
 from gearstab.gears.pair import Pair
@@ -141,7 +148,7 @@ class MeshTeeth:
         return Rubbing(found, shape)
 
 
-def _laws(law: dict[str, Any], shape: tuple[int, ...]) -> Iterator[Friction]:
+def _laws(law: dict[str, Any], shape: tuple[int, ...]) -> Iterator[FrictionLaw]:
     """The law of friction for each entry of a batch; oil in cP and roughness in um, as the regressions have them."""
 
     def flat(name: str, unit: float = 1.0) -> Array:

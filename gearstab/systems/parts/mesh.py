@@ -141,7 +141,7 @@ def following_conflicts(raw: dict[str, Any], keys: Sequence[str], hint: str) -> 
         yield ("transmission_error",), message, "keep one of the two, or make the damping constant"
 
 
-class Mesh(ToothMesh, Named):
+class NamedToothMesh(ToothMesh, Named):
     """A tooth mesh with a name of its own."""
 
     misplaced: ClassVar[dict[str, str]] = {
@@ -150,7 +150,7 @@ class Mesh(ToothMesh, Named):
     }
 
 
-class SecondMesh(Mesh):
+class SecondMesh(NamedToothMesh):
     """The second mesh of a two-stage train."""
 
     misplaced: ClassVar[dict[str, str]] = {"lag": "give a phasing, which is a lead: phasing = -lag"}
@@ -162,7 +162,7 @@ class SecondMesh(Mesh):
     )
 
 
-class MatrixMesh(Mesh):
+class MatrixMesh(NamedToothMesh):
     """A tooth mesh of a model given as matrices."""
 
     misplaced: ClassVar[dict[str, str]] = {"phasing": "give a lag, the opposite of a lead: lag = -phasing"}

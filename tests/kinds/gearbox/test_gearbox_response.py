@@ -14,7 +14,7 @@ from gearstab.gears.pair import Pair
 from gearstab.response import steady_state
 from gearstab.response.linear.equilibrium import static_mesh_force
 from gearstab.response.linear.speeds import speed_response
-from gearstab.response.measures.tooth_loads import Teeth, tooth_loads
+from gearstab.response.measures.tooth_loads import LoadedTeeth, tooth_loads
 from gearstab.systems import build
 
 
@@ -120,13 +120,13 @@ def test_load_factors_over_speed_are_those_of_the_reference(rpm: str) -> None:
 def test_teeth_of_unknown_stiffness_share_the_load_equally_and_teeth_that_would_part_have_no_load() -> None:
     ring = Pair(Gear(18, 0.002), Gear(60, 0.002, internal=True))
     phase, force = (np.arange(400) + 0.5) / 400, np.full(400, 100.0)
-    found = tooth_loads(Teeth(ring, StiffnessModel(), ("pinion", "ring")), phase, force, 100.0, 20)
+    found = tooth_loads(LoadedTeeth(ring, StiffnessModel(), ("pinion", "ring")), phase, force, 100.0, 20)
     # Where two pairs are in contact each has a half, elsewhere one has all; three are never in contact here.
     assert 1 < ring.contact_ratio < 2
     assert set(np.round(found.load, 12)) <= {50.0, 100.0}
     assert np.isfinite(found.stress[:, 0]).all()
     apart = Pair(Gear(5, 0.002, addendum=0.5, profile_shift=0.6), Gear(40, 0.002, addendum=0.5))
     assert apart.contact_ratio < 1
-    nothing = tooth_loads(Teeth(apart, StiffnessModel(), ("a", "b")), phase, force, 100.0, 20)
+    nothing = tooth_loads(LoadedTeeth(apart, StiffnessModel(), ("a", "b")), phase, force, 100.0, 20)
     assert np.isnan(nothing.load).all()
     assert np.isnan(nothing.stress).all()

@@ -17,7 +17,7 @@ from gearstab.gears.mesh_stiffness import StiffnessModel
 from gearstab.gears.pair import Pair
 from gearstab.gears.stress import mesh_root_stress, root_stress
 from gearstab.plots import draw
-from gearstab.response.measures.tooth_loads import Teeth, positions, tooth_loads
+from gearstab.response.measures.tooth_loads import LoadedTeeth, positions, tooth_loads
 from gearstab.results import open_result
 
 PAIR = Pair(Gear(19, 2e-3, face_width=0.02), Gear(48, 2e-3, face_width=0.02))
@@ -42,7 +42,7 @@ respond: {mesh_frequency: 2.0e+4, steady_state: true, samples_per_cycle: 250, st
 @pytest.mark.parametrize(("pair", "model"), [(PAIR, PLAIN), (RING, MEASURED)])
 def test_under_a_constant_mesh_force_the_load_is_the_static_one(pair: Pair, model: StiffnessModel) -> None:
     phase = np.arange(0, 3, 1 / 1000) + 5e-4
-    found = tooth_loads(Teeth(pair, model, ("a", "b")), phase, np.full(len(phase), 500.0), 500.0)
+    found = tooth_loads(LoadedTeeth(pair, model, ("a", "b")), phase, np.full(len(phase), 500.0), 500.0)
     inner = np.abs(found.static_load[1:-1] - 0.5 * (found.static_load[2:] + found.static_load[:-2])) < 5
     # A part of the contact has the largest value in it, not that in its middle; jumps aside.
     np.testing.assert_allclose(found.load[1:-1][inner], found.static_load[1:-1][inner], rtol=0.01)
@@ -60,7 +60,7 @@ def test_under_a_constant_mesh_force_the_load_is_the_static_one(pair: Pair, mode
 def test_the_largest_of_many_engagements_counts() -> None:
     phase = np.arange(0, 6, 1 / 400) + 1e-3
     force = np.where(phase < 3, 500.0, 800.0)
-    found = tooth_loads(Teeth(PAIR, PLAIN, ("a", "b")), phase, force, 500.0)
+    found = tooth_loads(LoadedTeeth(PAIR, PLAIN, ("a", "b")), phase, force, 500.0)
     np.testing.assert_allclose(found.load.max(), 800.0, rtol=1e-12)
     ratio = found.stress[:, 0] / found.load
     # Stress over load at a point is a property of the teeth: of the pinion it grows towards its tip.
@@ -73,8 +73,8 @@ def test_the_largest_of_many_engagements_counts() -> None:
 
 def test_a_ring_that_drives_begins_contact_at_the_tip_of_its_pinion() -> None:
     phase = np.arange(0, 3, 1 / 1000)
-    found = tooth_loads(Teeth(RING, MEASURED, ("ring", "pinion")), phase, np.full(len(phase), 500.0), 500.0)
-    assert Teeth(RING, MEASURED, ("ring", "pinion")).in_order == ("pinion", "ring")
+    found = tooth_loads(LoadedTeeth(RING, MEASURED, ("ring", "pinion")), phase, np.full(len(phase), 500.0), 500.0)
+    assert LoadedTeeth(RING, MEASURED, ("ring", "pinion")).in_order == ("pinion", "ring")
     per_load = found.static_stress[:, 0] / found.static_load
     assert np.all(np.diff(per_load[:-20]) < 0)
 

@@ -48,8 +48,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from gearstab.floquet.boundaries.counting import pairs
-from gearstab.floquet.boundaries.counting.pairs import Pair, Spectrum
-from gearstab.floquet.boundaries.counting.points import Points, propagate
+from gearstab.floquet.boundaries.counting.pairs import KreinSpectrum, MultiplierPair
+from gearstab.floquet.boundaries.counting.points import Propagation, propagate
 from gearstab.floquet.kernel.decision import ON_CIRCLE
 from gearstab.floquet.segments.pattern import Pattern
 from gearstab.system import Array
@@ -83,15 +83,15 @@ class Verdicts:
     ended: Array
     known: Array
     real: Array
-    ahead: Pair
-    behind: Pair
+    ahead: MultiplierPair
+    behind: MultiplierPair
     soon: Array
     since: Array
     crowded: Array
     crowding: Array
 
 
-def spectrum(matrix: Array) -> Spectrum:
+def spectrum(matrix: Array) -> KreinSpectrum:
     """Multipliers of ``(P, 2n, 2n)`` with their Krein signs.
 
     A pair that is off the circle by rounding alone and one that truly is are told apart by the distance to the mirror
@@ -114,7 +114,7 @@ def spectrum(matrix: Array) -> Spectrum:
     size = np.abs(matrix).max(axis=(1, 2))[:, None]
     excess = np.abs(np.log(np.abs(values)))
     off = (excess > np.maximum(ON_CIRCLE, ROUNDING * size)) & (other < own) & (np.abs(sign) < MIXED)
-    return Spectrum(values, vectors, sign, off, np.where(off, mirror, each))
+    return KreinSpectrum(values, vectors, sign, off, np.where(off, mirror, each))
 
 
 def evaluate(pattern: Pattern, row: Array, cycle: Array) -> Verdicts:
@@ -146,7 +146,13 @@ def evaluate(pattern: Pattern, row: Array, cycle: Array) -> Verdicts:
 
 
 def _times(
-    pattern: Pattern, points: Points, found: Spectrum, order: Array, phase: Array, off: Array, pair: Pair
+    pattern: Pattern,
+    points: Propagation,
+    found: KreinSpectrum,
+    order: Array,
+    phase: Array,
+    off: Array,
+    pair: MultiplierPair,
 ) -> tuple[Array, Array, Array, Array]:
     """Cycles until the next and since the last event at the present speeds, and since the last and until the next
     one at which a third multiplier can be.
@@ -204,7 +210,7 @@ def _third(phase: Array, speed: Array, off: Array) -> Array:
     return np.asarray(both.min(axis=-1))
 
 
-def _winding(points: Points, phase: Array, off: Array, real: Array) -> tuple[Array, Array]:
+def _winding(points: Propagation, phase: Array, off: Array, real: Array) -> tuple[Array, Array]:
     """W from the Morse index whose theta is farther from all multipliers, and whether it is a whole number."""
     n = phase.shape[1]
     at_minus_one = real & (np.abs(phase - np.pi) < 1)

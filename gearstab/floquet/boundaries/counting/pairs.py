@@ -28,7 +28,7 @@ SELF, COMBINATION = 0, 1
 
 
 @dataclass(frozen=True)
-class Spectrum:
+class KreinSpectrum:
     """Multipliers of P points and their Krein signs.
 
     values ``(P, 2n)``, vectors ``(P, 2n, 2n)`` in columns; sign ``(P, 2n)``: kappa for unit vectors; off ``(P, 2n)``:
@@ -44,7 +44,7 @@ class Spectrum:
 
 
 @dataclass(frozen=True)
-class Pair:
+class MultiplierPair:
     """delta, |b| and d delta/d tau of the nearest pair of each class, ``(2, P)``; NaN where there is none.
 
     The slope is that of delta in a fixed basis; tau = T/2 pi.
@@ -55,7 +55,9 @@ class Pair:
     slope: Array
 
 
-def nearest(matrix: Array, energy: Array, found: Spectrum, order: Array, phase: Array, off: Array) -> tuple[Pair, Pair]:
+def nearest(
+    matrix: Array, energy: Array, found: KreinSpectrum, order: Array, phase: Array, off: Array
+) -> tuple[MultiplierPair, MultiplierPair]:
     """(ahead, behind): the pairs of each class that meet next and that met last at P points.
 
     order ``(P, n)``: which multipliers are the positive ones, or outside the circle (``off``); phase: their angles.
@@ -78,11 +80,11 @@ def nearest(matrix: Array, energy: Array, found: Spectrum, order: Array, phase: 
             second = found.vectors[usable, :, order[usable, j]].conj()
             table[:, kind, usable] = reduced(matrix[usable], energy[usable], first, second)
             table[:, kind, any_off] = inside[:, kind]
-        result.append(Pair(*table))
+        result.append(MultiplierPair(*table))
     return result[0], result[1]
 
 
-def _inside(matrix: Array, energy: Array, found: Spectrum, order: Array, off: Array, points: Array) -> Array:
+def _inside(matrix: Array, energy: Array, found: KreinSpectrum, order: Array, off: Array, points: Array) -> Array:
     """The same for unstable points: of each class the pair that is least far off the circle."""
     table = np.full((3, 2, len(points)), np.nan)
     if len(points) == 0:

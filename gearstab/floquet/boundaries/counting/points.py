@@ -37,7 +37,7 @@ LONGEST = 300.0
 
 
 @dataclass(frozen=True)
-class Points:
+class Propagation:
     """Propagation over a common period at P points.
 
     matrix: ``(P, 2n, 2n)``, M in the modes of the first segment.
@@ -71,7 +71,7 @@ def exact(pattern: Pattern) -> Pattern:
     return pattern.fine if isinstance(pattern, Resolved) and pattern.fine is not None else pattern
 
 
-def propagate(pattern: Pattern, row: Array, cycle: Array) -> Points:
+def propagate(pattern: Pattern, row: Array, cycle: Array) -> Propagation:
     """Propagate rows ``(P,)`` of a conservative pattern over periods T = 2 pi N cycle.
 
     cycle: ``(P,)``, 1/Omega in the pattern's units.
@@ -86,7 +86,7 @@ def propagate(pattern: Pattern, row: Array, cycle: Array) -> Points:
     n = pattern.size
     both[:, :n, :n] = both[:, n:, n:] = turn
     energy = np.swapaxes(both, -1, -2) @ found.energy @ both
-    return Points(matrix, energy, found.antiperiodic, found.periodic, finite)
+    return Propagation(matrix, energy, found.antiperiodic, found.periodic, finite)
 
 
 def first_modes(pattern: Pattern, row: Array) -> Array:
@@ -95,7 +95,7 @@ def first_modes(pattern: Pattern, row: Array) -> Array:
     return np.asarray(np.swapaxes(own, -1, -2) @ other)
 
 
-def _along(pattern: Pattern, row: Array, cycle: Array) -> Points:
+def _along(pattern: Pattern, row: Array, cycle: Array) -> Propagation:
     """:func:`propagate` on the pattern's own segments, none of which runs backwards."""
     kernel.record("numpy")
     n = pattern.size
@@ -135,7 +135,7 @@ def _along(pattern: Pattern, row: Array, cycle: Array) -> Points:
     inverse = _solve_right(np.broadcast_to(np.eye(n), b.shape), b)
     both = inverse @ a + d @ inverse
     across = inverse + np.swapaxes(inverse, -1, -2)
-    return Points(x, energy, index + negative(both + across), index + negative(both - across), finite)
+    return Propagation(x, energy, index + negative(both + across), index + negative(both - across), finite)
 
 
 def _rotation(squared: Array, duration: Array) -> tuple[Array, Array, Array, Array]:

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gearstab.floquet.boundaries.damped.roots import Brackets, narrowed
+from gearstab.floquet.boundaries.damped.roots import RootBrackets, narrowed
 from gearstab.floquet.kernel import choice as kernel
 from gearstab.floquet.kernel.chain import Chain
 from gearstab.system import Array
@@ -54,7 +54,7 @@ MODULI, PROOF = 1.5, 10.0
 
 
 @dataclass
-class Samples:
+class MultiplierSamples:
     """Points (row, x) ``(P,)`` and ln |lambda| of all multipliers there ``(P, m)``, descending."""
 
     row: Array
@@ -66,9 +66,11 @@ class Samples:
         """``(P,)``, the number of multipliers outside the unit circle."""
         return (self.logs > 0).sum(axis=1)
 
-    def joined(self, other: Samples) -> Samples:
+    def joined(self, other: MultiplierSamples) -> MultiplierSamples:
         """Both, in this order."""
-        return Samples(*(np.concatenate(pair) for pair in zip(vars(self).values(), vars(other).values(), strict=True)))
+        return MultiplierSamples(
+            *(np.concatenate(pair) for pair in zip(vars(self).values(), vars(other).values(), strict=True))
+        )
 
 
 @dataclass
@@ -140,15 +142,15 @@ class Cover:
     def __init__(self, chain: Chain, first: Array, last: Array, budget: float) -> None:
         self.chain, self.first, self.last, self.budget = chain, first, last, budget
         none = np.empty(0)
-        self.samples = Samples(none.astype(int), none, np.empty((0, chain.size)))
+        self.samples = MultiplierSamples(none.astype(int), none, np.empty((0, chain.size)))
         self.items = Items.none()
         self.provable = np.ones(len(first), dtype=bool)
         self.settled = np.empty(0, dtype=complex)
         self.work, self.evaluations = np.zeros(len(first)), np.zeros(len(first), dtype=int)
 
-    def sample(self, row: Array, x: Array) -> Samples:
+    def sample(self, row: Array, x: Array) -> MultiplierSamples:
         """Multipliers at further points, which are kept; rows ascend."""
-        found = Samples(row, x, kernel.current().moduli(self.chain, row, np.exp(x)))
+        found = MultiplierSamples(row, x, kernel.current().moduli(self.chain, row, np.exp(x)))
         self._count(row, MODULI)
         self.samples = self.samples.joined(found)
         return found
@@ -204,7 +206,7 @@ class Cover:
             return np.asarray(self.sample(gaps.row[which], x).logs[np.arange(len(which)), fewer[which]])
 
         every = np.arange(len(fewer))
-        ends = Brackets(gaps.left, gaps.right, crossing(every, gaps.left), crossing(every, gaps.right))
+        ends = RootBrackets(gaps.left, gaps.right, crossing(every, gaps.left), crossing(every, gaps.right))
         # Where rounding has the last word at an end, that is the edge.
         wrong = (ends.fa > 0) == (ends.fb > 0)
         end = np.where(np.abs(ends.fa) < np.abs(ends.fb), gaps.left, gaps.right)

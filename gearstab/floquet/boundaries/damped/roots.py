@@ -15,7 +15,7 @@ ROUNDS = 100
 
 
 @dataclass
-class Brackets:
+class RootBrackets:
     """Ends a, b ``(Z,)`` on both sides of a zero each, where the functions are fa, fb; a is the one found last."""
 
     a: Array
@@ -29,7 +29,9 @@ class Brackets:
         return np.where(np.abs(self.fa) < np.abs(self.fb), self.a, self.b)
 
 
-def narrowed(function: Callable[[Array, Array], Array], bracket: Brackets, tolerance: Array | float) -> Brackets:
+def narrowed(
+    function: Callable[[Array, Array], Array], bracket: RootBrackets, tolerance: Array | float
+) -> RootBrackets:
     """Brackets no wider than the tolerance ``(Z,)``, or than neighbouring numbers.
 
     function: (which of the functions ``(K,)``, places ``(K,)``) -> values ``(K,)``.
@@ -48,7 +50,7 @@ def narrowed(function: Callable[[Array, Array], Array], bracket: Brackets, toler
         b[k], fb[k] = np.where(same, b[k], a[k]), np.where(same, fb[k], fa[k])
         a[k], fa[k] = x, fx
         t[k] = _next(a[k], b[k], c[k], fa[k], fb[k], fc[k], limit[k])
-    return Brackets(a, b, fa, fb)
+    return RootBrackets(a, b, fa, fb)
 
 
 def _next(a: Array, b: Array, c: Array, fa: Array, fb: Array, fc: Array, limit: Array) -> Array:

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gearstab.floquet.boundaries.damped.proof import Cover, Gaps, Samples
+from gearstab.floquet.boundaries.damped.proof import Cover, Gaps, MultiplierSamples
 from gearstab.floquet.kernel import choice as kernel
 from gearstab.floquet.kernel.chain import Chain
 from gearstab.floquet.solution import DAMPED_ON_CIRCLE
@@ -67,7 +67,7 @@ class Scan:
         self.row, self.x = samples.row[self.order], samples.x[self.order]
         self.growth = self.growth_of(samples)[self.order]
 
-    def growth_of(self, samples: Samples) -> Array:
+    def growth_of(self, samples: MultiplierSamples) -> Array:
         """The growth rate at samples ``(P,)``, 1/time in the chain's units."""
         return (samples.logs[:, 0] - self.noise[samples.row]) / self.cover.chain.period(np.exp(samples.x))
 
@@ -172,7 +172,7 @@ class _Vectors:
         self.unstable = np.empty((0, chain.size), dtype=bool)
         self.start = self.middle = np.empty((0, chain.size, chain.size), dtype=complex)
 
-    def agree(self, samples: Samples, first: Array, second: Array) -> Array:
+    def agree(self, samples: MultiplierSamples, first: Array, second: Array) -> Array:
         """Whether an unstable solution at one point is found at the other."""
         if len(first) == 0:
             return np.zeros(0, dtype=bool)
@@ -186,7 +186,7 @@ class _Vectors:
         alike &= ~opposite & self.unstable[a][:, :, None] & self.unstable[b][:, None, :]
         return np.asarray(alike.any(axis=(1, 2)))
 
-    def _find(self, samples: Samples, wanted: list[int]) -> None:
+    def _find(self, samples: MultiplierSamples, wanted: list[int]) -> None:
         """Floquet vectors of further samples, the fastest first."""
         if not wanted:
             return

@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gearstab.floquet.boundaries.damped.proof import MODULI, PROVED, Cover, cover, damping_ratio
-from gearstab.floquet.boundaries.damped.roots import Brackets, narrowed
+from gearstab.floquet.boundaries.damped.roots import RootBrackets, narrowed
 from gearstab.floquet.boundaries.damped.scan import STEP, Scan
 from gearstab.floquet.boundaries.intervals import Interval, Intervals, by_row
 from gearstab.floquet.boundaries.undamped import choice as undamped
@@ -56,7 +56,7 @@ Guide = Callable[[Array], Pattern]
 
 
 @dataclass(frozen=True)
-class Found:
+class SearchResult:
     """intervals: unstable, by row and ascending cycle. evaluations ``(r,)``: monodromy matrices and proofs tried.
     proved, counted: where stability is proved, and where nothing is but the scan had the step set by damping.
     peaks: cycles inside of each interval at which growth is largest, among samples.
@@ -91,14 +91,14 @@ class Limits:
         """The intervals of a conservative pattern."""
         return undamped.search(pattern, *self.cycles(pattern), self.tolerance, self.floor)
 
-    def damped(self, chain: Chain, pattern: Pattern, guide: Guide | None) -> Found:
+    def damped(self, chain: Chain, pattern: Pattern, guide: Guide | None) -> SearchResult:
         """Those of a damped one."""
         return search(chain, *self.cycles(pattern), self.tolerance, self.floor, self.budget, guide)
 
 
 def search(
     chain: Chain, first: Array, last: Array, tolerance: float, floor: float, budget: float, guide: Guide | None
-) -> Found:
+) -> SearchResult:
     """Intervals of positive growth of all rows between the cycles ``first`` and ``last`` ``(r,)``.
 
     tolerance, floor: relative. budget: multiplications a row for the proof, and as many for the scan. guide: gives some
@@ -124,16 +124,16 @@ def search(
     intervals = _intervals(scan, first, last, floor)
     chosen = opened.chosen(np.flatnonzero(counted[opened.row]))
     counted_parts = Stretches(chosen.row, np.exp(chosen.left), np.exp(chosen.right))
-    return Found(intervals, _peaks(scan, intervals), found.evaluations + extra, _proved(found), counted_parts)
+    return SearchResult(intervals, _peaks(scan, intervals), found.evaluations + extra, _proved(found), counted_parts)
 
 
-def _constant(chain: Chain, first: Array, last: Array) -> Found:
+def _constant(chain: Chain, first: Array, last: Array) -> SearchResult:
     """Rows whose stiffness does not vary, so that the mesh frequency makes no difference."""
     grows = chain.values[:, 0].real.max(axis=1) > NO_GROWTH
     k, none = np.flatnonzero(~grows), np.empty(0)
     unstable = [Interval(int(r), float(first[r]), float(last[r]), cut=(True, True)) for r in np.flatnonzero(grows)]
     proved, counted = Stretches(k, first[k], last[k]), Stretches(none.astype(int), none, none)
-    return Found(
+    return SearchResult(
         Intervals.of(unstable), [none for _ in unstable], np.zeros(len(first), dtype=np.int64), proved, counted
     )
 
@@ -214,7 +214,7 @@ def _narrow(scan: Scan, tolerance: float) -> None:
         def growth(which: Array, x: Array, row: Array = row) -> Array:
             return scan.growth_of(scan.cover.sample(row[which], x))
 
-        narrowed(growth, Brackets(scan.x[k], scan.x[k + 1], scan.growth[k], scan.growth[k + 1]), tolerance)
+        narrowed(growth, RootBrackets(scan.x[k], scan.x[k + 1], scan.growth[k], scan.growth[k + 1]), tolerance)
         scan.order_samples()
 
 
