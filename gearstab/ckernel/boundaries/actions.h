@@ -190,7 +190,11 @@ static void follow(struct actors *a, const struct conservative *p, int64_t row, 
         double part = p->fractions[row * p->segments + s], duration = part * period;
         for (int64_t j = 0; j < n; j++) {
             double squared = p->squared[(row * p->states + p->state[s]) * n + j], w = sqrt(fabs(squared)), x = w * duration;
-            double cosine = squared > 0 ? cos(x) : cosh(x), sine = squared > 0 ? sin(x) : sinh(x);
+            double cosine, sine; /* of one angle at once */
+            if (squared > 0)
+                cosine = cos(x), sine = sin(x);
+            else
+                cosine = cosh(x), sine = sinh(x);
             double over = w > 0 ? sine / w : duration, back = squared > 0 ? -w * sine : w * sine;
             for (int64_t k = 0; k < 2; k++) {
                 double u = now[2 * j + k], v = now[2 * (n + j) + k];
@@ -273,14 +277,16 @@ static int64_t weigh(struct actors *a, const struct conservative *p, int64_t row
         highest = fabs(p->squared[row * p->states * n + i]) > highest ? fabs(p->squared[row * p->states * n + i]) : highest;
     int64_t most = (int64_t)ceil(BAND * sqrt(highest) * period / TURN) + 1;
     struct leader up[LEADING] = {{0}}, down[LEADING] = {{0}};
-    for (int64_t s = 0; s < p->segments; s++) {
-        double turns = a->begins[s];
+    for (int64_t s = 0; s < p->segments; s++) { /* sines of two angles, those of the lanes by multiplication */
+        double turns = a->begins[s], start = TURN * remainder((double)most * turns, 1.0), one = -TURN * turns;
+        struct pair each = {all(cos(one)), all(sin(one))}, now = {all(cos(start)), all(sin(start))};
         for (int64_t lane = 0; lane < LANES; lane++) {
-            double angle = -TURN * remainder((double)(lane - most) * turns, 1.0);
-            a->turn[s].re[lane] = cos(angle), a->turn[s].im[lane] = sin(angle);
+            a->turn[s].re[lane] = now.re[0], a->turn[s].im[lane] = now.im[0];
+            now = times(now, each);
         }
-        double angle = -TURN * remainder(LANES * turns, 1.0);
-        a->step[s] = (struct pair){all(cos(angle)), all(sin(angle))};
+        for (int64_t step = 1; step < LANES; step *= 2)
+            each = times(each, each);
+        a->step[s] = each;
     }
     for (int64_t first = -most; first <= most; first += LANES) {
         struct pair w = {all(0.0), all(-g / period)};
