@@ -20,8 +20,12 @@ def union(parts: Array) -> Array:
 
 def complement(parts: Array, start: float, stop: float) -> Array:
     """Return the gaps that intervals ``(K, 2)`` leave in start..stop, disjoint and ascending."""
-    inner = union(np.clip(parts, start, stop))
-    edges = np.concatenate([[start], inner.ravel(), [stop]]).reshape(-1, 2)
+    return _gaps(union(np.clip(parts, start, stop)), start, stop)
+
+
+def _gaps(parts: Array, start: float, stop: float) -> Array:
+    """The same of intervals that are disjoint and ascending, within start..stop."""
+    edges = np.concatenate([[start], parts.ravel(), [stop]]).reshape(-1, 2)
     return edges[edges[:, 1] > edges[:, 0]]
 
 
@@ -51,6 +55,8 @@ class Coverage:
     def of(self, row: int, unstable: Array) -> tuple[Array, Array]:
         """(proved, counted) of what is stable, given the unstable intervals ``(K, 2)``: disjoint and ascending each."""
         proved = np.empty((0, 2))
+        if self.bare[row] and not self.uncounted[row]:
+            return proved, _gaps(unstable, self.start, self.stop)
         if not self.bare[row]:
             proved = complement(np.concatenate([unstable, *self.unproved[row]]), self.start, self.stop)
         counted = complement(np.concatenate([unstable, proved, *self.uncounted[row]]), self.start, self.stop)

@@ -121,8 +121,9 @@ class Boundaries:
         begin = np.searchsorted(group[order], group[order])
         occurrence = np.empty_like(group)
         occurrence[order] = np.arange(len(group)) - begin
-        pairs, which = np.unique(np.stack([self.member, occurrence], axis=1), axis=0, return_inverse=True)
-        return [(self.tongues[k], n) for k, n in pairs.tolist()], which.ravel()
+        most = int(occurrence.max(initial=0)) + 1
+        pairs, which = np.unique(self.member * most + occurrence, return_inverse=True)
+        return [(self.tongues[k // most], k % most) for k in pairs.tolist()], which
 
     def _flags(self) -> Array:
         """Of the tongue under which each region stands."""
