@@ -46,7 +46,7 @@ class OutputError(UserError, ValueError):
 
 
 class PlotError(UserError, ValueError):
-    """A figure that the result cannot give; the message is one line and says what is possible instead."""
+    """The requested figure cannot be drawn from this result. The message is one line and lists the alternatives."""
 
 
 class RequestError(UserError, ValueError):

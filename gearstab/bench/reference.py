@@ -139,9 +139,9 @@ def _solved(matrix: Array, right: Array) -> Array:
 
 STAGES = 8
 RADIANS = 0.6
-"""Of the fastest mode and of the highest harmonic in a step: the error constant of the order 16 leaves 1e-19."""
+"""Phase of the fastest mode and of the highest harmonic in a step: the error constant of the order 16 leaves 1e-19."""
 OSCILLATIONS = 12
-"""Of a smooth piece of a wave over a period of the mesh, which the steps resolve."""
+"""Oscillations of a smooth piece of a wave in a period of the mesh that the steps resolve."""
 
 
 @lru_cache

@@ -20,7 +20,7 @@ from gearstab.system import Array
 Method = Callable[[Scene, Array, float], Array]
 
 HARMONICS = 5
-"""Of a mesh's wave that the number of collocation points allows for."""
+"""Harmonics of a mesh's wave that the number of collocation points allows for."""
 LARGEST = 1500
 """Order of an eigenvalue problem that Hill's method may take; minutes per point beyond it."""
 

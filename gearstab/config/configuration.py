@@ -55,7 +55,7 @@ class Config(Grid):
         return not self.axes or self.respond is not None
 
     def problem(self, path: Path, message: str, hint: str) -> Problem:
-        """A mistake that shows only when the configuration is used, at its line, with the value given there."""
+        """Report a mistake found after validation, at its line and with the value given there."""
         value = self.document.get(path)
         return self.document.problem(path, message, hint, value=None if isinstance(value, dict) else value)
 

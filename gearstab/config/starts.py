@@ -20,7 +20,7 @@ METHODS: dict[str, Any] = {"floquet": {}, "boundaries": {}, "perturbation": {"ha
 """What a configuration to start from computes."""
 
 COLUMN, WIDTH = 46, 150
-"""Where comments begin, and where lines end if they can."""
+"""Column at which comments begin, and preferred length of lines."""
 
 
 def starts() -> dict[str, Start]:

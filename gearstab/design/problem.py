@@ -17,7 +17,7 @@ from gearstab.system import Array, GearSystem
 from gearstab.systems import build, model_of
 
 GIVEN = np.nan
-"""In place of a variable's value: what the configuration gives."""
+"""Stands for a variable's value: the one that the configuration gives."""
 
 
 @dataclass(frozen=True)

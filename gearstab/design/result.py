@@ -36,7 +36,7 @@ SPEEDS = 801
 ACROSS = 25
 """Places along a variable, and along each side of a map of two."""
 STEP = 0.05
-"""Of the bounds of a variable, for what a step of it does."""
+"""Step of a variable, as part of its bounds, whose effect is reported."""
 MOST_SCANS = 6
 """Maps of two variables, the first ones."""
 ALWAYS = ("instability_width", "growth_rate", "required_damping", "tongue_distance")

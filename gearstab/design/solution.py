@@ -22,7 +22,7 @@ from gearstab.system import Array, GearSystem
 VERIFIED = 2001
 """Mesh frequencies of a range at which the optimum is verified."""
 NEAR = 1e-6
-"""Of the mesh frequency, around an edge: a point there is neither inside nor outside."""
+"""Part of the mesh frequency around an edge: a point there is neither inside nor outside."""
 
 Say = Callable[[str], None]
 

@@ -18,7 +18,7 @@ from gearstab.systems.matrices.file import read_matrices
 
 MODELS = (".mat", ".npz")
 INSIDE = 1e-9
-"""Of a period: how far from a breakpoint its limits are taken."""
+"""Distance from a breakpoint, in periods, at which its limits are taken."""
 SAMPLES = 256
 """Phases of a mesh period at which the stiffness is written, those of its breakpoints besides."""
 

@@ -14,7 +14,7 @@ from gearstab.system import Array, GearSystem
 from gearstab.systems import build
 
 SKEW = 1e-12
-"""Of the largest entry of a matrix: an antisymmetric part below it is rounding."""
+"""An antisymmetric part below this part of the largest entry of a matrix is rounding."""
 
 
 class Model(dict[str, Any]):

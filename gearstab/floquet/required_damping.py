@@ -49,7 +49,7 @@ POINTS_AT_ONCE = 4096
 RESOLVED = 1e-8
 """Error of the growth per period, where it is propagated in Magnus steps."""
 MOST_HALVINGS = 6
-"""Of the Magnus steps."""
+"""Most halvings of the Magnus steps."""
 ROWS_AT_ONCE = 32
 """Rows that Magnus steps are made of side by side."""
 

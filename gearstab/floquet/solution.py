@@ -19,7 +19,7 @@ DAMPED_ON_CIRCLE = 1e-10
 """A damped system whose growth per period is below this is stable: the rounding error of a long product, and far less
 than the decay of any damping ratio above 1e-10."""
 ENTRIES_AT_ONCE = 2**22
-"""Of the monodromy matrices of points in doubt: 32 MB."""
+"""Entries of the monodromy matrices of points in doubt: 32 MB."""
 GRADED_NORM = 30.0
 """Monodromy matrices larger than this have small multipliers that an eigenvalue solver would blur."""
 GRADED_SPREAD = np.log(100.0)

@@ -14,7 +14,7 @@ from gearstab.floquet.stability import STATUS_FLAGS, FloquetStability, ordered
 from gearstab.system import Array, GearSystem
 
 TOLERANCE = 1e-9
-"""Of the multipliers, where propagation is not exact."""
+"""Tolerance of the multipliers where propagation is not exact."""
 
 
 def solve(

@@ -17,9 +17,9 @@ EQUAL = 1e-9
 ROUNDING = 1e-10
 """Relative couplings below this come from the rounding errors of the modes."""
 PHASES = 64
-"""Of a periodic term, at which its size is looked at."""
+"""Phases of a periodic term at which its size is looked at."""
 SMALLEST = 1e-6
-"""Of the largest natural frequency: the least size that couplings are compared with."""
+"""Part of the largest natural frequency: the least size that couplings are compared with."""
 
 
 def restricted(system: GearSystem, basis: Array) -> GearSystem:

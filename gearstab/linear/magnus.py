@@ -29,7 +29,7 @@ NODES = 0.5 + np.array([-1.0, 0.0, 1.0]) * np.sqrt(15) / 10
 """Gauss-Legendre nodes of a step."""
 
 DEGREE = 12
-"""Of the Taylor polynomial, evaluated with five products (Paterson & Stockmeyer 1973)."""
+"""Degree of the Taylor polynomial, evaluated with five products (Paterson & Stockmeyer 1973)."""
 REACH = 0.299
 """The 1-norm up to which its backward error is below 2^-53 (Al-Mohy & Higham 2011, Table 3.1)."""
 _COEFFICIENTS = np.array([1.0 / factorial(k) for k in range(DEGREE + 1)])

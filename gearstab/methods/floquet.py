@@ -267,7 +267,7 @@ class Floquet(Method):
         except NotPossible as error:
             raise OptionError(("frequencies",), error.message, error.remedy) from None
         if options.exponents and taken != "common_period":
-            message = f"there are none without a common period ({taken} was chosen)"
+            message = f"are not defined without a common period ({taken} was chosen)"
             remedy = "remove it, or choose frequencies: common_period" if self.system.commensurate else "remove it"
             raise OptionError(("exponents",), message, remedy)
 

@@ -20,7 +20,7 @@ from gearstab.passage.path import Path
 from gearstab.system import Array, GearSystem
 
 NODES = 33
-"""Of the series of an interval."""
+"""Nodes of the series of an interval."""
 BATCH = 1 << 18
 """Points that are solved together."""
 

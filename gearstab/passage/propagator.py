@@ -32,7 +32,7 @@ FINE = 64
 REACH = 0.25
 """Magnus steps are as short as that over the largest rate of change of the state: their error is some 1e-9 then."""
 ILL_CONDITIONED = 1e4
-"""Of eigenvectors, beyond which the exponential of the whole matrix is taken."""
+"""Condition number of eigenvectors beyond which the exponential of the whole matrix is taken."""
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from gearstab.perturbation.tongues import ParametricExcitation
 from gearstab.system import Array, GearSystem, Mesh, shared_period
 
 HIGHEST = 2048
-"""Up to which of its harmonics a mesh is summed. For a wave with jumps the terms fall as s^-4, so that what remains is
+"""Highest harmonic of a mesh that is summed. For a wave with jumps the terms fall as s^-4, so that what remains is
 1/(3 HIGHEST^3) = 4e-11 of the first term, of which all but a hundredth is estimated."""
 
 ROUNDING = 1e-13

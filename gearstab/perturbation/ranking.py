@@ -16,7 +16,7 @@ from gearstab.system import Array, GearSystem
 HIGHEST = 20
 """Harmonics that are looked at: the widths of regions of rectangular waves, which fall slowest, fall as s^-2."""
 MOST_TONGUES = 40_000
-"""As many tongues are looked at, at the most."""
+"""Most tongues that are looked at."""
 
 
 @dataclass(frozen=True)

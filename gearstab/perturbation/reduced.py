@@ -36,7 +36,7 @@ from gearstab.perturbation.damped import single_pair, undamped
 from gearstab.system import Array
 
 HALVINGS = 60
-"""Of a bracket: enough for the last bit of a double."""
+"""Halvings of a bracket: enough for the last bit of a double."""
 DEFECTIVE = 1e-6
 """Where two equal real x meet, rounding parts them by the square root of the rounding error, 1e-8 of the matrix."""
 INSIDE = 10.0 ** -np.arange(3.0, 10.0)

@@ -22,7 +22,7 @@ OF_MESHES = frozenset(("mesh", "event", "peak"))
 """Dimensions of variables that concern a mesh."""
 
 MIXED = "1"
-"""Of values in several units; there is no unit that would hold for all of them."""
+"""Unit of values in several units: none would hold for all of them."""
 
 LENGTHS = {"m": 1, "N": 1, "J": 2, "Pa": -1}
 """Powers of the length in a unit; kg, s and rad have none."""

@@ -24,7 +24,7 @@ from gearstab.sweep.storage.parts import PartFolder
 from gearstab.sweep.storage.store import Finished, Store
 
 MOST_FAILURES = 10
-"""Blocks that may fail before the sweep stops: then nothing is wrong with a block, but with all of them."""
+"""Stop after this many failed blocks: the cause is then common to all."""
 
 
 @dataclass(frozen=True)

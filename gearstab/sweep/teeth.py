@@ -13,7 +13,7 @@ from gearstab.results.variables import TEETH, flagged
 from gearstab.system import Array, GearSystem
 
 NAME = "teeth"
-"""Of the group in the result."""
+"""Name of the group in the result."""
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from gearstab.system import Array
 SCRAMBLES = 8
 """Independent samples. Of fewer an interval is wide, of more the single ones cover the cube less evenly."""
 BITS = 30
-"""Of the coordinates of a Sobol point."""
+"""Bits of the coordinates of a Sobol point."""
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,8 @@ from gearstab.tolerance.design import SCRAMBLES, SamplingDesign
 
 CONFIDENCE = 0.95
 LEAST_VARIANCE = 0.02
-"""Of what is unstable with probability p, p (1 - p): where it is less, Sobol indices are a quotient of noise."""
+"""Least variance p (1 - p) of instability with probability p: where it is less, Sobol indices are a quotient of noise.
+"""
 
 
 def probability(unstable: Array, failed: Array, design: SamplingDesign) -> tuple[Array, Array, Array]:

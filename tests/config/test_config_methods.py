@@ -41,7 +41,7 @@ CASES = [
     (IRRATIONAL, "floquet: {frequencies: common_period}", said(11, "floquet.frequencies",
      'mesh frequencies of irrational ratio have no common period (got "common_period"); choose per_mesh or lyapunov')),
     (IRRATIONAL, "floquet: {exponents: true}", said(11, "floquet.exponents",
-     "there are none without a common period (lyapunov was chosen) (got true); remove it")),
+     "are not defined without a common period (lyapunov was chosen) (got true); remove it")),
     (IRRATIONAL, "boundaries: {}", said(11, "boundaries",
      "mesh frequencies of irrational ratio have no common period; remove it, or give exact ratios")),
     (TERM, "boundaries: {tolerance: 1.0e-8}", said(12, "boundaries",

@@ -11,7 +11,7 @@ from gearstab.cli.report.page import Block, BulletList, Heading, Page, Picture, 
 PAPER = (8.27, 11.69)
 """A4, inches."""
 LETTERS, LINES = 96, 66
-"""Of a page, in type of one width."""
+"""Letters per line and lines per page, in type of one width."""
 SIZE, LEADING = 8.5, 11.6
 """Points."""
 MARGIN = 0.75

@@ -16,7 +16,7 @@ TEETH = {
     "tip_clearance": "come too close to a root", "backlash": "are too thick for the centre distance",
     "trochoid_interference": "collide outside of the path of contact", "trimming": "cannot be put in radially",
 }  # fmt: skip
-"""By notice."""
+"""Words for each notice."""
 
 
 def notes(plan: Plan, summary: Summary) -> list[str]:
@@ -32,7 +32,7 @@ def notes(plan: Plan, summary: Summary) -> list[str]:
 
 
 HUNDREDTH = 1e-4
-"""Of a per cent: what is less is not told."""
+"""A hundredth of a per cent: less is not mentioned."""
 
 
 def proof(proved: float, counted: float) -> str:

@@ -69,7 +69,7 @@ ROTARY = re.compile(r"[0-9.]\s*(rpm|rps|revolutions?_per_\w+)\s*\Z")
 MOST_COMPARED = 1_000_000
 """Values of an axis that are compared."""
 OUT_OF_PROPORTION = 1e3
-"""Of an inertia or mass and that of a disc as large as the gear."""
+"""Ratio of an inertia or mass to that of a disc as large as the gear."""
 
 
 def doubts(document: Document, config: Config, system: GearSystem) -> list[Problem]:

@@ -29,9 +29,9 @@ LARGEST_NUMBER, SMALLEST_NUMBER = 1e30, 1e-30
 """Of a number, and of one that has a unit and is not zero. No gear is near them, whatever the system of units, and
 products of ten numbers stay within double precision."""
 LARGEST_RATIO = 10**4
-"""Of frequencies or tooth numbers; no train has one beyond it, nor beyond its inverse."""
+"""Largest ratio of frequencies or tooth numbers; no train has one beyond it, nor beyond its inverse."""
 LARGEST_TERM = 10**9
-"""Of an exact ratio; the common period of the meshes holds as many cycles."""
+"""Largest term of an exact ratio; the common period of the meshes holds as many cycles."""
 
 
 FEWEST_TEETH = 3

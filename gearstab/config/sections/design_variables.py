@@ -26,7 +26,7 @@ FORMS = {
 """The forms of a variable that takes one of a few values."""
 PLACE: Path = ("design", "variables")
 MOST_CHOICES = 10_000
-"""Of one variable."""
+"""Most choices of one variable."""
 
 
 def layouts(context: Context) -> Iterator[UnresolvedAxis]:

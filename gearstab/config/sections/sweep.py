@@ -317,7 +317,7 @@ def _labels(document: Document, path: Path, entries: list[dict[str, Any]]) -> li
 
 
 def base_values(document: Document, found: list[UnresolvedAxis]) -> Iterator[Path]:
-    """Give every parameter that an axis sets and the system does not the axis' first value; yields where."""
+    """Fill parameters that are set only by an axis with its first value; yield their paths."""
     for layout in found:
         for column in layout.columns:
             for target in column.targets:

@@ -23,9 +23,9 @@ ZOOMS = 3
 """Refinements around the largest value, each of INSIDE points."""
 LARGEST_DAMPING = 0.5
 SAMPLES = 8
-"""Of a steady state, in a period of the fastest mode."""
+"""Samples of a steady state per period of the fastest mode."""
 MOST_SAMPLES = (100, 8000)
-"""At least and at most, in a period of the first mesh."""
+"""Least and largest number of samples per period of the first mesh."""
 
 
 def instability_width(batch: Batch) -> Array:

@@ -13,7 +13,7 @@ from gearstab.perturbation import first_order
 from gearstab.system import Array, GearSystem
 
 TOLERANCE, FLOOR = 1e-9, 1e-6
-"""Of edges and of a region's width, relative to the mesh frequency."""
+"""Tolerance of edges and floor of a region's width, relative to the mesh frequency."""
 REACH = 0.5
 """How far beyond a range regions are looked for, in lengths of the range; not below half of its lower end."""
 AT_LEAST = 0.25

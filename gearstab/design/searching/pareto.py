@@ -15,9 +15,9 @@ from gearstab.system import Array
 COMPROMISES = 9
 """Directions between two objectives in which designs are searched."""
 BEGIN = 12
-"""Of the designs known, those that such a search begins from."""
+"""Number of known designs from which such a search begins."""
 GENERATIONS = 12
-"""Of such a search."""
+"""Generations of such a search."""
 MOST = 40
 """Designs of a front that are kept."""
 

@@ -21,7 +21,7 @@ from gearstab.design.problem import DesignProblem
 from gearstab.system import Array
 
 MOST_COMBINATIONS = 20_000
-"""Of choices."""
+"""Most combinations of choices."""
 SEED = 1
 FEWEST, MOST = 24, 80
 """Designs of a generation; twelve a variable between these."""
@@ -31,13 +31,13 @@ SAMPLES = 32
 LOOKED_AT, SEARCHED = 12, 4
 """Combinations that first-order theory, and the exact search, go through."""
 APART = 0.05
-"""Of the bounds, between designs that a search begins from."""
+"""Least distance, as part of the bounds, of designs from which a search begins."""
 STEPS = (0.03, 0.003)
 """First steps of the simplex searches, of the bounds."""
 AT_A_BOUND = 1e-3
-"""Of the bounds: what is nearer is tried on the bound itself."""
+"""Part of the bounds: a design nearer than this is tried on the bound itself."""
 EVALUATIONS = 120
-"""Of a simplex search for each variable."""
+"""Evaluations of a simplex search per variable."""
 DEAR = {"samples": 4, "searched": 2, "size": 8, "generations": 6, "evaluations": 15}
 """The same numbers, much smaller, where judging a design takes long (:attr:`DesignProblem.dear`)."""
 

@@ -35,10 +35,11 @@ from gearstab.floquet.segments.pattern import Pattern, prepare
 from gearstab.system import GearSystem
 
 EVALUATIONS = 13.5
-"""For each collision: measured on trains of one to three coordinates with up to 59 segments, 12.7 to 13.8; fewer where
-many modes hardly interact, 5 for 33 coordinates."""
+"""Evaluations per collision: measured on trains of one to three coordinates with up to 59 segments, 12.7 to 13.8; fewer
+where many modes hardly interact, 5 for 33 coordinates.
+"""
 NAMED = 1.0
-"""For each collision, too."""
+"""Solutions per collision that are looked at for a name."""
 POINTS = 40.0
 """Of a proof for each first one: 2 where all is stable, 20 to 60 for trains of ratios 1 and 3/5, 200 for 99/100."""
 TRIED = 16
@@ -47,9 +48,9 @@ ROUNDS = 35
 FEW, MANY = 4, 48
 """Points of two calls, or collisions of two searches, that are timed."""
 LEAST = 0.1
-"""Of the time of the longer one: their difference counts no less, whatever a coarse clock says."""
+"""Part of the time of the longer one: their difference counts no less, whatever a coarse clock says."""
 TOLERANCE, FLOOR = 1e-10, 1e-6
-"""Of the searches, as by default."""
+"""Tolerance and width floor of the searches, the defaults."""
 KEPT = 2.0
 """Seconds of all over those of the compiled search and names: 1.4 to 2.3 for ratios of 49/50 and 99/100."""
 TIMED = 64

@@ -20,7 +20,7 @@ than the width floor."""
 
 
 ROUNDING = 1e-9
-"""Of a share of the range."""
+"""Rounding error of a share of the range."""
 
 
 @dataclass(frozen=True)

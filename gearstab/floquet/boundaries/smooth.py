@@ -35,7 +35,7 @@ from gearstab.system import Array, GearSystem
 PILOTS = 9
 """Mesh frequencies at which the number of steps is chosen."""
 ROUGH = 1e-3
-"""Of the multipliers, for integers and speeds."""
+"""Tolerance of the multipliers for integers and speeds."""
 ATTEMPTS = 3
 """Doublings of the steps after the first choice."""
 WIDENINGS = 12

@@ -19,7 +19,7 @@ from gearstab.system import Array, GearSystem, Mesh, PeriodicTerm
 from gearstab.waveforms import Constant, Profile, Rectangular
 
 NODES = 12
-"""Of the Gauss-Legendre rule for the mean of a function between two of its breakpoints."""
+"""Nodes of the Gauss-Legendre rule for the mean of a function between two of its breakpoints."""
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ SOFTEST = 1e-6
 VECTORS = 8
 """Solutions carried side by side."""
 ADMIXTURE = 0.01
-"""Of random vectors to the start."""
+"""Part of random vectors in the start."""
 
 
 class Carrier(Protocol):

@@ -34,7 +34,7 @@ known to the square root of the rounding error."""
 DAMPED_ON_CIRCLE = 1e-10
 """The same for a damped system, whose multipliers lie inside."""
 ENTRIES_AT_ONCE = 2**21
-"""Of the matrices of the points that are treated together: 16 MB."""
+"""Entries of the matrices of the points that are treated together: 16 MB."""
 
 
 def analyse(

@@ -34,7 +34,7 @@ LIMITS = (
 )
 """Thresholds of verdicts, the same as in the NumPy kernel: ``struct limits`` of kernel.h."""
 ENTRIES_AT_ONCE = 1 << 23
-"""Of the changes of modes of all segments: 64 MB. Common periods may have thousands of segments."""
+"""Entries of the changes of modes of all segments: 64 MB. Common periods may have thousands of segments."""
 
 
 def scan(pattern: Pattern, omega: Array, limit: int | None = None) -> tuple[Array, Array]:

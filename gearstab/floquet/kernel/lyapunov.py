@@ -43,22 +43,22 @@ from gearstab.system import Array
 LARGEST = 0.5
 """The largest radius that is asked for."""
 LEAST = 2.0**-40
-"""Of LARGEST: below this a radius is none."""
+"""Part of LARGEST below which a radius is none."""
 BISECTIONS = 4
-"""Of a radius on a logarithmic scale, between halvings: it is found within 2^(1/16)."""
+"""Bisections of a radius on a logarithmic scale, between halvings: it is found within 2^(1/16)."""
 PART = 0.4
-"""Of the slowest decay, that is built into P."""
+"""Part of the slowest decay that is built into P."""
 LONGEST = 1.0
 """Decay of the action in a piece of a segment, at most."""
 PIECES = 64.0
-"""Of a segment, at most."""
+"""Most pieces of a segment."""
 DOUBLINGS = 60
 NEGLIGIBLE = 1e-9
 """Entries of M'^k below this add nothing to P."""
 
 
 UNKNOWNS = 80
-"""Of a linear system for P that is set up; larger P are found from the eigenvectors of M."""
+"""Most unknowns of a linear system for P that is set up; larger P are found from the eigenvectors of M."""
 
 
 def moduli(chain: Chain, row: Array, cycle: Array) -> Array:

@@ -37,8 +37,9 @@ from gearstab.linear.grouping import equal_rows
 from gearstab.system import Array
 
 SMALLEST = 1e-6
-"""Of the largest natural frequency: the least size that couplings are compared with, which keeps what is left out below
-the rounding error of the largest squared frequency."""
+"""Part of the largest natural frequency: the least size that couplings are compared with, which keeps what is left out
+below the rounding error of the largest squared frequency.
+"""
 
 
 @dataclass(frozen=True)

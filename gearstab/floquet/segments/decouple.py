@@ -44,7 +44,7 @@ WORST = 1e-10
 TENTATIVE = 1e-8
 """Couplings below this part may be errors of the basis: they are made least before they are judged."""
 UNKNOWN = 1e-14
-"""Of a squared singular value: turns that the family determines less well are left as they are."""
+"""Size of a squared singular value: turns that the family determines less well are left as they are."""
 PURE = 1e-6
 """Cosines of angles of turn that differ by less are equal; of 30 planets the nearest are 0.02 apart."""
 SURE = 1e-6

@@ -20,7 +20,7 @@ KINDS = ("separation", "drive_side_contact", "coast_side_contact")
 MOST_STATES = 200
 """Combinations of contacts that a static equilibrium is sought in."""
 BALANCED = 1e-9
-"""Of the largest load: a smaller one is none, and a smaller imbalance of an equilibrium is rounding."""
+"""Part of the largest load: a smaller one is none, and a smaller imbalance of an equilibrium is rounding."""
 
 
 @dataclass(frozen=True)

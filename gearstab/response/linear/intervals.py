@@ -23,7 +23,7 @@ from gearstab.response.linear.excitation import Excitation
 from gearstab.system import Array
 
 ENTRIES = 2**17
-"""Of the matrices that are treated at once."""
+"""Entries of the matrices that are treated at once."""
 
 Map = tuple[Array, Array]
 """P ``(K, m, m)`` and p ``(K, m)``."""

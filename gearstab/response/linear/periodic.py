@@ -16,7 +16,7 @@ from gearstab.response.measures.panels import fastest, pieces
 from gearstab.system import Array, GearSystem
 
 MOST_PANELS = 2**14
-"""Of a common period."""
+"""Most panels of a common period."""
 
 
 @dataclass(frozen=True)

@@ -39,7 +39,7 @@ ILL_CONDITIONED, SINGULAR = 1e6, 1e14
 UNSTABLE = 1e-9
 """Excess of the largest |lambda| over 1 that is no rounding error."""
 MOST_ENTRIES = 2**21
-"""Of the largest array of a chunk of points: 16 MB."""
+"""Entries of the largest array of a chunk of points: 16 MB."""
 BALANCED = 1e-6
 """A load is balanced if its part along a rigid-body mode is below this part of its size."""
 

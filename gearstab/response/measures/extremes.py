@@ -13,12 +13,12 @@ from numpy.polynomial import polynomial
 from gearstab.system import Array
 
 NODES = 0.5 + 0.5 * np.array([-1.0, -np.sqrt(3 / 7), 0.0, np.sqrt(3 / 7), 1.0])
-"""Of the Gauss-Lobatto rule on [0, 1]."""
+"""Nodes of the Gauss-Lobatto rule on [0, 1]."""
 BETWEEN = np.array([0.055, 0.32, 0.68, 0.945])
 """Further points where a product with a function without known derivative is looked at."""
 DEGREE = 2 * len(NODES) - 1
 ROUNDS = 4
-"""Of Newton's method, from a ninth of a panel away."""
+"""Rounds of Newton's method, from a ninth of a panel away."""
 FLAT = 1e-13
 """Curvature below this part of a value is rounding."""
 

@@ -21,7 +21,7 @@ SLACK = 1 + 1e-9
 """Room for rounding in times by which theta has left for certain."""
 
 PERIOD = 1.01
-"""Of the swing, and a little more: what happens in a period has then happened, however it is rounded."""
+"""Period of the swing, and a little more: what happens in a period has then happened, however it is rounded."""
 
 
 class Exit(NamedTuple):

@@ -20,11 +20,11 @@ from gearstab.system import Array
 PHI, RATE, SPEED, TIME, DRIVE = range(5)
 
 CLOSE = 1e-8
-"""After a Newton step so small, relative to the orbit, one more leaves nothing but rounding."""
+"""Relative Newton step below which one more step reaches rounding accuracy."""
 STEPS = 12
 """Newton steps for one load."""
 SMALLEST = 2.0**-16
-"""Of the whole load, by which an orbit must still be able to go on."""
+"""Least part of the whole load by which an orbit must still be able to go on."""
 NEAR = 0.2
 """How far a corrector may go from the predicted orbit, relative to the step: farther leads to another orbit."""
 FINE = 1e-9

@@ -93,7 +93,7 @@ DEFLECTION_TYPE = Variable(
     "1",
     "T of mesh deflections that go round as cos T psi, else -1",
 )
-"""Of systems with cyclic symmetry."""
+"""Variable of systems with cyclic symmetry."""
 
 STABLE_FLAGS = {"flag_values": [-1, 0, 1], "flag_meanings": "failed unstable stable"}
 
@@ -120,12 +120,12 @@ BY_MESH = (
     Variable("growth_rate_mesh", (GRID, "mesh"), "f8", "1/s", "growth rate while all meshes of other frequencies keep "
              "their mean stiffness"),
 )  # fmt: skip
-"""Of one mesh frequency at a time."""
+"""Variables of one mesh frequency at a time."""
 
 INTERVAL = (
     Variable("growth_rate_interval", (GRID,), "f8", "1/s", "half-width of the confidence interval of the growth rate"),
 )
-"""Of estimated growth rates."""
+"""Variables of estimated growth rates."""
 
 ORBITS = (
     Variable(
@@ -137,7 +137,7 @@ ORBITS = (
     ),
     Variable("holding_torque", (GRID,), "f8", "N m", "unbalanced torque that holds the mean speed of the orbit"),
 )
-"""Of periodic orbits of gear pairs."""
+"""Variables of periodic orbits of gear pairs."""
 
 REQUIRED_DAMPING = (
     Variable("required_damping", (GRID,), "f8", "1", "damping from which on the system is stable"),
@@ -151,7 +151,7 @@ PROBABILITY = (
     Variable("probability_upper", (GRID,), "f8", "1", "upper end of the 95 % interval of the probability"),
     Variable("status", (GRID,), "i2", "1", "how the stability of any of the samples was decided"),
 )
-"""Of a system whose parameters are uncertain."""
+"""Variables of a system whose parameters are uncertain."""
 
 SOBOL = (
     coordinate("parameter", "parameter", TEXT, "1", "uncertain parameter"),
@@ -174,7 +174,7 @@ PASSAGE = (
     Variable("dwell_frequency", ("tongue", ROWS), "f8", "rad/s", "mesh frequency of the fastest growth in the region"),
     Variable("dwell_growth_rate", ("tongue", ROWS), "f8", "1/s", "growth rate there"),
 )
-"""Of run-ups and coast-downs."""
+"""Variables of run-ups and coast-downs."""
 
 TONGUE = (
     coordinate("mode_p", "tongue", "i4", "1", "first mode of the instability"),
@@ -289,7 +289,7 @@ TOOTH_LOADS = (
     ),
     Variable("peak_root_stress", ("flank",), "f8", "Pa", "largest stress at the root of a tooth along its contact"),
 )  # fmt: skip
-"""Of responses of systems whose teeth are known."""
+"""Variables of responses of systems whose teeth are known."""
 
 BACKLASH_RESPONSE = (
     *RESPONSE,
@@ -310,7 +310,7 @@ BACKLASH_RESPONSE = (
     Variable("mesh_force_peak", ("mesh",), "f8", "N", "largest magnitude of the elastic mesh force, settled"),
     Variable("contact_loss_ratio", ("mesh",), "f8", "1", "part of the time without contact, settled"),
 )  # fmt: skip
-"""Of a system whose teeth may part."""
+"""Variables of a system whose teeth may part."""
 
 SPEED_RESPONSE = (
     coordinate("mesh", "mesh", TEXT, "1", "tooth mesh"),
@@ -340,7 +340,7 @@ SPEED_RESPONSE = (
     ),
     Variable("status", (GRID,), "i2", "1", "what is to be said of the steady state; 0: nothing"),
 )  # fmt: skip
-"""Of the steady state at every point."""
+"""Variables of the steady state at every point."""
 
 ALL_MOTIONS = (
     "mesh_force_peak", "transmission_error_peak_to_peak", "transmission_error_rms", "dynamic_load_factor",
@@ -402,13 +402,13 @@ PAIR_RESPONSE = (
     Variable("peak_power_spectral_density", ("peak",), "f8", "rad2 s", "height of the peak"),
     Variable("status", (), "i2", "1", "how the run went; 0: complete"),
 )  # fmt: skip
-"""Of a gear pair whose mesh stiffness depends on its rotation."""
+"""Variables of a gear pair whose mesh stiffness depends on its rotation."""
 
 TEETH = (
     coordinate("mesh", "mesh", TEXT, "1", "tooth mesh"),
     Variable("notices", (ROWS, "mesh"), "i2", "1", "what is wrong with the teeth; 0: nothing"),
 )
-"""Of a gearbox, over the axes on which its teeth depend."""
+"""Variables of a gearbox, over the axes on which its teeth depend."""
 
 BENCH = (
     coordinate("method", "setting", TEXT, "1", "method"),
@@ -417,4 +417,4 @@ BENCH = (
     Variable("error", ("setting",), "f8", "1", "largest error of the growth over one common period"),
     Variable("wrong_flags", ("setting",), "i4", "1", "reference points with a wrong stability flag"),
 )
-"""Of a benchmark."""
+"""Variables of a benchmark."""

@@ -24,7 +24,7 @@ DESIGN = (
     Variable("margin_lower", ("variable",), "f8", "1", "how far the variable may decrease by itself"),
     Variable("margin_upper", ("variable",), "f8", "1", "how far the variable may increase by itself"),
 )
-"""Of any design. Values stand in the unit that ``variable_units`` says."""
+"""Variables of any design. Values stand in the unit that ``variable_units`` says."""
 
 SEVERAL = {"objective_initial": ("objective",), "objective_optimum": ("objective",),
            "sensitivity": ("objective", "variable")}  # fmt: skip
@@ -67,7 +67,7 @@ DESIGN_SCANS = (
     Variable("line_objective", ("variable", "place"), "f8", "1",
              "first objective along one variable, all others at the optimum"),
 )  # fmt: skip
-"""Of continuous variables."""
+"""Variables that describe scans of continuous variables."""
 
 DESIGN_FRONT = (
     coordinate("design", "design", "i4", "1", "number of the design on the front"),
@@ -88,4 +88,4 @@ DESIGN_PHASING = (
     Variable("suppressed", ("choice",), TEXT, "1", "regions within reach that the planets' phases forbid"),
     Variable("driven", ("choice",), TEXT, "1", "regions found within the operating range"),
 )
-"""Of planetary gears with tooth numbers to choose."""
+"""Variables of planetary gears with tooth numbers to choose."""

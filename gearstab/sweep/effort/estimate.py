@@ -36,7 +36,7 @@ ROWS = 5
 GROWTH = 2.0, 16.0
 """Least and greatest ratio of a sample's size to that before."""
 PART = 1 / 3
-"""Of the time that is left, what a sample may take: there are two of its size to come."""
+"""Part of the time that is left that a sample may take: there are two of its size to come."""
 BRIEF = 1e-4
 """Seconds below which a sample is not told from no work at all."""
 APART = 4.0

@@ -22,7 +22,7 @@ MOST_BYTES = 10e9
 and what takes minutes to copy."""
 
 SECONDS_OF_COST = 1e-7
-"""Of a unit of a method's cost, roughly."""
+"""Seconds of a unit of a method's cost, roughly."""
 SHORT = 60.0
 """Seconds of a sweep, roughly estimated, that is begun without a closer look at them."""
 

@@ -15,7 +15,7 @@ from gearstab.systems.gearbox.build import Train, build
 from gearstab.systems.gearbox.train import TrainError
 
 MOST_CORNERS = 32
-"""Of the grid that are looked at."""
+"""Most corners of the grid that are looked at."""
 MOST_TEETH = 96
 """Computations of a tooth stiffness along an axis, some 8 ms each."""
 MOST_PAIRS = 4096

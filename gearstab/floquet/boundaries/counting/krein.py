@@ -62,7 +62,7 @@ order 1 (for |u|^2 + |v|^2 = 1)."""
 MIRROR = 1e-10
 """Offset that lays several real pairs out as mirror images around +-1."""
 TIE = 1e-12
-"""Of angles, in the count of collisions: a pair off the circle counts as met."""
+"""Tolerance of angles in the count of collisions: a pair off the circle counts as met."""
 
 
 @dataclass(frozen=True)

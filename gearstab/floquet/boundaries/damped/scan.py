@@ -22,7 +22,7 @@ from gearstab.floquet.solution import DAMPED_ON_CIRCLE
 from gearstab.system import Array
 
 STEP = 0.1
-"""Of the scan, in the smallest damping ratio."""
+"""Step of the scan over the smallest damping ratio."""
 REFINEMENTS = 16
 """Rounds in which extrema are refined."""
 OPTIMISM = 2.0

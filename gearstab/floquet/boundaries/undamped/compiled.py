@@ -31,7 +31,7 @@ NARROW = 3e-3
 INSIDE = np.array([-0.9, -0.3, 0.3, 0.9])
 """Places inside a tongue where its pair of multipliers is looked at, from edge -1 to edge 1."""
 STEPS = 4
-"""Of Newton's method, from where the edges seem to be."""
+"""Steps of Newton's method from where the edges seem to be."""
 TRUSTED = 0.25
 """Half-widths by which rounding may have moved an edge, at most."""
 

@@ -37,14 +37,14 @@ PATIENCE = 4
 NEAR = 1.2
 """Margin by which a pair must miss each other for a bracket to be empty, and a third multiplier for one edge."""
 SMALL = 0.26
-"""Of the scan's spacing: brackets whose integers are unknown are taken at face value below, after two halvings."""
+"""Part of the scan's spacing: brackets whose integers are unknown are taken at face value below, after two halvings."""
 ELSEWHERE = 0.11
 """Part of a bracket by which to go off its middle, to either side in turn, for each time that it told nothing."""
 CLOSED, BESIDE = 0.8, 0.45
 """A tongue predicted to be narrower than the first part of the floor is enclosed between stable points at the second
 part of the floor from it, on both sides."""
 WITHIN = 0.4
-"""Of the tolerance: the least distance of a proposed edge from the ends of its bracket."""
+"""Part of the tolerance: the least distance of a proposed edge from the ends of its bracket."""
 ATTEMPTS = 4
 """Points tried where signs are lost in rounding, before a bracket is left as it is."""
 ROUNDS = 200
