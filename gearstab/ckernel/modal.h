@@ -190,7 +190,8 @@ INLINE void advance_pair(int64_t n, const double *change, const vec *cosine, con
     change_basis(change, n, work, result);
 }
 
-/* The same on one column for n <= 3, a constant where this is inlined; everything stays in registers. */
+/* The same on one column for n <= 3, a constant where this is inlined; everything stays in registers. A scan that advances
+   pairs of columns here too takes 1.1 times as long for 4 segments, and 1.2 times for 16. */
 INLINE void advance_column(int64_t n, const double *change, const vec *cosine, const vec *over, const vec *times, vec *x) {
     vec position[3], velocity[3];
     UNROLLED for (int64_t j = 0; j < n; j++) {

@@ -5,7 +5,7 @@
 
 /* n > 3: the rounding error of a rho is at most NOISE times the largest entry of W. */
 #define NOISE (64 * DBL_EPSILON)
-#define BATCH 8 /* vectors of points that go through one step after the other together; TOGETHER divides it */
+#define BATCH 8 /* vectors of points that go through one step after the other together, 4 to 16 alike; TOGETHER divides it */
 #define SURE_GROWTH 1e-3 /* growths below this lose more than 1e-10 as acosh(rho/2) */
 
 /* LANES of count numbers from position k on; what is missing repeats the last. */

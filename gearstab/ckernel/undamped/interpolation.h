@@ -3,17 +3,20 @@
    A product of S exponentials is an entire function of the period T, of exponential type sigma = sum_s |fraction_s| max w_s:
    over an interval of half length h its Chebyshev coefficients fall as (sigma h/2)^k/k!, and with NODES of them nothing is
    left for sigma h <= HALF_PHASE. The periods of a row's points are cut into such panels; one with enough points gets its
-   own polynomials, the points of others, and those of a vector that straddles two, are propagated. */
+   own polynomials, the points of others, and those of a vector that straddles two, are propagated.
+
+   What it is worth: without it floquet.solve on the smooth waves of waveforms/harmonics.yaml, at 1000 mesh frequencies,
+   takes 1.18 times the time, and a scan of n = 3 with 16 segments 1.05 times; with 4 segments it would take 0.7 times,
+   so that only smooth waves ask for it. scripts/bench_kernel.py prints the share of points. */
 
 #ifndef GEARSTAB_INTERPOLATION_H
 #define GEARSTAB_INTERPOLATION_H
 
 #define NODES 32
 #define HALF_PHASE 8.0      /* rad: (8/2)^32/32! = 7e-17 */
-#define PAYING 64           /* points of a panel from which on it is worth its nodes */
+#define PAYING 64           /* points of a panel from which on it is worth its nodes; 32 and 128 differ by 5 % at most */
 #define MOST_GROWN 64.0     /* entries above this spoil the digits of other points of the panel */
 #define LEFT_OVER 1e-13     /* of the last coefficients, relative to the largest entry: rounding, or the panel is not used */
-#define TOGETHER_ENTRIES 12 /* sums kept in registers; 4 n^2 is a multiple of 4 */
 #define MOST_BYTES (1 << 28) /* of the polynomials of a row: 256 MB a thread */
 
 struct panel {
@@ -136,15 +139,15 @@ static void panels_set(struct panels *panels, const struct row *row, int64_t poi
             panels->panel[k].size = panel_fill(panels, row, k, work);
 }
 
-/* x[e] = sum_j c[j][e] t[j] for `count` entries, a constant where this is inlined. */
-INLINE void combine(const double *c, int64_t stride, const vec *t, vec *x, int64_t count) {
-    vec sum[TOGETHER_ENTRIES];
-    UNROLLED for (int64_t e = 0; e < count; e++)
+/* x[e] = sum_j c[j][e] t[j] for the next four of 4 n^2 entries; twelve at once take 12 to 15 % longer with AVX-512. */
+INLINE void combine(const double *c, int64_t stride, const vec *t, vec *x) {
+    vec sum[4];
+    UNROLLED for (int64_t e = 0; e < 4; e++)
         sum[e] = all(c[e]);
     for (int64_t j = 1; j < NODES; j++)
-        UNROLLED for (int64_t e = 0; e < count; e++)
+        UNROLLED for (int64_t e = 0; e < 4; e++)
             sum[e] += c[j * stride + e] * t[j];
-    UNROLLED for (int64_t e = 0; e < count; e++)
+    UNROLLED for (int64_t e = 0; e < 4; e++)
         x[e] = sum[e];
 }
 
@@ -153,7 +156,7 @@ INLINE void combine(const double *c, int64_t stride, const vec *t, vec *x, int64
 static int interpolate(const struct panels *panels, int64_t n, vec period, vec *x, vec *magnified) {
     if (!panels->count)
         return 0;
-    int64_t entries = 4 * n * n, panel = -1, e = 0;
+    int64_t entries = 4 * n * n, panel = -1;
     for (int64_t lane = 0; lane < LANES; lane++) {
         double place = (period[lane] - panels->first) / panels->length;
         int64_t own = place < (double)panels->count ? (int64_t)place : panels->count - 1;
@@ -168,10 +171,8 @@ static int interpolate(const struct panels *panels, int64_t n, vec period, vec *
     t[0] = all(1.0), t[1] = place;
     for (int64_t j = 2; j < NODES; j++)
         t[j] = 2.0 * place * t[j - 1] - t[j - 2];
-    for (; e + TOGETHER_ENTRIES <= entries; e += TOGETHER_ENTRIES)
-        combine(c + e, entries, t, x + e, TOGETHER_ENTRIES);
-    for (; e < entries; e += 4)
-        combine(c + e, entries, t, x + e, 4);
+    for (int64_t e = 0; e < entries; e += 4)
+        combine(c + e, entries, t, x + e);
     /* Those of the largest matrix at the nodes, and those of the sums. */
     *magnified = 1.0 + panels->panel[panel].size / larger(largest_entry(x, entries), all(1.0));
     return 1;
