@@ -11,7 +11,9 @@
 #ifndef GEARSTAB_SPECTRA_H
 #define GEARSTAB_SPECTRA_H
 
-#define PAYS_FROM 200 /* operations S (4n + 6) a column from which interpolation beats propagation: 32 nodes, 4n^2 entries */
+/* Operations S (4n + 6) a column from which interpolation beats propagation: 32 nodes, 4n^2 entries. Without any a search takes
+   8 to 11 % longer for tooth ratios of 9/10 and 19/20, and as long for 3/5 and 4/5; the number itself hardly matters. */
+#define PAYS_FROM 200
 
 /* s -> arctan s for 0 <= s <= 1. */
 INLINE vec arctangent(vec s) {
