@@ -13,7 +13,7 @@ from typing import Any, get_origin
 import numpy as np
 
 from gearstab.config.document.problems import Path, closest
-from gearstab.config.document.yaml import value_at
+from gearstab.config.document.yaml import Document, value_at
 from gearstab.config.model.introspection import bare, entry_type, field_types, is_model
 
 Conflict = tuple[Path, str, str]
@@ -145,3 +145,10 @@ def repeated_names(raw: dict[str, Any], key: str, one: str) -> Iterator[Conflict
             yield (key, place, "name"), f"two {key} are called '{name}'", f"give each {one} a name of its own"
         elif name is not None:
             seen.add(name)
+
+
+def report(document: Document, path: Path, conflicts: Iterable[Conflict], section: Any) -> None:
+    """Report what contradicts itself in a section as meant, but for what is unknown there."""
+    for inner, message, hint in conflicts:
+        if is_known(section, inner):
+            document.report((*path, *inner), message, hint)

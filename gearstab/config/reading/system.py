@@ -1,0 +1,136 @@
+"""The sections ``system``, ``sweep`` and ``design``, which depend on each other."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING, Any
+
+from gearstab.config.document.problems import Path, dotted, nearest
+from gearstab.config.document.yaml import Document, value_at
+from gearstab.config.model.axes import Array, Axis
+
+if TYPE_CHECKING:
+    from gearstab.config.sections.design import Design
+    from gearstab.config.sections.sweep import Context
+    from gearstab.config.sections.targets import Target
+    from gearstab.systems.base import System
+
+
+@dataclass
+class SystemSections:
+    """``system``, ``sweep`` and ``design``. plain: ``system`` as plain data; specs: ``sweep``, resolved.
+
+    context, uncertain: what the names of uncertain parameters refer to, and stand for.
+    """
+
+    plain: dict[str, Any]
+    parameters: dict[str, Any]
+    contents: dict[str, Array]
+    axes: tuple[Axis, ...]
+    specs: dict[str, Any]
+    context: Context
+    uncertain: dict[str, list[Target]]
+    design: Design | None
+
+
+def find_model(document: Document) -> type[System] | None:
+    """The model of ``system.kind``; None after reporting that there is none."""
+    from gearstab.systems import KINDS
+
+    if "system" not in document.data:
+        return None
+    system = document.data["system"]
+    available = f"available: {', '.join(KINDS)}"
+    if not isinstance(system, dict):
+        document.report(("system",), "must be a mapping", f"add kind; {available}", value=system)
+        return None
+    kind, path = system.get("kind"), ("system", "kind")
+    if isinstance(kind, str) and kind in KINDS:
+        return KINDS[kind].variant(system)
+    if kind is None:
+        document.report(path, "is missing", f"add kind; {available}")
+    else:
+        document.report(path, "is no kind of system", f"{nearest(str(kind), KINDS)} ({available})", value=kind)
+    return None
+
+
+def read_system(document: Document, model: type[System], source: FilePath) -> SystemSections | None:
+    """The sections ``system`` and ``sweep``; None after reporting problems."""
+    from gearstab.config.checks.samples import check_variation
+    from gearstab.config.model.conflicts import as_meant, report
+    from gearstab.config.model.introspection import as_parameters
+    from gearstab.config.model.validation import validate
+    from gearstab.config.sections import sweep
+    from gearstab.config.sections.dimensions import check_units
+
+    raw = document.data["system"]
+    _name_meshes(document, model)
+    contents = model.read_files(document, source)
+    model.complete(document, raw, model.size(as_meant(raw | contents, model)))
+    from_file: dict[str, Any] = {k: v for k, v in contents.items() if k != "damping"}
+    if "damping" in contents:
+        from_file["damping"] = {"matrix": contents["damping"]}
+    meant = as_meant(raw | from_file, model)
+    samples = _read_samples(document, meant, source)
+    context = sweep.Context(document, model, meant)
+    layouts = sweep.layouts(context) if "sweep" in document.data else []
+    variables: list[sweep.UnresolvedAxis] = []
+    if "design" in document.data:
+        from gearstab.config.sections import design
+
+        variables = design.layouts(context)
+    known = set(sweep.base_values(document, [*layouts, *variables]))
+    targets: dict[str, list[Target]] = {}
+    if value_at(document.data, ("methods", "tolerance")) is not None:
+        from gearstab.config.sections import uncertain
+
+        targets = uncertain.resolve(context, value_at(document.data, uncertain.SECTION))
+        known |= set(uncertain.base_values(context, targets))
+    section = as_meant(raw | from_file, model)
+    report(document, ("system",), model.conflicts(section), section)
+    known |= check_units(document, model, meant, "system", model, known)
+    system = validate(document, model, ("system",), known)
+    built = [(layout.name, sweep.build(context, layout)) for layout in layouts]
+    wanted = design.read(context, variables) if "design" in document.data else None
+    if system is None:
+        return None
+    axes = tuple(item[0] for _, item in built if item)
+    undamped = {"damping_ratio": 0.0} if (raw | from_file).get("damping") is None else {}
+    plain = {"kind": raw["kind"]} | undamped | system.model_dump(mode="json", exclude_none=True)
+    parameters = undamped | as_parameters(system) | from_file
+    for where, values in samples.items():
+        value_at(parameters, where).update(phase=values[0], stiffness=values[1])
+    check_variation(document, section, samples, axes)
+    contents |= {dotted(where): values for where, values in samples.items()}
+    specs = {name: item[1] for name, item in built if item}
+    return SystemSections(plain, parameters, contents, axes, specs, context, targets, wanted)
+
+
+def _name_meshes(document: Document, model: type[System]) -> None:
+    meshes = document.data["system"].get("meshes")
+    for i, mesh in enumerate(meshes if isinstance(meshes, list) else []):
+        if isinstance(mesh, dict) and mesh.get("name") is None:
+            name = model.mesh_names[i] if i < len(model.mesh_names) else f"mesh{i + 1}"
+            document.put(("system", "meshes", i, "name"), name, document.where(("system", "meshes", i)))
+
+
+def _read_samples(document: Document, section: dict[str, Any], source: FilePath) -> dict[Path, Array]:
+    """What the files of waveforms hold, by the place of the waveform below ``system``; problems are reported."""
+    from gearstab.config.checks.samples import waveforms
+    from gearstab.waveforms.section import wave_of
+
+    found: dict[Path, Array] = {}
+    for path, waveform in waveforms(section, ()):
+        name, wave = waveform.get("file"), wave_of(waveform)
+        if not isinstance(name, str) or wave is None:
+            continue
+        from gearstab.config.checks.sample_file import read_samples
+        from gearstab.config.document.files import DataFileError
+
+        interpolation = waveform.get("interpolation") or "linear"
+        try:
+            found[path] = read_samples(source.parent / name, wave, str(interpolation))
+        except DataFileError as error:
+            document.report(("system", *path, "file"), str(error), error.hint, value=name)
+    return found
