@@ -18,24 +18,63 @@ import re
 import subprocess
 import sys
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
 
 import references
+import xarray as xr
+
+from gearstab.plots.axes import Request
+from gearstab.plots.drawing.heading import write_legend
+from gearstab.plots.drawing.style import CASES, new_frame, save, style
 
 ROOT = Path(__file__).parent.parent
 CONFIGS, GEARSTAB = ROOT / "configs", ROOT / "gearstab"
 
 POINT_A = ("--mark", "A=4.2,0.3")
+DEFLECTION = (
+    "--title", "Transmission error (Kuria & Kihiu 2008, Figs. 4(a), 5(a))", "--variable", "mesh_deflection", "--select",
+)  # fmt: skip
+AMPLITUDE = (
+    "--title", "Spectrum of the transmission error (Kuria & Kihiu 2008, Figs. 4(b), 5(b))",
+    "--variable", "mesh_deflection_amplitude", "--select",
+)  # fmt: skip
 PICTURES: dict[str, dict[str, Sequence[str]]] = {
     "lin_parker_2002/fig8a": {"": POINT_A},
     "lin_parker_2002/fig8b": {"": POINT_A},
-    "response/two_stage_speeds": {"": (), "_force": ("--kind", "speeds", "--select", "epsilon=0.3")},
+    "response/two_stage_speeds": {
+        "": ("--title", "Stability of a two-stage train under load"),
+        "_force": ("--kind", "speeds", "--select", "epsilon=0.3", "--title", "Load factors of a two-stage train"),
+    },
     "kuria_kihiu_2008/steady": {
-        "": ("--kind", "teeth"),
-        "_fig4b": ("--kind", "spectrum", "--variable", "mesh_deflection_amplitude", "--select", "mesh=I"),
-        "_fig5b": ("--kind", "spectrum", "--variable", "mesh_deflection_amplitude", "--select", "mesh=II"),
+        "": ("--kind", "teeth", "--title", "Loads of a tooth (Kuria & Kihiu 2008, Fig. 6)"),
+        **{
+            f"_fig{number}a": ("--kind", "response", *DEFLECTION, f"mesh={mesh}", "--size", "double")
+            for number, mesh in ((4, "I"), (5, "II"))
+        },
+        **{
+            f"_fig{number}b": ("--kind", "spectrum", *AMPLITUDE, f"mesh={mesh}")
+            for number, mesh in ((4, "I"), (5, "II"))
+        },
+        "_fig7": (
+            "--kind",
+            "teeth",
+            "--variable",
+            "root_stress",
+            "--title",
+            "Root stress of a tooth (Kuria & Kihiu 2008, Figs. 7 and 8)",
+        ),
+    },
+    "kuria_kihiu_2008/friction": {
+        "": (
+            "--kind",
+            "response",
+            "--variable",
+            "mesh_deflection",
+            "--title",
+            "Transmission error of stage I with friction",
+        )
     },
     "parker_2009/table1": {"": ("--kind", "modes")},
     "lin_parker_1999/modes": {"": ("--kind", "modes")},
@@ -45,6 +84,15 @@ PICTURES: dict[str, dict[str, Sequence[str]]] = {
     },
 }
 """What ``gearstab plot`` is told where its choice is not the figure wanted: by configuration and ending of the name."""
+
+FIG3 = "oh_grosh_barber_2005/fig3"
+OVERLAID: dict[str, dict[str, str]] = {
+    FIG3: {
+        FIG3: "energy conserving",
+        f"{FIG3}_rigid_kinematic": "rigid kinematic",
+    },
+}
+"""Figures whose energies a further picture, ``_overlaid``, shows in one frame, with their words in its legend."""
 
 
 @dataclass(frozen=True)
@@ -71,6 +119,17 @@ class Figure:
         chosen = PICTURES.get(self.name, {"": ()})
         stem = self.folder / "figures" / self.name
         return {stem.with_name(f"{stem.name}{ending}.{self.format}"): words for ending, words in chosen.items()}
+
+    @property
+    def overlaid(self) -> Path | None:
+        """The picture that shows its energy together with that of others, None for most figures."""
+        named = self.folder / "figures" / f"{self.name}_overlaid.{self.format}"
+        return named if self.name in OVERLAID else None
+
+    @property
+    def every_picture(self) -> list[Path]:
+        """The paths of all pictures."""
+        return [*self.pictures, *([self.overlaid] if self.overlaid else [])]
 
     @property
     def compared(self) -> bool:
@@ -132,7 +191,27 @@ def make(figure: Figure) -> tuple[float, float]:
         if not picture.exists() or picture.stat().st_mtime < newest(sources):
             picture.parent.mkdir(parents=True, exist_ok=True)
             drawn += run(["plot", str(figure.result), "-o", str(picture), *options])
+    if figure.overlaid and (computed or drawn or not figure.overlaid.exists()):
+        overlay(figure, figure.overlaid)
     return computed, drawn
+
+
+def overlay(figure: Figure, path: Path) -> None:
+    """Draw the energies of several responses over time in one frame."""
+    results = {words: replace(figure, name=name) for name, words in OVERLAID[figure.name].items()}
+    with style():
+        frame, ax = new_frame(Request(), 0.62)
+        for k, (words, other) in enumerate(results.items()):
+            if other != figure:
+                make(other)
+            with xr.open_datatree(other.result) as tree:
+                data = tree["response"].to_dataset()
+                ax.plot(data["time"], data["energy"], color=CASES[k], linewidth=0.6, label=words, zorder=3 - 0.1 * k)
+        ax.set(xlabel="time $t$ (s)", ylabel="total energy $U$ (J)")
+        ax.margins(x=0)
+        frame.suptitle("Energy of a gear pair at 300 rpm")
+        write_legend(frame, ax.get_lines())
+        save(frame, path)
 
 
 def every(folder: Path, format: str = "png") -> list[Figure]:
@@ -184,10 +263,10 @@ def main(arguments: Sequence[str]) -> int:
         total += sum(times)
         print(f"{figure.name:42} computed in {times[0]:6.1f} s, drawn in {times[1]:5.1f} s", flush=True)
         if given.update and figure.compared:
-            references.write(figure.name, figure.result, list(figure.pictures), times)
+            references.write(figure.name, figure.result, figure.every_picture, times)
         if not (given.check and figure.compared):
             continue
-        if wrong := references.differences(figure.name, figure.result, list(figure.pictures)):
+        if wrong := references.differences(figure.name, figure.result, figure.every_picture):
             failed += 1
             print("".join(f"    differs: {line}\n" for line in wrong), end="", flush=True)
     passed = perf_counter() - start

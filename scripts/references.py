@@ -178,13 +178,17 @@ def seconds(name: str) -> float:
 
 
 def write(name: str, result: Path, pictures: Sequence[Path], times: Sequence[float]) -> None:
-    """Write the reference of a figure. A time is replaced where it was measured anew and is not about the same."""
+    """Write the reference of a figure. Variables that agree stay as they are, and a time that is about the same."""
     before = stored(name)
     known = 0.0 if before is None else float(before["seconds"])
     spent = float(f"{sum(times):.1g}")
     if before is not None and (times[0] == 0 or known / 2 <= spent <= 2 * known):
         spent = known
-    made = {"seconds": spent, "variables": of_result(result)}
+    variables = of_result(result)
+    for key, then in (before["variables"] if before else {}).items():
+        if key in variables and not of_entry(variables[key], then, tolerance(key)):
+            variables[key] = then
+    made = {"seconds": spent, "variables": variables}
     images = {path.stem: of_picture(path) for path in pictures}
     path = STORED / f"{name}.json"
     path.parent.mkdir(parents=True, exist_ok=True)

@@ -31,13 +31,14 @@ KINDS_HELP = "; ".join(f"{name}: {kind.summary}" for name, kind in KINDS.items()
 @click.option(
     "--mark", multiple=True, metavar="NAME=X,Y", help="Mark a point of a map, in units of its axes; may be repeated."
 )
-@click.option("--title/--no-title", default=True, show_default=True, help="Write the result's title over the figure.")
+@click.option("--title", metavar="TEXT", help="Title over the figure [default: that of the result].")
+@click.option("--no-title", is_flag=True, help="Write no title over the figure.")
 @click.option("--size", metavar="single|double", help="One journal column (88 mm) or two (180 mm).")
 @click.option("--dpi", type=click.IntRange(50, 2400), help="Resolution of pixels [default: 300].")
 def command(
     result: Path, output: Path | None, kind: str | None, x: str | None, y: str | None, select: tuple[str, ...],
-    unit: tuple[str, ...], variable: str | None, mark: tuple[str, ...], level: tuple[float, ...], title: bool,
-    size: str | None, dpi: int | None,
+    unit: tuple[str, ...], variable: str | None, mark: tuple[str, ...], level: tuple[float, ...], title: str | None,
+    no_title: bool, size: str | None, dpi: int | None,
 ) -> None:  # fmt: skip
     """Draw a figure from the file RESULT alone; nothing is computed again."""
     from gearstab.plots import draw
@@ -50,7 +51,9 @@ def command(
     checked_extension(target)
     FIGURE.refuse(target, result)
     chosen = options.selections(select)
-    request = Request(x, y, chosen, variable, size, title, dpi, unit, levels=level, marks=points(mark))
+    request = Request(
+        x, y, chosen, variable, size, not no_title and (title or True), dpi, unit, levels=level, marks=points(mark)
+    )
     with reading(result) as tree:
         figure, artists = draw(tree, kind, request)
         save(figure, target, title_of(tree))

@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 from pydantic import Field
 
-from gearstab.config.model.fields import Section
 from gearstab.methods.base import RANGE, EffortEstimate, Key, Outcome, Tolerance, TongueMethod
+from gearstab.methods.restriction import ModesOption, Restricted
 from gearstab.results.variables import EXACT, OCCURRENCE, TONGUE, Variable, flagged
 from gearstab.system import Array
 
+if TYPE_CHECKING:
+    from gearstab.perturbation.tongues import Tongue
 
-class BoundariesOptions(Section):
+
+class BoundariesOptions(ModesOption):
     """Edges of all instability regions over the range of the mesh frequency, by root finding."""
 
     tolerance: Tolerance = Field(
@@ -25,8 +31,8 @@ class BoundariesOptions(Section):
     )
 
 
-class BoundaryAnalysis(TongueMethod):
-    """Exact boundaries."""
+class BoundaryAnalysis(TongueMethod, Restricted):
+    """Exact boundaries, of a system or of some of its modes."""
 
     name = "boundaries"
     Options = BoundariesOptions
@@ -45,7 +51,7 @@ class BoundaryAnalysis(TongueMethod):
         from gearstab.floquet.boundaries import boundaries
 
         start, stop = (float(end) for end in mesh_frequency)
-        found = boundaries(self.system, start, stop, self.options.tolerance, self.options.width_floor)
+        found = boundaries(self.part, start, stop, self.options.tolerance, self.options.width_floor)
         edges = found.arranged()
         values = {
             "boundary_frequency": edges.boundary_frequency, "tolerance": edges.tolerance, "status": edges.flags,
@@ -53,7 +59,9 @@ class BoundaryAnalysis(TongueMethod):
             "proved_share": found.stable_share(found.proved), "counted_share": found.stable_share(found.counted),
             "proved_frequency": found.stretches(found.proved),
         }  # fmt: skip
-        return Outcome(values, edges.index)
+        if self.options.modes is None:
+            return Outcome(values, edges.index)
+        return Outcome(values, tuple((_named(tongue, self.options.modes), k) for tongue, k in edges.index))
 
     @staticmethod
     def unite(indices: Iterable[Sequence[Key]]) -> tuple[Key, ...]:
@@ -64,12 +72,25 @@ class BoundaryAnalysis(TongueMethod):
     def check(self) -> None:
         self.needs_common_period("remove it, or give exact ratios")
         self.only_mesh_stiffness()
+        self.check_modes()
+
+    def report(self) -> Mapping[str, Any]:
+        """Return what of the system was solved."""
+        return self.restriction()
 
     def effort(self, mesh_frequency: Array) -> EffortEstimate:
         from gearstab.floquet.boundaries.effort import effort
 
         start, stop = (float(end) for end in mesh_frequency)
-        return effort(self.system, start, stop)
+        return effort(self.part, start, stop)
 
     def cost(self) -> float:
-        return 4000 * max(1.0, 2 * sum(self.system.common_period()[1]) * self.system.size**3 / 108)
+        return 4000 * max(1.0, 2 * sum(self.system.common_period()[1]) * self.part.size**3 / 108)
+
+
+def _named(tongue: Tongue, modes: Sequence[int]) -> Tongue:
+    """The tongue of a system restricted to these modes by the numbers that they have in the whole system."""
+    formula, *mesh = tongue.label.split(" (", 1)
+    own = re.sub(r"(w|mode )(\d+)", lambda found: f"{found[1]}{modes[int(found[2]) - 1]}", formula)
+    p, q = (modes[number - 1] for number in (tongue.mode_p, tongue.mode_q))
+    return replace(tongue, mode_p=p, mode_q=q, label=" (".join([own, *mesh]))

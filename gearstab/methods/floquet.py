@@ -8,11 +8,12 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import numpy as np
-from pydantic import AfterValidator, BeforeValidator, Field
+from pydantic import BeforeValidator, Field
 
 from gearstab.config.model.fields import Choice, Flag, Quantity, Section, Whole, wrong
 from gearstab.errors import NotPossible
 from gearstab.methods.base import Method, OptionError, Outcome, Tolerance
+from gearstab.methods.restriction import ModesOption, Restricted
 from gearstab.results.variables import BY_MESH, ERROR_ESTIMATE, EXPONENTS, FLOQUET, INTERVAL, ORBITS, Variable, flagged
 from gearstab.system import Array, GearSystem
 
@@ -29,15 +30,6 @@ MOST = 512.0
 
 ORBIT = 800.0
 """Cost of an orbit, in points of a linear system of three coordinates."""
-
-ModeNumber = Annotated[int, Field(ge=1), Whole]
-
-
-def _each_once(modes: list[int]) -> list[int]:
-    """Ascending; raises a pydantic error where a mode is named twice."""
-    if len(set(modes)) < len(modes):
-        raise wrong("modes", "names a mode twice", "name each mode once")
-    return sorted(modes)
 
 
 def _deflection_type(value: Any) -> Any:
@@ -61,7 +53,7 @@ class LyapunovOptions(Section):
     )
 
 
-class FloquetOptions(Section):
+class FloquetOptions(ModesOption):
     """Exact stability at every point of the grid."""
 
     exponents: Flag = Field(
@@ -77,12 +69,6 @@ class FloquetOptions(Section):
         title="block",
         description="Restrict the system to one type of mesh deflection, of a system with cyclic symmetry: "
         "T = 0, 1, 2, ... or its name; default all.",
-    )
-    modes: Annotated[list[ModeNumber], AfterValidator(_each_once)] | None = Field(
-        default=None,
-        min_length=1,
-        title="modes",
-        description="Restrict the system to these modes, numbered from 1 by ascending natural frequency; default all.",
     )
     frequencies: Annotated[str, Choice("way", ("auto", "common_period", "per_mesh", "lyapunov"))] = Field(
         default="auto",
@@ -100,7 +86,7 @@ class FloquetOptions(Section):
     )
 
 
-class Floquet(Method):
+class Floquet(Restricted):
     """Floquet multipliers of a system, or of some of its modes, by the strategy for its mesh frequencies."""
 
     name = "floquet"
@@ -119,22 +105,16 @@ class Floquet(Method):
     @cached_property
     def basis(self) -> Array | None:
         """Return the subspace to which the options restrict the system, None where they do not. Raises NotPossible."""
-        if self.options.modes is None and self.options.block is None:
-            return None
-        from gearstab.floquet.truncation import modes_basis, type_basis
+        if self.options.block is None:
+            return super().basis
+        from gearstab.floquet.truncation import type_basis
 
-        if self.options.modes is not None:
-            return modes_basis(self.system, self.options.modes)
         return type_basis(self.system, self.options.block)
 
-    @cached_property
-    def part(self) -> GearSystem:
-        """The system that is solved."""
-        if self.basis is None:
-            return self.system
-        from gearstab.floquet.truncation import restricted
-
-        return restricted(self.system, self.basis)
+    @property
+    def kept(self) -> str:
+        """What is kept, in words, where something is left out."""
+        return super().kept if self.options.block is None else f"type {self.options.block}"
 
     @cached_property
     def strategy(self) -> Strategy:
@@ -229,7 +209,6 @@ class Floquet(Method):
     def report(self) -> Mapping[str, Any]:
         """Return what of the system was solved, and what that saved."""
         from gearstab.floquet.report import reduction
-        from gearstab.floquet.truncation import neglected
 
         found = reduction(self.part)
         said: dict[str, Any] = {"reduction": found.text()}
@@ -237,31 +216,17 @@ class Floquet(Method):
             said["frequencies_chosen"] = self.strategy.reason
         if np.isfinite(found.saving) and found.saving > 1:
             said["reduction_saving"] = found.saving
-        if self.basis is None:
-            return said
-        modes, size = self.options.modes, self.system.size
-        what = f"modes {', '.join(map(str, modes))}" if modes is not None else f"type {self.options.block}"
-        coupling = neglected(self.system, self.basis)
-        left_out = (
-            f"neglects couplings of up to {coupling:.2g} of w_p w_q" if coupling else "which nothing couples to others"
-        )
-        return said | {"restriction": f"{what} of the base system: {self.basis.shape[-1]} of {size} modes, {left_out}"}
+        return said | self.restriction()
 
     def check(self) -> None:
         options = self.options
         if options.modes is not None and options.block is not None:
             raise OptionError(("modes",), "cannot be combined with block: both restrict the modes", "give one of them")
+        self.check_modes()
         try:
             _ = self.basis
         except NotPossible as error:
-            key = "block" if options.modes is None else "modes"
-            raise OptionError((key,), error.message, error.remedy) from None
-        if options.modes is not None:
-            from gearstab.floquet.truncation import split_degenerate_group
-
-            if group := split_degenerate_group(self.system, options.modes):
-                message = f"modes {', '.join(map(str, group))} have equal frequencies"
-                raise OptionError(("modes",), message, "name all of them or none")
+            raise OptionError(("block",), error.message, error.remedy) from None
         try:
             taken = self.strategy.name
         except NotPossible as error:

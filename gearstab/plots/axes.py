@@ -118,7 +118,8 @@ class FigureAxis:
         if self.name == "tongue":
             return tongue_label(self.text(index), self.meshes)
         unit = unit_text(self.units) if self.numeric else ""
-        return f"{short_label(self.name, self.meshes)} = {plain(self.text(index))}" + (f" {unit}" if unit else "")
+        value = self.text(index) if self.numeric else self.text(index).replace("_", " ")
+        return f"{short_label(self.name, self.meshes)} = {plain(value)}" + (f" {unit}" if unit else "")
 
     def find(self, text: str) -> int:
         """The index of a label, or of the number nearest to ``text``.
@@ -348,6 +349,7 @@ class Request:
 
     unit: units of axes instead of those that were typed, see :func:`gearstab.results.display.in_display_units`.
     partial: whether a figure may leave something out where all would be too much; else that is an error.
+    title: over the figure: that of the result, none or a text.
     levels: of contours, in a kind that draws some.
     ax: the frame to draw into, for kinds of figures with one frame; None for a figure of its own.
     marks: points of a map by name, (x, y) in units of its axes.
@@ -358,7 +360,7 @@ class Request:
     select: Mapping[str, str] = field(default_factory=dict)
     variable: str | None = None
     size: str | None = None
-    title: bool = True
+    title: bool | str = True
     dpi: int | None = None
     unit: Sequence[str] = ()
     partial: bool = False

@@ -171,3 +171,36 @@ def test_info_shows_the_reduction(config):
     assert facts["dropped_modes"] == []
     assert {tuple(block["modes"]) for block in facts["blocks"]} == {(1, 4), (2, 3)}
     assert sorted((block["size"], block["copies"]) for block in facts["blocks"]) == [(1, 2), (2, 1)]
+
+
+def edges_of(result):
+    """Edges of the regions of a result by name."""
+    with xr.open_datatree(result) as tree:
+        group = tree["boundaries"].to_dataset()
+        named = zip(group["label"].values, group["boundary_frequency"].values, strict=True)
+        return {str(label): edges for label, edges in named if np.isfinite(edges).all()}, dict(group.attrs)
+
+
+def test_boundaries_of_chosen_modes_bear_their_numbers_in_the_whole_system(config, tmp_path):
+    """The satellites in phase do not couple with those out of phase: both have the regions of the whole star."""
+    found = {}
+    for name, options in (("whole", "{}"), ("in phase", "{modes: [1, 4]}"), ("out of phase", "{modes: [2, 3]}")):
+        out = tmp_path / f"{name}.h5"
+        done = ran("sweep", config, "-o", out, "-q", "--set", f"methods.boundaries={options}")
+        assert done.exit_code == 0, done.output
+        found[name], attributes = edges_of(out)
+        assert ("restriction" in attributes) == (name != "whole")
+    for label in ("2w1", "w1+w4", "2w4", "w4"):
+        np.testing.assert_allclose(found["in phase"][label], found["whole"][label], rtol=1e-9)
+    # A region of modes 2 and 3, of equal frequencies, is named after either.
+    either = {label.replace("w3", "w2"): edges for label, edges in found["out of phase"].items()}
+    for label in ("2w2", "w2"):
+        np.testing.assert_allclose(either[label], found["whole"][label], rtol=1e-9)
+    assert not any("w2" in label or "w3" in label for label in found["in phase"])
+
+
+def test_boundaries_refuse_a_part_of_a_pair_of_modes(config, tmp_path):
+    done = ran("sweep", config, "-o", tmp_path / "x.h5", "--set", "methods.boundaries={modes: [2]}")
+    assert done.exit_code == 2
+    assert "methods.boundaries.modes" in done.output
+    assert "modes 2, 3 have equal frequencies" in done.output

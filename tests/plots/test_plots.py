@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import plot_results as made
 import pytest
+import xarray as xr
 from matplotlib.colors import ListedColormap, Normalize
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
@@ -84,6 +85,33 @@ def test_map_names_the_tongues_of_figure_3(plain_map):
         r"$\omega_{2}+\omega_{3}$", r"$2\omega_{2}/3$", r"$2\omega_{3}/3$",
     }  # fmt: skip
     assert set(names_in(artists)) == expected
+
+
+def test_regions_of_a_single_mode_without_boundaries_are_named_by_where_they_lie():
+    """Around 2w1 and w1; not where the parameter moves the region away from there."""
+    epsilon, omega = np.linspace(0, 1, 5), np.linspace(0.5, 3.0, 51)
+    near = np.abs(omega - 2.0) < 0.3
+    moved = np.abs(omega - 1.0 - 0.4 * epsilon[:, None]) < 0.2
+    group = xr.Dataset(
+        {
+            "growth_rate": (("epsilon", "mesh_frequency"), (near | moved).astype(float)),
+            "stable": (("epsilon", "mesh_frequency"), (~(near | moved)).astype(np.int8)),
+        },
+        {"epsilon": epsilon, "mesh_frequency": omega},
+    )
+    modes = xr.Dataset({"natural_frequency": ("mode", [0.0, 1.0])})
+    _, artists = draw(xr.DataTree.from_dict({"/floquet": group, "/modes": modes}), "map")
+    assert names_in(artists) == [r"$2\omega_{2}$"]
+
+
+def test_a_map_of_stable_has_two_colours_and_words_for_them():
+    tree = made.fig3()
+    tree["floquet"]["stable"].transpose("epsilon", "mesh_frequency").values[20, 59] = -1
+    figure, artists = draw(tree, "map", variable="stable")
+    assert artists["cells"].cmap.N == 2
+    assert [t.get_text() for t in artists["colour_bar"].ax.get_yticklabels()] == ["unstable", "stable"]
+    assert len(artists["failed"].get_paths()) == 1
+    assert [t.get_text() for legend in figure.legends for t in legend.get_texts()][-1] == "no value"
 
 
 def test_map_prefers_the_names_of_exact_boundaries_and_draws_both():
@@ -187,6 +215,7 @@ def test_swapped_axes_transpose_the_map_and_its_lines():
     values = artists["cells"].get_array()
     np.testing.assert_array_equal(values.filled(0), np.maximum(growth_of(tree), 0).T)
     np.testing.assert_array_equal(segments(artists["perturbation"])[0][:, 0], tree["perturbation"]["epsilon"].values)
+    assert set(names_in(artists)) == set(names_in(draw(tree, "map")[1]))
     right = figure.axes[0].get_window_extent().x1
     assert all(text.get_window_extent().x0 > right for text in artists["names"].texts)
 
@@ -257,7 +286,7 @@ def test_cells_narrower_than_a_pixel_are_averaged_and_wide_ones_stay_sharp():
 # --- boundaries
 
 
-def test_boundaries_over_floquet_regions_with_marks_and_uncoupled_lines():
+def test_boundaries_over_floquet_regions_with_lines_of_every_theory():
     coords = made.axes()
     tree = made.tree(
         floquet=made.floquet_group(coords),
@@ -270,20 +299,36 @@ def test_boundaries_over_floquet_regions_with_marks_and_uncoupled_lines():
     (case,) = artists["cases"]
     unstable = ~np.ma.getmaskarray(case["regions"].get_array())
     np.testing.assert_array_equal(unstable, growth_of(tree) > 0)
-    ends = {round(s[-1, 0], 9) for s in segments(case["uncoupled"])}
-    edges = tree["uncoupled"]["boundary_frequency"].values[5, :, -1]
-    assert {round(e, 9) for e in edges} <= ends
-    x, y = case["boundaries"].get_data()
-    marks = {(round(a, 9), round(b, 9)) for a, b in zip(x, y, strict=True) if np.isfinite(a)}
-    exact = tree["boundaries"]["boundary_frequency"].values
-    expected = {
-        (round(exact[t, s, e], 9), round(coords["epsilon"][1][e], 9))
-        for t in range(exact.shape[0]) for s in (0, 1) for e in range(21)
-        if exact[t, 1, e] - exact[t, 0, e] >= 0.004 * 6.65
-    }  # fmt: skip
-    assert marks == expected
+    for group in ("uncoupled", "boundaries"):
+        ends = {round(s[-1, 0], 9) for s in segments(case[group])}
+        edges = tree[group]["boundary_frequency"].values[5, :, -1]
+        assert {round(e, 9) for e in edges} <= ends
     texts = [text.get_text() for text in artists["legend"].get_texts()]
-    assert texts == ["perturbation theory", "uncoupled modes", "boundaries (Floquet)", "unstable (Floquet)"]
+    assert texts == ["exact boundaries", "first order", "uncoupled modes", "unstable (Floquet)"]
+
+
+def styles(artists, *groups):
+    """Dashes of the lines of groups."""
+    return [artists[group].get_linestyle()[0][1] for group in groups]
+
+
+def test_theories_have_one_style_of_lines_in_every_kind_of_figure():
+    coords = made.axes()
+    known = {"floquet": made.floquet_group(coords), "boundaries": made.boundary_group(coords)}
+    orders = [made.tree(**known, perturbation=made.boundary_group(coords)) for _ in range(2)]
+    orders[1]["perturbation"].attrs["order"] = 2
+    found = []
+    for tree in orders:
+        on_map = draw(tree, "map")[1]
+        (case,) = draw(tree, "boundaries")[1]["cases"]
+        flipped = draw(tree, "map", x="epsilon", y="mesh_frequency")[1]
+        looks = [styles(artists, "boundaries", "perturbation") for artists in (on_map, case, flipped)]
+        assert looks[0] == looks[1] == looks[2]
+        found += looks[0]
+    exact, first, again, second = found
+    assert exact is None
+    assert again is None
+    assert len(first) < len(second)  # dashes against dashes and dots
 
 
 def test_cases_are_overlaid_in_different_styles():

@@ -217,7 +217,13 @@ def test_exact_and_approximate_boundaries_are_told_apart():
     tree = result_of("map")
     figure, _ = draw(tree, "map", **options_of("map"))
     (legend,) = figure.legends
-    assert [t.get_text() for t in legend.get_texts()][:2] == ["boundaries (Floquet)", "perturbation theory"]
+    assert [t.get_text() for t in legend.get_texts()][:2] == ["exact boundaries", "first order"]
     del tree["perturbation"]
     figure, _ = draw(tree, "map", **options_of("map"))
-    assert not any("perturbation" in t.get_text() for legend in figure.legends for t in legend.get_texts())
+    assert not any("first order" in t.get_text() for legend in figure.legends for t in legend.get_texts())
+
+
+def test_a_title_may_be_given():
+    tree = result_of("map")
+    figure, _ = draw(tree, "map", title="Stability of a train", **options_of("map"))
+    assert figure.get_suptitle().startswith("Stability of a train")

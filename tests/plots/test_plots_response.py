@@ -153,3 +153,14 @@ def test_what_would_be_a_solid_block_is_drawn_between_its_envelopes():
     assert inside[:, 1].min() == fast.min()
     _, artists = draw(tree, "response")
     np.testing.assert_array_equal(artists["lines"][0].get_ydata(), data["displacement"].values[:, 0])
+
+
+def test_small_waves_on_a_slow_history_do_not_make_it_a_solid_block():
+    tree = made.response()
+    time = np.linspace(0, 20, 4001)
+    slow = 5 + np.cos(2 * np.pi * time / 4) + 0.01 * np.cos(2 * np.pi * 40 * time)
+    coords = {"time": ("time", time, {"units": "s"}), "dof": ["x1"]}
+    history = xr.Dataset({"displacement": (("time", "dof"), slow[:, None], {"units": "m"})}, coords=coords)
+    figure, artists = draw(xr.DataTree.from_dict({"/": tree.to_dataset(), "/response": history}), "response")
+    np.testing.assert_array_equal(artists["lines"][0].get_ydata(), slow)
+    assert figure.axes[0].get_ylim()[0] > 3  # zero is far from all of it

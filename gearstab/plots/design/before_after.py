@@ -8,11 +8,12 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import Patch
 
 from gearstab.errors import PlotError
 from gearstab.plots.axes import Request, mesh_numbers
 from gearstab.plots.design.dataset import GIVEN, NAME, OPTIMUM, design_of
-from gearstab.plots.drawing.heading import write_title
+from gearstab.plots.drawing.heading import write_legend, write_title
 from gearstab.plots.drawing.style import SHADE, new_figure
 from gearstab.plots.drawing.text import axis_label, tongue_label
 from gearstab.plots.kinds import Kind
@@ -22,8 +23,8 @@ WORDS = {"initial": "given"}
 """What a state is called, if not by its name."""
 MOST_LABELS = 7
 """Names of regions of a design."""
-APART = 0.075
-"""Of the width of the figure, between names."""
+APART = 0.53
+"""Inches between names."""
 
 
 def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, dict[str, Any]]:
@@ -32,7 +33,7 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, dict[str, Any]]:
     if "speed_growth_rate" not in data:
         raise PlotError("this design has no growth rates: its meshes have no common period")
     regions = "region_frequency" in data
-    figure = new_figure(request, 0.62 if regions else 0.5, "double")
+    figure = new_figure(request, (1.0, 0.62) if regions else (0.7, 0.5), "double")
     axes = figure.subplots(2 if regions else 1, sharex=True, height_ratios=[2.2, 1] if regions else None, squeeze=False)
     top: Axes = axes[0, 0]
     speed, words = data["speed"].values, words_of(data)
@@ -43,7 +44,6 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, dict[str, Any]]:
     ]  # fmt: skip
     top.set_xlim(speed[0], speed[-1])
     top.set_ylabel(axis_label("growth_rate", "growth rate", str(data["speed_growth_rate"].attrs.get("units", "1"))))
-    top.legend(loc="upper left")
     artists: dict[str, Any] = {"lines": lines, "bars": [], "names": [], "range": []}
     for ax in axes[:, 0]:
         artists["range"] += [
@@ -54,6 +54,8 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, dict[str, Any]]:
         draw_regions(axes[1, 0], tree, data, artists)
     units = str(data["speed"].attrs.get("units", "1"))
     axes[-1, 0].set_xlabel(axis_label("mesh_frequency", "mesh frequency", units))
+    shaded = Patch(facecolor=SHADE, alpha=0.6, label="speeds that count")
+    write_legend(figure, [*lines, shaded] if artists["range"] else lines)
     write_title(figure, tree, request)
     return figure, artists
 
@@ -69,6 +71,7 @@ def draw_regions(ax: Axes, tree: xr.DataTree, data: xr.Dataset, artists: dict[st
     low, high = ax.get_xlim()
     least = 0.002 * (high - low)
     words = words_of(data)
+    apart = APART * ax.figure.dpi / ax.get_window_extent().width * (high - low)
     last = len(words) - 1
     for k in range(len(words)):
         here = edges[:, :, k]
@@ -79,8 +82,8 @@ def draw_regions(ax: Axes, tree: xr.DataTree, data: xr.Dataset, artists: dict[st
         taken: list[float] = []
         for j in inside[np.argsort(-width, kind="stable")]:
             middle = 0.5 * (max(here[j, 0], low) + min(here[j, 1], high))
-            inside_frame = low + 0.5 * APART * (high - low) < middle < high - 0.5 * APART * (high - low)
-            if inside_frame and len(taken) < MOST_LABELS and all(abs(middle - x) > APART * (high - low) for x in taken):
+            inside_frame = low + 0.5 * apart < middle < high - 0.5 * apart
+            if inside_frame and len(taken) < MOST_LABELS and all(abs(middle - x) > apart for x in taken):
                 taken.append(middle)
                 text = tongue_label(labels[j], mesh_numbers(tree))
                 artists["names"].append(ax.text(middle, last + 0.24 - k, text, ha="center", va="bottom", fontsize=6.5))

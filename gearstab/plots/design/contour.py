@@ -15,6 +15,7 @@ from gearstab.plots.axes import Request
 from gearstab.plots.design.dataset import OPTIMUM, design_of, label_of, objective_label
 from gearstab.plots.drawing.heading import write_title
 from gearstab.plots.drawing.style import GROWTH, LINE, new_figure
+from gearstab.plots.drawing.text import fitted
 from gearstab.plots.kinds import Kind
 
 Array = np.ndarray
@@ -28,10 +29,12 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, dict[str, Any]]:
     if "scan_objective" not in data:
         raise PlotError("this design has no map of its objective: it needs two continuous variables")
     pairs = chosen(data, request)
-    columns = min(len(pairs), 3)
-    rows = ceil(len(pairs) / columns)
     alone = len(pairs) == 1
-    figure = new_figure(request, 0.9 if alone else 0.34 * rows + 0.02, "single" if alone else "double")
+    wide = request.wide("single" if alone else "double")
+    columns = min(len(pairs), 3 if wide else 2)
+    rows = ceil(len(pairs) / columns)
+    height = 0.9 if alone else (0.34 if wide else 0.52) * rows + 0.02
+    figure = new_figure(request, height, "single" if alone else "double")
     panels = figure.subplots(rows, columns, squeeze=False).ravel()
     values = [table for *_, table in pairs]
     low, high = min(np.nanmin(v) for v in values), max(np.nanmax(v) for v in values)
@@ -40,6 +43,10 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, dict[str, Any]]:
         draw_panel(ax, tree, data, x, y, table, (float(low), float(high)), artists)
     for ax in panels[len(pairs) :]:
         ax.set_visible(False)
+    width = 0.62 * figure.get_figwidth() / columns
+    for ax in panels[: len(pairs)]:
+        ax.set_xlabel(fitted(ax.get_xlabel(), width, 8.5))
+        ax.set_ylabel(fitted(ax.get_ylabel(), width, 8.5), linespacing=0.95)
     figure.colorbar(artists["cells"][0], ax=list(panels), label=objective_label(data), pad=0.01)
     write_title(figure, tree, request)
     return figure, artists

@@ -6,7 +6,7 @@ import xarray as xr
 
 from gearstab.errors import PlotError, listed
 from gearstab.plots.axes import mesh_numbers
-from gearstab.plots.drawing.text import axis_label, short_label, unit_text
+from gearstab.plots.drawing.text import axis_label, path_words, short_label, unit_text
 
 NAME = "design"
 GIVEN, OPTIMUM = "#8a8a8a", "#0b6fa4"
@@ -21,9 +21,9 @@ def design_of(tree: xr.DataTree) -> xr.Dataset:
 
 
 def label_of(tree: xr.DataTree, data: xr.Dataset, variable: str) -> str:
-    """What stands beside the axis of a variable: its path, with the symbol that it has."""
+    """What stands beside the axis of a variable: its name in words, with the symbol that it has."""
     unit = str(data["variable_units"].sel(variable=variable).values)
-    return axis_label(variable, variable.replace("_", " "), unit, mesh_numbers(tree))
+    return axis_label(variable, path_words(variable), unit, mesh_numbers(tree))
 
 
 def symbol_of(tree: xr.DataTree, variable: str) -> str:

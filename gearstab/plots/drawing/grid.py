@@ -18,6 +18,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, ScalarFo
 from gearstab.plots.axes import FigureAxis
 from gearstab.plots.drawing.style import FAILED, LINE
 from gearstab.plots.drawing.text import fitted, plain
+from gearstab.results.display import SPEEDS
 
 Array = np.ndarray
 
@@ -99,10 +100,10 @@ def frame(ax: Axes, x: FigureAxis, y: FigureAxis) -> None:
 
 
 def number(side: MatplotlibAxis, axis: FigureAxis) -> None:
-    """Numbers as one writes them: decades of a logarithmic axis, turns per minute without a power of ten."""
+    """Numbers as one writes them: decades of a logarithmic axis, speeds without a power of ten."""
     if axis.logarithmic:
         number_decades(side)
-    elif axis.units == "rpm" and isinstance(formatter := side.get_major_formatter(), ScalarFormatter):
+    elif axis.name in SPEEDS and isinstance(formatter := side.get_major_formatter(), ScalarFormatter):
         formatter.set_powerlimits((-3, 6))
 
 

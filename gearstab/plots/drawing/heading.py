@@ -21,13 +21,13 @@ def title_of(tree: xr.DataTree) -> str:
 
 
 def write_title(figure: Figure, tree: xr.DataTree, request: Request, view: View | None = None) -> None:
-    """Write the result's title, and what was selected, over the figure.
+    """Write the result's title or the one asked for, and what was selected, over the figure.
 
     Nothing if the user wants no title, or gave a frame, over which stand the names of the tongues.
     """
     if not request.title or request.ax is not None:
         return
-    title = fitted(plain(title_of(tree)), figure.get_figwidth(), 9)
+    title = fitted(plain(request.title if isinstance(request.title, str) else title_of(tree)), figure.get_figwidth(), 9)
     lines = [title] if title else []
     if view is not None and view.chosen:
         lines.append(",  ".join(view.chosen))

@@ -19,7 +19,7 @@ from matplotlib.transforms import (
 )
 
 from gearstab.plots.axes import Request, View
-from gearstab.plots.drawing.placement import Placed, place
+from gearstab.plots.drawing.placement import FAR, Placed, place
 from gearstab.plots.drawing.text import tongue_label
 from gearstab.plots.drawing.tongues import (
     INVISIBLE,
@@ -27,6 +27,7 @@ from gearstab.plots.drawing.tongues import (
     frequency_limits,
     parameter_axis,
     read_tongues,
+    regions_of_one_mode,
     widest,
 )
 
@@ -36,6 +37,10 @@ SIZE = 7.5
 """Points of a name."""
 GAP, ROW_GAP, SPACE, LEADER = 5.5, 4.0, 3.4, 3.0
 """Points: from the frame to the first row, from row to row, between neighbours in a row, around a leader in a row."""
+
+
+FAR_BESIDE = 2.0
+"""As FAR, of names one under another, which are less high than wide."""
 
 
 @dataclass(frozen=True)
@@ -67,14 +72,17 @@ def anchors(tongues: DrawnTongues, low: float, high: float, logarithmic: bool = 
 
 
 def name_view(tree: xr.DataTree, ax: Axes, view: View, rows: int = 3) -> NamedTongues:
-    """Name the tongues of a view whose frame has settled: by exact boundaries, or else by predicted ones."""
+    """Name the tongues of a view whose frame has settled: by exact boundaries, or else by predicted ones, or else
+    those of a single mode by where they lie.
+    """
     found = parameter_axis(view)
     if found is None:
         return NamedTongues()
     parameter, frequency_on_x = found
     limits = frequency_limits(ax, frequency_on_x)
     groups = [read_tongues(tree, group, view, parameter) for group in ("boundaries", "perturbation")]
-    lines = merged([group for group in groups if group is not None], *limits)
+    known = [group for group in groups if group is not None]
+    lines = merged(known, *limits) if known else regions_of_one_mode(tree, view, parameter)
     return name_tongues(ax, lines, frequency_on_x, rows) if lines is not None else NamedTongues()
 
 
@@ -93,7 +101,7 @@ def name_tongues(ax: Axes, tongues: DrawnTongues, frequency_on_x: bool, rows: in
     """Write the tongues' names beyond the far end of the parameter axis, with leaders to where they belong.
 
     The frame must have its final length along the frequency axis; names stand above it, or right of it if the
-    frequency is on y. Tongues too thin to be seen, and the thinnest where not all names fit, are left out.
+    frequency is on y. DrawnTongues too thin to be seen, and the thinnest where not all names fit, are left out.
     """
     low, high = sorted(frequency_limits(ax, frequency_on_x))
     scale = ax.get_xscale() if frequency_on_x else ax.get_yscale()
@@ -106,7 +114,10 @@ def name_tongues(ax: Axes, tongues: DrawnTongues, frequency_on_x: bool, rows: in
     box = ax.get_window_extent()
     length = (box.width if frequency_on_x else box.height) * 72 / ax.figure.dpi
     edge = 0.3 * SIZE
-    placed = place(middle[chosen] * length, spans + SPACE, -edge, length + edge, weight[chosen], rows, LEADER)
+    if not frequency_on_x:
+        rows = 1  # a column of names takes the width of the figure, and holds many
+    far = FAR if frequency_on_x else FAR_BESIDE
+    placed = place(middle[chosen] * length, spans + SPACE, -edge, length + edge, weight[chosen], rows, LEADER, far)
     outside = beyond(ax, frequency_on_x)
     texts, leaders, inner = [], [], []
     for item in placed:
@@ -207,6 +218,7 @@ def freeze(figure: Figure, request: Request) -> None:
 
     A figure that the user made keeps its own layout.
     """
-    figure.draw_without_rendering()
+    for _ in range(2):  # what the first run makes room for moves labels that the second sees
+        figure.draw_without_rendering()
     if request.ax is None:
         figure.set_layout_engine("none")

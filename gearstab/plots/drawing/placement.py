@@ -56,9 +56,10 @@ def pack(anchors: Array, widths: Array, low: float, high: float) -> Array:
 
 
 def place(
-    anchors: Array, widths: Array, low: float, high: float, weights: Array, rows: int = 3, leader: float = 0.0
-) -> list[Placed]:
-    """Place labels beside an axis in at most ``rows`` rows, none further than ``FAR`` from where it belongs.
+    anchors: Array, widths: Array, low: float, high: float, weights: Array, rows: int = 3, leader: float = 0.0,
+    far: float = FAR,
+) -> list[Placed]:  # fmt: skip
+    """Place labels beside an axis in at most ``rows`` rows, none further than ``far`` of its width from its place.
 
     anchors, widths: ``(labels,)``, where each label belongs and the room it needs along the axis, space included.
     low, high: the room there is. weights: labels come in by descending weight, and one for which there is no
@@ -70,18 +71,20 @@ def place(
     placed: list[Placed] = []
     for label in np.argsort(-weights, kind="stable"):
         trial = np.array(sorted([*kept, int(label)], key=lambda k: (anchors[k], k)))
-        paths = arranged(anchors[trial], widths[trial], low, high, rows, leader)
+        paths = arranged(anchors[trial], widths[trial], low, high, rows, leader, far)
         if paths:
             kept.append(int(label))
             placed = [Placed(int(k), len(path) - 1, tuple(path)) for k, path in zip(trial, paths, strict=True)]
     return placed
 
 
-def arranged(anchors: Array, widths: Array, low: float, high: float, rows: int, leader: float) -> list[list[float]]:
+def arranged(
+    anchors: Array, widths: Array, low: float, high: float, rows: int, leader: float, far: float
+) -> list[list[float]]:
     """The leaders' paths of all labels in the fewest rows that keep each near its anchor; empty without such."""
     for most in range(1, rows + 1):
         paths = packed(anchors, widths, climbed(anchors, widths, most), low, high, leader)
-        if paths and np.all(np.abs(np.array([path[-1] for path in paths]) - anchors) <= FAR * widths):
+        if paths and np.all(np.abs(np.array([path[-1] for path in paths]) - anchors) <= far * widths):
             return paths
     return []
 

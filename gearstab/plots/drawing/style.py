@@ -39,6 +39,8 @@ FAILED = "#b9b9b9"
 SHADE = "#d3dbe6"
 PROVED = "#e4f1e6"
 """Lighter than anything that means instability."""
+UNSTABLE = "#d5634a"
+"""Unstable points of a map of two colours."""
 CASES = ("#1a1a1a", "#c1440e", "#0b6fa4", "#7a3b8f", "#00755e", "#a0761a")
 """Colours of overlaid cases; they differ in lightness too, and every case has a line style of its own."""
 DASHES: tuple[Any, ...] = ("-", *((0, p) for p in ((5, 1.6), (5, 1.5, 1, 1.5), (1.2, 1.2), (8, 2), (3, 1, 1, 1, 1, 1))))

@@ -89,6 +89,15 @@ def axis_label(name: str, long_name: str, units: str, meshes: Mapping[str, int] 
     return words + (f" ${math}$" if math else "") + bracketed(units)
 
 
+def path_words(path: str) -> str:
+    """``meshes.second.phasing`` as ``phasing of second``; what a list holds by its number from 1."""
+    *above, name = path.split(".")
+    if name.isdigit() and above:
+        return f"{above[-1].replace('_', ' ')} {int(name) + 1}"
+    words = name.replace("_", " ")
+    return f"{words} of {above[-1].replace('_', ' ')}" if len(above) > 1 and not above[-1].isdigit() else words
+
+
 def short_label(name: str, meshes: Mapping[str, int] | None = None) -> str:
     r"""``$\varepsilon$``, or the plain name of an axis without a symbol."""
     math = symbol(name, meshes)

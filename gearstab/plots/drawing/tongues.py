@@ -1,7 +1,8 @@
-"""Instability boundaries of a result as lines."""
+"""Instability boundaries of a result as lines: exact ones solid, first order dashed, second order dash-dotted."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,16 +10,31 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
+from matplotlib.lines import Line2D
+from scipy import ndimage
 
+from gearstab.perturbation.tongues import label_of
 from gearstab.plots.axes import FigureAxis, View, texts
 from gearstab.plots.drawing.style import GROWTH, LINE
 from gearstab.results.display import SPEEDS
 
 Array = np.ndarray
 
-EDGE: dict[str, Any] = {"colors": LINE, "linewidths": 0.45, "zorder": 2.2}
-THIN: dict[str, Any] = {"colors": [GROWTH(0.15)], "linewidths": 0.4, "zorder": 2.1}
+THEORIES = ("boundaries", "perturbation", "uncoupled")
+"""The groups with edges of regions, the exact ones first."""
+LOOKS: dict[str, tuple[Any, str]] = {
+    "boundaries": ("-", "exact boundaries"),
+    "neutral": ("-", "no growth (Floquet)"),
+    "first": ((0, (4, 2)), "first order"),
+    "second": ((0, (6, 1.5, 1, 1.5)), "second order"),
+    "uncoupled": ((0, (1, 1.4)), "uncoupled modes"),
+}
+"""Line style and entry in a legend of each theory, the same in every figure."""
+SLIVER = GROWTH(0.15)
 """A tongue thinner than a line is a sliver of the lightest growth colours, as it would be among the cells."""
+
+HARMONICS = 6
+"""Of regions that are named by where they lie."""
 
 ONE_LINE = 0.002
 """Two edges nearer than this part of the frame print as one line."""
@@ -84,6 +100,36 @@ def read_tongues(tree: xr.DataTree, group: str, view: View, parameter: FigureAxi
     return DrawnTongues(edges[kept], tuple(labels[i] for i in kept), parameter)
 
 
+def regions_of_one_mode(tree: xr.DataTree, view: View, parameter: FigureAxis) -> DrawnTongues | None:
+    """The regions of a grid of stability around 2 w/s, s = 1, 2, ..., of a system with one elastic mode.
+
+    None for other systems. A region counts where that frequency lies inside it at every value of the parameter: the
+    natural frequency is that of the base system, and may be another where the parameter changes the mean stiffness.
+    """
+    speed = view.speed
+    base = tree["modes"].to_dataset() if "modes" in tree.children else xr.Dataset()
+    modes = np.ravel(base["natural_frequency"].values) if "natural_frequency" in base else np.zeros(0)
+    grid = tree["floquet"].data_vars.get("stable") if "floquet" in tree.children else None
+    if speed is None or view.factor is None or (modes > 0).sum() != 1:
+        return None
+    if grid is None or not {parameter.name, speed.name} <= set(grid.dims):
+        return None
+    found, _ = ndimage.label(view.cut(grid, parameter.name, speed.name) == 0)
+    cells, mode = speed.edges(), int(np.argmax(modes > 0))
+    edges, labels = [], []
+    for harmonic in range(1, HARMONICS + 1):
+        at = int(np.searchsorted(cells, 2 * modes[mode] / harmonic / view.factor)) - 1
+        if not 0 <= at < speed.size or not found[:, at].any():
+            continue
+        inside = found == found[:, at].max()
+        rows = inside.any(axis=1)
+        if inside[rows, at].all():
+            ends = cells[np.argmax(inside, axis=1)], cells[speed.size - np.argmax(inside[:, ::-1], axis=1)]
+            edges.append(np.where(rows, ends, np.nan))
+            labels.append(label_of(mode + 1, mode + 1, harmonic))
+    return DrawnTongues(np.stack(edges), tuple(labels), parameter) if edges else None
+
+
 def widest(tongues: DrawnTongues, low: float, high: float) -> Array:
     """``(tongue,)``: the greatest width inside the frame, as a part of it; 0 for one that is never seen."""
     part = tongues.inside(low, high)
@@ -91,21 +137,67 @@ def widest(tongues: DrawnTongues, low: float, high: float) -> Array:
     return width.max(axis=-1)
 
 
-def boundary_lines(
-    ax: Axes, tongues: DrawnTongues, frequency_on_x: bool, chosen: Array | None = None, **line: Any
-) -> LineCollection:
-    """Draw both edges of the ``chosen`` tongues (an index array or mask; default all) as thin lines."""
-    edges = tongues.edges if chosen is None else tongues.edges[chosen]
+def draw_theories(
+    tree: xr.DataTree, ax: Axes, view: View, groups: Iterable[str] = THEORIES, colour: str = LINE, thin: Any = SLIVER
+) -> dict[str, Any]:
+    """Draw the edges of regions of each group into a frame whose limits are set.
+
+    colour: of the lines; thin: of regions that exact boundaries show as one light line. Returns the lines by group and
+    ``thin``, None where the result does not hold them or the view is not over the mesh frequency and numbers.
+    """
+    artists: dict[str, Any] = dict.fromkeys((*THEORIES, "thin"))
+    found = parameter_axis(view)
+    if found is None:
+        return artists
+    parameter, frequency_on_x = found
+    limits = frequency_limits(ax, frequency_on_x)
+    for group in groups:
+        lines = read_tongues(tree, group, view, parameter)
+        if lines is None:
+            continue
+        if group == "boundaries":
+            artists[group], artists["thin"] = exact_lines(ax, lines, frequency_on_x, colour, thin)
+        else:
+            artists[group] = boundary_lines(
+                ax, lines, frequency_on_x, widest(lines, *limits) > INVISIBLE,
+                colors=colour, linestyles=[LOOKS[theory(tree, group)][0]], linewidths=0.6, zorder=2.4,
+            )  # fmt: skip
+    return artists
+
+
+def theory(tree: xr.DataTree, group: str) -> str:
+    """The key in LOOKS of what computed a group of the result."""
+    if group != "perturbation":
+        return group
+    return "second" if int(tree[group].attrs.get("order", 1)) == 2 else "first"
+
+
+def legend_of(tree: xr.DataTree, artists: Mapping[str, Any], colour: str = LINE) -> list[Line2D]:
+    """Legend entries of the sorts of lines that were drawn; none where all are exact."""
+    lines = {group: artists.get(group) for group in THEORIES}
+    drawn = [theory(tree, group) for group, found in lines.items() if found is not None and found.get_segments()]
+    if drawn in ([], ["boundaries"]):
+        return []
+    if drawn[0] != "boundaries" and artists.get("neutral") is not None:
+        drawn = ["neutral", *drawn]
+    looks = [LOOKS[key] for key in drawn]
+    return [Line2D([], [], color=colour, linewidth=0.75, linestyle=dash, label=words) for dash, words in looks]
+
+
+def boundary_lines(ax: Axes, tongues: DrawnTongues, frequency_on_x: bool, chosen: Array, **line: Any) -> LineCollection:
+    """Draw both edges of the ``chosen`` tongues (a mask) as thin lines."""
+    edges = tongues.edges[chosen]
     along = np.broadcast_to(tongues.positions, edges.shape)
     points = np.stack([edges, along] if frequency_on_x else [along, edges], axis=-1)
     segments = list(points.reshape(-1, *points.shape[-2:]))
-    style: dict[str, Any] = {"colors": LINE, "linewidths": 0.6, "capstyle": "round", "joinstyle": "round"}
-    lines = LineCollection(segments, **{**style, **line})
+    lines = LineCollection(segments, capstyle="round", joinstyle="round", **line)
     ax.add_collection(lines, autolim=False)
     return lines
 
 
-def exact_lines(ax: Axes, tongues: DrawnTongues, frequency_on_x: bool) -> tuple[LineCollection, LineCollection]:
+def exact_lines(
+    ax: Axes, tongues: DrawnTongues, frequency_on_x: bool, colour: str = LINE, thin: Any = SLIVER
+) -> tuple[LineCollection, LineCollection]:
     """Draw exact boundaries: both edges of a tongue where it is wide enough to see, else one light line for all of it.
 
     A line is broken where an edge leaps, as it does where regions merge and where a name passes to another region.
@@ -117,7 +209,11 @@ def exact_lines(ax: Axes, tongues: DrawnTongues, frequency_on_x: bool) -> tuple[
     wide = np.where((narrow & beside(narrow))[:, None], np.nan, edges)
     middle = np.where((~narrow & beside(~narrow))[:, None], np.nan, edges.mean(axis=1, keepdims=True))
     drawn = []
-    for frequency, look in ((wide, EDGE), (middle, THIN)):
+    looks: tuple[dict[str, Any], ...] = (
+        {"colors": colour, "linewidths": 0.45, "zorder": 2.2},
+        {"colors": [thin], "linewidths": 0.4, "zorder": 2.1},
+    )
+    for frequency, look in zip((wide, middle), looks, strict=True):
         lines = frequency.reshape(-1, frequency.shape[-1])
         parts = [part for line in lines for part in pieces(line, tongues.positions, span)]
         drawn.append(LineCollection([p if frequency_on_x else p[:, ::-1] for p in parts], **look))

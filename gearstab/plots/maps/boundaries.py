@@ -9,7 +9,6 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap, Normalize, to_rgba
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from gearstab.errors import PlotError
@@ -17,7 +16,7 @@ from gearstab.plots.axes import INNER, MapView, Request, sweep_axes, swept_group
 from gearstab.plots.cases import caption, some
 from gearstab.plots.drawing import grid, names, tongues
 from gearstab.plots.drawing.heading import write_legend, write_title
-from gearstab.plots.drawing.style import CASES, DASHES, LINE, SHADE, new_frame
+from gearstab.plots.drawing.style import CASES, LINE, SHADE, new_frame
 from gearstab.plots.drawing.tongues import DrawnTongues
 from gearstab.plots.kinds import Contents, Kind
 from gearstab.plots.maps import proved
@@ -26,11 +25,9 @@ from gearstab.results.display import SPEEDS
 Array = np.ndarray
 Artists = dict[str, Any]
 
-DOTTED = (0, (1, 1.4))
-CIRCLE: dict[str, Any] = {"marker": "o", "markerfacecolor": "white", "markeredgewidth": 0.4}
 
-ROWS_WITH_MARKS = 24
-"""Marks of the exact boundaries stand at about this many values of the parameter: more would be a thick line."""
+TINT = 0.18
+"""Opacity of the regions of one of several cases."""
 
 
 def view_boundaries(tree: xr.DataTree, request: Request) -> MapView:
@@ -62,80 +59,35 @@ def draw_regions(tree: xr.DataTree, ax: Axes, view: MapView, colour: Any) -> obj
     return grid.draw_cells(ax, view.x, view.y, cells, ListedColormap([colour]), Normalize(0, 1))
 
 
-def draw_marks(ax: Axes, exact: DrawnTongues, frequency_on_x: bool, colour: str) -> tuple[Line2D, Line2D]:
-    """Small open circles on both exact boundaries, at every so many values of the parameter.
-
-    Returns the circles and, in the middle of tongues whose two circles would lie on one another, the dots.
-    """
-    step = max(1, round(exact.positions.size / ROWS_WITH_MARKS))
-    rows = np.arange(exact.positions.size - 1, -1, -step)
-    edges = exact.edges[..., rows]
-    limits = tongues.frequency_limits(ax, frequency_on_x)
-    narrow = edges[:, 1:] - edges[:, :1] < tongues.INVISIBLE * (limits[1] - limits[0])
-    circle = {**CIRCLE, "markersize": 1.7, "markeredgecolor": colour}
-    dot = {"marker": ".", "markersize": 1.0, "color": colour, "markeredgewidth": 0}
-    middle = np.where(narrow, edges.mean(axis=1, keepdims=True), np.nan)
-    drawn = []
-    for frequency, look in ((np.where(narrow, np.nan, edges), circle), (middle, dot)):
-        along = np.broadcast_to(exact.positions[rows], frequency.shape)
-        x, y = (frequency, along) if frequency_on_x else (along, frequency)
-        drawn += ax.plot(x.ravel(), y.ravel(), linestyle="", zorder=2.6, **look)
-    return drawn[0], drawn[1]
-
-
 def draw_case(
-    tree: xr.DataTree, ax: Axes, view: MapView, number: int = 0, fill: Any = SHADE, marks: bool = True
+    tree: xr.DataTree, ax: Axes, view: MapView, number: int = 0, fill: Any = SHADE, alone: bool = True
 ) -> Artists:
-    """Draw one case into a frame: ``regions``, ``perturbation``, ``uncoupled``, ``boundaries``, ``thin`` (see
-    :func:`draw_marks`) and ``proved``, None where the result does not hold them.
+    """Draw one case into a frame: ``regions``, the lines of :func:`gearstab.plots.drawing.tongues.draw_theories` and
+    ``proved``, None where the result does not hold them.
 
-    number: which colour and line style; fill: the colour of the unstable regions; marks: whether the exact boundaries
-    are marked even where the regions show them, and what is proved stable is tinted.
+    number: which colour; fill: that of the unstable regions; alone: whether exact boundaries are drawn even where the
+    regions show them, and what is proved stable is tinted.
     """
-    found = tongues.parameter_axis(view)
-    assert found is not None
-    parameter, frequency_on_x = found
-    colour, dash = CASES[number], DASHES[number]
     regions = draw_regions(tree, ax, view, fill)
     grid.frame(ax, view.x, view.y)
-    limits = tongues.frequency_limits(ax, frequency_on_x)
-    artists: Artists = {"regions": regions, **dict.fromkeys(("perturbation", "uncoupled", "boundaries", "thin"))}
-    artists["proved"] = proved.draw_proved(tree, ax, view, parameter, frequency_on_x) if marks else None
-    for group, pattern in (("perturbation", dash), ("uncoupled", DOTTED)):
-        lines = tongues.read_tongues(tree, group, view, parameter)
-        if lines is not None:
-            seen = tongues.widest(lines, *limits) > tongues.INVISIBLE
-            look = {"colors": colour, "linestyles": [pattern], "linewidths": 0.75, "zorder": 2.4}
-            artists[group] = tongues.boundary_lines(ax, lines, frequency_on_x, seen, **look)
-    exact = tongues.read_tongues(tree, "boundaries", view, parameter)
-    if exact is not None and (marks or regions is None):
-        artists["boundaries"], artists["thin"] = draw_marks(ax, exact, frequency_on_x, colour)
-    return artists
+    tint = proved.draw_over(tree, ax, view) if alone else None
+    groups = tongues.THEORIES if alone or regions is None else tongues.THEORIES[1:]
+    colour = CASES[number]
+    lines = tongues.draw_theories(tree, ax, view, groups, colour, to_rgba(colour, 0.4))
+    return {"regions": regions, **lines, "proved": tint}
 
 
-LEGEND = {
-    "perturbation": "perturbation theory",
-    "uncoupled": "uncoupled modes",
-    "boundaries": "boundaries (Floquet)",
-    "regions": "unstable (Floquet)",
-}
-
-
-def legend_handles(cases: list[Artists], captions: list[str]) -> list[Any]:
+def legend_handles(tree: xr.DataTree, cases: list[Artists], captions: list[str]) -> list[Any]:
     """One entry per case if there are several, then one for each sort of line or fill that was drawn."""
+    several = len(cases) > 1
     handles: list[Any] = []
-    if len(cases) > 1:
-        handles += [Line2D([], [], color=CASES[k], linestyle=DASHES[k], label=text) for k, text in enumerate(captions)]
-    drawn = [name for name in LEGEND if cases[0][name] is not None]
-    for name in drawn:
-        if name == "perturbation" and len(cases) == 1:
-            handles.append(Line2D([], [], color=LINE, label=LEGEND[name]))
-        elif name == "uncoupled":
-            handles.append(Line2D([], [], color=LINE, linestyle=DOTTED, label=LEGEND[name]))
-        elif name == "boundaries":
-            handles.append(Line2D([], [], color=LINE, linestyle="", markersize=2.2, label=LEGEND[name], **CIRCLE))
-        elif name == "regions":
-            handles.append(Patch(facecolor=SHADE if len(cases) == 1 else "#d9d9d9", label=LEGEND[name]))
+    if several:
+        handles += [
+            Patch(facecolor=to_rgba(CASES[k], TINT), edgecolor=CASES[k], label=text) for k, text in enumerate(captions)
+        ]
+    handles += tongues.legend_of(tree, cases[0], "#6e6e6e" if several else LINE)
+    if cases[0]["regions"] is not None:
+        handles.append(Patch(facecolor="#d9d9d9" if several else SHADE, label="unstable (Floquet)"))
     return [*handles, *proved.legend_of(cases[0]["proved"])]
 
 
@@ -146,7 +98,7 @@ def named_cases(tree: xr.DataTree, ax: Axes, views: list[MapView]) -> names.Name
     parameter, frequency_on_x = axis
     limits = tongues.frequency_limits(ax, frequency_on_x)
     groups = []
-    for group in ("boundaries", "perturbation", "uncoupled"):
+    for group in tongues.THEORIES:
         found = [tongues.read_tongues(tree, group, view, parameter) for view in views]
         lines = [item for item in found if item is not None]
         if lines:
@@ -160,16 +112,16 @@ def named_cases(tree: xr.DataTree, ax: Axes, views: list[MapView]) -> names.Name
 def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     """The whole figure: ``cases`` (one mapping each, see :func:`draw_case`), ``names`` and ``legend``.
 
-    Axes left over are overlaid in different line styles. Raises PlotError if they are more than the styles there are.
+    Axes left over are overlaid in different colours. Raises PlotError if they are more than the colours there are.
     """
     view = view_boundaries(tree, request)
     chosen, note = some(view.free, len(CASES), "overlaid cases", request.partial)
     views = [view.at(**case) for case in chosen]
     figure, ax = new_frame(request, (0.78, 0.5))
-    tints = [SHADE] if len(views) == 1 else [to_rgba(CASES[k], 0.18) for k in range(len(views))]
+    tints = [SHADE] if len(views) == 1 else [to_rgba(CASES[k], TINT) for k in range(len(views))]
     cases = [draw_case(tree, ax, item, k, tints[k], len(views) == 1) for k, item in enumerate(views)]
     points = grid.draw_points(ax, request.marks)
-    handles = legend_handles(cases, [caption(view.free, case) for case in chosen])
+    handles = legend_handles(tree, cases, [caption(view.free, case) for case in chosen])
     legend = write_legend(figure, handles, ax=request.ax)
     write_title(figure, tree, request, view)
     names.settle(figure)

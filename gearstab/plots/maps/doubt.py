@@ -14,6 +14,7 @@ from matplotlib.patches import Patch
 
 from gearstab.plots.axes import MapView, View
 from gearstab.plots.drawing import grid
+from gearstab.plots.drawing.style import FAILED
 
 Array = np.ndarray
 
@@ -25,6 +26,8 @@ FLAGS = {
     "undecided": ("undecided", "." * 5),
 }
 """By flag of ``status``: what the legend says, and the hatching."""
+REASONS = {"no_periodic_orbit": ("no periodic orbit", "")}
+"""By flag of points without a value."""
 NOTICES = {
     "undercut": ("undercut", "-" * 4), "interference": ("interference", "|" * 4),
     "contact_ratio": ("contact breaks off", "|" * 4), "trochoid_interference": ("interference", "|" * 4),
@@ -96,6 +99,20 @@ def halo(ax: Axes, line: Line2D, masks: Mapping[tuple[str, str], Array]) -> list
     wide = inside | (np.convolve(single, [1, 1, 1], mode="same") > 0)
     ax.plot(x, np.where(wide, values, np.nan), color=line.get_color(), **HALO)
     return [words for words, _ in masks]
+
+
+def reason(dataset: xr.Dataset, view: MapView, failed: Array) -> str:
+    """Why cells, a mask over (y, x), have no value."""
+    masks = _masks(dataset.data_vars.get("status"), REASONS, view, (view.y.name, view.x.name)) if failed.any() else {}
+    return next((words for (words, _), mask in masks.items() if mask[failed].all()), "no value")
+
+
+def legend_of_failed(artists: Mapping[str, Any]) -> list[Patch]:
+    """Return the handle of the cells of a map without a value; none where all have one."""
+    if artists.get("failed") is None:
+        return []
+    look: dict[str, Any] = {"facecolor": FAILED, "edgecolor": "#707070", "linewidth": 0}
+    return [Patch(hatch=artists["failed"].get_hatch(), label=artists.get("reason", "no value"), **look)]
 
 
 def legend_of_map(words: Mapping[str, PolyCollection]) -> list[Patch]:

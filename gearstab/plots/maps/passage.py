@@ -63,10 +63,9 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
                 if side.any():
                     artists[key] += ax.plot(np.abs(rates[side]), values[side], color=CASES[number], **MARK, **look)
     admitted = float(dataset.attrs["amplification"])
-    artists["admitted"] = ax.axhline(np.log(admitted), color=GREY, linewidth=0.5, linestyle=(0, (1, 2)), zorder=0.5)
-    ax.annotate(
-        f"{number_text(admitted)} times the amplitude", (1.0, np.log(admitted)), (-3, 2), color=GREY, fontsize=7,
-        xycoords=ax.get_yaxis_transform(), textcoords="offset points", ha="right",
+    artists["admitted"] = ax.axhline(
+        np.log(admitted), color=GREY, linewidth=0.5, linestyle=(0, (1, 2)), zorder=0.5,
+        label=f"{number_text(admitted)} times the amplitude",
     )  # fmt: skip
     ax.set_xscale("log")
     # Growth goes as the inverse rate.
@@ -75,7 +74,7 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     unit, speed = unit_text(view.x.units), "input speed" if "input_speed" in tree.coords else "mesh frequency"
     ax.set_xlabel(f"rate of change of the {speed}{f' ({unit})' if unit else ''}")
     ax.set_ylabel("e-folds of the amplitude")
-    write_legend(figure, _legend(cases, view, rates))
+    write_legend(figure, [*_legend(cases, view, rates), artists["admitted"]])
     write_title(figure, tree, request, view)
     return figure, artists
 

@@ -10,6 +10,7 @@ from matplotlib.patches import Patch
 
 from gearstab.plots.axes import FigureAxis, View
 from gearstab.plots.drawing.style import PROVED
+from gearstab.plots.drawing.tongues import parameter_axis
 from gearstab.results.display import SPEEDS
 
 Array = np.ndarray
@@ -52,6 +53,12 @@ def draw_proved(
     )
     ax.add_collection(tint, autolim=False)
     return tint
+
+
+def draw_over(tree: xr.DataTree, ax: Axes, view: View) -> PolyCollection | None:
+    """Tint what is proved stable of a map over the mesh frequency and numbers; None where nothing is."""
+    found = parameter_axis(view)
+    return draw_proved(tree, ax, view, *found) if found is not None else None
 
 
 def legend_of(tint: PolyCollection | None) -> list[Patch]:

@@ -47,6 +47,7 @@ def draw_map(ax: Axes, view: MapView, data: xr.DataArray, norm: Normalize | None
     artists: Artists = {
         "cells": grid.draw_cells(ax, view.x, view.y, shown, GROWTH, colours),
         "failed": grid.draw_failed(ax, view.x, view.y, failed),
+        "reason": "none found",
         "contours": None,
         "note": None,
     }

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from gearstab.plots.axes import MapView, Request, view_of
 from gearstab.plots.cases import Index, caption, some
-from gearstab.plots.drawing import names
+from gearstab.plots.drawing import names, tongues
 from gearstab.plots.drawing.heading import write_legend, write_title
 from gearstab.plots.drawing.style import new_figure
 from gearstab.plots.drawing.text import fitted
@@ -23,12 +23,22 @@ from gearstab.plots.variables import colour_label, default_variable, find_variab
 
 Artists = dict[str, Any]
 
+FEW = 4
+"""Panels that stand over one another in one column of a journal."""
+TALL = 2.6
+"""Height over width of a figure in one column."""
 MOST = 12
 """More panels than this are too small to read on a page."""
 
 
-def arrangement(panels: Sequence[Index]) -> tuple[int, int]:
-    """(rows, columns) of the panels: values of the two axes left over if these are few, else about a square."""
+def arrangement(panels: Sequence[Index], wide: bool = True) -> tuple[int, int]:
+    """(rows, columns) of the panels: values of the two axes left over if these are few, else about a square.
+
+    In one column of a journal few stand over one another, and many in two columns.
+    """
+    if not wide:
+        columns = 1 if len(panels) <= FEW else 2
+        return ceil(len(panels) / columns), columns
     sizes = [len({panel[name] for panel in panels}) for name in panels[0]]
     count = len(panels)
     if len(sizes) == 2 and max(sizes) <= 4 and prod(sizes) == count:
@@ -57,8 +67,10 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     view = view_of(tree, map(str, data.dims), request, dataset)
     chosen, note = some(view.free, MOST, "panels", request.partial)
     views = [view.at(**panel) for panel in chosen]
-    rows, columns = arrangement(chosen)
-    figure = new_figure(request, min(1.25, 0.12 + 0.88 * rows / columns), "double")
+    wide = request.wide("double")
+    rows, columns = arrangement(chosen, wide)
+    each = 0.88 if wide else 0.62
+    figure = new_figure(request, min(1.25 if wide else TALL, 0.12 + each * rows / columns), "double")
     grid = np.ravel(figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False))
     values = np.ma.stack([stability_map.read_cells(tree, item, variable)[0] for item in views])
     norm = stability_map.colours(values, variable)[1]
@@ -69,15 +81,16 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     for ax in grid[len(views) :]:
         ax.remove()
     for ax in grid[max(0, len(views) - columns) : len(views)]:
-        ax.tick_params(labelbottom=True)  # the lowest of its column, whether or not that ends above the others
-    bar = figure.colorbar(panels[0]["cells"], ax=list(grid[: len(views)]), pad=0.015, aspect=18 * rows)
-    bar.set_label(fitted(colour_label(tree, variable), 1.8 * rows, 8.5))
-    bar.outline.set_linewidth(0.5)
+        # The lowest of its column, whether or not that ends above the others.
+        ax.tick_params(labelbottom=True)
+        ax.set_xlabel(fitted(view.x.label, 0.85 * figure.get_figwidth() / columns, 8.5))
+    label = fitted(colour_label(tree, variable), 1.8 * rows, 8.5)
+    bar = stability_map.colour_bar(figure, panels[0], list(grid[: len(views)]), label, pad=0.015, aspect=18 * rows)
     doubtful = {words: patches for panel in panels for words, patches in panel["doubtful"].items()}
-    # The name of the axis stands in the middle.
     tint = next((panel["proved"] for panel in panels if panel["proved"] is not None), None)
-    write_legend(figure, [*proved.legend_of(tint), *doubt.legend_of_map(doubtful)], "outside lower right")
-    figure.supxlabel(view.x.label, fontsize=8.5)
+    handles = [*tongues.legend_of(tree, panels[0]), *proved.legend_of(tint), *doubt.legend_of_map(doubtful)]
+    handles += doubt.legend_of_failed(next((panel for panel in panels if panel["failed"] is not None), panels[0]))
+    write_legend(figure, handles)
     figure.supylabel(view.y.label, fontsize=8.5)
     write_title(figure, tree, request, view)
     names.settle(figure)

@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
-from matplotlib.colors import Colormap, LogNorm, Normalize
+from matplotlib.colorbar import Colorbar
+from matplotlib.colors import BoundaryNorm, Colormap, ListedColormap, LogNorm, Normalize
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
 from gearstab.plots.axes import MapView, Request, two_axes_only, view_of
 from gearstab.plots.drawing import grid, names, tongues
 from gearstab.plots.drawing.heading import write_legend, write_title
-from gearstab.plots.drawing.style import GROWTH, LINE, new_frame
+from gearstab.plots.drawing.style import GROWTH, LINE, PROVED, UNSTABLE, new_frame
 from gearstab.plots.drawing.text import fitted
 from gearstab.plots.kinds import Kind
 from gearstab.plots.maps import doubt, proved
@@ -24,8 +24,8 @@ from gearstab.plots.variables import GROWTH_RATE, LOAD_FACTOR, colour_label, def
 Array = np.ndarray
 Artists = dict[str, Any]
 
-DASHED: tuple[float, tuple[float, float]] = (0, (4, 2))
-"""The line style of perturbation theory beside exact boundaries."""
+STABLE = "stable"
+"""Flags: 1, 0, and -1 for points without a value."""
 WIDE = 30
 """Values that differ by more than this factor are coloured by their logarithms."""
 MOST = 1000
@@ -45,6 +45,8 @@ def read_cells(tree: xr.DataTree, view: MapView, variable: str) -> tuple[Array, 
         # Of all meshes at once, which may be an axis of the map.
         repels = view.cut(xr.broadcast(dataset["status"], data)[0], *dims).astype(int) & 1 != 0
         return np.ma.masked_where(repels | ~np.isfinite(values), values), ~np.isfinite(values) & ~repels
+    if variable == STABLE:
+        return np.ma.masked_less(values, 0), values < 0
     if variable != GROWTH_RATE:
         return np.ma.masked_invalid(values), failed
     stable = values <= 0
@@ -56,6 +58,8 @@ def read_cells(tree: xr.DataTree, view: MapView, variable: str) -> tuple[Array, 
 
 def colours(values: Array, variable: str) -> tuple[Colormap, Normalize]:
     """The colour map of a variable and its range over all ``values`` shown; growth rates start at zero."""
+    if variable == STABLE:
+        return ListedColormap([UNSTABLE, PROVED]), BoundaryNorm([-0.5, 0.5, 1.5], 2)
     shown = np.ma.compressed(values) if isinstance(values, np.ma.MaskedArray) else values[np.isfinite(values)]
     low, high = (float(shown.min()), float(shown.max())) if shown.size else (0.0, 0.0)
     if variable == GROWTH_RATE:
@@ -71,15 +75,17 @@ def draw_map(
     """Draw one map into a frame.
 
     Returns the artists, None where there is no such thing: ``cells`` (values of unstable points; stable ones masked),
-    ``failed`` (hatched), ``note`` (if all is stable), ``neutral`` (the line growth_rate = 0 of a damped system),
-    ``perturbation`` (lines), ``boundaries`` and ``thin`` (see ``tongues.exact_lines``), ``doubtful`` (hatchings by
-    their words, see :mod:`gearstab.plots.maps.doubt`), ``proved`` (a tint of what is proved stable).
+    ``failed`` (hatched) and the ``reason``, ``note`` (if all is stable), ``neutral`` (the line growth_rate = 0 of a
+    damped system), ``perturbation``, ``boundaries`` and ``thin`` (lines, see
+    ``tongues.draw_theories``), ``doubtful`` (hatchings by their words, see :mod:`gearstab.plots.maps.doubt`),
+    ``proved`` (a tint of what is proved stable).
     """
     values, failed = read_cells(tree, view, variable)
     cmap, own = colours(values, variable)
     artists: Artists = {
         "cells": grid.draw_cells(ax, view.x, view.y, values, cmap, norm or own),
         "failed": grid.draw_failed(ax, view.x, view.y, failed),
+        "reason": doubt.reason(find_variable(tree, variable)[0], view, failed),
         "neutral": draw_neutral(tree, ax, view) if variable == GROWTH_RATE else None,
         "note": None,
     }
@@ -90,8 +96,9 @@ def draw_map(
     dataset = find_variable(tree, variable)[0]
     artists["doubtful"] = doubt.hatch(ax, view, doubt.doubtful(tree, dataset, view, view.y.name, view.x.name))
     grid.frame(ax, view.x, view.y)
-    overlaid = variable in (GROWTH_RATE, "stable") or "mesh" in find_variable(tree, variable)[1].dims
-    return {**artists, **draw_boundaries(tree, ax, view if overlaid else None, artists["neutral"] is not None)}
+    overlaid = variable in (GROWTH_RATE, STABLE) or "mesh" in find_variable(tree, variable)[1].dims
+    artists |= tongues.draw_theories(tree, ax, view, ("boundaries", "perturbation") if overlaid else ())
+    return artists | {"proved": proved.draw_over(tree, ax, view) if overlaid else None}
 
 
 def draw_neutral(tree: xr.DataTree, ax: Axes, view: MapView) -> object | None:
@@ -112,26 +119,6 @@ def draw_neutral(tree: xr.DataTree, ax: Axes, view: MapView) -> object | None:
     return ax.contour(x, y, np.ma.masked_invalid(values), levels=[0.0], colors=LINE, linewidths=0.5, zorder=2)
 
 
-def draw_boundaries(tree: xr.DataTree, ax: Axes, view: MapView | None, dashed: bool) -> Artists:
-    """Exact boundaries (solid) and those of perturbation theory (dashed next to another line) of the view, if any."""
-    artists: Artists = {"perturbation": None, "boundaries": None, "thin": None, "proved": None}
-    found = tongues.parameter_axis(view) if view is not None else None
-    if view is None or found is None:
-        return artists
-    parameter, frequency_on_x = found
-    low, high = tongues.frequency_limits(ax, frequency_on_x)
-    exact = tongues.read_tongues(tree, "boundaries", view, parameter)
-    if exact is not None:
-        artists["boundaries"], artists["thin"] = tongues.exact_lines(ax, exact, frequency_on_x)
-    artists["proved"] = proved.draw_proved(tree, ax, view, parameter, frequency_on_x)
-    first = tongues.read_tongues(tree, "perturbation", view, parameter)
-    if first is not None:
-        seen = tongues.widest(first, low, high) > tongues.INVISIBLE
-        dashes = {"linestyles": [DASHED]} if dashed or exact is not None else {}
-        artists["perturbation"] = tongues.boundary_lines(ax, first, frequency_on_x, seen, zorder=2.4, **dashes)
-    return artists
-
-
 def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     """The whole figure; its artists are those of :func:`draw_map`, ``names`` and ``colour_bar``.
 
@@ -148,12 +135,16 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     return whole_map(tree, request, dataset, data, painted, ", or --kind slices")
 
 
-def lines_of(artists: Artists) -> list[Line2D]:
-    """Legend entries of the boundaries where both exact ones and those of perturbation theory are drawn."""
-    if artists.get("boundaries") is None or artists.get("perturbation") is None:
-        return []
-    exact = Line2D([], [], color=LINE, linewidth=0.75, label="boundaries (Floquet)")
-    return [exact, Line2D([], [], color=LINE, linewidth=0.75, linestyle=DASHED, label="perturbation theory")]
+def colour_bar(figure: Figure, artists: Artists, axes: list[Axes], label: str, **place: Any) -> Colorbar:
+    """Draw the bar of colours beside maps, of two colours with their words for stable and unstable points."""
+    bar = figure.colorbar(artists["cells"], ax=axes, **place)
+    if isinstance(artists["cells"].norm, BoundaryNorm):
+        bar.set_ticks([0, 1], labels=["unstable", "stable"])
+        bar.ax.tick_params(which="both", length=0)
+    else:
+        bar.set_label(label)
+    bar.outline.set_linewidth(0.5)
+    return bar
 
 
 def whole_map(
@@ -174,13 +165,17 @@ def whole_map(
     figure, ax = new_frame(request, (0.78, 0.52))
     artists, label = paint(ax, view)
     artists["marks"] = grid.draw_points(ax, request.marks)
-    bar = figure.colorbar(artists["cells"], ax=ax, label=fitted(label, 1.8, 8.5), pad=0.02, aspect=28)
-    bar.outline.set_linewidth(0.5)
+    bar = colour_bar(figure, artists, [ax], fitted(label, 1.8, 8.5), pad=0.02, aspect=28)
     if artists.get("contours") is not None:
         bar.add_lines(artists["contours"])
     artists["colour_bar"] = bar
     tint, doubtful = artists.get("proved"), artists.get("doubtful", {})
-    handles = [*lines_of(artists), *proved.legend_of(tint), *doubt.legend_of_map(doubtful)]
+    handles = [
+        *tongues.legend_of(tree, artists),
+        *proved.legend_of(tint),
+        *doubt.legend_of_map(doubtful),
+        *doubt.legend_of_failed(artists),
+    ]
     write_legend(figure, handles, ax=request.ax)
     write_title(figure, tree, request, view)
     names.settle(figure)

@@ -15,7 +15,7 @@ from matplotlib.ticker import NullLocator
 from gearstab.errors import PlotError, listed
 from gearstab.plots.axes import Request, units_of
 from gearstab.plots.drawing.heading import write_title
-from gearstab.plots.drawing.style import CASES, new_figure
+from gearstab.plots.drawing.style import CASES, WIDTHS, new_figure
 from gearstab.plots.drawing.text import bracketed, fitted, plain
 from gearstab.plots.kinds import Kind
 
@@ -29,8 +29,15 @@ GROWN = 1000
 TURNING = {"rad": "rotation", "rad/s": "angular velocity"}
 """What displacements and velocities in these units are called."""
 
-SOLID = 400
-"""A history that turns more often than this across a panel would be a solid block: its envelopes are drawn."""
+NEAR = 1.0
+"""A panel reaches to zero where a history comes as near to it as this part of its range."""
+
+SWING = 0.3
+"""Of the range of a history: what turns back by less is no swing of it."""
+SOLID = 160
+"""A history that swings more often than this across a column would be a solid block: its envelopes are drawn."""
+BINS = 100
+"""Stretches of time at most over which an envelope is taken, of two cycles or more."""
 
 LONG = 20_000
 """Histories with more samples are stored as pixels inside a PDF or SVG file: as lines they would take megabytes."""
@@ -137,10 +144,13 @@ def label_of(data: xr.DataArray, element: str) -> str:
 
 
 def draw_history(ax: Axes, label: str, data: xr.DataArray, colour: str) -> Any:
-    """One history over time with a thin line at zero."""
+    """One history over time with a thin line at zero, unless all of it lies far from there."""
     time = data.coords["time"].values if "time" in data.coords else np.arange(data.sizes["time"])
-    ax.axhline(0.0, color="#8a8a8a", linewidth=0.4, zorder=0.5)
-    line = draw_line(ax, time, np.asarray(data.values, dtype=float), colour)
+    values = np.asarray(data.values, dtype=float)
+    low, high = np.nanmin(values), np.nanmax(values)
+    if np.nanmin(np.abs(values)) <= NEAR * (high - low):
+        ax.axhline(0.0, color="#8a8a8a", linewidth=0.4, zorder=0.5)
+    line = draw_line(ax, time, values, colour)
     ax.set_xlim(time[0], time[-1])
     ax.set_ylabel(label, linespacing=0.95)
     ax.margins(y=0.08)
@@ -150,10 +160,13 @@ def draw_history(ax: Axes, label: str, data: xr.DataArray, colour: str) -> Any:
 
 def draw_line(ax: Axes, time: Array, values: Array, colour: str) -> Any:
     """A history as a line, or between its envelopes where it turns so often that the line would fill a block."""
-    turns = int(np.count_nonzero(np.diff(np.sign(np.diff(values)))))
-    if turns < SOLID:
+    ends = values[np.flatnonzero(np.diff(np.sign(np.diff(values)))) + 1]
+    turns = int(np.count_nonzero(np.abs(np.diff(ends)) > SWING * np.ptp(values)))
+    figure = ax.get_figure(root=True)
+    assert figure is not None
+    if turns < SOLID * figure.get_figwidth() / WIDTHS["single"]:
         return ax.plot(time, values, color=colour, linewidth=0.6, rasterized=time.size > LONG)[0]
-    starts = np.unique(np.linspace(0, values.size, SOLID // 4, endpoint=False).astype(int))
+    starts = np.unique(np.linspace(0, values.size, min(BINS, turns // 4), endpoint=False).astype(int))
     low, high = np.minimum.reduceat(values, starts), np.maximum.reduceat(values, starts)
     middle = time[np.minimum(starts + (starts[1] - starts[0]) // 2, time.size - 1)]
     band = ax.fill_between(middle, low, high, facecolor=to_rgba(colour, 0.25), edgecolor=colour, linewidth=0.5)

@@ -10,9 +10,9 @@ from matplotlib.figure import Figure
 
 from gearstab.errors import PlotError, listed
 from gearstab.plots.axes import Request
-from gearstab.plots.drawing.heading import write_title
+from gearstab.plots.drawing.heading import write_legend, write_title
 from gearstab.plots.drawing.style import CASES, new_figure
-from gearstab.plots.drawing.text import plain
+from gearstab.plots.drawing.text import fitted, plain
 from gearstab.plots.kinds import Kind
 from gearstab.plots.motions.response import MOST_PANELS, columns, read_response, refuse_selections
 
@@ -20,6 +20,10 @@ Artists = dict[str, Any]
 
 DYNAMIC = ("tooth_load", "root_stress")
 """What can be drawn; the static one has ``static_`` before its name."""
+
+
+MOST_IN_A_COLUMN = 5
+"""Panels that stand over one another in one column of a journal."""
 
 
 def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
@@ -36,9 +40,10 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     if len(panels) > MOST_PANELS:
         raise PlotError(f"{len(panels)} panels are too many (at most {MOST_PANELS}): choose with --select")
     stress = name == "root_stress"
-    across = 2 if len(panels) > 1 else 1
+    wide = request.wide("double")
+    across = 2 if len(panels) > 1 and (wide or len(panels) > MOST_IN_A_COLUMN) else 1
     down = -(-len(panels) // across)
-    figure = new_figure(request, 0.28 * down + 0.08, "double")
+    figure = new_figure(request, (0.28 if wide else 0.42) * down + 0.12, "double")
     axes = np.ravel(figure.subplots(down, across, sharex=True, squeeze=False))
     lines, still = [], []
     for ax, (label, data, rest) in zip(axes, panels, strict=False):
@@ -55,8 +60,8 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
         ax.set_visible(False)
     for ax in axes[max(0, len(panels) - across) : len(panels)]:
         ax.xaxis.set_tick_params(labelbottom=True)
-        ax.set_xlabel("contact, from first to last point")
-    axes[0].legend(loc="lower center", fontsize="small", frameon=False)
+        ax.set_xlabel(fitted("contact, from first to last point", 0.7 * figure.get_figwidth() / across, 8.5))
+    write_legend(figure, [still[0], lines[0]])
     write_title(figure, tree, request)
     return figure, {"lines": lines, "static": still}
 

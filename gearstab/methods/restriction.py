@@ -1,0 +1,87 @@
+"""Methods whose system may be restricted to some of its modes."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Annotated, Any
+
+from pydantic import AfterValidator, Field
+
+from gearstab.config.model.fields import Section, Whole, wrong
+from gearstab.errors import NotPossible
+from gearstab.methods.base import Method, OptionError
+from gearstab.system import Array, GearSystem
+
+ModeNumber = Annotated[int, Field(ge=1), Whole]
+
+
+def _each_once(modes: list[int]) -> list[int]:
+    """Ascending; raises a pydantic error where a mode is named twice."""
+    if len(set(modes)) < len(modes):
+        raise wrong("modes", "names a mode twice", "name each mode once")
+    return sorted(modes)
+
+
+class ModesOption(Section):
+    """Which modes of the system a method keeps."""
+
+    modes: Annotated[list[ModeNumber], AfterValidator(_each_once)] | None = Field(
+        default=None,
+        min_length=1,
+        title="modes",
+        description="Restrict the system to these modes, numbered from 1 by ascending natural frequency; default all.",
+    )
+
+
+class Restricted(Method):
+    """A method that solves its system in the modes of its option ``modes``."""
+
+    @cached_property
+    def basis(self) -> Array | None:
+        """Return the subspace to which the options restrict the system, None where they do not. Raises NotPossible."""
+        if self.options.modes is None:
+            return None
+        from gearstab.floquet.truncation import modes_basis
+
+        return modes_basis(self.system, self.options.modes)
+
+    @property
+    def kept(self) -> str:
+        """What is kept, in words, where something is left out."""
+        return f"modes {', '.join(map(str, self.options.modes))}"
+
+    @cached_property
+    def part(self) -> GearSystem:
+        """The system that is solved."""
+        if self.basis is None:
+            return self.system
+        from gearstab.floquet.truncation import restricted
+
+        return restricted(self.system, self.basis)
+
+    def restriction(self) -> dict[str, Any]:
+        """Return the attribute that says what is left out and what that neglects; none where nothing is."""
+        if self.basis is None:
+            return {}
+        from gearstab.floquet.truncation import neglected
+
+        coupling = neglected(self.system, self.basis)
+        left_out = (
+            f"neglects couplings of up to {coupling:.2g} of w_p w_q" if coupling else "which nothing couples to others"
+        )
+        size = self.basis.shape[-1]
+        return {"restriction": f"{self.kept} of the base system: {size} of {self.system.size} modes, {left_out}"}
+
+    def check_modes(self) -> None:
+        """Raise OptionError for modes that there are not, or of which others have the same frequency."""
+        if self.options.modes is None:
+            return
+        from gearstab.floquet.truncation import split_degenerate_group
+
+        try:
+            _ = self.basis
+        except NotPossible as error:
+            raise OptionError(("modes",), error.message, error.remedy) from None
+        if group := split_degenerate_group(self.system, self.options.modes):
+            message = f"modes {', '.join(map(str, group))} have equal frequencies"
+            raise OptionError(("modes",), message, "name all of them or none")
