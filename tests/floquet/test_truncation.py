@@ -155,7 +155,7 @@ def test_map_of_chosen_modes(config, tmp_path):
         ("{block: 1}", "no cyclic symmetry"),
         ("{block: true}", "must be a type of mesh deflection"),
         ("{block: -1}", "must be a type of mesh deflection"),
-        ("{block: 1, modes: [1]}", "both block and modes"),
+        ("{block: 1, modes: [1]}", "cannot be combined with block"),
     ],
 )
 def test_wrong_choices_are_named(config, tmp_path, options, message):
