@@ -68,9 +68,10 @@ def solve(
                 error[index] = np.maximum(error[index], found.error_estimate)
             # Rigid-body modes are left out of the search, but one that grows by itself decides.
             by_itself = block.pattern.elastic.rigid_growth[:, None]
-            growth[index] = np.maximum(growth[index], by_itself)
-            still = by_itself * (2 * np.pi * block.pattern.cycles / omega[index]) <= DAMPED_ON_CIRCLE
-            stable[index] = np.minimum(stable[index], still)
+            if (by_itself > -np.inf).any():
+                growth[index] = np.maximum(growth[index], by_itself)
+                still = by_itself * (2 * np.pi * block.pattern.cycles / omega[index]) <= DAMPED_ON_CIRCLE
+                stable[index] = np.minimum(stable[index], still)
             if table is not None and found.exponents is not None:
                 table.add(block, found.exponents)
     failed = ~np.isfinite(growth)
