@@ -103,7 +103,7 @@ def test_one_mesh_at_a_time(tmp_path: Path) -> None:
     ("change", "said"),
     [
         ("methods.floquet.frequencies=common_period", "; choose per_mesh or lyapunov"),
-        ("methods.floquet.exponents=true", "none without a common period (lyapunov was chosen)"),
+        ("methods.floquet.exponents=true", "not defined without a common period (lyapunov was chosen)"),
         ("methods.floquet.frequencies=lyapunow", "did you mean 'lyapunov'"),
         ("methods.floquet.lyapunov.cycles=3", "methods.floquet.lyapunov.cycles"),
         ("methods={boundaries: {}}", "no common period"),
