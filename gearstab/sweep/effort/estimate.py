@@ -196,16 +196,16 @@ def _ranges(plan: Plan, layout: Layout, clock: Clock) -> tuple[float | None, flo
     """The same where a point is a whole range: by the method's own account, corrected by what some rows take."""
     work = _by_effort(plan, layout, clock)
     one = None if work is None else _effort(plan, layout, clock, 0.5)
-    if work is None or one is None or one.seconds(1) > PART * clock.left:
+    if work is None or one is None:
         return work, 0.0
-    wanted = int(min(prod(layout.chunk), PART * clock.left / max(one.seconds(1), BRIEF)))
-    first, last = (_sample(plan, layout, clock, w) for w in (1.0, max(1.0, wanted)))
-    if first is None or last is None:
-        return work, 0.0
-    size, told = last.size * layout.points / last.points, one.seconds(last.points)
-    if not told:  # a range in which no multipliers meet takes nothing by its account
-        return last.seconds * layout.points / last.points, size
-    return work * min(max(last.seconds / told, 1 / SPREAD), SPREAD), size
+    left, each = max(clock.left, 0.0), one.seconds(layout.points, layout.count)
+    samples, _ = _samples(lambda wanted: _sample(plan, layout, clock, wanted), prod(layout.chunk), clock)
+    if not samples:  # a row takes longer than that, whatever the account says
+        return max(work, left * layout.points), 0.0
+    # Where rows differ in structure, by the account; one in which no multipliers meet takes nothing by it.
+    dearer = min(max(work / each, 1 / SPREAD), SPREAD) if each else 1.0
+    seconds, size = ([(s.points, getattr(s, name)) for s in samples] for name in ("seconds", "size"))
+    return dearer * _scaled(layout, 1, seconds, np.inf), _scaled(layout, 1, size, np.inf)
 
 
 def _by_effort(plan: Plan, layout: Layout, clock: Clock) -> float | None:
