@@ -16,8 +16,7 @@
 #define COARSEST 6        /* points of a row that has hardly any collisions */
 #define STEP 0x1p-24      /* to the second point that tells signs and speeds, relative; and not above this part of the floor: */
 #define STEP_OF_FLOOR 0x1p-4
-#define APART 4           /* points of a scan from one direct count to the next, n/2 of large systems; it saves a third of a search
-                             of R = 3/5, where the count takes as long as a point */
+#define APART 4           /* points of a scan from one direct count to the next, n/2 of large systems; a third of a search less */
 #define PATIENCE 4        /* rounds of interpolation in which a bracket must halve */
 #define ATTEMPTS 4        /* points tried where signs are lost in rounding, before a bracket is left as it is */
 #define ACCURATE 0.1      /* part of the tolerance within which Newton's step must end */
@@ -62,7 +61,6 @@ struct window {
 static struct sample *at(const struct window *w, int i) { return &w->block[i / BLOCK]->sample[i % BLOCK]; }
 
 /* ---- memory; all return 0, or -1 when there is none */
-
 static int grow(void *given, int64_t *room, int64_t needed, size_t size) {
     void **array = given;
     if (needed <= *room)
