@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
 SHORTEST = 8
 """Samples that a spectrum needs."""
+SAME_DIGITS = 8
+"""Peaks that differ by less, relative, are taken for equal."""
 MOST_PEAKS = 20
 LARGEST = 1e140
 """Histories beyond this have no finite power spectral density."""
@@ -90,5 +92,7 @@ def amplitudes(found: Harmonics) -> Spectra:
 
 def _ordered(frequency: Array, force: Array, deflection: Array, places: list[tuple[int, int]]) -> Spectra:
     index, mesh = np.array(places, dtype=int).reshape(-1, 2).T
-    largest = np.argsort(-force[index, mesh], kind="stable")[:MOST_PEAKS]
+    # Meshes that are alike have peaks that only rounding tells apart: the first is named first.
+    height = np.round(np.log(np.maximum(force[index, mesh], np.finfo(float).tiny)), SAME_DIGITS)
+    largest = np.argsort(-height, kind="stable")[:MOST_PEAKS]
     return Spectra(frequency, force, deflection, index[largest], mesh[largest])
