@@ -66,7 +66,7 @@ test-sanitized: $(VENV)/.installed ## tests of the C kernel built with address a
 	@GEARSTAB_CFLAGS="-O1 -g1 -fno-omit-frame-pointer $(SANITIZE) -fno-sanitize-recover=all" LDFLAGS="$(SANITIZE)" \
 	  $(BIN)/python -W ignore setup.py -q build --build-base $(SANITIZED)/base --build-lib $(SANITIZED)/lib
 	@grep -q __asan_ $(SANITIZED)/lib/gearstab/ckernel/_kernel*.so
-	@PYTHONPATH=$(CURDIR)/$(SANITIZED)/lib LD_PRELOAD="$$($(CC) -print-file-name=libasan.so)" ASAN_OPTIONS=detect_leaks=0 \
+	@PYTHONPATH=$(CURDIR)/$(SANITIZED)/lib LD_PRELOAD="$$($(CC) -print-file-name=libasan.so) $$($(CC) -print-file-name=libstdc++.so)" ASAN_OPTIONS=detect_leaks=0 \
 	  UBSAN_OPTIONS=print_stacktrace=1 $(BIN)/python -P -c '$(RUN_SANITIZED)' -q -s $(SANITIZED_TESTS)
 
 # The oldest versions that pyproject.toml allows have wheels for Python 3.11 and 3.12 only.
