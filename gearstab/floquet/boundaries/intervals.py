@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields
-from typing import Any, overload
+from typing import Any
 
 import numpy as np
 
@@ -30,7 +30,7 @@ class Interval:
 
 
 @dataclass(frozen=True, eq=False)
-class Intervals(Sequence[Interval]):
+class Intervals:
     """The same of K intervals: row, start, stop ``(K,)``; passed, meetings ``(K, 3)``; error, cut ``(K, 2)``."""
 
     row: Array
@@ -59,13 +59,7 @@ class Intervals(Sequence[Interval]):
     def __len__(self) -> int:
         return len(self.row)
 
-    @overload
-    def __getitem__(self, index: int) -> Interval: ...
-    @overload
-    def __getitem__(self, index: slice) -> Intervals: ...
-    def __getitem__(self, index: int | slice) -> Interval | Intervals:
-        if isinstance(index, slice):
-            return self.subset(np.arange(len(self))[index])
+    def __getitem__(self, index: int) -> Interval:
         return next(iter(self.subset([index])))
 
     def __iter__(self) -> Iterator[Interval]:

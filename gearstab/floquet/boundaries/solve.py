@@ -126,7 +126,7 @@ class _Collected:
         n = self.system.size
         self.squared = np.broadcast_to(modes.squared_frequency, (*self.system.batch, n)).reshape(rows, n)
         self.period = self.system.common_period()[0]
-        self.tongues: dict[tuple[int, int, int], Tongue] = {}
+        self.tongues: list[Tongue] = []
         self.number: dict[tuple[int, int, int], int] = {}
 
     def rigid(self, part: Part) -> None:
@@ -134,7 +134,7 @@ class _Collected:
         grows = part.pattern.elastic.rigid_growth > 0
         row = part.pattern.rows[grows]
         mode, pair = self._rigid(part)[grows], np.ones((len(row), 2))
-        member = np.array([self._self_excited(int(k)) for k in mode], dtype=np.int64)
+        member = np.array([self._tongue(k, k, 0) for k in mode.tolist()], dtype=np.int64)
         whole = np.array([[self.start, self.stop]]) * pair
         self.regions.append(RegionEdges(row, whole, 0 * pair, pair > 0, np.arange(len(row)), member))
 
@@ -215,19 +215,15 @@ class _Collected:
         """``(r,)``: the first rigid-body mode, from 0: between negative and positive squared frequencies."""
         return (self.squared[part.pattern.rows] < 0).sum(axis=1)
 
-    def _self_excited(self, mode: int) -> int:
-        """Number of the tongue of a mode from 0 that grows by itself."""
-        key = mode + 1, mode + 1, 0
-        if key not in self.number:
-            self.tongues[key] = self_excited(self.system, mode + 1)
-        return self.number.setdefault(key, len(self.number))
-
     def _tongue(self, p: int, q: int, cycles: int) -> int:
-        """Number of the tongue of two modes from 0."""
+        """Number of the tongue of two modes from 0; of one that grows by itself, twice the mode and no cycles."""
         key = p + 1, q + 1, cycles
         if key not in self.number:
-            self.tongues[key] = tongue_of(self.system, p + 1, q + 1, Fraction(cycles) / self.period)
-        return self.number.setdefault(key, len(self.number))
+            self.number[key] = len(self.tongues)
+            ratio = Fraction(cycles) / self.period
+            found = tongue_of(self.system, p + 1, q + 1, ratio) if cycles else self_excited(self.system, p + 1)
+            self.tongues.append(found)
+        return self.number[key]
 
     def _keep(self, part: Part, found: Intervals, names: naming.Names, driven: Array | None = None) -> None:
         """driven: the coordinate of each row that grows by itself, rigid-body modes after the others; or -1."""
@@ -248,7 +244,8 @@ class _Collected:
             itself = np.hstack([modes, self._rigid(part)[:, None]])[found.row[first], driven[found.row[first]]]
             order = np.argsort(np.concatenate([first, owner]), kind="stable")
             owner = np.concatenate([first, owner])[order]
-            member = np.append(np.array([self._self_excited(int(k)) for k in itself], dtype=np.int64), member)[order]
+            grown = np.array([self._tongue(k, k, 0) for k in itself.tolist()], dtype=np.int64)
+            member = np.append(grown, member)[order]
         edges, cut = np.stack([lower, upper], axis=1), found.cut[:, ::-1]
         self.regions.append(RegionEdges(part.pattern.rows[found.row], edges, error, cut, owner, member))
 
@@ -263,7 +260,7 @@ class _Collected:
             found.edges[:, 1],
             0.5 * found.error.max(axis=1, initial=0.0),
             found.cut,
-            tuple(self.tongues[key] for key in self.number),
+            tuple(self.tongues),
             found.owner,
             found.member,
             self.contacts,

@@ -187,8 +187,7 @@ def _points(plan: Plan, layout: Layout, clock: Clock) -> tuple[float | None, flo
         return None, 0.0
     inner = plan.inner(layout)
     row = 1 if inner is None else layout.chunk[inner]
-    work = _scaled(layout, row, [(s.points, s.seconds) for s in samples], known)
-    size = _scaled(layout, row, [(s.points, s.size) for s in samples], _bytes_a_point(layout, np.inf))
+    work, size = _whole(layout, row, samples, known, _bytes_a_point(layout, np.inf))
     return work * _dearer(plan, layout, clock, samples[-1]), size
 
 
@@ -204,8 +203,8 @@ def _ranges(plan: Plan, layout: Layout, clock: Clock) -> tuple[float | None, flo
         return max(work, left * layout.points), 0.0
     # Where rows differ in structure, by the account; one in which no multipliers meet takes nothing by it.
     dearer = min(max(work / each, 1 / SPREAD), SPREAD) if each else 1.0
-    seconds, size = ([(s.points, getattr(s, name)) for s in samples] for name in ("seconds", "size"))
-    return dearer * _scaled(layout, 1, seconds, np.inf), _scaled(layout, 1, size, np.inf)
+    seconds, size = _whole(layout, 1, samples, np.inf, np.inf)
+    return dearer * seconds, size
 
 
 def _by_effort(plan: Plan, layout: Layout, clock: Clock) -> float | None:
@@ -266,6 +265,14 @@ def _further(values: list[tuple[int, float]], known: float) -> float:
     (few, less), (points, total) = values[0], values[-1]
     further = known if few == points else (total - less) / (points - few)
     return min(max(0.0, further), total / points)
+
+
+def _whole(layout: Layout, row: int, samples: list[Sample], seconds: float, size: float) -> tuple[float, float]:
+    """Seconds and bytes of all blocks by those of samples; ``seconds`` and ``size`` of a further point, roughly."""
+    return (
+        _scaled(layout, row, [(s.points, s.seconds) for s in samples], seconds),
+        _scaled(layout, row, [(s.points, s.size) for s in samples], size),
+    )
 
 
 def _scaled(layout: Layout, row: int, values: list[tuple[int, float]], known: float) -> float:
