@@ -7,10 +7,11 @@ from typing import Any
 from pydantic import BaseModel
 from pydantic.json_schema import models_json_schema
 
+from gearstab.config.model.fields import NUMBER
 from gearstab.config.model.introspection import field_types, is_model, number_kind
+from gearstab.config.sections import design
 from gearstab.config.sections.expansion import Range
 from gearstab.config.sections.methods import Methods
-from gearstab.config.sections.objectives import OBJECTIVES, QUANTITIES
 from gearstab.config.sections.sweep import Tie
 from gearstab.systems import KINDS, short_names
 from gearstab.systems.gear_pair import RotatingGearPair
@@ -18,8 +19,6 @@ from gearstab.systems.parts.respond import Respond
 from gearstab.systems.parts.respond_pair import PairRespond
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
-NUMBER = {"type": ["number", "string"]}
-"""A number, or a text with its unit, or an exact ratio; which of them the parameter decides."""
 
 
 def schema() -> dict[str, Any]:
@@ -34,8 +33,6 @@ def schema() -> dict[str, Any]:
     found = definitions["$defs"]
     for model in _all_models(models):
         _loosen(found[model.__name__], model)
-    found["Tie"]["properties"]["values"] = _tied_values(found["Tie"]["properties"]["values"])
-    found["Matrices"]["properties"]["damping"] = _matrix_or(found["Matrices"]["properties"]["damping"])
     return {
         "$schema": DIALECT,
         "title": "gearstab configuration",
@@ -47,7 +44,7 @@ def schema() -> dict[str, Any]:
             "system": _system([references[(model, "validation")] for model in systems]),
             "sweep": _sweep(),
             "methods": {"$ref": "#/$defs/Methods"},
-            "design": _design(),
+            "design": design.json_schema(),
             "respond": {"anyOf": [{"$ref": "#/$defs/Respond"}, {"$ref": "#/$defs/PairRespond"}]},
         },
         "dependentRequired": {"sweep": ["methods"], "methods": ["sweep"]},
@@ -90,75 +87,11 @@ def _sweep() -> dict[str, Any]:
     }
 
 
-def _design() -> dict[str, Any]:
-    ends = {"type": "array", "minItems": 2, "maxItems": 2, "items": NUMBER}
-    span = {
-        "type": "object",
-        "additionalProperties": False,
-        "properties": {
-            "mesh_frequency": ends | {"description": "Lowest and highest frequency of the first mesh (rad/s)."},
-            "input_speed": ends | {"description": "Of systems with an input, in place of mesh_frequency."},
-            "weight": {"type": "number", "exclusiveMinimum": 0, "description": "Of this range; default 1."},
-        },
-    }
-    weights = {
-        "type": "object",
-        "additionalProperties": False,
-        "minProperties": 1,
-        "properties": {
-            name: {"type": "number", "exclusiveMinimum": 0, "description": QUANTITIES[name].long_name}
-            for name in OBJECTIVES
-        },
-    }
-    goal = {"anyOf": [{"enum": list(OBJECTIVES)}, weights]}
-    limit = {
-        "type": "object",
-        "additionalProperties": False,
-        "minProperties": 1,
-        "properties": {"min": NUMBER, "max": NUMBER},
-    }
-    limits = {name: limit | {"description": item.long_name} for name, item in QUANTITIES.items()}
-    return {
-        "description": "What gearstab design may change, and what for.",
-        "type": "object",
-        "additionalProperties": False,
-        "required": ["range", "variables", "minimise"],
-        "properties": {
-            "range": {"anyOf": [span, {"type": "array", "minItems": 1, "items": span}]},
-            "variables": {"type": "object", "minProperties": 1, "additionalProperties": _variable(ends)},
-            "minimise": {"anyOf": [goal, {"type": "array", "minItems": 1, "items": goal}]},
-            "constraints": {"type": "object", "properties": limits, "additionalProperties": limit},
-        },
-    }
-
-
-def _variable(bounds: dict[str, Any]) -> dict[str, Any]:
-    """Bounds, or one of the forms of choices."""
-    forms: dict[str, dict[str, Any]] = {
-        "integers": {"type": "array", "minItems": 2, "maxItems": 2, "items": {"type": "number"}},
-        "values": {"type": "array", "minItems": 1, "items": NUMBER},
-        "catalogue": {"type": "string", "description": "A CSV file: columns are paths, rows are choices."},
-        "choices": {"type": "array", "minItems": 1, "items": {"$ref": "#/$defs/Case"}},
-    }
-    options = [
-        {"type": "object", "additionalProperties": False, "required": [key], "properties": {key: form}}
-        for key, form in forms.items()
-    ]
-    return {"anyOf": [bounds, *options]}
-
-
 def _values() -> dict[str, Any]:
     return {
         "description": "The values of a parameter along an axis: one, a list, or a range.",
         "anyOf": [NUMBER, {"type": "array", "minItems": 1, "items": NUMBER}, {"$ref": "#/$defs/Range"}],
     }
-
-
-def _tied_values(form: dict[str, Any]) -> dict[str, Any]:
-    """Values for all targets, or a list of such values, one for each target."""
-    each = {"anyOf": [NUMBER, {"type": "array", "minItems": 1, "items": NUMBER}, {"$ref": "#/$defs/Range"}]}
-    options = [NUMBER, {"type": "array", "minItems": 1, "items": each}, {"$ref": "#/$defs/Range"}]
-    return {"description": form["description"], "anyOf": options}
 
 
 def _case() -> dict[str, Any]:
@@ -168,12 +101,6 @@ def _case() -> dict[str, Any]:
         "properties": {"label": {"type": ["string", "number"], "description": "What figures call this case; unique."}},
         "additionalProperties": NUMBER,
     }
-
-
-def _matrix_or(form: dict[str, Any]) -> dict[str, Any]:
-    """The damping of a model given as matrices may be nested lists, as its mass and stiffness are."""
-    rows = {"type": "array", "items": {"type": "array", "items": NUMBER}, "description": "C, one row per coordinate."}
-    return {"description": form["description"], "anyOf": [*form["anyOf"], rows]}
 
 
 def _all_models(models: list[type[BaseModel]]) -> set[type[BaseModel]]:

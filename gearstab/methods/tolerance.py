@@ -7,9 +7,9 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import numpy as np
-from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
-from gearstab.config.model.fields import Flag, Quantity, Section, Whole, wrong
+from gearstab.config.model.fields import AnyNumber, Flag, Quantity, Section, Whole, wrong
 from gearstab.methods.base import Method, Outcome, SampledMethod, Tolerance, flat
 from gearstab.methods.floquet import Floquet, FloquetOptions
 from gearstab.results.variables import PROBABILITY, SOBOL, Variable, flagged
@@ -20,9 +20,6 @@ if TYPE_CHECKING:
 
 ROW = 512
 """Points of a block at least, so that a row of a map is not cut where that would cost as much again."""
-
-Numbers = WithJsonSchema({"type": ["number", "string"]})
-"""Each a number, where the parameter has a unit also a text with one."""
 
 
 def _numbers(count: int) -> BeforeValidator:
@@ -39,13 +36,13 @@ def _numbers(count: int) -> BeforeValidator:
 class DistributionOptions(Section):
     """How an uncertain parameter is distributed: one of normal, uniform and triangular."""
 
-    normal: Annotated[list[Annotated[Any, Numbers]], _numbers(2)] | None = Field(
+    normal: Annotated[list[AnyNumber], _numbers(2)] | None = Field(
         default=None, title="normal", description="Mean and standard deviation, in the unit of the parameter."
     )
-    uniform: Annotated[list[Annotated[Any, Numbers]], _numbers(2)] | None = Field(
+    uniform: Annotated[list[AnyNumber], _numbers(2)] | None = Field(
         default=None, title="uniform", description="Low and high."
     )
-    triangular: Annotated[list[Annotated[Any, Numbers]], _numbers(3)] | None = Field(
+    triangular: Annotated[list[AnyNumber], _numbers(3)] | None = Field(
         default=None, title="triangular", description="Low, mode and high."
     )
     deviation: Flag = Field(

@@ -12,7 +12,7 @@ from pydantic import Field
 from gearstab import rotating_pair
 from gearstab.config.document.yaml import Document
 from gearstab.config.model.conflicts import Conflict, exactly_one, plain_number, wrong_length
-from gearstab.config.model.fields import Choice, Inertia, Length, Mass, NonNegative, Quantity, Teeth
+from gearstab.config.model.fields import Choice, Inertia, Length, Mass, NonNegative, Quantity, Teeth, TorsionalStiffness
 from gearstab.rotating_pair import CLASSICAL, FORMULATIONS, PairNumbers
 from gearstab.system import Array, GearSystem
 from gearstab.system import Mesh as MeshOfSystem
@@ -36,7 +36,6 @@ LEAVE_OUT = "leave it out: equivalent_mass and meshes say all; kind: gearbox com
 TOGETHER = f"two gears are given by {', '.join(OF_GEARS[:3])}, single_contact_angle or contact_ratio, torque"
 
 Formulation = Annotated[str, Choice("formulation", FORMULATIONS, axis=True)]
-TorsionalStiffness = Annotated[float, Field(gt=0), Quantity("N m")]
 
 
 class GearPair(System):

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from planetary_gears import SUPPORTS, parameters
+from planetary_gears import SUPPORTS, configuration, parameters
 from scenes import problems, ran, read, written
 
 from gearstab.config.model.axes import parameters_at
@@ -20,21 +20,10 @@ from gearstab.systems import build
 from gearstab.systems.planetary import Planetary
 from gearstab.systems.planetary.angles import nearest
 
-SCENE = """\
-system:
-  kind: planetary
-  planets: 4
-  angles: assemble
-  ring: {kind: rigid}
-  teeth: {sun: 27, planet: 20}
-  masses: {ring: 6.35, carrier: 5.43, sun: 0.4, planet: 4.0}
-  inertias: {carrier: 6.0, sun: 2.5, planet: 2.0}
-  supports: {carrier: 2.0e+8, sun: 2.0e+8, planet: 3.0e+8, ring: 1.0e+8, ring_rotation: 1.0e+8}
-  pressure_angles: {sun: "24.6 deg", ring: "24.6 deg"}
-  meshes:
-    sun: {mean_stiffness: 1.0e+8, epsilon: 0.1, contact_ratio: 1.4}
-    ring: {mean_stiffness: 1.0e+8, epsilon: 0.2, contact_ratio: 1.6}
-"""
+SCENE = configuration(
+    "angles: assemble", "ring: {kind: rigid}", "teeth: {sun: 27, planet: 20}",
+    "supports: {carrier: 2.0e+8, sun: 2.0e+8, planet: 3.0e+8, ring: 1.0e+8, ring_rotation: 1.0e+8}",
+)  # fmt: skip
 ASSEMBLE = "  angles: assemble\n"
 BY_PHASES = {"teeth: {sun: 27, planet: 20}": "phases: {sun: [0, 0, 0, 0], sun_ring: 0.5}"}
 

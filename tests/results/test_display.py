@@ -35,12 +35,17 @@ methods: {floquet: {}, perturbation: {harmonics: 2}, boundaries: {}}
 """
 
 
-@pytest.fixture(scope="module")
-def result(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("rpm")
-    done = ran("sweep", written(folder, GEARBOX), "-o", folder / "r.h5", "-q")
+def stored(factory: pytest.TempPathFactory, command: str, text: str) -> Path:
+    """The result that a command writes of a configuration."""
+    folder = factory.mktemp(command)
+    done = ran(command, written(folder, text), "-o", folder / "r.h5", "-q")
     assert done.exit_code == 0, done.output
     return folder / "r.h5"
+
+
+@pytest.fixture(scope="module")
+def result(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return stored(tmp_path_factory, "sweep", GEARBOX)
 
 
 @pytest.fixture
@@ -193,10 +198,7 @@ respond: {input_speed: "1500 rpm", steady_state: true}
 
 @pytest.fixture(scope="module")
 def response(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("order")
-    done = ran("respond", written(folder, MODES_OF_PAIR), "-o", folder / "r.h5", "-q")
-    assert done.exit_code == 0, done.output
-    return folder / "r.h5"
+    return stored(tmp_path_factory, "respond", MODES_OF_PAIR)
 
 
 def test_the_harmonics_of_a_steady_state_are_at_the_orders_of_the_teeth(response: Path) -> None:

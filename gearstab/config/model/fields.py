@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Annotated, Any, ClassVar
@@ -16,6 +17,7 @@ from pydantic import (
     GetCoreSchemaHandler,
     GetJsonSchemaHandler,
     StrictBool,
+    WithJsonSchema,
 )
 from pydantic_core import PydanticCustomError, core_schema
 
@@ -283,6 +285,15 @@ class ByCoordinate:
         return {"anyOf": [plain, {"type": "object", "additionalProperties": plain["items"], "minProperties": 1}]}
 
 
+def also(form: dict[str, Any]) -> Callable[[dict[str, Any]], None]:
+    """Return what lets the schema of a field admit a further form, which ``complete`` of a system writes out."""
+
+    def extend(schema: dict[str, Any]) -> None:
+        schema["anyOf"] = [*schema["anyOf"], form]
+
+    return extend
+
+
 def _whole(value: Any) -> Any:
     """``1e3`` is 1000; a truth value, a text or 2.5 is no count."""
     if isinstance(value, float) and value.is_integer():
@@ -304,6 +315,9 @@ def _name(value: Any) -> str:
     return value
 
 
+NUMBER = {"type": ["number", "string"]}
+"""Schema of a number, or a text with its unit, or an exact ratio; which of them the parameter decides."""
+AnyNumber = Annotated[Any, WithJsonSchema(NUMBER)]
 Flag = StrictBool
 NameText = Annotated[str, BeforeValidator(_name)]
 """The name of a mesh or coordinate, usable in dotted paths."""
@@ -318,6 +332,9 @@ AngularFrequency = Annotated[float, Field(gt=0), Quantity("rad/s")]
 Time = Annotated[float, Field(gt=0), Quantity("s")]
 Inertia = Annotated[float, Field(gt=0), Quantity("kg m^2")]
 Length = Annotated[float, Field(gt=0), Quantity("m")]
+NonNegativeLength = Annotated[float, Field(ge=0), Quantity("m")]
+Stiffness = Annotated[float, Field(gt=0), Quantity("N/m")]
+TorsionalStiffness = Annotated[float, Field(gt=0), Quantity("N m")]
 Mass = Annotated[float, Field(gt=0), Quantity("kg")]
 ContactRatio = Annotated[float, Field(ge=1, le=1000), Quantity()]
 ExactRatio = Annotated[Fraction, Ratio()]

@@ -12,6 +12,7 @@ from pydantic import TypeAdapter, ValidationError
 from gearstab.config.document.problems import Path, dotted, nearest
 from gearstab.config.document.yaml import Document
 from gearstab.config.model.axes import Axis
+from gearstab.config.model.fields import NUMBER
 from gearstab.config.model.validation import explain
 from gearstab.config.sections import design_variables
 from gearstab.config.sections.expansion import expand_list
@@ -282,3 +283,50 @@ def _limit(context: Context, path: Path, name: str, ends: Any) -> Limit | None:
         return None
     paths = tuple(item.paths[0] for item in targets)
     return Limit(name, paths, values["min"], values["max"], units)
+
+
+def json_schema() -> dict[str, Any]:
+    """Return the schema of the section, which refers to the definition ``Case``."""
+    ends = {"type": "array", "minItems": 2, "maxItems": 2, "items": NUMBER}
+    span = {
+        "type": "object",
+        "additionalProperties": False,
+        "properties": {
+            "mesh_frequency": ends | {"description": "Lowest and highest frequency of the first mesh (rad/s)."},
+            "input_speed": ends | {"description": "Of systems with an input, in place of mesh_frequency."},
+            "weight": {"type": "number", "exclusiveMinimum": 0, "description": "Of this range; default 1."},
+        },
+    }
+    weights = {
+        "type": "object",
+        "additionalProperties": False,
+        "minProperties": 1,
+        "properties": {
+            name: {"type": "number", "exclusiveMinimum": 0, "description": QUANTITIES[name].long_name}
+            for name in OBJECTIVES
+        },
+    }
+    goal = {"anyOf": [{"enum": list(OBJECTIVES)}, weights]}
+    limit = {
+        "type": "object",
+        "additionalProperties": False,
+        "minProperties": 1,
+        "properties": {"min": NUMBER, "max": NUMBER},
+    }
+    limits = {name: limit | {"description": item.long_name} for name, item in QUANTITIES.items()}
+    return {
+        "description": "What gearstab design may change, and what for.",
+        "type": "object",
+        "additionalProperties": False,
+        "required": ["range", "variables", "minimise"],
+        "properties": {
+            "range": {"anyOf": [span, {"type": "array", "minItems": 1, "items": span}]},
+            "variables": {
+                "type": "object",
+                "minProperties": 1,
+                "additionalProperties": design_variables.json_schema(ends),
+            },
+            "minimise": {"anyOf": [goal, {"type": "array", "minItems": 1, "items": goal}]},
+            "constraints": {"type": "object", "properties": limits, "additionalProperties": limit},
+        },
+    }

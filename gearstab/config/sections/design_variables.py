@@ -14,6 +14,7 @@ from gearstab.config.document import files
 from gearstab.config.document.problems import Path, nearest
 from gearstab.config.document.yaml import Document, number
 from gearstab.config.model.axes import Axis
+from gearstab.config.model.fields import NUMBER
 from gearstab.config.sections.sweep import Column, Context, UnresolvedAxis, cases, report_rivals
 from gearstab.config.sections.targets import INPUT_SPEED, MESH_FREQUENCY, Target
 
@@ -194,3 +195,18 @@ def _numeric(cell: str) -> bool:
         return bool(np.isfinite(float(cell)))
     except ValueError:
         return False
+
+
+def json_schema(bounds: dict[str, Any]) -> dict[str, Any]:
+    """Return the schema of a variable: bounds, or one of the forms of choices."""
+    forms: dict[str, dict[str, Any]] = {
+        "integers": {"type": "array", "minItems": 2, "maxItems": 2, "items": {"type": "number"}},
+        "values": {"type": "array", "minItems": 1, "items": NUMBER},
+        "catalogue": {"type": "string", "description": "A CSV file: columns are paths, rows are choices."},
+        "choices": {"type": "array", "minItems": 1, "items": {"$ref": "#/$defs/Case"}},
+    }
+    options = [
+        {"type": "object", "additionalProperties": False, "required": [key], "properties": {key: form}}
+        for key, form in forms.items()
+    ]
+    return {"anyOf": [bounds, *options]}

@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import Field, TypeAdapter, ValidationError, WithJsonSchema
+from pydantic import Field, TypeAdapter, ValidationError
 
 from gearstab.config.document.problems import Path
 from gearstab.config.document.yaml import Document
 from gearstab.config.model.axes import Array
-from gearstab.config.model.fields import Choice, Section, Whole
+from gearstab.config.model.fields import AnyNumber, Choice, Section, Whole
 from gearstab.config.model.introspection import axis_choice, number_kind
 from gearstab.config.model.units import typed_unit
 from gearstab.config.model.validation import explain, validate
@@ -24,9 +24,6 @@ STEP_TOLERANCE = 1e-9
 """How far from the last step, in steps, the stop still counts as hit: (stop - start)/step carries a few roundings."""
 
 
-Edge = WithJsonSchema({"type": ["number", "string"]})
-"""A number, where the parameter has a unit also a text with one; the parameter itself says which are allowed."""
-
 Count = Annotated[int, Field(ge=1, le=LARGEST_AXIS), Whole]
 Spacing = Annotated[str, Choice("spacing", ("linear", "log"))]
 
@@ -34,10 +31,10 @@ Spacing = Annotated[str, Choice("spacing", ("linear", "log"))]
 class Range(Section):
     """Equally spaced values, both ends included."""
 
-    start: Annotated[Any, Edge] = Field(title="start", description="The first value.")
-    stop: Annotated[Any, Edge] = Field(title="stop", description="The last value.")
+    start: AnyNumber = Field(title="start", description="The first value.")
+    stop: AnyNumber = Field(title="stop", description="The last value.")
     num: Count | None = Field(default=None, title="number of values", description="How many values; or give step.")
-    step: Annotated[Any, Edge] | None = Field(
+    step: AnyNumber | None = Field(
         default=None,
         title="step",
         description="From value to value; the stop is included when a step hits it. Or give num.",

@@ -9,15 +9,14 @@ from fractions import Fraction
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, WithJsonSchema
 
 from gearstab.config.document.problems import Path, dotted, nearest
 from gearstab.config.document.yaml import Document, value_at
 from gearstab.config.model.axes import MESH_FREQUENCY, Assignment, Axis
-from gearstab.config.model.fields import Section
+from gearstab.config.model.fields import NUMBER, AnyNumber, Section
 from gearstab.config.sections.expansion import (
     Count,
-    Edge,
     Expansion,
     Range,
     Spacing,
@@ -34,23 +33,25 @@ LONGEST_NAME = 100
 """Characters of the name of an axis."""
 
 
+RANGE = {"$ref": "#/$defs/Range"}
+EACH = {"anyOf": [NUMBER, {"type": "array", "minItems": 1, "items": NUMBER}, RANGE]}
+TIED = {"anyOf": [NUMBER, {"type": "array", "minItems": 1, "items": EACH}, RANGE]}
+"""Schema of values for all targets, or of a list of such values, one for each target."""
+
+
 class Tie(Section):
     """Several parameters on one axis."""
 
     targets: list[str] = Field(title="targets", min_length=1, description="Names of the parameters that vary together.")
-    values: Annotated[Any, Edge] | None = Field(
+    values: Annotated[Any, WithJsonSchema(TIED)] = Field(
         default=None,
         title="values",
         description="One list or range for all targets, or a list of them, one for each target.",
     )
-    start: Annotated[Any, Edge] | None = Field(
-        default=None, title="start", description="The first value, of all targets."
-    )
-    stop: Annotated[Any, Edge] | None = Field(default=None, title="stop", description="The last value, of all targets.")
+    start: AnyNumber | None = Field(default=None, title="start", description="The first value, of all targets.")
+    stop: AnyNumber | None = Field(default=None, title="stop", description="The last value, of all targets.")
     num: Count | None = Field(default=None, title="number of values", description="How many values; or give step.")
-    step: Annotated[Any, Edge] | None = Field(
-        default=None, title="step", description="From value to value; or give num."
-    )
+    step: AnyNumber | None = Field(default=None, title="step", description="From value to value; or give num.")
     spacing: Spacing | None = Field(default=None, title="spacing", description="linear or log.")
 
 

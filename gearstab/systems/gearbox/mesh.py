@@ -13,8 +13,10 @@ from gearstab.config.model.fields import (
     Length,
     NameText,
     NonNegative,
+    NonNegativeLength,
     Quantity,
     Section,
+    Stiffness,
 )
 from gearstab.systems.parts.forcing import TransmissionError
 from gearstab.systems.parts.mesh import Lag, NamedToothMesh, following_conflicts
@@ -44,7 +46,7 @@ class Friction(Section):
     viscosity: Annotated[float, Field(gt=0), Quantity("Pa s")] | None = Field(
         default=None, title="viscosity", description='Dynamic, of the oil at the inlet (Pa s, "10 mPa s").'
     )
-    roughness: Annotated[float, Field(ge=0), Quantity("m")] | None = Field(
+    roughness: NonNegativeLength | None = Field(
         default=None, title="roughness", description='Of the flanks, root mean square (m, "0.4 um").'
     )
 
@@ -98,7 +100,7 @@ class GearboxMesh(NamedToothMesh):
         title="double contact factor",
         description="Stiffness of two pairs over the sum of theirs (1): teeth on one body deflect each other.",
     )
-    single_pair_stiffness: Annotated[float, Field(gt=0), Quantity("N/m")] | None = Field(
+    single_pair_stiffness: Stiffness | None = Field(
         default=None, title="measured stiffness of a pair", description="In contact at the pitch point (N/m)."
     )
     variation: NonNegative | None = Field(

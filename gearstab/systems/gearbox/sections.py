@@ -20,11 +20,14 @@ from gearstab.config.model.fields import (
     Mass,
     NameText,
     NonNegative,
+    NonNegativeLength,
     Number,
     Positive,
     Quantity,
     Section,
+    Stiffness,
     ToothCount,
+    TorsionalStiffness,
 )
 from gearstab.system import GearSystem
 from gearstab.systems.base import Start, System
@@ -37,7 +40,6 @@ from gearstab.systems.parts.mesh import Named, ToothMesh
 if TYPE_CHECKING:
     from gearstab.config.model.axes import Grid
 
-TorsionalStiffness = Annotated[float, Field(gt=0), Quantity("N m")]
 Torque = Annotated[float, Field(gt=0), Quantity("N m")]
 PressureAngle = Annotated[float, Field(gt=0, lt=0.7853), Quantity("rad")]
 Pressure = Annotated[float, Field(gt=0), Quantity("Pa")]
@@ -49,9 +51,7 @@ OF_TEETH = ("module", "pressure_angle", "addendum", "dedendum", "face_width")
 class Support(Section):
     """Springs that hold the centre of a rotor, the same in both directions."""
 
-    stiffness: Annotated[float, Field(gt=0), Quantity("N/m")] = Field(
-        title="lateral stiffness", description="Of shaft and bearings together (N/m)."
-    )
+    stiffness: Stiffness = Field(title="lateral stiffness", description="Of shaft and bearings together (N/m).")
     damping_ratio: NonNegative = Field(
         default=0.0, title="damping ratio of the support", description="zeta, c = 2 zeta sqrt(k m) (1)."
     )
@@ -88,7 +88,7 @@ class Rotor(Teeth, Named):
     body_radius: Length | None = Field(
         default=None, title="radius of the body", description="Of the disc (m); the pitch radius without."
     )
-    bore_radius: Annotated[float, Field(ge=0), Quantity("m")] | None = Field(
+    bore_radius: NonNegativeLength | None = Field(
         default=None,
         title="radius of the bore",
         description="Of the body (m); without, the disc is solid and the teeth stand on a body of bore 0.4 root radii.",
@@ -122,7 +122,7 @@ class Shaft(Named):
         default=None, title="torsional stiffness", description="k (N m/rad); or give diameter and length."
     )
     diameter: Length | None = Field(default=None, title="diameter", description="d of a round shaft (m).")
-    bore: Annotated[float, Field(ge=0), Quantity("m")] | None = Field(
+    bore: NonNegativeLength | None = Field(
         default=None, title="bore", description="Diameter of the hole of a hollow shaft (m)."
     )
     length: Length | None = Field(default=None, title="length", description="l of a round shaft (m).")

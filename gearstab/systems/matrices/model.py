@@ -20,7 +20,7 @@ from gearstab.config.model.conflicts import (
     within_each,
     wrong_length,
 )
-from gearstab.config.model.fields import ByCoordinate, Choice, NameText, Quantity
+from gearstab.config.model.fields import NUMBER, ByCoordinate, Choice, NameText, Quantity, also
 from gearstab.config.model.units import UnitError, to_si
 from gearstab.system import Array, GearSystem
 from gearstab.systems import feasibility
@@ -28,7 +28,7 @@ from gearstab.systems.base import START_MESH, Start, System
 from gearstab.systems.matrices.definite import check_definite
 from gearstab.systems.matrices.file import read_matrices
 from gearstab.systems.matrices.vectors import default_names, write_out
-from gearstab.systems.parts.damping import not_square, with_damping
+from gearstab.systems.parts.damping import Damping, not_square, with_damping
 from gearstab.systems.parts.forcing import Force, Load, OneAsWell, with_forcing
 from gearstab.systems.parts.mesh import MatrixMesh, build_mesh
 from gearstab.systems.parts.terms import Term, periodic_terms
@@ -45,6 +45,8 @@ MassEntry = Annotated[float, Quantity("kg", ("kg m", "kg m^2"), entry=True)]
 StiffnessEntry = Annotated[float, Quantity("N/m", ("N", "N m"), entry=True)]
 
 
+ROWS = {"type": "array", "items": {"type": "array", "items": NUMBER}, "description": "C, one row per coordinate."}
+"""The damping matrix by itself, as mass and stiffness are."""
 CoordinateUnits = Annotated[list[Annotated[str, Choice("unit of a coordinate", UNITS)]], OneAsWell()]
 
 
@@ -91,6 +93,12 @@ class Matrices(System):
         default=None,
         title="units of the coordinates",
         description="m, or rad of rotations: one for all coordinates, or a list of them; m without.",
+    )
+    damping: Damping | None = Field(
+        default=None,
+        title="damping",
+        description="The damping matrix, or other forms of damping; or give damping_ratio.",
+        json_schema_extra=also(ROWS),
     )
     deflection_unit: Annotated[str, Choice("unit of a mesh deflection", UNITS)] = Field(
         default="m",

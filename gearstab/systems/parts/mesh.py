@@ -19,9 +19,11 @@ from gearstab.config.model.fields import (
     Flag,
     NameText,
     NonNegative,
+    NonNegativeLength,
     Quantity,
     Section,
     ShortName,
+    Stiffness,
     Turns,
 )
 from gearstab.system import Array
@@ -56,10 +58,10 @@ class Named(Section):
 class ToothMesh(Section):
     """A tooth mesh: a spring whose stiffness alternates between floor(c) and floor(c) + 1 pairs of teeth."""
 
-    mean_stiffness: Annotated[float, Field(gt=0), Quantity("N/m")] | None = Field(
+    mean_stiffness: Stiffness | None = Field(
         default=None, title="mean mesh stiffness", description="Mean stiffness k_g, kept (N/m); or give max_stiffness."
     )
-    max_stiffness: Annotated[float, Field(gt=0), Quantity("N/m")] | None = Field(
+    max_stiffness: Stiffness | None = Field(
         default=None,
         title="stiffer level of the mesh stiffness",
         description="The stiffer level k_max, kept (N/m), so that k_g falls as k_a grows; or give mean_stiffness.",
@@ -97,7 +99,7 @@ class ToothMesh(Section):
         title="transmission error",
         description="Unloaded static transmission error e: the mesh is without force where its deflection is e (m).",
     )
-    backlash: Annotated[float, Field(ge=0), Quantity("m")] | None = Field(
+    backlash: NonNegativeLength | None = Field(
         default=None,
         title="backlash",
         description="2 b, the play between the flanks along the line of action (m), for respond; none without.",

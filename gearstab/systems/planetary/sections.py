@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from fractions import Fraction
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, cast
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -12,234 +12,37 @@ from pydantic import Field
 from gearstab.config.document.problems import Path
 from gearstab.config.document.yaml import Document
 from gearstab.config.model.conflicts import Conflict, within, wrong_length
-from gearstab.config.model.fields import (
-    Choice,
-    Count,
-    Mass,
-    NonNegative,
-    Quantity,
-    Section,
-    ToothCount,
-    Turns,
-    Whole,
-)
+from gearstab.config.model.fields import Choice, Count, Quantity, also
 from gearstab.system import GearSystem
 from gearstab.systems.base import START_MESH, Start, System, first_number
 from gearstab.systems.gearbox import sections as gearbox
-from gearstab.systems.parts.mesh import ToothMesh
 from gearstab.systems.planetary import angles, teeth
 from gearstab.systems.planetary.angles import ASSEMBLE, angles_of
+from gearstab.systems.planetary.bodies import (
+    HARMONICS,
+    MOST_HARMONICS,
+    BodyLoad,
+    Inertias,
+    Masses,
+    PressureAngles,
+    Ring,
+    Supports,
+)
 from gearstab.systems.planetary.build import build, coordinates
 from gearstab.systems.planetary.feasibility import MOST_PLANETS, assembly, check_assembly, clear_of_each_other, whole
+from gearstab.systems.planetary.meshes import Meshes, Phases, ToothNumbers
 from gearstab.systems.planetary.phasing import cycles
 
 if TYPE_CHECKING:
     from gearstab.config.model.axes import Grid
 
-HARMONICS = 12
-"""Default of J. Natural frequencies converge as J^-3: of a gear as in Parker (2009, Table 1) with 3 to 8 planets
-the first nine are within 4e-5 of their limits with 8, 1.1e-5 with 12, 4e-6 with 16 and 2e-6 with 20, relative."""
-MOST_HARMONICS = 200
-
 BODIES = ("sun", "carrier", "ring")
 """The bodies on the axis, of which one drives and one is fixed."""
-
-Support = Annotated[float, Field(ge=0), Quantity("N/m")]
-BodyForce = Annotated[float, Quantity("N", entry=True)]
-PressureAngle = Annotated[float, Field(gt=-1.5, lt=1.5), Quantity("rad")]
-
-
-class Ring(Section):
-    """The ring gear: a rigid body, or a thin ring that bends in its plane without stretching."""
-
-    kind: Annotated[str, Choice("kind of ring", ("rigid", "elastic"))] = Field(
-        title="kind of ring", description="rigid, or elastic: it bends in its plane (Parker 2009)."
-    )
-    harmonics: Annotated[int, Field(ge=2, le=MOST_HARMONICS), Whole] = Field(
-        default=HARMONICS,
-        title="harmonics of the ring's deflection",
-        description="J: the elastic deflection has 2 to J waves around an elastic ring.",
-    )
-    bending_stiffness: Annotated[float, Field(gt=0), Quantity("N/m")] | None = Field(
-        default=None,
-        title="bending stiffness of the ring",
-        description="k_bend = E J/(R^3 (1 - nu^2)) of an elastic ring (N/m).",
-    )
-
-
-class Masses(Section):
-    """Masses of the bodies."""
-
-    ring: Mass | None = Field(default=None, title="mass of the ring", description="m_r (kg); from gears without.")
-    carrier: Mass | None = Field(default=None, title="mass of the carrier", description="m_c, for planar motion (kg).")
-    sun: Mass | None = Field(default=None, title="mass of the sun", description="m_s, for planar motion (kg).")
-    planet: Mass | None = Field(
-        default=None, title="mass of a planet", description="m_p, of each planet (kg); from gears without."
-    )
-
-
-class Inertias(Section):
-    """Moments of inertia over squared base radii, of the carrier over that of the planets' centres."""
-
-    ring: Mass | None = Field(
-        default=None,
-        title="inertia of the ring",
-        description="I_r/r_r^2 (kg); m_r/cos^2 of the ring's pressure angle, a thin rim at the pitch radius, without.",
-    )
-    carrier: Mass | None = Field(
-        default=None,
-        title="inertia of the carrier",
-        description="I_c/r_c^2, r_c where the planets' centres are (kg); required.",
-    )
-    sun: Mass | None = Field(
-        default=None, title="inertia of the sun", description="I_s/r_s^2 (kg); from gears without."
-    )
-    planet: Mass | None = Field(
-        default=None, title="inertia of a planet", description="I_p/r_p^2, of each planet (kg); from gears without."
-    )
-
-
-class Supports(Section):
-    """Stiffness of the supports; a body without one is free."""
-
-    carrier: Support = Field(
-        default=0.0, title="support of the carrier", description="k_c, in every direction of the plane (N/m)."
-    )
-    sun: Support = Field(
-        default=0.0, title="support of the sun", description="k_s, in every direction of the plane (N/m)."
-    )
-    planet: Support | None = Field(
-        default=None,
-        title="planet bearing",
-        description="k_p, between each planet and the carrier, in every direction, for planar motion (N/m).",
-    )
-    carrier_rotation: Support = Field(
-        default=0.0,
-        title="rotational support of the carrier",
-        description="k_cu, torsional stiffness over r_c^2 (N/m).",
-    )
-    sun_rotation: Support = Field(
-        default=0.0, title="rotational support of the sun", description="k_su, torsional stiffness over r_s^2 (N/m)."
-    )
-    ring: Support | None = Field(
-        default=None,
-        title="support of the ring",
-        description="k_r of a rigid ring, in every direction of the plane (N/m).",
-    )
-    ring_rotation: Support | None = Field(
-        default=None,
-        title="rotational support of the ring",
-        description="k_ru of a rigid ring, torsional stiffness over r_r^2 (N/m).",
-    )
-    ring_radial: Support = Field(
-        default=0.0,
-        title="radial foundation of the ring",
-        description="k_rbs R: radial stiffness per radian of the ring's circumference (N/m).",
-    )
-    ring_tangential: Support = Field(
-        default=0.0,
-        title="tangential foundation of the ring",
-        description="k_rus R: tangential stiffness per radian of the ring's circumference (N/m).",
-    )
-
-
-class PressureAngles(Section):
-    """Pressure angles; negative ones for load on the other flanks."""
-
-    sun: PressureAngle | None = Field(
-        default=None,
-        title="pressure angle of the sun's meshes",
-        description='alpha_s; in rad, or with a unit: "24.6 deg".',
-    )
-    ring: PressureAngle | None = Field(
-        default=None,
-        title="pressure angle of the ring's meshes",
-        description='alpha_r; in rad, or with a unit: "24.6 deg".',
-    )
-
-
-class PlanetaryMesh(ToothMesh):
-    """The meshes of the sun, or of the ring, with the planets: all alike but for their phases."""
-
-    single_pair_stiffness: Annotated[float, Field(gt=0), Quantity("N/m")] | None = Field(
-        default=None,
-        title="measured stiffness of a pair",
-        description="With gears: in contact at the pitch point (N/m); the ring's teeth are not computed and need it.",
-    )
-    double_contact_factor: Annotated[float, Field(gt=0.5, le=1), Quantity()] | None = Field(
-        default=None,
-        title="double contact factor",
-        description="With gears: stiffness of two pairs over the sum of theirs (1); 1 without.",
-    )
-    variation: NonNegative | None = Field(
-        default=None,
-        title="measured variation",
-        description="With gears: (max k - min k)/mean k of the mesh stiffness (1).",
-    )
-
-    misplaced: ClassVar[dict[str, str]] = {
-        "name": "the meshes are called sun1, sun2, ... and ring1, ring2, ...",
-        "lag": "give the lags in phases: sun: one per planet, sun_ring: of the ring's meshes",
-        "phase": "give the lags in phases: sun: one per planet, sun_ring: of the ring's meshes",
-        "phasing": "give the lags in phases: sun: one per planet, sun_ring: of the ring's meshes",
-    }
-
-
-class BodyLoad(Section):
-    """Constant torques on the bodies on the axis, over their base radius, of the carrier over that of the planets."""
-
-    ring: BodyForce = Field(default=0.0, title="load of the ring", description="Torque on the ring over r_r (N).")
-    carrier: BodyForce = Field(
-        default=0.0, title="load of the carrier", description="Torque on the carrier over r_c (N)."
-    )
-    sun: BodyForce = Field(default=0.0, title="load of the sun", description="Torque on the sun over r_s (N).")
-
-
-class Meshes(Section):
-    """Both kinds of meshes."""
-
-    sun: PlanetaryMesh = Field(title="sun's meshes", description="Each planet with the sun.")
-    ring: PlanetaryMesh = Field(title="ring's meshes", description="Each planet with the ring.")
-
-
-class Phases(Section):
-    """Mesh phases, as lags in periods of the mesh."""
-
-    sun: list[Turns] | None = Field(
-        default=None,
-        title="phase of a sun's mesh",
-        description="gamma_sn, one per planet, of the waves of the sun's meshes (1); all 0, in phase, without.",
-    )
-    sun_ring: Turns | None = Field(
-        default=None,
-        title="phase of the ring's meshes",
-        description="gamma_sr: the ring's mesh of a planet lags its sun's mesh by this (1); 0 or from teeth without.",
-    )
-
-
-Teeth = Annotated[ToothCount, Field(ge=4)]
-
-
-class ToothNumbers(Section):
-    """Tooth numbers, from which the mesh phases follow."""
-
-    sun: Teeth = Field(title="teeth of the sun", description="z_s.")
-    planet: Teeth = Field(title="teeth of a planet", description="z_p.")
-    ring: Teeth = Field(
-        default=cast(Any, None),  # from the others
-        title="teeth of the ring",
-        description="z_r = z_s + 2 z_p, without too; (z_s + z_r)/planets is an integer for equal angles.",
-    )
-
 
 NEEDED = {
     "masses": ("ring", "planet"), "inertias": ("carrier", "sun", "planet"), "pressure_angles": ("sun", "ring"),
 }  # fmt: skip
 """Numbers that are given, or follow from the teeth."""
-
-
-def _or_assemble(schema: dict[str, Any]) -> None:
-    schema["anyOf"].append({"const": ASSEMBLE})
 
 
 class Planetary(System):
@@ -273,7 +76,7 @@ class Planetary(System):
         default=None,
         title="angle of a planet",
         description="psi_n (rad, or with a unit), or assemble: the nearest to equal ones at which the teeth fit.",
-        json_schema_extra=_or_assemble,
+        json_schema_extra=also({"const": ASSEMBLE}),
     )
     motion: Annotated[str, Choice("motion", ("planar", "rotational"))] = Field(
         default="planar",

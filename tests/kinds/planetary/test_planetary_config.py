@@ -7,6 +7,7 @@ import json
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from planetary_gears import configuration
 
 from gearstab.cli import group
 from gearstab.config import ConfigError, load
@@ -14,21 +15,11 @@ from gearstab.config.model.axes import parameters_at
 from gearstab.modal import mean_modes
 from gearstab.systems import build
 
-SCENE = """\
-system:
-  kind: planetary
-  planets: 4
-  ring: {kind: elastic, harmonics: 4, bending_stiffness: 5.0e+7}
-  masses: {ring: 6.35, carrier: 5.43, sun: 0.4, planet: "4000 g"}
-  inertias: {carrier: 6.0, sun: 2.5, planet: 2.0}
-  supports: {carrier: 5.0e+11, sun: 5.0e+11, planet: 5.0e+11, carrier_rotation: 1.0e+11, sun_rotation: 5.0e+11}
-  pressure_angles: {sun: "24.6 deg", ring: "24.6 deg"}
-  meshes:
-    sun: {mean_stiffness: 1.0e+8, epsilon: 0.1, contact_ratio: 1.4}
-    ring: {mean_stiffness: 1.0e+8, epsilon: 0.2, contact_ratio: 1.6}
-  phases: {sun: [0, 0.25, 0.5, 0.75], sun_ring: 0.5}
-  scaling: dimensionless
-"""
+SCENE = configuration(
+    "ring: {kind: elastic, harmonics: 4, bending_stiffness: 5.0e+7}",
+    "supports: {carrier: 5.0e+11, sun: 5.0e+11, planet: 5.0e+11, carrier_rotation: 1.0e+11, sun_rotation: 5.0e+11}",
+    "phases: {sun: [0, 0.25, 0.5, 0.75], sun_ring: 0.5}", "scaling: dimensionless",
+)  # fmt: skip
 
 
 @pytest.fixture
