@@ -88,12 +88,14 @@ def _scene(loaded: Config) -> Scene:
     axis = next((axis for axis in loaded.axes if axis.name == "mesh_frequency"), None)
     if axis is None:
         hint = "add mesh_frequency: {start: .., stop: .., num: ..}"
-        raise ConfigError([loaded.problem(("sweep", "mesh_frequency"), "is missing, which bench needs", hint)])
+        raise ConfigError(
+            [loaded.problem(("sweep", "mesh_frequency"), "missing", "is missing, which bench needs", hint)]
+        )
     values = [float(value) for value in axis.values]
     system = build(loaded.parameters)
     if isinstance(system, RotatingPair) and not system.is_classical:
         message, hint = f"bench knows no formulation {system.formulation}", "set formulation: classical"
-        raise ConfigError([loaded.problem(("system", "formulation"), message, hint)])
+        raise ConfigError([loaded.problem(("system", "formulation"), "needs_other", message, hint)])
     if not system.commensurate:
         path = (
             "system",
@@ -101,7 +103,7 @@ def _scene(loaded: Config) -> Scene:
             next(i for i, m in enumerate(system.meshes) if isinstance(m.frequency_ratio, float)),
         )
         message, hint = "mesh frequencies of irrational ratio have no common period", "give exact ratios"
-        raise ConfigError([loaded.problem((*path, "frequency_ratio"), message, hint)])
+        raise ConfigError([loaded.problem((*path, "frequency_ratio"), "needs_other", message, hint)])
     return Scene(without_rigid_modes(system), min(values), max(values))
 
 

@@ -60,7 +60,7 @@ def checked(config: Path, overrides: tuple[str, ...]) -> Config:
 def report(
     config: Path, doubts: Sequence[Problem] = (), problems: Sequence[Problem] = (), summary: str | None = None
 ) -> str:
-    """Return what was found as JSON: of each mistake and doubt its file, line, path, value, message and hint."""
+    """Return what was found as JSON: of each mistake and doubt its file, line, path, value, code, message and hint."""
     said = {"file": str(config), "valid": not problems, "summary": summary}
     lists = {"problems": [asdict(p) for p in problems], "doubts": [asdict(p) for p in doubts]}
     return json.dumps(said | lists, indent=2, ensure_ascii=False)

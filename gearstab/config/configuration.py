@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from gearstab.config.document.codes import Code
 from gearstab.config.document.problems import Path, Problem
 from gearstab.config.model.axes import Array, Grid
 
@@ -54,10 +55,10 @@ class Config(Grid):
         """Whether a response asks for it, or there are no axes."""
         return not self.axes or self.respond is not None
 
-    def problem(self, path: Path, message: str, hint: str) -> Problem:
+    def problem(self, path: Path, code: Code, message: str, hint: str) -> Problem:
         """Report a mistake found after validation, at its line and with the value given there."""
         value = self.document.get(path)
-        return self.document.problem(path, message, hint, value=None if isinstance(value, dict) else value)
+        return self.document.problem(path, code, message, hint, value=None if isinstance(value, dict) else value)
 
     @cached_property
     def resolved(self) -> str:

@@ -56,7 +56,7 @@ def load(
         document = read(source)
     if not isinstance(document.data, dict):
         message = "is empty" if document.data is None else "must be a mapping"
-        document.report((), message, "write the sections system, sweep and methods", value=document.data)
+        document.report((), "wrong_type", message, "write the sections system, sweep and methods", value=document.data)
         raise ConfigError(document.problems)
     if isinstance(overrides, Mapping):
         overrides = override.assign_all(document, overrides)
@@ -76,8 +76,8 @@ def load(
     if methods is not None and methods.passage is not None and system is not None:
         methods = read_passage(document, source, methods, system.axes)
     if methods is not None and model is not None and system is not None:
-        for name, message, hint in model.unfit(system.parameters, system.axes, methods.chosen):
-            document.report(("methods", *name), message, hint, at_key=True)
+        for name, code, message, hint in model.unfit(system.parameters, system.axes, methods.chosen):
+            document.report(("methods", *name), code, message, hint, at_key=True)
     if document.problems or system is None or methods is None:
         raise ConfigError(document.problems)
     config = replace(_config(document, source, system, methods, respond), overrides=tuple(overrides))
@@ -129,10 +129,10 @@ def _check_top_level(document: Document, needs: Sequence[str]) -> None:
     data = document.data
     for key in data:
         if key not in TOP_LEVEL:
-            document.report((key,), "unknown key", nearest(key, TOP_LEVEL), at_key=True)
+            document.report((key,), "unknown_key", "unknown key", nearest(key, TOP_LEVEL), at_key=True)
     title = data.get("title")
     if title is not None and not isinstance(title, str):
-        document.report(("title",), "must be a text", "put it in quotes", value=title)
+        document.report(("title",), "wrong_type", "must be a text", "put it in quotes", value=title)
     needed = ["system", *needs, *(["methods"] if "sweep" in data else []), *(["sweep"] if data.get("methods") else [])]
     _report_missing(document, needed)
 
@@ -140,7 +140,7 @@ def _check_top_level(document: Document, needs: Sequence[str]) -> None:
 def _report_missing(document: Document, needed: Iterable[str]) -> None:
     for name in dict.fromkeys(needed):
         if name not in document.data:
-            document.report((name,), "is missing", f"add the section {name}{WITHIN.get(name, '')}")
+            document.report((name,), "missing", "is missing", f"add the section {name}{WITHIN.get(name, '')}")
 
 
 def require(config: Config, *needed: str) -> None:

@@ -6,6 +6,7 @@ import json
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+from gearstab.config.document.codes import Code
 from gearstab.config.document.data import document_of
 from gearstab.config.document.problems import ConfigError, Path, Problem, nearest, shown
 from gearstab.config.document.yaml import Document, Where, parse_value
@@ -28,7 +29,7 @@ def apply(document: Document, override: str) -> None:
     option = f"--set {name or override}"
     try:
         if not equals or not name:
-            raise _wrong(option, "is no PATH=VALUE", "write for example --set system.damping_ratio=0.02")
+            raise _wrong(option, "override", "is no PATH=VALUE", "write for example --set system.damping_ratio=0.02")
         value = parse_value(text, option)
     except ConfigError as error:
         document.problems += error.problems
@@ -60,18 +61,20 @@ def assign_all(document: Document, values: Mapping[str, Any]) -> tuple[str, ...]
     return tuple(texts)
 
 
-def _wrong(option: str, message: str, hint: str, value: Any = None) -> ConfigError:
-    return ConfigError([Problem(option, None, "", shown(value), message, hint)])
+def _wrong(option: str, code: Code, message: str, hint: str, value: Any = None) -> ConfigError:
+    return ConfigError([Problem(option, None, "", shown(value), code, message, hint)])
 
 
 def _places(document: Document, name: str, option: str) -> list[Path]:
     keys = name.split(".")
     if not isinstance(document.data, dict):
-        raise _wrong(option, "the configuration is no mapping", "write keys and values")
+        raise _wrong(option, "syntax", "the configuration is no mapping", "write keys and values")
     if keys[0] in TOP_LEVEL:
         return [_path(document, keys, option)]
     if name == "mesh_frequency":
-        raise _wrong(option, "is no part of the system", "set sweep.mesh_frequency or respond.mesh_frequency")
+        raise _wrong(
+            option, "override", "is no part of the system", "set sweep.mesh_frequency or respond.mesh_frequency"
+        )
     from gearstab.systems import short_names
 
     meshes, short = document.get(("system", "meshes")), short_names().get(name)
@@ -88,7 +91,7 @@ def _of_meshes(meshes: list[Any] | dict[str, Any], name: str, short: ShortName, 
     found: list[Path] = [("system", "meshes", i, name) for i, mesh in known if may_have(name, short, i, mesh)]
     if not found:
         remedy = f"the meshes give {short.rival}: set that" if short.rival else "see `gearstab schema`"
-        raise _wrong(option, f"no mesh has {name}", remedy)
+        raise _wrong(option, "unknown_target", f"no mesh has {name}", remedy)
     return found
 
 
@@ -110,7 +113,7 @@ def _path(document: Document, keys: list[str], option: str) -> Path:
             inner = known.get(part)
         else:
             where = ".".join(map(str, path))
-            raise _wrong(option, f"{where} is a single value", f"set {where} itself", container)
+            raise _wrong(option, "wrong_type", f"{where} is a single value", f"set {where} itself", container)
         path, container = (*path, part), inner
     return path
 
@@ -126,7 +129,7 @@ def _index(entries: list[Any], key: str, option: str) -> int:
     if key in names:
         return next(i for i, e in enumerate(entries) if isinstance(e, dict) and str(e.get("name")) == key)
     remedy = nearest(key, names) if names and not key.isdecimal() else f"use an index from 0 to {len(entries) - 1}"
-    raise _wrong(option, f"there is no entry '{key}'", remedy)
+    raise _wrong(option, "unknown_name", f"there is no entry '{key}'", remedy)
 
 
 def _put(document: Document, path: Path, value: Any, option: str) -> None:

@@ -23,7 +23,7 @@ def check(config: Config) -> None:
     system = build(config.parameters)
     if isinstance(system, RotatingPair):
         message = "takes linear systems, and this pair's mesh stiffness follows its rotation"
-        raise ConfigError([config.problem(("design",), message, "set formulation: classical")])
+        raise ConfigError([config.problem(("design",), "needs_other", message, "set formulation: classical")])
     asked: list[tuple[tuple[str, ...], str]] = []
     asked += [(("design", "minimise"), name) for weights in config.design.objectives for name in weights]
     asked += [(("design", "constraints", limit.name), limit.name) for limit in config.design.limits if not limit.paths]
@@ -31,14 +31,20 @@ def check(config: Config) -> None:
     for path, name in asked:
         if name in ("instability_width", "tongue_distance", "required_damping") and system.terms:
             message = f"{name} supports only periodic mesh stiffness, and this system also has friction or the like"
-            found.append(config.problem(path, message, "use growth_rate"))
+            found.append(config.problem(path, "needs_other", message, "use growth_rate"))
         elif not system.commensurate and name != "root_stress":
-            found.append(config.problem(path, f"{name} needs a common period of the meshes", "give exact ratios"))
+            found.append(
+                config.problem(path, "needs_other", f"{name} needs a common period of the meshes", "give exact ratios")
+            )
         elif name == "load_factor" and not system.forced:
-            found.append(config.problem(path, "nothing drives the system, which load_factor needs", "give a load"))
+            found.append(
+                config.problem(path, "needs_other", "nothing drives the system, which load_factor needs", "give a load")
+            )
         elif name == "root_stress" and (train_of(config.parameters) is None or system.load is None):
             message = "root_stress needs the teeth of a gearbox and a torque"
-            found.append(config.problem(path, message, "describe the gears in a gearbox and give input.torque"))
+            found.append(
+                config.problem(path, "needs_other", message, "describe the gears in a gearbox and give input.torque")
+            )
     if found:
         raise ConfigError(found)
     combinations(DesignProblem(config, config.design))

@@ -104,7 +104,7 @@ def _infeasible(problem: DesignProblem) -> ConfigError:
     """What is told where no design that was looked at is allowed."""
     path = ("design", "constraints") if problem.design.limits else ("design", "variables")
     message, hint = "no design within the bounds meets the constraints", "relax constraints, or widen bounds"
-    return ConfigError([problem.config.problem(path, message, hint)])
+    return ConfigError([problem.config.problem(path, "impossible", message, hint)])
 
 
 def searchable(system: GearSystem) -> bool:

@@ -35,7 +35,7 @@ ORBIT = 800.0
 def _deflection_type(value: Any) -> Any:
     """T or a name; raises a pydantic error."""
     if isinstance(value, bool) or not isinstance(value, int | str) or (isinstance(value, int) and value < 0):
-        raise wrong("deflection_type", "must be a type of mesh deflection", "write T = 0, 1, 2, ... or a type's name")
+        raise wrong("unknown_choice", "must be a type of mesh deflection", "write T = 0, 1, 2, ... or a type's name")
     return value
 
 

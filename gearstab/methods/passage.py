@@ -28,9 +28,11 @@ Rate = Annotated[float, Quantity("rad/s^2")]
 def _moving(rates: list[float]) -> list[float]:
     for rate in rates:
         if rate == 0:
-            raise wrong("rate", "has a rate of 0, at which nothing is passed", "give rates > 0, or < 0 for downwards")
+            raise wrong(
+                "out_of_range", "has a rate of 0, at which nothing is passed", "give rates > 0, or < 0 for downwards"
+            )
     if len(set(rates)) < len(rates):
-        raise wrong("rate", "has a rate twice", "give each once")
+        raise wrong("equal_values", "has a rate twice", "give each once")
     return rates
 
 
@@ -38,9 +40,11 @@ def _path(knots: list[tuple[float, float]]) -> list[tuple[float, float]]:
     times = [time for time, _ in knots]
     for k, (first, second) in enumerate(pairwise(times)):
         if second <= first:
-            raise wrong("path", f"has the time {second:g} after {first:g} (entry {k + 1})", "give ascending times")
+            raise wrong(
+                "wrong_order", f"has the time {second:g} after {first:g} (entry {k + 1})", "give ascending times"
+            )
     if any(speed <= 0 for _, speed in knots):
-        raise wrong("path", "has a mesh frequency that is not positive", "give mesh frequencies > 0")
+        raise wrong("out_of_range", "has a mesh frequency that is not positive", "give mesh frequencies > 0")
     return knots
 
 
@@ -85,7 +89,11 @@ class PassageOptions(Section):
         given = [name for name in ("rate", "path", "table") if getattr(self, name) is not None]
         if len(given) != 1:
             what = f"has {' and '.join(given)}" if given else "has neither rates nor a path"
-            raise wrong("passage", what, "give one of rate: [0.1, 1.0], path: [[0, 1.0], [10, 5.0]], table: run_up.csv")
+            raise wrong(
+                "already_given" if given else "missing",
+                what,
+                "give one of rate: [0.1, 1.0], path: [[0, 1.0], [10, 5.0]], table: run_up.csv",
+            )
         return self
 
     @property

@@ -18,7 +18,7 @@ ModeNumber = Annotated[int, Field(ge=1), Whole]
 def _each_once(modes: list[int]) -> list[int]:
     """Ascending; raises a pydantic error where a mode is named twice."""
     if len(set(modes)) < len(modes):
-        raise wrong("modes", "names a mode twice", "name each mode once")
+        raise wrong("equal_values", "names a mode twice", "name each mode once")
     return sorted(modes)
 
 

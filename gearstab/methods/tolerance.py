@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
+from gearstab.config.document.codes import Code
 from gearstab.config.model.fields import AnyNumber, Flag, Quantity, Section, Whole, wrong
 from gearstab.methods.base import Method, Outcome, SampledMethod, Tolerance, flat
 from gearstab.methods.floquet import Floquet, FloquetOptions
@@ -27,7 +28,7 @@ def _numbers(count: int) -> BeforeValidator:
 
     def check(value: Any) -> Any:
         if isinstance(value, list) and len(value) != count:
-            raise wrong("numbers", f"has {len(value)} entries", f"give {count}")
+            raise wrong("wrong_count", f"has {len(value)} entries", f"give {count}")
         return value
 
     return BeforeValidator(check)
@@ -56,14 +57,15 @@ class DistributionOptions(Section):
         given = [name for name in ("normal", "uniform", "triangular") if getattr(self, name) is not None]
         if len(given) != 1:
             message = f"has {' and '.join(given)}" if given else "has no distribution"
-            raise wrong("distribution", message, "give one of normal: [mean, standard deviation], uniform: [low, "
-                        "high], triangular: [low, mode, high]")  # fmt: skip
+            code: Code = "already_given" if given else "missing"
+            hint = "give one of normal: [mean, standard deviation], uniform: [low, high], triangular: [low, mode, high]"
+            raise wrong(code, message, hint)
         return self
 
 
 def _two(names: list[str]) -> list[str]:
     if len(names) != 2:
-        raise wrong("pair", f"has {len(names)} entries", "name two parameters")
+        raise wrong("wrong_count", f"has {len(names)} entries", "name two parameters")
     return names
 
 

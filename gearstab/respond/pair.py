@@ -54,7 +54,7 @@ def _held(config: Config, pair: RotatingPair, mesh_frequency: float) -> tuple[In
         return held(pair, mesh_frequency)
     except NotPossible as error:
         hint = "choose another speed or a smaller torque"
-        raise ConfigError([config.problem(("respond", "hold_speed"), str(error), hint)]) from None
+        raise ConfigError([config.problem(("respond", "hold_speed"), "impossible", str(error), hint)]) from None
 
 
 def _affordable(config: Config, wanted: PairRespond, speed: float) -> None:
@@ -65,7 +65,7 @@ def _affordable(config: Config, wanted: PairRespond, speed: float) -> None:
         path = ("respond", "duration" if wanted.cycles is None else "cycles")
         most = f"{1e-9 * BYTES * MOST_SAMPLES:.2g} GB"
         message = f"{samples:.3g} samples would make a file of {1e-9 * BYTES * samples:.3g} GB, more than {most}"
-        raise ConfigError([config.problem(path, message, "ask for less, or fewer samples_per_cycle")])
+        raise ConfigError([config.problem(path, "too_large", message, "ask for less, or fewer samples_per_cycle")])
 
 
 def _group(

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import numpy as np
 
 from gearstab.config import ConfigError
+from gearstab.config.document.codes import Code
 from gearstab.errors import NotPossible
 from gearstab.floquet.kernel import choice as kernel
 from gearstab.respond import tooth_loads
@@ -57,7 +58,7 @@ def response(config: Config, wanted: Respond) -> tuple[Response, ResultTree]:
         with kernel.recorded() as ran:
             found = (_steady if wanted.steady_state else _history)(wanted, system)
     except NotPossible as error:
-        _refuse(config, ("respond",), error.message, error.remedy)
+        _refuse(config, ("respond",), "impossible", error.message, error.remedy)
     return found, _linear_result(config, wanted, system, found, kernel.said(ran))
 
 
@@ -113,11 +114,11 @@ def _affordable(config: Config, wanted: Respond, system: GearSystem) -> None:
             f"{samples:.3g} samples would make a file of {8e-9 * numbers:.3g} GB, more than {8e-9 * MOST_NUMBERS:g} GB"
         )
         remedy = f"ask for less than {MOST_NUMBERS / numbers:.2g} times that or fewer samples_per_cycle"
-        _refuse(config, ("respond", asked), message, remedy)
+        _refuse(config, ("respond", asked), "too_large", message, remedy)
 
 
-def _refuse(config: Config, path: tuple[str, ...], message: str, hint: str) -> NoReturn:
-    raise ConfigError([config.problem(path, message, hint)])
+def _refuse(config: Config, path: tuple[str, ...], code: Code, message: str, hint: str) -> NoReturn:
+    raise ConfigError([config.problem(path, code, message, hint)])
 
 
 def _linear_result(config: Config, wanted: Respond, system: GearSystem, found: Response, ran: str) -> ResultTree:

@@ -167,13 +167,18 @@ class System(Section):
         swept = any(item.path[-1] == "backlash" for axis in axes for item in axis.assignments)
         given = any(mesh.get("backlash") for _, mesh in items(parameters.get("meshes")))
         if swept and not given and "response" in methods:
-            yield ("response",), "an axis sets backlash where no mesh has any", "give the mesh backlash in system too"
+            yield (
+                ("response",),
+                "not_applicable",
+                "an axis sets backlash where no mesh has any",
+                "give the mesh backlash in system too",
+            )
 
     @classmethod
     def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
         """Yield the contradictions in the section as meant, however wrong it is otherwise."""
         if raw.get("damping_ratio") is not None and raw.get("damping") is not None:
-            yield ("damping",), "damping_ratio is given already", "keep one of damping_ratio, damping"
+            yield ("damping",), "already_given", "damping_ratio is given already", "keep one of damping_ratio, damping"
         yield from within(raw, "damping", lambda damping: Damping.conflicts(damping, cls.size(raw)))
         yield from within_each(raw, "meshes", cls.mesh_model.conflicts)
         yield from repeated_names(raw, "meshes", "mesh")

@@ -123,11 +123,11 @@ def _report(
     option = "" if allowed else ", or set system.allow_negative_stiffness: true"
     if not key:
         place = _place(document, grid, index, "waveform", chosen)
-        document.report(place, f"{start}, which its samples give", f"check the samples{option}")
+        document.report(place, "impossible", f"{start}, which its samples give", f"check the samples{option}")
         return
     limit, rule = _limit(p, key, allowed, wave_of(own.get("waveform")))
     message = f"{start} at {key} {p[key]:.6g}{ratio}: the largest admissible {key} is below {limit:.6g} = {rule}"
-    document.report(_place(document, grid, index, key, chosen), message, f"reduce {key}{option}")
+    document.report(_place(document, grid, index, key, chosen), "impossible", message, f"reduce {key}{option}")
 
 
 def _limit(p: dict[str, float], key: str, allowed: bool, wave: type[Waveform] | None) -> tuple[float, str]:
@@ -187,4 +187,4 @@ def report_matrix(document: Document, path: Path, name: str, message: str, hint:
     """Report a matrix at the entry as written, or at the file that holds it."""
     if document.get(path[:2]) is None:
         path, message = ("system", "file"), f"{name} {message}"
-    document.report(path, message, hint)
+    document.report(path, "matrix", message, hint)

@@ -184,23 +184,28 @@ class RotatingGearPair(System):
                 "kind: gearbox computes inertias and stiffness from teeth, module and face_width; or add inertias, "
             )
             remedy += "torsional_stiffness, contact_ratio, torque (module, radii, damping_ratio may be left out)"
-            yield ("teeth",), "numbers of teeth alone make no gear_pair", remedy
+            yield ("teeth",), "needs_other", "numbers of teeth alone make no gear_pair", remedy
         if raw.get("damping") is not None:
-            yield ("damping",), "is not defined for a pair given by its gears", "give damping_ratio"
+            yield ("damping",), "not_applicable", "is not defined for a pair given by its gears", "give damping_ratio"
         if raw.get("allow_negative_stiffness"):
-            yield ("allow_negative_stiffness",), "both stiffnesses are given and positive", "remove it"
+            yield (
+                ("allow_negative_stiffness",),
+                "not_applicable",
+                "both stiffnesses are given and positive",
+                "remove it",
+            )
         yield from exactly_one(raw, ("single_contact_angle", "contact_ratio"))
         one, two = _two_numbers(raw.get("torsional_stiffness"))
         if one is not None and two is not None and 0 < two < one:
             hint = "give [one pair, two pairs]"
-            yield ("torsional_stiffness",), "two pairs of teeth are softer than one", hint
+            yield ("torsional_stiffness",), "inconsistent", "two pairs of teeth are softer than one", hint
         if raw.get("module") is not None and raw.get("radii") is not None:
-            yield ("radii",), "module is given already", "keep one of module, radii"
+            yield ("radii",), "already_given", "module is given already", "keep one of module, radii"
             return
         (r1, r2), (n1, n2) = _two_numbers(raw.get("radii")), _two_numbers(raw.get("teeth"))
         if r1 and r2 and n1 and n2 and not isclose(r1 * n2, r2 * n1, rel_tol=1e-6):
             hint = f"make r1/r2 = N1/N2 = {n1:g}/{n2:g}"
-            yield ("radii",), "are not in the ratio of the numbers of teeth", hint
+            yield ("radii",), "inconsistent", "are not in the ratio of the numbers of teeth", hint
 
     @classmethod
     def cycles_of_input(cls, raw: dict[str, Any]) -> float | None:
@@ -217,7 +222,7 @@ class RotatingGearPair(System):
         for name in methods:
             if other and name != "floquet":
                 message = f"does not apply to the formulation {' and '.join(other)}"
-                yield (name,), message, "remove it: floquet alone tells the stability of its orbits"
+                yield (name,), "not_applicable", message, "remove it: floquet alone tells the stability of its orbits"
 
     @classmethod
     def build(cls, p: dict[str, Any]) -> rotating_pair.RotatingPair:

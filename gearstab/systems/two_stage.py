@@ -88,7 +88,12 @@ class TwoStage(System):
         yield from wrong_length(raw, "load", 3)
         ratio = _ratio(raw.get("teeth"))
         if ratio is not None and raw.get("tooth_ratio") is not None and _exact(raw["tooth_ratio"]) not in (ratio, None):
-            yield ("tooth_ratio",), f"is not that of the teeth, Z2/Z4 = {ratio}", "remove it, or change the teeth"
+            yield (
+                ("tooth_ratio",),
+                "inconsistent",
+                f"is not that of the teeth, Z2/Z4 = {ratio}",
+                "remove it, or change the teeth",
+            )
 
     @classmethod
     def build(cls, p: dict[str, Any]) -> GearSystem:

@@ -7,13 +7,14 @@ from typing import Any, ClassVar, Protocol, Self
 
 import numpy as np
 
+from gearstab.config.document.codes import Code
 from gearstab.config.model.conflicts import Conflict
 from gearstab.config.model.fields import Section
 
 Array = np.ndarray
 
-WrongSample = tuple[int | None, str, str]
-"""Index of the first wrong sample, None where it is all of them; message, remedy."""
+WrongSample = tuple[int | None, Code, str, str]
+"""Index of the first wrong sample, None where it is all of them; code, message, remedy."""
 
 
 class Profile(Protocol):

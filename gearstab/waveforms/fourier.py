@@ -65,7 +65,7 @@ class Fourier(Waveform):
     def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
         """Yield a conflict without any harmonic."""
         if not raw.get("sin") and not raw.get("cos"):
-            yield (), "has no harmonics", "add sin: [..] or cos: [..], the coefficients of the harmonics"
+            yield (), "missing", "has no harmonics", "add sin: [..] or cos: [..], the coefficients of the harmonics"
 
     @property
     def batch(self) -> tuple[int, ...]:

@@ -48,7 +48,7 @@ class SampleKeys(Keys):
 def missing_source(wave: type[Waveform], raw: dict[str, Any]) -> Conflict | None:
     """Return the conflict of phases without the stiffness that belongs to them."""
     if raw.get("phase") is not None and all(raw.get(key) is None for key in wave.sources):
-        return ("stiffness",), "is missing", "add stiffness: one number for each phase"
+        return ("stiffness",), "missing", "is missing", "add stiffness: one number for each phase"
     return None
 
 
@@ -56,25 +56,30 @@ def sample_conflicts(wave: type[Waveform], raw: dict[str, Any]) -> Iterator[Conf
     """Yield what contradicts itself in samples as written: phases for the stiffness, as many, in order."""
     phase, stiffness = raw.get("phase"), raw.get("stiffness")
     if raw.get("file") is not None and phase is not None:
-        yield ("phase",), "file is given already", "keep one of file, phase"
+        yield ("phase",), "already_given", "file is given already", "keep one of file, phase"
     elif stiffness is not None and phase is None:
-        yield ("phase",), "is missing", "add phase: one number for each stiffness"
+        yield ("phase",), "missing", "is missing", "add phase: one number for each stiffness"
     positions = _positions(phase)
     if positions is not None and stiffness is not None:
         if len(positions) != len(stiffness):
-            yield ("stiffness",), f"has {len(stiffness)} entries", f"give {len(positions)}, one per phase"
+            yield (
+                ("stiffness",),
+                "wrong_count",
+                f"has {len(stiffness)} entries",
+                f"give {len(positions)}, one per phase",
+            )
         elif found := wave.wrong_phase(positions, str(raw.get("interpolation") or "linear")):
-            index, message, hint = found
-            yield ("phase",) if index is None else ("phase", index), message, hint
+            index, code, message, hint = found
+            yield ("phase",) if index is None else ("phase", index), code, message, hint
 
 
 def wrong_number(phase: Sequence[float], fewest: int, interpolation: str) -> WrongSample | None:
     """Return what is wrong with the number of samples."""
     if len(phase) < fewest:
         hint = f"give at least {fewest} for {interpolation} interpolation"
-        return None, f"has {len(phase)} sample{'s' * (len(phase) != 1)}", hint
+        return None, "wrong_count", f"has {len(phase)} sample{'s' * (len(phase) != 1)}", hint
     if len(phase) > MOST_SAMPLES:
-        return None, f"has {len(phase)} samples", f"give at most {MOST_SAMPLES}"
+        return None, "wrong_count", f"has {len(phase)} samples", f"give at most {MOST_SAMPLES}"
     return None
 
 
@@ -82,10 +87,10 @@ def wrong_order(i: int, phase: Sequence[float]) -> WrongSample | None:
     """Return what is wrong with a phase beside the one before it."""
     value = phase[i]
     if i and value == phase[i - 1]:
-        return i, f"phase {value:g} is given twice", "give each phase once; a jump is a steep slope"
+        return i, "equal_values", f"phase {value:g} is given twice", "give each phase once; a jump is a steep slope"
     if i and value - phase[i - 1] < NARROWEST:
         apart = "is not above the one before" if value < phase[i - 1] else "is too close to the one before"
-        return i, f"phase {value:g} {apart}", "sort the samples by phase"
+        return i, "wrong_order", f"phase {value:g} {apart}", "sort the samples by phase"
     return None
 
 

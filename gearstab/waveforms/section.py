@@ -63,9 +63,14 @@ def shape_conflicts(raw: dict[str, Any], contact_ratio: str = "") -> Iterator[Co
         return
     yield from within(raw, "waveform", lambda section: _conflicts(wave, section))
     if ratio is None and wave.has_contact_ratio and contact_ratio:
-        yield ("contact_ratio",), "is missing", f"add contact_ratio: {contact_ratio}"
+        yield ("contact_ratio",), "missing", "is missing", f"add contact_ratio: {contact_ratio}"
     elif ratio is not None and not wave.has_contact_ratio and not wave.of_teeth:
-        yield ("contact_ratio",), "the waveform has no contact ratio", "remove it, or choose another waveform"
+        yield (
+            ("contact_ratio",),
+            "not_applicable",
+            "the waveform has no contact ratio",
+            "remove it, or choose another waveform",
+        )
 
 
 def _conflicts(wave: type[Waveform], raw: dict[str, Any]) -> Iterator[Conflict]:
@@ -73,11 +78,11 @@ def _conflicts(wave: type[Waveform], raw: dict[str, Any]) -> Iterator[Conflict]:
     fields, name = WaveformSection.model_fields, name_of(wave)
     for key in raw:
         if key in fields and key not in wave.keys.model_fields and raw[key] is not None:
-            yield (key,), f"a {name} wave takes no {key}", f"remove it, or choose kind: {owners(key)}"
+            yield (key,), "not_applicable", f"a {name} wave takes no {key}", f"remove it, or choose kind: {owners(key)}"
     for key in wave.required:
         if raw.get(key) is None:
             description = (fields[key].description or "").partition(": ")[2]
-            yield (key,), "is missing", f"add {key}: {description.rstrip('.')}"
+            yield (key,), "missing", "is missing", f"add {key}: {description.rstrip('.')}"
     if raw.keys() <= fields.keys() or wave.sources:
         yield from wave.conflicts(raw)
 

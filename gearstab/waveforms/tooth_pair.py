@@ -82,11 +82,16 @@ class ToothPair(OfStiffness):
         if sum(raw.get(key) is not None for key in cls.sources) > 1:
             return
         if raw.get("ends") is not None and raw.get("shape") != "parabolic":
-            yield ("ends",), "belongs to a parabolic shape", "remove it, or choose shape: parabolic"
+            yield ("ends",), "not_applicable", "belongs to a parabolic shape", "remove it, or choose shape: parabolic"
         if raw.get("shape") is not None:
             for key in ("phase", "interpolation"):
                 if raw.get(key) is not None:
-                    yield (key,), "belongs to sampled stiffness", "remove it, or give stiffness instead of shape"
+                    yield (
+                        (key,),
+                        "not_applicable",
+                        "belongs to sampled stiffness",
+                        "remove it, or give stiffness instead of shape",
+                    )
         else:
             yield from at_most_one(raw, ("pair_stiffness", "file", "stiffness"))
         yield from sample_conflicts(cls, raw)
@@ -103,11 +108,16 @@ class ToothPair(OfStiffness):
         for i, value in enumerate(phase):
             if not 0 <= value <= 1:
                 hint = "0 is the first point of a pair's contact, 1 the last one"
-                return i, f"phase {value:g} is outside [0, 1]", hint
+                return i, "out_of_range", f"phase {value:g} is outside [0, 1]", hint
             if found := wrong_order(i, phase):
                 return found
         if phase[0] != 0 or phase[-1] != 1:
-            return None, f"runs from {phase[0]:g} to {phase[-1]:g}", "give a pair's whole contact, from phase 0 to 1"
+            return (
+                None,
+                "out_of_range",
+                f"runs from {phase[0]:g} to {phase[-1]:g}",
+                "give a pair's whole contact, from phase 0 to 1",
+            )
         return None
 
     @property

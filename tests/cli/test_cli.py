@@ -109,7 +109,7 @@ def expected() -> list[tuple[Exception, int]]:
     from gearstab.results import ResultError
     from gearstab.sweep import Interrupted, RequestError, SweepError
 
-    problem = Problem("a.yaml", 1, "system", "", "is missing", "add it")
+    problem = Problem("a.yaml", 1, "system", "", "missing", "is missing", "add it")
     return [
         (ConfigError([problem]), 2), (PlotError("no axis"), 2), (ResultError("a.h5: no"), 2), (RequestError("no"), 2),
         (SweepError("killed"), 1), (Interrupted("stopped"), 130),

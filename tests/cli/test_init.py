@@ -98,12 +98,13 @@ def test_a_check_as_json(tmp_path: Path) -> None:
     assert (right.exit_code, found["valid"], found["problems"]) == (0, True, [])
     assert found["summary"] == "valid two_stage"
     assert [(p["path"], p["value"]) for p in found["doubts"]] == [("system.damping_ratio", "3")]
+    assert found["doubts"][0]["code"] == "unusual"
     path = written(tmp_path, TRAIN.replace("inertias: [1.0, 0.3, 4.0]", "inertias: [1.0, -0.3, 4.0]"))
     wrong = ran("check", path, "--json")
     found = json.loads(wrong.stdout)
     assert (wrong.exit_code, found["valid"], found["summary"], wrong.stderr) == (2, False, None, "")
     (problem,) = found["problems"]
-    expected = {"file": str(path), "line": 4, "path": "system.inertias.1", "value": "-0.3"}
+    expected = {"file": str(path), "line": 4, "path": "system.inertias.1", "value": "-0.3", "code": "out_of_range"}
     assert {name: problem[name] for name in expected} == expected
     assert problem["message"]
     assert problem["hint"]

@@ -5,12 +5,14 @@ from __future__ import annotations
 import re
 import shutil
 from pathlib import Path
+from typing import get_args
 
 import matplotlib.pyplot as plt
 import pytest
 from scenes import CONFIGS, DOCS
 
 import gearstab as gs
+from gearstab.config.document.codes import CODES, Code
 
 PAGE = (DOCS / "api.md").read_text()
 BLOCKS = re.findall(r"^```python\n(.*?)^```$", PAGE, re.M | re.S)
@@ -29,3 +31,8 @@ def test_every_example_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
 
 def test_every_public_function_is_on_the_page() -> None:
     assert [name for name in gs.__all__ if f"`gs.{name}(" not in PAGE and f"`gs.{name}`" not in PAGE] == []
+
+
+def test_codes_of_mistakes_are_listed() -> None:
+    assert dict(re.findall(r"^\| `(\w+)` \| (.*) \|$", PAGE, re.M)) == CODES
+    assert set(get_args(Code)) == set(CODES)

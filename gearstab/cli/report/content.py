@@ -98,7 +98,7 @@ def _spans(config: Config) -> tuple[Any, ...]:
                 if low < high:
                     return (Span(low, high, 1.0, item.factor),)
     hint = "add sweep.mesh_frequency: {start: .., stop: .., num: ..}, or a section design with its range"
-    raise ConfigError([config.problem(("sweep",), "a report needs an operating range", hint)])
+    raise ConfigError([config.problem(("sweep",), "needs_other", "a report needs an operating range", hint)])
 
 
 def _verdict(state: State) -> str:

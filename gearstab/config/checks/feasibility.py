@@ -47,4 +47,4 @@ def _check_phases(document: Document, config: Config, system: GearSystem) -> Non
                 f"is too low for double precision at {frequency:.6g}: the fastest vibration or decay, at the rate "
                 f"{fastest:.6g}, does not stand out from rounding over a period"
             )
-            document.report(path, message, f"choose mesh frequencies above {lowest:.2g}")
+            document.report(path, "impossible", message, f"choose mesh frequencies above {lowest:.2g}")

@@ -15,6 +15,6 @@ def check(config: Config, base: GearSystem) -> None:
         try:
             method.check()
         except OptionError as error:
-            found.append(config.problem(("methods", method.name, *error.path), str(error), error.remedy))
+            found.append(config.problem(("methods", method.name, *error.path), "option", str(error), error.remedy))
     if found:
         raise ConfigError(found)

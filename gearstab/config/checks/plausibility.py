@@ -142,7 +142,7 @@ def _unusual(
     if any(text.strip()[:1] in "+-.0123456789" for text in texts):
         hint = "check the unit"
     message = f"{value:.6g}{shown} is far from what gears have"
-    yield document.problem(place, message, hint, value=None if isinstance(given, dict | list) else given)
+    yield document.problem(place, "unusual", message, hint, value=None if isinstance(given, dict | list) else given)
 
 
 def _meant(value: float, unit: str, likely: str, usual: tuple[float, float]) -> str:
@@ -158,7 +158,7 @@ def _shaft_speed(document: Document, place: Path) -> Iterator[Problem]:
     if any(isinstance(text, str) and ROTARY.search(text) for _, text in _leaves(document.get(place), ())):
         message = "is in revolutions, and a mesh frequency counts teeth"
         remedy = "multiply the speed by the number of teeth, or give input_speed of a gearbox"
-        yield document.problem(place, message, remedy)
+        yield document.problem(place, "revolutions", message, remedy)
 
 
 def _key(path: Path) -> str:
@@ -203,14 +203,16 @@ def _gears(document: Document, config: Config, train: Train) -> Iterator[Problem
                 place: Path = ("system", "rotors", k, key)
                 message = f"is {value / usual:.2g} times that of a disc of its size, {usual:.2g} {unit}"
                 hint = _meant(value, unit, likely, (usual / OUT_OF_PROPORTION, usual * OUT_OF_PROPORTION))
-                yield document.problem(place, message, hint, value=document.get(place))
+                yield document.problem(place, "unusual", message, hint, value=document.get(place))
         if fastest is None:
             continue
         place, speed = fastest
         velocity = speed * float(abs(train.speeds[k])) * radius
         if velocity > FASTEST:
             message = f"the teeth of {rotor['name']} run at {velocity:,.0f} m/s at {speed:.6g} rad/s of the input"
-            yield document.problem(place, message, f'plain numbers are in rad/s: was "{speed:.6g} rpm" meant?')
+            yield document.problem(
+                place, "unusual", message, f'plain numbers are in rad/s: was "{speed:.6g} rpm" meant?'
+            )
             fastest = None
 
 
@@ -242,7 +244,7 @@ def _axes(document: Document, config: Config) -> Iterator[Problem]:
             again = next(value for k, value in enumerate(values) if value in values[:k])
             shown = f"{again:.6g}" if isinstance(again, float) else again
             message = f"has the value {shown} more than once, and points of equal value cannot be told apart"
-            yield document.problem(place, message, "give each value once")
+            yield document.problem(place, "equal_values", message, "give each value once")
         yield from _ends_and_number(document, axis, place)
 
 
@@ -257,4 +259,4 @@ def _ends_and_number(document: Document, axis: Axis, place: Path) -> Iterator[Pr
     if number and apart and count not in (start, stop):
         message = f"has three values, the last of which, {count:g}, looks like a number of values"
         remedy = f"for a range write {{start: {start:g}, stop: {stop:g}, num: {count:g}}}"
-        yield document.problem(place, message, remedy, value=given)
+        yield document.problem(place, "looks_like_range", message, remedy, value=given)

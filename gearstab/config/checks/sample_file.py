@@ -40,7 +40,7 @@ def read_samples(path: FilePath, wave: type[Waveform], interpolation: str) -> Ar
     places, phase, stiffness = columns_of(text(path), NAMES) if lines else _datasets(path)
     found = wave.wrong_phase(phase, interpolation)
     if found is not None:
-        index, message, hint = found
+        index, _, message, hint = found
         raise DataFileError(message if index is None else f"{places[index]}: {message}", hint)
     return np.array([phase, stiffness], dtype=float)
 

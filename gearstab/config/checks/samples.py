@@ -41,9 +41,15 @@ def check_variation(
             value = document.get(("system", *place))
             message = f"the samples of the stiffness are constant, and no {key} makes them vary"
             if axis is not None:
-                document.report(("sweep", axis.name), message, "remove the axis, or check the samples", at_key=True)
+                document.report(
+                    ("sweep", axis.name),
+                    "not_applicable",
+                    message,
+                    "remove the axis, or check the samples",
+                    at_key=True,
+                )
             elif isinstance(value, int | float) and value > 0:
-                document.report(("system", *place), message, HINT, value=value)
+                document.report(("system", *place), "not_applicable", message, HINT, value=value)
 
 
 def _constant(values: Any) -> bool:

@@ -33,7 +33,7 @@ def plain(document: Document, value: Any, path: Path) -> Any:
     reported to the document, and None stands for it.
     """
     if len(path) > DEEPEST:
-        document.report((), "is nested too deeply", "give flatter data")
+        document.report((), "nesting", "is nested too deeply", "give flatter data")
         return None
     if isinstance(value, Mapping):
         return {str(key): plain(document, item, (*path, str(key))) for key, item in value.items()}
@@ -57,8 +57,8 @@ def _scalar(document: Document, value: Any, path: Path) -> Any:
         return float(value)
     if isinstance(value, str):
         if NO_CHARACTER.search(value):
-            document.report(path, "holds what is no character", "remove it", value=ascii(value))
+            document.report(path, "character", "holds what is no character", "remove it", value=ascii(value))
         return NO_CHARACTER.sub("", value)
     hint = "give numbers, texts, lists, mappings or arrays"
-    document.report(path, f"is of the type {type(value).__name__}", hint, value=str(value))
+    document.report(path, "wrong_type", f"is of the type {type(value).__name__}", hint, value=str(value))
     return None

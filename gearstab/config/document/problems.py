@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 from typing import Any
 
+from gearstab.config.document.codes import Code
 from gearstab.errors import UserError
 
 Path = tuple[str | int, ...]
@@ -28,13 +29,14 @@ class Problem:
 
     file: the configuration as the user named it, or ``--set PATH`` for an override; line: from 1, None without one.
     path: dotted, from the top of the document; value: what stands there, shortened, or "".
-    message: what is wrong; hint: what to do.
+    code: the kind of mistake, one of :data:`CODES`; message: what is wrong; hint: what to do.
     """
 
     file: str
     line: int | None
     path: str
     value: str
+    code: Code
     message: str
     hint: str
 

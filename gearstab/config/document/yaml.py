@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path as FilePath
 from typing import Any
 
+from gearstab.config.document.codes import Code
 from gearstab.config.document.files import LARGEST_TEXT, NO_REGULAR
 from gearstab.config.document.problems import ConfigError, Path, Problem, dotted, shown
 
@@ -67,15 +68,19 @@ class Document:
         """The value at a path, None where there is none."""
         return value_at(self.data, path)
 
-    def problem(self, path: Path, message: str, hint: str = "", *, value: Any = None, at_key: bool = False) -> Problem:
+    def problem(
+        self, path: Path, code: Code, message: str, hint: str = "", *, value: Any = None, at_key: bool = False
+    ) -> Problem:
         """A problem at a path; ``at_key`` when the key is what is wrong."""
         place = self.keys.get(path) if at_key else None
         place = place or self.where(path)
-        return Problem(place.file, place.line, dotted(path), shown(value), message, hint)
+        return Problem(place.file, place.line, dotted(path), shown(value), code, message, hint)
 
-    def report(self, path: Path, message: str, hint: str = "", *, value: Any = None, at_key: bool = False) -> None:
+    def report(
+        self, path: Path, code: Code, message: str, hint: str = "", *, value: Any = None, at_key: bool = False
+    ) -> None:
         """Add a problem at a path, as :meth:`problem` makes it."""
-        self.problems.append(self.problem(path, message, hint, value=value, at_key=at_key))
+        self.problems.append(self.problem(path, code, message, hint, value=value, at_key=at_key))
 
     def put(self, path: Path, value: Any, place: Where) -> None:
         """Set a value, all parts of which then stand at ``place``; the container of the last key must exist."""
@@ -122,22 +127,22 @@ def read(path: FilePath) -> Document:
     try:
         state = path.stat()
         if not stat.S_ISREG(state.st_mode) and not stat.S_ISDIR(state.st_mode):
-            raise _failed(name, None, NO_REGULAR, "save the configuration in a file")
+            raise _failed(name, None, "file", NO_REGULAR, "save the configuration in a file")
         if state.st_size > LARGEST_TEXT:
             message = f"has {state.st_size / 1e6:,.0f} MB, more than the {LARGEST_TEXT / 1e6:.0f} MB of a configuration"
-            raise _failed(name, None, message, "keep matrices and samples in files of their own")
+            raise _failed(name, None, "file", message, "keep matrices and samples in files of their own")
         raw = path.read_bytes()
     except FileNotFoundError:
-        raise _failed(name, None, "there is no such file", "check the path") from None
+        raise _failed(name, None, "file", "there is no such file", "check the path") from None
     except IsADirectoryError:
-        raise _failed(name, None, "is a folder", "name a configuration file in it") from None
+        raise _failed(name, None, "file", "is a folder", "name a configuration file in it") from None
     except OSError as error:
-        raise _failed(name, None, f"cannot be read: {(error.strerror or str(error)).lower()}", "") from None
+        raise _failed(name, None, "file", f"cannot be read: {(error.strerror or str(error)).lower()}", "") from None
     try:
         text = raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = raw[: error.start].count(b"\n") + 1
-        raise _failed(name, line, "is not UTF-8 text", "save the file in UTF-8") from None
+        raise _failed(name, line, "encoding", "is not UTF-8 text", "save the file in UTF-8") from None
     return parse(text, name)
 
 
@@ -159,12 +164,12 @@ def parse_value(text: str, option: str) -> Any:
     except ConfigError as error:
         found = error.problems
     if found:
-        raise ConfigError(Problem(option, None, "", "", p.message, p.hint) for p in found)
+        raise ConfigError(Problem(option, None, "", "", p.code, p.message, p.hint) for p in found)
     return document.data
 
 
-def _failed(name: str, line: int | None, message: str, hint: str) -> ConfigError:
-    return ConfigError([Problem(name, line, "", "", message, hint)])
+def _failed(name: str, line: int | None, code: Code, message: str, hint: str) -> ConfigError:
+    return ConfigError([Problem(name, line, "", "", code, message, hint)])
 
 
 def _compose(text: str, name: str) -> Node:
@@ -179,24 +184,26 @@ def _compose(text: str, name: str) -> Node:
             return YAML(typ="safe", pure=True).compose(text)
     except ReaderError as error:
         line = text[: error.position].count("\n") + 1
-        raise _failed(name, line, f"holds the control character {error.character:#x}", "remove it") from None
+        raise _failed(
+            name, line, "character", f"holds the control character {error.character:#x}", "remove it"
+        ) from None
     except MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         row = mark.line + 1 if mark else None
         if isinstance(error, ComposerError) and "another document" in (error.problem or ""):
-            raise _failed(name, row, "a second document begins", "keep one configuration a file") from None
+            raise _failed(name, row, "syntax", "a second document begins", "keep one configuration a file") from None
         message = f"is no valid YAML: {error.problem or error.context}"
         if error.context and error.context_mark and row != error.context_mark.line + 1:
             message += f", {error.context} that begins in line {error.context_mark.line + 1}"
-        raise _failed(name, row, message, _syntax_remedy(text, row, error.problem or "")) from None
+        raise _failed(name, row, "syntax", message, _syntax_remedy(text, row, error.problem or "")) from None
     except RecursionError:
-        raise _failed(name, None, "is nested too deeply", "write a flatter document") from None
+        raise _failed(name, None, "nesting", "is nested too deeply", "write a flatter document") from None
     except (ValueError, OverflowError, AttributeError, LookupError, TypeError) as error:
         # Of the parser itself, on what it does not foresee.
         found = ESCAPE.search(text)
         row = text[: found.start()].count("\n") + 1 if found else None
         message = f"{found[0]} names no character" if found else f"is no valid YAML: {error}"
-        raise _failed(name, row, message, "check quotes and escapes") from None
+        raise _failed(name, row, "syntax", message, "check quotes and escapes") from None
 
 
 def _check_aliases(root: Node, name: str) -> None:
@@ -209,7 +216,7 @@ def _check_aliases(root: Node, name: str) -> None:
         known = extents.get(id(node))
         if known is unfinished:
             line = node.start_mark.line + 1
-            raise _failed(name, line, "an alias stands inside what it refers to", "write the values out")
+            raise _failed(name, line, "alias", "an alias stands inside what it refers to", "write the values out")
         if known is not None:
             return known
         extents[id(node)] = unfinished
@@ -223,10 +230,10 @@ def _check_aliases(root: Node, name: str) -> None:
     except RecursionError:
         depth, size = DEEPEST + 1, 0
     if depth > DEEPEST:
-        raise _failed(name, None, "is nested too deeply", "write a flatter document")
+        raise _failed(name, None, "nesting", "is nested too deeply", "write a flatter document")
     if size - len(extents) > MOST_COPIES:
         message = f"has aliases that stand for more than {MOST_COPIES:,} values"
-        raise _failed(name, None, message, "write the values out, or refer to less")
+        raise _failed(name, None, "alias", message, "write the values out, or refer to less")
 
 
 def _syntax_remedy(text: str, line: int | None, problem: str) -> str:
@@ -259,7 +266,7 @@ class _Reader:
         away = node.value == "" and not node.style if node.id == "scalar" else not node.flow_style
         self.document.values[path] = self.place(key if away and key is not None else node)
         if node.id != "scalar" and str(node.tag) not in (TAG + "map", TAG + "seq"):
-            self.document.report(path, f"the tag {node.tag} is not known", "remove it")
+            self.document.report(path, "tag", f"the tag {node.tag} is not known", "remove it")
         if node.id == "mapping":
             return self.mapping(node, path)
         if node.id == "sequence":
@@ -274,7 +281,7 @@ class _Reader:
         merged: dict[str, Any] = {}
         for key, item in node.value:
             if key.id != "scalar":
-                self.problem(key, path, "a key is a list or a mapping", "use plain text as a key")
+                self.problem(key, path, "syntax", "a key is a list or a mapping", "use plain text as a key")
             elif key.tag == TAG + "merge":
                 merged |= self.merge(item, path)
             else:
@@ -283,19 +290,21 @@ class _Reader:
 
     def entry(self, key: Node, item: Node, path: Path, result: dict[str, Any]) -> None:
         if NO_CHARACTER.search(key.value):
-            self.problem(key, path, f"the key {key.value!a} holds what is no character", "remove it")
+            self.problem(key, path, "character", f"the key {key.value!a} holds what is no character", "remove it")
             return
         here = (*path, key.value)
         if key.value in result:
             first = self.document.keys[here].line
-            self.problem(key, here, f"duplicate key, given in line {first} already", "remove one of the two")
+            self.problem(
+                key, here, "duplicate_key", f"duplicate key, given in line {first} already", "remove one of the two"
+            )
             return
         self.document.keys[here] = self.place(key)
         result[key.value] = self.value(item, here, key)
 
-    def problem(self, node: Node, path: Path, message: str, hint: str) -> None:
+    def problem(self, node: Node, path: Path, code: Code, message: str, hint: str) -> None:
         place = self.place(node)
-        self.document.problems.append(Problem(place.file, place.line, dotted(path), "", message, hint))
+        self.document.problems.append(Problem(place.file, place.line, dotted(path), "", code, message, hint))
 
     def merge(self, node: Node, path: Path) -> dict[str, Any]:
         """``<<: *anchor`` or ``<<: [*a, *b]``, where the first one wins."""
@@ -306,7 +315,7 @@ class _Reader:
             return merged
         if node.id == "mapping":
             return self.mapping(node, path)
-        self.document.report(path, "'<<' merges mappings only", "refer to a mapping: <<: *anchor")
+        self.document.report(path, "syntax", "'<<' merges mappings only", "refer to a mapping: <<: *anchor")
         return {}
 
     def scalar(self, node: Node, path: Path) -> Any:
@@ -318,9 +327,9 @@ class _Reader:
         if tag in (TAG + "int", TAG + "float"):
             return number(text)
         if tag.removeprefix(TAG) not in TAGS or not tag.startswith(TAG):
-            self.document.report(path, f"the tag {tag} is not known", "remove it", value=text)
+            self.document.report(path, "tag", f"the tag {tag} is not known", "remove it", value=text)
         elif NO_CHARACTER.search(text):
-            self.document.report(path, "holds what is no character", "remove it", value=ascii(text))
+            self.document.report(path, "character", "holds what is no character", "remove it", value=ascii(text))
         return NO_CHARACTER.sub("", text)
 
 

@@ -12,12 +12,13 @@ from typing import Any, get_origin
 
 import numpy as np
 
+from gearstab.config.document.codes import Code
 from gearstab.config.document.problems import Path, closest
 from gearstab.config.document.yaml import Document, value_at
 from gearstab.config.model.introspection import bare, entry_type, field_types, is_model
 
-Conflict = tuple[Path, str, str]
-"""Path below the section, message, remedy."""
+Conflict = tuple[Path, Code, str, str]
+"""Path below the section, code, message, remedy."""
 
 
 class Unknown(dict[str, Any]):
@@ -87,7 +88,7 @@ def exactly_one(raw: dict[str, Any], names: tuple[str, ...], what: str = "") -> 
     """A conflict unless exactly one of the keys is given."""
     either = " or ".join(names)
     if all(raw.get(name) is None for name in names):
-        yield (), f"{either} is missing", what or f"add {either}"
+        yield (), "missing", f"{either} is missing", what or f"add {either}"
     yield from at_most_one(raw, names)
 
 
@@ -95,13 +96,13 @@ def at_most_one(raw: dict[str, Any], names: tuple[str, ...]) -> Iterator[Conflic
     """A conflict for each of the keys that is given beside another one."""
     given = [name for name in names if raw.get(name) is not None]
     for extra in given[1:]:
-        yield (extra,), f"{given[0]} is given already", f"keep one of {', '.join(names)}"
+        yield (extra,), "already_given", f"{given[0]} is given already", f"keep one of {', '.join(names)}"
 
 
 def below(key: str | int, conflicts: Iterable[Conflict]) -> Iterator[Conflict]:
     """Yield the conflicts of what stands at a key."""
-    for path, message, hint in conflicts:
-        yield (key, *path), message, hint
+    for path, code, message, hint in conflicts:
+        yield (key, *path), code, message, hint
 
 
 def plain_number(value: Any) -> float | None:
@@ -125,7 +126,7 @@ def wrong_length(raw: dict[str, Any], key: str, size: int | None, what: str = "c
     """Yield a conflict where the list at a key has another number of entries than ``size``; None: it is unknown."""
     inner = raw.get(key)
     if inner is not None and size is not None and len(inner) != size:
-        yield (key,), f"has {len(inner)} entries", f"give {size}, one per {what}"
+        yield (key,), "wrong_count", f"has {len(inner)} entries", f"give {size}, one per {what}"
 
 
 def no_direction(raw: dict[str, Any], key: str, size: int | None, hint: str) -> Iterator[Conflict]:
@@ -133,7 +134,7 @@ def no_direction(raw: dict[str, Any], key: str, size: int | None, hint: str) -> 
     wrong, vector = list(wrong_length(raw, key, size)), raw.get(key)
     yield from wrong
     if vector and not wrong and all(entry == 0 for entry in vector):
-        yield (key,), "has only zeros", hint
+        yield (key,), "only_zeros", "has only zeros", hint
 
 
 def repeated_names(raw: dict[str, Any], key: str, one: str) -> Iterator[Conflict]:
@@ -142,13 +143,18 @@ def repeated_names(raw: dict[str, Any], key: str, one: str) -> Iterator[Conflict
     for place, item in items(raw.get(key)):
         name = item.get("name")
         if name in seen:
-            yield (key, place, "name"), f"two {key} are called '{name}'", f"give each {one} a name of its own"
+            yield (
+                (key, place, "name"),
+                "repeated_name",
+                f"two {key} are called '{name}'",
+                f"give each {one} a name of its own",
+            )
         elif name is not None:
             seen.add(name)
 
 
 def report(document: Document, path: Path, conflicts: Iterable[Conflict], section: Any) -> None:
     """Report what contradicts itself in a section as meant, but for what is unknown there."""
-    for inner, message, hint in conflicts:
+    for inner, code, message, hint in conflicts:
         if is_known(section, inner):
-            document.report((*path, *inner), message, hint)
+            document.report((*path, *inner), code, message, hint)

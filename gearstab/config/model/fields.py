@@ -21,6 +21,7 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError, core_schema
 
+from gearstab.config.document.codes import Code
 from gearstab.config.document.problems import nearest
 from gearstab.config.model.units import PER_CENT, DimensionError, UnitError, to_si
 
@@ -39,9 +40,9 @@ LARGEST_TERM = 10**9
 FEWEST_TEETH = 3
 
 
-def wrong(kind: str, message: str, hint: str) -> PydanticCustomError:
+def wrong(code: Code, message: str, hint: str) -> PydanticCustomError:
     """An error whose remedy travels in its context."""
-    return PydanticCustomError(kind, "{message}", {"message": message, "hint": hint})
+    return PydanticCustomError(code, "{message}", {"message": message, "hint": hint})
 
 
 class Section(BaseModel):
@@ -90,20 +91,24 @@ class Quantity:
         """The value as a finite float in SI units; raises a pydantic error."""
         if isinstance(value, bool) or not isinstance(value, int | float | str):
             article = "is empty" if value is None else "must be a number"
-            raise wrong("number", article, f"write a number in {self.unit}" if self.units else "write a number")
+            raise wrong(
+                "not_a_number" if value is not None else "empty",
+                article,
+                f"write a number in {self.unit}" if self.units else "write a number",
+            )
         try:
             result = to_si(value, self.units, self.turns) if isinstance(value, str) else float(value)
         except UnitError as error:
             advice = f"; {self.advice}" if self.advice and isinstance(error, DimensionError) else ""
-            raise wrong("number", str(error), error.hint + advice) from None
+            raise wrong(error.code, str(error), error.hint + advice) from None
         except OverflowError:
             result = math.inf
         if not math.isfinite(result):
-            raise wrong("number", "must be a finite number", "write a number")
+            raise wrong("not_finite", "must be a finite number", "write a number")
         if abs(result) > LARGEST_NUMBER:
-            raise wrong("number", "is larger than of any gear", f"stay below {LARGEST_NUMBER:g}")
+            raise wrong("out_of_range", "is larger than of any gear", f"stay below {LARGEST_NUMBER:g}")
         if 0 < abs(result) < SMALLEST_NUMBER and self.unit not in ("1", "rad") and not self.entry:
-            raise wrong("number", "is smaller than of any gear", f"stay above {SMALLEST_NUMBER:g}")
+            raise wrong("out_of_range", "is smaller than of any gear", f"stay above {SMALLEST_NUMBER:g}")
         return result
 
 
@@ -113,14 +118,14 @@ def _no_comma(value: Any) -> None:
         try:
             to_si(value, ())
         except UnitError as error:
-            raise wrong("ratio", str(error), error.hint) from None
+            raise wrong(error.code, str(error), error.hint) from None
 
 
 def _usual_ratio(ratio: Fraction | float) -> None:
     """Raises a pydantic error for a ratio that no train has."""
     if not 1 / LARGEST_RATIO <= ratio <= LARGEST_RATIO:
         limits = f"{1 / LARGEST_RATIO:g} and {LARGEST_RATIO:g}"
-        raise wrong("ratio", f"must lie between {limits}", "write a ratio of frequencies or tooth numbers")
+        raise wrong("out_of_range", f"must lie between {limits}", "write a ratio of frequencies or tooth numbers")
 
 
 @dataclass(frozen=True)
@@ -157,9 +162,9 @@ class Ratio:
         except (ValueError, OverflowError):
             number = math.nan
         if not math.isfinite(number):
-            raise wrong("ratio", "must be a number", remedy)
+            raise wrong("not_a_number", "must be a number", remedy)
         if number <= 0:
-            raise wrong("ratio", "must be > 0", remedy)
+            raise wrong("out_of_range", "must be > 0", remedy)
         _usual_ratio(number)
         return number
 
@@ -180,26 +185,26 @@ class Ratio:
             return value
         _no_comma(value)
         if isinstance(value, bool) or not isinstance(value, int | float | str):
-            raise wrong("ratio", "must be a ratio", remedy)
+            raise wrong("not_a_number", "must be a ratio", remedy)
         if isinstance(value, str):
             found = re.fullmatch(r"\s*(\d{1,12}(?:\.\d{1,12})?)\s*(?:/\s*(\d{1,12})\s*)?", value)
             if not found or (found[2] and ("." in found[1] or int(found[2]) == 0)):
-                raise wrong("ratio", "must be a ratio of two integers", remedy)
+                raise wrong("not_a_number", "must be a ratio of two integers", remedy)
             ratio = Fraction(int(found[1]), int(found[2])) if found[2] else Fraction(found[1])
         elif isinstance(value, int) or math.isfinite(value):
             ratio = Fraction(value if isinstance(value, int) else repr(value))
         else:
-            raise wrong("ratio", "must be a finite ratio", remedy)
+            raise wrong("not_finite", "must be a finite ratio", remedy)
         if ratio <= 0:
-            raise wrong("ratio", "must be > 0", remedy)
+            raise wrong("out_of_range", "must be > 0", remedy)
         otherwise = f", or {self.sibling}: false if it stands for an irrational number" if self.sibling else ""
         _usual_ratio(ratio)
         if max(ratio.numerator, ratio.denominator) > LARGEST_TERM:
-            raise wrong("ratio", "has too many digits", f"write a ratio of tooth numbers{otherwise}")
+            raise wrong("out_of_range", "has too many digits", f"write a ratio of tooth numbers{otherwise}")
         if ratio.denominator > LARGEST_DENOMINATOR and not (isinstance(value, str) and "/" in value):
             near = ratio.limit_denominator(100)
             remedy = f'write a fraction such as "{near}"{otherwise}'
-            raise wrong("ratio", "is no short decimal, and the ratio must be exact", remedy)
+            raise wrong("not_exact", "is no short decimal, and the ratio must be exact", remedy)
         return ratio
 
 
@@ -227,7 +232,7 @@ class Count(Ratio):
         number = isinstance(value, int | float | Fraction) and not isinstance(value, bool)
         endless = isinstance(value, float) and not math.isfinite(value)
         if not number or endless or value != int(value) or not FEWEST_TEETH <= value <= LARGEST_TERM:
-            raise wrong("count", f"must be a whole number >= {FEWEST_TEETH}", f"write a number of {self.of}")
+            raise wrong("not_whole", f"must be a whole number >= {FEWEST_TEETH}", f"write a number of {self.of}")
         return Fraction(int(value))
 
 
@@ -259,7 +264,9 @@ class Choice:
         if type(value) in (str, int) and value in self.planned:
             raise wrong("unavailable", f"{self.what} '{value}' is not available in this version", f"available: {names}")
         hint = nearest(str(value), map(str, self.available)) if isinstance(value, str) else f"available: {names}"
-        raise wrong("choice", f"is no {self.what}", hint if hint.endswith(names) else f"{hint} (available: {names})")
+        raise wrong(
+            "unknown_choice", f"is no {self.what}", hint if hint.endswith(names) else f"{hint} (available: {names})"
+        )
 
 
 @dataclass(frozen=True)
@@ -299,7 +306,7 @@ def _whole(value: Any) -> Any:
     if isinstance(value, float) and value.is_integer():
         return int(value)
     if isinstance(value, bool) or not isinstance(value, int):
-        raise wrong("whole", "must be a whole number", "write a number without a decimal point")
+        raise wrong("not_whole", "must be a whole number", "write a number without a decimal point")
     return value
 
 
@@ -309,9 +316,9 @@ Whole = BeforeValidator(_whole)
 
 def _name(value: Any) -> str:
     if not isinstance(value, str):
-        raise wrong("name", "must be a text", "put it in quotes")
+        raise wrong("wrong_type", "must be a text", "put it in quotes")
     if not value.strip() or value.isdigit() or re.search(r"[./\\\x00-\x1f]", value):
-        raise wrong("name", "cannot be used in a path", "choose a name with a letter and without '.', '/' and '\\'")
+        raise wrong("bad_name", "cannot be used in a path", "choose a name with a letter and without '.', '/' and '\\'")
     return value
 
 

@@ -8,6 +8,8 @@ from collections.abc import Iterable
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
+from gearstab.config.document.codes import Code
+
 if TYPE_CHECKING:
     import pint
 
@@ -54,9 +56,9 @@ MEANING = {
 class UnitError(ValueError):
     """A text is no quantity of the wanted kind; ``hint`` says what would be."""
 
-    def __init__(self, message: str, hint: str) -> None:
+    def __init__(self, code: Code, message: str, hint: str) -> None:
         super().__init__(message)
-        self.hint = hint
+        self.code, self.hint = code, hint
 
 
 class DimensionError(UnitError):
@@ -82,13 +84,15 @@ def to_si(text: str, units: tuple[str, ...], turns: bool = False) -> float:
     found = NUMBER.match(text)
     if not found:
         with_unit = f', or one with a unit such as "0.5 {units[0]}"' if units else ""
-        raise UnitError("must be a number", f"write a number such as 0.5{with_unit}")
+        raise UnitError("not_a_number", "must be a number", f"write a number such as 0.5{with_unit}")
     if not (found[2] or units):
-        raise UnitError("must be a number, not a text", "write it without quotes")
+        raise UnitError("not_a_number", "must be a number, not a text", "write it without quotes")
     value, unit = float(found[1]), found[2]
     if not unit:
         raise UnitError(
-            "is a text without a unit", f'write {found[1]} without quotes, or add a unit: "{found[1]} {units[0]}"'
+            "no_unit",
+            "is a text without a unit",
+            f'write {found[1]} without quotes, or add a unit: "{found[1]} {units[0]}"',
         )
     if not units:
         return _dimensionless(value, unit, turns)
@@ -99,9 +103,9 @@ def to_si(text: str, units: tuple[str, ...], turns: bool = False) -> float:
     if any(wanted in SPEEDS and quantity.is_compatible_with(wanted) for wanted in units):
         each = "/s" if "rad/s^2" in units else ""
         hint = f'use a unit such as "rad/s{each}", "rpm{each}" or "Hz{each}"'
-        raise UnitError("does not say whether it counts radians or turns", hint)
+        raise UnitError("ambiguous_unit", "does not say whether it counts radians or turns", hint)
     expected = " or ".join(f"{MEANING[u]} in {u}" for u in units)
-    raise DimensionError("has the wrong dimension", f"give {expected}, or another unit of it")
+    raise DimensionError("wrong_dimension", "has the wrong dimension", f"give {expected}, or another unit of it")
 
 
 def typed_unit(values: Iterable[Any]) -> str:
@@ -119,11 +123,15 @@ def scale(unit: str, si: str) -> float:
 def _comma(sign: str, whole: str, fraction: str, rest: str) -> UnitError:
     """What is said of a number with commas, of which some may separate thousands."""
     if not fraction.isdecimal() or "." in whole:
-        return UnitError("has commas in a number", "use a decimal point, and no separators of thousands")
+        return UnitError(
+            "decimal_comma", "has commas in a number", "use a decimal point, and no separators of thousands"
+        )
     decimal = f"use a decimal point: {sign}{whole or 0}.{fraction}{rest.rstrip()}"
     if len(fraction) == 3 and whole.strip("0"):
-        return UnitError("has a decimal comma", f"{decimal}, or {sign}{whole}{fraction} if it separates thousands")
-    return UnitError("has a decimal comma", decimal)
+        return UnitError(
+            "decimal_comma", "has a decimal comma", f"{decimal}, or {sign}{whole}{fraction} if it separates thousands"
+        )
+    return UnitError("decimal_comma", "has a decimal comma", decimal)
 
 
 def _dimensionless(value: float, unit: str, turns: bool) -> float:
@@ -135,7 +143,9 @@ def _dimensionless(value: float, unit: str, turns: bool) -> float:
     quantity = _quantity(value, unit, hint)
     if turns and quantity.is_compatible_with("rad") and _says_angles(quantity, "rad"):
         return float(quantity.to("rad").magnitude) / (2 * math.pi)
-    raise DimensionError("is dimensionless" + (" but for an angle" if turns else "") + f" and takes no '{unit}'", hint)
+    raise DimensionError(
+        "wrong_dimension", "is dimensionless" + (" but for an angle" if turns else "") + f" and takes no '{unit}'", hint
+    )
 
 
 def _quantity(value: float, unit: str, hint: str) -> Any:
@@ -143,7 +153,7 @@ def _quantity(value: float, unit: str, hint: str) -> Any:
     try:
         return registry.Quantity(value, registry.parse_units(NEWTON_METRE.sub(r"\1 m", unit)))
     except Exception:  # pint lets errors of its tokeniser and its arithmetic through
-        raise UnitError(f"has the unknown unit '{unit}'", hint) from None
+        raise UnitError("unknown_unit", f"has the unknown unit '{unit}'", hint) from None
 
 
 def _says_angles(quantity: Any, wanted: str) -> bool:

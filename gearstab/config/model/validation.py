@@ -7,6 +7,7 @@ from typing import Any, TypeVar, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
+from gearstab.config.document.codes import code_of
 from gearstab.config.document.problems import Path, nearest
 from gearstab.config.document.yaml import Document
 from gearstab.config.model.conflicts import right_name
@@ -81,13 +82,13 @@ def _report_one(document: Document, detail: Any, model: Any, path: Path) -> None
         _wrong_count(document, here[:-1], parent)
     elif detail["type"] == "missing":
         description = parent.model_fields[loc[-1]].description or ""
-        document.report(here, "is missing", f"add {loc[-1]}: {description.rstrip('.')}")
+        document.report(here, "missing", "is missing", f"add {loc[-1]}: {description.rstrip('.')}")
     elif detail["type"] == "extra_forbidden":
         key = str(loc[-1])
         # In braces a comma begins the next entry: {start: 0,35} has the keys start and 35.
         comma = key.isdecimal() and detail["input"] is None
         hint = "write a decimal point if this follows a decimal comma" if comma else _right_key(key, parent)
-        document.report(here, "unknown key", hint, at_key=True)
+        document.report(here, "unknown_key", "unknown key", hint, at_key=True)
     elif detail["type"] == "too_long" and get_origin(bare(type_at(model, loc))) is tuple:
         _wrong_count(document, here, type_at(model, loc))
     else:
@@ -96,14 +97,20 @@ def _report_one(document: Document, detail: Any, model: Any, path: Path) -> None
         kind = number_kind(type_at(model, loc))
         if detail["type"] in SIGNS and kind is not None and kind.unit == "rad" and isinstance(value, int | float):
             hint = f'write "{value:g} deg" if degrees are meant, or {hint} rad'
-        document.report(here, message, hint, value=None if isinstance(value, list | dict) and not value else value)
+        document.report(
+            here,
+            code_of(detail["type"]),
+            message,
+            hint,
+            value=None if isinstance(value, list | dict) and not value else value,
+        )
 
 
 def _wrong_count(document: Document, path: Path, annotation: Any) -> None:
     count = len(get_args(bare(annotation)))
     given = len(document.get(path))
-    if not any(p.path == ".".join(map(str, path)) and p.message.startswith("has ") for p in document.problems):
-        document.report(path, f"has {given} entr{'y' if given == 1 else 'ies'}", f"give exactly {count}")
+    if not any(p.path == ".".join(map(str, path)) and p.code == "wrong_count" for p in document.problems):
+        document.report(path, "wrong_count", f"has {given} entr{'y' if given == 1 else 'ies'}", f"give exactly {count}")
 
 
 def _right_key(key: str, model: type[BaseModel]) -> str:

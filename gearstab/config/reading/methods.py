@@ -29,7 +29,7 @@ def read_methods(document: Document) -> Methods | None:
         if section[name] is None and name in Methods.model_fields:
             document.put(("methods", name), {}, document.where(("methods", name)))  # `floquet:` asks for it
     if section is None or section == {}:
-        document.report(("methods",), "names no method", f"add one of {', '.join(Methods.model_fields)}")
+        document.report(("methods",), "missing", "names no method", f"add one of {', '.join(Methods.model_fields)}")
         return None
     sweep = data.get("sweep")
     if isinstance(section, dict) and isinstance(sweep, dict):
@@ -38,11 +38,11 @@ def read_methods(document: Document) -> Methods | None:
             uncertain = value_at(section, ("tolerance", "parameters")) if name == "tolerance" else None
             own = uncertain if isinstance(uncertain, dict) else {}
             if name in section and not (sets_mesh_frequency(sweep) or sets_mesh_frequency(own)):
-                document.report(("methods", name), "needs a mesh_frequency axis", remedy, at_key=True)
+                document.report(("methods", name), "missing", "needs a mesh_frequency axis", remedy, at_key=True)
         # Boundaries are sought between the ends of an axis; frequencies that come with cases have none.
         for name in ("boundaries", "passage"):
             if name in section and not {"mesh_frequency", "input_speed"} & sweep.keys():
-                document.report(("methods", name), "needs a mesh_frequency axis", remedy, at_key=True)
+                document.report(("methods", name), "missing", "needs a mesh_frequency axis", remedy, at_key=True)
     return validate(document, Methods, ("methods",))
 
 
@@ -73,7 +73,7 @@ def read_passage(document: Document, source: FilePath, methods: Methods, axes: S
         try:
             knots = [list(knot) for knot in read_path(source.parent / own.table)]
         except DataFileError as error:
-            document.report((*place, "table"), str(error), error.hint, value=own.table)
+            document.report((*place, "table"), "file", str(error), error.hint, value=own.table)
             return methods
         where = document.where((*place, "table"))
         del document.get(place)["table"]
@@ -94,4 +94,4 @@ def check_range(document: Document, axes: Sequence[Axis], what: str = "over whic
         if numbers and axis.span[0] == axis.span[1]:
             path = ("sweep", axis.name)
             hint = "give two frequencies or more, or start and stop"
-            document.report(path, f"is no range, {what}", hint)
+            document.report(path, "no_range", f"is no range, {what}", hint)

@@ -51,7 +51,7 @@ def _replace_input_speed(document: Document, section: dict[str, Any], cycles: fl
     if value is None or section.get("mesh_frequency") is not None:
         return
     if cycles is None:
-        document.report(path, "the numbers of teeth are not known", UNKNOWN_TEETH, at_key=True)
+        document.report(path, "needs_other", "the numbers of teeth are not known", UNKNOWN_TEETH, at_key=True)
         return
     try:
         speed = Quantity("rad/s").number(value)

@@ -43,15 +43,17 @@ def find_model(document: Document) -> type[System] | None:
     system = document.data["system"]
     available = f"available: {', '.join(KINDS)}"
     if not isinstance(system, dict):
-        document.report(("system",), "must be a mapping", f"add kind; {available}", value=system)
+        document.report(("system",), "wrong_type", "must be a mapping", f"add kind; {available}", value=system)
         return None
     kind, path = system.get("kind"), ("system", "kind")
     if isinstance(kind, str) and kind in KINDS:
         return KINDS[kind].variant(system)
     if kind is None:
-        document.report(path, "is missing", f"add kind; {available}")
+        document.report(path, "missing", "is missing", f"add kind; {available}")
     else:
-        document.report(path, "is no kind of system", f"{nearest(str(kind), KINDS)} ({available})", value=kind)
+        document.report(
+            path, "unknown_name", "is no kind of system", f"{nearest(str(kind), KINDS)} ({available})", value=kind
+        )
     return None
 
 
@@ -132,5 +134,5 @@ def _read_samples(document: Document, section: dict[str, Any], source: FilePath)
         try:
             found[path] = read_samples(source.parent / name, wave, str(interpolation))
         except DataFileError as error:
-            document.report(("system", *path, "file"), str(error), error.hint, value=name)
+            document.report(("system", *path, "file"), "file", str(error), error.hint, value=name)
     return found

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
+from gearstab.config.document.codes import code_of
 from gearstab.config.document.problems import Path, dotted, nearest
 from gearstab.config.document.yaml import Document
 from gearstab.config.model.axes import Axis
@@ -99,14 +100,14 @@ def layouts(context: Context) -> list[UnresolvedAxis]:
     section = document.get(("design",))
     if not isinstance(section, dict) or not section:
         hint = f"add {', '.join(KEYS[key] for key in ('range', 'variables', 'minimise'))}"
-        document.report(("design",), "must be a mapping", hint, value=section or None)
+        document.report(("design",), "wrong_type", "must be a mapping", hint, value=section or None)
         return []
     for key in section:
         if key not in KEYS:
-            document.report(("design", key), "unknown key", nearest(key, KEYS), at_key=True)
+            document.report(("design", key), "unknown_key", "unknown key", nearest(key, KEYS), at_key=True)
     for key in ("range", "variables", "minimise"):
         if section.get(key) in (None, [], {}):
-            document.report(("design", key), "is missing", f"add {KEYS[key]}")
+            document.report(("design", key), "missing", "is missing", f"add {KEYS[key]}")
     return list(design_variables.layouts(context)) if section.get("variables") else []
 
 
@@ -165,7 +166,12 @@ def _ranges(context: Context, spec: Any) -> Iterator[SpeedRange]:
             yield found
     kinds = {key for _, item in items if isinstance(item, dict) for key in item if key in SPEEDS}
     if len(kinds) > 1:
-        document.report(path, "some ranges are of mesh_frequency and some of input_speed", "use one of the two for all")
+        document.report(
+            path,
+            "needs_other",
+            "some ranges are of mesh_frequency and some of input_speed",
+            "use one of the two for all",
+        )
 
 
 def _range(context: Context, path: Path, item: Any) -> SpeedRange | None:
@@ -173,16 +179,20 @@ def _range(context: Context, path: Path, item: Any) -> SpeedRange | None:
     named = [key for key in SPEEDS if isinstance(item, dict) and key in item]
     if len(named) != 1:
         hint = f"write {KEYS['range']}, or input_speed with speeds of the input"
-        document.report(path, "must give one of mesh_frequency, input_speed", hint, value=None if named else item)
+        document.report(
+            path, "missing", "must give one of mesh_frequency, input_speed", hint, value=None if named else item
+        )
         return None
     for key in item:
         if key not in (*SPEEDS, "weight"):
-            document.report((*path, key), "unknown key", nearest(key, (*SPEEDS, "weight")), at_key=True)
+            document.report((*path, key), "unknown_key", "unknown key", nearest(key, (*SPEEDS, "weight")), at_key=True)
     of, ends = named[0], item[named[0]]
     weight = _positive(document, (*path, "weight"), item["weight"]) if "weight" in item else 1.0
     targets = context.resolve(of, (*path, of))
     if not isinstance(ends, list) or len(ends) != 2:
-        document.report((*path, of), "must be the lowest and the highest speed", "write [low, high]", value=ends)
+        document.report(
+            (*path, of), "wrong_type", "must be the lowest and the highest speed", "write [low, high]", value=ends
+        )
         return None
     if not targets:
         return None
@@ -191,7 +201,7 @@ def _range(context: Context, path: Path, item: Any) -> SpeedRange | None:
         return None
     low, high = (float(value) for value in found.values)
     if not low < high:
-        document.report((*path, of), "is no range", "give the lower speed first", value=ends)
+        document.report((*path, of), "wrong_order", "is no range", "give the lower speed first", value=ends)
         return None
     return SpeedRange(of, low, high, weight)
 
@@ -201,7 +211,7 @@ def _positive(document: Document, path: Path, value: Any) -> float | None:
     plain = isinstance(value, int | float) and not isinstance(value, bool)
     if plain and 0 < value < np.inf:
         return float(value)
-    document.report(path, "must be a number > 0", "write a number > 0", value=value)
+    document.report(path, "wrong_type", "must be a number > 0", "write a number > 0", value=value)
     return None
 
 
@@ -215,7 +225,7 @@ def _objectives(document: Document, spec: Any) -> Iterator[dict[str, float]]:
     for i, item in items:
         place = path if i is None else (*path, i)
         if item in seen:
-            document.report(place, "stands there twice", "name each objective once", value=item)
+            document.report(place, "repeated_name", "stands there twice", "name each objective once", value=item)
         seen.append(item)
         found = _objective(document, place, item)
         if found:
@@ -226,13 +236,15 @@ def _objective(document: Document, path: Path, item: Any) -> dict[str, float]:
     weights = {item: 1.0} if isinstance(item, str) else item
     if not isinstance(weights, dict) or not weights:
         hint = f"write one of {', '.join(OBJECTIVES)}, or a mapping of weights"
-        document.report(path, "must name what is to be small", hint, value=item)
+        document.report(path, "wrong_type", "must name what is to be small", hint, value=item)
         return {}
     found = {}
     for name, weight in weights.items():
         place = path if isinstance(item, str) else (*path, name)
         if name not in OBJECTIVES:
-            document.report(place, f"'{name}' is no objective", nearest(str(name), OBJECTIVES), at_key=True)
+            document.report(
+                place, "unknown_name", f"'{name}' is no objective", nearest(str(name), OBJECTIVES), at_key=True
+            )
             continue
         number = _positive(document, place, weight)
         if number is not None:
@@ -245,7 +257,7 @@ def _limits(context: Context, spec: Any) -> Iterator[Limit]:
     if spec in (None, {}):
         return
     if not isinstance(spec, dict):
-        document.report(path, "must be a mapping", f"write {KEYS['constraints']}", value=spec)
+        document.report(path, "wrong_type", "must be a mapping", f"write {KEYS['constraints']}", value=spec)
         return
     for name, ends in spec.items():
         found = _limit(context, (*path, name), name, ends)
@@ -256,7 +268,7 @@ def _limits(context: Context, spec: Any) -> Iterator[Limit]:
 def _limit(context: Context, path: Path, name: str, ends: Any) -> Limit | None:
     document = context.document
     if not isinstance(ends, dict) or not ends or not ends.keys() <= {"min", "max"}:
-        document.report(path, "must give min, max or both", "write {min: .., max: ..}", value=ends or None)
+        document.report(path, "missing", "must give min, max or both", "write {min: .., max: ..}", value=ends or None)
         return None
     targets: list[Target] = []
     if name in QUANTITIES:
@@ -267,7 +279,9 @@ def _limit(context: Context, path: Path, name: str, ends: Any) -> Limit | None:
         if not targets:
             return None
         if targets[0].exact and not targets[0].counted:
-            document.report(path, "is no number that has limits", "give the choices in variables", at_key=True)
+            document.report(
+                path, "no_range", "is no number that has limits", "give the choices in variables", at_key=True
+            )
             return None
         units, adapter = targets[0].unit, TypeAdapter(targets[0].plain)
     values = {"min": -np.inf, "max": np.inf}
@@ -275,11 +289,12 @@ def _limit(context: Context, path: Path, name: str, ends: Any) -> Limit | None:
         try:
             values[key] = float(adapter.validate_python(value))
         except ValidationError as error:
-            message, hint = explain(error.errors(include_url=False)[0])
-            document.report((*path, key), message, hint, value=value)
+            detail = error.errors(include_url=False)[0]
+            message, hint = explain(detail)
+            document.report((*path, key), code_of(detail["type"]), message, hint, value=value)
             return None
     if values["min"] > values["max"]:
-        document.report(path, "min is larger than max", "exchange the two", value=dotted(path))
+        document.report(path, "wrong_order", "min is larger than max", "exchange the two", value=dotted(path))
         return None
     paths = tuple(item.paths[0] for item in targets)
     return Limit(name, paths, values["min"], values["max"], units)

@@ -35,7 +35,9 @@ def layouts(context: Context) -> Iterator[UnresolvedAxis]:
     document = context.document
     section = document.get(PLACE)
     if not isinstance(section, dict):
-        document.report(PLACE, "must be a mapping", "write a path and its bounds, such as epsilon: [0.1, 0.3]")
+        document.report(
+            PLACE, "wrong_type", "must be a mapping", "write a path and its bounds, such as epsilon: [0.1, 0.3]"
+        )
         return
     found = [layout for name in section if (layout := _layout(context, name)) is not None]
     report_rivals(document, found)
@@ -57,18 +59,30 @@ def check(document: Document, axis: Axis, form: str) -> None:
         texts = [tuple(repr(item.values[k]) for item in axis.assignments) for k in range(axis.size)]
         twice = next((k for k, text in enumerate(texts) if text in texts[:k]), None)
         if twice is not None:
-            document.report((*path, form), f"choice {twice + 1} stands there twice", "give every choice once")
+            document.report(
+                (*path, form), "equal_values", f"choice {twice + 1} stands there twice", "give every choice once"
+            )
         return
     if any(item.structural for item in axis.assignments):
-        document.report(path, "is exact or a word and has no bounds", "give {integers: [low, high]} or {values: [..]}")
+        document.report(
+            path, "no_range", "is exact or a word and has no bounds", "give {integers: [low, high]} or {values: [..]}"
+        )
     elif not axis.values[0] < axis.values[1]:
-        document.report(path, "has no room between its bounds", "give the lower bound first", value=document.get(path))
+        document.report(
+            path,
+            "wrong_order",
+            "has no room between its bounds",
+            "give the lower bound first",
+            value=document.get(path),
+        )
 
 
 def _layout(context: Context, name: str) -> UnresolvedAxis | None:
     document, path = context.document, (*PLACE, name)
     if name in (MESH_FREQUENCY[0], INPUT_SPEED):
-        document.report(path, "is what the range is of, and no variable", "give it in design.range", at_key=True)
+        document.report(
+            path, "not_applicable", "is what the range is of, and no variable", "give it in design.range", at_key=True
+        )
         return None
     spec = document.get(path)
     if isinstance(spec, list):
@@ -76,7 +90,7 @@ def _layout(context: Context, name: str) -> UnresolvedAxis | None:
     if not isinstance(spec, dict) or len(spec) != 1 or next(iter(spec)) not in FORMS:
         wrong = [key for key in spec if key not in FORMS] if isinstance(spec, dict) else []
         hint = nearest(wrong[0], FORMS) if wrong else f"write [low, high], or one of {', '.join(FORMS.values())}"
-        document.report(path, "has no bounds and no choices", hint, value=spec or None)
+        document.report(path, "missing", "has no bounds and no choices", hint, value=spec or None)
         return None
     form = next(iter(spec))
     if form == "integers":
@@ -84,7 +98,9 @@ def _layout(context: Context, name: str) -> UnresolvedAxis | None:
         return None if items is None else _of_values(context, name, (*path, form), items)
     if form == "values":
         if not isinstance(spec[form], list) or not spec[form]:
-            document.report((*path, form), "must be a list of values", "write values: [1.2, 1.4]", value=spec[form])
+            document.report(
+                (*path, form), "wrong_type", "must be a list of values", "write values: [1.2, 1.4]", value=spec[form]
+            )
             return None
         return _of_values(context, name, (*path, form), spec[form])
     entries = spec[form] if form == "choices" else _catalogue(document, path, spec[form])
@@ -93,7 +109,9 @@ def _layout(context: Context, name: str) -> UnresolvedAxis | None:
 
 def _of_bounds(context: Context, name: str, path: Path, spec: list[Any]) -> UnresolvedAxis | None:
     if len(spec) != 2:
-        context.document.report(path, "must be the lower and the upper bound", "write [low, high]", value=spec)
+        context.document.report(
+            path, "wrong_type", "must be the lower and the upper bound", "write [low, high]", value=spec
+        )
         return None
     targets = context.resolve(name, path)
     if not targets:
@@ -125,10 +143,14 @@ def _integers(document: Document, path: Path, ends: Any) -> list[int] | None:
     whole = isinstance(ends, list) and len(ends) == 2
     whole = whole and all(isinstance(v, int | float) and not isinstance(v, bool) and v == int(v) for v in ends)
     if not whole or not ends[0] <= ends[1]:
-        document.report(path, "must be the lowest and the highest integer", "write integers: [17, 40]", value=ends)
+        document.report(
+            path, "wrong_type", "must be the lowest and the highest integer", "write integers: [17, 40]", value=ends
+        )
         return None
     if ends[1] - ends[0] >= MOST_CHOICES:
-        document.report(path, f"gives more than {MOST_CHOICES:,} choices", "narrow the range", value=ends)
+        document.report(
+            path, "out_of_range", f"gives more than {MOST_CHOICES:,} choices", "narrow the range", value=ends
+        )
         return None
     return list(range(int(ends[0]), int(ends[1]) + 1))
 
@@ -136,7 +158,9 @@ def _integers(document: Document, path: Path, ends: Any) -> list[int] | None:
 def _of_choices(context: Context, name: str, path: Path, entries: Any) -> UnresolvedAxis | None:
     document = context.document
     if not isinstance(entries, list) or not entries or not all(isinstance(entry, dict) for entry in entries):
-        document.report(path, "must be a list of mappings", "write choices: [{path: value}, ..]", value=entries)
+        document.report(
+            path, "wrong_type", "must be a list of mappings", "write choices: [{path: value}, ..]", value=entries
+        )
         return None
     found: UnresolvedAxis = cases(context, name, path, entries)
     return found
@@ -146,22 +170,22 @@ def _catalogue(document: Document, path: Path, name: Any) -> list[dict[str, Any]
     """The rows of a CSV file, whose columns are paths; they take the place of the file in the document."""
     place = (*path, "catalogue")
     if not isinstance(name, str):
-        document.report(place, "must be the name of a file", "write catalogue: gears.csv", value=name)
+        document.report(place, "wrong_type", "must be the name of a file", "write catalogue: gears.csv", value=name)
         return None
     file = FilePath(document.file).parent / name
     try:
         files.usable(file, ".csv", (".csv",))
         rows = list(csv.reader(files.text(file).splitlines(), skipinitialspace=True))
     except files.DataFileError as error:
-        document.report(place, str(error), error.hint, value=name)
+        document.report(place, "file", str(error), error.hint, value=name)
         return None
     except csv.Error as error:
-        document.report(place, f"cannot be read: {error}", "save it as comma-separated values", value=name)
+        document.report(place, "file", f"cannot be read: {error}", "save it as comma-separated values", value=name)
         return None
     rows = [row for row in rows if any(cell.strip() for cell in row)]
     fault = _fault(rows)
     if fault:
-        document.report(place, *fault, value=name)
+        document.report(place, "data_file", *fault, value=name)
         return None
     header = [cell.strip() for cell in rows[0]]
     entries = []

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from pydantic import BaseModel
 from pydantic_core import PydanticCustomError
 
+from gearstab.config.document.codes import code_of
 from gearstab.config.document.problems import Path
 from gearstab.config.document.yaml import Document
 from gearstab.config.model.fields import Quantity
@@ -100,7 +101,7 @@ def check_units(
             wanted.number(text)
         except PydanticCustomError as error:
             context = error.context or {}
-            document.report(place, str(context["message"]), str(context["hint"]), value=text)
+            document.report(place, code_of(error.type), str(context["message"]), str(context["hint"]), value=text)
             found.add(place)
     return found
 

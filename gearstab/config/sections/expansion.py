@@ -10,6 +10,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field, TypeAdapter, ValidationError
 
+from gearstab.config.document.codes import code_of
 from gearstab.config.document.problems import Path
 from gearstab.config.document.yaml import Document
 from gearstab.config.model.axes import Array
@@ -80,7 +81,9 @@ def expand(document: Document, path: Path, target: Target) -> Expansion:
             if words is None
             else f"give a list of {', '.join(map(str, words.available))}"
         )
-        document.report(path, f"{target.title} {'is exact and ' if words is None else ''}has no range", remedy)
+        document.report(
+            path, "no_range", f"{target.title} {'is exact and ' if words is None else ''}has no range", remedy
+        )
         return FAILED
     given = validate(document, Range, path)
     ends = {name: _number(document, path, name, target, ranged=name != "step") for name in ("start", "stop", "step")}
@@ -95,14 +98,16 @@ def expand(document: Document, path: Path, target: Target) -> Expansion:
 def expand_list(document: Document, items: list[Any], places: list[Path], target: Target, path: Path) -> Expansion:
     """Values given one by one, which stand at ``places``."""
     if not items:
-        document.report(path, "an axis without values", "give at least one value")
+        document.report(path, "missing", "an axis without values", "give at least one value")
         return FAILED
     try:
         values = target.adapter.validate_python(items)
     except ValidationError as error:
         for detail in error.errors(include_url=False):
             message, hint = explain(detail)
-            document.report(places[int(detail["loc"][0])], message, hint, value=detail["input"])
+            document.report(
+                places[int(detail["loc"][0])], code_of(detail["type"]), message, hint, value=detail["input"]
+            )
         return FAILED
     if target.exact:
         return Expansion(values, target.adapter.dump_python(values, mode="json"))
@@ -118,8 +123,9 @@ def _number(document: Document, path: Path, name: str, target: Target, *, ranged
     try:
         return float(TypeAdapter(annotation).validate_python(raw))
     except ValidationError as error:
-        message, hint = explain(error.errors(include_url=False)[0])
-        document.report((*path, name), message, hint, value=raw)
+        detail = error.errors(include_url=False)[0]
+        message, hint = explain(detail)
+        document.report((*path, name), code_of(detail["type"]), message, hint, value=raw)
         return None
 
 
@@ -128,11 +134,11 @@ def _expand_range(document: Document, path: Path, given: Range, ends: dict[str, 
     if start is None or stop is None:
         for name in ("start", "stop"):
             if ends[name] is None:
-                document.report((*path, name), "is empty", "write a number")
+                document.report((*path, name), "empty", "is empty", "write a number")
         return FAILED
     if (given.num is None) == (step is None):
         message = "num or step is missing" if step is None else "num and step are given"
-        document.report(path, message, "give num, the number of values, or step")
+        document.report(path, "missing", message, "give num, the number of values, or step")
         return FAILED
     spec: dict[str, Any] = {"start": start, "stop": stop}
     if step is not None:
@@ -141,7 +147,9 @@ def _expand_range(document: Document, path: Path, given: Range, ends: dict[str, 
             stop,
             step,
             given.spacing,
-            lambda key, text, hint: document.report((*path, key), text, hint, value=document.get((*path, key))),
+            lambda key, text, hint: document.report(
+                (*path, key), "no_range", text, hint, value=document.get((*path, key))
+            ),
         )
         return FAILED if values is None else Expansion(values, spec | {"step": step}, (start, stop))
     spec["num"] = given.num
@@ -150,7 +158,11 @@ def _expand_range(document: Document, path: Path, given: Range, ends: dict[str, 
     for name, value in (("start", start), ("stop", stop)):
         if value <= 0:
             document.report(
-                (*path, name), "must be > 0 with log spacing", "choose a value > 0, or spacing: linear", value=value
+                (*path, name),
+                "out_of_range",
+                "must be > 0 with log spacing",
+                "choose a value > 0, or spacing: linear",
+                value=value,
             )
             return FAILED
     return Expansion(np.geomspace(start, stop, given.num or 1), spec | {"spacing": "log"}, (start, stop))

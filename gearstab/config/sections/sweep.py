@@ -112,7 +112,7 @@ class Context:
         try:
             return resolve(name, self.model, self.raw)
         except TargetError as error:
-            self.document.report(path, str(error), error.hint, at_key=True)
+            self.document.report(path, error.code, str(error), error.hint, at_key=True)
             return []
 
 
@@ -136,14 +136,18 @@ def layouts(context: Context) -> list[UnresolvedAxis]:
     if not isinstance(section, dict) or not section:
         shown = None if section in (None, {}, []) else section
         document.report(
-            ("sweep",), "has no axes", "add one, such as mesh_frequency: {start: 1, stop: 5, num: 200}", value=shown
+            ("sweep",),
+            "missing",
+            "has no axes",
+            "add one, such as mesh_frequency: {start: 1, stop: 5, num: 200}",
+            value=shown,
         )
         return []
     found = []
     for name, spec in section.items():
         path = ("sweep", name)
         if spec is None or spec in ([], {}):
-            document.report(path, "an axis without values", "give a list, or {start: .., stop: .., num: ..}")
+            document.report(path, "missing", "an axis without values", "give a list, or {start: .., stop: .., num: ..}")
         elif isinstance(spec, list) and all(isinstance(entry, dict) for entry in spec):
             found.append(cases(context, name, path, spec))
         elif isinstance(spec, dict) and ("targets" in spec or "values" in spec):
@@ -164,7 +168,7 @@ def report_rivals(document: Document, found: list[UnresolvedAxis]) -> None:
                 owner = owners.setdefault(path, column.path)
                 if owner != column.path:
                     message = f"sets {dotted(path)}, as {dotted(owner)} does"
-                    document.report(column.path, message, "let one of the two set it", at_key=True)
+                    document.report(column.path, "set_twice", message, "let one of the two set it", at_key=True)
                     break
 
 
@@ -175,7 +179,7 @@ def _report_teeth(document: Document, found: list[UnresolvedAxis]) -> None:
     for column in columns:
         if teeth and any(target.factor != 1 for target in column.targets):
             message = "numbers of teeth vary too, which set how many mesh cycles a turn has"
-            document.report(column.path, message, "sweep mesh_frequency instead", at_key=True)
+            document.report(column.path, "needs_other", message, "sweep mesh_frequency instead", at_key=True)
 
 
 def _named_freely(context: Context, name: str, path: Path) -> None:
@@ -185,13 +189,13 @@ def _named_freely(context: Context, name: str, path: Path) -> None:
     plain = name.strip() == name and name not in ("", ".", "..") and not re.search(r"[/\x00-\x1f\x7f]", name)
     if not plain or len(name) > LONGEST_NAME:
         hint = f"choose another name, of at most {LONGEST_NAME} characters and without '/'"
-        context.document.report(path, f"'{name}' cannot be the name of an axis", hint, at_key=True)
+        context.document.report(path, "reserved_name", f"'{name}' cannot be the name of an axis", hint, at_key=True)
     elif name in (MESH_FREQUENCY[0], INPUT_SPEED):
         message = f"'{name}' is the name of an axis that sets this alone"
-        context.document.report(path, message, "choose another name, such as case", at_key=True)
+        context.document.report(path, "reserved_name", message, "choose another name, such as case", at_key=True)
     elif name in taken_names() or name in GROUPS:
         message = f"'{name}' cannot be the name of an axis: results hold something else of that name"
-        context.document.report(path, message, "choose another name", at_key=True)
+        context.document.report(path, "reserved_name", message, "choose another name", at_key=True)
 
 
 def _tie(context: Context, name: str, path: Path, spec: dict[str, Any]) -> UnresolvedAxis:
@@ -199,11 +203,13 @@ def _tie(context: Context, name: str, path: Path, spec: dict[str, Any]) -> Unres
     _named_freely(context, name, path)
     for key in spec:
         if key not in Tie.model_fields:
-            document.report((*path, key), "unknown key", nearest(key, Tie.model_fields), at_key=True)
+            document.report((*path, key), "unknown_key", "unknown key", nearest(key, Tie.model_fields), at_key=True)
     names = spec.get("targets")
     if not isinstance(names, list) or not names or not all(isinstance(n, str) for n in names):
         where = (*path, "targets")
-        document.report(where, "must be a list of parameter names", "write targets: [name, name]", value=names)
+        document.report(
+            where, "wrong_type", "must be a list of parameter names", "write targets: [name, name]", value=names
+        )
         return UnresolvedAxis(name, [])
     targets = [context.resolve(n, (*path, "targets", i)) for i, n in enumerate(names)]
     values: Any = spec.get("values")
@@ -214,7 +220,9 @@ def _tie(context: Context, name: str, path: Path, spec: dict[str, Any]) -> Unres
         )
     if len(values) != len(names):
         given = f"{len(names)} targets, but values for {len(values)}"
-        document.report((*path, "values"), given, "give one list for each target, or one list of numbers for all")
+        document.report(
+            (*path, "values"), "wrong_count", given, "give one list for each target, or one list of numbers for all"
+        )
         return UnresolvedAxis(name, [])
     columns = [Column((*path, "values", i), found) for i, found in enumerate(targets)]
     return UnresolvedAxis(name, columns, all(targets), tie=spec)
@@ -226,7 +234,9 @@ def _shared(document: Document, path: Path, targets: list[Target]) -> Column:
     if spec.get("values") is not None:
         for key in ("start", "stop", "num", "step", "spacing"):
             if key in spec:
-                document.report((*path, key), "values are given already", f"remove {key} or values", at_key=True)
+                document.report(
+                    (*path, key), "already_given", "values are given already", f"remove {key} or values", at_key=True
+                )
         return Column((*path, "values"), targets)
     inner = (*path, "values")
     plain = {key: value for key, value in spec.items() if key in Range.model_fields}
@@ -244,7 +254,7 @@ def cases(context: Context, name: str, path: Path, entries: list[dict[str, Any]]
     labels = _labels(document, path, entries)
     columns, sound = _case_columns(context, path, entries)
     if not any(key != "label" for entry in entries for key in entry):
-        document.report(path, "the cases set nothing", "let each set parameters, such as contact_ratio: 1.5")
+        document.report(path, "missing", "the cases set nothing", "let each set parameters, such as contact_ratio: 1.5")
         sound = False
     return UnresolvedAxis(name, columns, sound, labels, cases=entries)
 
@@ -263,14 +273,18 @@ def _case_columns(context: Context, path: Path, entries: list[dict[str, Any]]) -
                 first, names = found.setdefault(frozenset(target.paths), (target, {}))
                 if i in names:
                     message = f"sets {dotted(target.paths[0])}, as {dotted((*path, i, names[i]))} does"
-                    context.document.report((*path, i, key), message, "let one of the two set it", at_key=True)
+                    context.document.report(
+                        (*path, i, key), "set_twice", message, "let one of the two set it", at_key=True
+                    )
                     continue
                 names[i] = key
                 if first.factor != target.factor:
                     # A column has one factor, that of its first case.
                     other = next(iter(names.values()))
                     message = f"sets {dotted(target.paths[0])}, as {other} of another case does"
-                    context.document.report((*path, i, key), message, f"give {other} in all cases", at_key=True)
+                    context.document.report(
+                        (*path, i, key), "set_twice", message, f"give {other} in all cases", at_key=True
+                    )
     columns = [_case_column(context, path, entries, target, names) for target, names in found.values()]
     return columns, bool(targets) and all(targets.values())
 
@@ -290,7 +304,7 @@ def _case_column(
             name = dotted(target.paths[0])
             message = f"does not set {name}, which has no base value"
             remedy = f"add {name} to this case, or to the system"
-            context.document.report((*path, i), message, remedy)
+            context.document.report((*path, i), "missing", message, remedy)
     fill = entries[first][names[first]] if base is None else base
     items = [entry[names[i]] if i in names else fill for i, entry in enumerate(entries)]
     places = [(*path, i, names[i]) if i in names else where for i in range(len(entries))]
@@ -309,10 +323,10 @@ def _labels(document: Document, path: Path, entries: list[dict[str, Any]]) -> li
     for i, entry in enumerate(entries):
         label = entry.get("label", ", ".join(f"{key} = {value}" for key, value in entry.items()))
         if isinstance(label, bool | list | dict) or label is None:
-            document.report((*path, i, "label"), "must be a text", "put it in quotes", value=label)
+            document.report((*path, i, "label"), "wrong_type", "must be a text", "put it in quotes", value=label)
         elif str(label) in labels:
             message = f"the label '{label}' is used twice"
-            document.report((*path, i, "label"), message, "give each case a label of its own")
+            document.report((*path, i, "label"), "repeated_name", message, "give each case a label of its own")
         labels.append(str(label))
     return labels
 
@@ -342,7 +356,9 @@ def build(context: Context, layout: UnresolvedAxis) -> tuple[Axis, Any] | None:
     sizes = [found[0].size for found in expansions]
     if len(set(sizes)) > 1:
         path = ("sweep", layout.name, "values")
-        document.report(path, f"the targets have {', '.join(map(str, sizes))} values", "give all of them as many")
+        document.report(
+            path, "wrong_count", f"the targets have {', '.join(map(str, sizes))} values", "give all of them as many"
+        )
         return None
     targets = [target for column in layout.columns for target in column.targets]
     assignments = tuple(

@@ -10,6 +10,7 @@ import numpy as np
 from pydantic import TypeAdapter
 from pydantic.fields import FieldInfo
 
+from gearstab.config.document.codes import Code
 from gearstab.config.document.problems import Path, dotted, nearest
 from gearstab.config.document.yaml import value_at
 from gearstab.config.model.axes import MESH_FREQUENCY
@@ -42,9 +43,9 @@ NOT_GIVEN = {"damping_ratio": 0.0, "damping": 0.0}
 class TargetError(ValueError):
     """A name stands for no number of the system; ``hint`` says what would."""
 
-    def __init__(self, message: str, hint: str) -> None:
+    def __init__(self, message: str, hint: str, code: Code = "unknown_target") -> None:
         super().__init__(message)
-        self.hint = hint
+        self.hint, self.code = hint, code
 
 
 @dataclass(frozen=True)
@@ -139,7 +140,7 @@ def _named(name: str, model: type[System], raw: dict[str, Any]) -> list[Target]:
     if name == INPUT_SPEED:
         cycles = model.cycles_of_input(raw)
         if cycles is None:
-            raise TargetError("the numbers of teeth are not known", UNKNOWN_TEETH)
+            raise TargetError("the numbers of teeth are not known", UNKNOWN_TEETH, "needs_other")
         own = [Target((path,), AngularFrequency, "input speed") for path in model.follow_speed(raw)]
         return [Target((MESH_FREQUENCY,), AngularFrequency, "input speed", None, cycles), *own]
     if name.isidentifier() and name not in model.model_fields:
@@ -192,22 +193,24 @@ def _walk(name: str, parts: list[str], model: type[System], raw: dict[str, Any])
             where = dotted(("system", *path))
             raise TargetError(f"there is no {part} here", f"add {where}, of which the axis sets a number")
     if number_kind(entry_type(annotation, 0)) is not None:
-        raise TargetError("is a list, and an axis sets a number", f"name an entry, such as {name}.0")
+        raise TargetError("is a list, and an axis sets a number", f"name an entry, such as {name}.0", "not_an_axis")
     if number_kind(annotation) is None and axis_choice(annotation) is None:
         remedy = f"run a sweep for each, with --set {dotted(('system', *path))}=.."
-        raise TargetError("is not a number that an axis can set", remedy)
+        raise TargetError("is not a number that an axis can set", remedy, "not_an_axis")
     return Target(_mirrored(path), annotation, title + owner, default)
 
 
 def _check_waveform(key: str, waveform: Any, where: str) -> None:
     """A wave varies with the keys of its own kind only. where: path of the key in the document."""
     if key == "kind":
-        raise TargetError("is a word, and an axis sets a number", f"run a sweep for each, with --set {where}=..")
+        raise TargetError(
+            "is a word, and an axis sets a number", f"run a sweep for each, with --set {where}=..", "not_an_axis"
+        )
     wave = wave_of(waveform)
     if wave is not None and key in wave.keys.model_fields:
         return
     message = "unknown waveform" if wave is None else f"a {name_of(wave)} wave takes no {key}"
-    raise TargetError(message, f"choose waveform kind: {owners(key)}")
+    raise TargetError(message, f"choose waveform kind: {owners(key)}", "not_applicable")
 
 
 def _of_its_kind(annotation: Any, section: Any) -> Any:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, get_args
 import numpy as np
 from pydantic_core import PydanticCustomError
 
+from gearstab.config.document.codes import code_of
 from gearstab.config.document.problems import Path, Problem, dotted
 from gearstab.config.document.yaml import Document, value_at
 from gearstab.config.model.axes import MESH_FREQUENCY, Array, Axis, replaced
@@ -157,7 +158,9 @@ def _uncertain(context: Context, name: str, given: Any, targets: list[Target]) -
     document, first = context.document, targets[0]
     if first.exact or not isinstance(number_kind(first.annotation), Quantity):
         hint = "sweep it instead"
-        document.report(path, f"{first.title} is exact, or a word, and has no distribution", hint, at_key=True)
+        document.report(
+            path, "no_range", f"{first.title} is exact, or a word, and has no distribution", hint, at_key=True
+        )
         return None
     key = next((key for key in DISTRIBUTIONS if getattr(given, key) is not None), None)
     if key is None:
@@ -169,7 +172,7 @@ def _uncertain(context: Context, name: str, given: Any, targets: list[Target]) -
     kind = DISTRIBUTIONS[key]
     mistake = kind.mistake(sound)
     if mistake is not None:
-        document.report((*path, key), *mistake, value=document.get((*path, key)))
+        document.report((*path, key), "inconsistent", *mistake, value=document.get((*path, key)))
         return None
     distribution = kind(*sound)
     low, high = domain(first.annotation)
@@ -177,7 +180,9 @@ def _uncertain(context: Context, name: str, given: Any, targets: list[Target]) -
     own = Uncertain(name, paths, distribution, given.deviation, low, high)
     if not given.deviation and not low <= distribution.central <= high:
         text = f"lies about {distribution.central:g}, and {first.title} is {_between(low, high)}"
-        document.report((*path, key), text, "choose a distribution within that", value=document.get((*path, key)))
+        document.report(
+            (*path, key), "out_of_range", text, "choose a distribution within that", value=document.get((*path, key))
+        )
         return None
     return own
 
@@ -189,7 +194,7 @@ def _number(context: Context, path: Path, value: Any, target: Target) -> float |
         return kind.number(value) if isinstance(kind, Quantity) else float(value)
     except PydanticCustomError as error:
         found = error.context or {}
-        context.document.report(path, str(found["message"]), str(found["hint"]), value=value)
+        context.document.report(path, code_of(error.type), str(found["message"]), str(found["hint"]), value=value)
         return None
 
 
@@ -217,16 +222,16 @@ def _report_rivals(context: Context, targets: Mapping[str, list[Target]], axes: 
             other = owners.setdefault(path, name)
             if other != name:
                 message = f"sets {dotted(path)}, as {other} does"
-                context.document.report(place, message, "let one of the two set it", at_key=True)
+                context.document.report(place, "set_twice", message, "let one of the two set it", at_key=True)
                 break
             if path in swept and not section.parameters[name].deviation:
                 message = f"the axis {swept[path]} sets it too"
                 hint = "add deviation: true and give the distribution of the deviation, or remove the axis"
-                context.document.report(place, message, hint, at_key=True)
+                context.document.report(place, "set_twice", message, hint, at_key=True)
                 break
             if path not in swept and path == MESH_FREQUENCY and section.parameters[name].deviation:
                 hint = "remove deviation and give the distribution of the speed itself, or add the axis"
-                context.document.report(place, "deviates from nothing: no axis sets it", hint, at_key=True)
+                context.document.report(place, "no_range", "deviates from nothing: no axis sets it", hint, at_key=True)
 
 
 def _correlation(context: Context, section: Any, names: list[str]) -> tuple[Array, list[tuple[int, int]]]:
@@ -237,19 +242,21 @@ def _correlation(context: Context, section: Any, names: list[str]) -> tuple[Arra
         wrong = [name for name in entry.between if name not in names]
         for name in wrong:
             hint = f"name two of {', '.join(names)}"
-            context.document.report((*path, "between"), f"'{name}' has no distribution here", hint)
+            context.document.report((*path, "between"), "unknown_name", f"'{name}' has no distribution here", hint)
         if wrong:
             continue
         i, j = (names.index(name) for name in entry.between)
         if i == j or (min(i, j), max(i, j)) in pairs:
             hint = "name two different parameters, each pair once"
-            context.document.report((*path, "between"), "is no further pair", hint, value=list(entry.between))
+            context.document.report(
+                (*path, "between"), "equal_values", "is no further pair", hint, value=list(entry.between)
+            )
             continue
         matrix[i, j] = matrix[j, i] = entry.value
         pairs.append((min(i, j), max(i, j)))
     if len(pairs) > 1 and np.linalg.eigvalsh(matrix)[0] <= 1e-10:
         message, hint = "contradict each other: their matrix is not positive definite", "bring some of them nearer to 0"
-        context.document.report((*SECTION, "correlation"), message, hint)
+        context.document.report((*SECTION, "correlation"), "inconsistent", message, hint)
     return matrix, pairs
 
 
@@ -264,5 +271,5 @@ def doubts(document: Document, found: Uncertainties, parameters: dict[str, Any],
         if share > OUTSIDE:
             message = f"{100 * share:.3g} % of the distribution lies outside of {_between(own.low, own.high)}"
             hint = "it is cut off there; choose a narrower one if that is not what is meant"
-            problems.append(document.problem((*SECTION, "parameters", own.name), message, hint))
+            problems.append(document.problem((*SECTION, "parameters", own.name), "unusual", message, hint))
     return problems

@@ -54,7 +54,7 @@ def combinations(problem: DesignProblem) -> Array:
     sizes = [1 if v.continuous else v.axis.size for v in problem.variables]
     if prod(sizes) > MOST_COMBINATIONS:
         message = f"have {prod(sizes):,} combinations of choices, more than {MOST_COMBINATIONS:,}"
-        raise ConfigError([problem.config.problem(("design", "variables"), message, "give fewer choices")])
+        raise ConfigError([problem.config.problem(("design", "variables"), "too_large", message, "give fewer choices")])
     return np.array(list(product(*(range(size) for size in sizes))), dtype=float).reshape(-1, len(sizes))
 
 

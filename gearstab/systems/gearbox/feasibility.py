@@ -61,7 +61,7 @@ def _reported(
     values = [f"{a.name} = {a.values[at[a.name]]}" for a in grid.axes if _matters(grid, at, a, found, question)]
     path, message, remedy = found
     where = f" (at {', '.join(values)})" if values else ""
-    document.report(("system", *path), f"{message}{where}", remedy, at_key=True)
+    document.report(("system", *path), "impossible", f"{message}{where}", remedy, at_key=True)
     return True
 
 

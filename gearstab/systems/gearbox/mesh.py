@@ -59,10 +59,10 @@ class Friction(Section):
             return
         for key in needed:
             if raw.get(key) is None:
-                yield (key,), "is missing", f"add {key}, which {kind} friction needs"
+                yield (key,), "missing", "is missing", f"add {key}, which {kind} friction needs"
         for key in ("coefficient", "viscosity", "roughness"):
             if raw.get(key) is not None and key not in needed:
-                yield (key,), f"{kind} friction takes no {key}", "remove it, or choose another law"
+                yield (key,), "not_applicable", f"{kind} friction takes no {key}", "remove it, or choose another law"
 
 
 class GearboxMesh(NamedToothMesh):
@@ -120,11 +120,16 @@ class GearboxMesh(NamedToothMesh):
             for key in ("mean_stiffness", "max_stiffness", "epsilon", "amplitude", "contact_ratio"):
                 if raw.get(key) is not None:
                     remedy = "remove it, or choose waveform: {kind: rectangular}; measured values are "
-                    yield (key,), "the teeth give it", f"{remedy}single_pair_stiffness and variation"
+                    yield (key,), "already_given", "the teeth give it", f"{remedy}single_pair_stiffness and variation"
         yield from following_conflicts(
             raw, ("damping", "damping_ratio"), "add damping_ratio or damping, the mean of the damping that follows"
         )
         yield from within(raw, "transmission_error", TransmissionError.conflicts)
         if raw.get("friction") is not None and raw.get("backlash"):
-            yield ("backlash",), "is not available with friction between the teeth", "keep one of the two"
+            yield (
+                ("backlash",),
+                "not_applicable",
+                "is not available with friction between the teeth",
+                "keep one of the two",
+            )
         yield from within(raw, "friction", Friction.conflicts)

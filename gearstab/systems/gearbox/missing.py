@@ -22,10 +22,15 @@ def missing_of_teeth(raw: dict[str, Any], shared: set[str]) -> Iterator[Conflict
     for key in ("module", "pressure_angle"):
         lacking = [i for i in geared if rotors[i].get(key) is None and key not in shared]
         if len(lacking) == len(geared) > 1:
-            yield ("gears", key), "is missing", f"add {key} to gears, which holds for all, or to each gear"
+            yield ("gears", key), "missing", "is missing", f"add {key} to gears, which holds for all, or to each gear"
             continue
         for i in lacking:
-            yield ("rotors", i, key), "is missing", f"add {key} to this gear, or to gears, which holds for all"
+            yield (
+                ("rotors", i, key),
+                "missing",
+                "is missing",
+                f"add {key} to this gear, or to gears, which holds for all",
+            )
     if "face_width" not in shared:
         yield from _widths(raw, rotors, geared)
 
@@ -35,10 +40,10 @@ def _widths(raw: dict[str, Any], rotors: dict[int, dict[str, Any]], geared: list
     uses = [use for i, rotor in narrow.items() for use in _of_disc(i, rotor)] + list(_of_meshes(raw, narrow))
     lacking = sorted({i for i, _, _ in uses})
     if len(lacking) > 1 and all(i in narrow for i in geared):
-        yield ("gears", "face_width"), *_said(uses, "to gears, which holds for all")
+        yield ("gears", "face_width"), "missing", *_said(uses, "to gears, which holds for all")
         return
     for i in lacking:
-        yield ("rotors", i, "face_width"), *_said([use for use in uses if use[0] == i], "to this rotor")
+        yield ("rotors", i, "face_width"), "missing", *_said([use for use in uses if use[0] == i], "to this rotor")
 
 
 def _said(uses: list[tuple[int, str, str]], where: str) -> tuple[str, str]:

@@ -103,13 +103,18 @@ class Rotor(Teeth, Named):
         geared = raw.get("teeth") is not None
         if not geared and raw.get("body_radius") is None:
             if raw.get("inertia") is None:
-                yield ("inertia",), "is missing", "add inertia (kg m^2), or face_width and body_radius of its disc"
+                yield (
+                    ("inertia",),
+                    "missing",
+                    "is missing",
+                    "add inertia (kg m^2), or face_width and body_radius of its disc",
+                )
             if raw.get("support") is not None and raw.get("mass") is None:
-                yield ("mass",), "is missing", "add mass (kg), or face_width and body_radius of its disc"
+                yield ("mass",), "missing", "is missing", "add mass (kg), or face_width and body_radius of its disc"
         if not geared:
             for key in (*OF_TEETH[:-1], "profile_shift", "internal"):
                 if raw.get(key) not in (None, False):
-                    yield (key,), "belongs to a gear", "give the rotor teeth, or remove it"
+                    yield (key,), "not_applicable", "belongs to a gear", "give the rotor teeth, or remove it"
 
 
 class Shaft(Named):
@@ -136,13 +141,13 @@ class Shaft(Named):
     def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
         """A stiffness, or the dimensions that give it."""
         if raw.get("stiffness") is None and raw.get("diameter") is None and raw.get("length") is None:
-            yield ("stiffness",), "is missing", "add stiffness (N m/rad), or diameter and length"
+            yield ("stiffness",), "missing", "is missing", "add stiffness (N m/rad), or diameter and length"
             return
         for key in ("diameter", "length"):
             if raw.get("stiffness") is not None and raw.get(key) is not None:
-                yield (key,), "stiffness is given already", "keep one of stiffness and the dimensions"
+                yield (key,), "already_given", "stiffness is given already", "keep one of stiffness and the dimensions"
             elif raw.get("stiffness") is None and raw.get(key) is None:
-                yield (key,), "is missing", f"add {key}, or give stiffness instead"
+                yield (key,), "missing", "is missing", f"add {key}, or give stiffness instead"
 
 
 class Material(Section):
@@ -284,7 +289,7 @@ class Gearbox(System):
         """Names that exist, gears that can mesh, a train that hangs together and turns."""
         yield from super().conflicts(raw)
         if raw.get("units") == "none":
-            yield ("units",), "a gearbox is computed from its teeth, in SI units", "remove it"
+            yield ("units",), "not_applicable", "a gearbox is computed from its teeth, in SI units", "remove it"
         shared = {key for key, value in (raw.get("gears") or {}).items() if value is not None}
         yield from within_each(raw, "rotors", Rotor.conflicts)
         yield from within_each(raw, "shafts", Shaft.conflicts)
@@ -302,7 +307,7 @@ def _names(raw: dict[str, Any]) -> Iterator[Conflict]:
             if item.get("name") is not None and names[item["name"]] > 1:
                 names[item["name"]] = 0
                 message = f"two {section} are called '{item['name']}'"
-                yield (section, i, "name"), message, "give each a name of its own"
+                yield (section, i, "name"), "repeated_name", message, "give each a name of its own"
     rotors = {rotor["name"]: rotor for _, rotor in items(raw.get("rotors")) if isinstance(rotor.get("name"), str)}
     if not rotors or len(rotors) < len(items(raw.get("rotors"))):
         return  # one of two equal names was meant otherwise, which others may refer to
@@ -313,12 +318,12 @@ def _names(raw: dict[str, Any]) -> Iterator[Conflict]:
             ends = item.get(key)
             named += [((section, i, key, k), name, section == "meshes") for k, name in items(ends)]
             if ends and len(ends) == 2 and ends[0] == ends[1]:
-                yield (section, i, key), f"joins '{ends[0]}' to itself", "name two different rotors"
+                yield (section, i, key), "inconsistent", f"joins '{ends[0]}' to itself", "name two different rotors"
     for path, name, geared in named:
         if isinstance(name, str) and name not in rotors:
-            yield path, f"there is no rotor '{name}'", nearest(name, rotors)
+            yield path, "unknown_name", f"there is no rotor '{name}'", nearest(name, rotors)
         elif isinstance(name, str) and geared and rotors[name].get("teeth") is None:
-            yield path, f"rotor '{name}' has no teeth", "name a gear, or give the rotor teeth"
+            yield path, "not_applicable", f"rotor '{name}' has no teeth", "name a gear, or give the rotor teeth"
 
 
 def _lubricated(raw: dict[str, Any]) -> Iterator[Conflict]:
@@ -330,11 +335,16 @@ def _lubricated(raw: dict[str, Any]) -> Iterator[Conflict]:
             continue
         if driving.get("speed") is None:
             message = f"{kind} friction depends on the speed, which is missing"
-            yield ("meshes", i, "friction"), message, "add speed to input, or choose constant friction"
+            yield ("meshes", i, "friction"), "needs_other", message, "add speed to input, or choose constant friction"
         outputs = [item.get("torque") for _, item in items(raw.get("outputs"))]
         if driving.get("torque") is None and all(torque is None for torque in outputs):
             message = f"{kind} friction depends on the load, and there are no torques"
-            yield ("meshes", i, "friction"), message, "add torques to input or outputs, or choose constant friction"
+            yield (
+                ("meshes", i, "friction"),
+                "needs_other",
+                message,
+                "add torques to input or outputs, or choose constant friction",
+            )
 
 
 def _torques(raw: dict[str, Any]) -> Iterator[Conflict]:
@@ -344,16 +354,16 @@ def _torques(raw: dict[str, Any]) -> Iterator[Conflict]:
     driving = (raw.get("input") or {}).get("torque")
     if given and len(given) < len(outputs):
         missing = next(i for i, torque in outputs if torque is None)
-        yield ("outputs", missing, "torque"), "is missing", "give every output a torque, or none"
+        yield ("outputs", missing, "torque"), "missing", "is missing", "give every output a torque, or none"
     if given and driving is not None:
         message = "follows from the torques of the outputs"
-        yield ("input", "torque"), message, "remove it, or the torques of the outputs"
+        yield ("input", "torque"), "needs_other", message, "remove it, or the torques of the outputs"
     seen = {(raw.get("input") or {}).get("rotor"): "the input"}
     for i, item in items(raw.get("outputs")):
         name = item.get("rotor")
         if name is not None and name in seen:
             message = f"rotor '{name}' is {seen[name]} already"
-            yield ("outputs", i, "rotor"), message, "name another rotor, or add the torques up"
+            yield ("outputs", i, "rotor"), "already_given", message, "name another rotor, or add the torques up"
         seen.setdefault(name, "an output")
     if driving is not None and not outputs:
-        yield ("outputs",), "are missing", "name the rotors that take the torque"
+        yield ("outputs",), "missing", "are missing", "name the rotors that take the torque"

@@ -140,13 +140,20 @@ class Matrices(System):
         try:
             contents = read_matrices(source.parent / name)
         except DataFileError as error:
-            document.report(("system", "file"), str(error), error.hint, value=name)
+            document.report(("system", "file"), "file", str(error), error.hint, value=name)
             return {}
         for key in contents:
             if system.get(key) is not None:
-                document.report(("system", key), f"the file {name} has {key} already", "keep one of the two")
+                document.report(
+                    ("system", key), "already_given", f"the file {name} has {key} already", "keep one of the two"
+                )
         if "damping" in contents and system.get("damping_ratio") is not None:
-            document.report(("system", "damping_ratio"), f"the file {name} has damping already", "keep one of the two")
+            document.report(
+                ("system", "damping_ratio"),
+                "already_given",
+                f"the file {name} has damping already",
+                "keep one of the two",
+            )
         return contents
 
     @classmethod
@@ -195,9 +202,9 @@ class Matrices(System):
             rows = raw.get(name)
             if rows is None and raw.get("file") is None:
                 remedy = f"add {name}, or file: the name of a .npz, .h5 or .mat file with it"
-                yield (), f"{name} is missing", remedy
+                yield (), "missing", f"{name} is missing", remedy
             elif rows is not None and not len(rows) and size is None:
-                yield (name,), "has no rows", "give one row per coordinate"
+                yield (name,), "missing", "has no rows", "give one row per coordinate"
             else:
                 yield from not_square(raw, name, size)
         yield from wrong_length(raw, "coordinates", size)
@@ -206,13 +213,18 @@ class Matrices(System):
             yield from within_each(raw, "meshes", lambda mesh: no_direction(mesh, "direction", size, hint))
         units = raw.get("coordinate_units")
         if units is not None and size is not None and len(units) not in (1, size):
-            yield ("coordinate_units",), f"has {len(units)} entries", f"give {size}, one per coordinate, or one for all"
+            yield (
+                ("coordinate_units",),
+                "wrong_count",
+                f"has {len(units)} entries",
+                f"give {size}, one per coordinate, or one for all",
+            )
         for key in ("coordinate_units", "deflection_unit"):
             if raw.get("units") == "none" and raw.get(key) not in (None, "m", ["m"]):
-                yield (key,), "is given for a model without units", "remove it, or units: none"
+                yield (key,), "not_applicable", "is given for a model without units", "remove it, or units: none"
         names = raw.get("coordinates") or ()
         if len(set(names)) < len(names):
-            yield ("coordinates",), "two coordinates have the same name", "give each a name of its own"
+            yield ("coordinates",), "repeated_name", "two coordinates have the same name", "give each a name of its own"
 
     @classmethod
     def build(cls, p: dict[str, Any]) -> GearSystem:

@@ -29,7 +29,11 @@ def write_out(document: Document, raw: dict[str, Any], size: int | None) -> None
                 document.move(("system", *path, name), ("system", *path, names.index(name)))
             else:
                 document.report(
-                    ("system", *path, name), "there is no such coordinate", nearest(name, map(str, names)), at_key=True
+                    ("system", *path, name),
+                    "unknown_name",
+                    "there is no such coordinate",
+                    nearest(name, map(str, names)),
+                    at_key=True,
                 )
         holder[key] = values
 

@@ -52,10 +52,10 @@ def not_square(raw: dict[str, Any], key: str, size: int | None) -> Iterator[Conf
     if rows is None or size is None:
         return
     if len(rows) != size:
-        yield (key,), f"has {len(rows)} rows", f"give {size} rows of {size} numbers"
+        yield (key,), "wrong_count", f"has {len(rows)} rows", f"give {size} rows of {size} numbers"
     for i, row in enumerate(rows):
         if len(row) != size:
-            yield (key, i), f"has {len(row)} entries", f"give {size}, one per coordinate"
+            yield (key, i), "wrong_count", f"has {len(row)} entries", f"give {size}, one per coordinate"
 
 
 def with_damping(system: GearSystem, p: dict[str, Any]) -> GearSystem:

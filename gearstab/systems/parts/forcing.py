@@ -113,7 +113,7 @@ class Force(Section):
 def no_harmonics(raw: dict[str, Any], unit: str) -> Iterator[Conflict]:
     """A conflict where neither sin nor cos has an entry, nor an unknown key stands for them."""
     if raw.keys() <= Force.model_fields.keys() and not raw.get("sin") and not raw.get("cos"):
-        yield (), "has no harmonics", f"add sin: [..] or cos: [..], amplitudes of the harmonics ({unit})"
+        yield (), "missing", "has no harmonics", f"add sin: [..] or cos: [..], amplitudes of the harmonics ({unit})"
 
 
 def with_forcing(system: GearSystem, p: dict[str, Any]) -> GearSystem:

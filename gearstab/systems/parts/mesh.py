@@ -116,7 +116,12 @@ class ToothMesh(Section):
         wave = wave_of(raw.get("waveform"))
         if wave is not None and wave.of_teeth:
             message = "the teeth are unknown: only kind: gearbox has numbers of teeth"
-            yield ("waveform", "kind"), message, "choose another waveform, or describe the gears in a gearbox"
+            yield (
+                ("waveform", "kind"),
+                "not_applicable",
+                message,
+                "choose another waveform, or describe the gears in a gearbox",
+            )
             return
         stiffness, variation = ("mean_stiffness", "max_stiffness"), ("epsilon", "amplitude")
         yield from (at_most_one if has_own_mean(raw) else exactly_one)(raw, stiffness)
@@ -137,10 +142,10 @@ def following_conflicts(raw: dict[str, Any], keys: Sequence[str], hint: str) -> 
     if raw.get("damping_follows_stiffness") is not True:
         return
     if all(raw.get(key) is None for key in keys):
-        yield ("damping",), "is missing", hint
+        yield ("damping",), "missing", "is missing", hint
     if raw.get("transmission_error") is not None:
         message = "is given, and a damping that follows the stiffness"
-        yield ("transmission_error",), message, "keep one of the two, or make the damping constant"
+        yield ("transmission_error",), "needs_other", message, "keep one of the two, or make the damping constant"
 
 
 class NamedToothMesh(ToothMesh, Named):

@@ -103,44 +103,64 @@ class Respond(Section):
         """
         if raw.get("mesh_frequency") is None and raw.get("input_speed") is None:
             hint = "add mesh_frequency (rad/s), or input_speed where the teeth are known"
-            yield ("mesh_frequency",), "is missing", hint
+            yield ("mesh_frequency",), "missing", "is missing", hint
         yield from at_most_one(raw, ("mesh_frequency", "input_speed"))
         driven, parting = drives(system), may_part(system)
         if raw.get("discard") is not None and not parting and is_known(system):
-            yield ("discard",), "no mesh has backlash", "remove it, or give a mesh backlash"
+            yield ("discard",), "not_applicable", "no mesh has backlash", "remove it, or give a mesh backlash"
         discard, cycles = plain_number(raw.get("discard")), plain_number(raw.get("cycles"))
         if discard is not None and cycles is not None and discard >= cycles > 0:
-            yield ("discard",), f"leaves nothing of {cycles:g} cycles", "give more cycles, or discard less"
+            yield (
+                ("discard",),
+                "inconsistent",
+                f"leaves nothing of {cycles:g} cycles",
+                "give more cycles, or discard less",
+            )
         if raw.get("steady_state") is True and parting:
             remedy = "give cycles, long enough for the motion to settle, and discard"
-            yield ("steady_state",), "teeth with backlash may have several", remedy
+            yield ("steady_state",), "not_applicable", "teeth with backlash may have several", remedy
             return
         if raw.get("steady_state") is True:
             yield from _of_steady_state(raw, driven)
             return
         if raw.get("stored_cycles") is not None:
-            yield ("stored_cycles",), "belongs to a steady state", "give cycles instead, or steady_state: true"
+            yield (
+                ("stored_cycles",),
+                "not_applicable",
+                "belongs to a steady state",
+                "give cycles instead, or steady_state: true",
+            )
         yield from exactly_one(raw, ("duration", "cycles"))
         initial = raw.get("initial")
         if initial is None and not driven:
-            yield (), "initial is missing", "add initial: {displacement: [..]}, or a load to the system"
+            yield (), "missing", "initial is missing", "add initial: {displacement: [..]}, or a load to the system"
         if initial is None:
             return
         for name in ("displacement", "velocity"):
             yield from below("initial", wrong_length(initial, name, size))
         states = [initial.get(name) for name in ("displacement", "velocity")]
         if not driven and all(is_known(state) and all(x == 0 for x in state or ()) for state in states):
-            yield ("initial",), "the system stays at rest", "give a displacement or a velocity that is not zero"
+            yield (
+                ("initial",),
+                "only_zeros",
+                "the system stays at rest",
+                "give a displacement or a velocity that is not zero",
+            )
 
 
 def _of_steady_state(raw: dict[str, Any], driven: bool) -> Iterator[Conflict]:
     if not driven:
         remedy = "give a load (a gearbox: torques of input or outputs), a mesh's transmission_error or forces"
-        yield ("steady_state",), "nothing drives the system", remedy
+        yield ("steady_state",), "needs_other", "nothing drives the system", remedy
         return
     for key in ("duration", "cycles", "initial"):
         if raw.get(key) is not None:
-            yield (key,), "is not allowed together with steady_state", "remove it, or set steady_state: false"
+            yield (
+                (key,),
+                "not_applicable",
+                "is not allowed together with steady_state",
+                "remove it, or set steady_state: false",
+            )
 
 
 def may_part(system: dict[str, Any]) -> bool:

@@ -104,17 +104,32 @@ class PairRespond(Section):
         if raw.get("until") is None:
             return
         if system.get("formulation", "classical") != "energy_conserving":
-            yield ("until",), "only the energy_conserving formulation stalls", "give cycles or duration"
+            yield (
+                ("until",),
+                "not_applicable",
+                "only the energy_conserving formulation stalls",
+                "give cycles or duration",
+            )
         elif not system.get("damping_ratio"):
-            yield ("until",), "without damping the energy is constant", "give a damping_ratio, or cycles or duration"
+            yield (
+                ("until",),
+                "needs_other",
+                "without damping the energy is constant",
+                "give a damping_ratio, or cycles or duration",
+            )
 
     @staticmethod
     def _held(raw: dict[str, Any], system: dict[str, Any]) -> Iterator[Conflict]:
         """What contradicts a held speed."""
         if system.get("formulation", "classical") == "classical":
-            yield ("hold_speed",), "the classical formulation keeps its speed by itself", "remove it"
+            yield ("hold_speed",), "not_applicable", "the classical formulation keeps its speed by itself", "remove it"
         # A configuration as resolved names the zeros that were not given.
         if any(value not in (None, 0) for value in (raw.get("initial") or {}).values()):
-            yield ("initial",), "hold_speed begins on the periodic orbit", "remove initial or hold_speed"
+            yield (
+                ("initial",),
+                "not_applicable",
+                "hold_speed begins on the periodic orbit",
+                "remove initial or hold_speed",
+            )
         if raw.get("until") is not None:
-            yield ("until",), "with hold_speed the gears never stall", "give cycles or duration"
+            yield ("until",), "not_applicable", "with hold_speed the gears never stall", "give cycles or duration"

@@ -44,13 +44,18 @@ class VaryingNumber(Section):
         wave = wave_of(raw.get("waveform"))
         if all(raw.get(key) is None for key in ("amplitude", "contact_ratio", "waveform")):
             if raw.get("mean") is None:
-                yield (), "has neither mean nor amplitude", "add mean, or amplitude and waveform"
+                yield (), "missing", "has neither mean nor amplitude", "add mean, or amplitude and waveform"
             return
         if wave is not None and wave.of_teeth:
-            yield ("waveform", "kind"), "a term has no teeth", "choose another waveform, such as fourier or sampled"
+            yield (
+                ("waveform", "kind"),
+                "not_applicable",
+                "a term has no teeth",
+                "choose another waveform, such as fourier or sampled",
+            )
             return
         if raw.get("amplitude") is None and wave is not None and not wave.own_variation:
-            yield ("amplitude",), "is missing", "add amplitude: half the peak-to-peak of the variation"
+            yield ("amplitude",), "missing", "is missing", "add amplitude: half the peak-to-peak of the variation"
         yield from shape_conflicts(raw, "c >= 1, the contact ratio of the wave")
 
 
@@ -113,7 +118,12 @@ class Term(Section):
     def conflicts(cls, raw: dict[str, Any], size: int | None) -> Iterator[Conflict]:
         """A stiffness or a damping, and vectors of the size of the system that are not zero."""
         if raw.get("stiffness") is None and raw.get("damping") is None:
-            yield (), "has neither stiffness nor damping", "add stiffness: {mean: ..}, or damping: {mean: ..}"
+            yield (
+                (),
+                "missing",
+                "has neither stiffness nor damping",
+                "add stiffness: {mean: ..}, or damping: {mean: ..}",
+            )
         for key in ("stiffness", "damping"):
             yield from within(raw, key, VaryingNumber.conflicts)
         for key in ("left", "right"):

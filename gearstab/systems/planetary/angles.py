@@ -57,7 +57,7 @@ def complete(document: Document, raw: dict[str, Any]) -> None:
         return
     if not _counts(teeth, "sun", "ring") or not _counts(raw, "planets"):
         hint = "add teeth: {sun: .., planet: ..}, or give the angles"
-        document.report(("system", "angles"), "needs the numbers of teeth", hint)
+        document.report(("system", "angles"), "needs_other", "needs the numbers of teeth", hint)
         del raw["angles"]
         return
     numbers = teeth["sun"], teeth["ring"], raw["planets"]

@@ -31,33 +31,43 @@ def check_assembly(document: Document, grid: Grid) -> None:
         sun, planet, ring = (int(p["teeth"][name]) for name in ("sun", "planet", "ring"))
         wrong = next(assembly(sun, planet, ring, int(p["planets"]), p.get("angles")), None)
         if wrong is not None and not axes:
-            path, message, hint = wrong
-            document.report(("system", *path), message, hint)
+            path, code, message, hint = wrong
+            document.report(("system", *path), code, message, hint)
         elif wrong is not None:
             values = ", ".join(f"{axis.name} = {axis.values[k]}" for axis, k in zip(axes, places, strict=True))
             hint = "tie teeth.sun, teeth.planet and teeth.ring to one axis, or let gearstab design go through them"
             numbers = f"z_s, z_p, z_r = {sun}, {planet}, {ring} with {p['planets']} planets"
             said = f"cannot be assembled at {values}: {numbers}"
-            document.report(("sweep", axes[0].name), said, hint)
+            document.report(("sweep", axes[0].name), "impossible", said, hint)
             return
 
 
 def assembly(sun: int, planet: int, ring: int, planets: Any, angles: Sequence[Any] | None = None) -> Iterator[Conflict]:
     """Yield what keeps teeth from fitting into each other, and planets at equal or given angles between them."""
     if ring != sun + 2 * planet:
-        yield ("teeth", "ring"), f"must be z_s + 2 z_p = {sun + 2 * planet}", f"give {sun + 2 * planet} teeth"
+        yield (
+            ("teeth", "ring"),
+            "inconsistent",
+            f"must be z_s + 2 z_p = {sun + 2 * planet}",
+            f"give {sun + 2 * planet} teeth",
+        )
     elif angles is not None:
         if number := misfit(sun, ring, angles):
             step = 360 / (sun + ring)
             message = f"the teeth of planet {number} do not fit: angles are multiples of 360 deg/(z_s + z_r)"
             near = step * round(np.degrees(float(angles[number - 1] - angles[0])) / step)
-            yield ("angles",), message, f'give "{near:.7g} deg" from the first one, or write angles: {ASSEMBLE}'
+            yield (
+                ("angles",),
+                "inconsistent",
+                message,
+                f'give "{near:.7g} deg" from the first one, or write angles: {ASSEMBLE}',
+            )
     elif whole(planets, 3, MOST_PLANETS) and (sun + ring) % int(planets):
         possible = [str(k) for k in range(3, MOST_PLANETS + 1) if (sun + ring) % k == 0]
         remedy = f"write angles: {ASSEMBLE}, or change the teeth"
         remedy += f", or take one of planets: {', '.join(possible)}" if possible else ""
         message = f"{planets} equally spaced planets cannot be assembled: (z_s + z_r)/N = {sun + ring}/{planets}"
-        yield ("teeth",), f"{message} is no integer", remedy
+        yield ("teeth",), "inconsistent", f"{message} is no integer", remedy
 
 
 def clear_of_each_other(sun: int, planet: int, angles: Sequence[Any]) -> bool:

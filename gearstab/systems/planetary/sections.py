@@ -197,38 +197,48 @@ class Planetary(System):
         ring, supports = raw.get("ring") or {}, raw.get("supports") or {}
         if ring.get("kind") == "elastic" and ring.get("bending_stiffness") is None:
             remedy = "add k_bend = E J/(R^3 (1 - nu^2)), or make the ring rigid"
-            yield ("ring", "bending_stiffness"), "is missing", remedy
+            yield ("ring", "bending_stiffness"), "missing", "is missing", remedy
         if ring.get("kind") == "elastic":
             for key in ("ring", "ring_rotation"):
                 if supports.get(key) is not None:
                     remedy = "give ring_radial and ring_tangential, or make the ring rigid"
-                    yield ("supports", key), "holds a rigid ring, and this one is elastic", remedy
+                    yield ("supports", key), "not_applicable", "holds a rigid ring, and this one is elastic", remedy
         for section, keys in NEEDED.items():
             for key in keys:
                 if (raw.get(section) or {}).get(key) is None:
                     where = (
                         "add it" if key == "carrier" else f"add {key}, or gears: {{module, pressure_angle, face_width}}"
                     )
-                    yield (section, key), "is missing", where
+                    yield (section, key), "missing", "is missing", where
         if raw.get("motion", "planar") == "planar":
             for section, keys in (("masses", ("carrier", "sun")), ("supports", ("planet",))):
                 inner = raw.get(section, {})
                 for key in keys:
                     if inner is not None and inner.get(key) is None:
-                        yield (section, key), "is missing", f"add {key}, which planar motion needs"
+                        yield (section, key), "missing", "is missing", f"add {key}, which planar motion needs"
         yield from _phases(raw)
         if raw.get("input", "sun") == raw.get("fixed", "ring"):
             where = "input" if "input" in raw else "fixed"
-            yield (where,), "the body that drives is fixed", "choose another input, or another fixed body"
+            yield (
+                (where,),
+                "inconsistent",
+                "the body that drives is fixed",
+                "choose another input, or another fixed body",
+            )
 
 
 def _phases(raw: dict[str, Any]) -> Iterator[Conflict]:
     phases, teeth, planets = raw.get("phases"), raw.get("teeth"), raw.get("planets")
     if phases is None and teeth is None:
-        yield (), "phases or teeth are missing", "add phases: {sun: [one lag per planet], sun_ring: ..}, or teeth"
+        yield (
+            (),
+            "missing",
+            "phases or teeth are missing",
+            "add phases: {sun: [one lag per planet], sun_ring: ..}, or teeth",
+        )
     sun = (phases or {}).get("sun")
     if sun is not None and teeth is not None:
-        yield ("phases", "sun"), "the phases follow from teeth already", "keep phases.sun or teeth"
+        yield ("phases", "sun"), "already_given", "the phases follow from teeth already", "keep phases.sun or teeth"
     elif whole(planets, 3, MOST_PLANETS):
         yield from within(raw, "phases", lambda phases: wrong_length(phases, "sun", planets, "planet"))
     numbers: list[Any] = [(teeth or {}).get(key) for key in ("sun", "planet", "ring")]

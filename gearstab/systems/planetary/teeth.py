@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic_core import PydanticCustomError
 
+from gearstab.config.document.codes import code_of
 from gearstab.config.document.yaml import Document
 from gearstab.config.model.fields import Quantity
 from gearstab.config.model.introspection import as_parameters
@@ -40,21 +41,30 @@ def fill(document: Document, raw: dict[str, Any]) -> None:
     shared = {} if found is None else as_parameters(found)
     for key in NEEDED if found is not None else ():
         if key not in shared:
-            document.report(("system", "gears", key), "is missing", f"add {key}, which all gears share")
+            document.report(("system", "gears", key), "missing", "is missing", f"add {key}, which all gears share")
     for name in _axes_of_teeth(document.get(("sweep",))):
         message = "sets numbers of teeth, and gears gives the numbers of those in system alone"
         document.report(
-            ("sweep", name), message, "remove it, or give masses and stiffness instead of gears", at_key=True
+            ("sweep", name),
+            "not_applicable",
+            message,
+            "remove it, or give masses and stiffness instead of gears",
+            at_key=True,
         )
     counts = teeth if isinstance(teeth, dict) else {}
     whole = all(type(counts.get(body)) is int and counts[body] > 3 for body in ("sun", "planet", "ring"))
     if not whole:
-        document.report(("system", "gears"), "needs the numbers of teeth", "add teeth: {sun: .., planet: .., ring: ..}")
+        document.report(
+            ("system", "gears"),
+            "needs_other",
+            "needs the numbers of teeth",
+            "add teeth: {sun: .., planet: .., ring: ..}",
+        )
     if whole and set(NEEDED) <= set(shared):
         try:
             _fill(document, raw, {body: shared | {"teeth": counts[body]} for body in ("sun", "planet", "ring")})
         except NotPossible as error:
-            document.report(("system", "gears"), error.message, error.remedy or "change the teeth")
+            document.report(("system", "gears"), "impossible", error.message, error.remedy or "change the teeth")
 
 
 def _axes_of_teeth(sweep: Any) -> list[str]:
@@ -107,7 +117,7 @@ def _measured(document: Document, name: str, section: dict[str, Any]) -> dict[st
         except PydanticCustomError as error:
             context = error.context or {}
             path = ("system", "meshes", name, key)
-            document.report(path, str(context["message"]), str(context["hint"]), value=value)
+            document.report(path, code_of(error.type), str(context["message"]), str(context["hint"]), value=value)
     return found
 
 
@@ -119,7 +129,7 @@ def _fill_mesh(document: Document, name: str, section: dict[str, Any], mesh: Mes
         remedy = (
             "give it, or mean_stiffness and epsilon" if name == "ring" else "change the teeth, or give the stiffness"
         )
-        document.report(("system", "meshes", name), error.message, remedy)
+        document.report(("system", "meshes", name), "impossible", error.message, remedy)
         return
     wanted = ("mean_stiffness", "epsilon", "contact_ratio")
     _put(document, ("meshes", name), {k: float(filled[k]) for k in wanted if k in filled and section.get(k) is None})

@@ -21,6 +21,7 @@ from scenes import CONFIGS, CONFIGURATIONS
 from gearstab.cli import group
 from gearstab.config import Config, ConfigError, load
 from gearstab.config.checks.options import check
+from gearstab.config.document.codes import CODES
 from gearstab.config.document.yaml import write
 from gearstab.config.model.axes import parameters_at
 from gearstab.sweep.plan import plan
@@ -142,10 +143,12 @@ def read(scene: Path, text: str) -> Config | None:
         if config.methods.chosen:
             check(config, build(config.parameters))
     except ConfigError as error:
-        lines = [str(problem) for problem in error.problems]
+        problems = error.problems
     else:
         return config
+    lines = [str(problem) for problem in problems]
     assert lines
+    assert {problem.code for problem in problems} <= set(CODES)
     assert all(line and "\n" not in line and len(line) < 3000 for line in lines)
     return None
 
