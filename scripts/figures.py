@@ -47,6 +47,7 @@ PICTURES: dict[str, dict[str, Sequence[str]]] = {
         "": ("--title", "Stability of a two-stage train under load"),
         "_force": ("--kind", "speeds", "--select", "epsilon=0.3", "--title", "Load factors of a two-stage train"),
     },
+    "response/run_up": {"": (), "_orders": ("--kind", "orders")},
     "kuria_kihiu_2008/steady": {
         "": ("--kind", "teeth", "--title", "Loads of a tooth (Kuria & Kihiu 2008, Fig. 6)"),
         **{

@@ -11,7 +11,7 @@ from gearstab.cli.terminal import options
 from gearstab.cli.terminal.console import tell
 
 if TYPE_CHECKING:
-    from gearstab.response import Response
+    from gearstab.response import RampResponse, Response
     from gearstab.response.backlash import BacklashResponse
     from gearstab.response.rotating_pair import PairResponse
 
@@ -40,11 +40,14 @@ def command(config: Path, output: Path | None, overrides: tuple[str, ...], quiet
         tell(summary(found, out))
 
 
-def summary(found: Response | PairResponse, out: Path) -> str:
+def summary(found: Response | RampResponse | PairResponse, out: Path) -> str:
     """Summarise a response in one line, and in a second one if the history was cut."""
+    from gearstab.response import RampResponse
     from gearstab.response.backlash import BacklashResponse
     from gearstab.response.rotating_pair import PairResponse
 
+    if isinstance(found, RampResponse):
+        return ramp_summary(found, out)
     if isinstance(found, PairResponse):
         return pair_summary(found, out)
     if isinstance(found, BacklashResponse):
@@ -55,6 +58,20 @@ def summary(found: Response | PairResponse, out: Path) -> str:
     if found.status == "overflow":
         lines.append("warning: the response outgrew double precision there; the history ends")
     return "\n".join(lines + [f"note: {NOTES[name]}" for name in found.findings if name in NOTES])
+
+
+def ramp_summary(found: RampResponse, out: Path) -> str:
+    """Summarise a run-up or coast-down: where each mesh force is largest."""
+    import numpy as np
+
+    first, last = found.mesh_frequency[[0, -1]]
+    lines = [f"response: {out}: {len(found.time):,} samples, mesh frequency {first:.6g} to {last:.6g}"]
+    at = np.abs(found.mesh_force).argmax(axis=0)
+    peaks = [f"{abs(found.mesh_force[k, i]):.4g} at {found.mesh_frequency[k]:.4g}" for i, k in enumerate(at)]
+    lines.append(f"largest mesh forces and mesh frequencies there: {', '.join(peaks)}")
+    if found.overflowed:
+        lines.append("warning: the response outgrew double precision there; the history ends")
+    return "\n".join(lines + [f"note: {NOTES['separation']}"] * found.separated)
 
 
 NOTES = {

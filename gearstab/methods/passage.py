@@ -17,7 +17,7 @@ from gearstab.results.variables import OCCURRENCE, PASSAGE, TONGUE, Variable, fl
 from gearstab.system import Array
 
 if TYPE_CHECKING:
-    from gearstab.passage.path import Path
+    from gearstab.linear.path import Path
 
 SEGMENT = 3e-6
 """Seconds of a segment of a ramp, of three coordinates."""
@@ -138,7 +138,7 @@ class Passage(Method):
 
     def paths(self, low: float, high: float) -> list[Path]:
         """Return what is followed, in mesh frequencies; low, high: the ends of the axis."""
-        from gearstab.passage.path import Path
+        from gearstab.linear.path import Path
 
         factor = self.options.factor
         if self.options.rate is not None:

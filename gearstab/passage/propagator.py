@@ -17,8 +17,8 @@ import numpy as np
 
 from gearstab.linear import magnus
 from gearstab.linear.first_order import Basis, bases
+from gearstab.linear.path import Path
 from gearstab.linear.schedule import Schedule, schedule
-from gearstab.passage.path import Path
 from gearstab.system import Array, GearSystem
 
 MOST = 4_000_000

@@ -16,9 +16,9 @@ from __future__ import annotations
 import numpy as np
 
 from gearstab.floquet.boundaries import boundaries, union
+from gearstab.linear.path import Path
 from gearstab.passage import STATUS_FLAGS
 from gearstab.passage.adiabatic import Gains, GrowthOverSpeed, gains, growth_over_speed
-from gearstab.passage.path import Path
 from gearstab.passage.propagator import MOST, growth, motions, swing
 from gearstab.perturbation.tongues import Tongue
 from gearstab.system import Array, GearSystem

@@ -24,14 +24,15 @@ from gearstab.plots.maps import (
     stability_map,
     surface,
 )
-from gearstab.plots.motions import pair, phase_plane, response, spectrum, speeds, teeth
+from gearstab.plots.motions import orders, pair, phase_plane, response, spectrum, speeds, teeth, waterfall
 from gearstab.results.display import in_display_units
 
 KINDS: dict[str, Kind] = {
     module.KIND.name: module.KIND
     for module in (
         stability_map, slices, curve, modes, boundaries, surface, required_damping, probability, passage, speeds,
-        work_precision, response, pair, spectrum, teeth, phase_plane, contour, tornado, before_after, pareto,
+        work_precision, response, waterfall, orders, pair, spectrum, teeth, phase_plane, contour, tornado, before_after,
+        pareto,
     )
 }  # fmt: skip
 """By name; of several kinds that suit a result the last is its default."""

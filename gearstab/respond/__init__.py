@@ -13,18 +13,18 @@ from gearstab.systems.parts.respond_pair import PairRespond
 
 if TYPE_CHECKING:
     from gearstab.config import Config
-    from gearstab.response import Response
+    from gearstab.response import RampResponse, Response
     from gearstab.response.rotating_pair import PairResponse
 
 
-def respond(config: Config, out: Path) -> Response | PairResponse:
+def respond(config: Config, out: Path) -> Response | RampResponse | PairResponse:
     """Compute the response and write the result file ``out``; raises ConfigError and OSError."""
     found, tree = computed(config)
     write_result(out, tree)
     return found
 
 
-def computed(config: Config) -> tuple[Response | PairResponse, ResultTree]:
+def computed(config: Config) -> tuple[Response | RampResponse | PairResponse, ResultTree]:
     """Compute the response, and the result to be written. Raises ConfigError."""
     from gearstab.respond import pair, system
 

@@ -12,7 +12,7 @@ from gearstab.config import ConfigError
 from gearstab.config.document.codes import Code
 from gearstab.errors import NotPossible
 from gearstab.floquet.kernel import choice as kernel
-from gearstab.respond import tooth_loads
+from gearstab.respond import ramp, tooth_loads
 from gearstab.response import (
     RESPONSE_FLAGS,
     backlash,
@@ -34,7 +34,7 @@ from gearstab.systems import build, model_of
 
 if TYPE_CHECKING:
     from gearstab.config import Config
-    from gearstab.response import Response
+    from gearstab.response import RampResponse, Response
     from gearstab.response.backlash import BacklashResponse
     from gearstab.systems.parts.respond import Respond
 
@@ -47,11 +47,13 @@ MOST_HARMONICS = 4000
 HISTORIES = ("time", "displacement", "velocity", "mesh_deflection", "mesh_force", "energy")
 
 
-def response(config: Config, wanted: Respond) -> tuple[Response, ResultTree]:
+def response(config: Config, wanted: Respond) -> tuple[Response | RampResponse, ResultTree]:
     """Compute the response, and the result to be written; raises ConfigError."""
     system = build(config.parameters)
     try:
         _affordable(config, wanted, system)
+        if wanted.ramp is not None:
+            return ramp.response(config, wanted, system)
         if backlash.has_backlash(system):
             parting = _parting(wanted, system)
             return parting, _backlash_result(config, wanted, system, parting)
@@ -106,7 +108,10 @@ def _duration(wanted: Respond, system: GearSystem) -> float:
 
 def _affordable(config: Config, wanted: Respond, system: GearSystem) -> None:
     """Refuse what would exhaust the memory."""
-    samples = _duration(wanted, system) / _period(wanted, system) * wanted.samples_per_cycle + 1
+    if wanted.ramp is None:
+        samples = _duration(wanted, system) / _period(wanted, system) * wanted.samples_per_cycle + 1
+    else:
+        samples = ramp.samples(wanted, system)
     numbers = samples * (2 * system.size + 2 * len(system.meshes) + 2)
     if numbers > MOST_NUMBERS:
         asked = next((key for key in ("duration", "cycles") if getattr(wanted, key) is not None), "samples_per_cycle")

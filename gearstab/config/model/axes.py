@@ -161,3 +161,12 @@ def alike(axes: Sequence[Axis], rows: Mapping[str, Array], count: int) -> Iterat
     _, group = np.unique(keys, axis=0, return_inverse=True)
     for number in range(group.max() + 1):
         yield np.flatnonzero(np.ravel(group) == number)
+
+
+@dataclass(frozen=True)
+class SpeedAxis:
+    """In what a response is given its speed: the key, the mesh frequency over it, and the unit that the user wrote."""
+
+    key: str = "mesh_frequency"
+    factor: float = 1.0
+    typed_units: str = ""

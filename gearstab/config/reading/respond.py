@@ -4,13 +4,19 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from gearstab.config.document.problems import Path
 from gearstab.config.document.yaml import Document
+from gearstab.config.model.axes import SpeedAxis
 
 if TYPE_CHECKING:
     from gearstab.config.reading.system import SystemSections
     from gearstab.systems.base import System
     from gearstab.systems.parts.respond import Respond
     from gearstab.systems.parts.respond_pair import PairRespond
+
+RAMP = ("respond", "ramp")
+OF_RAMP = (("to", "rad/s"), ("rate", "rad/s^2"))
+"""Where a ramp is, and which of its keys are speeds and accelerations of the input where the section gives that."""
 
 
 def read_respond(
@@ -30,32 +36,45 @@ def read_respond(
     if system:
         known |= system.contents
     size = model.size(known) if model else None
+    axis = SpeedAxis()
     if model is not None and wanted is Respond and isinstance(section, dict):
-        _replace_input_speed(document, section, model.cycles_of_input(known))
+        axis = _replace_input_speed(document, section, model.cycles_of_input(known))
     meant = as_meant(section, wanted)
     if meant is not None:
         report(document, ("respond",), wanted.conflicts(meant, known, size), meant)
     wrong = check_units(document, model, known, "respond", wanted) if model else set()
     respond: Respond | PairRespond | None = validate(document, wanted, ("respond",), wrong)
-    return None if respond is None or size is None else respond.of_size(size)
+    return None if respond is None or size is None else respond.of_size(size, axis)
 
 
-def _replace_input_speed(document: Document, section: dict[str, Any], cycles: float | None) -> None:
-    """Write the mesh frequency in place of an input speed. cycles: of the first mesh in a turn of the input."""
+def _replace_input_speed(document: Document, section: dict[str, Any], cycles: float | None) -> SpeedAxis:
+    """Write mesh frequencies in place of input speeds. cycles: of the first mesh in a turn of the input.
+
+    Returns in what the section gives its speed.
+    """
     from pydantic_core import PydanticCustomError
 
     from gearstab.config.model.fields import Quantity
+    from gearstab.config.model.units import typed_unit
     from gearstab.config.sections.targets import INPUT_SPEED, UNKNOWN_TEETH
 
     value, path = section.get(INPUT_SPEED), ("respond", INPUT_SPEED)
     if value is None or section.get("mesh_frequency") is not None:
-        return
+        return SpeedAxis(typed_units=typed_unit([section.get("mesh_frequency")]))
     if cycles is None:
         document.report(path, "needs_other", "the numbers of teeth are not known", UNKNOWN_TEETH, at_key=True)
-        return
+        return SpeedAxis()
+    ramp = section.get("ramp")
+    own: list[tuple[Path, Path, str]] = [(path, ("respond", "mesh_frequency"), "rad/s")]
+    if isinstance(ramp, dict):
+        own += [((*RAMP, key), (*RAMP, key), unit) for key, unit in OF_RAMP if key in ramp]
     try:
-        speed = Quantity("rad/s").number(value)
+        numbers = [Quantity(unit).number(document.get(given)) for given, _, unit in own]
     except PydanticCustomError:
-        return  # which is reported where the section is validated
-    document.put(("respond", "mesh_frequency"), speed * cycles, document.where(path))
+        return SpeedAxis()  # which is reported where the section is validated
+    if min(numbers) <= 0:
+        return SpeedAxis()  # as that
+    for (given, meant, _), number in zip(own, numbers, strict=True):
+        document.put(meant, number * cycles, document.where(given))
     del section[INPUT_SPEED]
+    return SpeedAxis(INPUT_SPEED, cycles, typed_unit([value]))

@@ -16,7 +16,7 @@ from gearstab.plots.drawing.style import CASES, new_figure
 from gearstab.plots.drawing.text import bracketed
 from gearstab.plots.kinds import Kind
 from gearstab.plots.motions.response import MOST_PANELS, columns, fit_labels, refuse_selections
-from gearstab.results.display import ORDER, SHOWN_SCALE
+from gearstab.results.display import ORDER, SHOWN_SCALE, SPEEDS
 
 Array = np.ndarray
 Artists = dict[str, Any]
@@ -32,7 +32,10 @@ SHOWN = 1e-4
 def read_spectra(tree: xr.DataTree, wanted: str | None) -> xr.DataArray:
     """The variable over the frequency. Raises PlotError if the result holds none, or not that one."""
     dataset = group_of(tree, "response")
-    known = [str(name) for name, data in dataset.data_vars.items() if "frequency" in data.dims]
+    known = [
+        str(name) for name, data in dataset.data_vars.items()
+        if "frequency" in data.dims and not set(SPEEDS) & set(map(str, data.dims))
+    ]  # fmt: skip
     if not known:
         raise PlotError("this result holds no spectra of a response")
     if wanted is not None and wanted not in known:

@@ -273,6 +273,30 @@ RESPONSE = (
     Variable("status", (), "i2", "1", "what is to be said of the response; 0: nothing"),
 )  # fmt: skip
 
+RAMP_RESPONSE = (
+    coordinate("time", "time", "f8", "s", "time"),
+    coordinate("momentary_mesh_frequency", "time", "f8", "rad/s", "mesh frequency at the time"),
+    *DOF,
+    coordinate("mesh", "mesh", TEXT, "1", "tooth mesh"),
+    Variable("displacement", ("time", "dof"), "f8", "m", "displacement without rigid-body motion"),
+    Variable("velocity", ("time", "dof"), "f8", "m/s", "velocity without rigid-body motion"),
+    Variable("mesh_deflection", ("time", "mesh"), "f8", "m", "mesh deflection along the line of action"),
+    Variable("mesh_force", ("time", "mesh"), "f8", "N", "elastic mesh force"),
+    Variable("static_mesh_force", ("mesh",), "f8", "N", "mesh force under the constant load, at the mean stiffness"),
+    coordinate("mesh_frequency", "mesh_frequency", "f8", "rad/s", "mesh frequency in the middle of a window"),
+    coordinate("moment", "mesh_frequency", "f8", "s", "time in the middle of a window"),
+    coordinate("frequency", "frequency", "f8", "rad/s", "frequency"),
+    coordinate("harmonic", "harmonic", "i4", "1", "multiple of the frequency of the mesh itself"),
+    Variable(
+        "mesh_force_spectrogram", ("mesh_frequency", "frequency", "mesh"), "f4", "N", "amplitude of the mesh force"
+    ),
+    Variable(
+        "mesh_force_harmonic", ("mesh_frequency", "harmonic", "mesh"), "f8", "N",
+        "amplitude of a harmonic of the mesh force",
+    ),
+    Variable("status", (), "i2", "1", "what is to be said of the response; 0: nothing"),
+)  # fmt: skip
+
 TOOTH_LOADS = (
     coordinate("contact", "contact", "f8", "1", "contact of a pair of teeth, from its first point to its last one"),
     Variable("tooth_load", ("contact", "mesh"), "f8", "N", "largest load of a pair of teeth"),

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Annotated, Any, ClassVar, cast
 
-from pydantic import Field
+from pydantic import Field, PrivateAttr, model_validator
 
+from gearstab.config.model.axes import SpeedAxis
 from gearstab.config.model.conflicts import (
     Conflict,
     at_most_one,
@@ -25,6 +26,7 @@ from gearstab.config.model.fields import (
     Section,
     Time,
     Whole,
+    wrong,
 )
 
 
@@ -43,8 +45,19 @@ class Initial(Section):
     )
 
 
+class Ramp(Section):
+    """A run-up or coast-down, from the speed of the section on."""
+
+    to: AngularFrequency = Field(
+        title="last speed", description="Mesh frequency, or input speed where that is given, at the end (rad/s)."
+    )
+    rate: Annotated[float, Field(gt=0), Quantity("rad/s^2")] = Field(
+        title="rate", description='How fast it changes, upwards or downwards (rad/s^2, "300 rpm/s").'
+    )
+
+
 class Respond(Section):
-    """The response of a linear system, for ``gearstab respond``: from an initial state or periodic."""
+    """The response of a linear system, for ``gearstab respond``: from an initial state, periodic, or of a run-up."""
 
     mesh_frequency: AngularFrequency = Field(
         default=cast(float, None),  # of a sound section it is given, or takes the place of input_speed
@@ -66,6 +79,11 @@ class Respond(Section):
         title="steady state",
         description="The periodic response of a driven system, over one period common to all that varies and drives.",
     )
+    ramp: Ramp | None = Field(
+        default=None,
+        title="ramp",
+        description="Instead of a constant speed: a run-up or coast-down to another one, at a rate.",
+    )
     duration: Time | None = Field(default=None, title="duration", description="How long (s); or give cycles.")
     cycles: Annotated[float, Field(gt=0), Quantity()] | None = Field(
         default=None, title="cycles", description="How long, in periods of the first mesh (1); or give duration."
@@ -85,11 +103,27 @@ class Respond(Section):
         description="With backlash: how long, in periods of the first mesh, the motion settles before it is summed up.",
     )
 
+    _axis: SpeedAxis = PrivateAttr(default=SpeedAxis())
     frequency_key: ClassVar[str] = "mesh_frequency"
     """The key that says how fast the system runs."""
 
-    def of_size(self, size: int) -> Respond:
-        """Return the section with zeros for what the initial state of so many coordinates does not give."""
+    @model_validator(mode="after")
+    def _moves(self) -> Respond:
+        if self.ramp is not None and self.ramp.to == self.mesh_frequency:
+            raise wrong("inconsistent", "has a ramp to the speed at which it begins", "give ramp.to another speed")
+        return self
+
+    @property
+    def axis(self) -> SpeedAxis:
+        """In what the configuration gives the speed."""
+        return self._axis
+
+    def of_size(self, size: int, axis: SpeedAxis) -> Respond:
+        """Return the section with zeros for what the initial state of so many coordinates does not give.
+
+        axis: in what the configuration gives the speed.
+        """
+        self._axis = axis
         if self.initial is None:
             return self
         state = {name: getattr(self.initial, name) or [0.0] * size for name in Initial.model_fields}
@@ -116,6 +150,9 @@ class Respond(Section):
                 f"leaves nothing of {cycles:g} cycles",
                 "give more cycles, or discard less",
             )
+        if raw.get("ramp") is not None:
+            yield from _of_ramp(raw, driven, parting)
+            return
         if raw.get("steady_state") is True and parting:
             remedy = "give cycles, long enough for the motion to settle, and discard"
             yield ("steady_state",), "not_applicable", "teeth with backlash may have several", remedy
@@ -146,6 +183,20 @@ class Respond(Section):
                 "the system stays at rest",
                 "give a displacement or a velocity that is not zero",
             )
+
+
+def _of_ramp(raw: dict[str, Any], driven: bool, parting: bool) -> Iterator[Conflict]:
+    if parting:
+        message = "teeth with backlash are followed at a constant speed only"
+        yield ("ramp",), "not_applicable", message, "remove the ramp or the backlash"
+    for key in ("duration", "cycles", "stored_cycles"):
+        if raw.get(key) is not None:
+            remedy = "remove it: the ramp ends at its last speed"
+            yield (key,), "not_applicable", "is not allowed together with ramp", remedy
+    if raw.get("steady_state") is True:
+        yield ("steady_state",), "not_applicable", "is not allowed together with ramp", "remove one of them"
+    if raw.get("initial") is None and not driven:
+        yield (), "missing", "initial is missing", "add initial: {displacement: [..]}, or a load to the system"
 
 
 def _of_steady_state(raw: dict[str, Any], driven: bool) -> Iterator[Conflict]:

@@ -7,6 +7,7 @@ from typing import Annotated, Any, ClassVar
 
 from pydantic import Field
 
+from gearstab.config.model.axes import SpeedAxis
 from gearstab.config.model.conflicts import Conflict, exactly_one
 from gearstab.config.model.fields import (
     AngularFrequency,
@@ -91,8 +92,8 @@ class PairRespond(Section):
 
     frequency_key: ClassVar[str] = "speed"
 
-    def of_size(self, size: int) -> PairRespond:
-        """Return the section as it is: nothing in it has one number for each coordinate."""
+    def of_size(self, size: int, axis: SpeedAxis) -> PairRespond:
+        """Return the section as it is: nothing in it has one number for each coordinate, or another axis."""
         return self
 
     @classmethod

@@ -72,3 +72,7 @@ class Path:
         k = np.clip(np.searchsorted(self.time, time, side="right") - 1, 0, len(self.rate) - 1)
         since = time - self.time[k]
         return np.asarray(self.phase[k] + since * (self.mesh_frequency[k] + 0.5 * self.rate[k] * since))
+
+    def speed_at(self, time: Array) -> Array:
+        """Return Omega(t)."""
+        return np.interp(time, self.time, self.mesh_frequency)

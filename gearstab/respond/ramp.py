@@ -1,0 +1,87 @@
+"""The response while the speed changes: run-ups and coast-downs."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import tau
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from gearstab.linear.path import Path
+from gearstab.response import RESPONSE_FLAGS, RampResponse, ramp_response
+from gearstab.response.linear.equilibrium import static_mesh_force
+from gearstab.response.measures.waterfall import HARMONICS, waterfall
+from gearstab.results import Group, ResultTree, Variable, fields_of
+from gearstab.results.display import FACTOR, FREQUENCY, typed
+from gearstab.results.guard import RESPOND
+from gearstab.results.provenance import modes_group, root_attributes
+from gearstab.results.units import in_brackets, in_units_of, unit_of
+from gearstab.results.variables import RAMP_RESPONSE, flagged
+from gearstab.system import GearSystem
+
+if TYPE_CHECKING:
+    from gearstab.config import Config
+    from gearstab.config.model.axes import SpeedAxis
+    from gearstab.systems.parts.respond import Respond
+
+
+def path_of(wanted: Respond) -> Path:
+    """Return the mesh frequency over time."""
+    assert wanted.ramp is not None
+    first, last = wanted.mesh_frequency, wanted.ramp.to
+    return Path(np.array([0.0, abs(last - first) / wanted.ramp.rate]), np.array([first, last]))
+
+
+def samples(wanted: Respond, system: GearSystem) -> float:
+    """Return how many samples the response has, about."""
+    path, ratio = path_of(wanted), float(system.meshes[0].frequency_ratio)
+    return float(path.time[-1] * path.range[1] * ratio / tau * wanted.samples_per_cycle) + 1
+
+
+def response(config: Config, wanted: Respond, system: GearSystem) -> tuple[RampResponse, ResultTree]:
+    """Compute the response, and the result to be written. Raises NotPossible."""
+    start = None
+    if wanted.initial is not None:
+        start = np.array(wanted.initial.displacement), np.array(wanted.initial.velocity)
+    found = ramp_response(system, path_of(wanted), wanted.samples_per_cycle, start)
+    values: dict[str, Any] = {
+        name: getattr(found, name)
+        for name in ("time", "displacement", "velocity", "mesh_deflection", "mesh_force")
+    } | {
+        "momentary_mesh_frequency": found.mesh_frequency,
+        "dof": list(system.coordinates),
+        "dof_units": list(system.coordinate_units),
+        "mesh": [mesh.name for mesh in system.meshes],
+        "status": found.flags,
+    }  # fmt: skip
+    if system.load is not None:
+        values["static_mesh_force"] = static_mesh_force(system)
+    said: dict[str, Any] = {"comment": "run-up or coast-down, without the rigid-body motion and what accelerates it"}
+    sounds = waterfall(system, found)
+    if sounds is not None:
+        said |= {"window": sounds.width, "frequency_ratios": [float(mesh.frequency_ratio) for mesh in system.meshes]}
+        said["comment"] += f"; window: length of the windows of the spectrogram{in_brackets(system, 's')}"
+        values |= {
+            wanted.axis.key: sounds.mesh_frequency / wanted.axis.factor,
+            "moment": sounds.moment,
+            "frequency": sounds.frequency,
+            "harmonic": np.arange(1, HARMONICS + 1),
+            "mesh_force_spectrogram": sounds.spectrum,
+            "mesh_force_harmonic": sounds.harmonics,
+        }
+    table = in_units_of(system, flagged(RAMP_RESPONSE, RESPONSE_FLAGS))
+    fields = fields_of([_along(variable, wanted.axis, system) for variable in table], values)
+    root = Group((), root_attributes(RESPOND, config, "none"))
+    return found, ResultTree(root, {"modes": modes_group(system), "response": Group(fields, said)})
+
+
+def _along(variable: Variable, axis: SpeedAxis, system: GearSystem) -> Variable:
+    """A variable over the speed as the configuration gives it."""
+    dims = tuple(axis.key if dim == FREQUENCY else dim for dim in variable.dims)
+    if variable.name != FREQUENCY:
+        return replace(variable, dims=dims)
+    said = typed(axis.typed_units, unit_of(system, variable.units))
+    if axis.key == FREQUENCY:
+        return replace(variable, attributes=said)
+    return replace(variable, name=axis.key, dims=dims, long_name="input speed", attributes=said | {FACTOR: axis.factor})

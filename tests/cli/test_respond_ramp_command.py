@@ -1,0 +1,94 @@
+"""Run-ups on the command line: what is read, written and drawn."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+
+from gearstab.cli import group
+from gearstab.config import ConfigError, load
+from gearstab.plots import default_kind, draw
+from gearstab.plots.axes import Request
+from gearstab.results import open_result
+
+CONFIG = """
+title: a pair of gears runs up
+system:
+  kind: gearbox
+  damping_ratio: 0.03
+  gears: {module: "2 mm", pressure_angle: "20 deg", face_width: "20 mm"}
+  rotors: [{name: motor, inertia: 0.01, teeth: 20}, {name: machine, inertia: 0.03, teeth: 60}]
+  meshes: [{name: mesh, gears: [motor, machine]}]
+  input: {rotor: motor, torque: 20.0}
+  outputs: [{rotor: machine}]
+respond:
+  input_speed: "6000 rpm"
+  ramp: {to: "9000 rpm", rate: "6000 rpm/s"}
+  samples_per_cycle: 12
+"""
+
+
+@pytest.fixture
+def config(tmp_path: Path) -> Path:
+    path = tmp_path / "pair.yaml"
+    path.write_text(CONFIG)
+    return path
+
+
+def call(*arguments: str | Path) -> Result:
+    return CliRunner().invoke(group, [*map(str, arguments)])
+
+
+def test_a_run_up_is_written_and_drawn_over_the_speed_that_was_typed(config: Path, tmp_path: Path) -> None:
+    out, picture = tmp_path / "out.h5", tmp_path / "out.png"
+    done = call("respond", config, "-o", out)
+    assert done.exit_code == 0, done.output
+    teeth, rpm = 20, 2 * np.pi / 60
+    with open_result(out) as tree:
+        found = tree["response"].to_dataset()
+        time, speed = found["time"].values, found["momentary_mesh_frequency"].values
+        np.testing.assert_allclose(speed, teeth * rpm * (6000 + 6000 * time), rtol=1e-12)
+        np.testing.assert_allclose(time[-1], 0.5, rtol=1e-3)
+        # Of a free train the load is balanced by what accelerates it; its mean force is the static one.
+        np.testing.assert_allclose(
+            found["mesh_force"].values.mean(axis=0), found["static_mesh_force"].values, rtol=0.01
+        )
+        inside = found["input_speed"]
+        np.testing.assert_allclose(inside.values, rpm * (6000 + 6000 * found["moment"].values), rtol=1e-6)
+        assert default_kind(tree.load(), Request()) == "waterfall"
+        _, artists = draw(tree, "waterfall", unit=("Hz",))
+        # Harmonic 3 of the mesh at the ends of the axis: 3 x 20 per turn, both axes in Hz.
+        line = artists["orders"][2]
+        np.testing.assert_allclose(line.get_xdata() / line.get_ydata(), 3 * teeth, rtol=1e-9)
+        np.testing.assert_allclose(line.get_ydata(), inside.values[[0, -1]] / (2 * np.pi), rtol=1e-9)
+        _, artists = draw(tree, "orders")
+        np.testing.assert_array_equal(artists["lines"][0].get_ydata(), found["mesh_force_harmonic"].values[:, 0, 0])
+        np.testing.assert_allclose(artists["lines"][0].get_xdata(), inside.values / rpm, rtol=1e-12)
+    assert call("plot", out, "-o", picture).exit_code == 0
+    assert picture.stat().st_size > 10_000
+    refused = call("plot", out, "--kind", "spectrum", "-o", picture)
+    assert refused.exit_code == 2
+    assert "spectra" in refused.stderr
+
+
+@pytest.mark.parametrize(
+    ("replaced", "by", "place", "code"),
+    [
+        ("samples_per_cycle: 12", "cycles: 3", "respond.cycles", "not_applicable"),
+        ("samples_per_cycle: 12", "steady_state: true", "respond.steady_state", "not_applicable"),
+        ("gears: [motor, machine]}", "gears: [motor, machine], backlash: 1e-4}", "respond.ramp", "not_applicable"),
+        ('"9000 rpm"', '"6000 rpm"', "respond", "inconsistent"),
+        ('"6000 rpm/s"', "0", "respond.ramp.rate", "out_of_range"),
+        ('"6000 rpm/s"', '"6000 rpm"', "respond.ramp.rate", "wrong_dimension"),
+        ('"9000 rpm"', '"-9 rpm"', "respond.ramp.to", "out_of_range"),
+        (', rate: "6000 rpm/s"', "", "respond.ramp.rate", "missing"),
+    ],
+)
+def test_what_a_ramp_cannot_be(config: Path, replaced: str, by: str, place: str, code: str) -> None:
+    config.write_text(CONFIG.replace(replaced, by))
+    with pytest.raises(ConfigError) as raised:
+        load(config)
+    assert [(problem.path, problem.code) for problem in raised.value.problems] == [(place, code)]
