@@ -12,12 +12,12 @@ from gearstab.linear.path import Path
 from gearstab.response import RESPONSE_FLAGS, RampResponse, ramp_response
 from gearstab.response.linear.equilibrium import static_mesh_force
 from gearstab.response.measures.waterfall import HARMONICS, waterfall
-from gearstab.results import Group, ResultTree, Variable, fields_of
+from gearstab.results import Group, ResultTree, Variable, coordinate, fields_of
 from gearstab.results.display import FACTOR, FREQUENCY, typed
 from gearstab.results.guard import RESPOND
 from gearstab.results.provenance import modes_group, root_attributes
 from gearstab.results.units import in_brackets, in_units_of, unit_of
-from gearstab.results.variables import RAMP_RESPONSE, flagged
+from gearstab.results.variables import RAMP_RESPONSE, SPEED, flagged
 from gearstab.system import GearSystem
 
 if TYPE_CHECKING:
@@ -71,17 +71,20 @@ def response(config: Config, wanted: Respond, system: GearSystem) -> tuple[RampR
             "mesh_force_harmonic": sounds.harmonics,
         }
     table = in_units_of(system, flagged(RAMP_RESPONSE, RESPONSE_FLAGS))
-    fields = fields_of([_along(variable, wanted.axis, system) for variable in table], values)
+    table = (_speed(wanted.axis, system), *(_over(variable, wanted.axis) for variable in table))
+    fields = fields_of(table, values)
     root = Group((), root_attributes(RESPOND, config, "none"))
     return found, ResultTree(root, {"modes": modes_group(system), "response": Group(fields, said)})
 
 
-def _along(variable: Variable, axis: SpeedAxis, system: GearSystem) -> Variable:
-    """A variable over the speed as the configuration gives it."""
-    dims = tuple(axis.key if dim == FREQUENCY else dim for dim in variable.dims)
-    if variable.name != FREQUENCY:
-        return replace(variable, dims=dims)
-    said = typed(axis.typed_units, unit_of(system, variable.units))
-    if axis.key == FREQUENCY:
-        return replace(variable, attributes=said)
-    return replace(variable, name=axis.key, dims=dims, long_name="input speed", attributes=said | {FACTOR: axis.factor})
+def _speed(axis: SpeedAxis, system: GearSystem) -> Variable:
+    """The speed as the configuration gives it, in the middle of each window."""
+    unit = unit_of(system, "rad/s")
+    said = typed(axis.typed_units, unit) | ({} if axis.key == FREQUENCY else {FACTOR: axis.factor})
+    own = coordinate(axis.key, axis.key, "f8", unit, axis.key.replace("_", " "))
+    return replace(own, attributes=said)
+
+
+def _over(variable: Variable, axis: SpeedAxis) -> Variable:
+    """A variable of which one dimension is the speed."""
+    return replace(variable, dims=tuple(axis.key if dim == SPEED else dim for dim in variable.dims))

@@ -50,7 +50,7 @@ def report(document: Document, error: ValidationError, model: Any, path: Path, i
     unavailable = [d["loc"] for d in details if d["type"] == "unavailable"]
     for detail in details:
         loc = detail["loc"]
-        follows = (detail["type"] == "missing" and loc in misspelt) or any(
+        follows = (_lacks(detail) and loc in misspelt) or any(
             loc != other and loc[: len(other) - 1] == other[:-1] for other in unavailable
         )
         if (*path, *loc) not in ignore and not follows:
@@ -78,9 +78,9 @@ def _report_one(document: Document, detail: Any, model: Any, path: Path) -> None
     loc: Path = detail["loc"]
     here = (*path, *loc)
     parent = type_at(model, loc[:-1])
-    if detail["type"] == "missing" and isinstance(loc[-1], int):
+    if _lacks(detail) and isinstance(loc[-1], int):
         _wrong_count(document, here[:-1], parent)
-    elif detail["type"] == "missing":
+    elif _lacks(detail):
         description = parent.model_fields[loc[-1]].description or ""
         document.report(here, "missing", "is missing", f"add {loc[-1]}: {description.rstrip('.')}")
     elif detail["type"] == "extra_forbidden":
@@ -104,6 +104,11 @@ def _report_one(document: Document, detail: Any, model: Any, path: Path) -> None
             hint,
             value=None if isinstance(value, list | dict) and not value else value,
         )
+
+
+def _lacks(detail: Any) -> bool:
+    """Whether a field is missing, and not what a validator says to be so, which travels in a context."""
+    return detail["type"] == "missing" and not detail.get("ctx")
 
 
 def _wrong_count(document: Document, path: Path, annotation: Any) -> None:

@@ -16,6 +16,9 @@ GRID = "(all axes of the sweep)"
 ROWS = "(all axes of the sweep but the mesh frequency)"
 """In ``dims``: all axes but the mesh frequency."""
 
+SPEED = "(mesh frequency or input speed)"
+"""In ``dims``: in what a response is given its speed."""
+
 STRETCH = "stretch"
 """In ``dims``: parts of the range of mesh frequencies, as many as the row with most of them has."""
 
@@ -283,15 +286,14 @@ RAMP_RESPONSE = (
     Variable("mesh_deflection", ("time", "mesh"), "f8", "m", "mesh deflection along the line of action"),
     Variable("mesh_force", ("time", "mesh"), "f8", "N", "elastic mesh force"),
     Variable("static_mesh_force", ("mesh",), "f8", "N", "mesh force under the constant load, at the mean stiffness"),
-    coordinate("mesh_frequency", "mesh_frequency", "f8", "rad/s", "mesh frequency in the middle of a window"),
-    coordinate("moment", "mesh_frequency", "f8", "s", "time in the middle of a window"),
+    coordinate("moment", SPEED, "f8", "s", "time in the middle of a window"),
     coordinate("frequency", "frequency", "f8", "rad/s", "frequency"),
     coordinate("harmonic", "harmonic", "i4", "1", "multiple of the frequency of the mesh itself"),
     Variable(
-        "mesh_force_spectrogram", ("mesh_frequency", "frequency", "mesh"), "f4", "N", "amplitude of the mesh force"
+        "mesh_force_spectrogram", (SPEED, "frequency", "mesh"), "f4", "N", "amplitude of the mesh force"
     ),
     Variable(
-        "mesh_force_harmonic", ("mesh_frequency", "harmonic", "mesh"), "f8", "N",
+        "mesh_force_harmonic", (SPEED, "harmonic", "mesh"), "f8", "N",
         "amplitude of a harmonic of the mesh force",
     ),
     Variable("status", (), "i2", "1", "what is to be said of the response; 0: nothing"),
