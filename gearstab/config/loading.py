@@ -17,7 +17,7 @@ from gearstab.config.document.problems import ConfigError, nearest
 from gearstab.config.document.yaml import Document, read
 from gearstab.config.model.axes import parameters_at
 from gearstab.config.overrides import TOP_LEVEL
-from gearstab.config.reading.methods import check_range, read_methods, read_passage, read_uncertainties
+from gearstab.config.reading.methods import complete_methods, read_methods, read_uncertainties
 from gearstab.config.reading.respond import read_respond
 from gearstab.config.reading.system import SystemSections, find_model, read_system
 
@@ -71,10 +71,7 @@ def load(
     uncertainties = None
     if methods is not None and system is not None:
         methods, uncertainties = read_uncertainties(methods, system)
-    if methods is not None and methods.boundaries is not None and system is not None:
-        check_range(document, system.axes)
-    if methods is not None and methods.passage is not None and system is not None:
-        methods = read_passage(document, source, methods, system.axes)
+        methods = complete_methods(document, source, methods, system.axes)
     if methods is not None and model is not None and system is not None:
         for name, code, message, hint in model.unfit(system.parameters, system.axes, methods.chosen):
             document.report(("methods", *name), code, message, hint, at_key=True)

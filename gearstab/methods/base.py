@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Protocol
 
@@ -14,6 +14,10 @@ from gearstab.results.variables import SIDE, Variable
 from gearstab.system import Array, GearSystem
 
 if TYPE_CHECKING:
+    from pathlib import Path as FilePath
+
+    from gearstab.config.document.yaml import Document
+    from gearstab.config.model.axes import Axis
     from gearstab.perturbation import Tongue
     from gearstab.tolerance.design import SamplingDesign
 
@@ -89,6 +93,24 @@ class Method(ABC):
     def on(cls, options: Any, system: GearSystem) -> Method:
         """Return the method for a base system: another class where that takes another theory."""
         return cls(options, system)
+
+    @classmethod
+    def sets(cls, section: Any) -> Collection[str]:
+        """Return the names of parameters that its section, as written, gives values to, so that no axis must."""
+        return ()
+
+    @classmethod
+    def over_range(cls, options: Any) -> str:
+        """Say what happens over a range of mesh frequencies, for which one alone is too few; "" where it is not."""
+        return ""
+
+    @classmethod
+    def completed(cls, options: Any, document: Document, source: FilePath, axes: Sequence[Axis]) -> Any:
+        """Return options with what files and axes say of them; report problems.
+
+        source: path of the configuration, to whose folder names of files are relative.
+        """
+        return options
 
     def of(self, system: GearSystem) -> Method:
         """Return the same method for another system, or a batch of systems."""

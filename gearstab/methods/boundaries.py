@@ -78,6 +78,10 @@ class BoundaryAnalysis(TongueMethod, Restricted):
         """Return what of the system was solved."""
         return self.restriction()
 
+    @classmethod
+    def over_range(cls, options: BoundariesOptions) -> str:
+        return "over which boundaries are sought"
+
     def effort(self, mesh_frequency: Array) -> EffortEstimate:
         from gearstab.floquet.boundaries.effort import effort
 

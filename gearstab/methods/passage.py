@@ -11,12 +11,20 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, PrivateAttr, model_validator
 
+from gearstab.config.document.columns import columns_of
+from gearstab.config.document.files import DataFileError, text, usable
+from gearstab.config.model.axes import SPEEDS
 from gearstab.config.model.fields import Quantity, Section, wrong
+from gearstab.config.model.validation import validate
 from gearstab.methods.base import RANGE, EffortEstimate, Key, Method, Outcome, Tolerance
 from gearstab.results.variables import OCCURRENCE, PASSAGE, TONGUE, Variable, flagged
 from gearstab.system import Array
 
 if TYPE_CHECKING:
+    from pathlib import Path as FilePath
+
+    from gearstab.config.document.yaml import Document
+    from gearstab.config.model.axes import Axis
     from gearstab.linear.path import Path
 
 SEGMENT = 3e-6
@@ -46,6 +54,13 @@ def _path(knots: list[tuple[float, float]]) -> list[tuple[float, float]]:
     if any(speed <= 0 for _, speed in knots):
         raise wrong("out_of_range", "has a mesh frequency that is not positive", "give mesh frequencies > 0")
     return knots
+
+
+def _table(path: FilePath) -> list[list[float]]:
+    """Return time and speed of each line of a text file of two columns. Raises DataFileError, with the line."""
+    usable(path, ".csv", (".csv", ".txt"))
+    _, time, speed = columns_of(text(path), ("time", "speed"))
+    return [list(knot) for knot in zip(time, speed, strict=True)]
 
 
 class PassageOptions(Section):
@@ -161,6 +176,29 @@ class Passage(Method):
         options = self.options
         return Outcome(*passage(self.system, self.paths(low, high), options.amplification, self.rates,
                                 options.tolerance, options.width_floor))  # fmt: skip
+
+    @classmethod
+    def over_range(cls, options: PassageOptions) -> str:
+        return "" if options.rate is None else "which is passed"
+
+    @classmethod
+    def completed(
+        cls, options: PassageOptions, document: Document, source: FilePath, axes: Sequence[Axis]
+    ) -> PassageOptions:
+        """Return the options with the path that a file holds, in mesh frequencies of an axis of the input speed."""
+        place, own = ("methods", cls.name), options
+        if options.table is not None:
+            try:
+                knots = _table(source.parent / options.table)
+            except DataFileError as error:
+                document.report((*place, "table"), "file", str(error), error.hint, value=options.table)
+                return options
+            where = document.where((*place, "table"))
+            del document.get(place)["table"]
+            document.put((*place, "path"), knots, where)
+            own = validate(document, PassageOptions, place) or options
+        speeds = [axis.mesh_frequency for axis in axes if axis.name in SPEEDS]
+        return own.over(speeds[0].factor if speeds and speeds[0] else 1.0)
 
     @staticmethod
     def unite(indices: Iterable[Sequence[Key]]) -> tuple[Key, ...]:

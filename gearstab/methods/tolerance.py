@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
@@ -10,6 +10,7 @@ import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from gearstab.config.document.codes import Code
+from gearstab.config.document.tree import mapping
 from gearstab.config.model.fields import AnyNumber, Flag, Quantity, Section, Whole, wrong
 from gearstab.methods.base import Method, Outcome, SampledMethod, Tolerance, flat
 from gearstab.methods.floquet import Floquet, FloquetOptions
@@ -118,6 +119,10 @@ class ToleranceAnalysis(SampledMethod):
         "negative_stiffness": "some samples have a mesh whose softer level is not positive at {points}",
         "failed": "some samples could not be computed at {points}; the interval counts them as either",
     }
+
+    @classmethod
+    def sets(cls, section: Any) -> Collection[str]:
+        return mapping(mapping(section).get("parameters"))
 
     @cached_property
     def names(self) -> list[str]:

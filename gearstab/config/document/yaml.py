@@ -14,6 +14,7 @@ from typing import Any
 from gearstab.config.document.codes import Code
 from gearstab.config.document.files import LARGEST_TEXT, NO_REGULAR
 from gearstab.config.document.problems import ConfigError, Path, Problem, dotted, shown
+from gearstab.config.document.tree import entries
 
 Node = Any
 """A node of ruamel.yaml's, whose types leave out what its kinds have."""
@@ -103,8 +104,7 @@ class Document:
 def paths_below(value: Any, path: Path) -> Iterator[Path]:
     """The path of a value and of everything in it."""
     yield path
-    inner = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
-    for key, item in inner:
+    for key, item in entries(value):
         yield from paths_below(item, (*path, key))
 
 

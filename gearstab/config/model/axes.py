@@ -14,6 +14,8 @@ Array = np.ndarray
 
 MESH_FREQUENCY: Path = ("mesh_frequency",)
 """Where the mesh frequency stands, which no system has."""
+SPEEDS = ("mesh_frequency", "input_speed")
+"""Names of axes of the mesh frequency itself, or of the speed of an input that sets it."""
 
 
 @dataclass(frozen=True)

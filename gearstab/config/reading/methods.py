@@ -4,46 +4,53 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from gearstab.config.document.yaml import Document, value_at
-from gearstab.config.model.axes import MESH_FREQUENCY, Axis
+from gearstab.config.document.tree import mapping, names_set
+from gearstab.config.document.yaml import Document
+from gearstab.config.model.axes import SPEEDS, Axis
 
 if TYPE_CHECKING:
     from gearstab.config.reading.system import SystemSections
     from gearstab.config.sections.methods import Methods
     from gearstab.config.sections.uncertain import Uncertainties
+    from gearstab.methods import Method
 
 
 def read_methods(document: Document) -> Methods | None:
     """The methods that a document asks for, none without the section; None after reporting problems."""
     from gearstab.config.model.validation import validate
     from gearstab.config.sections.methods import Methods
-    from gearstab.config.sections.sweep import sets_mesh_frequency
+    from gearstab.methods import METHODS
 
     data = document.data
     if "methods" not in data:
         return Methods()
-    section = data["methods"]
-    for name in section if isinstance(section, dict) else ():
-        if section[name] is None and name in Methods.model_fields:
+    section, sweep = data["methods"], data.get("sweep")
+    for name, options in mapping(section).items():
+        if options is None and name in Methods.model_fields:
             document.put(("methods", name), {}, document.where(("methods", name)))  # `floquet:` asks for it
     if section is None or section == {}:
         document.report(("methods",), "missing", "names no method", f"add one of {', '.join(Methods.model_fields)}")
         return None
-    sweep = data.get("sweep")
-    if isinstance(section, dict) and isinstance(sweep, dict):
+    if isinstance(sweep, dict):
         remedy = "add mesh_frequency: {start: .., stop: .., num: ..} to sweep"
-        for name in ("floquet", "response", "tolerance"):
-            uncertain = value_at(section, ("tolerance", "parameters")) if name == "tolerance" else None
-            own = uncertain if isinstance(uncertain, dict) else {}
-            if name in section and not (sets_mesh_frequency(sweep) or sets_mesh_frequency(own)):
-                document.report(("methods", name), "missing", "needs a mesh_frequency axis", remedy, at_key=True)
-        # Boundaries are sought between the ends of an axis; frequencies that come with cases have none.
-        for name in ("boundaries", "passage"):
-            if name in section and not {"mesh_frequency", "input_speed"} & sweep.keys():
+        for name, options in mapping(section).items():
+            if name in METHODS and not _has_frequency(METHODS[name], options, sweep):
                 document.report(("methods", name), "missing", "needs a mesh_frequency axis", remedy, at_key=True)
     return validate(document, Methods, ("methods",))
+
+
+def _has_frequency(method: type[Method], options: Any, sweep: dict[str, Any]) -> bool:
+    """Whether a method gets the mesh frequencies that it needs. options, sweep: their sections as written."""
+    from gearstab.methods import RANGE
+
+    own, speeds = method.sets(options), set(SPEEDS)
+    if method.frequency == RANGE:
+        # Its ends are those of an axis; frequencies that come with cases have none.
+        return not speeds.isdisjoint(sweep)
+    everywhere = set(own).union(*(names_set(*item) for item in sweep.items()))
+    return method.frequency is None or not speeds.isdisjoint(everywhere)
 
 
 def read_uncertainties(methods: Methods, system: SystemSections) -> tuple[Methods, Uncertainties | None]:
@@ -59,38 +66,23 @@ def read_uncertainties(methods: Methods, system: SystemSections) -> tuple[Method
     return methods.model_copy(update={"tolerance": own}), found[0]
 
 
-def read_passage(document: Document, source: FilePath, methods: Methods, axes: Sequence[Axis]) -> Methods:
-    """The methods with the path that a file holds, in mesh frequencies of an axis that may be the input speed."""
-    from gearstab.config.checks.sample_file import read_path
-    from gearstab.config.document.files import DataFileError
-    from gearstab.config.model.validation import validate
-    from gearstab.config.sections.methods import Methods
+def complete_methods(document: Document, source: FilePath, methods: Methods, axes: Sequence[Axis]) -> Methods:
+    """The methods with what files and axes add to their options; report a range of mesh frequencies that is none."""
+    from gearstab.methods import METHODS
 
-    own, place = methods.passage, ("methods", "passage")
-    if own.rate is not None:
-        check_range(document, axes, "which is passed")
-    if own.table is not None:
-        try:
-            knots = [list(knot) for knot in read_path(source.parent / own.table)]
-        except DataFileError as error:
-            document.report((*place, "table"), "file", str(error), error.hint, value=own.table)
-            return methods
-        where = document.where((*place, "table"))
-        del document.get(place)["table"]
-        document.put((*place, "path"), knots, where)
-        found = validate(document, Methods, ("methods",))
-        if found is None:
-            return methods
-        own = found.passage
-    speed = next((axis for axis in axes if axis.name in ("mesh_frequency", "input_speed")), None)
-    factor = 1.0 if speed is None else next((a.factor for a in speed.assignments if a.path == MESH_FREQUENCY), 1.0)
-    return methods.model_copy(update={"passage": own.over(factor)})
+    for name in methods.chosen:
+        options = getattr(methods, name)
+        _check_range(document, axes, METHODS[name].over_range(options))
+        own = METHODS[name].completed(options, document, source, axes)
+        if own is not options:
+            methods = methods.model_copy(update={name: own})
+    return methods
 
 
-def check_range(document: Document, axes: Sequence[Axis], what: str = "over which boundaries are sought") -> None:
-    """Boundaries are sought over a range of the mesh frequency, so that one frequency alone holds none."""
-    for axis in axes:
-        numbers = axis.name in ("mesh_frequency", "input_speed") and not isinstance(axis.values, list)
+def _check_range(document: Document, axes: Sequence[Axis], what: str) -> None:
+    """One mesh frequency alone is no range, over which something happens; "": nothing does."""
+    for axis in axes if what else ():
+        numbers = axis.name in SPEEDS and not isinstance(axis.values, list)
         if numbers and axis.span[0] == axis.span[1]:
             path = ("sweep", axis.name)
             hint = "give two frequencies or more, or start and stop"

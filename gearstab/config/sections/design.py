@@ -12,14 +12,14 @@ from pydantic import TypeAdapter, ValidationError
 from gearstab.config.document.codes import code_of
 from gearstab.config.document.problems import Path, dotted, nearest
 from gearstab.config.document.yaml import Document
-from gearstab.config.model.axes import Axis
+from gearstab.config.model.axes import SPEEDS, Axis
 from gearstab.config.model.fields import NUMBER
 from gearstab.config.model.validation import explain
 from gearstab.config.sections import design_variables
 from gearstab.config.sections.expansion import expand_list
 from gearstab.config.sections.objectives import OBJECTIVES, QUANTITIES
 from gearstab.config.sections.sweep import Context, UnresolvedAxis, build
-from gearstab.config.sections.targets import INPUT_SPEED, Target
+from gearstab.config.sections.targets import Target
 
 KEYS = {
     "range": "range: {mesh_frequency: [2.0, 6.0]}",
@@ -28,7 +28,6 @@ KEYS = {
     "constraints": "constraints: {contact_ratio: {max: 1.9}}",
 }
 """The keys of the section with an example each."""
-SPEEDS: tuple[str, ...] = ("mesh_frequency", INPUT_SPEED)
 
 
 @dataclass(frozen=True)

@@ -116,19 +116,6 @@ class Context:
             return []
 
 
-def sets_mesh_frequency(section: dict[str, Any]) -> bool:
-    """Whether an axis of a ``sweep`` section, in whichever form, sets the mesh frequency."""
-    names = {MESH_FREQUENCY[0], INPUT_SPEED}
-    for key, spec in section.items():
-        tied = spec.get("targets") if isinstance(spec, dict) else None
-        cases = spec if isinstance(spec, list) else []
-        if key in names or (isinstance(tied, list) and any(name in names for name in tied if isinstance(name, str))):
-            return True
-        if any(isinstance(case, dict) and names & case.keys() for case in cases):
-            return True
-    return False
-
-
 def layouts(context: Context) -> list[UnresolvedAxis]:
     """Return what each axis sets; report unknown names, and parameters that two axes set."""
     document = context.document
