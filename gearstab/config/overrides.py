@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from gearstab.config.document.codes import Code
 from gearstab.config.document.data import document_of
 from gearstab.config.document.problems import ConfigError, Path, Problem, nearest, shown
+from gearstab.config.document.tree import mapping
 from gearstab.config.document.yaml import Document, Where, parse_value
 
 if TYPE_CHECKING:
@@ -125,9 +126,10 @@ def _names_parameters(path: Path) -> bool:
 def _index(entries: list[Any], key: str, option: str) -> int:
     if key.isdecimal() and int(key) < len(entries):
         return int(key)
-    names = [str(entry["name"]) for entry in entries if isinstance(entry, dict) and "name" in entry]
+    named = [(i, str(entry["name"])) for i, entry in enumerate(entries) if "name" in mapping(entry)]
+    names = [name for _, name in named]
     if key in names:
-        return next(i for i, e in enumerate(entries) if isinstance(e, dict) and str(e.get("name")) == key)
+        return named[names.index(key)][0]
     remedy = nearest(key, names) if names and not key.isdecimal() else f"use an index from 0 to {len(entries) - 1}"
     raise _wrong(option, "unknown_name", f"there is no entry '{key}'", remedy)
 

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from gearstab.config.document.problems import nearest
+from gearstab.config.document.tree import mapping, sequence
 from gearstab.config.model.introspection import inner_type, is_model
 from gearstab.config.sections.methods import Methods
 from gearstab.errors import NotPossible
@@ -64,13 +65,14 @@ def _mapping(section: dict[str, Any], model: Any, indent: int, others: bool) -> 
         said = model.model_fields[key].description if is_model(model) and key != "name" else ""
         said = (said or "").rstrip(".")
         blank = " " * indent
-        if isinstance(value, dict) and value and is_model(kind):
+        first = next(iter(sequence(value)), None)
+        if mapping(value) and is_model(kind):
             yield f"{blank}{key}:", said
             yield from _mapping(value, kind, indent + 2, key == "meshes")
-        elif isinstance(value, list) and value and isinstance(value[0], dict):
+        elif mapping(first):
             yield f"{blank}{key}:", said
             yield from _entries(value, kind, indent + 2)
-        elif isinstance(value, list) and value and isinstance(value[0], list):
+        elif sequence(first):
             yield f"{blank}{key}:", said
             yield from ((f"{blank}  - {flow(row)}", "") for row in value)
         else:

@@ -9,6 +9,7 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
+from gearstab.config.document.tree import sequence
 from gearstab.config.document.yaml import Document
 from gearstab.config.model.arrays import diagonal
 from gearstab.config.model.conflicts import Conflict, wrong_length
@@ -73,8 +74,8 @@ class TwoStage(System):
     def complete(cls, document: Document, raw: dict[str, Any], size: int | None) -> None:
         """The tooth ratio that the teeth give."""
         ratio = _ratio(raw.get("teeth"))
-        if raw.get("tooth_ratio") is None and ratio is not None:
-            document.put(("system", "tooth_ratio"), str(ratio), document.where(("system", "teeth")))
+        if ratio is not None:
+            document.fill(("system", "tooth_ratio"), str(ratio), document.where(("system", "teeth")))
 
     @classmethod
     def cycles_of_input(cls, raw: dict[str, Any]) -> float | None:
@@ -120,8 +121,8 @@ class TwoStage(System):
 
 def _ratio(teeth: Any) -> Fraction | None:
     """Z2/Z4 of numbers of teeth as written, None where they are none."""
-    whole = isinstance(teeth, list) and len(teeth) == 4 and all(type(z) is int and z > 0 for z in teeth)
-    return Fraction(teeth[1], teeth[2]) if whole else None
+    z = [number for number in sequence(teeth) if type(number) is int and number > 0]
+    return Fraction(z[1], z[2]) if len(z) == 4 == len(teeth) else None
 
 
 def _exact(value: Any) -> Fraction | None:

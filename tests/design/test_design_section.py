@@ -91,6 +91,7 @@ design:
         ("[1.1, 1.9]", "1.5", "design.variables.meshes.first.contact_ratio"),
         ("[1.1, 1.9]", "{integer: [1, 2]}", "design.variables.meshes.first.contact_ratio"),
         ("[1.1, 1.9]", "{integers: [1, 2.5]}", "design.variables.meshes.first.contact_ratio.integers"),
+        ("[1.1, 1.9]", "{integers: [1, .inf]}", "design.variables.meshes.first.contact_ratio.integers"),
         ("[1.1, 1.9]", "{values: []}", "design.variables.meshes.first.contact_ratio.values"),
         ("[1.1, 1.9]", "{values: [1.2, 1.2]}", "design.variables.meshes.first.contact_ratio.values"),
         ("[1.1, 1.9]", "{catalogue: none.csv}", "design.variables.meshes.first.contact_ratio.catalogue"),

@@ -14,10 +14,10 @@ import numpy as np
 
 from gearstab.config.configuration import Config
 from gearstab.config.document.problems import Path, Problem
+from gearstab.config.document.tree import scalars, sequence, texts
 from gearstab.config.document.yaml import Document, value_at
 from gearstab.config.model.axes import MESH_FREQUENCY, Axis
-from gearstab.config.model.fields import Quantity
-from gearstab.config.model.introspection import number_kind, type_at
+from gearstab.config.model.introspection import quantity, type_at
 from gearstab.config.model.units import to_si
 from gearstab.config.sections.targets import INPUT_SPEED
 from gearstab.system import GearSystem
@@ -101,18 +101,18 @@ def _numbers(document: Document, config: Config, units: set[str] | None) -> Iter
     """
     model = model_of(document.data["system"])
     swept = {item.path for axis in config.axes for item in axis.assignments}
-    for path, value in _leaves(config.parameters, ()):
-        kind = number_kind(type_at(model, path))
-        if isinstance(kind, Quantity) and path not in swept:
+    for path, value in scalars(config.parameters):
+        kind = quantity(type_at(model, path))
+        if kind is not None and path not in swept:
             place: Path = ("system", *path)
             yield from _unusual(document, place, _key(path), kind.unit, value, value, units)
     for axis in config.axes:
         for item in axis.assignments:
-            if isinstance(item.values, list):
+            if item.structural:
                 continue
-            kind = number_kind(type_at(model, item.path))
+            kind = quantity(type_at(model, item.path))
             key = INPUT_SPEED if axis.name == INPUT_SPEED else _key(item.path)
-            unit = "rad/s" if item.path == MESH_FREQUENCY else kind.unit if isinstance(kind, Quantity) else ""
+            unit = "rad/s" if item.path == MESH_FREQUENCY else "" if kind is None else kind.unit
             ends = np.abs(item.values) / item.factor
             yield from _unusual(document, ("sweep", axis.name), key, unit, ends.min(), ends.max(), units)
             if item.path == MESH_FREQUENCY and axis.name != INPUT_SPEED:
@@ -137,9 +137,8 @@ def _unusual(
     value, given = float(wrong[0]), document.get(place)
     shown = "" if unit == "1" else f" {unit}"
     shown += f" ({value * 30 / math.pi:,.0f} rpm)" if unit == "rad/s" else ""
-    texts = [text for _, text in _leaves(given, ()) if isinstance(text, str)]
     hint = _meant(value, unit, likely, (least, most))
-    if any(text.strip()[:1] in "+-.0123456789" for text in texts):
+    if any(text.strip()[:1] in "+-.0123456789" for _, text in texts(given)):
         hint = "check the unit"
     message = f"{value:.6g}{shown} is far from what gears have"
     yield document.problem(place, "unusual", message, hint, value=None if isinstance(given, dict | list) else given)
@@ -155,7 +154,7 @@ def _meant(value: float, unit: str, likely: str, usual: tuple[float, float]) -> 
 
 def _shaft_speed(document: Document, place: Path) -> Iterator[Problem]:
     """A doubt where revolutions stand for a mesh frequency, which is as many times that as the gear has teeth."""
-    if any(isinstance(text, str) and ROTARY.search(text) for _, text in _leaves(document.get(place), ())):
+    if any(ROTARY.search(text) for _, text in texts(document.get(place))):
         message = "is in revolutions, and a mesh frequency counts teeth"
         remedy = "multiply the speed by the number of teeth, or give input_speed of a gearbox"
         yield document.problem(place, "revolutions", message, remedy)
@@ -167,17 +166,6 @@ def _key(path: Path) -> str:
     if "transmission_error" in names:
         return "transmission_error"
     return "masses" if names[0] == "masses" else "inertias" if names[0] == "inertias" else names[-1]
-
-
-def _leaves(value: Any, path: Path) -> Iterator[tuple[Path, Any]]:
-    """All numbers and texts below a value, with their paths."""
-    items: Any = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else None
-    if items is None:
-        if isinstance(value, int | float | str) and not isinstance(value, bool):
-            yield path, value
-        return
-    for key, item in items:
-        yield from _leaves(item, (*path, key))
 
 
 # ---- gears
@@ -249,8 +237,8 @@ def _axes(document: Document, config: Config) -> Iterator[Problem]:
 
 
 def _ends_and_number(document: Document, axis: Axis, place: Path) -> Iterator[Problem]:
-    given = document.get(place)
-    plain = isinstance(given, list) and len(given) == 3 and all(type(value) in (int, float) for value in given)
+    given = sequence(document.get(place))
+    plain = len(given) == 3 and all(type(value) in (int, float) for value in given)
     if not plain:
         return
     start, stop, count = given

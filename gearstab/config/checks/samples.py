@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from gearstab.config.document.problems import Path
+from gearstab.config.document.tree import entries, is_number
 from gearstab.config.document.yaml import Document
 from gearstab.config.model.axes import Array, Axis
 from gearstab.config.model.conflicts import plain_number
@@ -48,7 +49,7 @@ def check_variation(
                     "remove the axis, or check the samples",
                     at_key=True,
                 )
-            elif isinstance(value, int | float) and value > 0:
+            elif is_number(value) and value > 0:
                 document.report(("system", *place), "not_applicable", message, HINT, value=value)
 
 
@@ -59,8 +60,7 @@ def _constant(values: Any) -> bool:
 
 def waveforms(value: Any, path: Path) -> Iterator[tuple[Path, dict[str, Any]]]:
     """The sections ``waveform`` below a value, with their paths."""
-    items: Any = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
-    for key, inner in items:
+    for key, inner in entries(value):
         if key == "waveform" and isinstance(inner, dict):
             yield (*path, key), inner
         else:

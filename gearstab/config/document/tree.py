@@ -32,6 +32,11 @@ def scalars(value: Any, path: Path = ()) -> Iterator[tuple[Path, Any]]:
         yield from scalars(item, (*path, key))
 
 
+def texts(value: Any) -> Iterator[tuple[Path, str]]:
+    """Yield the path and the text of every text below a value."""
+    return ((path, text) for path, text in scalars(value) if isinstance(text, str))
+
+
 def is_number(value: Any) -> bool:
     """Whether a value is a number: no text, and no truth value, which Python counts among the integers."""
     return isinstance(value, int | float | Fraction) and not isinstance(value, bool)

@@ -94,6 +94,14 @@ class Document:
             self.values[inner] = place
             self.keys[inner] = place
 
+    def fill(self, path: Path, value: Any, place: Where) -> bool:
+        """Set a value that the mapping around it does not give; tell whether it was set."""
+        container = self.get(path[:-1])
+        missing = isinstance(container, dict) and container.get(str(path[-1])) is None
+        if missing:
+            self.put(path, value, place)
+        return missing
+
     def move(self, source: Path, target: Path) -> None:
         """Let everything that stands below ``source`` be found below ``target``; the data is the caller's."""
         for table in (self.values, self.keys):

@@ -121,8 +121,8 @@ def parameters_at(grid: Grid, selection: Mapping[str, Array]) -> dict[str, Any]:
 
 
 def _values(axis: Axis, item: Assignment, rows: Array) -> Any:
-    if isinstance(item.values, np.ndarray):
-        return item.values[rows]
+    if not item.structural:
+        return np.asarray(item.values)[rows]
     values = [item.values[i] for i in np.unique(rows)]
     if any(value != values[0] for value in values[1:]):
         raise ValueError(f"axis '{axis.name}' must be constant over the rows that are built together")

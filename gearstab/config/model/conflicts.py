@@ -7,13 +7,13 @@ at types again; its numbers are as written.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from fractions import Fraction
 from typing import Any, get_origin
 
 import numpy as np
 
 from gearstab.config.document.codes import Code
 from gearstab.config.document.problems import Path, closest
+from gearstab.config.document.tree import entries, is_number
 from gearstab.config.document.yaml import Document, value_at
 from gearstab.config.model.introspection import bare, entry_type, field_types, is_model
 
@@ -54,8 +54,8 @@ def as_meant(value: Any, annotation: Any) -> Any:
     if get_origin(bare(annotation)) in (list, tuple):
         if not isinstance(value, list):
             return Unknown()
-        entries = [as_meant(item, entry_type(annotation, i)) for i, item in enumerate(value)]
-        return [Unknown() if item is None else item for item in entries]
+        inner = [as_meant(item, entry_type(annotation, i)) for i, item in enumerate(value)]
+        return [Unknown() if item is None else item for item in inner]
     return Unknown() if bare(annotation) is str and not isinstance(value, str) else value
 
 
@@ -80,8 +80,7 @@ def is_known(section: Any, path: Path = ()) -> bool:
 
 def items(section: Any) -> list[tuple[Any, Any]]:
     """Return key and value of every known entry of a list, or of a mapping by name; none where it is not given."""
-    entries = section.items() if isinstance(section, dict) else enumerate(section or ())
-    return [(key, value) for key, value in entries if value is not None and not isinstance(value, Unknown)]
+    return [(key, value) for key, value in entries(section) if value is not None and not isinstance(value, Unknown)]
 
 
 def exactly_one(raw: dict[str, Any], names: tuple[str, ...], what: str = "") -> Iterator[Conflict]:
@@ -107,7 +106,7 @@ def below(key: str | int, conflicts: Iterable[Conflict]) -> Iterator[Conflict]:
 
 def plain_number(value: Any) -> float | None:
     """Return a number as written, or as a parameter; None for a text with a unit and what is no number."""
-    return float(value) if isinstance(value, int | float | Fraction) and not isinstance(value, bool) else None
+    return float(value) if is_number(value) else None
 
 
 def within(raw: dict[str, Any], key: str, rule: Callable[[Any], Iterable[Conflict]]) -> Iterator[Conflict]:

@@ -10,6 +10,7 @@ from fractions import Fraction
 from typing import Annotated, Any, ClassVar
 
 from pydantic import (
+    AfterValidator,
     BaseModel,
     BeforeValidator,
     ConfigDict,
@@ -23,6 +24,7 @@ from pydantic_core import PydanticCustomError, core_schema
 
 from gearstab.config.document.codes import Code
 from gearstab.config.document.problems import nearest
+from gearstab.config.document.tree import is_number
 from gearstab.config.model.units import PER_CENT, DimensionError, UnitError, to_si
 
 LARGEST_DENOMINATOR = 1000
@@ -89,7 +91,7 @@ class Quantity:
 
     def number(self, value: Any) -> float:
         """The value as a finite float in SI units; raises a pydantic error."""
-        if isinstance(value, bool) or not isinstance(value, int | float | str):
+        if not _may_be_number(value):
             article = "is empty" if value is None else "must be a number"
             raise wrong(
                 "not_a_number" if value is not None else "empty",
@@ -110,6 +112,11 @@ class Quantity:
         if 0 < abs(result) < SMALLEST_NUMBER and self.unit not in ("1", "rad") and not self.entry:
             raise wrong("out_of_range", "is smaller than of any gear", f"stay above {SMALLEST_NUMBER:g}")
         return result
+
+
+def _may_be_number(value: Any) -> bool:
+    """Whether a value is a number, or a text that may hold one."""
+    return is_number(value) or isinstance(value, str)
 
 
 def _no_comma(value: Any) -> None:
@@ -137,6 +144,8 @@ class Ratio:
     """
 
     unit: ClassVar[str] = "1"
+    counted: ClassVar[bool] = False
+    """Whether it is a number of things, which follow each other one by one."""
 
     exact: bool = True
     sibling: str = ""
@@ -158,7 +167,7 @@ class Ratio:
         _no_comma(value)
         try:
             # The resolved configuration holds it as a text, as it does exact ratios.
-            number = float(value) if isinstance(value, int | float | str) and not isinstance(value, bool) else math.nan
+            number = float(value) if _may_be_number(value) else math.nan
         except (ValueError, OverflowError):
             number = math.nan
         if not math.isfinite(number):
@@ -184,7 +193,7 @@ class Ratio:
         if isinstance(value, Fraction):
             return value
         _no_comma(value)
-        if isinstance(value, bool) or not isinstance(value, int | float | str):
+        if not _may_be_number(value):
             raise wrong("not_a_number", "must be a ratio", remedy)
         if isinstance(value, str):
             found = re.fullmatch(r"\s*(\d{1,12}(?:\.\d{1,12})?)\s*(?:/\s*(\d{1,12})\s*)?", value)
@@ -201,7 +210,7 @@ class Ratio:
         _usual_ratio(ratio)
         if max(ratio.numerator, ratio.denominator) > LARGEST_TERM:
             raise wrong("out_of_range", "has too many digits", f"write a ratio of tooth numbers{otherwise}")
-        if ratio.denominator > LARGEST_DENOMINATOR and not (isinstance(value, str) and "/" in value):
+        if ratio.denominator > LARGEST_DENOMINATOR and "/" not in str(value):
             near = ratio.limit_denominator(100)
             remedy = f'write a fraction such as "{near}"{otherwise}'
             raise wrong("not_exact", "is no short decimal, and the ratio must be exact", remedy)
@@ -214,6 +223,8 @@ class Count(Ratio):
 
     of: what is counted.
     """
+
+    counted: ClassVar[bool] = True
 
     of: str = "teeth"
 
@@ -229,9 +240,7 @@ class Count(Ratio):
 
     def fraction(self, value: Any) -> Fraction:
         """The whole number; raises a pydantic error."""
-        number = isinstance(value, int | float | Fraction) and not isinstance(value, bool)
-        endless = isinstance(value, float) and not math.isfinite(value)
-        if not number or endless or value != int(value) or not FEWEST_TEETH <= value <= LARGEST_TERM:
+        if not is_number(value) or not FEWEST_TEETH <= value <= LARGEST_TERM or value % 1:
             raise wrong("not_whole", f"must be a whole number >= {FEWEST_TEETH}", f"write a number of {self.of}")
         return Fraction(int(value))
 
@@ -305,7 +314,7 @@ def _whole(value: Any) -> Any:
     """``1e3`` is 1000; a truth value, a text or 2.5 is no count."""
     if isinstance(value, float) and value.is_integer():
         return int(value)
-    if isinstance(value, bool) or not isinstance(value, int):
+    if type(value) is not int:
         raise wrong("not_whole", "must be a whole number", "write a number without a decimal point")
     return value
 
@@ -314,9 +323,7 @@ Whole = BeforeValidator(_whole)
 """Of a whole number."""
 
 
-def _name(value: Any) -> str:
-    if not isinstance(value, str):
-        raise wrong("wrong_type", "must be a text", "put it in quotes")
+def _name(value: str) -> str:
     if not value.strip() or value.isdigit() or re.search(r"[./\\\x00-\x1f]", value):
         raise wrong("bad_name", "cannot be used in a path", "choose a name with a letter and without '.', '/' and '\\'")
     return value
@@ -326,7 +333,7 @@ NUMBER = {"type": ["number", "string"]}
 """Schema of a number, or a text with its unit, or an exact ratio; which of them the parameter decides."""
 AnyNumber = Annotated[Any, WithJsonSchema(NUMBER)]
 Flag = StrictBool
-NameText = Annotated[str, BeforeValidator(_name)]
+NameText = Annotated[str, AfterValidator(_name)]
 """The name of a mesh or coordinate, usable in dotted paths."""
 Positive = Annotated[float, Field(gt=0), Quantity()]
 NonNegative = Annotated[float, Field(ge=0), Quantity()]

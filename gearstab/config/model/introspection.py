@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import cache
 from types import NoneType, UnionType
-from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from pydantic import BaseModel
 
 from gearstab.config.document.problems import Path
 from gearstab.config.model.fields import Choice, Quantity, Ratio, ShortName
+
+Mark = TypeVar("Mark")
 
 
 @cache
@@ -47,25 +49,36 @@ def entry_type(annotation: Any, index: int) -> Any:
     return None
 
 
+def _marked(annotation: Any, kind: type[Mark]) -> Mark | None:
+    """Return what marks a field, of a kind of marks; None for other fields."""
+    marks = get_args(annotation)[1:] if get_origin(annotation) is Annotated else ()
+    return next((mark for mark in marks if isinstance(mark, kind)), None)
+
+
+def quantity(annotation: Any) -> Quantity | None:
+    """Return the unit and kind of a number that is no exact ratio, None for other fields."""
+    return _marked(annotation, Quantity)
+
+
+def ratio(annotation: Any) -> Ratio | None:
+    """Return the kind of a ratio or count, None for other fields."""
+    return _marked(annotation, Ratio)
+
+
 def number_kind(annotation: Any) -> Quantity | Ratio | None:
     """Return the kind of number that a field is, None for other fields."""
-    if get_origin(annotation) is not Annotated:
-        return None
-    return next((m for m in get_args(annotation)[1:] if isinstance(m, Quantity | Ratio)), None)
+    return quantity(annotation) or ratio(annotation)
 
 
 def short_name(annotation: Any) -> ShortName | None:
     """Return what the name of a field stands for by itself, None for other fields."""
-    if get_origin(annotation) is not Annotated:
-        return None
-    return next((m for m in get_args(annotation)[1:] if isinstance(m, ShortName)), None)
+    return _marked(annotation, ShortName)
 
 
 def axis_choice(annotation: Any) -> Choice | None:
     """The words that an axis can give a field, None for other fields."""
-    if get_origin(annotation) is not Annotated:
-        return None
-    return next((m for m in get_args(annotation)[1:] if isinstance(m, Choice) and m.axis), None)
+    choice = _marked(annotation, Choice)
+    return choice if choice is not None and choice.axis else None
 
 
 def inner_type(annotation: Any, part: str | int) -> Any:

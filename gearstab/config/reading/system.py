@@ -7,6 +7,7 @@ from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
 from gearstab.config.document.problems import Path, dotted, nearest
+from gearstab.config.document.tree import sequence
 from gearstab.config.document.yaml import Document, value_at
 from gearstab.config.model.axes import Array, Axis
 
@@ -111,10 +112,9 @@ def read_system(document: Document, model: type[System], source: FilePath) -> Sy
 
 def _name_meshes(document: Document, model: type[System]) -> None:
     meshes = document.data["system"].get("meshes")
-    for i, mesh in enumerate(meshes if isinstance(meshes, list) else []):
-        if isinstance(mesh, dict) and mesh.get("name") is None:
-            name = model.mesh_names[i] if i < len(model.mesh_names) else f"mesh{i + 1}"
-            document.put(("system", "meshes", i, "name"), name, document.where(("system", "meshes", i)))
+    for i in range(len(sequence(meshes))):
+        name = model.mesh_names[i] if i < len(model.mesh_names) else f"mesh{i + 1}"
+        document.fill(("system", "meshes", i, "name"), name, document.where(("system", "meshes", i)))
 
 
 def _read_samples(document: Document, section: dict[str, Any], source: FilePath) -> dict[Path, Array]:

@@ -11,6 +11,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from gearstab.config.document.codes import code_of
 from gearstab.config.document.problems import Path, dotted, nearest
+from gearstab.config.document.tree import is_number, mapping, sequence
 from gearstab.config.document.yaml import Document
 from gearstab.config.model.axes import SPEEDS, Axis
 from gearstab.config.model.fields import NUMBER
@@ -96,10 +97,10 @@ class Design:
 def layouts(context: Context) -> list[UnresolvedAxis]:
     """Find what each variable sets; what is wrong with the section's keys and variables is reported."""
     document = context.document
-    section = document.get(("design",))
-    if not isinstance(section, dict) or not section:
+    section = mapping(document.get(("design",)))
+    if not section:
         hint = f"add {', '.join(KEYS[key] for key in ('range', 'variables', 'minimise'))}"
-        document.report(("design",), "wrong_type", "must be a mapping", hint, value=section or None)
+        document.report(("design",), "wrong_type", "must be a mapping", hint, value=document.get(("design",)) or None)
         return []
     for key in section:
         if key not in KEYS:
@@ -122,9 +123,7 @@ def read(context: Context, found: list[UnresolvedAxis]) -> Design | None:
         variables.append(DesignVariable(built[0], form))
         specs[layout.name] = _spec(form, built[1])
         design_variables.check(context.document, variables[-1].axis, form)
-    section = context.document.get(("design",))
-    if not isinstance(section, dict):
-        return None
+    section = mapping(context.document.get(("design",)))
     ranges = list(_ranges(context, section.get("range")))
     objectives = list(_objectives(context.document, section.get("minimise")))
     limits = list(_limits(context, section.get("constraints")))
@@ -152,18 +151,20 @@ def _ends(limit: Limit) -> dict[str, float]:
     return {name: value for name, value in ends.items() if np.isfinite(value)}
 
 
+def _each(path: Path, spec: Any) -> list[tuple[Path, Any]]:
+    """Path and value of each entry of a list, or of what stands there alone."""
+    return [((*path, i), item) for i, item in enumerate(spec)] if isinstance(spec, list) else [(path, spec)]
+
+
 def _ranges(context: Context, spec: Any) -> Iterator[SpeedRange]:
     document, path = context.document, ("design", "range")
     if spec in (None, [], {}):
         return
-    items: list[tuple[Path, Any]] = [(path, spec)]
-    if isinstance(spec, list):
-        items = [((*path, i), item) for i, item in enumerate(spec)]
-    for place, item in items:
+    for place, item in _each(path, spec):
         found = _range(context, place, item)
         if found is not None:
             yield found
-    kinds = {key for _, item in items if isinstance(item, dict) for key in item if key in SPEEDS}
+    kinds = {key for _, item in _each(path, spec) for key in mapping(item) if key in SPEEDS}
     if len(kinds) > 1:
         document.report(
             path,
@@ -175,7 +176,7 @@ def _ranges(context: Context, spec: Any) -> Iterator[SpeedRange]:
 
 def _range(context: Context, path: Path, item: Any) -> SpeedRange | None:
     document = context.document
-    named = [key for key in SPEEDS if isinstance(item, dict) and key in item]
+    named = [key for key in SPEEDS if key in mapping(item)]
     if len(named) != 1:
         hint = f"write {KEYS['range']}, or input_speed with speeds of the input"
         document.report(
@@ -188,7 +189,7 @@ def _range(context: Context, path: Path, item: Any) -> SpeedRange | None:
     of, ends = named[0], item[named[0]]
     weight = _positive(document, (*path, "weight"), item["weight"]) if "weight" in item else 1.0
     targets = context.resolve(of, (*path, of))
-    if not isinstance(ends, list) or len(ends) != 2:
+    if len(sequence(ends)) != 2:
         document.report(
             (*path, of), "wrong_type", "must be the lowest and the highest speed", "write [low, high]", value=ends
         )
@@ -207,8 +208,7 @@ def _range(context: Context, path: Path, item: Any) -> SpeedRange | None:
 
 def _positive(document: Document, path: Path, value: Any) -> float | None:
     """A number > 0; None after reporting that it is none."""
-    plain = isinstance(value, int | float) and not isinstance(value, bool)
-    if plain and 0 < value < np.inf:
+    if is_number(value) and 0 < value < np.inf:
         return float(value)
     document.report(path, "wrong_type", "must be a number > 0", "write a number > 0", value=value)
     return None
@@ -219,10 +219,8 @@ def _objectives(document: Document, spec: Any) -> Iterator[dict[str, float]]:
     path: Path = ("design", "minimise")
     if spec in (None, [], {}):
         return
-    items = enumerate(spec) if isinstance(spec, list) else [(None, spec)]
     seen: list[Any] = []
-    for i, item in items:
-        place = path if i is None else (*path, i)
+    for place, item in _each(path, spec):
         if item in seen:
             document.report(place, "repeated_name", "stands there twice", "name each objective once", value=item)
         seen.append(item)
@@ -232,14 +230,14 @@ def _objectives(document: Document, spec: Any) -> Iterator[dict[str, float]]:
 
 
 def _objective(document: Document, path: Path, item: Any) -> dict[str, float]:
-    weights = {item: 1.0} if isinstance(item, str) else item
-    if not isinstance(weights, dict) or not weights:
+    weights = {item: 1.0} if isinstance(item, str) else mapping(item)
+    if not weights:
         hint = f"write one of {', '.join(OBJECTIVES)}, or a mapping of weights"
         document.report(path, "wrong_type", "must name what is to be small", hint, value=item)
         return {}
     found = {}
     for name, weight in weights.items():
-        place = path if isinstance(item, str) else (*path, name)
+        place = (*path, name) if weights is item else path
         if name not in OBJECTIVES:
             document.report(
                 place, "unknown_name", f"'{name}' is no objective", nearest(str(name), OBJECTIVES), at_key=True
@@ -255,7 +253,7 @@ def _limits(context: Context, spec: Any) -> Iterator[Limit]:
     document, path = context.document, ("design", "constraints")
     if spec in (None, {}):
         return
-    if not isinstance(spec, dict):
+    if not mapping(spec):
         document.report(path, "wrong_type", "must be a mapping", f"write {KEYS['constraints']}", value=spec)
         return
     for name, ends in spec.items():
@@ -266,7 +264,7 @@ def _limits(context: Context, spec: Any) -> Iterator[Limit]:
 
 def _limit(context: Context, path: Path, name: str, ends: Any) -> Limit | None:
     document = context.document
-    if not isinstance(ends, dict) or not ends or not ends.keys() <= {"min", "max"}:
+    if not mapping(ends) or not ends.keys() <= {"min", "max"}:
         document.report(path, "missing", "must give min, max or both", "write {min: .., max: ..}", value=ends or None)
         return None
     targets: list[Target] = []

@@ -12,6 +12,7 @@ import numpy as np
 
 from gearstab.config.document import files
 from gearstab.config.document.problems import Path, nearest
+from gearstab.config.document.tree import is_number, mapping, sequence
 from gearstab.config.document.yaml import Document, number
 from gearstab.config.model.axes import Axis
 from gearstab.config.model.fields import NUMBER
@@ -33,8 +34,8 @@ MOST_CHOICES = 10_000
 def layouts(context: Context) -> Iterator[UnresolvedAxis]:
     """Find what each variable sets; reports forms that are none, names that stand for nothing, and rivals."""
     document = context.document
-    section = document.get(PLACE)
-    if not isinstance(section, dict):
+    section = mapping(document.get(PLACE))
+    if not section:
         document.report(
             PLACE, "wrong_type", "must be a mapping", "write a path and its bounds, such as epsilon: [0.1, 0.3]"
         )
@@ -49,7 +50,7 @@ def form_of(document: Document, name: str) -> str | None:
     spec = document.get((*PLACE, name))
     if isinstance(spec, list):
         return "bounds"
-    return next((key for key in FORMS if key in spec), None) if isinstance(spec, dict) else None
+    return next((key for key in FORMS if key in mapping(spec)), None)
 
 
 def check(document: Document, axis: Axis, form: str) -> None:
@@ -87,23 +88,24 @@ def _layout(context: Context, name: str) -> UnresolvedAxis | None:
     spec = document.get(path)
     if isinstance(spec, list):
         return _of_bounds(context, name, path, spec)
-    if not isinstance(spec, dict) or len(spec) != 1 or next(iter(spec)) not in FORMS:
-        wrong = [key for key in spec if key not in FORMS] if isinstance(spec, dict) else []
+    forms = mapping(spec)
+    wrong = [key for key in forms if key not in FORMS]
+    if len(forms) != 1 or wrong:
         hint = nearest(wrong[0], FORMS) if wrong else f"write [low, high], or one of {', '.join(FORMS.values())}"
         document.report(path, "missing", "has no bounds and no choices", hint, value=spec or None)
         return None
-    form = next(iter(spec))
+    ((form, given),) = forms.items()
     if form == "integers":
-        items = _integers(document, (*path, form), spec[form])
+        items = _integers(document, (*path, form), given)
         return None if items is None else _of_values(context, name, (*path, form), items)
     if form == "values":
-        if not isinstance(spec[form], list) or not spec[form]:
+        if not sequence(given):
             document.report(
-                (*path, form), "wrong_type", "must be a list of values", "write values: [1.2, 1.4]", value=spec[form]
+                (*path, form), "wrong_type", "must be a list of values", "write values: [1.2, 1.4]", value=given
             )
             return None
-        return _of_values(context, name, (*path, form), spec[form])
-    entries = spec[form] if form == "choices" else _catalogue(document, path, spec[form])
+        return _of_values(context, name, (*path, form), given)
+    entries = given if form == "choices" else _catalogue(document, path, given)
     return None if entries is None else _of_choices(context, name, (*path, "choices"), entries)
 
 
@@ -116,8 +118,7 @@ def _of_bounds(context: Context, name: str, path: Path, spec: list[Any]) -> Unre
     targets = context.resolve(name, path)
     if not targets:
         return None
-    plain = all(isinstance(value, int | float) and not isinstance(value, bool) for value in spec)
-    middle = 0.5 * (spec[0] + spec[1]) if plain else spec[0]
+    middle = 0.5 * (spec[0] + spec[1]) if all(map(is_number, spec)) else spec[0]
     return UnresolvedAxis(name, [Column(path, targets, base=_given(targets, middle))])
 
 
@@ -140,9 +141,8 @@ def _of_values(context: Context, name: str, path: Path, items: list[Any]) -> Unr
 
 def _integers(document: Document, path: Path, ends: Any) -> list[int] | None:
     """All integers between two, both included."""
-    whole = isinstance(ends, list) and len(ends) == 2
-    whole = whole and all(isinstance(v, int | float) and not isinstance(v, bool) and v == int(v) for v in ends)
-    if not whole or not ends[0] <= ends[1]:
+    whole = all(is_number(value) and value % 1 == 0 for value in sequence(ends))
+    if len(sequence(ends)) != 2 or not whole or not ends[0] <= ends[1]:
         document.report(
             path, "wrong_type", "must be the lowest and the highest integer", "write integers: [17, 40]", value=ends
         )
@@ -157,7 +157,7 @@ def _integers(document: Document, path: Path, ends: Any) -> list[int] | None:
 
 def _of_choices(context: Context, name: str, path: Path, entries: Any) -> UnresolvedAxis | None:
     document = context.document
-    if not isinstance(entries, list) or not entries or not all(isinstance(entry, dict) for entry in entries):
+    if not sequence(entries) or not all(isinstance(entry, dict) for entry in entries):
         document.report(
             path, "wrong_type", "must be a list of mappings", "write choices: [{path: value}, ..]", value=entries
         )

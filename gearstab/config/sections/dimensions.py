@@ -11,9 +11,10 @@ from pydantic_core import PydanticCustomError
 
 from gearstab.config.document.codes import code_of
 from gearstab.config.document.problems import Path
+from gearstab.config.document.tree import texts
 from gearstab.config.document.yaml import Document
 from gearstab.config.model.fields import Quantity
-from gearstab.config.model.introspection import number_kind, type_at
+from gearstab.config.model.introspection import quantity, type_at
 
 if TYPE_CHECKING:
     from gearstab.systems.base import System
@@ -89,10 +90,10 @@ def check_units(
     top, section: the key of the section and its model. ignore: paths in the document that are left alone.
     """
     found: set[Path] = set()
-    for path, text in _texts(document.data.get(top), ()):
-        declared = number_kind(type_at(section, path))
+    for path, text in texts(document.data.get(top)):
+        declared = quantity(type_at(section, path))
         place = (top, *path)
-        if not isinstance(declared, Quantity) or place in ignore:
+        if declared is None or place in ignore:
             continue
         wanted = quantity_at(model, raw, path if top == "system" else place, declared)
         if wanted == declared:
@@ -104,12 +105,3 @@ def check_units(
             document.report(place, code_of(error.type), str(context["message"]), str(context["hint"]), value=text)
             found.add(place)
     return found
-
-
-def _texts(value: Any, path: Path) -> Iterator[tuple[Path, str]]:
-    if isinstance(value, str):
-        yield path, value
-        return
-    items: Any = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
-    for key, item in items:
-        yield from _texts(item, (*path, key))

@@ -12,6 +12,7 @@ import numpy as np
 from pydantic import Field, WithJsonSchema
 
 from gearstab.config.document.problems import Path, dotted, nearest
+from gearstab.config.document.tree import mapping, sequence
 from gearstab.config.document.yaml import Document, value_at
 from gearstab.config.model.axes import MESH_FREQUENCY, Assignment, Axis
 from gearstab.config.model.fields import NUMBER, AnyNumber, Section
@@ -119,9 +120,10 @@ class Context:
 def layouts(context: Context) -> list[UnresolvedAxis]:
     """Return what each axis sets; report unknown names, and parameters that two axes set."""
     document = context.document
-    section = document.get(("sweep",))
-    if not isinstance(section, dict) or not section:
-        shown = None if section in (None, {}, []) else section
+    section = mapping(document.get(("sweep",)))
+    if not section:
+        given = document.get(("sweep",))
+        shown = None if given in (None, {}, []) else given
         document.report(
             ("sweep",),
             "missing",
@@ -137,7 +139,7 @@ def layouts(context: Context) -> list[UnresolvedAxis]:
             document.report(path, "missing", "an axis without values", "give a list, or {start: .., stop: .., num: ..}")
         elif isinstance(spec, list) and all(isinstance(entry, dict) for entry in spec):
             found.append(cases(context, name, path, spec))
-        elif isinstance(spec, dict) and ("targets" in spec or "values" in spec):
+        elif not mapping(spec).keys().isdisjoint(("targets", "values")):
             found.append(_tie(context, name, path, spec))
         else:
             found.append(UnresolvedAxis(name, [Column(path, context.resolve(name, path))]))
@@ -191,8 +193,8 @@ def _tie(context: Context, name: str, path: Path, spec: dict[str, Any]) -> Unres
     for key in spec:
         if key not in Tie.model_fields:
             document.report((*path, key), "unknown_key", "unknown key", nearest(key, Tie.model_fields), at_key=True)
-    names = spec.get("targets")
-    if not isinstance(names, list) or not names or not all(isinstance(n, str) for n in names):
+    names: Any = spec.get("targets")
+    if not sequence(names) or not all(isinstance(n, str) for n in names):
         where = (*path, "targets")
         document.report(
             where, "wrong_type", "must be a list of parameter names", "write targets: [name, name]", value=names
@@ -200,7 +202,7 @@ def _tie(context: Context, name: str, path: Path, spec: dict[str, Any]) -> Unres
         return UnresolvedAxis(name, [])
     targets = [context.resolve(n, (*path, "targets", i)) for i, n in enumerate(names)]
     values: Any = spec.get("values")
-    apart = isinstance(values, list) and any(isinstance(v, list | dict) for v in values)
+    apart = any(isinstance(v, list | dict) for v in sequence(values))
     if not apart:
         return UnresolvedAxis(
             name, [_shared(document, path, [t for found in targets for t in found])], all(targets), tie=spec
@@ -323,13 +325,10 @@ def base_values(document: Document, found: list[UnresolvedAxis]) -> Iterator[Pat
     for layout in found:
         for column in layout.columns:
             for target in column.targets:
-                path = ("system", *target.paths[0])
-                container = document.get(path[:-1])
-                if target.paths[0] == MESH_FREQUENCY or not isinstance(container, dict):
-                    continue
-                if container.get(str(path[-1])) is None:
-                    first = column.first(document)
-                    document.put(path, 0.0 if first is None else first, document.where(column.path))
+                path, first = ("system", *target.paths[0]), column.first(document)
+                if target.paths[0] != MESH_FREQUENCY and document.fill(
+                    path, 0.0 if first is None else first, document.where(column.path)
+                ):
                     yield path
 
 

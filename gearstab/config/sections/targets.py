@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Annotated, Any, get_args
 
-import numpy as np
 from pydantic import TypeAdapter
 from pydantic.fields import FieldInfo
 
@@ -15,7 +14,7 @@ from gearstab.config.document.problems import Path, dotted, nearest
 from gearstab.config.document.yaml import value_at
 from gearstab.config.model.axes import MESH_FREQUENCY
 from gearstab.config.model.conflicts import items
-from gearstab.config.model.fields import AngularFrequency, Count, Quantity, Ratio, ShortName
+from gearstab.config.model.fields import AngularFrequency, Quantity, Ratio, ShortName
 from gearstab.config.model.introspection import (
     axis_choice,
     entry_type,
@@ -23,6 +22,8 @@ from gearstab.config.model.introspection import (
     inner_type,
     is_model,
     number_kind,
+    quantity,
+    ratio,
 )
 from gearstab.config.sections.dimensions import quantity_at
 from gearstab.systems import short_names, short_names_of
@@ -77,24 +78,24 @@ class Target:
     @property
     def exact(self) -> bool:
         """Whether it is an exact ratio or a word, which changes the structure of the problem."""
-        return isinstance(number_kind(self.annotation), Ratio) or axis_choice(self.annotation) is not None
+        return ratio(self.annotation) is not None or axis_choice(self.annotation) is not None
 
     @property
     def counted(self) -> bool:
         """Whether it is a number of teeth."""
-        return isinstance(number_kind(self.annotation), Count)
+        kind = ratio(self.annotation)
+        return kind is not None and kind.counted
 
     @property
     def plain(self) -> Any:
         """The type of a number in its unit, wherever its own values must lie."""
-        kind = number_kind(self.annotation)
-        return Annotated[float, Quantity() if isinstance(kind, Ratio) or kind is None else kind]
+        return Annotated[float, quantity(self.annotation) or Quantity()]
 
     @property
     def decimal(self) -> bool:
         """Whether it is a ratio that stands for an irrational number, which changes the structure as well."""
-        kind = number_kind(self.annotation)
-        return isinstance(kind, Ratio) and not kind.exact
+        kind = ratio(self.annotation)
+        return kind is not None and not kind.exact
 
 
 def resolve(name: str, model: type[System], raw: dict[str, Any]) -> list[Target]:
@@ -126,8 +127,8 @@ def _written(path: Path, raw: Any) -> str:
 
 def _fitted(target: Target, model: type[System], raw: dict[str, Any]) -> Target:
     """With the units that the number has in this very system."""
-    kind = number_kind(target.annotation)
-    if not isinstance(kind, Quantity):
+    kind = quantity(target.annotation)
+    if kind is None:
         return target
     wanted = quantity_at(model, raw, target.paths[0], kind)
     parts = get_args(target.annotation)
@@ -178,7 +179,7 @@ def _walk(name: str, parts: list[str], model: type[System], raw: dict[str, Any])
             field = annotation.model_fields[part]
             title, default = field.title or part, _default(field, part)
             annotation, step = _of_its_kind(field_types(annotation)[part], value), part
-            if isinstance(annotation, type) and issubclass(annotation, ToothMesh):
+            if is_model(annotation) and issubclass(annotation, ToothMesh):
                 owner = f" of {part}"
         elif entry_type(annotation, 0) is not None:
             step = index = _index(name, part, path, value, entry_type(annotation, 0))
@@ -215,8 +216,8 @@ def _check_waveform(key: str, waveform: Any, where: str) -> None:
 
 def _of_its_kind(annotation: Any, section: Any) -> Any:
     """The annotation of a ratio that its section declares not to be exact; others as they are."""
-    kind = number_kind(annotation)
-    if isinstance(kind, Ratio) and kind.sibling and value_at(section, (kind.sibling,)) is False:
+    kind = ratio(annotation)
+    if kind is not None and kind.sibling and value_at(section, (kind.sibling,)) is False:
         return Annotated[float, Ratio(exact=False)]
     return annotation
 
@@ -228,20 +229,21 @@ def _default(field: FieldInfo, name: str) -> Any:
 
 
 def _index(name: str, part: str, path: Path, value: Any, entry: Any) -> int:
-    entries = list(value) if isinstance(value, list | np.ndarray) else []
     if not part.isdecimal() and is_model(entry) and "name" in entry.model_fields:
-        names = [mesh.get("name") if isinstance(mesh, dict) else None for mesh in entries]
-        if part not in names:
-            choices = [name.replace(part, str(known)) for known in names if isinstance(known, str)]
+        names = [(i, item.get("name")) for i, item in items(value)]
+        found = [i for i, known in names if known == part]
+        if not found:
+            choices = [name.replace(part, known) for _, known in names if isinstance(known, str)]
             what = "mesh" if issubclass(entry, NamedToothMesh) else "entry"
             raise TargetError(f"there is no {what} '{part}'", nearest(name, choices))
-        return names.index(part)
+        return int(found[0])
     if not part.isdecimal():
         raise TargetError("unknown parameter", f"{dotted(path)} is a list: use an index from 0 on")
-    if int(part) >= len(entries):
-        if not entries:
+    count = 0 if value is None else len(value)
+    if int(part) >= count:
+        if not count:
             raise TargetError("there is no such entry", f"give {dotted(path)} a base value under system")
-        raise TargetError(f"there is no entry {part}", f"{dotted(path)} has entries 0 to {len(entries) - 1}")
+        raise TargetError(f"there is no entry {part}", f"{dotted(path)} has entries 0 to {count - 1}")
     return int(part)
 
 
@@ -270,7 +272,7 @@ def _numbers(annotation: Any, raw: Any, path: Path) -> Iterator[str]:
     if number_kind(annotation):
         if raw is not None or not isinstance(path[-1], int):
             yield dotted(path)
-    elif is_model(annotation) and (isinstance(raw, dict) or not path):
+    elif is_model(annotation) and raw is not None:
         for key, inner in field_types(annotation).items():
             yield from _numbers(inner, raw.get(key), (*path, key))
     elif isinstance(raw, list):

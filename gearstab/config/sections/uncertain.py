@@ -11,10 +11,11 @@ from pydantic_core import PydanticCustomError
 
 from gearstab.config.document.codes import code_of
 from gearstab.config.document.problems import Path, Problem, dotted
+from gearstab.config.document.tree import mapping, sequence
 from gearstab.config.document.yaml import Document, value_at
 from gearstab.config.model.axes import MESH_FREQUENCY, Array, Axis, replaced
 from gearstab.config.model.fields import Quantity
-from gearstab.config.model.introspection import number_kind
+from gearstab.config.model.introspection import quantity
 from gearstab.config.sections.targets import Target
 from gearstab.tolerance.design import groups_of
 from gearstab.tolerance.distributions import DISTRIBUTIONS, Distribution
@@ -102,8 +103,7 @@ def _present(parameters: dict[str, Any], path: Path) -> Any:
 
 def resolve(context: Context, section: Any) -> dict[str, list[Target]]:
     """Return what each uncertain parameter of a section as written stands for; report names that stand for none."""
-    parameters = section.get("parameters") if isinstance(section, dict) else None
-    names = [name for name in parameters if isinstance(name, str)] if isinstance(parameters, dict) else []
+    names = mapping(mapping(section).get("parameters"))
     return {name: context.resolve(name, (*SECTION, "parameters", name)) for name in names}
 
 
@@ -113,15 +113,12 @@ def base_values(context: Context, targets: Mapping[str, list[Target]]) -> Iterat
     for name, found in targets.items():
         path = (*SECTION, "parameters", name)
         for kind in DISTRIBUTIONS:
-            numbers = document.get((*path, kind))
-            if not isinstance(numbers, list) or len(numbers) < 2 or document.get((*path, "deviation")) is True:
+            numbers = sequence(document.get((*path, kind)))
+            if len(numbers) < 2 or document.get((*path, "deviation")) is True:
                 continue
             for target in (own for own in found if own.paths[0] != MESH_FREQUENCY):
-                place = ("system", *target.paths[0])
-                container = document.get(place[:-1])
-                if isinstance(container, dict) and container.get(str(place[-1])) is None:
-                    middle = numbers[len(numbers) // 2 if kind == "triangular" else 0]
-                    document.put(place, middle, document.where(path))
+                middle = numbers[len(numbers) // 2 if kind == "triangular" else 0]
+                if document.fill(place := ("system", *target.paths[0]), middle, document.where(path)):
                     yield place
 
 
@@ -156,7 +153,8 @@ def _key(distribution: Distribution) -> str:
 def _uncertain(context: Context, name: str, given: Any, targets: list[Target]) -> Uncertain | None:
     path = (*SECTION, "parameters", name)
     document, first = context.document, targets[0]
-    if first.exact or not isinstance(number_kind(first.annotation), Quantity):
+    unit = quantity(first.annotation)
+    if first.exact or unit is None:
         hint = "sweep it instead"
         document.report(
             path, "no_range", f"{first.title} is exact, or a word, and has no distribution", hint, at_key=True
@@ -165,7 +163,7 @@ def _uncertain(context: Context, name: str, given: Any, targets: list[Target]) -
     key = next((key for key in DISTRIBUTIONS if getattr(given, key) is not None), None)
     if key is None:
         return None
-    numbers = [_number(context, (*path, key, i), value, first) for i, value in enumerate(getattr(given, key))]
+    numbers = [_number(context, (*path, key, i), value, unit) for i, value in enumerate(getattr(given, key))]
     if None in numbers:
         return None
     sound = [float(number) for number in numbers if number is not None]
@@ -187,11 +185,10 @@ def _uncertain(context: Context, name: str, given: Any, targets: list[Target]) -
     return own
 
 
-def _number(context: Context, path: Path, value: Any, target: Target) -> float | None:
+def _number(context: Context, path: Path, value: Any, unit: Quantity) -> float | None:
     """A number in the unit of the parameter, of any sign; None after reporting that it is none."""
-    kind = number_kind(target.annotation)
     try:
-        return kind.number(value) if isinstance(kind, Quantity) else float(value)
+        return unit.number(value)
     except PydanticCustomError as error:
         found = error.context or {}
         context.document.report(path, code_of(error.type), str(found["message"]), str(found["hint"]), value=value)

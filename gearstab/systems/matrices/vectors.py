@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from gearstab.config.document.problems import Path, nearest
+from gearstab.config.document.tree import sequence
 from gearstab.config.document.yaml import Document, value_at
 
 SECTIONS = {"meshes": ("direction",), "forces": ("direction",), "terms": ("left", "right")}
@@ -19,8 +20,8 @@ def write_out(document: Document, raw: dict[str, Any], size: int | None) -> None
     """
     if size is None:
         return
-    given = raw.get("coordinates")
-    names = given if isinstance(given, list) and len(given) == size else default_names(size)
+    given: Any = raw.get("coordinates")
+    names = given if len(sequence(given)) == size else default_names(size)
     for holder, key, path in list(_mappings(raw)):
         values: list[Any] = [0.0] * size
         for name, value in holder[key].items():
@@ -48,7 +49,7 @@ def _mappings(raw: dict[str, Any]) -> Iterator[tuple[dict[str, Any], str, Path]]
     if isinstance(raw.get("load"), dict):
         yield raw, "load", ("load",)
     for section, keys in SECTIONS.items():
-        for i, item in enumerate(raw[section] if isinstance(raw.get(section), list) else ()):
+        for i, item in enumerate(sequence(raw.get(section))):
             for key in keys:
                 if isinstance(value_at(item, (key,)), dict):
                     yield item, key, (section, i, key)

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from gearstab.config.document.tree import mapping
 from gearstab.config.document.yaml import Document
 from gearstab.system import Array
 
@@ -51,8 +52,8 @@ def complete(document: Document, raw: dict[str, Any]) -> None:
     """
     teeth: Any = raw.get("teeth")
     place = document.where(("system", "teeth"))
-    if _counts(teeth, "sun", "planet") and teeth.get("ring") is None:
-        document.put(("system", "teeth", "ring"), teeth["sun"] + 2 * teeth["planet"], place)
+    if _counts(teeth, "sun", "planet"):
+        document.fill(("system", "teeth", "ring"), teeth["sun"] + 2 * teeth["planet"], place)
     if raw.get("angles") != ASSEMBLE:
         return
     if not _counts(teeth, "sun", "ring") or not _counts(raw, "planets"):
@@ -69,4 +70,4 @@ def complete(document: Document, raw: dict[str, Any]) -> None:
 
 def _counts(section: Any, *keys: str) -> bool:
     """Whether the keys of a section as written have positive whole numbers."""
-    return isinstance(section, dict) and all(type(section.get(key)) is int and section[key] > 0 for key in keys)
+    return all(type(number) is int and number > 0 for number in map(mapping(section).get, keys))

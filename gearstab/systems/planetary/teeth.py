@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from pydantic_core import PydanticCustomError
 
 from gearstab.config.document.codes import code_of
+from gearstab.config.document.tree import mapping, names_set
 from gearstab.config.document.yaml import Document
 from gearstab.config.model.fields import Quantity
 from gearstab.config.model.introspection import as_parameters
@@ -42,7 +43,9 @@ def fill(document: Document, raw: dict[str, Any]) -> None:
     for key in NEEDED if found is not None else ():
         if key not in shared:
             document.report(("system", "gears", key), "missing", "is missing", f"add {key}, which all gears share")
-    for name in _axes_of_teeth(document.get(("sweep",))):
+    for name, spec in mapping(document.get(("sweep",))).items():
+        if not any(one.startswith("teeth.") for one in names_set(name, spec)):
+            continue
         message = "sets numbers of teeth, and gears gives the numbers of those in system alone"
         document.report(
             ("sweep", name),
@@ -51,7 +54,7 @@ def fill(document: Document, raw: dict[str, Any]) -> None:
             "remove it, or give masses and stiffness instead of gears",
             at_key=True,
         )
-    counts = teeth if isinstance(teeth, dict) else {}
+    counts = mapping(teeth)
     whole = all(type(counts.get(body)) is int and counts[body] > 3 for body in ("sun", "planet", "ring"))
     if not whole:
         document.report(
@@ -65,17 +68,6 @@ def fill(document: Document, raw: dict[str, Any]) -> None:
             _fill(document, raw, {body: shared | {"teeth": counts[body]} for body in ("sun", "planet", "ring")})
         except NotPossible as error:
             document.report(("system", "gears"), "impossible", error.message, error.remedy or "change the teeth")
-
-
-def _axes_of_teeth(sweep: Any) -> list[str]:
-    """Names of the axes, in whichever form, that set a number of teeth."""
-    found = []
-    for name, spec in sweep.items() if isinstance(sweep, dict) else ():
-        cases = [key for case in spec if isinstance(case, dict) for key in case] if isinstance(spec, list) else []
-        tied = spec.get("targets") if isinstance(spec, dict) else None
-        names = [name, *cases, *(tied if isinstance(tied, list) else [])]
-        found += [name] if any(str(one).startswith("teeth.") for one in names) else []
-    return found
 
 
 def _fill(document: Document, raw: dict[str, Any], gears: Mapping[str, dict[str, Any]]) -> None:
@@ -92,15 +84,15 @@ def _fill(document: Document, raw: dict[str, Any], gears: Mapping[str, dict[str,
     for body, rotor in bodies.items():
         numbers["masses"][body] = float(rotors.mass(rotor, STEEL["density"]))
         numbers["inertias"][body] = float(rotors.inertia(rotor, STEEL["density"]) / rotors.base_radius(rotor) ** 2)
-    sections = raw.get("meshes") if isinstance(raw.get("meshes"), dict) else {}
     centre = MeshTeeth((gears["sun"], gears["planet"]), {}, STEEL).pairs[0].centre
     for name, pair in (("sun", (gears["sun"], gears["planet"])), ("ring", (gears["planet"], ring))):
-        section = (sections or {}).get(name, {})
+        section = mapping(raw.get("meshes")).get(name, {})
         if not isinstance(section, dict):
             continue
         mesh = MeshTeeth(pair, _measured(document, name, section) | {"centre_distance": centre}, STEEL)
         numbers["pressure_angles"][name] = float(mesh.pairs[0].pressure_angle)
-        _fill_mesh(document, name, section, mesh)
+        if isinstance(raw.get("meshes"), dict):
+            _fill_mesh(document, name, section, mesh)
     for key, values in numbers.items():
         _put(document, (key,), values)
 
@@ -136,11 +128,8 @@ def _fill_mesh(document: Document, name: str, section: dict[str, Any], mesh: Mes
 
 
 def _put(document: Document, path: tuple[str, ...], values: Mapping[str, float]) -> None:
-    """Set what is not given in a section, which is made where there is none."""
+    """Set what is not given in a section, which is made where there is none; not in what is no section."""
     place = document.where(("system", "teeth"))
-    if document.get(("system", *path)) is None:
-        document.put(("system", *path), {}, place)
-    section = document.get(("system", *path))
-    for key, value in values.items() if isinstance(section, dict) else ():
-        if section.get(key) is None:
-            document.put(("system", *path, key), value, place)
+    document.fill(("system", *path), {}, place)
+    for key, value in values.items():
+        document.fill(("system", *path, key), value, place)

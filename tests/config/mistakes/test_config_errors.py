@@ -208,8 +208,9 @@ def test_wrong_override(tmp_path: Path, override: str, message: str, hint: str) 
 
 def test_methods_that_need_an_axis(tmp_path: Path) -> None:
     text = changed(GOOD, "  mesh_frequency: {start: 0.35, stop: 7.0, num: 40}\n", "")
-    found = problems(tmp_path, text)
-    assert [(p.line, p.path) for p in found] == [(14, "methods.floquet"), (15, "methods.boundaries")]
+    found = problems(tmp_path, text + "  required_damping: {}\n  perturbation: {}\n")
+    needing = ["floquet", "boundaries", "required_damping"]
+    assert [(p.line, p.path) for p in found] == [(14 + k, f"methods.{name}") for k, name in enumerate(needing)]
     assert all("needs a mesh_frequency axis" in p.message for p in found)
 
 

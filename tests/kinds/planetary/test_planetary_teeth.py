@@ -26,6 +26,7 @@ system:
   meshes: {sun: {}, ring: {single_pair_stiffness: 3.0e8}}
 """
 GEARS, TEETH = TEXT.splitlines(keepends=True)[4:6]
+MESHES = TEXT.splitlines(keepends=True)[-1]
 PAIR = """\
 system:
   kind: gearbox
@@ -113,6 +114,12 @@ def test_mistakes(tmp_path: Path, old: str, new: str, path: str, message: str) -
     assert old in TEXT
     found = problems(tmp_path, TEXT.replace(old, new))
     assert any(problem.path == path and message in problem.message for problem in found), found
+
+
+@pytest.mark.parametrize("meshes", ["", "  meshes:\n", "  meshes: 3\n", "  meshes: [{}]\n"], ids=range(4))
+def test_meshes_that_are_none_are_one_mistake(tmp_path: Path, meshes: str) -> None:
+    found = problems(tmp_path, TEXT.replace(MESHES, meshes))
+    assert [problem.path for problem in found] == ["system.meshes"]
 
 
 @pytest.mark.parametrize(
