@@ -11,7 +11,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from gearstab import ckernel, interrupts
-from gearstab.errors import Interrupted, OutputError, SweepError
+from gearstab.errors import Interrupted, OutputError, SweepError, listed
 from gearstab.results.guard import SWEEP, result_of
 from gearstab.results.output import free_bytes, prepare
 from gearstab.results.write import image, rewrite_attributes
@@ -24,7 +24,7 @@ from gearstab.sweep.storage.parts import PartFolder
 from gearstab.sweep.storage.store import Finished, Store
 
 MOST_FAILURES = 10
-"""Stop after this many failed blocks: the cause is then common to all."""
+"""Stop after this many failed blocks, unless told otherwise: the cause is then common to all."""
 
 
 @dataclass(frozen=True)
@@ -57,6 +57,7 @@ def run(
     resume: bool = False,
     overwrite: bool = False,
     progress: Reporter | None = None,
+    most_failures: int | None = MOST_FAILURES,
 ) -> Summary:
     """Compute a plan and write the result file ``out``, which has its name only when it is complete.
 
@@ -64,7 +65,8 @@ def run(
     that this is meant. A result of the same configuration that is whole is left as it is, but for its time stamp, as
     ``make`` goes by that. One of an earlier state of the configuration file is replaced when the new one is complete.
 
-    jobs: threads or processes, default one per processor.
+    jobs: threads or processes, default one per processor. most_failures: after so many failed blocks nothing further
+    is computed; None: whatever fails, all other blocks are computed and kept.
 
     Raises OutputError, before anything is computed, if ``out`` holds something else (the result of another
     configuration is replaced with ``overwrite``), or if it cannot be written; SweepError if the disk is full, a block
@@ -94,18 +96,29 @@ def run(
             reporter.message("no finished blocks found: starting from the beginning")
         for text in long_runs(plan, jobs):
             reporter.message(f"warning: {text}")
-        return _run(plan, store, out, before, jobs or ckernel.threads(), reporter)
+        work = Work(plan, store, jobs or ckernel.threads(), reporter, most_failures)
+        return _run(work, out, before)
 
 
-def _run(
-    plan: Plan, store: Store, out: Path, before: earlier.Identity | None, jobs: int, reporter: Reporter
-) -> Summary:
+@dataclass(frozen=True)
+class Work:
+    """What a sweep computes, where it keeps it, with how many processors, whom it tells, how many failures it bears."""
+
+    plan: Plan
+    store: Store
+    jobs: int
+    reporter: Reporter
+    most_failures: int | None = MOST_FAILURES
+
+
+def _run(work: Work, out: Path, before: earlier.Identity | None) -> Summary:
     """Compute what is missing and write the result; raises SweepError and Interrupted."""
+    store = work.store
     reused, computed = len(store.finished.blocks), False
     try:
         # From the moment the result has its name there is nothing left to interrupt.
         with interrupts.raised(lambda: computed and earlier.identity(out) != before):
-            _compute(plan, store, jobs, reporter)
+            _compute(work)
             computed = True
             summary = _summary(store.finished, reused)
             _finish(store, out, before)
@@ -113,7 +126,7 @@ def _run(
             return summary
     except KeyboardInterrupt:
         kept = store.rescue()
-        raise Interrupted(_interrupted(kept, plan.blocks, store.folder)) from None
+        raise Interrupted(_interrupted(kept, work.plan.blocks, store.folder)) from None
 
 
 def run_in_memory(
@@ -130,7 +143,7 @@ def run_in_memory(
         with closing(Store(plan, parts, kept=False)) as store:
             for text in long_runs(plan, jobs):
                 reporter.message(f"warning: {text}")
-            _compute(plan, store, jobs or ckernel.threads(), reporter)
+            _compute(Work(plan, store, jobs or ckernel.threads(), reporter))
             return image(merge.result_tree(store.finished, said or {}))
 
 
@@ -153,18 +166,21 @@ def _others(folder: PartFolder, others: list[Path]) -> str:
     )
 
 
-def _compute(plan: Plan, store: Store, jobs: int, reporter: Reporter) -> None:
+def _compute(work: Work) -> None:
     """Compute what is missing, method by method; raises SweepError if something failed."""
+    store, reporter = work.store, work.reporter
     failures: list[Failure] = []
     try:
-        for layout in plan.layouts:
+        for layout in work.plan.layouts:
             missing, there = store.finished.missing(layout), store.finished.of(layout)
             reporter.begin(layout.method.name, layout.points, sum(part.points for part in there))
             reporter.advance(0, sum(part.unstable for part in there), sum(part.failed for part in there))
-            with closing(run_blocks(plan, missing, store, jobs, reporter)) as results:
+            with closing(run_blocks(work.plan, missing, store, work.jobs, reporter)) as results:
                 for result in results:
                     if isinstance(result, Failure):
                         _note(result, store, failures)
+                        if len(failures) == work.most_failures:
+                            raise _failed(failures, store)
                         continue
                     store.add(result)
                     reporter.advance(result.points, result.unstable, result.failed)
@@ -181,8 +197,6 @@ def _note(failure: Failure, store: Store, failures: list[Failure]) -> None:
     if isinstance(failure.error, OSError) and str(failure.error.filename).startswith(str(store.folder.every)):
         raise failure.error
     failures.append(failure)
-    if len(failures) == MOST_FAILURES:
-        raise _failed(failures, store)
 
 
 def _failed(failures: list[Failure], store: Store) -> BaseException:
@@ -192,7 +206,7 @@ def _failed(failures: list[Failure], store: Store) -> BaseException:
         if failure.error is not None and not isinstance(failure.error, MemoryError):
             failure.error.add_note(f"in {_where(failure)}{kept}")
             return failure.error
-    names = ", ".join(_where(failure) for failure in failures)
+    names = listed(map(_where, failures))
     if failures[0].error is None:
         return SweepError(f"the process that computed {names} was killed twice (out of memory?){kept}")
     return SweepError(f"not enough memory for {names}{kept}")

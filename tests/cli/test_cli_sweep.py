@@ -16,6 +16,7 @@ from scenes import TRAIN, code
 from gearstab.cli.terminal.console import tell
 from gearstab.cli.terminal.progress import Messages, reporter
 from gearstab.results import open_result
+from gearstab.sweep import pool
 from gearstab.sweep.bar import Bar
 
 CONFIG = (
@@ -54,6 +55,24 @@ def test_overrides_and_output(folder: Path) -> None:
     assert code("sweep", "train.yaml", "-o", "a/b.h5", "--set", "sweep.epsilon=[0.2]", "-j", "1", "-q") == 0
     with open_result(folder / "a" / "b.h5") as tree:
         assert tree["floquet"]["growth_rate"].shape == (2, 5, 1)
+
+
+@pytest.mark.parametrize(("options", "most"), [((), 10), (("--fail-fast",), 1), (("--keep-going",), None)])
+def test_how_many_failures_are_borne(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, options: tuple[str, ...], most: int | None
+) -> None:
+    def fail(*ignored: object) -> None:
+        broken.append(ignored)
+        raise MemoryError
+
+    broken: list[object] = []
+    monkeypatch.setattr(pool, "compute", fail)
+    # 24 single systems are 24 blocks of a method that takes long.
+    for name in ("LEAST", "MOST"):
+        monkeypatch.setattr(sys.modules["gearstab.sweep.plan"], name, 1)
+    grid = ["--set", "sweep.epsilon={start: 0.1, stop: 0.3, num: 24}"]
+    assert code("sweep", "train.yaml", "-j", "1", "-q", *grid, *options) == 1
+    assert len(broken) == most if most else len(broken) > 40
 
 
 def test_quiet_says_nothing(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -260,6 +260,14 @@ def test_an_error_in_one_block_ends_no_sweep(scene: Scene) -> None:
     assert len(scene.parts) == 7
 
 
+@pytest.mark.parametrize(("most", "kept"), [(1, "1"), (2, "1 3"), (None, "1 3 6 7 8")])
+def test_how_many_failures_a_sweep_bears(scene: Scene, most: int | None, kept: str) -> None:
+    scene.tell(raise_2="", raise_4="", raise_5="")
+    with pytest.raises(ArithmeticError, match="no luck with 2"):
+        scene.run(most_failures=most)
+    assert [path.stem for path in scene.parts] == [f"floquet-{int(k) - 1:06d}" for k in kept.split()]
+
+
 def test_no_memory_is_one_line(scene: Scene) -> None:
     scene.tell(memory_2="")
     with pytest.raises(SweepError, match="not enough memory for block floquet-000001") as raised:

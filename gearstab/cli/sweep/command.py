@@ -32,6 +32,11 @@ SLOW_KERNEL = "note: the compiled kernel was not built; sweeps run on the slower
 @click.option(
     "--resume/--overwrite", default=None, help="Go on with what an interrupted run finished (default), or start anew."
 )
+@click.option(
+    "--keep-going/--fail-fast",
+    default=None,
+    help="After a block that fails compute all others, or nothing more [default: stop after ten that fail].",
+)
 @click.option("--dry-run", is_flag=True, help="Print size, time, memory and file size; compute and write nothing.")
 @click.option("--yes", is_flag=True, help="Begin a sweep of very many points, hours or gigabytes, too.")
 @options.quiet
@@ -41,6 +46,7 @@ def command(
     jobs: int | None,
     overrides: tuple[str, ...],
     resume: bool | None,
+    keep_going: bool | None,
     dry_run: bool,
     yes: bool,
     quiet: bool,
@@ -50,7 +56,7 @@ def command(
     target = output or Path("results") / f"{config.stem}.h5"
     from gearstab.config import load
     from gearstab.results.guard import SWEEP, result_of
-    from gearstab.sweep import plan, run
+    from gearstab.sweep import MOST_FAILURES, plan, run
 
     result_of(SWEEP).refuse(target, config)
     planned = plan(load(config, overrides, needs=("sweep", "methods")))
@@ -69,7 +75,8 @@ def command(
     from gearstab.sweep.effort import limits
 
     limits.refuse(planned, target, jobs, yes)
-    summary = run(planned, target, jobs, resume is True, resume is False, reporter(quiet))
+    failures = {None: MOST_FAILURES, True: None, False: 1}[keep_going]
+    summary = run(planned, target, jobs, resume is True, resume is False, reporter(quiet), failures)
     if not quiet:
         tell(final_line(target, summary, time.perf_counter() - start))
         if summary.proved:
