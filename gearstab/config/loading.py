@@ -12,6 +12,7 @@ import numpy as np
 
 from gearstab.config import overrides as override
 from gearstab.config.configuration import Config
+from gearstab.config.document.codes import Code
 from gearstab.config.document.data import NAME, document_of
 from gearstab.config.document.problems import ConfigError, nearest
 from gearstab.config.document.yaml import Document, read
@@ -55,8 +56,9 @@ def load(
         source = FilePath(path)
         document = read(source)
     if not isinstance(document.data, dict):
-        message = "is empty" if document.data is None else "must be a mapping"
-        document.report((), "wrong_type", message, "write the sections system, sweep and methods", value=document.data)
+        code: Code = "empty" if document.data is None else "wrong_type"
+        message = "is empty" if code == "empty" else "must be a mapping"
+        document.report((), code, message, "write the sections system, sweep and methods", value=document.data)
         raise ConfigError(document.problems)
     if isinstance(overrides, Mapping):
         overrides = override.assign_all(document, overrides)

@@ -23,7 +23,7 @@ CODES: dict[Code, str] = {
     "data_file": "a file of matrices, samples or choices cannot be used",
     "decimal_comma": "a comma in a number",
     "duplicate_key": "a key stands twice in a mapping",
-    "empty": "a value is missing after its key",
+    "empty": "nothing stands after a key, or in a file",
     "encoding": "a file is not UTF-8 text",
     "equal_values": "a value is given more than once",
     "file": "a configuration file cannot be read",

@@ -53,7 +53,7 @@ def find_model(document: Document) -> type[System] | None:
         document.report(path, "missing", "is missing", f"add kind; {available}")
     else:
         document.report(
-            path, "unknown_name", "is no kind of system", f"{nearest(str(kind), KINDS)} ({available})", value=kind
+            path, "unknown_choice", "is no kind of system", f"{nearest(str(kind), KINDS)} ({available})", value=kind
         )
     return None
 

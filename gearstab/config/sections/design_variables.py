@@ -148,9 +148,7 @@ def _integers(document: Document, path: Path, ends: Any) -> list[int] | None:
         )
         return None
     if ends[1] - ends[0] >= MOST_CHOICES:
-        document.report(
-            path, "out_of_range", f"gives more than {MOST_CHOICES:,} choices", "narrow the range", value=ends
-        )
+        document.report(path, "too_large", f"gives more than {MOST_CHOICES:,} choices", "narrow the range", value=ends)
         return None
     return list(range(int(ends[0]), int(ends[1]) + 1))
 

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field, TypeAdapter, ValidationError
 
-from gearstab.config.document.codes import code_of
+from gearstab.config.document.codes import Code, code_of
 from gearstab.config.document.problems import Path
 from gearstab.config.document.yaml import Document
 from gearstab.config.model.axes import Array
@@ -98,7 +98,7 @@ def expand(document: Document, path: Path, target: Target) -> Expansion:
 def expand_list(document: Document, items: list[Any], places: list[Path], target: Target, path: Path) -> Expansion:
     """Values given one by one, which stand at ``places``."""
     if not items:
-        document.report(path, "missing", "an axis without values", "give at least one value")
+        document.report(path, "empty", "an axis without values", "give at least one value")
         return FAILED
     try:
         values = target.adapter.validate_python(items)
@@ -137,20 +137,18 @@ def _expand_range(document: Document, path: Path, given: Range, ends: dict[str, 
                 document.report((*path, name), "empty", "is empty", "write a number")
         return FAILED
     if (given.num is None) == (step is None):
+        code: Code = "missing" if step is None else "already_given"
         message = "num or step is missing" if step is None else "num and step are given"
-        document.report(path, "missing", message, "give num, the number of values, or step")
+        document.report(path, code, message, "give num, the number of values, or step")
         return FAILED
     spec: dict[str, Any] = {"start": start, "stop": stop}
     if step is not None:
-        values = _stepped(
-            start,
-            stop,
-            step,
-            given.spacing,
-            lambda key, text, hint: document.report(
-                (*path, key), "no_range", text, hint, value=document.get((*path, key))
-            ),
-        )
+        typed = document.get((*path, "step"))
+
+        def report(code: Code, message: str, hint: str) -> None:
+            document.report((*path, "step"), code, message, hint, value=typed)
+
+        values = _stepped(start, stop, step, given.spacing, report)
         return FAILED if values is None else Expansion(values, spec | {"step": step}, (start, stop))
     spec["num"] = given.num
     if given.spacing == "linear":
@@ -169,15 +167,15 @@ def _expand_range(document: Document, path: Path, given: Range, ends: dict[str, 
 
 
 def _stepped(
-    start: float, stop: float, step: float, spacing: str, report: Callable[[str, str, str], None]
+    start: float, stop: float, step: float, spacing: str, report: Callable[[Code, str, str], None]
 ) -> Array | None:
     if spacing == "log":
-        report("step", "log spacing takes no step", "give num, the number of values")
+        report("no_range", "log spacing takes no step", "give num, the number of values")
     elif step == 0 or (stop - start) / step < 0:
         sign = "positive" if stop >= start else "negative"
-        report("step", f"must lead from {start:g} to {stop:g}", f"choose a {sign} step")
+        report("no_range", f"must lead from {start:g} to {stop:g}", f"choose a {sign} step")
     elif (stop - start) / step >= LARGEST_AXIS:
-        report("step", f"gives more than {LARGEST_AXIS} values", "choose a larger step")
+        report("too_large", f"gives more than {LARGEST_AXIS} values", "choose a larger step")
     else:
         steps = (stop - start) / step
         count = math.floor(steps + STEP_TOLERANCE)

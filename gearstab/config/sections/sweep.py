@@ -136,7 +136,7 @@ def layouts(context: Context) -> list[UnresolvedAxis]:
     for name, spec in section.items():
         path = ("sweep", name)
         if spec is None or spec in ([], {}):
-            document.report(path, "missing", "an axis without values", "give a list, or {start: .., stop: .., num: ..}")
+            document.report(path, "empty", "an axis without values", "give a list, or {start: .., stop: .., num: ..}")
         elif isinstance(spec, list) and all(isinstance(entry, dict) for entry in spec):
             found.append(cases(context, name, path, spec))
         elif not mapping(spec).keys().isdisjoint(("targets", "values")):

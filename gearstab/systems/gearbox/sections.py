@@ -357,7 +357,7 @@ def _torques(raw: dict[str, Any]) -> Iterator[Conflict]:
         yield ("outputs", missing, "torque"), "missing", "is missing", "give every output a torque, or none"
     if given and driving is not None:
         message = "follows from the torques of the outputs"
-        yield ("input", "torque"), "needs_other", message, "remove it, or the torques of the outputs"
+        yield ("input", "torque"), "already_given", message, "remove it, or the torques of the outputs"
     seen = {(raw.get("input") or {}).get("rotor"): "the input"}
     for i, item in items(raw.get("outputs")):
         name = item.get("rotor")

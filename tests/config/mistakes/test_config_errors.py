@@ -76,45 +76,45 @@ CASES = [pytest.param(RIGHT[kind], case, id=f"{kind}: {name}") for kind in RIGHT
 def test_wrong_value(tmp_path: Path, right: str, case: dict) -> None:
     first = problems(tmp_path, changed(right, case["old"], case["new"]))[0]
     assert (first.line, first.path) == (case["line"], case["path"])
-    assert case["message"] in first.message
-    assert case["hint"] in first.hint
+    assert first.code == case["code"]
+    assert case.get("hint", "") in first.hint
+    assert first.hint
     assert str(first).startswith(f"{tmp_path / 'case.yaml'}:{case['line']}: {case['path']}: ")
     assert "\n" not in str(first)
 
 
 BROKEN_FILES = {
-    "empty": (b"", 1, "is empty", "write the sections"),
-    "comments only": (b"# nothing\n", 1, "is empty", "write the sections"),
-    "list": (b"- a\n- b\n", 1, "must be a mapping", "write the sections"),
-    "text": (b"hello\n", 1, "must be a mapping", "write the sections"),
-    "not UTF-8": (b"title: ok\n# caf\xe9\n", 2, "not UTF-8", "save the file in UTF-8"),
-    "control character": (b"title: ok\nsystem: \x01\n", 2, "control character 0x1", "remove"),
-    "tab": (b"system:\n\tkind: two_stage\n", 2, "no valid YAML", "spaces, not tabs"),
-    "open bracket": (b"system:\n  inertias: [1, 2\n  kind: x\n", 3, "flow sequence that begins in line 2", "brackets"),
-    "open quote": (b'title: "a\nsystem: {}\n', 3, "no valid YAML", "quotes"),
-    "colon in a text": (b"title: a: b\n", 1, "mapping values are not allowed", "quote texts"),
-    "unknown alias": (b"system: *base\n", 1, "undefined alias", "with &"),
-    "alias of itself": (b"system: &a [*a]\n", 1, "an alias stands inside", "write the values out"),
-    "reserved character": (b"title: @a\n", 1, "cannot start any token", "quotes"),
-    "second document": (b"title: a\n---\ntitle: b\n", 2, "second document", "one configuration a file"),
-    "duplicate key": (b"title: a\nsystem: {}\ntitle: b\n", 3, "duplicate key, given in line 1", "remove one"),
-    "key that is a list": (b"title: a\n? [1, 2]\n: 3\n", 2, "a key is a list", "plain text"),
-    "unknown tag": (b"title: !python a\n", 1, "tag !python is not known", "remove"),
-    "merge of a text": (b"title: a\n<<: b\n", 1, "merges mappings only", "refer to a mapping"),
+    "empty": (b"", 1, "empty"),
+    "comments only": (b"# nothing\n", 1, "empty"),
+    "list": (b"- a\n- b\n", 1, "wrong_type"),
+    "text": (b"hello\n", 1, "wrong_type"),
+    "not UTF-8": (b"title: ok\n# caf\xe9\n", 2, "encoding"),
+    "control character": (b"title: ok\nsystem: \x01\n", 2, "character"),
+    "tab": (b"system:\n\tkind: two_stage\n", 2, "syntax"),
+    "open bracket": (b"system:\n  inertias: [1, 2\n  kind: x\n", 3, "syntax"),
+    "open quote": (b'title: "a\nsystem: {}\n', 3, "syntax"),
+    "colon in a text": (b"title: a: b\n", 1, "syntax"),
+    "unknown alias": (b"system: *base\n", 1, "syntax"),
+    "alias of itself": (b"system: &a [*a]\n", 1, "alias"),
+    "reserved character": (b"title: @a\n", 1, "syntax"),
+    "second document": (b"title: a\n---\ntitle: b\n", 2, "syntax"),
+    "duplicate key": (b"title: a\nsystem: {}\ntitle: b\n", 3, "duplicate_key"),
+    "key that is a list": (b"title: a\n? [1, 2]\n: 3\n", 2, "syntax"),
+    "unknown tag": (b"title: !python a\n", 1, "tag"),
+    "merge of a text": (b"title: a\n<<: b\n", 1, "syntax"),
     "unknown tag of a mapping": (
         b"title: a\nsystem: !!set {a}\n",
         2,
-        "tag tag:yaml.org,2002:set is not known",
-        "remove",
+        "tag",
     ),
-    "escape beyond Unicode": (b'title: a\nsystem: "\\U00110000"\n', 2, "names no character", "escapes"),
-    "escape far beyond": (b'title: "\\UFFFFFFFF"\n', 1, "names no character", "escapes"),
-    "half of a character": (b'title: "\\uD800"\nsystem: {}\n', 1, "no character", "remove"),
-    "half of a character as a key": (b'title: a\n"\\uDFFF": {}\n', 2, "no character", "remove"),
-    "end of a text": (b'title: "a\\0b"\nsystem: {}\n', 1, "no character", "remove"),
-    "directive inside": (b"title: a\n%YAML 1.2\nsystem: {}\n", 3, "no valid YAML", "begins with %"),
-    "directive without document": (b"%YAML 1.2\nsystem: {}\n", 2, "no valid YAML", "begins with %"),
-    "too deep": (b"a: " + b"[" * 3000, None, "nested too deeply", "flatter"),
+    "escape beyond Unicode": (b'title: a\nsystem: "\\U00110000"\n', 2, "syntax"),
+    "escape far beyond": (b'title: "\\UFFFFFFFF"\n', 1, "syntax"),
+    "half of a character": (b'title: "\\uD800"\nsystem: {}\n', 1, "character"),
+    "half of a character as a key": (b'title: a\n"\\uDFFF": {}\n', 2, "character"),
+    "end of a text": (b'title: "a\\0b"\nsystem: {}\n', 1, "character"),
+    "directive inside": (b"title: a\n%YAML 1.2\nsystem: {}\n", 3, "syntax"),
+    "directive without document": (b"%YAML 1.2\nsystem: {}\n", 2, "syntax"),
+    "too deep": (b"a: " + b"[" * 3000, None, "nesting"),
 }
 
 
@@ -123,26 +123,26 @@ MERGES = "a0: &a0 {x: 1}\n" + "".join(f"a{i}: &a{i} {{<<: [{', '.join([f'*a{i - 
 LADDER = "a0: &a0 [1]\n" + "".join(f"a{i}: &a{i} [*a{i - 1}]\n" for i in range(1, 1200))
 CIRCLES = "a: &a\n  b: &b [*a, *b]\n  c: [*b, *a]\n"
 ALIASES = {
-    "lists": (BOMB, None, "has aliases that stand for more than 1,000,000 values", "write the values out"),
-    "merges": (MERGES, None, "has aliases that stand for more than 1,000,000 values", "write the values out"),
-    "ladder": (LADDER, None, "is nested too deeply", "write a flatter document"),
-    "circles": (CIRCLES, 1, "an alias stands inside what it refers to", "write the values out"),
+    "lists": (BOMB, None, "alias"),
+    "merges": (MERGES, None, "alias"),
+    "ladder": (LADDER, None, "nesting"),
+    "circles": (CIRCLES, 1, "alias"),
 }
 
 
-@pytest.mark.parametrize(("text", "line", "message", "hint"), ALIASES.values(), ids=ALIASES)
-def test_aliases_that_grow_without_bounds(tmp_path: Path, text: str, line: int | None, message: str, hint: str) -> None:
+@pytest.mark.parametrize(("text", "line", "code"), ALIASES.values(), ids=ALIASES)
+def test_aliases_that_grow_without_bounds(tmp_path: Path, text: str, line: int | None, code: str) -> None:
     (found,) = problems(tmp_path, text)
-    assert (found.line, found.message) == (line, message)
-    assert hint in found.hint
+    assert (found.line, found.code) == (line, code)
+    assert found.hint
     assert "\n" not in str(found)
 
 
-@pytest.mark.parametrize(("content", "line", "message", "hint"), BROKEN_FILES.values(), ids=BROKEN_FILES)
-def test_broken_file(tmp_path: Path, content: bytes, line: int, message: str, hint: str) -> None:
-    found = [p for p in problems(tmp_path, content) if message in p.message]
+@pytest.mark.parametrize(("content", "line", "code"), BROKEN_FILES.values(), ids=BROKEN_FILES)
+def test_broken_file(tmp_path: Path, content: bytes, line: int, code: str) -> None:
+    found = [p for p in problems(tmp_path, content) if p.code == code]
     assert [p.line for p in found] == [line]
-    assert hint in found[0].hint
+    assert found[0].hint
 
 
 LONG_NUMBERS = {"hexadecimal": "0x" + "f" * 5000, "octal": "0o" + "7" * 5000, "decimal": "9" * 5000}
@@ -184,26 +184,26 @@ def test_file_that_is_not_there(tmp_path: Path) -> None:
 
 
 WRONG_OVERRIDES = {
-    "no value": ("epsilon", "no PATH=VALUE", "write for example"),
-    "unknown key": ("damping_ratoi=1", "unknown key", "'damping_ratio'"),
-    "out of range": ("epsilon=-1", "must be >= 0", ">= 0"),
-    "broken YAML": ("epsilon=[1", "no valid YAML", "brackets"),
-    "unknown mesh": ("meshes.third.epsilon=1", "no entry 'third'", "first, second"),
-    "unknown index": ("meshes.2.epsilon=1", "no entry '2'", "0 to 1"),
-    "into a number": ("tooth_ratio.x=1", "single value", "set system.tooth_ratio itself"),
-    "mesh frequency": ("mesh_frequency=1", "no part of the system", "sweep.mesh_frequency"),
-    "rival": ("amplitude=1", "no mesh has amplitude", "epsilon"),
-    "axis": ("sweep.epsilon.num=0", "must be >= 1", ">= 1"),
-    "new axis": ("sweep.meshes.first.epsiln=[0]", "unknown parameter", "'meshes.first.epsilon'"),
+    "no value": ("epsilon", "override"),
+    "unknown key": ("damping_ratoi=1", "unknown_key"),
+    "out of range": ("epsilon=-1", "out_of_range"),
+    "broken YAML": ("epsilon=[1", "syntax"),
+    "unknown mesh": ("meshes.third.epsilon=1", "unknown_name"),
+    "unknown index": ("meshes.2.epsilon=1", "unknown_name"),
+    "into a number": ("tooth_ratio.x=1", "wrong_type"),
+    "mesh frequency": ("mesh_frequency=1", "override"),
+    "rival": ("amplitude=1", "unknown_target"),
+    "axis": ("sweep.epsilon.num=0", "out_of_range"),
+    "new axis": ("sweep.meshes.first.epsiln=[0]", "unknown_target"),
 }
 
 
-@pytest.mark.parametrize(("override", "message", "hint"), WRONG_OVERRIDES.values(), ids=WRONG_OVERRIDES)
-def test_wrong_override(tmp_path: Path, override: str, message: str, hint: str) -> None:
+@pytest.mark.parametrize(("override", "code"), WRONG_OVERRIDES.values(), ids=WRONG_OVERRIDES)
+def test_wrong_override(tmp_path: Path, override: str, code: str) -> None:
     first = problems(tmp_path, GOOD, override)[0]
     assert str(first).startswith(f"--set {override.partition('=')[0]}: ")
-    assert message in first.message
-    assert hint in first.hint
+    assert first.code == code
+    assert first.hint
 
 
 def test_methods_that_need_an_axis(tmp_path: Path) -> None:
@@ -211,7 +211,7 @@ def test_methods_that_need_an_axis(tmp_path: Path) -> None:
     found = problems(tmp_path, text + "  required_damping: {}\n  perturbation: {}\n")
     needing = ["floquet", "boundaries", "required_damping"]
     assert [(p.line, p.path) for p in found] == [(14 + k, f"methods.{name}") for k, name in enumerate(needing)]
-    assert all("needs a mesh_frequency axis" in p.message for p in found)
+    assert {p.code for p in found} == {"missing"}
 
 
 @pytest.mark.parametrize(
@@ -219,7 +219,7 @@ def test_methods_that_need_an_axis(tmp_path: Path) -> None:
 )
 def test_sweep_and_methods_go_together(tmp_path: Path, section: str, path: str) -> None:
     text = GOOD[: GOOD.index("sweep:")] + section
-    assert (1, path, "is missing") in [(p.line, p.path, p.message) for p in problems(tmp_path, text)]
+    assert (1, path, "missing") in [(p.line, p.path, p.code) for p in problems(tmp_path, text)]
 
 
 def test_sections_that_a_command_needs(tmp_path: Path) -> None:
