@@ -30,6 +30,9 @@ if TYPE_CHECKING:
 SEGMENT = 3e-6
 """Seconds of a segment of a ramp, of three coordinates."""
 
+SEARCHED = 6
+"""Ramps, as slow as the first one or so, that the search for the slowest rate follows."""
+
 Rate = Annotated[float, Quantity("rad/s^2")]
 
 
@@ -218,13 +221,16 @@ class Passage(Method):
     def effort(self, mesh_frequency: Array) -> EffortEstimate:
         from gearstab.floquet.boundaries.effort import effort
         from gearstab.passage.propagator import MOST, motion
+        from gearstab.passage.solve import MOST_SEARCHED
 
         low, high = (float(end) for end in mesh_frequency)
         paths = self.paths(low, high)
         counts = [motion(self.system).segments(path) for path in paths]
         each = SEGMENT * max(1.0, self.system.size / 3) ** 2
         ends = [end for path in paths for end in path.range]
-        return _Effort(effort(self.system, min(ends), max(ends)), each * sum(c for c in counts if c <= MOST))
+        searched = SEARCHED * counts[0] if self.options.rate is not None and counts[0] <= MOST_SEARCHED else 0.0
+        followed = searched + sum(count for count in counts if count <= MOST)
+        return _Effort(effort(self.system, min(ends), max(ends)), each * followed)
 
     def cost(self) -> float:
         """The ramps of a row, roughly."""

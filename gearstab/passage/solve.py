@@ -13,18 +13,25 @@ stated error is made of.
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 
 from gearstab.floquet.boundaries import boundaries, union
 from gearstab.linear.path import Path
 from gearstab.passage import STATUS_FLAGS
 from gearstab.passage.adiabatic import Gains, GrowthOverSpeed, gains, growth_over_speed
-from gearstab.passage.propagator import MOST, growth, motions, swing
+from gearstab.passage.propagator import MOST, Motion, growth, motions, swing
 from gearstab.perturbation.tongues import Tongue
 from gearstab.system import Array, GearSystem
 
 MOST_GROWTH = 30.0
 """E-folds beyond which what rounding leaves of a motion that has decayed may be what grows in the next region."""
+MOST_SEARCHED = 400_000
+"""Segments of the slowest ramp that is followed in search of the slowest rate: some ten of them are."""
+FASTER, MOST_STEPS = 1.6, 12
+ACCURACY = 1e-3
+"""Of the slowest rate: far below what an amplification needs to be known to."""
 
 
 def passage(
@@ -47,6 +54,7 @@ def passage(
     values["status"] = np.zeros(shape, dtype=np.int16)
     values["growth_by_tongue"] = np.full((len(index), *shape), np.nan)
     values["slowest_rate"] = np.full(found.rows, np.nan)
+    values["slowest_rate_exact"] = np.full(found.rows, np.nan)
     for name in ("dwell_frequency", "dwell_growth_rate"):
         values[name] = np.full((len(index), found.rows), np.nan)
     for row, motion in enumerate(motions(system)):
@@ -64,7 +72,44 @@ def passage(
         failed = ~np.isfinite(values["growth"][row])
         values["status"][row, failed] |= STATUS_FLAGS["failed"]
         values["slowest_rate"][row] = np.abs(rates[0]) * values["growth"][row, 0] / np.log(amplification)
+        if len(paths[0].rate) == 1:
+            part = values["growth"][row, 0] / np.log(amplification)
+            values["slowest_rate_exact"][row] = np.abs(rates[0]) * _slowest(motion, paths[0], amplification, part)
     return values, index
+
+
+def _slowest(motion: Motion, ramp: Path, amplification: float, start: float) -> float:
+    """Return the rate at which the exact motion gains the amplification and no more, over that of a ramp.
+
+    Between the best two moments of slower ramps it gains more. As regions of the same modes interfere, growth is no
+    monotonic function of the rate: the crossing found is the first one below rates that pass.
+
+    start: what the growth rate alone says, 0 where nothing grows. NaN where the ramp has too many segments.
+    """
+    from scipy.optimize import brentq
+
+    if start <= 0:
+        return 0.0 if swing(motion) < np.log(amplification) else np.nan
+    rate, (low, high) = float(ramp.rate[0]), ramp.range
+
+    @cache
+    def beyond(inverse: float) -> float:
+        """E-folds over those admitted, by 1/rate, in which growth is nearly linear."""
+        path = Path.ramp(low, high, rate / inverse)
+        if motion.segments(path) > MOST_SEARCHED:
+            return np.nan
+        return growth(motion, path).largest - float(np.log(amplification))
+
+    inverse = 1 / start
+    step = 1 / FASTER if beyond(inverse) > 0 else FASTER
+    for _ in range(MOST_STEPS):
+        following = inverse * step
+        if not beyond(following) * beyond(inverse) > 0:
+            break
+        inverse = following
+    if not beyond(inverse) * beyond(following) <= 0:
+        return np.nan
+    return float(1 / brentq(beyond, inverse, following, rtol=ACCURACY))
 
 
 def excess(gain: Array) -> Array:

@@ -77,6 +77,23 @@ methods: {passage: {rate: [0.1], amplification: 100}}
         assert float(again["growth"][0, 0]) == pytest.approx(np.log(100), rel=1e-9)
 
 
+def test_at_the_slowest_rate_the_exact_motion_gains_the_amplification(tmp_path):
+    text = TRAIN + "sweep: {mesh_frequency: [3.0, 6.0]}\nmethods: {passage: {rate: [-0.1], amplification: 10}}\n"
+    found = result_of(tmp_path, text, "passage")
+    rate = float(found["slowest_rate_exact"])
+    assert rate > 0
+    exact = result_of(tmp_path, text.replace("[-0.1]", f"[{-rate!r}, {-1.5 * rate!r}]"), "passage")["growth_exact"]
+    # The rate is found to one part in a thousand, and growth goes about as its inverse.
+    assert float(exact[0]) == pytest.approx(np.log(10), rel=3e-3)
+    assert float(exact[1]) < np.log(10)
+
+
+def test_where_nothing_grows_every_rate_passes(tmp_path):
+    text = TRAIN + "sweep: {mesh_frequency: [3.0, 3.2]}\nmethods: {passage: {rate: [0.1], amplification: 100}}\n"
+    found = result_of(tmp_path, text.replace("damping_ratio: 0", "damping_ratio: 0.3"), "passage")
+    assert float(found["slowest_rate"]) == float(found["slowest_rate_exact"]) == 0.0
+
+
 def test_rates_of_an_input_speed_are_those_of_the_input(tmp_path):
     speeds = 'sweep: {input_speed: ["900 rpm", "6000 rpm"]}\n'
     found = result_of(tmp_path, REDUCER + speeds + 'methods: {passage: {rate: ["3000 rpm/s", -2000]}}\n', "passage")

@@ -173,6 +173,7 @@ PASSAGE = (
     Variable("growth_through", (ROWS, "rate"), "f8", "1", "e-folds of the amplitude from the first moment to the last"),
     Variable("status", (ROWS, "rate"), "i2", "1", "what became of the passage; 0: nothing to say"),
     Variable("slowest_rate", (ROWS,), "f8", "rad/s^2", "least rate that passes with the given amplification"),
+    Variable("slowest_rate_exact", (ROWS,), "f8", "rad/s^2", "the same of the exact motion"),
     Variable("growth_by_tongue", ("tongue", ROWS, "rate"), "f8", "1", "e-folds gained in the instability region"),
     Variable("dwell_frequency", ("tongue", ROWS), "f8", "rad/s", "mesh frequency of the fastest growth in the region"),
     Variable("dwell_growth_rate", ("tongue", ROWS), "f8", "1/s", "growth rate there"),
