@@ -19,15 +19,12 @@ import subprocess
 import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 from time import perf_counter
 
+import overlays
 import references
-import xarray as xr
-
-from gearstab.plots.axes import Request
-from gearstab.plots.drawing.heading import write_legend
-from gearstab.plots.drawing.style import CASES, new_frame, save, style
 
 ROOT = Path(__file__).parent.parent
 CONFIGS, GEARSTAB = ROOT / "configs", ROOT / "gearstab"
@@ -67,6 +64,16 @@ PICTURES: dict[str, dict[str, Sequence[str]]] = {
             "Root stress of a tooth (Kuria & Kihiu 2008, Figs. 7 and 8)",
         ),
     },
+    **{
+        f"kuria_kihiu_2008/designs/stage4_{name}": {"": ("--kind", "teeth", "--variable", "root_stress")}
+        for name in ("m30", "m25", "m20", "a25", "m25_long", "m20_long")
+    },
+    **{
+        f"kuria_kihiu_2008/designs/stages12_{name}": {
+            "": ("--kind", "spectrum", "--variable", "mesh_deflection_amplitude")
+        }
+        for name in ("m30", "m25", "m20", "a25")
+    },
     "kuria_kihiu_2008/friction": {
         "": (
             "--kind",
@@ -85,15 +92,6 @@ PICTURES: dict[str, dict[str, Sequence[str]]] = {
     },
 }
 """What ``gearstab plot`` is told where its choice is not the figure wanted: by configuration and ending of the name."""
-
-FIG3 = "oh_grosh_barber_2005/fig3"
-OVERLAID: dict[str, dict[str, str]] = {
-    FIG3: {
-        FIG3: "energy conserving",
-        f"{FIG3}_rigid_kinematic": "rigid kinematic",
-    },
-}
-"""Figures whose energies a further picture, ``_overlaid``, shows in one frame, with their words in its legend."""
 
 
 @dataclass(frozen=True)
@@ -122,15 +120,15 @@ class Figure:
         return {stem.with_name(f"{stem.name}{ending}.{self.format}"): words for ending, words in chosen.items()}
 
     @property
-    def overlaid(self) -> Path | None:
-        """The picture that shows its energy together with that of others, None for most figures."""
-        named = self.folder / "figures" / f"{self.name}_overlaid.{self.format}"
-        return named if self.name in OVERLAID else None
+    def overlays(self) -> dict[Path, overlays.Overlay]:
+        """Pictures that show it together with other figures."""
+        folder = self.folder / "figures"
+        return {folder / f"{name}.{self.format}": overlay for name, overlay in overlays.of_figure(self.name).items()}
 
     @property
     def every_picture(self) -> list[Path]:
         """The paths of all pictures."""
-        return [*self.pictures, *([self.overlaid] if self.overlaid else [])]
+        return [*self.pictures, *self.overlays]
 
     @property
     def compared(self) -> bool:
@@ -180,39 +178,29 @@ def numerics() -> list[Path]:
     return [file for file in files if file.relative_to(GEARSTAB).parts[0] not in ("plots", "cli", "info")]
 
 
+@cache
 def make(figure: Figure) -> tuple[float, float]:
-    """Bring the result and the pictures of a figure up to date; returns the seconds for the one and the others."""
+    """Bring the result and the pictures of a figure up to date; returns the seconds for the one and the others.
+
+    Once a run: an overlay may have asked for it before its turn comes.
+    """
     computed = drawn = 0.0
     data = (path for path in figure.config.parent.glob("*") if path.suffix in (".csv", ".npz"))
     if not figure.result.exists() or figure.result.stat().st_mtime < newest([figure.config, *data, *numerics()]):
         figure.result.parent.mkdir(parents=True, exist_ok=True)
         computed = run(figure.command)
-    sources = [figure.result, Path(__file__), *(GEARSTAB / "plots").rglob("*.py")]
+    sources = [figure.result, Path(__file__), Path(overlays.__file__), *(GEARSTAB / "plots").rglob("*.py")]
     for picture, options in figure.pictures.items():
         if not picture.exists() or picture.stat().st_mtime < newest(sources):
             picture.parent.mkdir(parents=True, exist_ok=True)
             drawn += run(["plot", str(figure.result), "-o", str(picture), *options])
-    if figure.overlaid and (computed or drawn or not figure.overlaid.exists()):
-        overlay(figure, figure.overlaid)
+    for picture, overlay in figure.overlays.items():
+        others = [replace(figure, name=name) for name in overlay.curves]
+        for other in others[1:]:
+            make(other)
+        if not picture.exists() or picture.stat().st_mtime < newest([*sources, *(other.result for other in others)]):
+            overlays.draw(overlay, {other.name: other.result for other in others}, picture)
     return computed, drawn
-
-
-def overlay(figure: Figure, path: Path) -> None:
-    """Draw the energies of several responses over time in one frame."""
-    results = {words: replace(figure, name=name) for name, words in OVERLAID[figure.name].items()}
-    with style():
-        frame, ax = new_frame(Request(), 0.62)
-        for k, (words, other) in enumerate(results.items()):
-            if other != figure:
-                make(other)
-            with xr.open_datatree(other.result) as tree:
-                data = tree["response"].to_dataset()
-                ax.plot(data["time"], data["energy"], color=CASES[k], linewidth=0.6, label=words, zorder=3 - 0.1 * k)
-        ax.set(xlabel="time $t$ (s)", ylabel="total energy $U$ (J)")
-        ax.margins(x=0)
-        frame.suptitle("Energy of a gear pair at 300 rpm")
-        write_legend(frame, ax.get_lines())
-        save(frame, path)
 
 
 def every(folder: Path, format: str = "png") -> list[Figure]:
