@@ -28,6 +28,7 @@ PRAGMA_TARGET(TARGET)
 #include "scattered.h"
 #include "lyapunov.h"
 #include "spectra.h"
+#include "eigenvector.h"
 #include "actions.h"
 #include "symmetric.h"
 

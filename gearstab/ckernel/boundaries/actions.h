@@ -11,8 +11,9 @@
 #ifndef GEARSTAB_ACTIONS_H
 #define GEARSTAB_ACTIONS_H
 
-#define BAND 1.5  /* harmonics up to this times the largest frequency of any state */
-#define LEADING 5 /* parts of each sign that are looked at */
+#define BAND 1.25  /* harmonics up to this times the largest frequency of any state */
+#define LEADING 5 /* parts of each sign that are looked at, */
+#define LEAST 1e-3 /* unless they carry less than this of the action of their sign */
 #define LARGEST_MATRIX 1e6 /* entries of M above this leave too few digits, as in points.py */
 
 /* A complex number for each lane. */
@@ -30,17 +31,26 @@ struct leader {
     int64_t mode, harmonic;
 };
 
+/* Where a segment begins and the state changes. */
+struct change {
+    int64_t before, after, segment;
+};
+
 /* Room for the points of a pattern. */
 struct actors {
     struct spectra *spectra;
     int64_t n, segments, states, most; /* most: room for shares of a point */
+    int64_t changes;
+    struct change *change; /* ordered by states */
     double *modes;     /* (D, n, n) of the row: from the modes of a state to the mean ones */
     double *matrix;    /* (2n, 2n), row-major */
     double *factors;   /* (2n, 2n, 2), of M - lambda */
     double *vector;    /* (2n, 2), the solution's start */
     double *ends;      /* (S, 2n, 2), u and u' in mean coordinates where a segment begins, without exp((g + i phi) t/T) */
     double *begins;    /* (S,), t/T */
-    struct pair *turn, *step; /* (S,), exp(-2 pi i k t/T) and what it changes by from LANES harmonics to the next */
+    double highest;    /* of the frequencies of all states of the row */
+    struct pair *turn, *step;  /* (S,), exp(-2 pi i k t/T) and what it changes by from LANES harmonics to the next */
+    struct pair *rising, *falling, *rise; /* (S,), of the row: turn of k = 0, 1, ... and of k = -1, -2, ..., step upwards */
     struct pair *jump; /* (D, 2n), sums of boundary values */
     struct pair *total; /* (n,) */
     vec *kept;          /* (2n, 2n), the matrices by columns */
@@ -54,6 +64,26 @@ static void actors_free(struct actors *a) {
     free(a->memory);
     free(a->plain);
     free(a->found);
+    free(a->change);
+}
+
+static int same_states(const struct change *a, const struct change *b) {
+    return a->before == b->before && a->after == b->after;
+}
+
+/* All changes of state of a period, alike ones together. */
+static void order_changes(struct actors *a, const struct conservative *p) {
+    for (int64_t s = 0; s < p->segments; s++) {
+        struct change own = {p->state[s ? s - 1 : p->segments - 1], p->state[s], s};
+        int64_t place = 0;
+        if (own.before == own.after)
+            continue;
+        while (place < a->changes && !same_states(a->change + place, &own))
+            place++;
+        memmove(a->change + place + 1, a->change + place, (size_t)(a->changes - place) * sizeof own);
+        a->change[place] = own;
+        a->changes++;
+    }
 }
 
 static int actors_new(struct actors *a, const struct conservative *exact, const struct conservative *coarse) {
@@ -61,106 +91,24 @@ static int actors_new(struct actors *a, const struct conservative *exact, const 
     *a = (struct actors){.n = exact->n, .segments = coarse->segments, .states = coarse->states};
     a->most = LEADING * LEADING * exact->n;
     a->spectra = spectra_new(exact);
-    vec *room = vectors((int64_t)(2 * (2 * segments + 2 * states * n + n) + 4 * n * n), &a->memory);
+    vec *room = vectors((int64_t)(2 * (5 * segments + 2 * states * n + n) + 4 * n * n), &a->memory);
     double *plain = malloc((4 * n * n + 8 * n * n + 4 * n + segments * (4 * n + 1) + 2 * n) * sizeof *plain);
     a->plain = plain;
     a->found = malloc((size_t)a->most * sizeof *a->found);
-    if (!a->spectra || !room || !plain || !a->found)
+    a->change = malloc(segments * sizeof *a->change);
+    if (!a->spectra || !room || !plain || !a->found || !a->change)
         return -1;
-    a->turn = (struct pair *)room, a->step = a->turn + segments, a->jump = a->step + segments;
+    order_changes(a, coarse);
+    a->turn = (struct pair *)room, a->step = a->turn + segments, a->rising = a->step + segments;
+    a->falling = a->rising + segments, a->rise = a->falling + segments, a->jump = a->rise + segments;
     a->total = a->jump + 2 * states * n, a->kept = (vec *)(a->total + n);
     a->matrix = plain, a->factors = a->matrix + 4 * n * n, a->vector = a->factors + 8 * n * n;
     a->ends = a->vector + 4 * n, a->begins = a->ends + 4 * n * segments, a->pivot = (int64_t *)(a->begins + segments);
     return 0;
 }
 
-/* LU factors of M - lambda, with partial pivoting; a pivot that vanishes is put to the size of rounding. */
-static void factorise(struct actors *a, double re, double im) {
-    int64_t m = 2 * a->n;
-    double *f = a->factors, size = 0.0;
-    for (int64_t i = 0; i < m * m; i++) {
-        int diagonal = i % (m + 1) == 0;
-        f[2 * i] = a->matrix[i] - (diagonal ? re : 0.0), f[2 * i + 1] = diagonal ? -im : 0.0;
-        size = fabs(a->matrix[i]) > size ? fabs(a->matrix[i]) : size;
-    }
-#define SQUARE(i, j) (f[2 * ((i) * m + (j))] * f[2 * ((i) * m + (j))] + f[2 * ((i) * m + (j)) + 1] * f[2 * ((i) * m + (j)) + 1])
-    for (int64_t k = 0; k < m; k++) {
-        int64_t best = k;
-        for (int64_t i = k + 1; i < m; i++)
-            best = SQUARE(i, k) > SQUARE(best, k) ? i : best;
-        a->pivot[k] = best;
-        for (int64_t j = 0; best != k && j < 2 * m; j++) {
-            double kept = f[2 * k * m + j];
-            f[2 * k * m + j] = f[2 * best * m + j], f[2 * best * m + j] = kept;
-        }
-        double *top = f + 2 * k * m, square = SQUARE(k, k);
-        if (!(square > DBL_EPSILON * DBL_EPSILON * size * size)) {
-            top[2 * k] = DBL_EPSILON * size, top[2 * k + 1] = 0.0;
-            square = top[2 * k] * top[2 * k];
-        }
-        for (int64_t i = k + 1; i < m; i++) {
-            double *line = f + 2 * i * m, x = line[2 * k], y = line[2 * k + 1];
-            if (x == 0.0 && y == 0.0)
-                continue;
-            double p = (x * top[2 * k] + y * top[2 * k + 1]) / square, q = (y * top[2 * k] - x * top[2 * k + 1]) / square;
-            line[2 * k] = p, line[2 * k + 1] = q;
-            for (int64_t j = k + 1; j < m; j++) {
-                line[2 * j] -= p * top[2 * j] - q * top[2 * j + 1];
-                line[2 * j + 1] -= p * top[2 * j + 1] + q * top[2 * j];
-            }
-        }
-    }
-#undef SQUARE
-}
-
-/* vector <- (M - lambda)^-1 vector, scaled to a largest entry of 1. */
-static void solve_factorised(const struct actors *a, double *v) {
-    int64_t m = 2 * a->n;
-    const double *f = a->factors;
-    for (int64_t k = 0; k < m; k++) {
-        int64_t other = a->pivot[k];
-        for (int64_t part = 0; part < 2; part++) {
-            double kept = v[2 * k + part];
-            v[2 * k + part] = v[2 * other + part], v[2 * other + part] = kept;
-        }
-    }
-    for (int64_t i = 0; i < m; i++)
-        for (int64_t j = 0; j < i; j++) {
-            const double *c = f + 2 * (i * m + j);
-            v[2 * i] -= c[0] * v[2 * j] - c[1] * v[2 * j + 1];
-            v[2 * i + 1] -= c[0] * v[2 * j + 1] + c[1] * v[2 * j];
-        }
-    double largest = 0.0;
-    for (int64_t i = m - 1; i >= 0; i--) {
-        for (int64_t j = i + 1; j < m; j++) {
-            const double *c = f + 2 * (i * m + j);
-            v[2 * i] -= c[0] * v[2 * j] - c[1] * v[2 * j + 1];
-            v[2 * i + 1] -= c[0] * v[2 * j + 1] + c[1] * v[2 * j];
-        }
-        const double *c = f + 2 * (i * m + i);
-        double square = c[0] * c[0] + c[1] * c[1], x = v[2 * i], y = v[2 * i + 1];
-        v[2 * i] = (x * c[0] + y * c[1]) / square, v[2 * i + 1] = (y * c[0] - x * c[1]) / square;
-        largest = fabs(v[2 * i]) > largest ? fabs(v[2 * i]) : largest;
-        largest = fabs(v[2 * i + 1]) > largest ? fabs(v[2 * i + 1]) : largest;
-    }
-    for (int64_t i = 0; i < 2 * m; i++)
-        v[i] /= largest;
-}
-
-/* The eigenvector of exp(g + i phi) by inverse iteration; `which` makes those of equal multipliers differ. */
-static void eigenvector(struct actors *a, double g, double phi, int64_t which) {
-    int64_t m = 2 * a->n;
-    factorise(a, exp(g) * cos(phi), exp(g) * sin(phi));
-    for (int64_t i = 0; i < m; i++) {
-        a->vector[2 * i] = 1.0 + 0.37 * (double)((i * 5 + which * 3) % 7);
-        a->vector[2 * i + 1] = 0.0;
-    }
-    for (int round = 0; round < 3; round++)
-        solve_factorised(a, a->vector);
-}
-
 /* to (n, 2) = b from, b (n, n). */
-static void transformed(const double *b, int64_t n, const double *from, double *to) {
+INLINE void transformed(const double *b, int64_t n, const double *from, double *to) {
     for (int64_t i = 0; i < n; i++) {
         double x = 0.0, y = 0.0;
         for (int64_t j = 0; j < n; j++)
@@ -169,15 +117,33 @@ static void transformed(const double *b, int64_t n, const double *from, double *
     }
 }
 
+/* What all solutions of a row have in common. */
+static void set_row(struct actors *a, const struct conservative *p, int64_t row) {
+    double highest = 0.0, begin = 0.0;
+    for (int64_t i = 0; i < p->states * a->n; i++)
+        highest = fabs(p->squared[row * p->states * a->n + i]) > highest ? fabs(p->squared[row * p->states * a->n + i]) : highest;
+    a->highest = sqrt(highest);
+    for (int64_t s = 0; s < p->segments; s++) {
+        struct pair each = {all(cos(TURN * begin)), all(-sin(TURN * begin))}, now = {all(1.0), all(0.0)};
+        for (int64_t lane = 0; lane < LANES; lane++) {
+            a->rising[s].re[lane] = now.re[0], a->rising[s].im[lane] = now.im[0];
+            now = times(now, each);
+            a->falling[s].re[lane] = now.re[0], a->falling[s].im[lane] = -now.im[0];
+        }
+        a->rise[s] = now;
+        a->begins[s] = begin;
+        begin += p->fractions[row * p->segments + s];
+    }
+}
+
 /* u and u' where the segments begin; the start stands in vector, in the modes of the first segment of the exact pattern. */
-static void follow(struct actors *a, const struct conservative *p, int64_t row, const double *first, double period, double g,
-                   double phi) {
-    int64_t n = a->n;
-    double *now = a->factors, *next = now + 4 * n, begin = 0.0; /* the factors are not needed any more */
+INLINE void follow(struct actors *a, const struct conservative *p, int64_t row, int64_t n, const double *first, double period,
+                   double g, double phi) {
+    double *now = a->factors, *next = now + 4 * n; /* the factors are not needed any more */
     transformed(first, n, a->vector, now);
     transformed(first, n, a->vector + 2 * n, now + 2 * n);
     for (int64_t s = 0; s < p->segments; s++) {
-        double *end = a->ends + 4 * n * s, shrink = exp(-g * begin);
+        double *end = a->ends + 4 * n * s, begin = a->begins[s], shrink = exp(-g * begin);
         double c = shrink * cos(phi * begin), d = -shrink * sin(phi * begin);
         const double *modes = a->modes + p->state[s] * n * n;
         transformed(modes, n, now, end);
@@ -186,8 +152,7 @@ static void follow(struct actors *a, const struct conservative *p, int64_t row, 
             double x = end[2 * i], y = end[2 * i + 1];
             end[2 * i] = c * x - d * y, end[2 * i + 1] = c * y + d * x;
         }
-        a->begins[s] = begin;
-        double part = p->fractions[row * p->segments + s], duration = part * period;
+        double duration = p->fractions[row * p->segments + s] * period;
         for (int64_t j = 0; j < n; j++) {
             double squared = p->squared[(row * p->states + p->state[s]) * n + j], w = sqrt(fabs(squared)), x = w * duration;
             double cosine, sine; /* of one angle at once */
@@ -201,7 +166,6 @@ static void follow(struct actors *a, const struct conservative *p, int64_t row, 
                 next[2 * j + k] = cosine * u + over * v, next[2 * (n + j) + k] = back * u + cosine * v;
             }
         }
-        begin += part;
         const double *change = p->change + (row * p->segments + s) * n * n;
         transformed(change, n, next, now);
         transformed(change, n, next + 2 * n, now + 2 * n);
@@ -209,20 +173,23 @@ static void follow(struct actors *a, const struct conservative *p, int64_t row, 
 }
 
 /* total (n,) = T c_k of LANES harmonics with frequencies w. */
-INLINE void harmonics(struct actors *a, const struct conservative *p, int64_t row, struct pair w) {
-    int64_t n = a->n, segments = a->segments;
+INLINE void harmonics(struct actors *a, const struct conservative *p, int64_t row, int64_t n, struct pair w) {
     for (int64_t i = 0; i < 2 * n * a->states; i++)
         a->jump[i] = (struct pair){all(0.0), all(0.0)};
-    for (int64_t s = 0; s < segments; s++) {
-        struct pair *before = a->jump + 2 * n * p->state[s ? s - 1 : segments - 1], *after = a->jump + 2 * n * p->state[s];
-        const double *end = a->ends + 4 * n * s;
-        if (before == after)
-            continue;
+    for (int64_t first = 0, last; first < a->changes; first = last) {
+        const struct change *own = a->change + first;
+        for (last = first + 1; last < a->changes && same_states(own, a->change + last); last++)
+            ;
+        struct pair *before = a->jump + 2 * n * own->before, *after = a->jump + 2 * n * own->after;
         for (int64_t i = 0; i < 2 * n; i++) {
-            double x = end[2 * i], y = end[2 * i + 1];
-            struct pair value = {x * a->turn[s].re - y * a->turn[s].im, x * a->turn[s].im + y * a->turn[s].re};
-            before[i].re += value.re, before[i].im += value.im;
-            after[i].re -= value.re, after[i].im -= value.im;
+            struct pair sum = {all(0.0), all(0.0)};
+            for (int64_t k = first; k < last; k++) {
+                const struct pair *turn = a->turn + a->change[k].segment;
+                double x = a->ends[4 * n * a->change[k].segment + 2 * i], y = a->ends[4 * n * a->change[k].segment + 2 * i + 1];
+                sum.re += x * turn->re - y * turn->im, sum.im += x * turn->im + y * turn->re;
+            }
+            before[i].re += sum.re, before[i].im += sum.im;
+            after[i].re -= sum.re, after[i].im -= sum.im;
         }
     }
     struct pair square = times(w, w);
@@ -268,43 +235,48 @@ static int64_t keep_share(struct share *found, int64_t count, struct share own) 
     return count + 1;
 }
 
-/* Add the shares of a solution exp((g + i phi) t/T) that has been followed to those of its point; returns how many there are. */
-static int64_t weigh(struct actors *a, const struct conservative *p, int64_t row, double period, double g, double phi,
-                     int64_t point, int64_t count) {
-    int64_t n = a->n;
-    double highest = 0.0, sum[2] = {0.0, 0.0};
-    for (int64_t i = 0; i < p->states * n; i++)
-        highest = fabs(p->squared[row * p->states * n + i]) > highest ? fabs(p->squared[row * p->states * n + i]) : highest;
-    int64_t most = (int64_t)ceil(BAND * sqrt(highest) * period / TURN) + 1;
-    struct leader up[LEADING] = {{0}}, down[LEADING] = {{0}};
-    for (int64_t s = 0; s < p->segments; s++) { /* sines of two angles, those of the lanes by multiplication */
-        double turns = a->begins[s], start = TURN * remainder((double)most * turns, 1.0), one = -TURN * turns;
-        struct pair each = {all(cos(one)), all(sin(one))}, now = {all(cos(start)), all(sin(start))};
-        for (int64_t lane = 0; lane < LANES; lane++) {
-            a->turn[s].re[lane] = now.re[0], a->turn[s].im[lane] = now.im[0];
-            now = times(now, each);
-        }
-        for (int64_t step = 1; step < LANES; step *= 2)
-            each = times(each, each);
-        a->step[s] = each;
-    }
-    for (int64_t first = -most; first <= most; first += LANES) {
-        struct pair w = {all(0.0), all(-g / period)};
-        for (int64_t lane = 0; lane < LANES; lane++)
-            w.re[lane] = (phi + TURN * (double)(first + lane)) / period;
-        harmonics(a, p, row, w);
+/* Actions of harmonics from, from + by, ... up to a number of them (by = 1 or -1): the leading ones, and sums of each sign. */
+INLINE void weigh_side(struct actors *a, const struct conservative *p, int64_t row, int64_t n, double period, double g, double phi,
+                       int64_t from, int64_t by, int64_t count, struct leader *up, struct leader *down, vec *sum) {
+    vec lowest;
+    for (int64_t lane = 0; lane < LANES; lane++)
+        lowest[lane] = (phi + TURN * (double)(from + by * lane)) / period;
+    for (int64_t first = 0; first < count; first += LANES) {
+        struct pair w = {lowest + (double)(by * first) * (TURN / period), all(-g / period)};
+        harmonics(a, p, row, n, w);
         for (int64_t i = 0; i < n; i++) {
             vec action = w.re * (a->total[i].re * a->total[i].re + a->total[i].im * a->total[i].im);
-            for (int64_t lane = 0; lane < LANES && first + lane <= most; lane++) {
-                sum[action[lane] < 0] += fabs(action[lane]);
-                lead(action[lane] > 0 ? up : down, fabs(action[lane]), i, first + lane);
-            }
+            for (int64_t lane = count - first; lane < LANES; lane++)
+                action[lane] = 0.0;
+            sum[0] += larger(action, all(0.0)), sum[1] += larger(-action, all(0.0));
+            if (!any((action > up[LEADING - 1].value) | (-action > down[LEADING - 1].value)))
+                continue;
+            for (int64_t lane = 0; lane < LANES; lane++)
+                lead(action[lane] > 0 ? up : down, fabs(action[lane]), i, from + by * (first + lane));
         }
         for (int64_t s = 0; s < p->segments; s++)
             a->turn[s] = times(a->turn[s], a->step[s]);
     }
-    for (int i = 0; i < LEADING && up[i].value > 0; i++)
-        for (int j = 0; j < LEADING && down[j].value > 0; j++) {
+}
+
+/* Add the shares of a solution exp((g + i phi) t/T) that has been followed to those of its point; returns how many there are. */
+INLINE int64_t weigh(struct actors *a, const struct conservative *p, int64_t row, int64_t n, double period, double g, double phi,
+                     int64_t point, int64_t count) {
+    int64_t most = (int64_t)ceil(BAND * a->highest * period / TURN) + 1, segments = p->segments;
+    struct leader up[LEADING] = {{0}}, down[LEADING] = {{0}};
+    vec sums[2] = {all(0.0), all(0.0)};
+    double sum[2] = {0.0, 0.0};
+    for (int64_t side = 0; side < 2; side++) {
+        memcpy(a->turn, side ? a->falling : a->rising, (size_t)segments * sizeof *a->turn);
+        memcpy(a->step, a->rise, (size_t)segments * sizeof *a->step);
+        for (int64_t s = 0; side && s < segments; s++)
+            a->step[s].im = -a->step[s].im;
+        weigh_side(a, p, row, n, period, g, phi, -side, side ? -1 : 1, side ? most : most + 1, up, down, sums);
+    }
+    for (int64_t lane = 0; lane < LANES; lane++)
+        sum[0] += sums[0][lane], sum[1] += sums[1][lane];
+    for (int i = 0; i < LEADING && up[i].value > LEAST * sum[0]; i++)
+        for (int j = 0; j < LEADING && down[j].value > LEAST * sum[1]; j++) {
             double x = up[i].value / sum[0], y = down[j].value / sum[1];
             int ordered = up[i].mode < down[j].mode;
             struct share own = {point, ordered ? up[i].mode : down[j].mode, ordered ? down[j].mode : up[i].mode,
@@ -312,6 +284,14 @@ static int64_t weigh(struct actors *a, const struct conservative *p, int64_t row
             count = keep_share(a->found, count, own);
         }
     return count;
+}
+
+/* Find the solution that grows by exp(g + i phi) a period, and add its shares to the `count` ones of its point. */
+INLINE int64_t solution(struct actors *a, const struct conservative *p, int64_t row, int64_t n, const double *first, double period,
+                        double g, double phi, int64_t which, int64_t point, int64_t count) {
+    eigenvector(a->matrix, 2 * n, g, phi, which, a->vector, a->factors, a->pivot);
+    follow(a, p, row, n, first, period, g, phi);
+    return weigh(a, p, row, n, period, g, phi, point, count);
 }
 
 static int keep_shares(struct shares *kept, const struct share *found, int64_t count) {
@@ -339,7 +319,7 @@ static int shares(const struct conservative *exact, const struct conservative *c
         for (end = begin + 1; end < last && end < begin + LANES && row[end] == own; end++)
             ;
         if (own != before)
-            row_set(&a.spectra->row, exact, own);
+            row_set(&a.spectra->row, exact, own), set_row(&a, coarse, own);
         before = own;
         a.modes = (double *)modes + own * coarse->states * n * n;
         struct room *room = &a.spectra->room;
@@ -358,9 +338,9 @@ static int shares(const struct conservative *exact, const struct conservative *c
                 vec growth, angle = angle_of(room->real[i], room->imaginary[i], noise, &growth);
                 if (!(growth[lane] > 0.0) || room->imaginary[i][lane] < -noise[lane])
                     continue;
-                eigenvector(&a, growth[lane], angle[lane], i);
-                follow(&a, coarse, own, turn + own * n * n, length, growth[lane], angle[lane]);
-                count = weigh(&a, coarse, own, length, growth[lane], angle[lane], begin + lane, count);
+#define SOLUTION(n) solution(&a, coarse, own, n, turn + own * (n) * (n), length, growth[lane], angle[lane], i, begin + lane, count)
+                count = n == 1 ? SOLUTION(1) : n == 2 ? SOLUTION(2) : n == 3 ? SOLUTION(3) : SOLUTION(n);
+#undef SOLUTION
             }
             failed = keep_shares(kept, a.found, count);
         }

@@ -28,7 +28,7 @@ from gearstab.floquet.boundaries.counting.points import first_modes, propagate
 from gearstab.floquet.segments.pattern import Pattern
 from gearstab.system import Array
 
-BAND = 1.5
+BAND = 1.25
 """Frequencies up to this times the largest natural frequency of any state are looked at."""
 
 
@@ -45,7 +45,9 @@ Shares = dict[Root, float]
 """How much of the action of an unstable solution a root accounts for, at most 1."""
 
 LEADING = 5
-"""Parts of each sign that are looked at."""
+"""Parts of each sign that are looked at,"""
+LEAST = 1e-3
+"""unless they carry less than this of the action of their sign."""
 REACH = 1.3
 """How far, as a ratio of mesh frequencies, a root without a share may be from the regions of its row."""
 NEARNESS = 0.1
@@ -103,7 +105,7 @@ def leading_roots(action: Array) -> Shares:
     positive, negative = flat[flat > 0].sum(), flat[flat < 0].sum()
     for up in order[::-1][:LEADING]:
         for down in order[:LEADING]:
-            if flat[up] <= 0 or flat[down] >= 0:
+            if flat[up] <= LEAST * positive or flat[down] >= LEAST * negative:
                 continue
             (p, k), (q, j) = divmod(int(up), action.shape[1]), divmod(int(down), action.shape[1])
             root = Root(min(p, q), max(p, q), k - j)
