@@ -15,6 +15,7 @@ from gearstab.methods.perturbation import Perturbation, Uncoupled
 from gearstab.methods.required_damping import DampingAnalysis
 from gearstab.methods.response import SteadyStateAnalysis
 from gearstab.methods.tolerance import ToleranceAnalysis
+from gearstab.methods.tongue_probability import TongueProbabilityAnalysis
 from gearstab.system import GearSystem
 
 METHODS: dict[str, type[Method]] = {
@@ -28,6 +29,7 @@ METHODS: dict[str, type[Method]] = {
         Passage,
         SteadyStateAnalysis,
         ToleranceAnalysis,
+        TongueProbabilityAnalysis,
     )
 }
 """By name, the key in ``methods`` of a configuration and the group in the result."""

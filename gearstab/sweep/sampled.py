@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gearstab.config import parameters_at
-from gearstab.methods import Outcome, SampledMethod
+from gearstab.methods import RANGE, Outcome, SampledMethod
 from gearstab.sweep.plan import Plan
 from gearstab.system import Array
 from gearstab.systems import build
@@ -25,7 +25,10 @@ def run_sampled(plan: Plan, method: SampledMethod, rows: dict[str, Array], count
         # The samples of a row are next to each other.
         chosen = {name: np.repeat(index[part], len(points)) for name, index in rows.items()}
         system = build(uncertain.sampled(parameters_at(plan.config, chosen), every))
+        batch = method.of(system.over((len(every),)))
+        if method.frequency == RANGE:
+            return batch.run(np.array(plan.mesh_frequency_range))
         present = np.ones((1, 1)) if uncertain.sets_mesh_frequency else plan.mesh_frequency(chosen, columns)
         frequency = uncertain.mesh_frequency(present, every)
-        outcomes.append(method.of(system.over((len(every),))).run(frequency).values)
+        outcomes.append(batch.run(frequency).values)
     return Outcome({name: np.concatenate([values[name] for values in outcomes]) for name in outcomes[0]})

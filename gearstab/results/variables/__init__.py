@@ -197,6 +197,12 @@ BOUNDARY = Variable("boundary_frequency", ("tongue", "side", ROWS), "f8", "rad/s
 
 OCCURRENCE = coordinate("occurrence", "tongue", "i4", "1", "number, from 0, of a region among those with the same root")
 
+TONGUE_PROBABILITY = (
+    Variable("tongue_probability", ("tongue", ROWS), "f8", "1", "probability that the region reaches into the range"),
+    Variable("tongue_probability_lower", ("tongue", ROWS), "f8", "1", "lower end of the 95 % interval of it"),
+    Variable("tongue_probability_upper", ("tongue", ROWS), "f8", "1", "upper end of the 95 % interval of it"),
+)  # fmt: skip
+
 EXACT = (
     SIDE,
     BOUNDARY,
