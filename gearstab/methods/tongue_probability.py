@@ -122,7 +122,7 @@ class TongueProbabilityAnalysis(SampledMethod):
         return union(indices)
 
     def effort(self, mesh_frequency: Array) -> EffortEstimate:
-        return _Effort(self.inner.effort(mesh_frequency), self.design.size)
+        return _SamplesEffort(self.inner.effort(mesh_frequency), self.design.size)
 
     def cost(self) -> float:
         return self.design.size * self.inner.cost()
@@ -141,7 +141,7 @@ class TongueProbabilityAnalysis(SampledMethod):
 
 
 @dataclass(frozen=True)
-class _Effort:
+class _SamplesEffort:
     """That of a search, so many times."""
 
     one: EffortEstimate
