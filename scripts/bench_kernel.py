@@ -105,7 +105,7 @@ def generators(pattern: Pattern) -> Array:
 
 
 def expm_product(pattern: Pattern, omega: Array) -> list[Array]:
-    """scipy.linalg.expm a segment and a point, the product, its eigenvalues."""
+    """scipy.linalg.expm per segment and point, the product, its eigenvalues."""
     a, durations = generators(pattern), pattern.durations(0, omega)
     found = []
     for k in range(len(omega)):
@@ -151,7 +151,7 @@ def compare(title: str, ways: list[Way], rounds: int, clock: Callable[[], float]
     print(title)
     for way, median in zip(ways, medians, strict=True):
         goal = f"   (goal {way.goal:,.0f})" if way.goal else ""
-        print(f"  {way.name:34} {1e6 * median:12.4f} us a point {median / medians[0]:12,.1f} x{goal}")
+        print(f"  {way.name:34} {1e6 * median:12.4f} us per point {median / medians[0]:12,.1f} x{goal}")
     return medians
 
 

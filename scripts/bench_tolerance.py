@@ -62,7 +62,7 @@ def main(rows: int = 200) -> None:
     """Run both, with and without damping and Sobol indices, and print the ratios of processor time per point."""
     title = f"Two-stage train, map of 400 x {rows} cells with 1,000 samples each, one processor"
     table = Table(title=title)
-    for heading in ("", "points", "ns a point", "x plain"):
+    for heading in ("", "points", "ns per point", "x plain"):
         table.add_column(heading, justify="left" if not heading else "right", no_wrap=True)
     with ckernel.using(threads=1):
         for damping in ("0", "0.01"):

@@ -15,9 +15,9 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 
-from gearstab.plots.axes import Request
 from gearstab.plots.drawing.heading import write_legend
 from gearstab.plots.drawing.style import CASES, DASHES, new_figure, save, style
+from gearstab.plots.view import Request
 
 SMALLEST_LINE = 0.02
 """Of a spectrum, relative to its largest line."""

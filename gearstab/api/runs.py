@@ -111,7 +111,7 @@ def plot(
     file that is no result.
     """
     from gearstab.plots import draw
-    from gearstab.plots.axes import Request
+    from gearstab.plots.view import Request
     from gearstab.results.read import reading
 
     chosen = {name: str(value) for name, value in (select or {}).items()}

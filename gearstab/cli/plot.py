@@ -42,9 +42,9 @@ def command(
 ) -> None:  # fmt: skip
     """Draw a figure from the file RESULT alone; nothing is computed again."""
     from gearstab.plots import draw
-    from gearstab.plots.axes import Request
     from gearstab.plots.drawing.heading import title_of
     from gearstab.plots.drawing.style import FIGURE, checked_extension, save
+    from gearstab.plots.view import Request
     from gearstab.results.read import reading
 
     target = output or result.with_suffix(".png")

@@ -9,7 +9,8 @@ from pydantic import Field
 
 from gearstab.config.model.fields import Choice, NonNegative, Quantity, Section, Whole
 from gearstab.methods.base import Method, OptionError, Outcome, Tolerance
-from gearstab.results.variables import BACKLASH_SPEED_RESPONSE, SPEED_RESPONSE, Variable, flagged
+from gearstab.results.variables import Variable, flagged
+from gearstab.results.variables.responses import BACKLASH_SPEED_RESPONSE, SPEED_RESPONSE
 from gearstab.system import Array, GearSystem
 
 

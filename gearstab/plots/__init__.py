@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from gearstab.errors import PlotError, listed
 from gearstab.plots import modes, work_precision
-from gearstab.plots.axes import Request, distinct, nearest_values
+from gearstab.plots.axes import distinct
 from gearstab.plots.design import before_after, contour, pareto, tornado
 from gearstab.plots.drawing.style import style
 from gearstab.plots.kinds import Contents, Kind
@@ -25,6 +25,7 @@ from gearstab.plots.maps import (
     surface,
 )
 from gearstab.plots.motions import orders, pair, phase_plane, response, spectrum, speeds, teeth, waterfall
+from gearstab.plots.view import Request, nearest_values
 from gearstab.results.display import in_display_units
 
 KINDS: dict[str, Kind] = {

@@ -10,8 +10,9 @@ from typing import Any
 import xarray as xr
 from matplotlib.figure import Figure
 
-from gearstab.plots.axes import INNER, FigureAxis, Request, find_axis, sweep_axes
+from gearstab.plots.axes import INNER, FigureAxis, find_axis, sweep_axes
 from gearstab.plots.variables import find_variable
+from gearstab.plots.view import Request
 from gearstab.results.display import SPEEDS
 
 

@@ -17,7 +17,8 @@ from gearstab.results.display import with_orders
 from gearstab.results.guard import RESPOND
 from gearstab.results.provenance import modes_group, root_attributes
 from gearstab.results.units import in_brackets, unit_of
-from gearstab.results.variables import PAIR_RESPONSE, flagged
+from gearstab.results.variables import flagged
+from gearstab.results.variables.responses import PAIR_RESPONSE
 from gearstab.rotating_pair import RotatingPair
 from gearstab.systems import build
 

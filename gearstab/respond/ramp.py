@@ -17,7 +17,8 @@ from gearstab.results.display import FACTOR, FREQUENCY, typed
 from gearstab.results.guard import RESPOND
 from gearstab.results.provenance import modes_group, root_attributes
 from gearstab.results.units import in_brackets, in_units_of, unit_of
-from gearstab.results.variables import RAMP_RESPONSE, SPEED, flagged
+from gearstab.results.variables import SPEED, flagged
+from gearstab.results.variables.responses import RAMP_RESPONSE
 from gearstab.system import GearSystem
 
 if TYPE_CHECKING:

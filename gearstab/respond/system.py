@@ -28,7 +28,8 @@ from gearstab.results.display import with_orders
 from gearstab.results.guard import RESPOND
 from gearstab.results.provenance import modes_group, root_attributes
 from gearstab.results.units import in_brackets, in_units_of
-from gearstab.results.variables import BACKLASH_RESPONSE, RESPONSE, TOOTH_LOADS, flagged
+from gearstab.results.variables import flagged
+from gearstab.results.variables.responses import BACKLASH_RESPONSE, RESPONSE, TOOTH_LOADS
 from gearstab.system import GearSystem, shared_period
 from gearstab.systems import build, model_of
 

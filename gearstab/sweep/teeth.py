@@ -9,7 +9,8 @@ import numpy as np
 
 from gearstab.config import Axis, Config, alike, parameters_at
 from gearstab.results.tree import Group, fields_of
-from gearstab.results.variables import TEETH, flagged
+from gearstab.results.variables import flagged
+from gearstab.results.variables.responses import TEETH
 from gearstab.system import Array, GearSystem
 
 NAME = "teeth"

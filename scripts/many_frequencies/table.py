@@ -132,7 +132,7 @@ def main() -> None:
         first, second = middles(system, low, high)
         print(f"| {0.5 * (low + high):.0f} | {first:.2f} | {second:.2f} | {100 * (second / first - 1):.2f} % |")
     exact, single, estimate = (f"{1e3 * t:.2g} ms" for t in times(system))
-    print(f"\nTime a point: exact {exact}, one mesh at a time {single}, Lyapunov exponent {estimate}.")
+    print(f"\nTime per point: exact {exact}, one mesh at a time {single}, Lyapunov exponent {estimate}.")
 
 
 if __name__ == "__main__":

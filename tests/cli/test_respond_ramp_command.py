@@ -11,7 +11,7 @@ from click.testing import CliRunner, Result
 from gearstab.cli import group
 from gearstab.config import ConfigError, load
 from gearstab.plots import default_kind, draw
-from gearstab.plots.axes import Request
+from gearstab.plots.view import Request
 from gearstab.results import open_result
 
 CONFIG = """

@@ -14,7 +14,7 @@ from gearstab.plots import draw
 from gearstab.results import open_result
 from gearstab.results.provenance import modes_group
 from gearstab.results.units import in_units_of
-from gearstab.results.variables import RESPONSE, SPEED_RESPONSE
+from gearstab.results.variables.responses import RESPONSE, SPEED_RESPONSE
 from gearstab.system import GearSystem, Mesh
 from gearstab.systems import build
 from gearstab.waveforms import Rectangular

@@ -18,8 +18,8 @@ from gearstab.info.text import report
 from gearstab.methods import OptionError
 from gearstab.methods.perturbation import Perturbation, PerturbationOptions
 from gearstab.perturbation import PERTURBATION_FLAGS, second_order
-from gearstab.plots.axes import Request
 from gearstab.plots.maps import boundaries as boundary_figure
+from gearstab.plots.view import Request
 from gearstab.results import open_result
 from gearstab.sweep import plan, run
 from gearstab.system import PeriodicTerm

@@ -6,7 +6,7 @@ from plot_results import passage, probability
 
 from gearstab.errors import PlotError
 from gearstab.plots import default_kind, draw
-from gearstab.plots.axes import Request
+from gearstab.plots.view import Request
 
 
 def test_curves_are_those_of_the_result():

@@ -13,10 +13,11 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from gearstab.errors import PlotError
 from gearstab.plots import KINDS, default_kind, draw
-from gearstab.plots.axes import FigureAxis, Request
+from gearstab.plots.axes import FigureAxis
 from gearstab.plots.drawing.grid import draw_cells
 from gearstab.plots.drawing.style import new_figure
 from gearstab.plots.maps import surface
+from gearstab.plots.view import Request
 
 
 def growth_of(tree, **index):

@@ -13,8 +13,8 @@ from click.testing import CliRunner
 from gearstab.cli import group
 from gearstab.errors import PlotError
 from gearstab.plots import default_kind, draw
-from gearstab.plots.axes import Request
 from gearstab.plots.cases import thinned
+from gearstab.plots.view import Request
 
 ENTRIES = {
     "mesh_frequency": [1.0, 2.0, 4.0],

@@ -10,8 +10,8 @@ from plot_results import tree
 from gearstab.config import load
 from gearstab.errors import PlotError
 from gearstab.plots import default_kind, draw
-from gearstab.plots.axes import Request
 from gearstab.plots.gear_bodies import LARGEST, displaced, layout_of, mesh_deflection, ring_shape
+from gearstab.plots.view import Request
 from gearstab.results import open_result
 from gearstab.sweep import plan, run
 

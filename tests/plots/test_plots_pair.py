@@ -8,7 +8,7 @@ import pytest
 
 from gearstab.errors import PlotError
 from gearstab.plots import default_kind, draw
-from gearstab.plots.axes import Request
+from gearstab.plots.view import Request
 
 
 def test_a_response_of_a_pair_is_drawn_by_default() -> None:

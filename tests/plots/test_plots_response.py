@@ -9,7 +9,7 @@ import xarray as xr
 
 from gearstab.errors import PlotError
 from gearstab.plots import default_kind, draw
-from gearstab.plots.axes import Request
+from gearstab.plots.view import Request
 
 
 def test_curves_over_speed_show_every_mesh_and_the_unstable_range():

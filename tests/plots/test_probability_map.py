@@ -6,7 +6,7 @@ from plot_results import axes, floquet_group, probability, tree
 
 from gearstab.errors import PlotError
 from gearstab.plots import default_kind, draw
-from gearstab.plots.axes import Request
+from gearstab.plots.view import Request
 
 
 def test_lines_stand_where_the_levels_are():

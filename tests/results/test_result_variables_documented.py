@@ -14,7 +14,7 @@ from gearstab.response.backlash import BACKLASH_FLAGS
 from gearstab.response.linear.steady import STATUS_FLAGS as RESPONSE_FLAGS
 from gearstab.response.rotating_pair.stability import FLAGS as ORBIT_FLAGS
 from gearstab.results import variables
-from gearstab.results.variables import Variable, design
+from gearstab.results.variables import Variable, design, responses
 
 DOCUMENT = DOCS / "methods.md"
 OF_BENCH = {name for name in vars(variables) if "BENCH" in name}
@@ -28,7 +28,7 @@ def section() -> str:
 
 def declared() -> dict[str, Variable]:
     found: dict[str, Variable] = {}
-    for name, table in (*vars(variables).items(), *vars(design).items()):
+    for name, table in (*vars(variables).items(), *vars(design).items(), *vars(responses).items()):
         if name.isupper() and name not in OF_BENCH:
             entries = table if isinstance(table, tuple) else (table,)
             found |= {item.name: item for item in entries if isinstance(item, Variable)}

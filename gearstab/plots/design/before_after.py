@@ -11,12 +11,13 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from gearstab.errors import PlotError
-from gearstab.plots.axes import Request, mesh_numbers
+from gearstab.plots.axes import mesh_numbers
 from gearstab.plots.design.dataset import GIVEN, NAME, OPTIMUM, design_of
 from gearstab.plots.drawing.heading import write_legend, write_title
 from gearstab.plots.drawing.style import SHADE, new_figure
 from gearstab.plots.drawing.text import axis_label, tongue_label
 from gearstab.plots.kinds import Kind
+from gearstab.plots.view import Request
 
 COLOURS = (GIVEN, OPTIMUM)
 WORDS = {"initial": "given"}

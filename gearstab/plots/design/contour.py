@@ -11,12 +11,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from gearstab.errors import PlotError, listed
-from gearstab.plots.axes import Request
 from gearstab.plots.design.dataset import OPTIMUM, design_of, label_of, objective_label
 from gearstab.plots.drawing.heading import write_title
 from gearstab.plots.drawing.style import GROWTH, LINE, new_figure
 from gearstab.plots.drawing.text import fitted
 from gearstab.plots.kinds import Kind
+from gearstab.plots.view import Request
 
 Array = np.ndarray
 LINES = 7

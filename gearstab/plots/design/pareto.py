@@ -11,11 +11,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from gearstab.errors import PlotError
-from gearstab.plots.axes import Request
 from gearstab.plots.design.dataset import GIVEN, NAME, OPTIMUM, design_of, symbol_of
 from gearstab.plots.drawing.heading import write_title
 from gearstab.plots.drawing.style import LINE, new_figure
 from gearstab.plots.kinds import Contents, Kind
+from gearstab.plots.view import Request
 
 Array = np.ndarray
 LABELLED = 8

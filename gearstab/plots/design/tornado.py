@@ -9,11 +9,11 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from gearstab.errors import PlotError
-from gearstab.plots.axes import Request
 from gearstab.plots.design.dataset import GIVEN, OPTIMUM, design_of, objective_label, symbol_of
 from gearstab.plots.drawing.heading import write_title
 from gearstab.plots.drawing.style import LINE, new_figure
 from gearstab.plots.kinds import Kind
+from gearstab.plots.view import Request
 
 COLOURS = (GIVEN, OPTIMUM)
 WORDS = ("5 % of its bounds lower", "5 % higher")

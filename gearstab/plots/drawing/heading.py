@@ -11,8 +11,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.legend import Legend
 
-from gearstab.plots.axes import Request, View
 from gearstab.plots.drawing.text import fitted, plain, printed_text
+from gearstab.plots.view import Request, View
 
 
 def title_of(tree: xr.DataTree) -> str:

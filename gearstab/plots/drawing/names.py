@@ -18,7 +18,6 @@ from matplotlib.transforms import (
     blended_transform_factory,
 )
 
-from gearstab.plots.axes import Request, View
 from gearstab.plots.drawing.placement import FAR, Placed, place
 from gearstab.plots.drawing.text import tongue_label
 from gearstab.plots.drawing.tongues import (
@@ -30,6 +29,7 @@ from gearstab.plots.drawing.tongues import (
     regions_of_one_mode,
     widest,
 )
+from gearstab.plots.view import Request, View
 
 Array = np.ndarray
 

@@ -24,7 +24,7 @@ from gearstab.errors import PlotError, listed
 from gearstab.results.output import Content, write_bytes
 
 if TYPE_CHECKING:
-    from gearstab.plots.axes import Request
+    from gearstab.plots.view import Request
 
 WIDTHS = {"single": 3.46, "double": 7.09}
 """Width in inches of one column (88 mm) and of two (180 mm)."""

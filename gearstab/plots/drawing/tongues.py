@@ -14,8 +14,9 @@ from matplotlib.lines import Line2D
 from scipy import ndimage
 
 from gearstab.perturbation.tongues import label_of
-from gearstab.plots.axes import FigureAxis, View, texts
+from gearstab.plots.axes import FigureAxis, texts
 from gearstab.plots.drawing.style import GROWTH, LINE
+from gearstab.plots.view import View
 from gearstab.results.display import SPEEDS
 
 Array = np.ndarray

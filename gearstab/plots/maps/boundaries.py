@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from gearstab.errors import PlotError
-from gearstab.plots.axes import INNER, MapView, Request, sweep_axes, swept_groups, view_of
+from gearstab.plots.axes import INNER, sweep_axes, swept_groups
 from gearstab.plots.cases import caption, some
 from gearstab.plots.drawing import grid, names, tongues
 from gearstab.plots.drawing.heading import write_legend, write_title
@@ -20,6 +20,7 @@ from gearstab.plots.drawing.style import CASES, LINE, SHADE, new_frame
 from gearstab.plots.drawing.tongues import DrawnTongues
 from gearstab.plots.kinds import Contents, Kind
 from gearstab.plots.maps import proved
+from gearstab.plots.view import MapView, Request, view_of
 from gearstab.results.display import SPEEDS
 
 Array = np.ndarray

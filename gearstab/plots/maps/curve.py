@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from gearstab.plots.axes import FigureAxis, Request, View, view_along
+from gearstab.plots.axes import FigureAxis
 from gearstab.plots.cases import Index, caption, some
 from gearstab.plots.drawing import grid, names, tongues
 from gearstab.plots.drawing.heading import write_legend, write_title
@@ -19,6 +19,7 @@ from gearstab.plots.drawing.text import fitted
 from gearstab.plots.kinds import Kind
 from gearstab.plots.maps import doubt, proved
 from gearstab.plots.variables import GROWTH_RATE, colour_label, default_variable, find_variable
+from gearstab.plots.view import Request, View, view_along
 from gearstab.results.display import SPEEDS
 
 Array = np.ndarray

@@ -12,9 +12,9 @@ from matplotlib.collections import PolyCollection
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from gearstab.plots.axes import MapView, View
 from gearstab.plots.drawing import grid
 from gearstab.plots.drawing.style import FAILED
+from gearstab.plots.view import MapView, View
 
 Array = np.ndarray
 

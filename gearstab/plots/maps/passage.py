@@ -11,12 +11,12 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from gearstab.errors import PlotError
-from gearstab.plots.axes import Request, view_along
 from gearstab.plots.cases import caption, some
 from gearstab.plots.drawing.heading import write_legend, write_title
 from gearstab.plots.drawing.style import CASES, new_figure
 from gearstab.plots.drawing.text import number_text, unit_text
 from gearstab.plots.kinds import Contents, Kind
+from gearstab.plots.view import Request, view_along
 
 Array = np.ndarray
 Artists = dict[str, Any]

@@ -8,9 +8,10 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.patches import Patch
 
-from gearstab.plots.axes import FigureAxis, View
+from gearstab.plots.axes import FigureAxis
 from gearstab.plots.drawing.style import PROVED
 from gearstab.plots.drawing.tongues import parameter_axis
+from gearstab.plots.view import View
 from gearstab.results.display import SPEEDS
 
 Array = np.ndarray

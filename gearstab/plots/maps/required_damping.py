@@ -12,12 +12,12 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from gearstab.errors import PlotError
-from gearstab.plots.axes import MapView, Request
 from gearstab.plots.drawing import grid
 from gearstab.plots.drawing.style import GROWTH, LINE
 from gearstab.plots.drawing.text import axis_label
 from gearstab.plots.kinds import Contents, Kind
 from gearstab.plots.maps.stability_map import whole_map
+from gearstab.plots.view import MapView, Request
 
 Array = np.ndarray
 Artists = dict[str, Any]

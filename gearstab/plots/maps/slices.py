@@ -11,7 +11,6 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from gearstab.plots.axes import MapView, Request, view_of
 from gearstab.plots.cases import Index, caption, some
 from gearstab.plots.drawing import names, tongues
 from gearstab.plots.drawing.heading import write_legend, write_title
@@ -20,6 +19,7 @@ from gearstab.plots.drawing.text import fitted
 from gearstab.plots.kinds import Kind
 from gearstab.plots.maps import doubt, proved, stability_map
 from gearstab.plots.variables import colour_label, default_variable, find_variable
+from gearstab.plots.view import MapView, Request, view_of
 
 Artists = dict[str, Any]
 

@@ -12,7 +12,6 @@ from matplotlib.colorbar import Colorbar
 from matplotlib.colors import BoundaryNorm, Colormap, ListedColormap, LogNorm, Normalize
 from matplotlib.figure import Figure
 
-from gearstab.plots.axes import MapView, Request, two_axes_only, view_of
 from gearstab.plots.drawing import grid, names, tongues
 from gearstab.plots.drawing.heading import write_legend, write_title
 from gearstab.plots.drawing.style import GROWTH, LINE, PROVED, UNSTABLE, new_frame
@@ -20,6 +19,7 @@ from gearstab.plots.drawing.text import fitted
 from gearstab.plots.kinds import Kind
 from gearstab.plots.maps import doubt, proved
 from gearstab.plots.variables import GROWTH_RATE, LOAD_FACTOR, colour_label, default_variable, find_variable
+from gearstab.plots.view import MapView, Request, two_axes_only, view_of
 
 Array = np.ndarray
 Artists = dict[str, Any]

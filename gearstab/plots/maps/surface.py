@@ -14,11 +14,12 @@ from mpl_toolkits.mplot3d import Axes3D  # type: ignore[import-untyped]
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection  # type: ignore[import-untyped]
 
 from gearstab.errors import PlotError
-from gearstab.plots.axes import FigureAxis, MapView, Request, axis_of, mesh_numbers, sweep_axes, view_of
+from gearstab.plots.axes import FigureAxis, axis_of, mesh_numbers, sweep_axes
 from gearstab.plots.drawing.heading import write_title
 from gearstab.plots.drawing.style import LINE, new_figure
 from gearstab.plots.drawing.text import tongue_label
 from gearstab.plots.kinds import Contents, Kind
+from gearstab.plots.view import MapView, Request, view_of
 from gearstab.results.display import SPEEDS
 
 Array = np.ndarray

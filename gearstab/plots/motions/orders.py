@@ -8,13 +8,14 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
-from gearstab.plots.axes import Request, units_of
+from gearstab.plots.axes import units_of
 from gearstab.plots.drawing.heading import write_legend, write_title
 from gearstab.plots.drawing.style import CASES, DASHES, new_figure
 from gearstab.plots.drawing.text import bracketed, plain
 from gearstab.plots.kinds import Kind
 from gearstab.plots.motions.response import fit_labels
 from gearstab.plots.motions.waterfall import chosen_meshes, read_ramp, speed_label
+from gearstab.plots.view import Request
 
 Artists = dict[str, Any]
 

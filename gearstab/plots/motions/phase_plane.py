@@ -10,12 +10,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from gearstab.errors import PlotError, listed
-from gearstab.plots.axes import Request, group_of, units_of
+from gearstab.plots.axes import group_of, units_of
 from gearstab.plots.drawing.heading import write_title
 from gearstab.plots.drawing.style import CASES, SHADE, new_figure
 from gearstab.plots.drawing.text import bracketed, fitted, plain
 from gearstab.plots.kinds import Kind
 from gearstab.plots.motions.response import LONG, refuse_a_moment
+from gearstab.plots.view import Request
 
 Array = np.ndarray
 Artists = dict[str, Any]

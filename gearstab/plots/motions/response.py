@@ -13,11 +13,12 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullLocator
 
 from gearstab.errors import PlotError, listed
-from gearstab.plots.axes import Request, units_of
+from gearstab.plots.axes import units_of
 from gearstab.plots.drawing.heading import write_title
 from gearstab.plots.drawing.style import CASES, WIDTHS, new_figure
 from gearstab.plots.drawing.text import bracketed, fitted, plain
 from gearstab.plots.kinds import Kind
+from gearstab.plots.view import Request
 
 Array = np.ndarray
 Artists = dict[str, Any]

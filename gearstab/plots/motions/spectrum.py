@@ -10,12 +10,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from gearstab.errors import PlotError, listed
-from gearstab.plots.axes import Request, group_of, units_of
+from gearstab.plots.axes import group_of, units_of
 from gearstab.plots.drawing.heading import write_title
 from gearstab.plots.drawing.style import CASES, new_figure
 from gearstab.plots.drawing.text import bracketed
 from gearstab.plots.kinds import Kind
 from gearstab.plots.motions.response import MOST_PANELS, columns, fit_labels, refuse_selections
+from gearstab.plots.view import Request
 from gearstab.results.display import ORDER, SHOWN_SCALE, SPEEDS
 
 Array = np.ndarray

@@ -12,7 +12,6 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from gearstab.errors import PlotError, listed
-from gearstab.plots.axes import Request, View, view_along
 from gearstab.plots.cases import caption
 from gearstab.plots.drawing import grid, names, tongues
 from gearstab.plots.drawing.heading import write_legend, write_title
@@ -20,6 +19,7 @@ from gearstab.plots.drawing.style import CASES, DASHES, SHADE, new_frame
 from gearstab.plots.kinds import Contents, Kind
 from gearstab.plots.maps import curve, doubt
 from gearstab.plots.variables import colour_label, find_variable
+from gearstab.plots.view import Request, View, view_along
 from gearstab.results.display import SPEEDS
 
 Array = np.ndarray

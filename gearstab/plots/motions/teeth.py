@@ -9,12 +9,12 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from gearstab.errors import PlotError, listed
-from gearstab.plots.axes import Request
 from gearstab.plots.drawing.heading import write_legend, write_title
 from gearstab.plots.drawing.style import CASES, new_figure
 from gearstab.plots.drawing.text import fitted, plain
 from gearstab.plots.kinds import Kind
 from gearstab.plots.motions.response import MOST_PANELS, columns, read_response, refuse_selections
+from gearstab.plots.view import Request
 
 Artists = dict[str, Any]
 

@@ -11,12 +11,13 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
 from gearstab.errors import PlotError
-from gearstab.plots.axes import Request, group_of, units_of
+from gearstab.plots.axes import group_of, units_of
 from gearstab.plots.drawing.heading import write_legend, write_title
 from gearstab.plots.drawing.style import GROWTH, LINE, new_figure
 from gearstab.plots.drawing.text import bracketed, plain
 from gearstab.plots.kinds import Kind
 from gearstab.plots.motions.response import refuse_selections
+from gearstab.plots.view import Request
 from gearstab.results.display import FACTOR, SHOWN_SCALE, SPEEDS
 
 Array = np.ndarray

@@ -13,14 +13,19 @@ from typing import Any
 
 GRID = "(all axes of the sweep)"
 """In ``dims``: all axes, in the order of the configuration."""
+
+
 ROWS = "(all axes of the sweep but the mesh frequency)"
 """In ``dims``: all axes but the mesh frequency."""
+
 
 SPEED = "(mesh frequency or input speed)"
 """In ``dims``: in what a response is given its speed."""
 
+
 STRETCH = "stretch"
 """In ``dims``: parts of the range of mesh frequencies, as many as the row with most of them has."""
+
 
 TEXT = "text"
 """In ``dtype``: UTF-8 text of any length."""
@@ -79,6 +84,7 @@ DOF = (
     coordinate("dof_units", "dof", TEXT, "1", "unit of the coordinate"),
 )
 
+
 MODES = (
     coordinate("mode", "mode", "i4", "1", "number of the mode, by ascending natural frequency"),
     *DOF,
@@ -89,6 +95,7 @@ MODES = (
     Variable("mode_type", ("mode",), TEXT, "1", "type of the mode"),
 )
 
+
 DEFLECTION_TYPE = Variable(
     "mesh_deflection_type",
     ("mode",),
@@ -98,7 +105,9 @@ DEFLECTION_TYPE = Variable(
 )
 """Variable of systems with cyclic symmetry."""
 
+
 STABLE_FLAGS = {"flag_values": [-1, 0, 1], "flag_meanings": "failed unstable stable"}
+
 
 FLOQUET = (
     Variable("growth_rate", (GRID,), "f8", "1/s", "largest real part of the characteristic exponents"),
@@ -106,17 +115,20 @@ FLOQUET = (
     Variable("status", (GRID,), "i2", "1", "how the stability was decided"),
 )
 
+
 EXPONENTS = (
     coordinate("exponent", "exponent", "i4", "1", "number of the characteristic exponent, by descending real part"),
     Variable("exponent_real", (GRID, "exponent"), "f8", "1/s", "real part of the characteristic exponent"),
     Variable("exponent_imag", (GRID, "exponent"), "f8", "rad/s", "imaginary part of the characteristic exponent"),
 )
 
+
 ERROR_ESTIMATE = Variable(
     "error_estimate", (GRID,), "f8", "1",
     "estimated error of the Floquet multipliers, relative to the largest of them or 1",
 )  # fmt: skip
 """Where propagation over a period is not exact: of waves that are not piecewise constant, and of further terms."""
+
 
 BY_MESH = (
     coordinate("mesh", "mesh", TEXT, "1", "tooth mesh; meshes of one frequency vary together"),
@@ -125,10 +137,12 @@ BY_MESH = (
 )  # fmt: skip
 """Variables of one mesh frequency at a time."""
 
+
 INTERVAL = (
     Variable("growth_rate_interval", (GRID,), "f8", "1/s", "half-width of the confidence interval of the growth rate"),
 )
 """Variables of estimated growth rates."""
+
 
 ORBITS = (
     Variable(
@@ -142,11 +156,13 @@ ORBITS = (
 )
 """Variables of periodic orbits of gear pairs."""
 
+
 REQUIRED_DAMPING = (
     Variable("required_damping", (GRID,), "f8", "1", "damping from which on the system is stable"),
     Variable("status", (GRID,), "i2", "1", "how the required damping was found"),
 )
 """Damping ratio of all modes, or factor on the damping."""
+
 
 PROBABILITY = (
     Variable("probability", (GRID,), "f8", "1", "probability of instability"),
@@ -156,6 +172,7 @@ PROBABILITY = (
 )
 """Variables of a system whose parameters are uncertain."""
 
+
 SOBOL = (
     coordinate("parameter", "parameter", TEXT, "1", "uncertain parameter"),
     Variable("sobol_first", (GRID, "parameter"), "f8", "1", "first-order Sobol index of instability"),
@@ -164,6 +181,7 @@ SOBOL = (
     Variable("sobol_total_interval", (GRID, "parameter"), "f8", "1", "half-width of the 95 % interval of sobol_total"),
 )
 """Which parameter is to blame; NaN where the probability is near 0 or 1."""
+
 
 PASSAGE = (
     coordinate("rate", "rate", "f8", "rad/s^2", "change of the mesh frequency, or input speed, in time"),
@@ -180,6 +198,7 @@ PASSAGE = (
 )
 """Variables of run-ups and coast-downs."""
 
+
 TONGUE = (
     coordinate("mode_p", "tongue", "i4", "1", "first mode of the instability"),
     coordinate("mode_q", "tongue", "i4", "1", "second mode of the instability"),
@@ -191,17 +210,22 @@ TONGUE = (
 )
 """Which instability region a point of the dimension ``tongue`` is."""
 
+
 SIDE = coordinate("side", "side", TEXT, "1", "lower or upper boundary")
+
 
 BOUNDARY = Variable("boundary_frequency", ("tongue", "side", ROWS), "f8", "rad/s", "mesh frequency at the boundary")
 
+
 OCCURRENCE = coordinate("occurrence", "tongue", "i4", "1", "number, from 0, of a region among those with the same root")
+
 
 TONGUE_PROBABILITY = (
     Variable("tongue_probability", ("tongue", ROWS), "f8", "1", "probability that the region reaches into the range"),
     Variable("tongue_probability_lower", ("tongue", ROWS), "f8", "1", "lower end of the 95 % interval of it"),
     Variable("tongue_probability_upper", ("tongue", ROWS), "f8", "1", "upper end of the 95 % interval of it"),
 )  # fmt: skip
+
 
 EXACT = (
     SIDE,
@@ -229,6 +253,7 @@ EXACT = (
     ),
 )  # fmt: skip
 
+
 FIRST_ORDER = (
     SIDE,
     BOUNDARY,
@@ -238,6 +263,7 @@ FIRST_ORDER = (
     Variable("half_width", ("tongue", ROWS), "f8", "rad/s", "half of the unstable range of mesh frequency"),
     Variable("threshold", ("tongue", ROWS), "f8", "1", "factor on every epsilon at which the region opens"),
 )
+
 
 SECOND_ORDER = (
     *FIRST_ORDER,
@@ -252,196 +278,6 @@ SECOND_ORDER = (
     Variable("status", ("tongue", ROWS), "i2", "1", "whether the boundaries can be trusted"),
 )  # fmt: skip
 
-RESPONSE = (
-    coordinate("time", "time", "f8", "s", "time"),
-    *DOF,
-    coordinate("mesh", "mesh", TEXT, "1", "tooth mesh"),
-    Variable("displacement", ("time", "dof"), "f8", "m", "displacement"),
-    Variable("velocity", ("time", "dof"), "f8", "m/s", "velocity"),
-    Variable("mesh_deflection", ("time", "mesh"), "f8", "m", "mesh deflection along the line of action"),
-    Variable("mesh_force", ("time", "mesh"), "f8", "N", "elastic mesh force"),
-    Variable("energy", ("time",), "f8", "J", "kinetic energy and potential energy at the stiffness of the moment"),
-    Variable("static_mesh_force", ("mesh",), "f8", "N", "mesh force under the constant load, at the mean stiffness"),
-    Variable("mean_velocity", ("dof",), "f8", "m/s", "uniform motion that displacements are relative to"),
-    coordinate("frequency", "frequency", "f8", "rad/s", "frequency"),
-    Variable("mesh_force_amplitude", ("frequency", "mesh"), "f8", "N", "amplitude of the mesh force"),
-    Variable(
-        "mesh_deflection_amplitude", ("frequency", "mesh"), "f8", "m", "amplitude of the mesh deflection"
-    ),
-    Variable(
-        "mesh_force_density", ("frequency", "mesh"), "f8", "N^2 s", "spectral density of the mesh force"
-    ),
-    Variable(
-        "mesh_deflection_density", ("frequency", "mesh"), "f8", "m^2 s",
-        "spectral density of the mesh deflection",
-    ),
-    coordinate("peak", "peak", "i4", "1", "number of the peak of the mesh forces' spectra, the largest first"),
-    Variable("peak_mesh", ("peak",), TEXT, "1", "tooth mesh of the peak"),
-    Variable("peak_frequency", ("peak",), "f8", "rad/s", "frequency of the peak"),
-    Variable("peak_amplitude", ("peak",), "f8", "N", "amplitude of the harmonic"),
-    Variable("peak_density", ("peak",), "f8", "N^2 s", "height of the peak"),
-    Variable("status", (), "i2", "1", "what is to be said of the response; 0: nothing"),
-)  # fmt: skip
-
-RAMP_RESPONSE = (
-    coordinate("time", "time", "f8", "s", "time"),
-    coordinate("momentary_mesh_frequency", "time", "f8", "rad/s", "mesh frequency at the time"),
-    *DOF,
-    coordinate("mesh", "mesh", TEXT, "1", "tooth mesh"),
-    Variable("displacement", ("time", "dof"), "f8", "m", "displacement without rigid-body motion"),
-    Variable("velocity", ("time", "dof"), "f8", "m/s", "velocity without rigid-body motion"),
-    Variable("mesh_deflection", ("time", "mesh"), "f8", "m", "mesh deflection along the line of action"),
-    Variable("mesh_force", ("time", "mesh"), "f8", "N", "elastic mesh force"),
-    Variable("static_mesh_force", ("mesh",), "f8", "N", "mesh force under the constant load, at the mean stiffness"),
-    coordinate("moment", SPEED, "f8", "s", "time in the middle of a window"),
-    coordinate("frequency", "frequency", "f8", "rad/s", "frequency"),
-    coordinate("harmonic", "harmonic", "i4", "1", "multiple of the frequency of the mesh itself"),
-    Variable(
-        "mesh_force_spectrogram", (SPEED, "frequency", "mesh"), "f4", "N", "amplitude of the mesh force"
-    ),
-    Variable(
-        "mesh_force_harmonic", (SPEED, "harmonic", "mesh"), "f8", "N",
-        "amplitude of a harmonic of the mesh force",
-    ),
-    Variable("status", (), "i2", "1", "what is to be said of the response; 0: nothing"),
-)  # fmt: skip
-
-TOOTH_LOADS = (
-    coordinate("contact", "contact", "f8", "1", "contact of a pair of teeth, from its first point to its last one"),
-    Variable("tooth_load", ("contact", "mesh"), "f8", "N", "largest load of a pair of teeth"),
-    Variable(
-        "static_tooth_load", ("contact", "mesh"), "f8", "N", "load of a pair of teeth under the static mesh force"
-    ),
-    coordinate("flank", "flank", TEXT, "1", "gear and mesh"),
-    Variable(
-        "root_stress", ("contact", "flank"), "f8", "Pa", "largest stress at the root of a tooth (ISO 6336-3)"
-    ),
-    Variable(
-        "static_root_stress", ("contact", "flank"), "f8", "Pa",
-        "stress at the root of a tooth under the static mesh force",
-    ),
-    Variable("peak_root_stress", ("flank",), "f8", "Pa", "largest stress at the root of a tooth along its contact"),
-)  # fmt: skip
-"""Variables of responses of systems whose teeth are known."""
-
-BACKLASH_RESPONSE = (
-    *RESPONSE,
-    Variable("mesh_velocity", ("time", "mesh"), "f8", "m/s", "rate of the mesh deflection"),
-    Variable(
-        "contact", ("time", "mesh"), "i1", "1", "flank in contact",
-        {"flag_values": [-1, 0, 1], "flag_meanings": "below_the_play none above_the_play"},
-    ),
-    Variable("play", ("mesh", "bound"), "f8", "m", "deflection less transmission error, between which a mesh is apart"),
-    coordinate("bound", "bound", TEXT, "1", "end of the play"),
-    coordinate("event", "event", "i8", "1", "number of the change of contact, from 1"),
-    Variable("event_time", ("event",), "f8", "s", "time of the event"),
-    Variable("event_mesh", ("event",), TEXT, "1", "tooth mesh of the event"),
-    Variable("event_kind", ("event",), TEXT, "1", "separation, drive_side_contact or coast_side_contact"),
-    Variable("event_velocity", ("event",), "f8", "m/s", "rate of the mesh deflection, less the transmission error's"),
-    Variable("peak_to_peak", ("mesh",), "f8", "m", "peak-to-peak mesh deflection of the settled motion"),
-    Variable("rms", ("mesh",), "f8", "m", "root mean square of the mesh deflection about its mean, settled"),
-    Variable("mesh_force_peak", ("mesh",), "f8", "N", "largest magnitude of the elastic mesh force, settled"),
-    Variable("contact_loss_ratio", ("mesh",), "f8", "1", "part of the time without contact, settled"),
-)  # fmt: skip
-"""Variables of a system whose teeth may part."""
-
-SPEED_RESPONSE = (
-    coordinate("mesh", "mesh", TEXT, "1", "tooth mesh"),
-    Variable("mesh_force_peak", (GRID, "mesh"), "f8", "N", "largest elastic mesh force"),
-    Variable("mesh_force_mean", (GRID, "mesh"), "f8", "N", "mean elastic mesh force"),
-    Variable("mesh_force_rms", (GRID, "mesh"), "f8", "N", "root mean square of the mesh force about its mean"),
-    Variable(
-        "transmission_error_peak_to_peak", (GRID, "mesh"), "f8", "m", "peak-to-peak dynamic transmission error"
-    ),
-    Variable(
-        "transmission_error_rms", (GRID, "mesh"), "f8", "m",
-        "root mean square of the dynamic transmission error about its mean",
-    ),
-    Variable("mesh_force_min", (GRID, "mesh"), "f8", "N", "least elastic mesh force"),
-    Variable(
-        "transmission_error_first_harmonic", (GRID, "mesh"), "f8", "m",
-        "amplitude of the dynamic transmission error at the frequency of the mesh",
-    ),
-    Variable("dynamic_load_factor", (GRID, "mesh"), "f8", "1", "dynamic load factor"),
-    Variable(
-        "load_factor_fewest_pairs", (GRID, "mesh"), "f8", "1",
-        "dynamic load factor while the fewest pairs of teeth carry",
-    ),
-    Variable(
-        "tooth_load_factor", (GRID, "mesh"), "f8", "1",
-        "largest load of a pair of teeth over the static mesh force",
-    ),
-    Variable("status", (GRID,), "i2", "1", "what is to be said of the steady state; 0: nothing"),
-)  # fmt: skip
-"""Variables of the steady state at every point."""
-
-ALL_MOTIONS = (
-    "mesh_force_peak", "transmission_error_peak_to_peak", "transmission_error_rms", "dynamic_load_factor",
-)  # fmt: skip
-"""What of it is told of motions with backlash, too."""
-
-BACKLASH_SPEED_RESPONSE = (
-    *(v for v in SPEED_RESPONSE if v.name == "mesh" or v.name in ALL_MOTIONS),
-    Variable("contact_loss_ratio", (GRID, "mesh"), "f8", "1", "part of the time without contact"),
-    Variable("period", (GRID,), "i2", "1", "common periods after which the motion repeats itself; 0: it does not"),
-    Variable("status", (GRID,), "i2", "1", "what is to be said of the motion; 0: nothing"),
-)
-"""Limit cycles of motions with backlash."""
-
-PAIR_RESPONSE = (
-    coordinate("time", "time", "f8", "s", "time"),
-    coordinate("mesh", "mesh", TEXT, "1", "tooth mesh"),
-    Variable("phi", ("time",), "f8", "rad", "deflection of the teeth, (N1 theta1 - N2 theta2)/2"),
-    Variable("phi_dot", ("time",), "f8", "rad/s", "rate of the deflection"),
-    Variable("theta", ("time",), "f8", "rad", "rotation, (N1 theta1 + N2 theta2)/2"),
-    Variable("theta_dot", ("time",), "f8", "rad/s", "rotational speed"),
-    Variable("energy", ("time",), "f8", "J", "total energy: kinetic and strain energy less the work of the torques"),
-    Variable("mesh_stiffness", ("time", "mesh"), "f8", "N m", "torsional mesh stiffness"),
-    Variable("mesh_force", ("time", "mesh"), "f8", "N", "elastic mesh force"),
-    coordinate("cycle", "cycle", "i8", "1", "number c of the crossing of theta = 2 pi c"),
-    Variable("section_time", ("cycle",), "f8", "s", "time of the crossing"),
-    Variable("section_phi", ("cycle",), "f8", "rad", "deflection at the crossing"),
-    Variable("section_phi_dot", ("cycle",), "f8", "rad/s", "rate of the deflection just after the crossing"),
-    Variable("section_theta", ("cycle",), "f8", "rad", "rotation at the crossing"),
-    Variable("section_theta_dot", ("cycle",), "f8", "rad/s", "rotational speed just after the crossing"),
-    Variable("section_energy", ("cycle",), "f8", "J", "total energy just after the crossing"),
-    Variable("section_direction", ("cycle",), "i1", "1", "1 forwards, -1 backwards"),
-    coordinate("event", "event", "i8", "1", "number of the change of mesh stiffness that was met, from 1"),
-    Variable("event_time", ("event",), "f8", "s", "time of the event"),
-    Variable("event_direction", ("event",), "i1", "1", "1 forwards, -1 backwards"),
-    Variable(
-        "event_passed", ("event",), "i1", "1", "whether the gears passed",
-        {"flag_values": [0, 1], "flag_meanings": "reflected passed"},
-    ),
-    Variable("event_pairs_before", ("event",), "i1", "1", "pairs of teeth in contact before the event"),
-    Variable("event_pairs_after", ("event",), "i1", "1", "pairs of teeth in contact after the event"),
-    Variable("event_theta", ("event",), "f8", "rad", "rotation at the event"),
-    Variable("event_phi", ("event",), "f8", "rad", "deflection at the event"),
-    Variable("event_phi_dot_before", ("event",), "f8", "rad/s", "rate of the deflection just before the event"),
-    Variable("event_phi_dot_after", ("event",), "f8", "rad/s", "rate of the deflection just after the event"),
-    Variable("event_theta_dot_before", ("event",), "f8", "rad/s", "rotational speed just before the event"),
-    Variable("event_theta_dot_after", ("event",), "f8", "rad/s", "rotational speed just after the event"),
-    Variable("event_energy_change", ("event",), "f8", "J", "change of the total energy at the event"),
-    Variable("event_error_amplification", ("event",), "f8", "1", "growth of a small error of the initial state"),
-    Variable("event_rounding_error", ("event",), "f8", "1", "error of phi by rounding, over its largest magnitude"),
-    coordinate("frequency", "frequency", "f8", "rad/s", "frequency"),
-    coordinate("normalised_frequency", "frequency", "f8", "1", "frequency over the damped natural frequency w_d"),
-    Variable(
-        "power_spectral_density", ("frequency",), "f8", "rad2 s", "one-sided power spectral density of the deflection"
-    ),
-    coordinate("peak", "peak", "i4", "1", "number of the peak, the largest first"),
-    Variable("peak_frequency", ("peak",), "f8", "rad/s", "frequency of the peak"),
-    Variable("peak_normalised_frequency", ("peak",), "f8", "1", "frequency of the peak over w_d"),
-    Variable("peak_power_spectral_density", ("peak",), "f8", "rad2 s", "height of the peak"),
-    Variable("status", (), "i2", "1", "how the run went; 0: complete"),
-)  # fmt: skip
-"""Variables of a gear pair whose mesh stiffness depends on its rotation."""
-
-TEETH = (
-    coordinate("mesh", "mesh", TEXT, "1", "tooth mesh"),
-    Variable("notices", (ROWS, "mesh"), "i2", "1", "what is wrong with the teeth; 0: nothing"),
-)
-"""Variables of a gearbox, over the axes on which its teeth depend."""
 
 BENCH = (
     coordinate("method", "setting", TEXT, "1", "method"),

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from gearstab.results import variables
-from gearstab.results.variables import Variable, design
+from gearstab.results.variables import Variable, design, responses
 
 
 def every_variable() -> tuple[Variable, ...]:
     """Return all variables of a result, those of the sections of a table once for each table."""
     found: list[Variable] = []
-    for table in (*vars(variables).values(), *vars(design).values()):
+    for table in (*vars(variables).values(), *vars(design).values(), *vars(responses).values()):
         found += [item for item in (table if isinstance(table, tuple) else (table,)) if isinstance(item, Variable)]
     return tuple(found)
 
