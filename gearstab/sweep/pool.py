@@ -1,4 +1,4 @@
-"""Who computes the blocks: this process, its threads, or a pool of processes.
+"""Who computes the blocks on this machine: this process, its threads, or a pool of processes.
 
 A first block is computed here. If what remains is worth it the others go to threads, where the method spends its time
 outside of Python, and else to processes (joblib's loky), which write part files and return receipts: a process that is
@@ -19,7 +19,7 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -55,16 +55,18 @@ class Failure:
 
 
 Result = FinishedBlock | Failure
+Executor = Callable[[Plan, Sequence[GridBlock], Store, Reporter], Generator[Result, None, None]]
+"""What computes blocks of one method, in any order; closing the generator stops all work."""
 
 
 def run_blocks(
     plan: Plan,
     blocks: Sequence[GridBlock],
     store: Store,
-    jobs: int,
     reporter: Reporter,
+    jobs: int,
 ) -> Generator[Result, None, None]:
-    """Compute blocks of one method, in any order.
+    """Compute blocks of one method, in any order, with ``jobs`` threads or processes of this machine.
 
     Processes write to the folder of the store. Closing the generator (or an exception in it) stops all work; blocks
     that are being computed are finished before.
@@ -157,14 +159,14 @@ def _pooled(
         multiprocessing.resource_tracker.ensure_running()
     waiting = iter(blocks)
     running: set[Future[FinishedBlock | Failure]] = set()
-    with _interrupts_later():
+    with interrupts_later():
         pool = get_reusable_executor(
             jobs, env=dict.fromkeys(ONE_THREAD, "1"), initializer=_prepare, initargs=(os.getpid(),)
         )
     finished = False
     try:
         while True:
-            with _interrupts_later():
+            with interrupts_later():
                 # As many as processes: one that dies takes all with it, and none can be called back.
                 for block in islice(waiting, jobs - len(running)):
                     started[block.key] = block
@@ -219,7 +221,7 @@ def _end(running: set[Future[FinishedBlock | Failure]], pool: Any, reporter: Rep
         raise
     finally:
         if not running:
-            with _interrupts_later():
+            with interrupts_later():
                 pool.shutdown(wait=True, kill_workers=True)
 
 
@@ -237,7 +239,7 @@ def _told_if_long(reporter: Reporter) -> Iterator[None]:
 
 
 @contextmanager
-def _interrupts_later() -> Iterator[None]:
+def interrupts_later() -> Iterator[None]:
     """Hold back interrupts (where the system can do that), so that they leave no half-started pool behind.
 
     Processes started meanwhile never get one from the terminal.

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import errno
 import os
-from collections.abc import Mapping
-from contextlib import closing, suppress
+from collections.abc import Iterator, Mapping
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -16,8 +17,8 @@ from gearstab.results.guard import SWEEP, result_of
 from gearstab.results.output import free_bytes, prepare
 from gearstab.results.write import image, rewrite_attributes
 from gearstab.sweep.effort.estimate import long_runs
-from gearstab.sweep.plan import Plan
-from gearstab.sweep.pool import Failure, run_blocks
+from gearstab.sweep.plan import Layout, Plan
+from gearstab.sweep.pool import Executor, Failure, run_blocks
 from gearstab.sweep.reporter import Reporter
 from gearstab.sweep.storage import earlier, merge
 from gearstab.sweep.storage.parts import PartFolder
@@ -58,6 +59,7 @@ def run(
     overwrite: bool = False,
     progress: Reporter | None = None,
     most_failures: int | None = MOST_FAILURES,
+    scheduler: str | None = None,
 ) -> Summary:
     """Compute a plan and write the result file ``out``, which has its name only when it is complete.
 
@@ -66,7 +68,8 @@ def run(
     ``make`` goes by that. One of an earlier state of the configuration file is replaced when the new one is complete.
 
     jobs: threads or processes, default one per processor. most_failures: after so many failed blocks nothing further
-    is computed; None: whatever fails, all other blocks are computed and kept.
+    is computed; None: whatever fails, all other blocks are computed and kept. scheduler: the address of a Dask
+    scheduler, whose workers then compute, or ``local`` for a new one with ``jobs`` workers.
 
     Raises OutputError, before anything is computed, if ``out`` holds something else (the result of another
     configuration is replaced with ``overwrite``), or if it cannot be written; SweepError if the disk is full, a block
@@ -96,19 +99,34 @@ def run(
             reporter.message("no finished blocks found: starting from the beginning")
         for text in long_runs(plan, jobs):
             reporter.message(f"warning: {text}")
-        work = Work(plan, store, jobs or ckernel.threads(), reporter, most_failures)
+        work = Work(plan, store, jobs or ckernel.threads(), reporter, most_failures, scheduler)
         return _run(work, out, before)
 
 
 @dataclass(frozen=True)
 class Work:
-    """What a sweep computes, where it keeps it, with how many processors, whom it tells, how many failures it bears."""
+    """What a sweep computes, where it keeps that, who computes it, whom it tells, and how many failures it bears.
+
+    jobs: threads or processes. scheduler: where the workers are, None for this process and its pool.
+    """
 
     plan: Plan
     store: Store
     jobs: int
     reporter: Reporter
     most_failures: int | None = MOST_FAILURES
+    scheduler: str | None = None
+
+    @contextmanager
+    def executor(self) -> Iterator[Executor]:
+        """Give what computes the blocks. Raises RequestError and SweepError where it cannot be reached."""
+        if self.scheduler is None:
+            yield partial(run_blocks, jobs=self.jobs)
+            return
+        from gearstab.sweep.cluster import connected
+
+        with connected(self.scheduler, self.jobs, self.reporter) as workers:
+            yield workers
 
 
 def _run(work: Work, out: Path, before: earlier.Identity | None) -> Summary:
@@ -167,29 +185,35 @@ def _others(folder: PartFolder, others: list[Path]) -> str:
 
 
 def _compute(work: Work) -> None:
-    """Compute what is missing, method by method; raises SweepError if something failed."""
-    store, reporter = work.store, work.reporter
+    """Compute what is missing; raises SweepError if something failed."""
     failures: list[Failure] = []
     try:
-        for layout in work.plan.layouts:
-            missing, there = store.finished.missing(layout), store.finished.of(layout)
-            reporter.begin(layout.method.name, layout.points, sum(part.points for part in there))
-            reporter.advance(0, sum(part.unstable for part in there), sum(part.failed for part in there))
-            with closing(run_blocks(work.plan, missing, store, work.jobs, reporter)) as results:
-                for result in results:
-                    if isinstance(result, Failure):
-                        _note(result, store, failures)
-                        if len(failures) == work.most_failures:
-                            raise _failed(failures, store)
-                        continue
-                    store.add(result)
-                    reporter.advance(result.points, result.unstable, result.failed)
+        with work.executor() as executor:
+            for layout in work.plan.layouts:
+                _compute_method(work, layout, executor, failures)
     except OSError as error:
-        raise _unwritable(error, store) from error
+        raise _unwritable(error, work.store) from error
     finally:
-        reporter.end()
+        work.reporter.end()
     if failures:
-        raise _failed(failures, store)
+        raise _failed(failures, work.store)
+
+
+def _compute_method(work: Work, layout: Layout, executor: Executor, failures: list[Failure]) -> None:
+    """Compute what is missing of a method; ``failures`` gets the blocks that fail."""
+    store, reporter = work.store, work.reporter
+    missing, there = store.finished.missing(layout), store.finished.of(layout)
+    reporter.begin(layout.method.name, layout.points, sum(part.points for part in there))
+    reporter.advance(0, sum(part.unstable for part in there), sum(part.failed for part in there))
+    with closing(executor(work.plan, missing, store, reporter)) as results:
+        for result in results:
+            if isinstance(result, Failure):
+                _note(result, store, failures)
+                if len(failures) == work.most_failures:
+                    raise _failed(failures, store)
+                continue
+            store.add(result)
+            reporter.advance(result.points, result.unstable, result.failed)
 
 
 def _note(failure: Failure, store: Store, failures: list[Failure]) -> None:

@@ -37,6 +37,11 @@ SLOW_KERNEL = "note: the compiled kernel was not built; sweeps run on the slower
     default=None,
     help="After a block that fails compute all others, or nothing more [default: stop after ten that fail].",
 )
+@click.option(
+    "--scheduler",
+    metavar="tcp://HOST:PORT|local",
+    help="Compute with the workers of a Dask scheduler, or of a new one.",
+)
 @click.option("--dry-run", is_flag=True, help="Print size, time, memory and file size; compute and write nothing.")
 @click.option("--yes", is_flag=True, help="Begin a sweep of very many points, hours or gigabytes, too.")
 @options.quiet
@@ -47,6 +52,7 @@ def command(
     overrides: tuple[str, ...],
     resume: bool | None,
     keep_going: bool | None,
+    scheduler: str | None,
     dry_run: bool,
     yes: bool,
     quiet: bool,
@@ -76,7 +82,7 @@ def command(
 
     limits.refuse(planned, target, jobs, yes)
     failures = {None: MOST_FAILURES, True: None, False: 1}[keep_going]
-    summary = run(planned, target, jobs, resume is True, resume is False, reporter(quiet), failures)
+    summary = run(planned, target, jobs, resume is True, resume is False, reporter(quiet), failures, scheduler)
     if not quiet:
         tell(final_line(target, summary, time.perf_counter() - start))
         if summary.proved:

@@ -1,0 +1,226 @@
+"""A sweep on workers of a real scheduler: the same data as the pool's, whatever dies on the way."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from scenes import ROOT, code
+from sweep_faults import CONFIG, FOLDER, faulty
+
+from gearstab.sweep import Interrupted, Reporter, SweepError, run
+from gearstab.sweep import cluster as cluster_module
+
+distributed = pytest.importorskip("distributed")
+
+FOREIGN = "import gearstab.version as v; v.__version__ = '0.0.0'; "
+WITHOUT_KERNEL = "import sys; sys.modules['gearstab.ckernel._kernel'] = None; "
+WORKER = "from distributed.cli.dask_worker import main; main()"
+ONE_DEATH = "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES"
+ALONE = ["--no-nanny", "--no-dashboard", "--nthreads", "1"]
+
+
+def until(done: Callable[[], bool], what: str) -> None:
+    """Wait for something that comes soon; a minute is for machines that have much else to do."""
+    for _ in range(6000):
+        if done():
+            return
+        time.sleep(0.01)
+    pytest.fail(f"still waiting for {what}")
+
+
+@dataclass
+class Cluster:
+    """A scheduler and workers on the loopback interface, and the folder that tells blocks what to do."""
+
+    folder: Path
+    processes: list[subprocess.Popen[bytes]] = field(default_factory=list)
+    address: str = ""
+    aside: ThreadPoolExecutor = field(default_factory=lambda: ThreadPoolExecutor(1))
+
+    def start(self, *command: str) -> subprocess.Popen[bytes]:
+        places = os.pathsep.join([str(ROOT / "tests" / "reference"), str(ROOT)])
+        settings = {
+            "PYTHONPATH": places,
+            FOLDER: str(self.folder),
+            "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "0",
+        }
+        process = subprocess.Popen([sys.executable, *command], env=os.environ | settings, stderr=subprocess.DEVNULL)
+        self.processes.append(process)
+        return process
+
+    def open(self) -> None:
+        with socket.socket() as free:
+            free.bind(("127.0.0.1", 0))
+            port = free.getsockname()[1]
+        self.address = f"tcp://127.0.0.1:{port}"
+        place = ["--host", "127.0.0.1", "--port", str(port), "--no-dashboard"]
+        self.start("-c", "from distributed.cli.dask_scheduler import main; main()", *place)
+
+    def worker(self, before: str = "") -> subprocess.Popen[bytes]:
+        return self.start("-c", before + WORKER, self.address, *ALONE)
+
+    def ready(self, workers: int) -> None:
+        with distributed.Client(self.address, timeout=60) as client:
+            client.wait_for_workers(workers, timeout=60)
+
+    def tell(self, **files: object) -> None:
+        for name, content in files.items():
+            (self.folder / name.replace("_", "-")).write_text(str(content))
+
+    def begun(self) -> list[str]:
+        path = self.folder / "log"
+        return path.read_text().split() if path.exists() else []
+
+    def run(self, out: str, **options: object) -> Path:
+        run(faulty(self.folder / "train.yaml"), self.folder / out, **{"jobs": 1, **options})  # type: ignore[arg-type]
+        return self.folder / out
+
+    def parts(self, out: str) -> list[str]:
+        return sorted(path.stem for path in (self.folder / f"{out}.parts").rglob("*.part"))
+
+
+@pytest.fixture
+def cluster(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Cluster]:
+    (tmp_path / "train.yaml").write_text(CONFIG)
+    monkeypatch.setenv(FOLDER, str(tmp_path))
+    found = Cluster(tmp_path)
+    found.open()
+    yield found
+    for process in found.processes:
+        process.kill()
+        process.wait()
+    # A sweep that still runs ends without its scheduler.
+    found.aside.shutdown()
+
+
+def same(left: Path, right: Path) -> None:
+    with h5py.File(left) as one, h5py.File(right) as other:
+        assert one["floquet"].keys() == other["floquet"].keys()
+        for name in one["floquet"]:
+            np.testing.assert_array_equal(one["floquet"][name][()], other["floquet"][name][()])
+
+
+def test_a_worker_that_is_killed_costs_nothing(cluster: Cluster) -> None:
+    first, _ = cluster.worker(), cluster.worker()
+    cluster.ready(2)
+    cluster.tell(hold=4)
+    sweep = cluster.aside.submit(cluster.run, "workers.h5", scheduler=cluster.address)
+    until(lambda: len([row for row in cluster.begun() if row >= "4"]) == 2, "two workers at blocks that are held")
+    first.kill()
+    (cluster.folder / "hold").unlink()
+    out = sweep.result(timeout=60)
+    assert not cluster.parts("workers.h5")
+    same(out, cluster.run("pool.h5"))
+
+
+@pytest.mark.slow
+def test_a_block_that_kills_its_workers_is_named_and_the_pool_goes_on(cluster: Cluster) -> None:
+    cluster.worker(), cluster.worker()
+    cluster.ready(2)
+    cluster.tell(kill_3=2)
+    with pytest.raises(SweepError, match=r"block floquet-000002 .* was killed twice") as raised:
+        cluster.run("out.h5", scheduler=cluster.address)
+    assert "\n" not in str(raised.value)
+    assert len(cluster.parts("out.h5")) == 7
+    (cluster.folder / "log").unlink()
+    out = cluster.run("out.h5", resume=True)
+    assert cluster.begun() == ["3"]
+    same(out, cluster.run("pool.h5"))
+
+
+@pytest.mark.slow
+def test_an_interrupt_keeps_what_is_finished(cluster: Cluster) -> None:
+    class Impatient(Reporter):
+        blocks = 0
+
+        def advance(self, points: int, unstable: int, failed: int) -> None:
+            self.blocks += points > 0
+            if self.blocks == 3:
+                os.kill(os.getpid(), signal.SIGTERM)
+
+    cluster.worker()
+    cluster.ready(1)
+    with pytest.raises(Interrupted, match="3 of 8 blocks are kept"):
+        cluster.run("out.h5", scheduler=cluster.address, progress=Impatient())
+    assert len(cluster.parts("out.h5")) == 3
+    with distributed.Client(cluster.address, timeout=60) as client:
+        until(lambda: not any(client.processing().values()), "the worker to be rid of what is not wanted any more")
+    same(cluster.run("out.h5", scheduler=cluster.address), cluster.run("pool.h5"))
+
+
+def test_another_version_is_refused_before_anything_is_computed(cluster: Cluster) -> None:
+    cluster.worker(FOREIGN)
+    cluster.ready(1)
+    with pytest.raises(SweepError, match=r"worker tcp://.* has gearstab 0\.0\.0, .*: install the same") as raised:
+        cluster.run("out.h5", scheduler=cluster.address)
+    assert "\n" not in str(raised.value)
+    assert cluster.begun() == []
+
+
+@pytest.mark.slow
+def test_a_worker_without_the_same_kernels_that_joins_late_is_refused(cluster: Cluster) -> None:
+    pytest.importorskip("gearstab.ckernel._kernel")
+    told: list[str] = []
+
+    class Heard(Reporter):
+        def message(self, text: str) -> None:
+            told.append(text)
+
+    sweep = cluster.aside.submit(cluster.run, "out.h5", scheduler=cluster.address, progress=Heard())
+    until(lambda: f"{cluster.address}: no workers; waiting for some to join" in told, "the sweep to wait for workers")
+    cluster.worker(WITHOUT_KERNEL)
+    with pytest.raises(SweepError, match=r"worker tcp://.* has .* kernels numpy; this process has .* numpy and c"):
+        sweep.result(timeout=60)
+    assert cluster.begun() == []
+
+
+@pytest.mark.slow
+def test_a_scheduler_that_ends_is_one_line(cluster: Cluster) -> None:
+    cluster.worker()
+    cluster.ready(1)
+    cluster.tell(hold=1)
+    sweep = cluster.aside.submit(cluster.run, "out.h5", scheduler=cluster.address)
+    until(lambda: len(cluster.begun()) == 1, "a block that is held")
+    cluster.processes[0].kill()
+    with pytest.raises(SweepError, match="the connection to the scheduler is lost") as raised:
+        sweep.result(timeout=60)
+    assert "\n" not in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    ("address", "exit_code", "said"),
+    [("tcp://127.0.0.1:9", 1, "no scheduler answers"), ("nearby", 2, "write tcp://HOST:PORT, or local")],
+)
+def test_an_address_where_no_scheduler_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
+    address: str, exit_code: int, said: str,
+) -> None:  # fmt: skip
+    monkeypatch.setattr(cluster_module, "CONNECT", 0.5)
+    (tmp_path / "train.yaml").write_text(CONFIG)
+    assert (
+        code("sweep", str(tmp_path / "train.yaml"), "-o", str(tmp_path / "o.h5"), "--scheduler", address) == exit_code
+    )
+    text = capsys.readouterr().err
+    assert said in text
+    assert text.count("\n") == 1
+
+
+def test_without_the_package(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    (tmp_path / "train.yaml").write_text(CONFIG)
+    assert code("sweep", str(tmp_path / "train.yaml"), "-o", str(tmp_path / "o.h5"), "--scheduler", "local") == 2
+    assert capsys.readouterr().err.endswith("pip install 'gearstab[cluster]'\n")
