@@ -15,9 +15,18 @@
 #define FORBIDDEN -10.0
 #define SURE 0.5
 
+#define NEIGHBOURS 8 /* roots on either side, by turn and by place, that a slot may get without a share in them */
+
 struct root {
     int64_t p, q, cycles, rank;
     double place; /* ln of where it lies at epsilon = 0 */
+    int class;
+};
+
+/* A root that a slot may get. */
+struct candidate {
+    int64_t root;
+    double score;
 };
 
 /* A root that a region must have: its class, and how many of that class the region has before. */
@@ -38,12 +47,17 @@ struct naming {
     struct root *root;
     struct slot *slot;
     int64_t roots, root_room, slots, slot_room;
-    double *score;                     /* (slots, roots + slots) */
-    double *price, *potential, *least; /* of the assignment */
-    int64_t *match, *way;
-    char *used;
-    int64_t score_room, column_room;
+    int64_t class_begin[4];      /* where the roots of each class begin */
+    struct candidate *candidate; /* of all slots */
+    int64_t *begins;             /* (slots + 1,), where those of a slot begin */
+    int64_t candidates, candidate_room, begin_room;
+    double *potential, *least; /* (roots + slots,), of the assignment; the last ones stand for no root at all */
+    int64_t *match, *way, *touched;
+    char *state;
+    int64_t column_room, *given, given_room;
 };
+
+enum { UNTOUCHED, REACHED, SCANNED };
 
 static int more(void *given, int64_t *room, int64_t needed, size_t size) {
     void **array = given;
@@ -106,30 +120,81 @@ static void settle(struct naming *w) {
                       lead->share > SURE && w->frequency[lead->p] + w->frequency[lead->q] > 0 &&
                       rank_of(w, lead->p, lead->q, lead->cycles) == w->all->passed[3 * k + class];
     }
+    /* A root whose turn it is lies at its rank: regions that share one have the same counts, and follow each other. */
     for (int64_t k = w->first; k < w->last; k++)
-        for (int64_t j = k + 1; w->fixed[k] && j < w->last; j++)
+        for (int64_t j = k + 1; w->fixed[k] && j < w->last; j++) {
+            int64_t class = class_of(w->leading[k]->p, w->leading[k]->q, w->leading[k]->cycles);
+            if (w->all->passed[3 * j + class] > w->all->passed[3 * k + class])
+                break;
             if (w->fixed[j] && same(w->leading[k], w->leading[j]))
                 w->fixed[k] = w->fixed[j] = 2;
+        }
     for (int64_t k = w->first; k < w->last; k++)
         w->fixed[k] = w->fixed[k] == 1;
 }
 
-/* Add a root that no region has for sure; nothing happens if it is there, or cannot be. */
-static int add_root(struct naming *w, int64_t p, int64_t q, int64_t cycles, int look) {
-    struct share own = {0, p, q, cycles, 0};
+/* Roots by class and place; by modes where these are equal. */
+static int compare_roots(const void *one, const void *other) {
+    const struct root *a = one, *b = other;
+    if (a->class != b->class)
+        return a->class < b->class ? -1 : 1;
+    if (a->place != b->place)
+        return a->place < b->place ? -1 : 1;
+    return a->p != b->p ? (a->p < b->p ? -1 : 1) : a->q != b->q ? (a->q < b->q ? -1 : 1) : 0;
+}
+
+/* Whether there is such a root; *made is what it is then. */
+static int make_root(const struct naming *w, int64_t p, int64_t q, int64_t cycles, struct root *made) {
     double rate = (w->frequency[p] + w->frequency[q]) * w->all->cycles;
-    if (!(rate > 0))
+    if (!(rate > 0 && cycles > 0))
         return 0;
-    for (int64_t k = w->first; k < w->last; k++)
-        if (w->fixed[k] && same(w->leading[k], &own))
-            return 0;
-    for (int64_t i = 0; look && i < w->roots; i++)
-        if (w->root[i].p == p && w->root[i].q == q && w->root[i].cycles == cycles)
-            return 0;
+    *made = (struct root){p, q, cycles, 0, log((double)cycles / rate), class_of(p, q, cycles)};
+    return 1;
+}
+
+static struct root *find_root(const struct naming *w, int64_t p, int64_t q, int64_t cycles) {
+    struct root own;
+    if (w->roots == 0 || !make_root(w, p, q, cycles, &own))
+        return NULL;
+    return bsearch(&own, w->root, (size_t)w->roots, sizeof own, compare_roots);
+}
+
+static int add_root(struct naming *w, int64_t p, int64_t q, int64_t cycles) {
+    struct root own;
+    if (!make_root(w, p, q, cycles, &own))
+        return 0;
     if (more(&w->root, &w->root_room, w->roots + 1, sizeof *w->root))
         return -1;
-    w->root[w->roots++] = (struct root){p, q, cycles, rank_of(w, p, q, cycles), log((double)cycles / rate)};
+    w->root[w->roots++] = own;
     return 0;
+}
+
+/* Sort the roots; each stays once, and those not at all that a region has for sure. */
+static void arrange_roots(struct naming *w) {
+    int64_t kept = 0;
+    qsort(w->root, (size_t)w->roots, sizeof *w->root, compare_roots);
+    for (int64_t j = 0; j < w->roots; j++)
+        if (kept == 0 || compare_roots(w->root + kept - 1, w->root + j))
+            w->root[kept++] = w->root[j];
+    w->roots = kept;
+    for (int64_t k = w->first; k < w->last; k++) {
+        const struct share *lead = w->leading[k];
+        struct root *taken = w->fixed[k] ? find_root(w, lead->p, lead->q, lead->cycles) : NULL;
+        if (taken)
+            taken->rank = -1;
+    }
+    kept = 0;
+    for (int64_t j = 0; j < w->roots; j++)
+        if (w->root[j].rank >= 0)
+            w->root[kept++] = w->root[j];
+    w->roots = kept;
+    for (int64_t j = 0, class = 0; class < 4; class++) {
+        while (j < w->roots && w->root[j].class < class)
+            j++;
+        w->class_begin[class] = j;
+    }
+    for (int64_t j = 0; j < w->roots; j++)
+        w->root[j].rank = rank_of(w, w->root[j].p, w->root[j].q, w->root[j].cycles);
 }
 
 /* All roots near the regions that are left, and all with a share in them. */
@@ -146,13 +211,14 @@ static int add_roots(struct naming *w) {
             double rate = (w->frequency[p] + w->frequency[q]) * w->all->cycles;
             int64_t from = (int64_t)(low / REACH * rate), to = (int64_t)(high * REACH * rate) + 1;
             for (int64_t cycles = from > 1 ? from : 1; rate > 0 && cycles <= to; cycles++)
-                if (add_root(w, p, q, cycles, 0))
+                if (add_root(w, p, q, cycles))
                     return -1;
         }
     for (int64_t k = w->first; k < w->last; k++)
         for (const struct share *s = w->begin[k]; !w->fixed[k] && s < w->begin[k + 1]; s++)
-            if (s->cycles > 0 && add_root(w, s->p, s->q, s->cycles, 1))
+            if (add_root(w, s->p, s->q, s->cycles))
                 return -1;
+    arrange_roots(w);
     return 0;
 }
 
@@ -178,67 +244,116 @@ static int add_slots(struct naming *w) {
 /* exp(-x), 0 where that is nothing. */
 static double fading(double x) { return x < 40.0 ? exp(-x) : 0.0; }
 
-/* score (slots, roots + slots): the last columns stand for no root at all. */
-static void weigh(struct naming *w) {
-    int64_t columns = w->roots + w->slots;
-    for (int64_t i = 0; i < w->slots; i++) {
-        const struct slot *s = w->slot + i;
-        double place = log(w->all->cycle[s->region]), *score = w->score + i * columns;
-        int64_t turn = w->all->passed[3 * s->region + s->class] + s->number;
-        for (int64_t j = 0; j < columns; j++) {
-            const struct root *r = w->root + (j < w->roots ? j : 0);
-            score[j] = FORBIDDEN;
-            if (j < w->roots && class_of(r->p, r->q, r->cycles) == s->class)
-                score[j] = NEARNESS * fading(fabs(r->place - place) / DISTANCE) +
-                           TURN * fading(fabs((double)(r->rank - turn)));
+static int add_candidate(struct naming *w, int64_t slot, int64_t root, double share) {
+    const struct slot *s = w->slot + slot;
+    const struct root *r = w->root + root;
+    for (int64_t i = w->begins[slot]; i < w->candidates; i++)
+        if (w->candidate[i].root == root) {
+            w->candidate[i].score += share;
+            return 0;
         }
-        for (const struct share *own = w->begin[s->region]; own < w->begin[s->region + 1]; own++)
-            for (int64_t j = 0; j < w->roots; j++) {
-                const struct root *r = w->root + j;
-                if (r->p == own->p && r->q == own->q && r->cycles == own->cycles && score[j] > FORBIDDEN)
-                    score[j] += own->share;
-            }
-    }
+    if (more(&w->candidate, &w->candidate_room, w->candidates + 1, sizeof *w->candidate))
+        return -1;
+    int64_t turn = w->all->passed[3 * s->region + s->class] + s->number;
+    w->candidate[w->candidates++] = (struct candidate){
+        root, share + NEARNESS * fading(fabs(r->place - log(w->all->cycle[s->region])) / DISTANCE) +
+                  TURN * fading(fabs((double)(r->rank - turn)))};
+    return 0;
 }
 
-/* The assignment of roots to slots with the largest total score (Kuhn 1955, in the form of shortest augmenting paths with
-   potentials: Jonker & Volgenant 1987); match (columns + 1,) says which slot, from 1, a column, from 1, belongs to; 0: none. */
+/* The first root of a class from a rank on, or from a place on. */
+static int64_t first_of(const struct naming *w, int class, int64_t rank, double place) {
+    int64_t low = w->class_begin[class], high = w->class_begin[class + 1];
+    while (low < high) {
+        int64_t middle = low + (high - low) / 2;
+        if (w->root[middle].rank < rank || w->root[middle].place < place)
+            low = middle + 1;
+        else
+            high = middle;
+    }
+    return low;
+}
+
+/* What each slot may get: a little for a root that is near, something for one whose turn it is by the counts, and its share.
+   Farther ones would add nothing: score fades with both distances. */
+static int weigh(struct naming *w) {
+    w->candidates = 0;
+    for (int64_t i = 0; i < w->slots; i++) {
+        const struct slot *s = w->slot + i;
+        w->begins[i] = w->candidates;
+        int64_t turn = w->all->passed[3 * s->region + s->class] + s->number;
+        int64_t middle[2] = {first_of(w, s->class, turn, -INFINITY),
+                             first_of(w, s->class, INT64_MIN, log(w->all->cycle[s->region]))};
+        for (int side = 0; side < 2; side++)
+            for (int64_t j = middle[side] - NEIGHBOURS; j < middle[side] + NEIGHBOURS; j++)
+                if (j >= w->class_begin[s->class] && j < w->class_begin[s->class + 1] && add_candidate(w, i, j, 0.0))
+                    return -1;
+        for (const struct share *own = w->begin[s->region]; own < w->begin[s->region + 1]; own++) {
+            const struct root *r = find_root(w, own->p, own->q, own->cycles);
+            if (r && r->class == s->class && add_candidate(w, i, r - w->root, own->share))
+                return -1;
+        }
+    }
+    w->begins[w->slots] = w->candidates;
+    return 0;
+}
+
+/* Reach a column by way of slot i, at this cost more than the potentials; it joins those that were touched. */
+static void reach(struct naming *w, int64_t column, double cost, int64_t slot, int64_t *count) {
+    if (w->state[column] == SCANNED || (w->state[column] == REACHED && !(cost < w->least[column])))
+        return;
+    if (w->state[column] == UNTOUCHED)
+        w->touched[(*count)++] = column;
+    w->state[column] = REACHED, w->least[column] = cost, w->way[column] = slot;
+}
+
+static void reach_all(struct naming *w, int64_t slot, double before, int64_t *count) {
+    for (int64_t c = w->begins[slot]; c < w->begins[slot + 1]; c++) {
+        int64_t column = w->candidate[c].root;
+        reach(w, column, before - w->candidate[c].score - w->potential[column], slot, count);
+    }
+    reach(w, w->roots + slot, before - FORBIDDEN - w->potential[w->roots + slot], slot, count);
+}
+
+static double cost_of(const struct naming *w, int64_t slot, int64_t column) {
+    for (int64_t c = w->begins[slot]; c < w->begins[slot + 1]; c++)
+        if (w->candidate[c].root == column)
+            return -w->candidate[c].score;
+    return -FORBIDDEN;
+}
+
+/* The assignment of roots to slots with the largest total score, by shortest augmenting paths in the sparse matrix of candidates
+   (Jonker & Volgenant 1987); given (slots,) is the column of each slot, match (columns,) the slot of each, or -1. */
 static void assign(struct naming *w) {
     int64_t columns = w->roots + w->slots;
-    memset(w->price, 0, (size_t)(w->slots + 1) * sizeof *w->price);
-    memset(w->potential, 0, (size_t)(columns + 1) * sizeof *w->potential);
-    memset(w->match, 0, (size_t)(columns + 1) * sizeof *w->match);
-    for (int64_t i = 1; i <= w->slots; i++) {
-        int64_t at = 0;
-        w->match[0] = i;
-        for (int64_t j = 0; j <= columns; j++)
-            w->least[j] = INFINITY, w->used[j] = 0;
-        do {
-            w->used[at] = 1;
-            int64_t slot = w->match[at], next = 0;
-            double delta = INFINITY;
-            for (int64_t j = 1; j <= columns; j++) {
-                if (w->used[j])
-                    continue;
-                double cost = -w->score[(slot - 1) * columns + j - 1] - w->price[slot] - w->potential[j];
-                if (cost < w->least[j])
-                    w->least[j] = cost, w->way[j] = at;
-                if (w->least[j] < delta)
-                    delta = w->least[j], next = j;
-            }
-            for (int64_t j = 0; j <= columns; j++) {
-                if (w->used[j])
-                    w->price[w->match[j]] += delta, w->potential[j] -= delta;
-                else
-                    w->least[j] -= delta;
-            }
-            at = next;
-        } while (w->match[at] != 0);
-        while (at) {
-            int64_t back = w->way[at];
-            w->match[at] = w->match[back];
-            at = back;
+    for (int64_t j = 0; j < columns; j++)
+        w->potential[j] = 0.0, w->match[j] = -1, w->state[j] = UNTOUCHED;
+    for (int64_t i = 0; i < w->slots; i++) {
+        int64_t count = 0, end = -1, slot = i;
+        double shortest = 0.0;
+        w->given[i] = -1;
+        for (reach_all(w, i, 0.0, &count);; reach_all(w, slot, shortest - cost_of(w, slot, end) + w->potential[end], &count)) {
+            end = -1;
+            for (int64_t k = 0; k < count; k++)
+                if (w->state[w->touched[k]] == REACHED && (end < 0 || w->least[w->touched[k]] < w->least[end]))
+                    end = w->touched[k];
+            shortest = w->least[end];
+            slot = w->match[end];
+            if (slot < 0)
+                break;
+            w->state[end] = SCANNED;
         }
+        for (int64_t k = 0; k < count; k++) {
+            int64_t j = w->touched[k];
+            w->potential[j] += w->state[j] == SCANNED ? w->least[j] - shortest : 0.0;
+            w->state[j] = UNTOUCHED;
+        }
+        do { /* each slot on the way takes the column that it was reached by, and leaves its own to the one before */
+            slot = w->way[end];
+            int64_t left = w->given[slot];
+            w->match[end] = slot, w->given[slot] = end;
+            end = left;
+        } while (slot != i);
     }
 }
 
@@ -268,16 +383,16 @@ static const struct root *nearest(const struct naming *w, int64_t region) {
 }
 
 static int keep_names(struct naming *w, struct names *kept) {
+    int64_t slot = 0;
     for (int64_t k = w->first; k < w->last; k++) {
         const struct share *lead = w->leading[k];
         int64_t begin = kept->count;
         if (more(&kept->name, &kept->room, kept->count + w->slots + 1, sizeof *kept->name))
             return -1;
-        for (int64_t j = 0; !w->fixed[k] && j < w->roots; j++) {
-            const struct root *r = w->root + j;
-            int64_t i = w->slots ? w->match[j + 1] - 1 : -1;
-            if (i < 0 || w->slot[i].region != k || !(w->score[i * (w->roots + w->slots) + j] > FORBIDDEN))
+        for (; !w->fixed[k] && slot < w->slots && w->slot[slot].region == k; slot++) {
+            if (w->given[slot] >= w->roots)
                 continue;
+            const struct root *r = w->root + w->given[slot];
             struct name own = {k, r->p, r->q, r->cycles};
             int64_t at = kept->count++;
             for (; at > begin && before(w, &own, kept->name + at - 1); at--)
@@ -296,14 +411,16 @@ static int keep_names(struct naming *w, struct names *kept) {
 }
 
 static int room_to_assign(struct naming *w) {
-    int64_t columns = w->roots + w->slots + 1, rooms[6];
-    if (more(&w->score, &w->score_room, w->slots * columns, sizeof *w->score))
-        return -1;
-    for (int i = 0; i < 6; i++)
+    int64_t columns = w->roots + w->slots + 1, rooms[5];
+    for (int i = 0; i < 5; i++)
         rooms[i] = w->column_room;
-    return more(&w->price, &rooms[0], columns, sizeof *w->price) || more(&w->potential, &rooms[1], columns, sizeof *w->potential) ||
-           more(&w->least, &rooms[2], columns, sizeof *w->least) || more(&w->match, &rooms[3], columns, sizeof *w->match) ||
-           more(&w->way, &rooms[4], columns, sizeof *w->way) || more(&w->used, &w->column_room, columns, sizeof *w->used)
+    return more(&w->begins, &w->begin_room, w->slots + 1, sizeof *w->begins) ||
+                   more(&w->given, &w->given_room, w->slots + 1, sizeof *w->given) ||
+                   more(&w->potential, &rooms[0], columns, sizeof *w->potential) ||
+                   more(&w->least, &rooms[1], columns, sizeof *w->least) || more(&w->match, &rooms[2], columns, sizeof *w->match) ||
+                   more(&w->way, &rooms[3], columns, sizeof *w->way) ||
+                   more(&w->touched, &rooms[4], columns, sizeof *w->touched) ||
+                   more(&w->state, &w->column_room, columns, sizeof *w->state)
                ? -1
                : 0;
 }
@@ -315,9 +432,8 @@ static int name_row(struct naming *w, struct names *kept) {
         left += !w->fixed[k];
     w->roots = w->slots = 0;
     if (left > 0) {
-        if (add_roots(w) || add_slots(w) || room_to_assign(w))
+        if (add_roots(w) || add_slots(w) || room_to_assign(w) || weigh(w))
             return -1;
-        weigh(w);
         assign(w);
     }
     return keep_names(w, kept);
@@ -359,7 +475,8 @@ int gearstab_names(const struct regions *all, struct names *kept) {
         w.frequency = all->frequency + all->row[first] * all->n;
         failed = name_row(&w, kept);
     }
-    free(merged), free(w.begin), free(w.leading), free(w.fixed), free(w.root), free(w.slot), free(w.score);
-    free(w.price), free(w.potential), free(w.least), free(w.match), free(w.way), free(w.used);
+    free(merged), free(w.begin), free(w.leading), free(w.fixed), free(w.root), free(w.slot);
+    free(w.candidate), free(w.begins), free(w.given), free(w.potential), free(w.least), free(w.match), free(w.way);
+    free(w.touched), free(w.state);
     return failed;
 }
