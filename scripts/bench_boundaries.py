@@ -1,32 +1,51 @@
-"""Exact boundaries of the compiled search, with names, beside the NumPy search that it is tested against."""
+"""Exact boundaries of the compiled search, with names, beside the NumPy search that it is tested against; and the times
+that are aimed at beside those that are taken.
+"""
 
 from __future__ import annotations
 
+import sys
 from fractions import Fraction
+from pathlib import Path
+from resource import RUSAGE_CHILDREN, getrusage
+from subprocess import run
 from time import process_time
 
 import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from gearstab.config import load
 from gearstab.floquet.boundaries import Boundaries, boundaries
 from gearstab.floquet.kernel.choice import using
+from gearstab.sweep import plan
 from gearstab.system import GearSystem
 from gearstab.systems import build
 
+CONFIGS = Path(__file__).parent.parent / "configs"
 REPEATS = 3
 SAME = 1e-8
 """Relative distance within which two edges are of one region."""
 
 
-def train(ratio: str, rows: int) -> GearSystem:
+def train(ratio: str, epsilon: np.ndarray, damping_ratio: float = 0.0) -> GearSystem:
     """Lin & Parker's two-stage train over epsilon."""
-    epsilon = np.linspace(0.5 / rows, 0.5, rows)
     names = ("first", "second")
     meshes = [{"name": n, "mean_stiffness": 1.0, "epsilon": epsilon, "contact_ratio": 1.5} for n in names]
     meshes[1]["phasing"] = 0.0
     document = {"kind": "two_stage", "inertias": [1.0, 0.3, 4.0], "input_shaft_stiffness": 0.5, "meshes": meshes}
-    return build({**document, "tooth_ratio": Fraction(ratio)})
+    return build({**document, "tooth_ratio": Fraction(ratio), "damping_ratio": damping_ratio})
+
+
+def rising(rows: int) -> np.ndarray:
+    """Values of epsilon up to 0.5."""
+    return np.linspace(0.5 / rows, 0.5, rows)
+
+
+def configured(name: str) -> tuple[GearSystem, float, float]:
+    """A system of a configuration, without its axes, and its range of mesh frequencies."""
+    planned = plan(load(CONFIGS / name))
+    return planned.base, *planned.mesh_frequency_range
 
 
 def measured(system: GearSystem, start: float, stop: float, kernel: str, repeats: int) -> tuple[Boundaries, float]:
@@ -55,8 +74,8 @@ def differing(found: Boundaries, known: Boundaries) -> tuple[int, int]:
     return left, names
 
 
-def main() -> None:
-    """Measure both and print the ratio of the two speeds."""
+def compare() -> None:
+    """Print the speeds of both searches and their ratio."""
     table = Table(title="Instability boundaries with names, CPU time of a row")
     for heading in (
         "",
@@ -69,12 +88,54 @@ def main() -> None:
     ):
         table.add_column(heading, justify="left" if not heading else "right")
     for title, ratio, start, rows in (("one mesh frequency", "1", 0.35, 101), ("R = 3/5", "3/5", 0.35, 26)):
-        found, time = measured(train(ratio, rows), start, 7.0, "c", REPEATS)
-        known, slow = measured(train(ratio, rows), start, 7.0, "numpy", 1)
+        found, time = measured(train(ratio, rising(rows)), start, 7.0, "c", REPEATS)
+        known, slow = measured(train(ratio, rising(rows)), start, 7.0, "numpy", 1)
         left, names = differing(found, known)
         numbers = (f"{time:.3g}", f"{slow:.3g}", f"{slow / time:.3g}", str(left), str(names))
         table.add_row(title, f"{len(found.row) / found.rows:.1f}", *numbers)
     Console(width=110).print(table)
+
+
+def check_time() -> float:
+    """CPU time of ``gearstab check`` in milliseconds."""
+    used = []
+    for _ in range(2 * REPEATS):
+        before = getrusage(RUSAGE_CHILDREN)
+        command = [sys.executable, "-m", "gearstab", "check", str(CONFIGS / "lin_parker_2002" / "fig3.yaml")]
+        run(command, check=True, capture_output=True)
+        after = getrusage(RUSAGE_CHILDREN)
+        used.append(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
+    return 1e3 * min(used)
+
+
+def aims() -> None:
+    """Print what a row takes beside what is aimed at; with damping, how much of the stable part is proved."""
+    table = Table(title="CPU time of a row, and what is aimed at")
+    for heading in ("", "taken, ms", "aim, ms", "taken/aim", "proved"):
+        table.add_column(heading, justify="left" if not heading else "right", no_wrap=True)
+    half, mild = rising(101), np.array([0.3])
+    scenes = (
+        ("one mesh frequency", 0.25, (train("1", half), 0.35, 7.0), REPEATS),
+        ("R = 3/5", 1.5, (train("3/5", half[::4]), 0.35, 7.0), REPEATS),
+        ("drive train, 33 coordinates", 1e3, configured("drive_train.yaml"), REPEATS),
+        ("planetary gear, 59 coordinates", 2e3, configured("parker_2009/fig3.yaml"), 1),
+        ("reducer, 1 % damping", 1e3, configured("reducer.yaml"), REPEATS),
+        ("R = 99/100, 1 % damping", 5e3, (train("99/100", mild, 0.01), 0.35, 7.0), REPEATS),
+    )
+    for title, aim, scene, repeats in scenes:
+        found, time = measured(*scene, "c", repeats)
+        damped = scene[0].damping is not None
+        proved = f"{100 * float(found.stable_share(found.proved).min()):.3f} %" if damped else ""
+        table.add_row(title, f"{time:.3g}", f"{aim:g}", f"{time / aim:.2f}", proved)
+    time = check_time()
+    table.add_row("gearstab check", f"{time:.0f}", "300", f"{time / 300:.2f}", "")
+    Console(width=110).print(table)
+
+
+def main() -> None:
+    """Print both tables."""
+    compare()
+    aims()
 
 
 if __name__ == "__main__":

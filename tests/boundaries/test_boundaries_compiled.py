@@ -169,3 +169,21 @@ def test_no_rows_and_no_regions() -> None:
     assert len(edges) == 0
     assert reach["evaluations"][0] > 0
     assert len(c_kernel.shares(pattern, pattern, np.eye(3)[None], np.zeros(0, dtype=int), np.zeros(0))) == 0
+
+
+def test_names_of_a_row_with_very_many_regions() -> None:
+    """One coordinate with w = 1 has its tongue M at 1/Omega = M/2; no share is large enough to settle a name alone.
+
+    A matrix of all regions and all roots would take 80 GB.
+    """
+    count = 100_000
+    number = np.arange(1, count + 1)
+    odd = (number % 2).astype(bool)
+    passed = np.stack([(number - 1) // 2, number // 2, 0 * number], axis=1)
+    meetings = np.stack([~odd, odd, 0 * odd], axis=1).astype(np.int64)
+    found = np.zeros(count, dtype=c_kernel.SHARE)
+    found["point"], found["cycles"], found["share"] = np.arange(count), number, 0.4
+    row = np.zeros(count, dtype=np.int64)
+    names = c_kernel.names(np.ones((1, 1)), 1.0, row, 0.5 * number, passed, meetings, found)
+    assert names["region"].tolist() == list(range(count))
+    assert names["cycles"].tolist() == number.tolist()

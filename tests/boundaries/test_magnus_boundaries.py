@@ -18,8 +18,10 @@ from gearstab.floquet.boundaries.counting.krein import evaluate
 from gearstab.floquet.boundaries.counting.points import exact
 from gearstab.floquet.boundaries.damped.search import Limits
 from gearstab.floquet.boundaries.smooth import _resolved
+from gearstab.floquet.kernel.choice import using
 from gearstab.floquet.smooth.schemes import CF4_2
 from gearstab.floquet.smooth.steps import divisions
+from gearstab.systems import build
 from gearstab.waveforms import Rectangular, Trapezoidal
 
 
@@ -137,3 +139,20 @@ class TestIntegers:
         assert known.mean() > 0.95
         np.testing.assert_array_equal(ours.begun[known], theirs.begun[known])
         np.testing.assert_array_equal(ours.ended[known], theirs.ended[known])
+
+
+@pytest.mark.slow
+def test_edges_beside_which_signs_are_lost_in_rounding():
+    """Growth so strong that the NumPy search finds no Krein sign beside one of the edges (Blanch's a_1(5)): it is known
+    to the tolerance all the same, and lies where the compiled search has it.
+    """
+    mesh = {"mean_stiffness": 1.0, "epsilon": 2.6907940626918636, "waveform": {"kind": "fourier", "cos": [1.0]}}
+    pair = {"kind": "gear_pair", "equivalent_mass": 1.0, "allow_negative_stiffness": True}
+    item = build({**pair, "meshes": [{"name": "mesh", **mesh}]})
+    known = boundaries(item, 0.19, 1.6)
+    with using(kernel="numpy"):
+        found = boundaries(item, 0.19, 1.6)
+    assert np.all(found.tolerance < 1.2e-10)
+    # Each within 1e-10 of the truth, and so many times the tolerance as the steps' error is at most.
+    np.testing.assert_allclose(found.lower, known.lower, rtol=3e-10)
+    np.testing.assert_allclose(found.upper, known.upper, rtol=3e-10)

@@ -15,7 +15,7 @@ from gearstab.floquet.boundaries.undamped import search
 SOURCES = Path(ckernel.__file__).parent / "boundaries"
 
 SHARED = [
-    ("actions.h", "BAND", labels.BAND), ("actions.h", "LEADING", labels.LEADING),
+    ("actions.h", "BAND", labels.BAND), ("actions.h", "LEADING", labels.LEADING), ("actions.h", "LEAST", labels.LEAST),
     ("actions.h", "LARGEST_MATRIX", points.LARGEST), ("search.h", "LARGEST", points.LARGEST),
     ("index.c", "LONGEST", points.LONGEST), ("letters.c", "TIE", krein.TIE), ("letters.c", "MIRROR", krein.MIRROR),
     ("names.c", "REACH", labels.REACH), ("names.c", "DISTANCE", labels.DISTANCE), ("names.c", "SURE", labels.SURE),

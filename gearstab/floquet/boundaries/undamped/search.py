@@ -156,7 +156,9 @@ def search(pattern: Pattern, first: Array, last: Array, tolerance: float, floor:
         fresh = sample(pattern, samples.row[brackets.left], cycle)
         evaluations += np.bincount(fresh.row, minlength=len(first))
         samples, brackets = _divide(samples, fresh, brackets)
-    return Search(_assemble(samples, edges, first, last, floor), contacts, evaluations)
+    ends = tuple(np.concatenate(part) for part in zip(*edges, strict=True))
+    places, extra = _halved(pattern, samples, *ends, tolerance)
+    return Search(_assemble(samples, *ends, places, first, last, floor), contacts, evaluations + extra)
 
 
 def _scan(pattern: Pattern, first: Array, last: Array) -> tuple[Samples, Brackets]:
@@ -305,22 +307,39 @@ def _finish(samples: Samples, brackets: Brackets, kind: Array, edges: list[tuple
     np.add.at(contacts, samples.row[a[narrow]], (samples.ended[b] - samples.begun[a])[narrow])
 
 
-def _assemble(samples: Samples, edges: list[tuple[Array, ...]], first: Array, last: Array, floor: float) -> Intervals:
-    a, b = (np.concatenate(part) for part in zip(*edges, strict=True))
-    order = np.lexsort((samples.cycle[a], samples.row[a]))
-    a, b = a[order], b[order]
+def _halved(pattern: Pattern, samples: Samples, a: Array, b: Array, tolerance: float) -> tuple[Array, Array]:
+    """Cycles on both sides of each edge between the samples a and b ``(2, E)``, and the evaluations of each row.
+
+    Where signs are lost in rounding a bracket was left wider than the tolerance; stable or not is known even there.
+    """
+    ends, row = samples.cycle[np.stack([a, b])], samples.row[a]
+    evaluations = np.zeros(len(pattern.rows), dtype=np.int64)
+    while len(wide := np.flatnonzero(ends[1] - ends[0] > tolerance * ends[0])):
+        middle = 0.5 * (ends[0] + ends[1])[wide]
+        stable = evaluate(pattern, row[wide], middle).stable
+        ends[np.where(stable == samples.stable[a[wide]], 0, 1), wide] = middle
+        evaluations += np.bincount(row[wide], minlength=len(evaluations))
+    return ends, evaluations
+
+
+def _assemble(
+    samples: Samples, a: Array, b: Array, places: Array, first: Array, last: Array, floor: float
+) -> Intervals:
+    order = np.lexsort((places[0], samples.row[a]))
+    a, b, places = a[order], b[order], places[:, order]
     usable = np.flatnonzero(samples.known | ~samples.stable)
     result = []
     edges_of, samples_of = by_row(samples.row[a], len(first)), by_row(samples.row[usable], len(first))
     for row, (mine, own) in enumerate(zip(edges_of, samples_of, strict=True)):
-        result += _intervals(samples, a[mine], b[mine], usable[own], row, floor)
+        result += _intervals(samples, a[mine], b[mine], places[:, mine], usable[own], row, floor)
     return Intervals.of(result)
 
 
-def _intervals(samples: Samples, a: Array, b: Array, own: Array, row: int, floor: float) -> list[Interval]:
+def _intervals(
+    samples: Samples, a: Array, b: Array, places: Array, own: Array, row: int, floor: float
+) -> list[Interval]:
     """Pair entrances with exits; a region that reaches an end of the range is cut there."""
-    where = 0.5 * (samples.cycle[a] + samples.cycle[b])
-    error = samples.cycle[b] - samples.cycle[a]
+    where, error = 0.5 * (places[0] + places[1]), places[1] - places[0]
     result: list[Interval] = []
     lowest, highest = own[np.argmin(samples.cycle[own])], own[np.argmax(samples.cycle[own])]
     start = None if samples.stable[lowest] else (samples.cycle[lowest], lowest, 0.0)
