@@ -12,7 +12,7 @@ GEARSTAB := $(BIN)/gearstab
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help install demo test test-all test-portable test-sanitized test-oldest lint figures check-figures update-figures bench benchmarks reproduction lock clean distclean
+.PHONY: help install demo test test-all test-portable test-sanitized test-oldest lint figures check-figures update-figures bench bench-scale benchmarks reproduction lock clean distclean
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-15s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -102,6 +102,9 @@ bench: $(VENV)/.installed ## speed and error of the methods, side by side
 	@$(BIN)/python scripts/bench_damped.py
 	@$(BIN)/python scripts/bench_tolerance.py
 	@$(foreach scene,$(BENCH),echo; echo "$(scene)"; $(GEARSTAB) bench $(scene) -o results/bench/$(basename $(notdir $(scene))).h5 -q;)
+
+bench-scale: $(VENV)/.installed ## whole sweeps beside the kernel alone, workers beside threads; LARGEST=8 for 10^8 points
+	@$(BIN)/python scripts/bench_scale.py $(LARGEST)
 
 benchmarks: $(VENV)/.installed ## published numbers against ours: the table of configs/benchmarks/
 	@$(BIN)/python scripts/benchmarks.py

@@ -1,0 +1,132 @@
+"""Whole sweeps of a gear train over five axes beside the rate of the kernel alone, and workers beside the pool.
+
+Processor time is counted, that of all processes of a command, as other work on the machine shows less in it; elapsed
+time stands beside it. Needs the extra ``cluster``. Usage: python scripts/bench_scale.py [LARGEST_POWER_OF_TEN]
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from distributed import LocalCluster
+from rich.console import Console
+from rich.table import Table
+
+from gearstab.config import load, parameters_at
+from gearstab.floquet.kernel import c_kernel
+from gearstab.floquet.segments.blocks import split
+from gearstab.floquet.segments.pattern import prepare
+from gearstab.systems import build
+
+CONFIG = Path(__file__).parent.parent / "configs" / "lin_parker_2002" / "fig3.yaml"
+LEAST, LARGEST = 5, 7
+"""Powers of ten of the number of points; 8 only where it is asked for."""
+ROUNDS = 3
+"""Of which the fastest counts."""
+
+
+@dataclass(frozen=True)
+class Cost:
+    """Seconds of all processors and of the clock, and the peak memory of the largest process in bytes."""
+
+    processors: float
+    clock: float
+    memory: float
+
+
+def changes(power: int) -> list[str]:
+    """A grid of 10^power points: 1000 mesh frequencies, and 10^(power - 3) systems over four axes."""
+    sizes = [10 ** ((power - 3 + k) // 4) for k in range(4)]
+    axes = {
+        "mesh_frequency": "{start: 0.35, stop: 7.0, num: 1000}",
+        "input_shaft_stiffness": f"{{start: 0.4, stop: 0.6, num: {sizes[0]}}}",
+        "meshes.first.epsilon": f"{{start: 0.1, stop: 0.5, num: {sizes[1]}}}",
+        "meshes.second.epsilon": f"{{start: 0.1, stop: 0.5, num: {sizes[2]}}}",
+        "meshes.second.phasing": f"{{start: 0.0, stop: 0.9, num: {sizes[3]}}}",
+    }
+    text = ", ".join(f"{name}: {values}" for name, values in axes.items())
+    return [f"sweep={{{text}}}", "methods={floquet: {}}"]
+
+
+def kernel_rate() -> float:
+    """Nanoseconds a point of the kernel alone on one core, over a block of a million points of the grid."""
+    config = load(CONFIG, changes(6))
+    axes = [axis for axis in config.axes if axis.name != "mesh_frequency"]
+    index = np.unravel_index(np.arange(1000), [axis.size for axis in axes])
+    rows = {axis.name: np.asarray(part) for axis, part in zip(axes, index, strict=True)}
+    omega = np.linspace(0.35, 7.0, 1000)
+    parts = []
+    for pattern in prepare(build(parameters_at(config, rows))):
+        parts += [(part.pattern, omega / part.pattern.elastic.rate[:, None]) for part in split(pattern)]
+    points = len(index[0]) * len(omega)
+    found = []
+    for _ in range(ROUNDS):
+        start = time.process_time()
+        for pattern, frequencies in parts:
+            c_kernel.scan(pattern, frequencies, 1)
+        found.append((time.process_time() - start) * 1e9 / points)
+    return min(found)
+
+
+def sweep(power: int, out: Path, *options: str) -> Cost:
+    """Run the whole command once."""
+    settings = [word for text in changes(power) for word in ("--set", text)]
+    command = [sys.executable, "-m", "gearstab", "sweep", str(CONFIG), "-o", str(out), "-q", "--overwrite", "--yes"]
+    start = time.perf_counter()
+    process = subprocess.Popen([*command, *settings, *options])
+    _, status, used = os.wait4(process.pid, 0)
+    process.returncode = os.waitstatus_to_exitcode(status)
+    if process.returncode:
+        raise SystemExit(f"the sweep of 10^{power} points ended with exit code {process.returncode}")
+    return Cost(used.ru_utime + used.ru_stime, time.perf_counter() - start, 1024.0 * used.ru_maxrss)
+
+
+def fastest(power: int, out: Path, *options: str) -> Cost:
+    """Run the whole command some times; the large ones once."""
+    costs = [sweep(power, out, *options) for _ in range(ROUNDS if power < 8 else 1)]
+    return Cost(*(min(getattr(cost, name) for cost in costs) for name in ("processors", "clock", "memory")))
+
+
+@contextmanager
+def workers() -> Iterator[str]:
+    """Start two workers that are there before the clock runs; gives the address of their scheduler."""
+    with LocalCluster(
+        n_workers=2, threads_per_worker=1, memory_limit=0, dashboard_address=None, silence_logs=50
+    ) as cluster:
+        yield cluster.scheduler_address
+
+
+def main(largest: int = LARGEST) -> None:
+    """Print both tables."""
+    alone = kernel_rate()
+    table = Table(title=f"Whole sweeps on two threads; the kernel alone: {alone:.1f} ns a point on one core")
+    for heading in ("points", "clock s", "processors s", "ns a point beyond start", "kernel / whole", "memory MB"):
+        table.add_column(heading, justify="right")
+    with tempfile.TemporaryDirectory() as folder:
+        out = Path(folder) / "out.h5"
+        start = fastest(3, out, "-j", "2").processors
+        for power in range(LEAST, largest + 1):
+            cost = fastest(power, out, "-j", "2")
+            each = (cost.processors - start) * 1e9 / 10**power
+            whole = cost.processors * 1e9 / 10**power
+            table.add_row(f"10^{power}", f"{cost.clock:.2f}", f"{cost.processors:.2f}", f"{each:.1f}",
+                          f"{alone / whole:.2f}", f"{cost.memory / 1e6:.0f}")  # fmt: skip
+        Console(width=110).print(table)
+        with workers() as address:
+            away = fastest(LARGEST, out, "--scheduler", address)
+        here = fastest(LARGEST, out, "-j", "2")
+    print(f"10^{LARGEST} points: two threads {here.clock:.2f} s, two workers that wait {away.clock:.2f} s, "
+          f"throughput {here.clock / away.clock:.2f} of the threads'")  # fmt: skip
+
+
+if __name__ == "__main__":
+    main(*map(int, sys.argv[1:]))
