@@ -156,9 +156,10 @@ def search(pattern: Pattern, first: Array, last: Array, tolerance: float, floor:
         fresh = sample(pattern, samples.row[brackets.left], cycle)
         evaluations += np.bincount(fresh.row, minlength=len(first))
         samples, brackets = _divide(samples, fresh, brackets)
-    ends = tuple(np.concatenate(part) for part in zip(*edges, strict=True))
-    places, extra = _halved(pattern, samples, *ends, tolerance)
-    return Search(_assemble(samples, *ends, places, first, last, floor), contacts, evaluations + extra)
+    left, right = (np.concatenate(part) for part in zip(*edges, strict=True))
+    places, extra = _halved(pattern, samples, left, right, tolerance)
+    intervals = _assemble(samples, left, right, places, first, last, floor)
+    return Search(intervals, contacts, evaluations + extra)
 
 
 def _scan(pattern: Pattern, first: Array, last: Array) -> tuple[Samples, Brackets]:
