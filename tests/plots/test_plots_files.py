@@ -39,7 +39,7 @@ def result_of(kind):
         "surface": made.two_amplitudes, "response": made.response, "work-precision": made.bench, "modes": planetary,
         "speeds": made.speeds, "spectrum": made.spectra, "pair": made.pair,
         "required-damping": made.required_damping, "phase-plane": made.backlash, "teeth": made.teeth,
-        "probability": made.probability, "passage": made.passage,
+        "probability": made.probability, "passage": made.passage, "waterfall": made.run_up, "orders": made.run_up,
     }  # fmt: skip
     return others.get(kind, lambda: made.tree(**groups))()
 

@@ -169,6 +169,22 @@ def response():
     return tree(response=xr.Dataset(data, coords=coords))
 
 
+def run_up():
+    """Harmonics of two meshes that rise through the natural frequency 20 as the speed doubles."""
+    speed, frequency, harmonic = np.linspace(5, 10, 12), np.linspace(0, 60, 121), np.arange(1, 9)
+    height = 1 / (1 + np.abs(speed[:, None] * harmonic - 20))
+    lines = np.exp(-((frequency[:, None] - speed[:, None, None] * harmonic) ** 2))
+    lines = np.einsum("wh,wfh->wf", height, lines)
+    data = {
+        "mesh_force_spectrogram": (("mesh_frequency", "frequency", "mesh"), np.stack([lines, 0.1 * lines], axis=-1)),
+        "mesh_force_harmonic": (("mesh_frequency", "harmonic", "mesh"), np.stack([height, 0.1 * height], axis=-1)),
+    }
+    coords = coordinate("mesh_frequency", speed, "rad/s") | coordinate("frequency", frequency, "rad/s")
+    coords |= {"harmonic": harmonic, "mesh": ["first", "second"]}
+    modes = xr.Dataset({"natural_frequency": ("mode", [0.0, 20.0])})
+    return tree(response=xr.Dataset(data, coords=coords, attrs={"frequency_ratios": [1.0, 0.5]}), modes=modes)
+
+
 def backlash():
     """Ten periods of a mesh with backlash, and of one without."""
     time = np.linspace(0, 20 * np.pi, 2001)

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.legend import Legend
 
-from gearstab.plots.drawing.text import fitted, plain, printed_text
+from gearstab.plots.drawing.text import fitted, plain
 from gearstab.plots.view import Request, View
 
 
@@ -49,8 +49,10 @@ def write_legend(
         return None
     if ax is not None:
         return ax.legend(handles=list(handles))
-    # The handle and its gaps take about 4.5 letters of size 7.5.
-    letters = max(printed_text(str(handle.get_label())) for handle in handles) + 9
-    most = max(1, int(figure.get_figwidth() * 72 / (0.45 * 7.5) / letters))
-    columns = ceil(len(handles) / ceil(len(handles) / most))
-    return figure.legend(handles=list(handles), loc=place, ncols=columns)
+    count = len(handles)
+    for rows in range(1, count + 1):
+        legend = figure.legend(handles=list(handles), loc=place, ncols=ceil(count / rows))
+        if rows == count or legend.get_window_extent().width <= figure.bbox.width:
+            return legend
+        legend.remove()
+    return None
