@@ -12,7 +12,7 @@ GEARSTAB := $(BIN)/gearstab
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help install demo test test-all test-portable test-sanitized test-oldest lint figures check-figures update-figures bench bench-scale benchmarks reproduction lock clean distclean
+.PHONY: help install demo test test-all test-portable test-sanitized test-oldest lint docs figures check-figures update-figures bench bench-scale benchmarks reproduction lock clean distclean
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-15s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -81,6 +81,12 @@ test-oldest: ## the fast tests with the oldest allowed version of every dependen
 lint: $(VENV)/.installed ## linter and type checker
 	@$(BIN)/ruff check .
 	@$(BIN)/mypy
+
+# A page that is missing, a link to nowhere and every other warning of Sphinx is an error. Pictures of the gallery are those
+# that `make figures` has drawn by then.
+docs: $(VENV)/.installed ## the documentation site into build/docs, without warnings
+	@$(BIN)/python -m sphinx -q -W --keep-going -b html docs build/docs
+	@echo "The site begins with build/docs/index.html."
 
 # Results and figures that are older than what they were made from are made again. FIGURES=lin_parker_2002 makes some of
 # them, FIGURES="--within 120" those that take two minutes together.

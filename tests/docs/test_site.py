@@ -1,0 +1,99 @@
+"""The documentation site: pages are in its navigation, links lead somewhere, examples are valid, it builds cleanly."""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import click
+import pytest
+from ruamel.yaml import YAML
+from scenes import DOCS, ROOT
+
+import gearstab as gs
+from gearstab.cli import group
+
+PAGES = sorted(page.relative_to(DOCS).with_suffix("").as_posix() for page in DOCS.rglob("*.md"))
+GUIDE = {"tour", "modelling", "reading", "gallery", "functions", "theory", "limits", "troubleshooting", "glossary",
+         "programs", "contributing"}  # fmt: skip
+
+
+def blocks(page: str, language: str) -> list[str]:
+    """The blocks of code of a page in a language."""
+    text = (DOCS / f"{page}.md").read_text()
+    return re.findall(rf"^```{re.escape(language)}\n(.*?)^```$", text, re.M | re.S)
+
+
+def whole(block: str) -> bool:
+    """Whether a block of YAML is a configuration, not a part of one."""
+    return bool(re.search(r"^system:", block, re.M) and re.search(r"^(methods|design):", block, re.M))
+
+
+def commands(text: str) -> Iterator[list[str]]:
+    """The words of every ``gearstab`` command in lines of a shell."""
+    for line in text.splitlines():
+        words = shlex.split(line.removeprefix("$ "), comments=True)
+        if words and words[0].endswith("gearstab"):
+            end = next((n for n, word in enumerate(words) if word in (">", "|", "&&")), len(words))
+            yield words[1:end]
+
+
+def test_every_page_is_in_the_navigation_once() -> None:
+    trees = re.findall(r"^```\{toctree\}\n(.*?)^```$", (DOCS / "index.md").read_text(), re.M | re.S)
+    listed = [line for tree in trees for line in tree.splitlines() if line and not line.startswith(":")]
+    assert sorted([*listed, "index"]) == PAGES
+    assert {f"guide/{name}" for name in GUIDE} <= set(PAGES)
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_links_to_files_lead_somewhere(page: str) -> None:
+    text = re.sub(r"^```.*?^```$", "", (DOCS / f"{page}.md").read_text(), flags=re.M | re.S)
+    targets = [target for target in re.findall(r"\]\(([^)\s]+)\)", text) if "://" not in target]
+    missing = [t for t in targets if t[0] != "#" and not (DOCS / page).parent.joinpath(t.split("#")[0]).exists()]
+    assert missing == []
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if blocks(page, "sh") + blocks(page, "")])
+def test_commands_are_understood(page: str) -> None:
+    for block in blocks(page, "sh") + [b for b in blocks(page, "") if b.startswith("$ ")]:
+        for words in commands(block):
+            command = group.get_command(click.Context(group), words[0])
+            assert command is not None, words
+            command.make_parser(click.Context(command)).parse_args(words[1:])  # raises for an option it does not have
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if any(whole(b) for b in blocks(page, "yaml"))])
+def test_whole_configurations_are_valid(page: str, tmp_path: Path) -> None:
+    for block in filter(whole, blocks(page, "yaml")):
+        (tmp_path / "train.yaml").write_text(block)
+        gs.load(tmp_path / "train.yaml")
+
+
+def test_what_the_modelling_page_says_of_its_example() -> None:
+    (block,) = blocks("guide/modelling", "yaml")
+    known = gs.info(YAML(typ="safe").load(block))
+    # w^2 = k (r1^2/J1 + r2^2/J2) of the rigid gears on their mesh; the other mode is the rotation of the train.
+    (elastic,) = [m["natural_frequency"] for m in known["modes"] if m["natural_frequency"] > 1]
+    assert elastic == pytest.approx((3e8 * (0.04**2 / 0.02 + 0.08**2 / 0.05)) ** 0.5, rel=1e-12)
+
+
+def test_it_builds_without_warnings(tmp_path: Path) -> None:
+    pytest.importorskip("furo")
+    pytest.importorskip("myst_parser")
+    done = subprocess.run(
+        [sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going", "-b", "html", str(DOCS), str(tmp_path)],
+        cwd=ROOT, capture_output=True, text=True, check=False, env=os.environ | {"PYTHONPATH": str(ROOT)},
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert [page for page in PAGES if not (tmp_path / f"{page}.html").exists()] == []
+    assert 'class="math' in (tmp_path / "guide/theory.html").read_text()
+    functions = (tmp_path / "guide/functions.html").read_text()
+    assert [name for name in gs.__all__ if f'id="gearstab.{name}"' not in functions] == []
+    shown = (tmp_path / "guide/gallery.html").read_text()
+    configs = [p for p in (ROOT / "configs").rglob("*.yaml") if p.parent.name != "benchmarks"]
+    assert shown.count("<h2>") == len(configs)
