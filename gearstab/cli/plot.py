@@ -15,7 +15,7 @@ KINDS_HELP = "; ".join(f"{name}: {kind.summary}" for name, kind in KINDS.items()
 
 @click.command()
 @click.argument("result", type=options.FILE)
-@options.output("Figure: .png, .pdf or .svg [default: RESULT with .png].")
+@options.output("Figure: .png, .pdf or .svg, or a page to look around in: .html [default: RESULT with .png].")
 @click.option("--kind", metavar="|".join(KINDS), help=f"What to draw [default: by what RESULT holds]. {KINDS_HELP}.")
 @click.option("--x", metavar="AXIS", help="Axis along x [default: mesh_frequency].")
 @click.option("--y", metavar="AXIS", help="Axis along y [default: epsilon, else the longest other axis].")
@@ -41,19 +41,30 @@ def command(
     no_title: bool, size: str | None, dpi: int | None,
 ) -> None:  # fmt: skip
     """Draw a figure from the file RESULT alone; nothing is computed again."""
+    from gearstab.errors import PlotError
     from gearstab.plots import draw
     from gearstab.plots.drawing.heading import title_of
     from gearstab.plots.drawing.style import FIGURE, checked_extension, save
+    from gearstab.plots.interactive import PAGE, save_page
     from gearstab.plots.view import Request
     from gearstab.results.read import reading
 
     target = output or result.with_suffix(".png")
-    checked_extension(target)
-    FIGURE.refuse(target, result)
+    interactive = target.suffix.lower() == ".html"
+    if not interactive:
+        checked_extension(target)
+    (PAGE if interactive else FIGURE).refuse(target, result)
     chosen = options.selections(select)
     request = Request(
         x, y, chosen, variable, size, not no_title and (title or True), dpi, unit, levels=level, marks=points(mark)
     )
+    if interactive:
+        if kind not in (None, "map") or variable is not None or mark:
+            raise PlotError("a page shows the map of growth rates alone: leave --kind, --variable and --mark out")
+        with reading(result) as tree:
+            save_page(tree, request, target, title or title_of(tree))
+        tell(f"page: {target}")
+        return
     with reading(result) as tree:
         figure, artists = draw(tree, kind, request)
         save(figure, target, title_of(tree))

@@ -1,0 +1,142 @@
+"""A map as one self-contained page to look around in: zoom, values under the pointer, a slider over a third axis."""
+
+from __future__ import annotations
+
+import base64
+import io
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from matplotlib.colors import to_hex
+
+from gearstab.errors import PlotError
+from gearstab.plots.axes import FigureAxis, distinct
+from gearstab.plots.drawing.style import GROWTH, LINE, style
+from gearstab.plots.drawing.tongues import read_tongues
+from gearstab.plots.maps import stability_map
+from gearstab.plots.variables import GROWTH_RATE, find_variable
+from gearstab.plots.view import MapView, Request, view_of
+from gearstab.results.display import in_display_units
+from gearstab.results.output import Content, write_bytes
+
+Array = np.ndarray
+
+MOST_CELLS = 1000
+"""Along each axis; several cells together show the largest growth among them, so that no unstable point is lost."""
+CHANGE = """
+cells.data = {...cells.data, image: [images[slider.value]]};
+regions.data = edges[slider.value];
+slider.title = captions[slider.value];
+"""
+
+
+def not_a_page(path: Path) -> str:
+    """Return what a file is instead of a page, "" for one."""
+    with open(path, "rb") as file:
+        return "" if b"<html" in file.read(4096).lower() else "is no page"
+
+
+PAGE = Content("a page", ".html", not_a_page, (), streams=True)
+
+
+def reduced(values: Array) -> Array:
+    """Return growth rates ``(rows, columns)``, NaN where masked, as at most ``MOST_CELLS`` along each axis."""
+    values = np.ma.filled(values, np.nan)
+    for axis, size in enumerate(values.shape):
+        if size > MOST_CELLS:
+            starts = np.linspace(0, size, MOST_CELLS, endpoint=False).astype(int)
+            values = np.fmax.reduceat(values, starts, axis=axis)
+    return values.astype(np.float32)
+
+
+def outlines(tree: xr.DataTree, view: MapView) -> dict[str, list[Any]]:
+    """Return the exact regions of a slice as closed lines ``xs``, ``ys`` with their names; each open range is one."""
+    on_x = view.speed == view.x
+    found = read_tongues(tree, "boundaries", view, view.y if on_x else view.x) if view.speed else None
+    data: dict[str, list[Any]] = {"xs": [], "ys": [], "name": []}
+    for edges, label in zip(found.edges, found.labels, strict=True) if found else ():
+        where = np.flatnonzero(np.isfinite(edges).all(axis=0))
+        for run in np.split(where, np.flatnonzero(np.diff(where) > 1) + 1):
+            if run.size > 1:
+                place = found.positions[run] if found else run
+                speed, along = [*edges[0, run], *edges[1, run[::-1]]], [*place, *place[::-1]]
+                data["xs"].append(speed if on_x else along)
+                data["ys"].append(along if on_x else speed)
+                data["name"].append(label)
+    return data
+
+
+def slices(tree: xr.DataTree, request: Request) -> tuple[FigureAxis | None, list[MapView]]:
+    """Return the axis of the slider and a view for each of its values. Raises PlotError for what a page cannot show."""
+    dataset, data = find_variable(tree, GROWTH_RATE)
+    view = view_of(tree, map(str, data.dims), request, dataset)
+    if len(view.free) > 1:
+        raise PlotError(f"the page has one slider: --select all but one of {', '.join(a.name for a in view.free)}")
+    if not (view.x.uniform and view.y.uniform and view.x.numeric and view.y.numeric):
+        raise PlotError("a page needs evenly spaced numbers along both axes: draw a .png, or choose others by --x, --y")
+    if not view.free:
+        return None, [view]
+    axis = view.free[0]
+    return axis, [view.at(**{axis.name: index}) for index in range(axis.size)]
+
+
+def picture(tree: xr.DataTree, request: Request, axis: FigureAxis | None) -> str:
+    """Return the first slice as the element that readers without scripts see."""
+    first = {} if axis is None else {axis.name: axis.text(0)}
+    with style():
+        figure, _ = stability_map.draw(tree, replace(request, select={**request.select, **first}, size="double"))
+        data = io.BytesIO()
+        figure.savefig(data, format="png", dpi=150, metadata={"Software": "gearstab"})
+    code = base64.b64encode(data.getvalue()).decode()
+    return f'<noscript><img alt="Stability map" src="data:image/png;base64,{code}"></noscript>'
+
+
+def page(tree: xr.DataTree, request: Request, title: str) -> str:
+    """Return the page of a map of growth rates. Raises PlotError without Bokeh, or for what a page cannot show."""
+    try:
+        from bokeh.embed import file_html
+        from bokeh.layouts import column
+        from bokeh.models import ColorBar, ColumnDataSource, CustomJS, HoverTool, LinearColorMapper, Slider
+        from bokeh.plotting import figure
+        from bokeh.resources import INLINE
+    except ImportError:
+        raise PlotError("pages need the package bokeh: pip install 'gearstab[html]'") from None
+    tree = in_display_units(distinct(tree), request.unit)
+    axis, views = slices(tree, request)
+    images = [reduced(stability_map.read_cells(tree, view, GROWTH_RATE)[0]) for view in views]
+    edges = [outlines(tree, view) for view in views]
+    x, y = views[0].x, views[0].y
+    left, right, bottom, top = (float(edge) for edge in (*x.edges()[[0, -1]], *y.edges()[[0, -1]]))
+    largest = max([float(np.nanmax(image)) for image in images if np.isfinite(image).any()], default=1.0)
+    colours = LinearColorMapper(
+        palette=[to_hex(GROWTH(n)) for n in range(256)], low=0, high=largest, nan_color="#ffffff00"
+    )
+    names = [f"{a.name.replace('_', ' ')}{'' if a.units == '1' else f' ({a.units})'}" for a in (x, y)]
+    plot = figure(
+        title=title, x_axis_label=names[0], y_axis_label=names[1], width=950, height=560, x_range=(left, right),
+        y_range=(bottom, top), tools="pan,wheel_zoom,box_zoom,reset,save", active_scroll="wheel_zoom",
+    )  # fmt: skip
+    cells, regions = ColumnDataSource({"image": [images[0]]}), ColumnDataSource(edges[0])
+    map_ = plot.image("image", source=cells, x=left, y=bottom, dw=right - left, dh=top - bottom, color_mapper=colours)
+    drawn = plot.patches("xs", "ys", source=regions, fill_alpha=0.0, line_color=LINE, line_width=1)
+    place = [(names[0], "$x{0.0000}"), (names[1], "$y{0.0000}")]
+    plot.add_tools(HoverTool(renderers=[map_], tooltips=[*place, ("growth rate", "@image{0.0000}")]))
+    plot.add_tools(HoverTool(renderers=[drawn], tooltips=[("region", "@name")]))
+    plot.add_layout(ColorBar(color_mapper=colours, title="growth rate"), "right")
+    parts: list[Any] = [plot]
+    if axis is not None:
+        captions = [f"{axis.name} = {axis.text(index)}" for index in range(axis.size)]
+        slider = Slider(start=0, end=axis.size - 1, value=0, step=1, title=captions[0], show_value=False, width=900)
+        known = {"cells": cells, "regions": regions, "images": images, "edges": edges, "captions": captions}
+        slider.js_on_change("value", CustomJS(args={**known, "slider": slider}, code=CHANGE))
+        parts.insert(0, slider)
+    text = file_html(column(*parts), INLINE, title or "gearstab")
+    return text.replace("<body>", f"<body>\n{picture(tree, request, axis)}", 1)
+
+
+def save_page(tree: xr.DataTree, request: Request, path: Path, title: str) -> None:
+    """Write the page, whole or not at all. Raises as :func:`page`, and OutputError where ``path`` is something else."""
+    write_bytes(path, memoryview(page(tree, request, title).encode()), PAGE.refuse)

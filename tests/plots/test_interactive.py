@@ -1,0 +1,55 @@
+"""The page of a map: self-contained, a picture without scripts, no unstable point lost."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scenes import TRAIN, ran
+
+from gearstab.plots.interactive import MOST_CELLS, reduced
+
+SWEEP = "sweep:\n  mesh_frequency: {start: 4.0, stop: 7.0, num: 31}\n  epsilon: [0.1, 0.2, 0.3]\n"
+pytest.importorskip("bokeh")
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("page")
+    axis = "  meshes.first.contact_ratio: [1.3, 1.5]\n"
+    (folder / "train.yaml").write_text(TRAIN + SWEEP + axis + "methods: {floquet: {}, boundaries: {}}\n")
+    assert ran("sweep", folder / "train.yaml", "-o", folder / "train.h5").exit_code == 0
+    done = ran("plot", folder / "train.h5", "-o", folder / "map.html")
+    assert done.exit_code == 0, done.output
+    return folder / "map.html"
+
+
+def test_it_needs_nothing_from_elsewhere(page: Path) -> None:
+    text = page.read_text()
+    assert not re.search(r'<(script|link|img)[^>]*(src|href)="(https?:)?//', text)
+    assert '<noscript><img alt="Stability map" src="data:image/png;base64,' in text
+    assert [word for word in ('"Slider"', '"HoverTool"', "2w3") if word not in text] == []
+
+
+def test_no_unstable_point_is_lost() -> None:
+    values = np.full((3, 7 * MOST_CELLS // 2), np.nan)
+    values[1, 1234], values[2, -1] = 0.5, 0.25
+    found = reduced(values)
+    assert found.shape == (3, MOST_CELLS)
+    assert found.dtype == np.float32
+    assert sorted(found[np.isfinite(found)]) == [0.25, 0.5]
+
+
+@pytest.mark.slow
+def test_a_browser_draws_it(page: Path, tmp_path: Path) -> None:
+    browser = shutil.which("chromium")
+    if browser is None:
+        pytest.skip("needs chromium")
+    words = ["--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", f"--user-data-dir={tmp_path}",
+             "--virtual-time-budget=8000", "--dump-dom", page.as_uri()]  # fmt: skip
+    done = subprocess.run([browser, *words], capture_output=True, text=True, timeout=120, check=True)
+    assert [word for word in ("bk-Slider", "bk-Figure") if word not in done.stdout] == []
