@@ -14,6 +14,7 @@ from gearstab.cli import group
 from gearstab.errors import PlotError
 from gearstab.plots import default_kind, draw
 from gearstab.plots.cases import thinned
+from gearstab.plots.drawing.tongues import pieces
 from gearstab.plots.view import Request
 
 ENTRIES = {
@@ -216,3 +217,10 @@ def test_labels_of_panels_keep_to_their_panels() -> None:
     for ax in figure.axes:
         # A pixel of 300 to the inch: glyphs are placed on whole ones.
         assert ax.yaxis.label.get_window_extent().height <= ax.get_window_extent().height + 1
+
+
+def test_an_edge_that_leaves_the_range_is_drawn_up_to_its_end() -> None:
+    """It moves by 1.3 % of the frame from row to row, and stays at the end of the range for most of them."""
+    edge = np.concatenate([np.linspace(8.72, 9.0, 9), np.full(20, 9.0)])
+    (whole,) = pieces(edge, np.linspace(0.0, 0.4, 29), 2.5)
+    np.testing.assert_array_equal(whole[:, 0], edge)

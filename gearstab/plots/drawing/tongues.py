@@ -232,10 +232,10 @@ def pieces(frequency: Array, positions: Array, span: float) -> list[Array]:
     """The unbroken parts ``(points, 2)`` of an edge, cut at NaN and where it leaps.
 
     A leap is far beyond the edge's usual step (an edge of parabolic shape stays below twice the median), or more than a
-    twentieth of the frame.
+    twentieth of the frame. Steps of zero, as of an edge held at the end of the range, are not usual ones.
     """
     leaps = np.abs(np.diff(frequency))
-    usual = float(np.median(leaps[np.isfinite(leaps)])) if np.isfinite(leaps).any() else 0.0
+    usual = float(np.median(leaps[leaps > 0])) if np.any(leaps > 0) else 0.0
     cuts = np.flatnonzero(~(leaps <= min(INVISIBLE * span + 5 * usual, 0.05 * span))) + 1
     parts = np.split(np.stack([frequency, positions], axis=-1), cuts)
     return [part for part in parts if len(part) > 1 and np.isfinite(part).all()]
