@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import re
-import shutil
-import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -42,14 +40,3 @@ def test_no_unstable_point_is_lost() -> None:
     assert found.shape == (3, MOST_CELLS)
     assert found.dtype == np.float32
     assert sorted(found[np.isfinite(found)]) == [0.25, 0.5]
-
-
-@pytest.mark.slow
-def test_a_browser_draws_it(page: Path, tmp_path: Path) -> None:
-    browser = shutil.which("chromium")
-    if browser is None:
-        pytest.skip("needs chromium")
-    words = ["--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", f"--user-data-dir={tmp_path}",
-             "--virtual-time-budget=8000", "--dump-dom", page.as_uri()]  # fmt: skip
-    done = subprocess.run([browser, *words], capture_output=True, text=True, timeout=120, check=True)
-    assert [word for word in ("bk-Slider", "bk-Figure") if word not in done.stdout] == []
