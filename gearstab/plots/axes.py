@@ -113,6 +113,11 @@ class FigureAxis:
         """The value at ``index`` as plain text."""
         return number_text(float(self.values[index])) if self.numeric else str(self.values[index])
 
+    def short_text(self, index: int) -> str:
+        """Round the number at ``index`` to four digits, or more where two values of the axis would read alike."""
+        printed = [f"{value:.4g}" for value in self.values]
+        return number_text(float(printed[index])) if len(set(printed)) == self.size else self.text(index)
+
     def caption(self, index: int) -> str:
         r"""``$h$ = 0.4`` for panels and legends; the label alone for an axis of cases."""
         if self.name == "case":
@@ -120,7 +125,7 @@ class FigureAxis:
         if self.name == "tongue":
             return tongue_label(self.text(index), self.meshes)
         unit = unit_text(self.units) if self.numeric else ""
-        value = self.text(index) if self.numeric else self.text(index).replace("_", " ")
+        value = self.short_text(index) if self.numeric else self.text(index).replace("_", " ")
         return f"{short_label(self.name, self.meshes)} = {plain(value)}" + (f" {unit}" if unit else "")
 
     def find(self, text: str) -> int:

@@ -176,6 +176,13 @@ def test_units(units, text):
     assert axis_label("case", "inertia", units).startswith("inertia")
 
 
+def test_captions_print_four_digits_unless_values_would_read_alike():
+    speeds = FigureAxis("input_speed", np.array([9974.358974, 15000.0]), "rpm")
+    assert [speeds.caption(index) for index in (0, 1)] == ["input speed = 9974 rpm", "input speed = 15000 rpm"]
+    near = FigureAxis("epsilon", np.array([0.100012, 0.100034]))
+    assert near.caption(1) == r"$\varepsilon$ = 0.100034"
+
+
 def test_labels_with_commas_are_quoted_in_messages():
     axis = FigureAxis("case", np.array(["worst", "c = 1.5, h = 0"], dtype=object))
     assert axis.extent() == "its values: worst, 'c = 1.5, h = 0'"
