@@ -156,7 +156,7 @@ def _shaft_speed(document: Document, place: Path) -> Iterator[Problem]:
     """A doubt where revolutions stand for a mesh frequency, which is as many times that as the gear has teeth."""
     if any(ROTARY.search(text) for _, text in texts(document.get(place))):
         message = "is in revolutions, and a mesh frequency counts teeth"
-        remedy = "multiply the speed by the number of teeth, or give input_speed of a gearbox"
+        remedy = "multiply the speed by the number of teeth, or give input_speed, where teeth are known"
         yield document.problem(place, "revolutions", message, remedy)
 
 
