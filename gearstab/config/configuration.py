@@ -71,7 +71,7 @@ class Config(Grid):
     def digest(self) -> str:
         """SHA-256, in hexadecimal digits, over everything that numbers depend on; not over the title."""
         relevant = {key: value for key, value in self.tree.items() if key != "title"}
-        relevant["system"] = _without_files(self.tree["system"])
+        relevant["system"] = without_files(self.tree["system"])
         # The order of the axes is that of the result's dimensions; the order of other keys is nothing.
         relevant["sweep"] = [[name, spec] for name, spec in self.tree.get("sweep", {}).items()]
         total = hashlib.sha256(json.dumps(relevant, sort_keys=True, allow_nan=False).encode())
@@ -81,8 +81,8 @@ class Config(Grid):
         return total.hexdigest()
 
 
-def _without_files(tree: Any) -> Any:
+def without_files(tree: Any) -> Any:
     """Plain data without the names of files, whose contents count."""
     if isinstance(tree, dict):
-        return {key: _without_files(value) for key, value in tree.items() if key != "file"}
-    return [_without_files(item) for item in tree] if isinstance(tree, list) else tree
+        return {key: without_files(value) for key, value in tree.items() if key != "file"}
+    return [without_files(item) for item in tree] if isinstance(tree, list) else tree

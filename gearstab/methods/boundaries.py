@@ -35,6 +35,7 @@ class BoundaryAnalysis(TongueMethod, Restricted):
     """Exact boundaries, of a system or of some of its modes."""
 
     name = "boundaries"
+    reused = True
     Options = BoundariesOptions
     frequency = RANGE
     relief = (

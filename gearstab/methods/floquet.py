@@ -90,6 +90,7 @@ class Floquet(Restricted):
     """Floquet multipliers of a system, or of some of its modes, by the strategy for its mesh frequencies."""
 
     name = "floquet"
+    reused = True
     Options = FloquetOptions
     flag_notes: ClassVar[Mapping[str, str]] = {
         "not_converged": "the error estimate exceeds the tolerance at {points}; see error_estimate",

@@ -141,6 +141,7 @@ class Passage(Method):
     """Growth rates along a path, and the exact motion."""
 
     name = "passage"
+    reused = True
     Options = PassageOptions
     frequency = RANGE
     relief = "narrow the range of mesh_frequency, or pass it faster"

@@ -51,6 +51,7 @@ class DampingAnalysis(Method):
     """The damping that suppresses instability."""
 
     name = "required_damping"
+    reused = True
     Options = RequiredDampingOptions
     flag_notes: ClassVar[Mapping[str, str]] = {"beyond": "no damping up to `largest` suffices at {points}"}
 

@@ -57,6 +57,7 @@ class SteadyStateAnalysis(Method):
     """The periodic steady state of a system whose teeth stay in contact."""
 
     name = "response"
+    reused = True
     Options = ResponseOptions
     flag_notes: ClassVar[Mapping[str, str]] = {
         **FLAG_NOTES,

@@ -114,6 +114,7 @@ class ToleranceAnalysis(SampledMethod):
     """Samples of the system by the method ``floquet``, and what they say."""
 
     name = "tolerance"
+    reused = True
     Options = ToleranceOptions
     flag_notes: ClassVar[Mapping[str, str]] = {
         "negative_stiffness": "some samples have a mesh whose softer level is not positive at {points}",

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from math import prod
 
 import numpy as np
@@ -21,26 +21,66 @@ from gearstab.systems import build
 
 
 def compute(plan: Plan, block: GridBlock) -> FinishedBlock:
-    """Compute one block."""
+    """Compute one block, without the points that are taken over from an earlier result."""
     layout = plan.layout(block.method)
     rows, columns = selection(plan, layout, block)
     count = len(next(iter(rows.values()))) if rows else 1
+    known = plan.taken.known(block.method, block.start, block.shape) if plan.taken else None
     outcomes = []
     with kernel.recorded() as ran:
-        for members in alike(plan.row_axes, rows, count):
-            chosen = {name: index[members] for name, index in rows.items()}
-            outcomes.append((members, run_rows(plan, layout, chosen, len(members), columns)))
-    values, tongues = joined(plan, layout, outcomes, count)
+        for wanted, part in still_wanted(known, plan.inner(layout), count, len(columns)):
+            own = {name: index[wanted] for name, index in rows.items()}
+            for members in alike(plan.row_axes, own, len(wanted)):
+                chosen = {name: index[members] for name, index in own.items()}
+                outcome = run_rows(plan, layout, chosen, len(members), columns[part])
+                outcomes.append(Piece(wanted[members], part, outcome))
+    if plan.taken is not None and known is not None:
+        there = tuple(place[place >= 0] for place in known)
+        found = plan.taken.outcome(block.method, layout.method.results, there, plan.inner(layout))
+        row, part = known_rows(known, plan.inner(layout), len(columns))
+        outcomes.append(Piece(np.flatnonzero(row), np.flatnonzero(part), found))
+        ran |= {plan.taken.kernel} - {"none"}
+    values, tongues = joined(plan, layout, outcomes, (count, len(columns)))
     return replace(_encoded(plan, layout, block, values, tongues), kernels=tuple(sorted(ran)))
 
 
-def selection(plan: Plan, layout: Layout, block: GridBlock) -> tuple[dict[str, Array], slice]:
-    """The block's rows, as indices into the points of each axis, and its part of the mesh frequency axis."""
-    columns = slice(0, 1)
+@dataclass(frozen=True)
+class Piece:
+    """Results of some rows of a block at some of its mesh frequencies, both by their positions in the block."""
+
+    rows: Array
+    columns: Array
+    outcome: Outcome
+
+
+def known_rows(known: Sequence[Array], inner: int | None, columns: int) -> tuple[Array, Array]:
+    """Which rows of a block, and which of its mesh frequencies, are in an earlier result: masks."""
+    over = [place >= 0 for k, place in enumerate(known) if k != inner]
+    rows = np.ravel(np.logical_and.reduce(np.meshgrid(*over, indexing="ij"))) if over else np.ones(1, dtype=bool)
+    return rows, np.ones(columns, dtype=bool) if inner is None else known[inner] >= 0
+
+
+def still_wanted(
+    known: Sequence[Array] | None, inner: int | None, rows: int, columns: int
+) -> Iterator[tuple[Array, Array]]:
+    """Positions of rows, and of mesh frequencies, that are to be computed together."""
+    if known is None:
+        yield np.arange(rows), np.arange(columns)
+        return
+    row, column = known_rows(known, inner, columns)
+    if not row.all():
+        yield np.flatnonzero(~row), np.arange(columns)
+    if not column.all():
+        yield np.flatnonzero(row), np.flatnonzero(~column)
+
+
+def selection(plan: Plan, layout: Layout, block: GridBlock) -> tuple[dict[str, Array], Array]:
+    """The block's rows and its part of the mesh frequency axis, as indices into the points of each axis."""
+    columns = np.arange(1)
     ranges, names = [], []
     for name, start, size in zip(layout.dims, block.start, block.shape, strict=True):
         if plan.fast is not None and name == plan.fast.name:
-            columns = slice(start, start + size)
+            columns = np.arange(start, start + size)
         else:
             names.append(name)
             ranges.append(np.arange(start, start + size))
@@ -48,7 +88,7 @@ def selection(plan: Plan, layout: Layout, block: GridBlock) -> tuple[dict[str, A
     return {name: index.ravel() for name, index in zip(names, indices, strict=True)}, columns
 
 
-def run_rows(plan: Plan, layout: Layout, rows: dict[str, Array], count: int, columns: slice) -> Outcome:
+def run_rows(plan: Plan, layout: Layout, rows: dict[str, Array], count: int, columns: Array) -> Outcome:
     """Run a method on rows of one structure."""
     if layout.method.singly:
         return run_singly(plan, layout, rows, count, columns)
@@ -66,7 +106,7 @@ def run_rows(plan: Plan, layout: Layout, rows: dict[str, Array], count: int, col
     return layout.method.of(system).run(frequency)
 
 
-def run_singly(plan: Plan, layout: Layout, rows: dict[str, Array], count: int, columns: slice) -> Outcome:
+def run_singly(plan: Plan, layout: Layout, rows: dict[str, Array], count: int, columns: Array) -> Outcome:
     """The same, one system at a time."""
     outcomes = []
     for k in range(count):
@@ -78,17 +118,24 @@ def run_singly(plan: Plan, layout: Layout, rows: dict[str, Array], count: int, c
 
 
 def joined(
-    plan: Plan, layout: Layout, outcomes: list[tuple[Array, Outcome]], count: int
+    plan: Plan, layout: Layout, pieces: Sequence[Piece], shape: tuple[int, int]
 ) -> tuple[dict[str, Array], tuple[Key, ...]]:
-    """The results of all groups as arrays over all rows: ``(rows, P, ...)`` over points, else ``(..., rows)``."""
+    """The results of all pieces as arrays over all rows: ``(rows, P, ...)`` over points, else ``(..., rows)``.
+
+    shape: of a block, rows and P.
+    """
     if not layout.method.over_tongues:
-        first = outcomes[0][1].values
+        first = pieces[0].outcome.values
         names = [variable.name for variable in layout.method.results]
-        values = {name: np.empty((count, *first[name].shape[1:]), first[name].dtype) for name in names}
-        for members, outcome in outcomes:
+        if len(pieces) == 1:
+            # One row may stand for all.
+            return {name: np.broadcast_to(first[name], (*shape, *first[name].shape[2:])) for name in names}, ()
+        values = {name: np.empty((*shape, *first[name].shape[2:]), first[name].dtype) for name in names}
+        for piece in pieces:
             for name in names:
-                values[name][members] = outcome.values[name]
+                values[name][np.ix_(piece.rows, piece.columns)] = piece.outcome.values[name]
         return values, ()
+    count, outcomes = shape[0], [(piece.rows, piece.outcome) for piece in pieces]
     tongues = layout.method.unite(outcome.tongues for _, outcome in outcomes)
     place = {tongue: k for k, tongue in enumerate(tongues)}
     values = {}

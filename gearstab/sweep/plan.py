@@ -24,6 +24,7 @@ from gearstab.floquet.kernel import choice as kernel
 from gearstab.methods import POINTS, Method, chosen
 from gearstab.results.variables import Variable
 from gearstab.sweep import teeth
+from gearstab.sweep.storage.taken import Taken
 from gearstab.system import Array, GearSystem
 from gearstab.systems import build
 from gearstab.version import __version__
@@ -106,6 +107,7 @@ class Plan:
     """What a sweep computes.
 
     base: the system at the base values. fast: the axis that is the mesh frequency and nothing else, None without one.
+    taken: what is taken over from an earlier result instead.
     """
 
     config: Config
@@ -113,6 +115,7 @@ class Plan:
     fast: Axis | None
     layouts: tuple[Layout, ...]
     kernel: str
+    taken: Taken | None = None
 
     @property
     def grid(self) -> tuple[str, ...]:
@@ -154,9 +157,10 @@ class Plan:
 
     @cached_property
     def digest(self) -> str:
-        """Digest in which finished parts must agree: numbers, division, program version and kernel."""
+        """Digest in which finished parts must agree: numbers, division, program version, kernel, earlier result."""
         division = [[layout.method.name, layout.chunk] for layout in self.layouts]
-        text = json.dumps([self.config.digest, division, __version__, self.kernel])
+        earlier = [] if self.taken is None else [str(self.taken.path), self.taken.identity]
+        text = json.dumps([self.config.digest, division, __version__, self.kernel, *earlier])
         return hashlib.sha256(text.encode()).hexdigest()
 
     @cached_property
@@ -172,7 +176,7 @@ class Plan:
         low, high = self.fast.span
         return low * self.fast.assignments[0].factor, high * self.fast.assignments[0].factor
 
-    def mesh_frequency(self, rows: dict[str, Array], columns: slice) -> Array:
+    def mesh_frequency(self, rows: dict[str, Array], columns: Array) -> Array:
         """The mesh frequency of rows (indices by axis name): ``(P,)`` of its own axis, else ``(rows, 1)``."""
         if self.fast is not None:
             return np.asarray(self.fast.assignments[0].values, dtype=float)[columns]

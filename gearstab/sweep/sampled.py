@@ -12,14 +12,14 @@ from gearstab.systems import build
 from gearstab.tolerance.design import correlated
 
 
-def run_sampled(plan: Plan, method: SampledMethod, rows: dict[str, Array], count: int, columns: slice) -> Outcome:
+def run_sampled(plan: Plan, method: SampledMethod, rows: dict[str, Array], count: int, columns: Array) -> Outcome:
     """Run a method on the samples of rows of one structure, a few rows at a time."""
     uncertain = plan.config.uncertainties
     if uncertain is None:
         raise ValueError(f"{method.name} needs distributions of parameters")
     points = correlated(method.design.points, uncertain.correlation)
     outcomes = []
-    for part in method.portions(count, columns.stop - columns.start):
+    for part in method.portions(count, len(columns)):
         size = part.stop - part.start
         every = np.tile(points, (size, 1))
         # The samples of a row are next to each other.

@@ -120,17 +120,18 @@ INLINE vec cube_root_bound(vec x) {
 }
 
 /* Newton towards two roots of the cubic, each from beyond the outermost root on its side: monotonic, however close the
-   next one. */
+   next one. A root that is found stays, so that a point has the same bits beside whatever others. */
 INLINE void outermost(const vec s[3], vec x[2]) {
+    mask moving[2];
+    moving[0] = moving[1] = all(0.0) == 0.0;
     for (int k = 0; k < 30; k++) {
-        mask moving = {0};
         UNROLLED for (int i = 0; i < 2; i++) {
             vec value = ((x[i] - s[0]) * x[i] + s[1]) * x[i] - s[2], slope = (3.0 * x[i] - 2.0 * s[0]) * x[i] + s[1];
-            vec step = choose(slope == 0.0, all(0.0), value / slope);
+            vec step = choose(moving[i] & (slope != 0.0), value / slope, all(0.0));
             x[i] = x[i] - step;
-            moving |= magnitude(step) > 1e-9 * magnitude(x[i]);
+            moving[i] &= magnitude(step) > 1e-9 * magnitude(x[i]);
         }
-        if (!any(moving))
+        if (!any(moving[0] | moving[1]))
             break; /* the error left is of the order of the square */
     }
 }

@@ -15,7 +15,7 @@ from gearstab.cli.terminal.errors import warn
 
 if TYPE_CHECKING:
     from gearstab.config import Axis
-    from gearstab.sweep import Plan, Summary
+    from gearstab.sweep import Plan, Reporter, Summary
     from gearstab.sweep.effort.estimate import Estimate
 
 
@@ -32,6 +32,7 @@ SLOW_KERNEL = "note: the compiled kernel was not built; sweeps run on the slower
 @click.option(
     "--resume/--overwrite", default=None, help="Go on with what an interrupted run finished (default), or start anew."
 )
+@click.option("--extend", metavar="OLD.h5", type=options.FILE, help="Take over the points that an earlier result has.")
 @click.option(
     "--keep-going/--fail-fast",
     default=None,
@@ -51,6 +52,7 @@ def command(
     jobs: int | None,
     overrides: tuple[str, ...],
     resume: bool | None,
+    extend: Path | None,
     keep_going: bool | None,
     scheduler: str | None,
     dry_run: bool,
@@ -80,9 +82,11 @@ def command(
     from gearstab.cli.terminal.progress import reporter
     from gearstab.sweep.effort import limits
 
+    told = reporter(quiet)
+    wanted = planned if extend is None else grown(planned, extend, scheduler, told)
     limits.refuse(planned, target, jobs, yes)
     failures = {None: MOST_FAILURES, True: None, False: 1}[keep_going]
-    summary = run(planned, target, jobs, resume is True, resume is False, reporter(quiet), failures, scheduler)
+    summary = run(wanted, target, jobs, resume is True, resume is False, told, failures, scheduler)
     if not quiet:
         tell(final_line(target, summary, time.perf_counter() - start))
         if summary.proved:
@@ -91,6 +95,19 @@ def command(
             tell(f"note: {note}")
         if slow_kernel(planned, summary):
             tell(SLOW_KERNEL)
+
+
+def grown(plan: Plan, old: Path, scheduler: str | None, told: Reporter) -> Plan:
+    """Return the plan that takes over what an earlier result has, and tell what that is."""
+    from gearstab.errors import RequestError
+    from gearstab.sweep.extension import extended
+
+    if scheduler is not None:
+        raise RequestError("--extend reads the earlier result on this machine: leave --scheduler out")
+    found, words = extended(plan, old)
+    for text in words:
+        told.message(text)
+    return found
 
 
 def notes(plan: Plan) -> list[str]:

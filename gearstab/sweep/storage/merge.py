@@ -34,6 +34,7 @@ from gearstab.sweep.plan import Layout
 from gearstab.sweep.storage.earlier import origin
 from gearstab.sweep.storage.parts import FinishedBlock
 from gearstab.sweep.storage.store import Finished
+from gearstab.sweep.storage.taken import CHOSEN
 from gearstab.system import Array
 
 IN_MEMORY = 1 << 28
@@ -45,7 +46,7 @@ def result_tree(finished: Finished, said: Mapping[str, str]) -> ResultTree:
     plan = finished.plan
     axes = [field for axis in plan.config.axes for field in axis_fields(axis)]
     ran = kernel.said(finished.kernels)
-    root = Group(tuple(axes), root_attributes(SWEEP, plan.config, ran) | dict(said))
+    root = Group(tuple(axes), root_attributes(SWEEP, plan.config, ran) | {CHOSEN: plan.kernel} | dict(said))
     groups = {"modes": modes_group(plan.base)}
     for layout in plan.layouts:
         names = set(layout.dims)
@@ -146,6 +147,8 @@ def write(finished: Finished, out: Path, folder: Path, look: Look) -> None:
     look: raises where ``out`` must not be replaced any more. Raises OSError, whatever else is in the way.
     """
     said = origin(finished.plan.config, out)
+    if finished.plan.taken is not None:
+        said["extended_from"] = str(finished.plan.taken.path)
     tree = result_tree(finished, said)
     if tree.size < IN_MEMORY:
         write_result(out, tree, look)
