@@ -17,6 +17,7 @@ from gearstab.plots.axes import FigureAxis, distinct
 from gearstab.plots.drawing.style import GROWTH, LINE, style
 from gearstab.plots.drawing.tongues import read_tongues
 from gearstab.plots.maps import stability_map
+from gearstab.plots.maps.coarse import MOST_CELLS, coarse
 from gearstab.plots.variables import GROWTH_RATE, find_variable
 from gearstab.plots.view import MapView, Request, view_of
 from gearstab.results.display import in_display_units
@@ -24,8 +25,6 @@ from gearstab.results.output import Content, write_bytes
 
 Array = np.ndarray
 
-MOST_CELLS = 1000
-"""Along each axis; several cells together show the largest growth among them, so that no unstable point is lost."""
 CHANGE = """
 cells.data = {...cells.data, image: [images[slider.value]]};
 regions.data = edges[slider.value];
@@ -43,7 +42,10 @@ PAGE = Content("a page", ".html", not_a_page, (), streams=True)
 
 
 def reduced(values: Array) -> Array:
-    """Return growth rates ``(rows, columns)``, NaN where masked, as at most ``MOST_CELLS`` along each axis."""
+    """Return growth rates ``(rows, columns)``, NaN where masked, as at most ``MOST_CELLS`` along each axis.
+
+    Several cells together show the largest growth among them, so that no unstable point is lost.
+    """
     values = np.ma.filled(values, np.nan)
     for axis, size in enumerate(values.shape):
         if size > MOST_CELLS:
@@ -106,7 +108,8 @@ def page(tree: xr.DataTree, request: Request, title: str) -> str:
         raise PlotError("pages need the package bokeh: pip install 'gearstab[html]'") from None
     tree = in_display_units(distinct(tree), request.unit)
     axis, views = slices(tree, request)
-    images = [reduced(stability_map.read_cells(tree, view, GROWTH_RATE)[0]) for view in views]
+    shown = [coarse(tree, view, GROWTH_RATE) for view in views]
+    images = [reduced(stability_map.read_cells(*item, GROWTH_RATE)[0]) for item in shown]
     edges = [outlines(tree, view) for view in views]
     x, y = views[0].x, views[0].y
     left, right, bottom, top = (float(edge) for edge in (*x.edges()[[0, -1]], *y.edges()[[0, -1]]))

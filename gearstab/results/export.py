@@ -27,7 +27,8 @@ if TYPE_CHECKING:
 Array = np.ndarray
 
 PREFERRED = ("floquet", "boundaries", "perturbation", "uncoupled", "response", "bench", "modes")
-ROWS_AT_ONCE = 1 << 16
+ROWS_AT_ONCE, BYTES_AT_ONCE = 1 << 15, 1 << 26
+"""Of a table: what is made text together, and what is read together."""
 
 
 def export(
@@ -128,8 +129,7 @@ def write_rows(dataset: xr.Dataset, file: Any) -> int:
         columns = column_names(dataset, dims)
         writer.writerow([heading(dataset, name) for name in columns])
         rows = 0
-        for block in blocks([dataset.sizes[dim] for dim in dims]):
-            part = dataset.isel(dict(zip(dims, block, strict=True)))
+        for part in pieces(dataset, dims):
             cells = [flat(part, dims, name) for name in columns]
             writer.writerows(zip(*cells, strict=True))
             rows += len(cells[0]) if cells else 0
@@ -235,9 +235,22 @@ def column_names(dataset: xr.Dataset, dims: Sequence[str]) -> list[str]:
     return [*axes, *beside, *(str(name) for name in dataset.data_vars)]
 
 
-def blocks(shape: Sequence[int]) -> Iterator[tuple[slice, ...]]:
-    """Slices that run over an array in order, with at most about ROWS_AT_ONCE points each."""
-    lengths, left = [1] * len(shape), ROWS_AT_ONCE
+def pieces(dataset: xr.Dataset, dims: Sequence[str]) -> Iterator[xr.Dataset]:
+    """The table in order, ROWS_AT_ONCE at a time.
+
+    Blocks of a sweep lie across the order of the rows, so that rows next to each other are stored in many of them: as
+    many rows as memory has room for are read at once, and no block for every piece.
+    """
+    each = sum(item.dtype.itemsize for item in dataset.data_vars.values()) or 1
+    for region in blocks([dataset.sizes[dim] for dim in dims], max(ROWS_AT_ONCE, BYTES_AT_ONCE // each)):
+        part = dataset.isel(dict(zip(dims, region, strict=True))).load()
+        for block in blocks([part.sizes[dim] for dim in dims], ROWS_AT_ONCE):
+            yield part.isel(dict(zip(dims, block, strict=True)))
+
+
+def blocks(shape: Sequence[int], most: int) -> Iterator[tuple[slice, ...]]:
+    """Slices that run over an array in order, with at most about so many points each."""
+    lengths, left = [1] * len(shape), most
     for k in reversed(range(len(shape))):
         lengths[k] = max(1, min(shape[k], left))
         left //= lengths[k]

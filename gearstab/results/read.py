@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import io
 import stat
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from math import ceil, prod
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from gearstab.errors import ResultError, UserError
 from gearstab.results.seal import intact
@@ -24,8 +24,11 @@ MOST_COMPRESSED = 1100
 """No data are deflated by more: 1032 at best."""
 
 
-def open_result(path: str | Path) -> xr.DataTree:
+def open_result(path: str | Path, chunks: Mapping[str, int] | Literal["auto"] | None = None) -> xr.DataTree:
     """Open a result file; values are read when they are used. Close it, or use it in a ``with`` statement.
+
+    chunks: with dask installed variables are dask arrays in pieces of these sizes by dimension, ``auto`` or, ``{}``, as
+    they are stored, so that what is computed of them needs memory for some pieces only; None: NumPy arrays.
 
     The file is not locked: it can be read while another process reads or replaces it.
 
@@ -44,7 +47,7 @@ def open_result(path: str | Path) -> xr.DataTree:
     import xarray as xr
 
     try:
-        return xr.open_datatree(path, engine="h5netcdf", driver_kwds={"locking": False})
+        return xr.open_datatree(path, engine="h5netcdf", driver_kwds={"locking": False}, chunks=chunks)
     except Exception as error:
         raise ResultError(f"{path}: cannot be read as a result: {one_line(error)}") from error
 

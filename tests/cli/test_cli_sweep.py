@@ -201,6 +201,7 @@ def test_export_in_blocks_is_the_same(folder: Path, monkeypatch: pytest.MonkeyPa
     code("sweep", "train.yaml", "-q")
     whole = exported()
     monkeypatch.setattr(export, "ROWS_AT_ONCE", 3)
+    monkeypatch.setattr(export, "BYTES_AT_ONCE", 60)
     assert exported() == whole
 
 

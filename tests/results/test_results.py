@@ -257,3 +257,14 @@ def test_the_tables_of_variables_are_sound() -> None:
             assert variable.dtype == table.TEXT or np.dtype(variable.dtype).kind in "fi", variable
             # The status of a response is one for the whole of it.
             assert variable.coordinate or variable.dims or variable.name == "status", variable
+
+
+def test_variables_can_be_dask_arrays(tmp_path: Path) -> None:
+    array = pytest.importorskip("dask.array")
+    path = tmp_path / "r.h5"
+    write_result(path, tree())
+    with open_result(path) as whole, open_result(path, chunks={}) as lazy:
+        name, group = next((n, g) for g, node in whole.children.items() for n, v in node.data_vars.items() if v.ndim)
+        found = lazy[group][name]
+        assert isinstance(found.data, array.Array)
+        xr.testing.assert_identical(found.compute(), whole[group][name].load())

@@ -65,8 +65,8 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     data = dataset[NAME]
     levels = tuple(sorted(request.levels)) or LEVELS
 
-    def painted(ax: Axes, view: MapView) -> tuple[Artists, str]:
-        artists = draw_map(ax, view, data, levels)
+    def painted(tree: xr.DataTree, ax: Axes, view: MapView) -> tuple[Artists, str]:
+        artists = draw_map(ax, view, tree[GROUP].to_dataset()[NAME], levels)
         drawn = [] if artists["limits"] is None else [float(level) for level in artists["limits"].levels]
         lines = f", lines at {', '.join(map(number_text, drawn))}" if drawn else ""
         return artists, f"probability of instability{lines}"

@@ -76,7 +76,11 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
         raise PlotError("this result holds no required damping (methods.required_damping was not run)")
     dataset = tree[NAME].to_dataset()
     data = dataset[NAME]
-    return whole_map(tree, request, dataset, data, lambda ax, view: (draw_map(ax, view, data), words(dataset)))
+
+    def painted(tree: xr.DataTree, ax: Axes, view: MapView) -> tuple[Artists, str]:
+        return draw_map(ax, view, tree[NAME].to_dataset()[NAME]), words(dataset)
+
+    return whole_map(tree, request, dataset, data, painted)
 
 
 def _suits(contents: Contents) -> bool:

@@ -18,6 +18,7 @@ from gearstab.plots.drawing.style import new_figure
 from gearstab.plots.drawing.text import fitted
 from gearstab.plots.kinds import Kind
 from gearstab.plots.maps import doubt, proved, stability_map
+from gearstab.plots.maps.coarse import coarse
 from gearstab.plots.variables import colour_label, default_variable, find_variable
 from gearstab.plots.view import MapView, Request, view_of
 
@@ -66,18 +67,19 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     dataset, data = find_variable(tree, variable)
     view = view_of(tree, map(str, data.dims), request, dataset)
     chosen, note = some(view.free, MOST, "panels", request.partial)
-    views = [view.at(**panel) for panel in chosen]
+    shown = [coarse(tree, view.at(**panel), variable) for panel in chosen]
+    views = [item for _, item in shown]
     wide = request.wide("double")
     rows, columns = arrangement(chosen, wide)
     each = 0.88 if wide else 0.62
     figure = new_figure(request, min(1.25 if wide else TALL, 0.12 + each * rows / columns), "double")
     grid = np.ravel(figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False))
-    values = np.ma.stack([stability_map.read_cells(tree, item, variable)[0] for item in views])
+    values = np.ma.stack([stability_map.read_cells(*item, variable)[0] for item in shown])
     norm = stability_map.colours(values, variable)[1]
     panels = []
-    for number, (ax, item, panel) in enumerate(zip(grid, views, chosen, strict=False)):
+    for number, (ax, (part, item), panel) in enumerate(zip(grid, shown, chosen, strict=False)):
         text = f"({chr(97 + number)})  {caption(view.free, panel)}" if len(views) > 1 else caption(view.free, panel)
-        panels.append(draw_panel(tree, ax, item, variable, norm, text))
+        panels.append(draw_panel(part, ax, item, variable, norm, text))
     for ax in grid[len(views) :]:
         ax.remove()
     for ax in grid[max(0, len(views) - columns) : len(views)]:
@@ -94,8 +96,8 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     figure.supylabel(view.y.label, fontsize=8.5)
     write_title(figure, tree, request, view)
     names.settle(figure)
-    for ax, item, artists in zip(grid, views, panels, strict=False):
-        artists["names"] = names.name_view(tree, ax, item, rows=1)
+    for ax, (part, item), artists in zip(grid, shown, panels, strict=False):
+        artists["names"] = names.name_view(part, ax, item, rows=1)
     names.freeze(figure, request)
     return figure, {"panels": panels, "colour_bar": bar, "left_out": note}
 

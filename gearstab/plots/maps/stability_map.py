@@ -18,6 +18,7 @@ from gearstab.plots.drawing.style import GROWTH, LINE, PROVED, UNSTABLE, new_fra
 from gearstab.plots.drawing.text import fitted
 from gearstab.plots.kinds import Kind
 from gearstab.plots.maps import doubt, proved
+from gearstab.plots.maps.coarse import coarse
 from gearstab.plots.variables import GROWTH_RATE, LOAD_FACTOR, colour_label, default_variable, find_variable
 from gearstab.plots.view import MapView, Request, two_axes_only, view_of
 
@@ -127,7 +128,7 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     variable = request.variable or default_variable(tree)
     dataset, data = find_variable(tree, variable)
 
-    def painted(ax: Axes, view: MapView) -> tuple[Artists, str]:
+    def painted(tree: xr.DataTree, ax: Axes, view: MapView) -> tuple[Artists, str]:
         artists = draw_map(tree, ax, view, variable)
         white = ", white where unstable" if LOAD_FACTOR in dataset and artists["cells"].get_array().mask.any() else ""
         return artists, colour_label(tree, variable) + white
@@ -152,18 +153,19 @@ def whole_map(
     request: Request,
     dataset: xr.Dataset,
     data: xr.DataArray,
-    paint: Callable[[Axes, MapView], tuple[Artists, str]],
+    paint: Callable[[xr.DataTree, Axes, MapView], tuple[Artists, str]],
     otherwise: str = "",
 ) -> tuple[Figure, Artists]:
     """Draw a figure of one map, its colour bar and the names of the tongues.
 
-    paint: draws into a frame and gives the artists and what stands beside the colour bar.
+    paint: draws a result, reduced if large, into a frame; gives the artists and what stands beside the colour bar.
     otherwise: another way to draw what has more than two axes.
     """
     view = view_of(tree, map(str, data.dims), request, dataset)
     two_axes_only(view, otherwise)
+    tree, view = coarse(tree, view, str(data.name))
     figure, ax = new_frame(request, (0.78, 0.52))
-    artists, label = paint(ax, view)
+    artists, label = paint(tree, ax, view)
     artists["marks"] = grid.draw_points(ax, request.marks)
     bar = colour_bar(figure, artists, [ax], fitted(label, 1.8, 8.5), pad=0.02, aspect=28)
     if artists.get("contours") is not None:
