@@ -4,8 +4,9 @@ Between jumps of the stiffness the equations are those of the paper with c phi' 
 
     phi'' + 2 zeta w0 phi' + M2 k phi = M2 T0,        theta'' + 2 zeta w0 (M1/M2) s phi' + M1 k phi = M1 T0,
 
-with s = 0 as printed and s = 1 where damping is a force between the gears, as in the program. They are integrated
-numerically, apart from the program; at jumps (9) and (11) hold.
+with s = 0 as printed and s = 1 where damping is a force between the gears, as in the program. They are linear with
+constant coefficients, hence integrated by SciPy's matrix exponential, apart from the program; at jumps (9) and (11)
+hold.
 """
 
 from __future__ import annotations
@@ -14,7 +15,8 @@ from dataclasses import dataclass
 from math import pi, tau
 
 import numpy as np
-from scipy.integrate import solve_ivp
+from scipy.linalg import expm
+from scipy.optimize import brentq
 
 from oh_grosh_barber_2005.energies import K1, K2, SINGLE, TEETH, constants
 
@@ -37,16 +39,13 @@ def motion(rpm: float, torque: float, zeta: float, cycles: int, samples: int, s:
     times, phis = [0.0], [state[0]]
     sections: list[float] = []
     while len(sections) < cycles:
-        found = solve_ivp(
-            _rates, (time, time + 2 * tau / speed), state, "DOP853", dense_output=True, rtol=1e-10, atol=1e-12,
-            events=_at(bound), args=(k, torque, m1, m2, 2 * zeta * w0, s),
-        )  # fmt: skip
-        if not found.t_events[0].size:
+        rates = _rates(k, torque, m1, m2, 2 * zeta * w0, s)
+        grid, found, crossing = _up_to(bound, rates, np.append(state, 1.0), step * len(times) - time, step, 2 * samples)
+        if crossing is None:
             break  # turned back, or at rest
-        end, state = float(found.t_events[0][0]), found.y_events[0][0].copy()
-        grid = step * np.arange(len(times), int(end / step) + 1)
-        times += list(grid)
-        phis += list(found.sol(grid)[0]) if grid.size else []
+        end, state = time + crossing, (expm(crossing * rates) @ np.append(state, 1.0))[:4]
+        times += [time + t for t in grid]
+        phis += found
         after = K2 if k == K1 else K1
         squared = state[3] ** 2 - m2 * (after - k) * state[0] ** 2
         if squared <= 0:
@@ -59,14 +58,28 @@ def motion(rpm: float, torque: float, zeta: float, cycles: int, samples: int, s:
     return Motion(np.array(times), np.array(phis), np.array(sections))
 
 
-def _rates(_: float, y: np.ndarray, k: float, torque: float, m1: float, m2: float, c: float, s: float) -> list[float]:
-    force = torque - k * y[0]
-    return [y[1], m2 * force - c * y[1], y[3], m1 * force - s * c * m1 / m2 * y[1]]
+def _rates(k: float, torque: float, m1: float, m2: float, c: float, s: float) -> np.ndarray:
+    """Return the matrix of d/dt (phi, phi', theta, theta', 1)."""
+    rates = np.zeros((5, 5))
+    rates[0, 1] = rates[2, 3] = 1
+    rates[1, [0, 1, 4]] = -m2 * k, -c, m2 * torque
+    rates[3, [0, 1, 4]] = -m1 * k, -s * c * m1 / m2, m1 * torque
+    return rates
 
 
-def _at(bound: float):  # type: ignore[no-untyped-def]
-    def event(t: float, y: np.ndarray, *_: float) -> float:
-        return float(y[2] - bound)
-
-    event.terminal, event.direction = True, 1  # type: ignore[attr-defined]
-    return event
+def _up_to(
+    bound: float, rates: np.ndarray, state: np.ndarray, first: float, step: float, most: int
+) -> tuple[list[float], list[float], float | None]:
+    """Return times from the start and phi in equal steps until theta passes bound, and when; None: in no step."""
+    times: list[float] = []
+    phis: list[float] = []
+    one, at, before = expm(step * rates), expm(first * rates) @ state, 0.0
+    for sample in range(most):
+        now = first + sample * step
+        if at[2] >= bound:
+            beyond = brentq(lambda t: (expm(t * rates) @ state)[2] - bound, before, now, xtol=1e-16, rtol=1e-14)
+            return times, phis, beyond
+        times.append(now)
+        phis.append(at[0])
+        at, before = one @ at, now
+    return times, phis, None
