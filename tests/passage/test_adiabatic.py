@@ -71,7 +71,11 @@ def test_a_region_passed_slowly_gains_what_landau_and_zener_say():
         assert values["dwell_frequency"][0, 0] == pytest.approx(2.0, abs=0.01)
 
 
-@pytest.mark.parametrize("ratio", [0.0, 0.003, 0.01, 0.03])
+SLOW = pytest.mark.slow
+"""Every path is followed for thousands of mesh cycles."""
+
+
+@pytest.mark.parametrize("ratio", [0.0, pytest.param(0.003, marks=SLOW), 0.01, pytest.param(0.03, marks=SLOW)])
 def test_the_exact_growth_is_within_the_stated_error(ratio):
     rates = np.array([0.01, 0.1, 1.0, 10.0, -0.03])
     random = np.random.default_rng(int(1000 * ratio))

@@ -296,7 +296,7 @@ HARD_CASES = (
     case("long period", "long many", train(0.3, (1.4, 1.7), 0.2, "41/37"), 1.1, 3.2),
     case("many segments", "many", comb(5), 0.8, 2.3),
     case("negative stiffness", "strong negative", train(1.3), 0.6, 2.2, flags=["negative_stiffness"]),
-    case("beyond 1e300", "strong negative slow", train(2.5), 0.003, flags=["negative_stiffness", "rescaled"]),
+    case("beyond 1e300", "strong negative slow long", train(2.5), 0.003, flags=["negative_stiffness", "rescaled"]),
     case("33 coordinates", "large", chain(33, 5), 0.8, 2.2),
     case("33 coordinates, damped", "large damped", chain(33, 5, 0.003), 0.8, 2.2),
 )
