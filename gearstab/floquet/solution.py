@@ -88,11 +88,14 @@ def conservative(part: OperatingPoints, exponents: bool) -> FloquetStability:
         verdict[rows, points], growth[rows, points] = found[0], found[1]
         status[rows, points] |= found[2]
     shift, rate = pattern.elastic.shift[:, None], pattern.elastic.rate[:, None]
-    value = growth / part.period
+    value = np.divide(growth, part.period, out=growth)
     # Without damping the verdict decides; with uniform damping a growth below the decay is stable.
-    stable = np.where(shift == 0, verdict == STABLE, value <= shift).astype(np.int8)
-    table = conservative_exponents(pattern, omega, verdict == STABLE) * rate[..., None] if exponents else None
-    return FloquetStability((value - shift) * rate, stable, status, table)
+    inside = verdict == STABLE
+    stable = np.where(shift == 0, inside, value <= shift) if shift.any() else inside
+    table = conservative_exponents(pattern, omega, inside) * rate[..., None] if exponents else None
+    value -= shift
+    value *= rate
+    return FloquetStability(value, stable.view(np.int8), status, table)
 
 
 def conservative_exponents(pattern: Pattern, omega: Array, stable: Array) -> Array:
@@ -105,7 +108,7 @@ def conservative_exponents(pattern: Pattern, omega: Array, stable: Array) -> Arr
 
 def pieces(chosen: Array, size: int) -> Iterator[tuple[Array, Array]]:
     """(row, point) of all chosen points, in pieces whose monodromy matrices fit in memory."""
-    rows, points = np.nonzero(chosen)
+    rows, points = np.unravel_index(np.flatnonzero(chosen), chosen.shape)
     step = max(1, ENTRIES_AT_ONCE // (2 * size) ** 2)
     for i in range(0, len(rows), step):
         yield rows[i : i + step], points[i : i + step]

@@ -62,7 +62,7 @@ def solve(
         for block, found in _solutions(system, omega, exponents, reduction, tolerance):
             index = block.pattern.rows
             growth[index] = np.maximum(growth[index], found.growth_rate)
-            stable[index] = np.minimum(stable[index], found.stable)
+            stable[index] &= found.stable
             status[index] |= found.status
             if error is not None and found.error_estimate is not None:
                 error[index] = np.maximum(error[index], found.error_estimate)
@@ -75,9 +75,10 @@ def solve(
             if table is not None and found.exponents is not None:
                 table.add(block, found.exponents)
     failed = ~np.isfinite(growth)
-    stable[failed] = -1
-    status[failed] |= STATUS_FLAGS["failed"]
-    growth[failed] = np.nan
+    if failed.any():
+        stable[failed] = -1
+        status[failed] |= STATUS_FLAGS["failed"]
+        growth[failed] = np.nan
     return FloquetStability(
         growth, stable, status, None if table is None else ordered(table.values), error, kernel.said(ran)
     )

@@ -29,13 +29,11 @@ from gearstab.system import Array, GearSystem
 from gearstab.systems import build
 from gearstab.version import __version__
 
-LEAST, MOST = 1 << 17, 1 << 20
-"""Size of a block in points of a small system: enough to make calls cheap, few enough to be done in a second."""
+MOST = 1 << 20
+"""Size of a block in points of a small system. Each block costs some ten milliseconds of its own, whatever its size: as
+much as the work of 2^17 points; 2^20 are done in a fraction of a second."""
 MOST_BYTES = 1 << 26
 """Size of a block's largest variable."""
-SHARES = 64
-"""Blocks that a method of medium size is divided into, so that many processors have work."""
-
 FEW = 8
 """Blocks that a grid of few rows is divided into all the same."""
 LONGEST = 10**9
@@ -205,7 +203,7 @@ def _layout(config: Config, fast: Axis | None, method: Method) -> Layout:
     axes = [axis for axis in config.axes if axis is not fast or method.frequency == POINTS]
     shape = tuple(axis.size for axis in axes)
     cost = method.cost()
-    wanted = min(max(prod(shape) * cost / SHARES, LEAST), MOST) / cost
+    wanted = MOST / cost
     inner = next((k for k, axis in enumerate(axes) if axis is fast), None)
     if inner is not None:
         wanted = max(wanted, shared_points(shape[inner], prod(shape) // shape[inner], cost))

@@ -37,8 +37,8 @@ from gearstab.sweep.storage.store import Finished
 from gearstab.sweep.storage.taken import CHOSEN
 from gearstab.system import Array
 
-IN_MEMORY = 1 << 28
-"""Results of fewer bytes are built in memory."""
+IN_MEMORY = 1 << 26
+"""Results of fewer bytes are built in memory, which takes twice as much; others by a process that starts in a second."""
 
 
 def result_tree(finished: Finished, said: Mapping[str, str]) -> ResultTree:
