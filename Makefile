@@ -38,8 +38,9 @@ demo: $(VENV)/.installed ## sweep of Lin & Parker's gear train and its stability
 	@echo "The stability map is in results/demo.$(FORMAT), the numbers are in results/demo.h5."
 
 # Tests run on all processors and in the order in which they are written, so that they pass or fail again in the same
-# way; SEED=17 shuffles them, and test-portable always does.
-PYTEST := $(BIN)/python -m pytest -q -n auto --dist worksteal $(if $(SEED),-p randomly --randomly-seed=$(SEED))
+# way; SEED=17 shuffles them, and test-portable always does. Hundreds of them start gearstab anew, which takes half as long
+# again without stored byte code, so that they store it wherever the environment says not to.
+PYTEST := PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -q -n auto --dist worksteal $(if $(SEED),-p randomly --randomly-seed=$(SEED))
 
 test: $(VENV)/.installed ## all tests but the slow ones
 	@$(PYTEST)
