@@ -38,7 +38,7 @@ from gearstab.sweep.storage.taken import CHOSEN
 from gearstab.system import Array
 
 IN_MEMORY = 1 << 26
-"""Results of fewer bytes are built in memory, which takes twice as much; others by a process that starts in a second."""
+"""Results of fewer bytes are built in memory, which takes twice as much, others by a process of its own."""
 
 
 def result_tree(finished: Finished, said: Mapping[str, str]) -> ResultTree:
