@@ -152,6 +152,14 @@ def single_mesh(runs: Runs) -> Iterator[Statement]:
         f"half-widths at c = 1.4 as parts of their largest: {numbers(at)}",
         min(at) > 0.5,
     )
+    least = [float(half_width(tree, "2w1").sel(contact_ratio=c) / half_width(tree, "2w1").max()) for c in (1.25, 1.75)]
+    yield Statement(
+        "5",
+        "for c = 1.25, 1.75 the secondary region is largest, but the primary one is small",
+        f"primary half-widths there as parts of the largest: {numbers(least)}",
+        sort_of(max(least) < 0.5, True),
+        "sin(pi c): it is smaller than at 1.4, but not small.",
+    )
 
 
 def damping(runs: Runs) -> Iterator[Statement]:

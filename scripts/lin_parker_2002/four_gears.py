@@ -61,7 +61,8 @@ def extremes_of_each_mesh(runs: Runs) -> Iterator[Statement]:
     tree = regular(runs, FIG6A)
     c1, c2, _ = axes(tree)
     said, agrees = [], True
-    for label, most, least in (("2w3", [1.5], [1, 2]), ("w3", [1.25, 1.75], [1, 1.5, 2])):
+    first, second = ([1.5], [1, 2]), ([1.25, 1.75], [1, 1.5, 2])
+    for label, (most, least) in (("2w3", first), ("w2+w3", first), ("w3", second)):
         for name, c in ((label, c1), (f"{label} (second)", c2)):
             sizes = slope(tree, name).max([dim for dim in slope(tree, name).dims if dim != c.name])
             largest = c.values[sizes.values > sizes.values.max() * (1 - 1e-9)]

@@ -84,6 +84,12 @@ def units(runs: Runs) -> Iterator[Statement]:
         f"{numbers(mine)} with inertias of 2.89e-3 and 0.7402 kg m^2, {numbers(printed)} with the printed unit", None,
         "The unit must be 1e-3 kg m^2 where k is in N m.",
     )  # fmt: skip
+    module = [2 * radius / teeth for radius, teeth in zip((76.2, 304.8), TEETH, strict=True)]
+    yield Statement(
+        "3, Table 1", "module 6.25 mm; radii of the pitch circles 76.2 and 304.8 mm",
+        f"2 r/N = {numbers(module)} mm for both gears", False,
+        "Four teeth per inch of diameter are a module of 6.35 mm; the equations use neither.",
+    )  # fmt: skip
     ratio = 2 - SINGLE / tau
     yield Statement(
         "3, Table 1", "theta12 = 1.73 and theta21 = 4.56 rad; contact ratio 1.75",

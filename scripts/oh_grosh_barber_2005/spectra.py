@@ -104,7 +104,8 @@ def peak(runs: Runs) -> Iterator[Statement]:
         said.append(f"{name}: {times}, largest in 2.6 to 3.8 w_d at {number(top)}")
         near.append(abs(top - 3.2) < 0.1 and there**2 > 100)
     yield Statement(
-        "Fig. 4(a)", "at 600 rpm a peak at 3.2 w_d, nearly 400 times the response of the classical equation",
+        "Fig. 4(a)",
+        "at 600 rpm a peak at 3.2 w_d, whose amplitude is nearly 400 times that of the classical equation",
         f"rms of the harmonic at 3.2 w_d over the classical one: {'; '.join(said)}", any(near),
         "Fig. 4 shows powers, squares of these: 400 times the power would be 20 times the rms. The response above 2 "
         "w_d is larger, the more so the greater the torque, but it falls with the frequency: no torque gives a peak "

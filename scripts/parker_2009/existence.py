@@ -137,6 +137,8 @@ def minima(runs: Runs) -> Iterator[Statement]:
         return float(width["phases.sun_ring"][int(width.values.argmin())]), float(width.min() / width.max())
 
     single = {p: best(f"2w{p}") for p in (1, 3, 4, 5, 7, 9)}
+    both = {f"w{p}+w{q}": (best(f"w{p}+w{q}"), sense[p - 1] * sense[q - 1] > 0) for p, q in ((3, 7), (4, 9))}
+    combined = {label: part for label, ((_, part), _) in both.items()} | {"w1+w5": best("w1+w5")[1]}
     yield Statement(
         "(38), (47)",
         "a minimum is reached by adjusting gamma_sr so that the third term is negative",
@@ -147,11 +149,15 @@ def minima(runs: Runs) -> Iterator[Statement]:
         "There c_r + 2 gamma_sr - c_s = 1: the same for every mode, since deflections enter (38) and (47) squared.",
     )  # fmt: skip
     yield Statement(
-        "Conclusion 3", "for any single-mode instability the contact ratios and gamma_sr can be adjusted for a minimum",
-        "smallest over largest width, gamma_sr alone: as above; with integer contact ratios 0 (below (39))",
-        all(part < 1 for _, part in single.values()),
+        "Conclusion 3",
+        "for any possible single-mode or combination instability a minimum can be reached by adjusting the contact "
+        "ratios and gamma_sr",
+        "smallest over largest width, gamma_sr alone: single modes as above; "
+        + ", ".join(f"{label}: {number(part, 2)}" for label, part in combined.items())
+        + "; with integer contact ratios 0 (below (39))",
+        all(part < 1 for part in [*combined.values(), *(part for _, part in single.values())]),
+        "Each by itself: where 2w1 is smallest, w3+w7 is largest.",
     )  # fmt: skip
-    both = {f"w{p}+w{q}": (best(f"w{p}+w{q}"), sense[p - 1] * sense[q - 1] > 0) for p, q in ((3, 7), (4, 9))}
     yield Statement(
         "Below (39)",
         "for two distinct modes the sign of delta_s1p delta_r1p delta_s1q delta_r1q says which gamma_sr that is",
