@@ -167,3 +167,27 @@ def symmetric_eigen(matrix: Array) -> tuple[Array, Array]:
     if given.size:
         library.symmetric(simd(), given.size // n**2, n, given, values, vectors)
     return values, vectors
+
+
+def magnus_steps(
+    coefficients: Array, length: Array, growth: Array, period: Array, matrix: Array, scale: Array
+) -> tuple[Array, Array]:
+    """What :func:`gearstab.linear.products.propagated` says; growth ``(S,)``: the rates taken out of the steps."""
+    if library is None:
+        raise ValueError("the compiled kernel was not built")
+    given = [np.ascontiguousarray(values, dtype=float) for values in (coefficients, length, growth, period)]
+    found, taken = np.array(matrix, dtype=float, order="C"), np.array(scale, dtype=float)
+    points = len(found)
+    library.magnus(simd(), len(given[1]), found.shape[-1], *given[:3], 0, points, points, given[3], found, taken)
+    return found, taken
+
+
+def eigenvalues(matrix: Array) -> Array:
+    """Eigenvalues ``(P, m)``, complex, of matrices ``(P, m, m)`` of entries of about one; NaN of one not finite."""
+    if library is None:
+        raise ValueError("the compiled kernel was not built")
+    given = np.ascontiguousarray(matrix, dtype=float)
+    count, m = given.shape[:2]
+    values = np.empty((count, m), dtype=complex)
+    library.eigenvalues(simd(), count, m, 0, count, given, values)
+    return values

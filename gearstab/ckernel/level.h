@@ -27,6 +27,7 @@ PRAGMA_TARGET(TARGET)
 #include "damped.h"
 #include "scattered.h"
 #include "lyapunov.h"
+#include "magnus.h"
 #include "spectra.h"
 #include "eigenvector.h"
 #include "actions.h"
@@ -34,7 +35,7 @@ PRAGMA_TARGET(TARGET)
 
 const struct level LEVEL = {LEVEL_NAME,   scan,        monodromy,      traces,     scan_damped, spectra_new,
                             spectra_free, spectra_row, spectra_window, spectra_at, shares,      symmetric,
-                            moduli,       products,    radii};
+                            moduli,       products,    radii,          magnus,     eigenvalues};
 
 #if defined(TARGET) && defined(__clang__)
 #pragma clang attribute pop

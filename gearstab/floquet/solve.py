@@ -48,10 +48,9 @@ def solve(
     """
     omega = system.operating_points(mesh_frequency)
     if system.terms:
-        # NumPy serves, whichever kernel is in use.
         from gearstab.floquet import general
 
-        kernel.record("numpy")
+        kernel.record(kernel.name())
         return general.analyse(system, omega, exponents, tolerance)
     growth = np.full(omega.shape, -np.inf)
     stable = np.ones(omega.shape, dtype=np.int8)

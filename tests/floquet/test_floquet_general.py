@@ -126,6 +126,14 @@ def test_sum_of_the_exponents_is_minus_the_mean_trace_of_the_damping(name):
     np.testing.assert_allclose(found.exponents.real.sum(axis=-1), -trace, atol=1e-9)
 
 
+@pytest.mark.parametrize("name", ["piecewise constant friction", "damping that follows the stiffness"])
+def test_what_is_constant_between_jumps_is_exact(name):
+    # Jumps of two functions fall on one instant, 5.6e-17 of a period apart: nothing varies in between.
+    found = analyse(CASES[name], OMEGA)
+    assert found.error_estimate.max() < 27 * 4e-16
+    assert not found.status.any()
+
+
 def test_friction_that_drives_the_rigid_body_does_not_change_the_other_multipliers():
     # A free train: r deflects no mesh, friction acts on it (left has a part along M r) but K r = 0.
     free = train(None, 0 * SHAFT, [friction(Scaled(Rectangular(1.3), 0.05, 0.3))])

@@ -182,7 +182,7 @@ def jobs(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> int
         (TRAIN, "{floquet: {}, perturbation: {}, boundaries: {tolerance: 1.0e-6, width_floor: 1.0e-2}}", None),
         (TRAIN, "{perturbation: {}}", "none"),
         (TRAIN, "{floquet: {frequencies: lyapunov}}", "numpy"),
-        (TERMS, "{floquet: {}}", "numpy"),
+        (TERMS, "{floquet: {}}", None),
         (PAIR, "{floquet: {}}", "numpy"),
     ],
     ids=["floquet", "required damping", "boundaries", "all of them", "perturbation", "lyapunov", "terms", "orbits"],

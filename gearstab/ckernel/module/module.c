@@ -151,6 +151,51 @@ static PyObject *py_symmetric(PyObject *self, PyObject *arguments) {
     return finish(&b, fit, failed);
 }
 
+static PyObject *py_magnus(PyObject *self, PyObject *arguments) {
+    (void)self;
+    struct buffers b = {0};
+    PyObject *o[MOST_BUFFERS] = {0};
+    struct steps steps;
+    const char *name;
+    Py_ssize_t count, m, first, last, points;
+    const Py_buffer *view = b.view;
+    if (!PyArg_ParseTuple(arguments, "snnOOOnnnOOO", &name, &count, &m, &o[0], &o[1], &o[2], &first, &last, &points, &o[3],
+                          &o[4], &o[5]) ||
+        !take(&b, o, "ddddDD"))
+        return finish(&b, 1, 0);
+    steps.count = count, steps.m = m;
+    steps.coefficients = view[0].buf, steps.length = view[1].buf, steps.growth = view[2].buf;
+    const struct level *level = level_named(name);
+    int failed = 0, fit = level && m > 0 && first >= 0 && last <= points && FITS(&view[0], 8, count, 5, m, m) &&
+                          FITS(&view[1], 8, count) && FITS(&view[2], 8, count) && FITS(&view[3], 8, points) &&
+                          FITS(&view[4], 8, points, m, m) && FITS(&view[5], 8, points);
+    if (fit) {
+        Py_BEGIN_ALLOW_THREADS
+        failed = level->magnus(&steps, first, last, view[3].buf, view[4].buf, view[5].buf);
+        Py_END_ALLOW_THREADS
+    }
+    return finish(&b, fit, failed);
+}
+
+static PyObject *py_eigenvalues(PyObject *self, PyObject *arguments) {
+    (void)self;
+    struct buffers b = {0};
+    PyObject *o[MOST_BUFFERS] = {0};
+    const char *name;
+    Py_ssize_t count, m, first, last;
+    if (!PyArg_ParseTuple(arguments, "snnnnOO", &name, &count, &m, &first, &last, &o[0], &o[1]) || !take(&b, o, "dZ"))
+        return finish(&b, 1, 0);
+    const struct level *level = level_named(name);
+    int failed = 0, fit = level && m > 0 && first >= 0 && last <= count && FITS(&b.view[0], 8, count, m, m) &&
+                          FITS(&b.view[1], 16, count, m);
+    if (fit) {
+        Py_BEGIN_ALLOW_THREADS
+        failed = level->eigenvalues(first, last, m, b.view[0].buf, b.view[1].buf);
+        Py_END_ALLOW_THREADS
+    }
+    return finish(&b, fit, failed);
+}
+
 static PyObject *py_trace_change(PyObject *self, PyObject *arguments) {
     (void)self;
     struct buffers b = {0};
@@ -231,6 +276,9 @@ static PyMethodDef METHODS[] = {
     {"trace_change", py_trace_change, METH_VARARGS, "trace_change(count, n, weight, fine, coarse, change, largest)"},
     {"trace_condition", py_trace_condition, METH_VARARGS, "trace_condition(count, n, rho, least, moved, apart)"},
     {"symmetric", py_symmetric, METH_VARARGS, "symmetric(level, count, n, matrix, values, vectors)"},
+    {"magnus", py_magnus, METH_VARARGS,
+     "magnus(level, count, m, coefficients, length, growth, first, last, points, period, matrix, scale)"},
+    {"eigenvalues", py_eigenvalues, METH_VARARGS, "eigenvalues(level, count, m, first, last, matrix, values)"},
     {"edges", py_edges, METH_VARARGS,
      "edges(level, numbers, squared, fractions, state, change, segments, states, squared, fractions, state, change, first, last, "
      "tolerance, floor, density, start, stop) -> bytes of edges and of what is known of rows first..last-1"},

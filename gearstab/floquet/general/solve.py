@@ -16,9 +16,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from gearstab.floquet.general.coordinates import Generator, generators
+from gearstab.floquet.kernel import choice as kernel
 from gearstab.floquet.segments.pattern import CONSTANT, PROBES
 from gearstab.floquet.stability import STATUS_FLAGS, FloquetStability, ordered
-from gearstab.linear.magnus import NODES, ORDER, expm, exponent, polynomial
+from gearstab.linear.magnus import NODES, ORDER, polynomial
+from gearstab.linear.products import MagnusSteps, eigenvalues, propagated
 from gearstab.linear.schedule import Schedule, schedule
 from gearstab.system import Array, GearSystem
 
@@ -33,6 +35,8 @@ ON_CIRCLE = 1e-7
 known to the square root of the rounding error."""
 DAMPED_ON_CIRCLE = 1e-10
 """The same for a damped system, whose multipliers lie inside."""
+SLIVER = 1e-13
+"""Part of the common period below which an interval is a rounding error: nothing varies in it."""
 ENTRIES_AT_ONCE = 2**21
 """Entries of the matrices of the points that are treated together: 16 MB."""
 
@@ -71,7 +75,7 @@ def analyse(
             table[r] = ordered(np.concatenate([logs / period[:, None], rigid], axis=1))
     status = np.where(error <= tolerance, 0, STATUS_FLAGS["not_converged"]).astype(np.int16)
     status[stable < 0] |= STATUS_FLAGS["failed"]
-    return FloquetStability(growth, stable, status, table, error, "numpy")
+    return FloquetStability(growth, stable, status, table, error, kernel.name())
 
 
 @dataclass(frozen=True)
@@ -88,20 +92,38 @@ class _Division:
 
     @classmethod
     def of(cls, plan: Schedule, steps: Array) -> _Division:
-        values = []
-        for s, count in enumerate(steps):
-            offsets = ((np.arange(count)[:, None] + NODES) / count).ravel()
-            f = plan.values(plan.edges[:, s, None] + plan.lengths[:, s, None] * offsets)
-            values.append(f.reshape(len(f), count, len(NODES), -1))
-        return cls(plan, steps, values)
+        parts = [((np.arange(count)[:, None] + NODES) / count).ravel() for count in steps]
+        interval = np.repeat(np.arange(len(steps)), [len(part) for part in parts])
+        f = plan.values(plan.edges[:, interval] + plan.lengths[:, interval] * np.concatenate(parts))
+        every = f.reshape(len(f), -1, len(NODES), f.shape[-1])
+        return cls(plan, steps, np.split(every, np.cumsum(steps)[:-1], axis=1))
 
-    def pieces(self, row: Generator, index: int) -> Iterator[tuple[Array, float]]:
-        """The steps of one row: their polynomials ``(5, m, m)`` and lengths in parts of the common period."""
-        for length, f in zip(self.plan.lengths[index], self.values, strict=True):
-            if length > 0:
-                matrices = row.constant + np.einsum("xkj,jab->xkab", f[index], row.parts)
-                for coefficients in polynomial(matrices):
-                    yield coefficients, float(length) / f.shape[1]
+    def pieces(self, row: Generator, index: int) -> Iterator[MagnusSteps]:
+        """The steps of one row, as many together as memory is given."""
+        size = len(row.constant)
+        at_once = max(1, ENTRIES_AT_ONCE // max(1, 5 * size * size))
+        for run in self._runs(at_once):
+            values = np.concatenate([self.values[s][index, part] for s, part in run])
+            length = [np.full(part.stop - part.start, self.plan.lengths[index, s] / self.steps[s]) for s, part in run]
+            matrices = row.constant + np.einsum("xkj,jab->xkab", values, row.parts)
+            yield MagnusSteps(polynomial(matrices), np.concatenate(length))
+
+    def _runs(self, at_once: int) -> Iterator[list[tuple[int, slice]]]:
+        """Consecutive steps in groups of up to so many: intervals, and which steps of each."""
+        run: list[tuple[int, slice]] = []
+        left = at_once
+        for s, count in enumerate(self.steps.tolist()):
+            begin = 0
+            while begin < count:
+                part = slice(begin, min(count, begin + left))
+                run.append((s, part))
+                left -= part.stop - part.start
+                begin = part.stop
+                if not left:
+                    yield run
+                    run, left = [], at_once
+        if run:
+            yield run
 
 
 def _multipliers(
@@ -120,7 +142,8 @@ def _multipliers(
         if not chosen.any():
             continue
         coarse = _steps(plan, varies, 2**current)
-        both = _Division.of(plan, coarse), _Division.of(plan, np.where(varies, 2 * coarse, 1))
+        first = _Division.of(plan, coarse)
+        both = first, _Division.of(plan, np.where(varies, 2 * coarse, 1)) if varies.any() else first
         for r in np.flatnonzero(chosen.any(axis=1)):
             members = np.flatnonzero(chosen[r])
             found = _compared(rows[r], int(r), both, 2 * np.pi * cycles / omega[r, members])
@@ -144,6 +167,9 @@ def _first_levels(rows: list[Generator], plan: Schedule, cycles: float, omega: A
 def _varying(plan: Schedule) -> Array:
     """``(S,)``: in which intervals anything varies in any row."""
     start, length = plan.edges[:, :-1], plan.lengths
+    # Two jumps at one instant may be apart by a rounding error, with the jump itself in between.
+    length = np.where(length > SLIVER, length, 0.0)
+    start = start + 0.5 * (plan.lengths - length)
     tau = start[:, :, None] + length[:, :, None] * PROBES
     f = plan.values(tau.reshape(len(tau), -1)).reshape(*tau.shape, -1)
     change = np.abs(f - f[:, :, :1]).max(axis=(2, 3), initial=0.0)
@@ -188,25 +214,14 @@ def _eigenvalues(division: _Division, row: Generator, index: int, period: Array)
     for begin in range(0, len(period), at_once):
         part = slice(begin, begin + at_once)
         product, scale[part] = _product(division, row, index, period[part] * row.rate)
-        finite = np.isfinite(product).all(axis=(1, 2))
-        found = np.linalg.eigvals(np.where(finite[:, None, None], product, 0.0)).astype(complex)
-        values[part] = np.where(finite[:, None], found, np.nan)
+        values[part] = eigenvalues(product)
     return values, scale
 
 
 def _product(division: _Division, row: Generator, index: int, period: Array) -> tuple[Array, Array]:
     """Monodromy matrices over exp(scale) ``(P, m, m)``, scale ``(P,)``; ``period`` in units of 1/rate."""
     m = len(row.constant)
-    product = np.broadcast_to(np.eye(m), (len(period), m, m))
-    scale = np.zeros(len(period))
-    for coefficients, length in division.pieces(row, index):
-        step = length * period
-        # Without its growth or decay a long segment neither overflows nor underflows.
-        growth = np.linalg.eigvals(coefficients[0]).real.max(initial=0.0 if m == 0 else -np.inf)
-        product = expm(exponent(coefficients, step) - (growth * step)[:, None, None] * np.eye(m)) @ product
-        scale = scale + growth * step
-        size = np.abs(product).max(axis=(1, 2), initial=0.0)
-        size = np.where((size > 0) & np.isfinite(size), size, 1.0)
-        product = product / size[:, None, None]
-        scale = scale + np.log(size)
+    product, scale = np.broadcast_to(np.eye(m), (len(period), m, m)), np.zeros(len(period))
+    for steps in division.pieces(row, index):
+        product, scale = propagated(steps, period, product, scale)
     return product, scale
