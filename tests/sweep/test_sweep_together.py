@@ -14,6 +14,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from scenes import ROOT
 from sweep_faults import CONFIG, FOLDER, faulty, value
 
@@ -22,7 +24,7 @@ from gearstab.results import OutputError, open_result
 from gearstab.results.read import attributes
 from gearstab.sweep import Reporter, SweepError, run
 from gearstab.sweep.storage import store
-from gearstab.sweep.storage.parts import CHECKSUM, MAGIC
+from gearstab.sweep.storage.parts import CHECKSUM, MAGIC, FinishedBlock, from_bytes, to_bytes
 from gearstab.sweep.storage.store import Hold
 
 SCRIPT = ROOT / "tests" / "reference" / "sweep_faults.py"
@@ -286,6 +288,10 @@ FORGERIES: dict[str, Callable[[dict[str, Any], bytes], tuple[Any, bytes]]] = {
     "no points": lambda h, c: ({k: v for k, v in h.items() if k != "points"}, c),
     "tongues": lambda h, c: (h | {"tongues": [[{"mode_p": []}, 0]]}, c),
     "flags": lambda h, c: (h | {"flags": [1]}, c),
+    "infinite": lambda h, c: (h | {"points": float("inf")}, c),
+    "fractions": lambda h, c: (h | {"chunks": {k: [float(n) for n in v] for k, v in h["chunks"].items()}}, c),
+    "truths": lambda h, c: (h | {"chunks": {k: [True, n - 1] for k, (n,) in h["chunks"].items()}}, c),
+    "infinite flags": lambda h, c: (h | {"flags": {"a": float("inf")}}, c),
     "list": lambda h, c: ([h], c),
     "null": lambda h, c: (None, c),
 }
@@ -300,6 +306,29 @@ def test_forged_parts_are_computed_again(folder: Path, how: str) -> None:
     swept(folder)
     assert sorted((folder / "log").read_text().split()) == ["3", "5"]
     check(folder)
+
+
+HEADER_VALUES = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3),
+    max_leaves=6,
+)
+KEYS = ("digest", "key", "tongues", "chunks", "points", "unstable", "failed", "flags", "kernels")
+
+
+@settings(max_examples=200)
+@given(key=st.sampled_from(KEYS), value=HEADER_VALUES, where=st.integers(0, 200), octet=st.integers(0, 255))
+def test_a_part_of_any_header_is_one_or_is_ignored(key: str, value: Any, where: int, octet: int) -> None:
+    block = FinishedBlock("floquet-000000", (), {"x": [(0, 3)]}, 3, 1, 0, {"a": 1}, ("c",), held=b"abc")
+    data = to_bytes(block, "d" * 64)
+    path = Path("floquet-000000.part")
+    assert from_bytes(data, path, "d" * 64) is not None
+    made = forged(data, lambda header, chunks: (header | {key: value}, chunks))
+    spoilt = bytearray(data[:-CHECKSUM])
+    spoilt[where % len(spoilt)] = octet
+    for found in (made, bytes(spoilt) + hashlib.sha256(spoilt).digest(), data[: where % len(data)]):
+        part = from_bytes(found, path, "d" * 64)
+        assert part is None or part.key == path.stem
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs named pipes")

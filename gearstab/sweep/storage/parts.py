@@ -17,6 +17,7 @@ from collections.abc import Collection, Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass, fields, replace
 from itertools import accumulate
+from operator import index
 from pathlib import Path
 from typing import Any
 
@@ -100,7 +101,7 @@ def from_bytes(data: bytes, path: Path, digest: str) -> FinishedBlock | None:
         return None
     try:
         part = _from_body(body, path, digest)
-    except (ValueError, KeyError, TypeError, AttributeError):
+    except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError):
         return None  # somebody made it, with the right checksum
     return part
 
@@ -111,7 +112,8 @@ def _from_body(body: memoryview, path: Path, digest: str) -> FinishedBlock | Non
     header = json.loads(bytes(body[start:offset]))
     if header["digest"] != digest or header["key"] != path.stem:
         return None
-    places = places_of(header["chunks"], offset)
+    lengths = {str(name): [index(length) for length in sizes] for name, sizes in header["chunks"].items()}
+    places = places_of(lengths, offset)
     tongues = tuple((_tongue(tongue), int(occurrence)) for tongue, occurrence in header["tongues"])
     points, unstable, failed = (int(header[name]) for name in ("points", "unstable", "failed"))
     flags = {str(name): int(count) for name, count in header["flags"].items()}
