@@ -166,19 +166,12 @@ def damped_exponents(pattern: Pattern, damping: Array, omega: Array) -> Array:
 
 
 def _damped_table(pattern: Pattern, generator: damped.Generators, omega: Array) -> Array:
-    logs = np.stack([damped_logs(pattern, generator, r, omega[r]) for r in range(len(omega))])
-    return logs / (2 * np.pi * pattern.cycles / omega)[..., None]
-
-
-def damped_logs(pattern: Pattern, generator: damped.Generators, row: int, omega: Array) -> Array:
-    """ln lambda ``(P, m)`` of one row; the product is formed only where that costs no digits."""
-    matrix, scale = damped.monodromy(generator, pattern, row, omega)
-    finite = np.isfinite(matrix).all(axis=(1, 2))
-    values = np.linalg.eigvals(np.where(finite[:, None, None], matrix, 0.0)).astype(complex)
-    with np.errstate(divide="ignore"):
-        logs = np.log(values) + scale[:, None]
-    wide = logs.real.max(axis=-1) - logs.real.min(axis=-1) > GRADED_SPREAD
-    for _, points in _chains(wide[None], pattern):
-        chain, growing = damped.factors(generator, pattern, row, omega[points], spread=1.0)
-        logs[points] = graded.log_multipliers(chain) + growing[:, None]
-    return logs
+    """ln lambda over the period; the product is formed only where that costs no digits."""
+    _, scale, values = kernel.current().multipliers_damped(pattern, generator, omega)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        logs = np.log(values) + scale[..., None]
+        wide = logs.real.max(axis=-1) - logs.real.min(axis=-1) > GRADED_SPREAD
+    for row, points in _chains(wide, pattern):
+        chain, growing = damped.factors(generator, pattern, row, omega[row, points], spread=1.0)
+        logs[row, points] = graded.log_multipliers(chain) + growing[:, None]
+    return np.asarray(logs / (2 * np.pi * pattern.cycles / omega)[..., None])
