@@ -72,7 +72,6 @@ class BoundaryAnalysis(TongueMethod, Restricted):
 
     def check(self) -> None:
         self.needs_common_period("remove it, or give exact ratios")
-        self.only_mesh_stiffness()
         self.check_modes()
 
     def report(self) -> Mapping[str, Any]:

@@ -17,11 +17,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gearstab.ckernel import in_use
-from gearstab.floquet.boundaries import smooth
+from gearstab.floquet.boundaries import periodic, smooth
 from gearstab.floquet.boundaries.counting.krein import evaluate
 from gearstab.floquet.boundaries.counting.points import Resolved, exact
 from gearstab.floquet.boundaries.damped.proof import FEWEST, FIRST, MODULI, PROOF, damping_ratio
 from gearstab.floquet.boundaries.damped.search import COARSEST, Limits
+from gearstab.floquet.boundaries.damped.search import collisions as flow_collisions
 from gearstab.floquet.boundaries.names import naming
 from gearstab.floquet.boundaries.names.labels import solution_actions
 from gearstab.floquet.boundaries.solve import BUDGET
@@ -29,9 +30,10 @@ from gearstab.floquet.boundaries.solve import FEW as FEW_COLLISIONS
 from gearstab.floquet.boundaries.undamped import choice as undamped
 from gearstab.floquet.boundaries.undamped.search import collisions
 from gearstab.floquet.kernel import choice as kernel
-from gearstab.floquet.kernel.chain import chain
+from gearstab.floquet.kernel.chain import Chain, chain
 from gearstab.floquet.segments.blocks import split
 from gearstab.floquet.segments.pattern import Pattern, prepare
+from gearstab.floquet.smooth.schemes import CF6_5
 from gearstab.system import GearSystem
 
 EVALUATIONS = 13.5
@@ -80,6 +82,8 @@ def effort(system: GearSystem, start: float, stop: float) -> Effort:
     It is timed on a few points, which takes milliseconds. Raises NotPossible for a system without a common period.
     """
     limits = Limits(start, stop, TOLERANCE, FLOOR, BUDGET)
+    if system.terms:
+        return _periodic(system, limits)
     call, total, work = 0.0, 0.0, 0.0
     for pattern in prepare(system) if system.piecewise_constant else smooth.patterns(system, limits):
         blocks = [block.pattern for block in split(pattern) if not block.constant]
@@ -88,7 +92,7 @@ def effort(system: GearSystem, start: float, stop: float) -> Effort:
                 low, high = limits.cycles(own)
                 count = float(collisions(own, low, high)[0])
                 moving = own.elastic.damping is not None or bool(own.elastic.shift[0])
-                work += _proof(own, low, high) if moving else 0.0
+                work += _proof(chain(exact(own)), low, high) if moving else 0.0
                 # Names of few damped regions ask for the undamped ones.
                 if not moving or (count <= FEW_COLLISIONS and not isinstance(own, Resolved)):
                     fixed, each = (_searched if in_use() else _evaluated)(own.without_damping(), low, high)
@@ -97,9 +101,19 @@ def effort(system: GearSystem, start: float, stop: float) -> Effort:
     return Effort(call, total, work / total if total else 0.0)
 
 
-def _proof(pattern: Pattern, low: np.ndarray, high: np.ndarray) -> float:
-    """Seconds of proof and scan of a damped pattern, from proofs tried at a few points."""
-    flow = chain(exact(pattern))
+def _periodic(system: GearSystem, limits: Limits) -> Effort:
+    """That of a system with periodic terms: all is proof and scan, as often as the steps are doubled."""
+    work, total = 0.0, 0.0
+    for own in periodic.parts(system):
+        moving, bounds = own.varies.any(), limits.cycles(own.part.pattern)
+        flow = own.flow(CF6_5, periodic.resolution(own, limits, CF6_5, np.pi * limits.tolerance) if moving else 0)
+        work += (1 + moving) * _proof(flow, *bounds)
+        total += float(flow_collisions(flow, *bounds)[0])
+    return Effort(0.0, total, work / total if total else 0.0)
+
+
+def _proof(flow: Chain, low: np.ndarray, high: np.ndarray) -> float:
+    """Seconds of proof and scan of a damped chain, from proofs tried at a few points."""
     row, x = np.zeros(TRIED, dtype=int), np.linspace(np.log(low[0]), np.log(high[0]), TRIED)
     begin = time.process_time()
     growth = kernel.current().moduli(flow, row, np.exp(x))[:, 0]

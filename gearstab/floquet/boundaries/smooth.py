@@ -69,7 +69,7 @@ def _conservative(division: Division, limits: Limits) -> tuple[Pattern, Search]:
         return lambda row, cycle: evaluate(pattern, row, cycle).stable
 
     pattern, found, error = _controlled(division, limits, limits.undamped, lambda s: s.intervals, stable)
-    return pattern, replace(found, intervals=_widened(found.intervals, error))
+    return pattern, replace(found, intervals=widened(found.intervals, error))
 
 
 def _damped(division: Division, plain: Division, limits: Limits) -> tuple[Pattern, tuple[Chain, SearchResult]]:
@@ -89,7 +89,7 @@ def _damped(division: Division, plain: Division, limits: Limits) -> tuple[Patter
         return limits.damped(flow, pattern, guide)
 
     pattern, found, error = _controlled(division, limits, run, lambda f: f.intervals, stable)
-    return pattern, (chain(pattern), replace(found, intervals=_widened(found.intervals, error)))
+    return pattern, (chain(pattern), replace(found, intervals=widened(found.intervals, error)))
 
 
 def patterns(system: GearSystem, limits: Limits) -> Iterator[Pattern]:
@@ -115,7 +115,7 @@ def _controlled(
         pattern = _resolved(division, resolution, limits)
         found = run(pattern)
         half = stable(_resolved(division, resolution - 2, limits))
-        error = _edge_errors(intervals(found), half, tolerance)
+        error = edge_errors(intervals(found), half, tolerance)
         if np.all(error <= tolerance) or attempt == ATTEMPTS:
             break
         resolution += 2
@@ -162,7 +162,7 @@ def _fields_of(pattern: Pattern) -> dict[str, Any]:
     return {name: getattr(pattern, name) for name in Pattern.__dataclass_fields__}
 
 
-def _edge_errors(intervals: Intervals, stable: Callable[[Array, Array], Array], tolerance: float) -> Array:
+def edge_errors(intervals: Intervals, stable: Callable[[Array, Array], Array], tolerance: float) -> Array:
     """``(I, 2)``: SAFETY/(2^p - 1) times the distance within which half of the steps have each edge, relative; 0 for
     the ends of the range.
     """
@@ -186,7 +186,7 @@ def _edge_errors(intervals: Intervals, stable: Callable[[Array, Array], Array], 
     return error
 
 
-def _widened(intervals: Intervals, error: Array) -> Intervals:
+def widened(intervals: Intervals, error: Array) -> Intervals:
     """With the errors added to the brackets' halves."""
     ends = np.stack([intervals.start, intervals.stop], axis=1)
     return replace(intervals, error=intervals.error + 2 * error * ends)

@@ -8,7 +8,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from gearstab.floquet.boundaries import smooth
+from gearstab.floquet.boundaries import periodic, smooth
 from gearstab.floquet.boundaries.coverage import Coverage
 from gearstab.floquet.boundaries.damped.search import Guide, Limits, SearchResult, collisions, growing
 from gearstab.floquet.boundaries.intervals import Interval, Intervals, by_row
@@ -59,19 +59,21 @@ def boundaries(
 
     Raises
     ------
-    ValueError: an empty range, a tolerance or floor that is not positive, a system with further terms, or one without a
-    common period.
+    ValueError: an empty range, a tolerance or floor that is not positive, or a system without a common period.
     """
     if not 0 < start < stop < np.inf:
         raise ValueError(f"mesh frequencies must satisfy 0 < start < stop, not {start}, {stop}")
     if not (tolerance > 0 and width_floor > 0):
         raise ValueError(f"tolerance and width floor must be positive, not {tolerance}, {width_floor}")
-    if system.terms:
-        raise ValueError("boundaries need symmetric mesh stiffness and nothing else that varies")
     # The same rows without damping are looked at too: the batch must not rest on the damping alone.
     system = system.over(system.batch)
     found = _Collected(system, start, stop, width_floor)
     limits = Limits(start, stop, tolerance, width_floor, budget)
+    if system.terms:
+        for driven, flow, edges in periodic.searched(system, limits):
+            found.rigid(driven.part)
+            found.periodic(driven, flow, edges)
+        return found.result()
     for part, own in _searched(system, limits, reduction):
         found.rigid(part)
         if isinstance(own, Search):
@@ -147,10 +149,20 @@ class _Collected:
 
     def damped(self, part: Part, flow: Chain, found: SearchResult) -> None:
         """The same of a damped part."""
+        names = naming.Names.of(self._of_damped(part, flow, found))
+        self._covered(part, found)
+        self._keep(part, found.intervals, naming.coupled(part.pattern, found.intervals, names), growing(part.pattern))
+
+    def periodic(self, own: periodic.PeriodicPart, flow: Chain, found: SearchResult) -> None:
+        """The same of rows with periodic terms, which are named after the harmonics of growing solutions only."""
+        seen = harmonics.seen(flow, found.intervals, found.peaks)
+        names = harmonics.named(flow, found.intervals, seen, [set() for _ in found.intervals])
+        self._covered(own.part, found)
+        self._keep(own.part, found.intervals, naming.Names.of(names), own.growing(flow))
+
+    def _covered(self, part: Part, found: SearchResult) -> None:
         pattern = part.pattern
         self.evaluations[pattern.rows] += found.evaluations
-        names = naming.Names.of(self._of_damped(part, flow, found))
-        self._keep(part, found.intervals, naming.coupled(pattern, found.intervals, names), growing(pattern))
         for k, row in enumerate(pattern.rows):
             ranges = []
             for stretches in (found.proved, found.counted):

@@ -130,7 +130,7 @@ def _multipliers(
     plan: Schedule, rows: list[Generator], cycles: float, omega: Array, tolerance: float
 ) -> tuple[list[Array], list[Array], Array]:
     """Multipliers over exp(scale), of each row ``(P, m)`` and ``(P,)``, and the error estimates ``(rows, P)``."""
-    varies = _varying(plan)
+    varies = varying(plan)
     points = omega.shape[1]
     values = [np.full((points, len(row.constant)), np.nan, dtype=complex) for row in rows]
     scale = [np.zeros(points) for _ in rows]
@@ -164,8 +164,11 @@ def _first_levels(rows: list[Generator], plan: Schedule, cycles: float, omega: A
     return np.asarray(np.ceil(np.log2(np.maximum(radians, 1.0))).astype(int))
 
 
-def _varying(plan: Schedule) -> Array:
+def varying(plan: Schedule) -> Array:
     """``(S,)``: in which intervals anything varies in any row."""
+    if all(source.profile.piecewise_constant for source in plan.found):
+        # Slivers between jumps that agree but for rounding would seem to vary.
+        return np.zeros(plan.lengths.shape[1], dtype=bool)
     start, length = plan.edges[:, :-1], plan.lengths
     # Two jumps at one instant may be apart by a rounding error, with the jump itself in between.
     length = np.where(length > SLIVER, length, 0.0)

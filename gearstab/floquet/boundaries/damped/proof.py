@@ -30,6 +30,8 @@ FIRST = 4.0
 """Distance of the first points, in damping ratios: about two radii of medium ones."""
 FEWEST, MOST = 8, 20_000
 """First points of a row; if damping is too light for the latter no proof is begun."""
+LIGHTEST = 1e-30
+"""Damping ratio that stands for none."""
 HOPELESS = 4.0
 """Budgets that a proof at the first points may cost to be begun."""
 REACH = 2.6
@@ -285,7 +287,7 @@ def cover(chain: Chain, first: Array, last: Array, tolerance: float, floor: floa
     no more is begun; nor is where far more would be needed.
     """
     found = Cover(chain, first, last, budget)
-    count = (last - first) / (FIRST * np.maximum(damping_ratio(chain), np.finfo(float).tiny))
+    count = (last - first) / (FIRST * np.maximum(damping_ratio(chain), LIGHTEST))
     sound = chain.sound & (chain.rates > 0).all(axis=1) & (chain.frequencies > 0).all(axis=1)
     found.provable = sound & (count <= MOST) & (count * PROOF * len(chain.states) < HOPELESS * budget)
     count = np.ceil(np.where(found.provable, np.maximum(count, FEWEST), FEWEST)).astype(int)

@@ -147,11 +147,16 @@ def growing(pattern: Pattern) -> Array:
     if pattern.elastic.damping is None:
         return np.where(pattern.elastic.shift < 0, 0, result) if n else result
     mean = np.einsum("rs,rsij->rij", pattern.fractions, pattern.stiffness[:, pattern.states])
-    values, vectors, _ = general.generators(replace(pattern, stiffness=mean[:, None]), pattern.elastic.damping).eigen
-    fastest = values[:, 0].real.argmax(axis=1)
-    each = np.arange(rows)
-    share = np.abs(vectors[each, 0, n:, fastest])
-    return np.where(values[each, 0, fastest].real > NO_GROWTH, share.argmax(axis=1), result)
+    return fastest(general.generators(replace(pattern, stiffness=mean[:, None]), pattern.elastic.damping), n)
+
+
+def fastest(mean: general.Generators, n: int) -> Array:
+    """The same of the generators of mean systems, one state each, of n elastic coordinates."""
+    values, vectors, _ = mean.eigen
+    first = values[:, 0].real.argmax(axis=1)
+    each = np.arange(len(first))
+    share = np.abs(vectors[each, 0, n:, first])
+    return np.where(values[each, 0, first].real > NO_GROWTH, share.argmax(axis=1), -1)
 
 
 def collisions(chain: Chain, first: Array, last: Array) -> Array:

@@ -1,0 +1,161 @@
+"""Boundaries of systems with periodic terms besides the mesh stiffness: friction, mesh damping that follows the
+stiffness, gyroscopic terms. Edges are zeros of the growth rate.
+
+Nothing is symplectic here and no undamped companion guides the search, but what the search of damped systems asks for
+is a chain of constant generators, x' = A_d x, symmetric or not: so the same proof and the same scan with a step set by
+damping apply (:mod:`~gearstab.floquet.boundaries.damped.search`), the damping rates being those of the mean system,
+means of the terms included. To first order a tongue's bump in the growth rate is at least mu_p + mu_q wide whatever its
+coupling, symmetric or not, of sums or of differences of frequencies. Where a mode of the mean system is not damped
+nothing is proved, and nothing counts as counted.
+
+Where something varies smoothly A(t) is replaced by commutator-free Magnus steps, whose exponentials are constant
+generators again (A is affine in the functions that vary). The number of steps is chosen at a few mesh frequencies and
+confirmed at the edges themselves, as in :mod:`~gearstab.floquet.boundaries.smooth`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gearstab.floquet.boundaries import smooth
+from gearstab.floquet.boundaries.damped.search import Limits, SearchResult, fastest, search
+from gearstab.floquet.boundaries.parts import Part
+from gearstab.floquet.general.coordinates import Generator, free_rotations, generators
+from gearstab.floquet.general.solve import varying
+from gearstab.floquet.kernel import choice as kernel
+from gearstab.floquet.kernel.chain import ROUNDING, Chain, linked
+from gearstab.floquet.kernel.damped import Generators
+from gearstab.floquet.segments.pattern import SHORTEST, Pattern
+from gearstab.floquet.segments.reduction import Elastic
+from gearstab.floquet.smooth.control import SAFETY
+from gearstab.floquet.smooth.schemes import CF4_2, CF6_5, Scheme
+from gearstab.linear.grouping import equal_rows
+from gearstab.linear.schedule import Schedule, schedule
+from gearstab.system import Array, GearSystem
+
+COARSEST, FINEST = 2, 12
+"""Doublings of the first number of steps, one in each smooth interval, that are tried."""
+
+
+@dataclass(frozen=True)
+class PeriodicPart:
+    """Rows of a system that have equally many coordinates of each sort.
+
+    part: their places and units; of its pattern only rows, rate, size and rigid-body modes mean anything.
+    rows: the first-order systems. plan: when what changes, of all rows of the system. varies: whether anything varies
+    within an interval.
+    """
+
+    part: Part
+    rows: list[Generator]
+    plan: Schedule
+    varies: Array
+
+    def flow(self, scheme: Scheme, doublings: int, rounding: float = ROUNDING) -> Chain:
+        """The chain of a common period, of 2^doublings steps in each interval that is not constant."""
+        index, edges, lengths = self.part.pattern.rows, self.plan.edges, self.plan.lengths
+        # What rounding leaves between jumps that agree is too short for a proof.
+        kept = np.where(lengths > SHORTEST, lengths, 0.0)[index]
+        fractions, values = [], []
+        for s in np.flatnonzero(kept.max(axis=0) > 0):
+            count = 2**doublings if self.varies[s] else 1
+            nodes, mixture, durations = scheme.nodes, scheme.mixture, scheme.durations
+            if not self.varies[s]:
+                nodes, mixture, durations = np.array([0.5]), np.ones((1, 1)), np.ones(1)
+            offsets = ((np.arange(count)[:, None] + nodes) / count).ravel()
+            f = self.plan.values(edges[:, s, None] + lengths[:, s, None] * offsets)[index]
+            f = f.reshape(len(index), count, len(nodes), f.shape[-1])
+            values.append(np.einsum("ik,rckj->rcij", mixture, f).reshape(len(index), -1, f.shape[-1]))
+            fractions.append(kept[:, s, None] * np.tile(durations / count, count))
+        return self._linked(np.concatenate(fractions, axis=1), np.concatenate(values, axis=1), rounding)
+
+    def _linked(self, fractions: Array, values: Array, rounding: float) -> Chain:
+        """values: ``(r, S, J)``, of all functions in each segment."""
+        rows, n = self.rows, self.part.pattern.size
+        table = np.moveaxis(values, 1, 0).reshape(values.shape[1], -1)
+        _, first, states = np.unique(table, axis=0, return_index=True, return_inverse=True)
+        constant, parts = np.stack([g.constant for g in rows]), np.stack([g.parts for g in rows])
+        matrix = constant[:, None] + np.einsum("rdj,rjab->rdab", values[:, first], parts)
+        mean = constant + np.einsum("rs,rsj,rjab->rab", fractions, values, parts)
+        with np.errstate(invalid="ignore"):
+            frequencies = np.sqrt(-np.einsum("rii->ri", mean[:, n : 2 * n, :n]))
+        rates = -0.5 * np.einsum("rii->ri", mean[:, n:, n:])
+        cycles = self.part.pattern.cycles
+        flow = linked(cycles, fractions, np.ravel(states), Generators(matrix), frequencies, rates)
+        return replace(flow, rounding=rounding)
+
+    def growing(self, flow: Chain) -> Array:
+        """``(r,)``: which coordinate the mean system lets grow by itself, -1 where none does."""
+        mean = np.einsum("rs,rsij->rij", flow.fractions, flow.generator.matrix[:, flow.states])
+        return fastest(Generators(mean[:, None]), self.part.pattern.size)
+
+
+def parts(system: GearSystem) -> Iterator[PeriodicPart]:
+    """All rows of a system, each once."""
+    plan, rows, cycles = schedule(system), generators(system), float(system.common_period()[0])
+    still = free_rotations(system).sum(axis=1)
+    sizes = np.stack([still, [len(row.constant) for row in rows]], axis=1)
+    varies = varying(plan)
+    for members, (rigid, _) in equal_rows(sizes):
+        n, r = system.size - int(rigid), len(members)
+        own = [rows[k] for k in members]
+        none, whole = np.zeros(r), np.zeros((r, n, n))
+        rate, exponents = np.array([g.rate for g in own]), np.stack([g.rigid_exponents for g in own])
+        elastic = Elastic(members, rate, whole, np.zeros((r, 0, n)), None, none, exponents, None)
+        unit, levels = np.ones((r, 1)), np.zeros((r, 1, 0))
+        pattern = Pattern(members, cycles, unit, none, np.zeros(1, dtype=int), levels, elastic, whole[:, None])
+        yield PeriodicPart(Part(pattern, n, np.tile(np.arange(n), (r, 1)), 1), own, plan, varies)
+
+
+def searched(system: GearSystem, limits: Limits) -> Iterator[tuple[PeriodicPart, Chain, SearchResult]]:
+    """Parts of all rows, chains from which their regions may be named, and what is found out about them."""
+    for own in parts(system):
+        if own.varies.any():
+            found = _controlled(own, limits)
+        else:
+            flow = own.flow(CF6_5, 0)
+            found = flow, _search(own, flow, limits)
+        yield own, *found
+
+
+def _search(own: PeriodicPart, flow: Chain, limits: Limits) -> SearchResult:
+    cycles = limits.cycles(own.part.pattern)
+    return search(flow, *cycles, limits.tolerance, limits.floor, limits.budget, None)
+
+
+def _controlled(own: PeriodicPart, limits: Limits) -> tuple[Chain, SearchResult]:
+    """The same where the number of steps has to be found; the edges' brackets contain the error of the steps."""
+    doublings = resolution(own, limits, CF6_5, np.pi * limits.tolerance)
+    for attempt in range(smooth.ATTEMPTS + 1):
+        # A proof allows for what the steps may be wrong by.
+        flow = own.flow(CF6_5, doublings, max(ROUNDING, limits.tolerance))
+        found = _search(own, flow, limits)
+        half = own.flow(CF6_5, doublings - 1)
+
+        def stable(row: Array, cycle: Array, half: Chain = half) -> Array:
+            return kernel.current().moduli(half, row, cycle)[:, 0] <= 0
+
+        error = smooth.edge_errors(found.intervals, stable, limits.tolerance)
+        if np.all(error <= limits.tolerance) or attempt == smooth.ATTEMPTS:
+            break
+        doublings += 1
+    # Names need few digits, and segments that follow each other.
+    rough = own.flow(CF4_2, resolution(own, limits, CF4_2, smooth.ROUGH))
+    return rough, replace(found, intervals=smooth.widened(found.intervals, error))
+
+
+def resolution(own: PeriodicPart, limits: Limits, scheme: Scheme, tolerance: float) -> int:
+    """Doublings of the steps with which the largest moduli are likely to be right to ``tolerance``, relatively."""
+    low, high = limits.cycles(own.part.pattern)
+    cycle = np.geomspace(low, high, smooth.PILOTS, axis=1).ravel()
+    row = np.repeat(np.arange(len(low)), smooth.PILOTS)
+    before = kernel.current().moduli(own.flow(scheme, COARSEST - 1), row, cycle)[:, 0]
+    for doublings in range(COARSEST, FINEST):
+        after = kernel.current().moduli(own.flow(scheme, doublings), row, cycle)[:, 0]
+        if np.all(SAFETY / (2**scheme.order - 1) * np.abs(after - before) < tolerance):
+            return doublings
+        before = after
+    return FINEST
