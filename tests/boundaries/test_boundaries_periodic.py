@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from periodic_terms import CASES, DAMPING, SHAFT, friction, train
 from scipy.optimize import brentq
+from systems import DAMPING, SHAFT, WITH_TERMS, friction, with_terms
 
 from gearstab.floquet import solve
 from gearstab.floquet.boundaries import Boundaries, boundaries
@@ -26,10 +26,10 @@ def inside(found: Boundaries, omega: np.ndarray, row: int = 0) -> np.ndarray:
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[pytest.mark.slow] * name.startswith("smooth")) for name in CASES]
+    "name", [pytest.param(name, marks=[pytest.mark.slow] * name.startswith("smooth")) for name in WITH_TERMS]
 )
 def test_regions_are_where_products_of_exponentials_grow(name: str) -> None:
-    system = CASES[name]
+    system = WITH_TERMS[name]
     found = boundaries(system, START, STOP)
     assert len(found.row) >= 4
     assert found.tolerance.max() < 1e-10
@@ -80,7 +80,7 @@ def test_mesh_damping_that_follows_the_stiffness_against_the_closed_form() -> No
 
 def test_a_mesh_written_as_a_term_has_the_same_edges() -> None:
     """Against the search of symmetric damped systems, in other coordinates and with another mean system."""
-    system = train(DAMPING)
+    system = with_terms(DAMPING)
     mesh = system.meshes[1]
     wave = Scaled(mesh.waveform, mesh.mean_stiffness, 2 * mesh.epsilon)
     term = PeriodicTerm("second", mesh.direction, mesh.direction, wave, None, mesh.frequency_ratio, mesh.lag)
@@ -97,9 +97,9 @@ def stretches(parts: np.ndarray, count: int) -> np.ndarray:
     return parts[k, 0] + rng.uniform(0, 1, count) * np.ptp(parts[k], axis=1)
 
 
-@pytest.mark.parametrize("name", [name for name in CASES if "damping" not in name])
+@pytest.mark.parametrize("name", [name for name in WITH_TERMS if "damping" not in name])
 def test_what_is_proved_stable_is_stable(name: str) -> None:
-    system = CASES[name]
+    system = WITH_TERMS[name]
     smooth = name.startswith("smooth")
     found = boundaries(system, START, 2.0 if smooth else STOP)
     assert found.stable_share(found.proved)[0] > 0.99
@@ -111,7 +111,7 @@ def test_what_is_proved_stable_is_stable(name: str) -> None:
 def test_what_is_not_proved_says_so(damped: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """Where no proof is begun the scan counts; with nothing damped nothing is claimed. Regions are right anyway."""
     monkeypatch.setattr(proof, "HOPELESS", 0.0)
-    system = replace(CASES["gyroscopic"], damping=DAMPING if damped else None)
+    system = replace(WITH_TERMS["gyroscopic"], damping=DAMPING if damped else None)
     found = boundaries(system, 2.5, 3.5)
     proved, counted = (float(found.stable_share(p)[0]) for p in (found.proved, found.counted))
     assert proved == 0
@@ -126,9 +126,9 @@ def test_rows_and_rigid_bodies() -> None:
     terms = [friction(Scaled(Rectangular(1.3), 0.05, s)) for s in sizes]
     batch = friction(Scaled(Rectangular(np.array([1.3, 1.3])), np.array([0.05, 0.05]), sizes))
     for stiffness in (SHAFT, 0 * SHAFT):
-        found = boundaries(train(DAMPING, stiffness, [batch]), START, STOP)
+        found = boundaries(with_terms(DAMPING, stiffness, [batch]), START, STOP)
         for row, term in enumerate(terms):
-            alone = boundaries(train(DAMPING, stiffness, [term]), START, STOP)
+            alone = boundaries(with_terms(DAMPING, stiffness, [term]), START, STOP)
             mine = found.row == row
             np.testing.assert_allclose(found.lower[mine], alone.lower, rtol=3e-10)
             assert [found.labels()[k] for k in np.flatnonzero(mine)] == alone.labels()
@@ -136,7 +136,7 @@ def test_rows_and_rigid_bodies() -> None:
 
 def test_a_term_that_feeds_a_mode() -> None:
     drive = friction(None, Scaled(Rectangular(1.3), -0.5, 0.3), left=(1.0, 0, 0), right=(1.0, 0, 0))
-    found = boundaries(train(DAMPING, terms=[drive]), START, STOP)
+    found = boundaries(with_terms(DAMPING, terms=[drive]), START, STOP)
     assert len(found.row) == 1
     assert found.cut.all()
     assert "self-excited" in found.labels()[0]
@@ -144,5 +144,5 @@ def test_a_term_that_feeds_a_mode() -> None:
 
 def test_slivers_between_jumps_do_not_vary() -> None:
     """Jumps that agree but for rounding: a period of constant pieces needs no steps and no error estimate."""
-    system = train(None, 0 * SHAFT, [friction(Scaled(Rectangular(1.3), 0.05, 0.3))])
+    system = with_terms(None, 0 * SHAFT, [friction(Scaled(Rectangular(1.3), 0.05, 0.3))])
     assert solve(system, np.array([[2.0]])).error_estimate[0, 0] < 1e-14

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from driven import integrated
-from periodic_terms import CASES, DAMPING, G2, MASS, SHAFT, Smooth, friction, train
+from systems import DAMPING, G2, MASS, SHAFT, WITH_TERMS, Smooth, friction, with_terms
 
 from gearstab.cli import group
 from gearstab.floquet import STATUS_FLAGS, solve
@@ -27,7 +27,7 @@ OMEGA = np.linspace(0.35, 7.0, 23)[None]
 @pytest.mark.parametrize("stiffness", [SHAFT, 0 * SHAFT])
 def test_symmetric_systems_agree_with_the_exact_solver(damping, stiffness):
     # With a free train (a rigid-body mode) both leave the rigid motion out; damping on M drives it, on meshes does not.
-    system = train(damping, stiffness)
+    system = with_terms(damping, stiffness)
     ours, exact = analyse(system, OMEGA, exponents=True), solve(system, OMEGA, exponents=True)
     np.testing.assert_array_equal(ours.stable, exact.stable)
     # Products of some 16 exponentials, whose growth per period is right to 1e-14 of the largest multiplier; close
@@ -38,7 +38,7 @@ def test_symmetric_systems_agree_with_the_exact_solver(damping, stiffness):
 
 
 def test_a_mesh_may_be_written_as_a_term():
-    system = train(DAMPING)
+    system = with_terms(DAMPING)
     mesh = system.meshes[1]
     wave = Scaled(mesh.waveform, mesh.mean_stiffness, 2 * mesh.epsilon)
     term = PeriodicTerm("second", G2, G2, wave, None, mesh.frequency_ratio, mesh.lag)
@@ -48,10 +48,10 @@ def test_a_mesh_may_be_written_as_a_term():
     )
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", WITH_TERMS)
 @pytest.mark.parametrize("omega", [0.9, 2.7])
 def test_growth_agrees_with_integration(name, omega):
-    system = CASES[name]
+    system = WITH_TERMS[name]
     found = analyse(system, np.array([[omega]]), exponents=True, tolerance=1e-11)
     period = 2 * np.pi * float(system.common_period()[0]) / omega
     matrix = integrated(system, omega, np.eye(2 * system.size), period)
@@ -61,10 +61,10 @@ def test_growth_agrees_with_integration(name, omega):
     assert not np.any(found.status & STATUS_FLAGS["not_converged"])
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", WITH_TERMS)
 def test_sum_of_the_exponents_is_minus_the_mean_trace_of_the_damping(name):
     # det M = exp(-int tr(M^-1 C) dt), Liouville.
-    system = CASES[name]
+    system = WITH_TERMS[name]
     found = analyse(system, OMEGA, exponents=True)
     trace = 0.0 if system.damping is None else np.trace(np.linalg.solve(system.mass, system.damping))
     x = (np.arange(20000) + 0.5) / 20000
@@ -86,7 +86,7 @@ def test_what_is_constant_between_jumps_is_exact(name):
 
 def test_friction_that_drives_the_rigid_body_does_not_change_the_other_multipliers():
     # A free train: r deflects no mesh, friction acts on it (left has a part along M r) but K r = 0.
-    free = train(None, 0 * SHAFT, [friction(Scaled(Rectangular(1.3), 0.05, 0.3))])
+    free = with_terms(None, 0 * SHAFT, [friction(Scaled(Rectangular(1.3), 0.05, 0.3))])
     found = analyse(free, OMEGA, exponents=True)
     # Elastic coordinates by hand: any basis Z of the complement of r in the sense of M.
     r = np.array([1.0, -1.0, 1.0])
@@ -106,8 +106,8 @@ def test_friction_that_drives_the_rigid_body_does_not_change_the_other_multiplie
 
 def test_rows_of_a_batch_are_solved_as_single_systems_are():
     size = np.array([0.0, 0.2, 0.4])
-    one = [train(DAMPING, terms=[friction(Scaled(Rectangular(1.3), 0.05, s))]) for s in size]
-    every = train(DAMPING, terms=[friction(Scaled(Rectangular(1.3), 0.05, size))])
+    one = [with_terms(DAMPING, terms=[friction(Scaled(Rectangular(1.3), 0.05, s))]) for s in size]
+    every = with_terms(DAMPING, terms=[friction(Scaled(Rectangular(1.3), 0.05, size))])
     together = analyse(every, np.tile(OMEGA, (3, 1)))
     for r, system in enumerate(one):
         # Products of stacks of another shape may be summed in another order.
@@ -117,7 +117,7 @@ def test_rows_of_a_batch_are_solved_as_single_systems_are():
 
 @pytest.mark.parametrize("tolerance", [1e-4, 1e-6, 1e-8, 1e-10])
 def test_estimates_are_honest(tolerance):
-    system = train(DAMPING, terms=[friction(Smooth(0.1, 0.3), Smooth(0.02, 0.01))])
+    system = with_terms(DAMPING, terms=[friction(Smooth(0.1, 0.3), Smooth(0.02, 0.01))])
     omega = np.linspace(0.5, 5.0, 40)[None]
     found = analyse(system, omega, tolerance=tolerance)
     truth = analyse(system, omega, tolerance=1e-13)
@@ -131,11 +131,11 @@ def test_estimates_are_honest(tolerance):
 
 
 def test_long_periods_neither_overflow_nor_underflow():
-    system = train(0.5 * MASS + DAMPING, terms=[friction(Scaled(Rectangular(1.3), 0.05, 0.3))])
+    system = with_terms(0.5 * MASS + DAMPING, terms=[friction(Scaled(Rectangular(1.3), 0.05, 0.3))])
     found = analyse(system, np.array([[1e-4]]))
     assert np.isfinite(found.growth_rate).all()
     assert found.stable[0, 0] == 1
-    driven = train(-0.5 * MASS, terms=[friction(Scaled(Rectangular(1.3), 0.05, 0.3))])
+    driven = with_terms(-0.5 * MASS, terms=[friction(Scaled(Rectangular(1.3), 0.05, 0.3))])
     assert analyse(driven, np.array([[1e-4]])).growth_rate[0, 0] > 0.2
 
 
@@ -151,18 +151,18 @@ def test_exponentials_of_any_size():
 
 
 def test_the_report_says_that_a_system_with_terms_is_solved_as_a_whole():
-    free = train(None, 0 * SHAFT, [friction(Scaled(Rectangular(1.3), 0.05, 0.3))])
+    free = with_terms(None, 0 * SHAFT, [friction(Scaled(Rectangular(1.3), 0.05, 0.3))])
     found = reduction(free)
     assert found.rigid == (1,)
     assert [part.modes for part in found.parts] == [(2, 3)]
     assert found.text() == "1 mode of rigid bodies dropped; one block of 2 modes"
     # A term that the rigid-body motion feels leaves none.
-    felt = train(None, 0 * SHAFT, [friction(Scaled(Rectangular(1.3), 0.05, 0.3), right=[1.0, 0.0, 0.0])])
+    felt = with_terms(None, 0 * SHAFT, [friction(Scaled(Rectangular(1.3), 0.05, 0.3), right=[1.0, 0.0, 0.0])])
     assert reduction(felt).rigid == ()
 
 
 def test_a_restriction_keeps_the_terms():
-    system = train(DAMPING, terms=[friction(Scaled(Rectangular(1.3), 0.05, 0.4), Constant(0.02))])
+    system = with_terms(DAMPING, terms=[friction(Scaled(Rectangular(1.3), 0.05, 0.4), Constant(0.02))])
     basis = modes_basis(system, [1, 2, 3])
     # All modes: another basis of the same space.
     whole, same = (analyse(one, OMEGA).growth_rate for one in (system, restricted(system, basis)))

@@ -11,8 +11,8 @@ import numpy as np
 from gearstab import modal
 from gearstab.floquet.kernel import damped
 from gearstab.floquet.segments.pattern import Pattern, prepare
-from gearstab.system import GearSystem, Mesh
-from gearstab.waveforms import Fourier, Rectangular, Sampled, Trapezoidal, Waveform
+from gearstab.system import GearSystem, Mesh, PeriodicTerm
+from gearstab.waveforms import Constant, Fourier, Rectangular, Sampled, Scaled, Trapezoidal, Waveform
 
 Parameters = dict[str, Any]
 
@@ -300,3 +300,60 @@ HARD_CASES = (
     case("33 coordinates", "large", chain(33, 5), 0.8, 2.2),
     case("33 coordinates, damped", "large damped", chain(33, 5, 0.003), 0.8, 2.2),
 )
+
+
+G1, G2 = np.array([1.0, 1.0, 0.0]), np.array([0.0, 1.0, 1.0])
+MASS = np.diag([1.0, 0.3, 4.0])
+SHAFT = np.diag([0.5, 0.0, 0.0])
+DAMPING = 0.02 * np.eye(3) + 0.01 * np.outer(G1, G1)
+
+
+@dataclass(frozen=True)
+class Smooth:
+    """mean + size sin(2 pi x) exp(cos(2 pi x)/3), all harmonics and no kink."""
+
+    mean: float
+    size: float
+    piecewise_constant = False
+    batch: tuple[int, ...] = ()
+
+    def value(self, x: Any) -> np.ndarray:
+        """The function."""
+        x = 2 * np.pi * np.asarray(x)
+        return self.mean + self.size * np.sin(x) * np.exp(np.cos(x) / 3)
+
+    def breakpoints(self) -> np.ndarray:
+        """It has none."""
+        return np.zeros(0)
+
+
+def with_terms(damping: Any = None, stiffness: Any = SHAFT, terms: Any = ()) -> GearSystem:
+    """The train with further periodic terms."""
+    system = train((0.3, 0.2), (1.5, 1.4), 0.2, "3/5", damping=damping)
+    return replace(system, stiffness=stiffness, terms=tuple(terms))
+
+
+def friction(
+    stiffness: Any, damping: Any = None, left: Any = (0.3, -0.1, 0.2), right: Any = G1, **other: Any
+) -> PeriodicTerm:
+    """A term of the train that is not symmetric."""
+    return PeriodicTerm("friction", np.array(left), np.asarray(right, dtype=float), stiffness, damping, **other)
+
+
+WITH_TERMS = {
+    "piecewise constant friction": with_terms(DAMPING, terms=[friction(Scaled(Rectangular(1.3), 0.05, 0.4))]),
+    "friction of another mesh": with_terms(
+        DAMPING, terms=[friction(Scaled(Rectangular(1.6), 0.1, 0.3), frequency_ratio=Fraction(3, 5), lag=0.1)]
+    ),
+    "damping that follows the stiffness": with_terms(
+        None, terms=[friction(None, Scaled(Rectangular(1.5), 0.05, 0.03), left=G1)]
+    ),
+    "smooth friction": with_terms(DAMPING, terms=[friction(Smooth(0.1, 0.2), Smooth(0.02, 0.01))]),
+    "gyroscopic": with_terms(
+        DAMPING,
+        terms=[
+            friction(None, Constant(0.3), left=[1, 0, 0], right=[0, 0, 1]),
+            friction(None, Constant(-0.3), left=[0, 0, 1], right=[1, 0, 0]),
+        ],
+    ),
+}
