@@ -9,7 +9,6 @@ import pytest
 from scipy.optimize import brentq
 from systems import DAMPING, SHAFT, WITH_TERMS, friction, with_terms
 
-from gearstab.floquet import solve
 from gearstab.floquet.boundaries import Boundaries, boundaries
 from gearstab.floquet.boundaries.damped import proof
 from gearstab.floquet.general import analyse
@@ -140,9 +139,3 @@ def test_a_term_that_feeds_a_mode() -> None:
     assert len(found.row) == 1
     assert found.cut.all()
     assert "self-excited" in found.labels()[0]
-
-
-def test_slivers_between_jumps_do_not_vary() -> None:
-    """Jumps that agree but for rounding: a period of constant pieces needs no steps and no error estimate."""
-    system = with_terms(None, 0 * SHAFT, [friction(Scaled(Rectangular(1.3), 0.05, 0.3))])
-    assert solve(system, np.array([[2.0]])).error_estimate[0, 0] < 1e-14

@@ -24,11 +24,11 @@ from gearstab.floquet.boundaries import smooth
 from gearstab.floquet.boundaries.damped.search import Limits, SearchResult, fastest, search
 from gearstab.floquet.boundaries.parts import Part
 from gearstab.floquet.general.coordinates import Generator, free_rotations, generators
-from gearstab.floquet.general.solve import varying
+from gearstab.floquet.general.solve import SLIVER, varying
 from gearstab.floquet.kernel import choice as kernel
 from gearstab.floquet.kernel.chain import ROUNDING, Chain, linked
 from gearstab.floquet.kernel.damped import Generators
-from gearstab.floquet.segments.pattern import SHORTEST, Pattern
+from gearstab.floquet.segments.pattern import Pattern
 from gearstab.floquet.segments.reduction import Elastic
 from gearstab.floquet.smooth.control import SAFETY
 from gearstab.floquet.smooth.schemes import CF4_2, CF6_5, Scheme
@@ -58,7 +58,7 @@ class PeriodicPart:
         """The chain of a common period, of 2^doublings steps in each interval that is not constant."""
         index, edges, lengths = self.part.pattern.rows, self.plan.edges, self.plan.lengths
         # What rounding leaves between jumps that agree is too short for a proof.
-        kept = np.where(lengths > SHORTEST, lengths, 0.0)[index]
+        kept = np.where(lengths > SLIVER, lengths, 0.0)[index]
         fractions, values = [], []
         for s in np.flatnonzero(kept.max(axis=0) > 0):
             count = 2**doublings if self.varies[s] else 1

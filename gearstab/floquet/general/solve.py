@@ -166,9 +166,6 @@ def _first_levels(rows: list[Generator], plan: Schedule, cycles: float, omega: A
 
 def varying(plan: Schedule) -> Array:
     """``(S,)``: in which intervals anything varies in any row."""
-    if all(source.profile.piecewise_constant for source in plan.found):
-        # Slivers between jumps that agree but for rounding would seem to vary.
-        return np.zeros(plan.lengths.shape[1], dtype=bool)
     start, length = plan.edges[:, :-1], plan.lengths
     # Two jumps at one instant may be apart by a rounding error, with the jump itself in between.
     length = np.where(length > SLIVER, length, 0.0)
