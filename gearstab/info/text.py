@@ -7,6 +7,7 @@ from typing import Any
 
 from gearstab.info import danger, periods, train
 from gearstab.info.tables import table
+from gearstab.info.units import over
 
 FEW_MESHES = 4
 """Up to so many meshes have columns of their own."""
@@ -176,6 +177,11 @@ def _percent(share: float | None) -> str:
 def _tongue_table(facts: dict[str, Any], every: bool) -> str:
     order, second = ("first", False) if facts["order"] == 1 else ("second", True)
     title = f"Instability tongues to {order} order at the base system, harmonics 1 to {facts['harmonics']}"
+    # Over the axis of the sweep and in the unit typed there, as the dangerous speeds above.
+    swept = facts["dangerous"]
+    one = swept["teeth"] if swept["unit"] == facts["unit"] else swept["scale"]
+    if swept["teeth"] != 1:
+        title += f", by {swept['axis']}"
     if not facts["tongues"]:
         return f"{title}: none, there is no elastic mode."
     if len(facts["tongues"]) > MANY_TONGUES and not every:
@@ -183,7 +189,7 @@ def _tongue_table(facts: dict[str, Any], every: bool) -> str:
     rule, whole = facts["existence_rule"], "+".join(mesh["name"] for mesh in facts["meshes"])
     header = ["tongue", "kind", "mesh", *(["T_p", "T_q"] if rule else [])]
     header += [
-        heading("root" if second else "centre", facts["unit"]),
+        heading("root" if second else "centre", swept["unit"]),
         "half-width",
         "lower",
         "upper",
@@ -195,9 +201,9 @@ def _tongue_table(facts: dict[str, Any], every: bool) -> str:
         mesh = "all" if tongue["mesh"] == whole and len(facts["meshes"]) > FEW_MESHES else tongue["mesh"]
         row = [tongue["label"], tongue["kind"], mesh]
         row += [" ".join(map(str, types)) or "-" for types in tongue["types"]] if rule else []
-        row += [_text(tongue["center_frequency"]), _text(tongue["half_width"])]
-        row += [_text(edge) for edge in tongue["boundary_frequency"]]
-        rows.append([*row, *([_text(tongue["boundary_error"][0])] if second else []), _remark(tongue)])
+        numbers = [tongue["center_frequency"], tongue["half_width"], *tongue["boundary_frequency"]]
+        numbers += tongue["boundary_error"][:1] if second else []
+        rows.append([*row, *map(_text, over(numbers, one)), _remark(tongue)])
     text = "\n".join([title, "", table(header, rows)]) + _rule(facts)
     if any(tongue["overlaps"] for tongue in facts["tongues"]):
         text += "\nThe theory treats each tongue by itself: where tongues overlap, their boundaries are rough."

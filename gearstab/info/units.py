@@ -35,14 +35,14 @@ def shown_in(facts: dict[str, Any], text: str) -> dict[str, Any]:
     ends = dangerous["range"] and [end * dangerous["scale"] / again for end in dangerous["range"]]
     return facts | {
         "unit": unit,
-        "modes": [mode | {"natural_frequency": _over(mode["natural_frequency"], one)} for mode in facts["modes"]],
-        "tongues": [t | {key: _over(t[key], one) for key in OF_TONGUES if key in t} for t in facts["tongues"]],
+        "modes": [mode | {"natural_frequency": over(mode["natural_frequency"], one)} for mode in facts["modes"]],
+        "tongues": [t | {key: over(t[key], one) for key in OF_TONGUES if key in t} for t in facts["tongues"]],
         "dangerous": dangerous | {"unit": unit, "scale": again, "range": ends},
     }
 
 
-def _over(value: Any, one: float) -> Any:
-    """A number or a list of them over a unit; texts and None as they are."""
+def over(value: Any, one: float) -> Any:
+    """Return a number or a list of them over a unit; texts and None as they are."""
     if isinstance(value, list):
-        return [_over(item, one) for item in value]
+        return [over(item, one) for item in value]
     return value / one if isinstance(value, float) else value

@@ -179,12 +179,7 @@ class RotatingGearPair(System):
     @classmethod
     def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
         """One way to say when one pair is in contact; two pairs stiffer than one; radii that fit the teeth."""
-        if all(raw.get(key) is None for key in (*DECISIVE, "contact_ratio", "inertias")):
-            remedy = (
-                "kind: gearbox computes inertias and stiffness from teeth, module and face_width; or add inertias, "
-            )
-            remedy += "torsional_stiffness, contact_ratio, torque (module, radii, damping_ratio may be left out)"
-            yield ("teeth",), "needs_other", "numbers of teeth alone make no gear_pair", remedy
+        yield from cls._incomplete(raw)
         if raw.get("damping") is not None:
             yield ("damping",), "not_applicable", "is not defined for a pair given by its gears", "give damping_ratio"
         if raw.get("allow_negative_stiffness"):
@@ -206,6 +201,25 @@ class RotatingGearPair(System):
         if r1 and r2 and n1 and n2 and not isclose(r1 * n2, r2 * n1, rel_tol=1e-6):
             hint = f"make r1/r2 = N1/N2 = {n1:g}/{n2:g}"
             yield ("radii",), "inconsistent", "are not in the ratio of the numbers of teeth", hint
+
+    @classmethod
+    def _incomplete(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
+        """What must be given and what may be left out, where numbers of teeth stand there and something is missing."""
+        needed = ("inertias", "torsional_stiffness", "torque")
+        missing = [key for key in needed if raw.get(key) is None]
+        if raw.get("contact_ratio") is None and raw.get("single_contact_angle") is None:
+            missing.append("contact_ratio")
+        if not missing or raw.get("teeth") is None or raw.get("formulation", CLASSICAL) != CLASSICAL:
+            return
+        yield (
+            ("teeth",),
+            "needs_other",
+            f"describe two gears, of which {', '.join(missing)} {'is' if len(missing) == 1 else 'are'} missing",
+            "give teeth, inertias, torsional_stiffness, contact_ratio (or single_contact_angle) and torque; module, "
+            "radii and damping_ratio may be left out. Or give equivalent_mass and meshes: beside these teeth may be "
+            "left out, too, and serve input_speed alone. Or set kind: gearbox, which computes inertias and stiffness "
+            "from teeth, module and face_width",
+        )
 
     @classmethod
     def cycles_of_input(cls, raw: dict[str, Any]) -> float | None:

@@ -275,3 +275,17 @@ def test_a_long_list_of_tongues_is_printed_on_request(root: Path) -> None:
     assert "listed with --all or --json" in short
     assert "w5+w6" not in short
     assert "w5+w6" in long
+
+
+def test_the_tongue_table_is_in_the_unit_of_the_sweep(root: Path) -> None:
+    """Both tables name the same input speeds in rpm, whether rpm were typed or asked for; JSON keeps rad/s."""
+    config = root / "configs" / "reducer.yaml"
+    undamped = ("--set", "system.damping_ratio=0")
+    tongue = next(t for t in facts(config, *undamped)["tongues"] if t["half_width"] > 0)
+    listed = f"{tongue['center_frequency'] / (20 * np.pi / 30):.6g}"
+    for more in ((), ("--unit", "rpm")):
+        text = info(config, *undamped, "--all", *more).stdout
+        title, _, *rows = text[text.index("Instability tongues") :].splitlines()
+        assert title.endswith("by input speed")
+        assert "centre (rpm)" in rows[0]
+        assert any(row.startswith(tongue["label"]) and f" {listed} " in row for row in rows)
