@@ -96,7 +96,8 @@ def test_a_response_at_an_input_speed_is_that_at_its_mesh_frequency(tmp_path: Pa
         (PLANETARY + "  input: ring\n" + SWEEP, "system.input", "is fixed"),
         (PLANETARY + "  fixed: sun\n" + SWEEP, "system.fixed", "is fixed"),
         (PAIR.replace("teeth:", "module: 2 mm, teeth:") + SWEEP, "system.module", "unknown key"),
-        ("system: {kind: gear_pair, teeth: [20, 63], module: 2 mm}\n" + SWEEP, "system.teeth", "inertias, torsional_stiffness, torque, contact_ratio are missing"),
+        ("system: {kind: gear_pair, teeth: [20, 63], module: 2 mm}\n" + SWEEP, "system.teeth",
+         "inertias, torsional_stiffness, torque, contact_ratio are missing"),
     ],
 )  # fmt: skip
 def test_mistakes(tmp_path: Path, text: str, path: str, message: str) -> None:

@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.text import Text
+from matplotlib.ticker import FixedLocator, MaxNLocator
 from matplotlib.transforms import (
     Affine2D,
     Bbox,
@@ -221,4 +222,23 @@ def freeze(figure: Figure, request: Request) -> None:
     for _ in range(2):  # what the first run makes room for moves labels that the second sees
         figure.draw_without_rendering()
     if request.ax is None:
+        _run_with_fixed_ticks(figure)
         figure.set_layout_engine("none")
+
+
+def _run_with_fixed_ticks(figure: Figure) -> None:
+    """Run the layout once more without a choice of ticks: a frame that changes its ticks with its size never settles.
+
+    Ticks are chosen freely again afterwards, in a window that is zoomed for example.
+    """
+    free = [
+        (axis, axis.get_major_locator())
+        for ax in figure.axes
+        for axis in (ax.xaxis, ax.yaxis)
+        if isinstance(axis.get_major_locator(), MaxNLocator)
+    ]
+    for axis, locator in free:
+        axis.set_major_locator(FixedLocator(list(locator())))
+    figure.draw_without_rendering()
+    for axis, locator in free:
+        axis.set_major_locator(locator)
