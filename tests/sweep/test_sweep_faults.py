@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -292,6 +293,25 @@ def test_a_disk_that_fills_up_during_the_sweep(scene: Scene, monkeypatch: pytest
     scene.run()
     assert scene.log() == ["4", "5", "6", "7", "8"]
     scene.check()
+
+
+def test_a_folder_that_vanishes_during_the_sweep(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    write, out = PartFolder.write, scene.folder / "deep" / "out.h5"
+
+    def gone(self: PartFolder, part: object) -> object:
+        if len(list(out.parent.rglob("*.part"))) == 3:
+            shutil.rmtree(out.parent)
+        return write(self, part)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(PartFolder, "write", gone)
+    with pytest.raises(SweepError, match="no such file or directory") as raised:
+        run(faulty(scene.config), out)
+    assert "\n" not in str(raised.value)
+    monkeypatch.undo()
+    monkeypatch.setenv(FOLDER, str(scene.folder))
+    run(faulty(scene.config), out)
+    with open_result(out) as found:
+        np.testing.assert_array_equal(found["floquet"]["growth_rate"], [value(k) for k in range(1, 9)])
 
 
 @pytest.mark.parametrize("large", [False, True])
