@@ -177,11 +177,10 @@ def legend_of(tree: xr.DataTree, artists: Mapping[str, Any], colour: str = LINE)
     """Legend entries of the sorts of lines that were drawn; none where all are exact."""
     lines = {group: artists.get(group) for group in THEORIES}
     drawn = [theory(tree, group) for group, found in lines.items() if found is not None and found.get_segments()]
-    if drawn and artists.get("neutral") is not None:
-        # Exact boundaries run beside this contour where the cells are coarse.
-        drawn.insert(drawn[0] == "boundaries", "neutral")
     if drawn in ([], ["boundaries"]):
         return []
+    if artists.get("neutral") is not None:
+        drawn = ["neutral", *drawn]
     looks = [LOOKS[key] for key in drawn]
     return [Line2D([], [], color=colour, linewidth=0.75, linestyle=dash, label=words) for dash, words in looks]
 

@@ -77,7 +77,7 @@ def draw_map(
 
     Returns the artists, None where there is no such thing: ``cells`` (values of unstable points; stable ones masked),
     ``failed`` (hatched) and the ``reason``, ``note`` (if all is stable), ``neutral`` (the line growth_rate = 0 of a
-    damped system), ``perturbation``, ``boundaries`` and ``thin`` (lines, see
+    damped system without exact boundaries), ``perturbation``, ``boundaries`` and ``thin`` (lines, see
     ``tongues.draw_theories``), ``doubtful`` (hatchings by their words, see :mod:`gearstab.plots.maps.doubt`),
     ``proved`` (a tint of what is proved stable).
     """
@@ -87,7 +87,7 @@ def draw_map(
         "cells": grid.draw_cells(ax, view.x, view.y, values, cmap, norm or own),
         "failed": grid.draw_failed(ax, view.x, view.y, failed),
         "reason": doubt.reason(find_variable(tree, variable)[0], view, failed),
-        "neutral": draw_neutral(tree, ax, view) if variable == GROWTH_RATE else None,
+        "neutral": None,
         "note": None,
     }
     if variable == GROWTH_RATE and np.ma.getmaskarray(values).all() and not failed.any():
@@ -99,6 +99,9 @@ def draw_map(
     grid.frame(ax, view.x, view.y)
     overlaid = variable in (GROWTH_RATE, STABLE) or "mesh" in find_variable(tree, variable)[1].dims
     artists |= tongues.draw_theories(tree, ax, view, ("boundaries", "perturbation") if overlaid else ())
+    # Between the cells this contour is a guess, which exact boundaries leave no room for.
+    if variable == GROWTH_RATE and artists["boundaries"] is None:
+        artists["neutral"] = draw_neutral(tree, ax, view)
     return artists | {"proved": proved.draw_over(tree, ax, view) if overlaid else None}
 
 
