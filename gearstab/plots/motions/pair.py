@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from gearstab.errors import PlotError
@@ -23,6 +24,8 @@ Artists = dict[str, Any]
 
 CYCLES = 6
 """Mesh cycles of which the deflection is drawn, the last ones: of a hundred nothing could be seen."""
+PIECE = 5000
+"""Samples of a line drawn at once. Matplotlib splits longer ones itself and leaves a gap of two samples between."""
 REACH = 8.0
 """End of the frequency axis, over w_d, as in Fig. 4."""
 
@@ -66,7 +69,11 @@ def draw_deflection(ax: Axes, data: xr.Dataset) -> Artists:
 def draw_energy(ax: Axes, data: xr.Dataset) -> Any:
     """U over the whole time, its own range of values (it may fall by little)."""
     time, energy = data["time"].values, data["energy"].values
-    (line,) = ax.plot(time, energy, color=CASES[2], linewidth=0.6, rasterized=time.size > LONG)
+    points = np.column_stack([time, energy])
+    pieces = [points[k : k + PIECE + 1] for k in range(0, max(time.size - 1, 1), PIECE)]
+    line = LineCollection(pieces, colors=CASES[2], linewidths=0.6, rasterized=time.size > LONG)
+    ax.add_collection(line)
+    ax.autoscale_view()
     # Rounding of a constant is no change.
     if np.ptp(energy) < 1e-9 * np.abs(energy).max():
         middle = energy.mean()
