@@ -105,6 +105,13 @@ def test_a_class_name_has_one_meaning() -> None:
     assert {name: places for name, places in found.items() if len(places) > 1} == {}
 
 
+def test_a_file_of_tests_has_one_name() -> None:
+    # pytest imports files of folders that are no packages by their bare names.
+    names = [file.name for file in sorted((ROOT / "tests").rglob("*.py")) if file.name != "__init__.py"]
+    assert len(names) > 150
+    assert {name for name in names if names.count(name) > 1} == set()
+
+
 def test_no_circle() -> None:
     assert len(package()) > 300
     assert circle(package()) == []

@@ -43,7 +43,6 @@ def test_blocks_change_nothing(tmp_path, monkeypatch):
     assert whole["growth_by_tongue"].dims == ("tongue", "damping_ratio", "meshes.second.phasing", "rate")
     assert whole["slowest_rate"].dims == ("damping_ratio", "meshes.second.phasing")
     assert list(whole["rate"]) == [0.03, 1.0, -0.1]
-    monkeypatch.setattr(planning, "LEAST", 1)
     monkeypatch.setattr(planning, "MOST", 1)
     monkeypatch.setattr(import_module("gearstab.methods.base").Method, "fewest", 1)
     planned = plan(read(tmp_path, TRAIN + GRID))

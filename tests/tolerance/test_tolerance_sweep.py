@@ -111,7 +111,6 @@ def test_blocks_and_processes_change_nothing(tmp_path, monkeypatch):
     planning, tolerance = (import_module(f"gearstab.{name}") for name in ("sweep.plan", "methods.tolerance"))
     whole = result_of(tmp_path, MAP, "tolerance")
     assert set(whole["probability"].dims) == {"epsilon", "mesh_frequency", "case"}
-    monkeypatch.setattr(planning, "LEAST", 500)
     monkeypatch.setattr(planning, "MOST", 500)
     monkeypatch.setattr(planning, "LONGEST", 500)
     monkeypatch.setattr(tolerance, "ROW", 7)
