@@ -7,15 +7,15 @@ from typing import Any
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from gearstab.errors import PlotError
 from gearstab.plots.axes import group_of
 from gearstab.plots.drawing.heading import write_title
+from gearstab.plots.drawing.long_line import draw_long_line
 from gearstab.plots.drawing.style import CASES, SHADE, new_figure
 from gearstab.plots.kinds import Contents, Kind
-from gearstab.plots.motions.response import LONG, refuse_a_moment
+from gearstab.plots.motions.response import refuse_a_moment
 from gearstab.plots.motions.spectrum import FLOOR, largest
 from gearstab.plots.view import Request
 
@@ -24,8 +24,6 @@ Artists = dict[str, Any]
 
 CYCLES = 6
 """Mesh cycles of which the deflection is drawn, the last ones: of a hundred nothing could be seen."""
-PIECE = 5000
-"""Samples of a line drawn at once. Matplotlib splits longer ones itself and leaves a gap of two samples between."""
 REACH = 8.0
 """End of the frequency axis, over w_d, as in Fig. 4."""
 
@@ -53,7 +51,7 @@ def draw_deflection(ax: Axes, data: xr.Dataset) -> Artists:
     """phi over the last cycles; times with two pairs in contact are shaded."""
     part = last_cycles(data)
     time, phi = data["time"].values[part], data["phi"].values[part]
-    (line,) = ax.plot(time, phi, color=CASES[0], linewidth=0.6)
+    line = draw_long_line(ax, time, phi, CASES[0])
     stiffness = data["mesh_stiffness"].values[part, 0]
     bands = ax.fill_between(
         time, 0, 1, where=(stiffness > stiffness.min()).tolist(), transform=ax.get_xaxis_transform(), color=SHADE,
@@ -69,11 +67,7 @@ def draw_deflection(ax: Axes, data: xr.Dataset) -> Artists:
 def draw_energy(ax: Axes, data: xr.Dataset) -> Any:
     """U over the whole time, its own range of values (it may fall by little)."""
     time, energy = data["time"].values, data["energy"].values
-    points = np.column_stack([time, energy])
-    pieces = [points[k : k + PIECE + 1] for k in range(0, max(time.size - 1, 1), PIECE)]
-    line = LineCollection(pieces, colors=CASES[2], linewidths=0.6, rasterized=time.size > LONG)
-    ax.add_collection(line)
-    ax.autoscale_view()
+    line = draw_long_line(ax, time, energy, CASES[2])
     # Rounding of a constant is no change.
     if np.ptp(energy) < 1e-9 * np.abs(energy).max():
         middle = energy.mean()
@@ -90,9 +84,7 @@ def draw_density(ax: Axes, data: xr.Dataset) -> Any:
     x, values = data["normalised_frequency"].values, data["power_spectral_density"].values
     top = largest(values[x > 0])
     ax.set_yscale("log")
-    (line,) = ax.plot(
-        x, np.maximum(values, 0.01 * FLOOR * top), color=CASES[1], linewidth=0.6, rasterized=x.size > LONG
-    )
+    line = draw_long_line(ax, x, np.maximum(values, 0.01 * FLOOR * top), CASES[1])
     ax.set_xlim(0.0, min(REACH, float(x[-1])))
     ax.set_ylim(FLOOR * 0.01 * top, 3 * top)
     ax.set_xlabel(r"frequency over $\omega_d$")

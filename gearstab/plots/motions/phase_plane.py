@@ -12,10 +12,11 @@ from matplotlib.figure import Figure
 from gearstab.errors import PlotError, listed
 from gearstab.plots.axes import group_of, units_of
 from gearstab.plots.drawing.heading import write_title
+from gearstab.plots.drawing.long_line import draw_long_line
 from gearstab.plots.drawing.style import CASES, SHADE, new_figure
 from gearstab.plots.drawing.text import bracketed, fitted, plain
 from gearstab.plots.kinds import Kind
-from gearstab.plots.motions.response import LONG, refuse_a_moment
+from gearstab.plots.motions.response import refuse_a_moment
 from gearstab.plots.view import Request
 
 Array = np.ndarray
@@ -61,7 +62,7 @@ def draw_history(ax: Axes, data: xr.Dataset, mesh: str) -> Any:
     part = time >= time[-1] - shown * (1 + 1e-9)
     one = data.sel(mesh=mesh)
     bands = ax.axhspan(*one["play"].values, color=SHADE, linewidth=0, zorder=0.4)
-    (line,) = ax.plot(time[part], one["mesh_deflection"].values[part], color=CASES[0], linewidth=0.6)
+    line = draw_long_line(ax, time[part], one["mesh_deflection"].values[part], CASES[0])
     ax.set_xlim(time[part][0], time[-1])
     keep_to(ax.set_ylim, one["mesh_deflection"].values[part])
     ax.set_xlabel("time $t$ (s)")
@@ -74,7 +75,7 @@ def draw_plane(ax: Axes, data: xr.Dataset, mesh: str) -> Any:
     one, part = data.sel(mesh=mesh), settled(data)
     x, v = one["mesh_deflection"].values[part], one["mesh_velocity"].values[part]
     ax.axvspan(*one["play"].values, color=SHADE, linewidth=0, zorder=0.4)
-    (line,) = ax.plot(x, v, color=CASES[0], linewidth=0.5, rasterized=x.size > LONG)
+    line = draw_long_line(ax, x, v, CASES[0], 0.5)
     turns = data["time"].values[part] / float(data.attrs["common_period"])
     at = np.abs(turns - np.round(turns)) < 1e-6
     (dots,) = ax.plot(x[at], v[at], linestyle="none", marker="o", markersize=2.4, color=CASES[1], zorder=3)

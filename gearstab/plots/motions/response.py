@@ -15,6 +15,7 @@ from matplotlib.ticker import NullLocator
 from gearstab.errors import PlotError, listed
 from gearstab.plots.axes import units_of
 from gearstab.plots.drawing.heading import write_title
+from gearstab.plots.drawing.long_line import draw_long_line
 from gearstab.plots.drawing.style import CASES, WIDTHS, new_figure
 from gearstab.plots.drawing.text import bracketed, fitted, plain
 from gearstab.plots.kinds import Kind
@@ -39,9 +40,6 @@ SOLID = 160
 """A history that swings more often than this across a column would be a solid block: its envelopes are drawn."""
 BINS = 100
 """Stretches of time at most over which an envelope is taken, of two cycles or more."""
-
-LONG = 20_000
-"""Histories with more samples are stored as pixels inside a PDF or SVG file: as lines they would take megabytes."""
 
 
 def read_response(tree: xr.DataTree) -> xr.Dataset:
@@ -166,7 +164,7 @@ def draw_line(ax: Axes, time: Array, values: Array, colour: str) -> Any:
     figure = ax.get_figure(root=True)
     assert figure is not None
     if turns < SOLID * figure.get_figwidth() / WIDTHS["single"]:
-        return ax.plot(time, values, color=colour, linewidth=0.6, rasterized=time.size > LONG)[0]
+        return draw_long_line(ax, time, values, colour)
     starts = np.unique(np.linspace(0, values.size, min(BINS, turns // 4), endpoint=False).astype(int))
     low, high = np.minimum.reduceat(values, starts), np.maximum.reduceat(values, starts)
     middle = time[np.minimum(starts + (starts[1] - starts[0]) // 2, time.size - 1)]

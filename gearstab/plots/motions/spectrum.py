@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from gearstab.errors import PlotError, listed
 from gearstab.plots.axes import group_of, units_of
 from gearstab.plots.drawing.heading import write_title
+from gearstab.plots.drawing.long_line import draw_long_line
 from gearstab.plots.drawing.style import CASES, new_figure
 from gearstab.plots.drawing.text import bracketed
 from gearstab.plots.kinds import Kind
@@ -60,7 +61,7 @@ def draw_spectrum(ax: Axes, x: Array, values: Array, harmonics: bool) -> Any:
     ax.set_yscale("log")
     ax.set_ylim(floor, 3 * largest(values[x > 0]))
     if not harmonics:
-        return ax.plot(x, np.maximum(values, 0.1 * floor), color=CASES[0], linewidth=0.6)[0]
+        return draw_long_line(ax, x, np.maximum(values, 0.1 * floor), CASES[0])
     shown = (values > floor) & (x > 0)
     ax.vlines(x[shown], floor, values[shown], color=CASES[0], linewidth=0.7)
     return ax.plot(x[shown], values[shown], color=CASES[0], linestyle="", marker="o", markersize=2.2)[0]
