@@ -65,7 +65,10 @@ class GearPair(System):
     equivalent_mass: Mass = Field(
         title="equivalent mass", description="m = 1/(r1^2/J1 + r2^2/J2), along the line of action (kg)."
     )
-    meshes: tuple[NamedToothMesh] = Field(title="meshes", description="Exactly one tooth mesh.")
+    meshes: tuple[NamedToothMesh] = Field(
+        title="meshes",
+        description="Exactly one tooth mesh, such as [{mean_stiffness: 2e8, epsilon: 0.2, contact_ratio: 1.6}].",
+    )
     load: LoadOfOne | None = Field(
         default=None, title="load", description="The static force along the line of action (N)."
     )

@@ -162,6 +162,8 @@ def _of_meshes(name: str, short: ShortName, model: type[System], raw: dict[str, 
         found.append(Target((("meshes", i, name),), field_types(kind)[name], field.title, _default(field, name)))
     if found:
         return found
+    if "meshes" in model.model_fields and not raw.get("meshes"):
+        raise TargetError("the system has no meshes", "add system.meshes")
     remedy = f"the meshes give {short.rival}: use that, or give them {name}" if short.rival else short.hint
     raise TargetError(f"no mesh{' but the first' if short.but_first else ''} has {name}", remedy)
 
