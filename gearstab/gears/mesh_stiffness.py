@@ -172,7 +172,7 @@ def _single(pair: Pair, s: Array, model: StiffnessModel) -> Array:
     measured = model.single_pair_stiffness
     if pair.wheel.internal:
         if measured is None:
-            raise NotPossible("the teeth of an internal gear are not computed: give single_pair_stiffness")
+            raise NotPossible("the teeth of an internal gear are not computed", "give single_pair_stiffness")
         return np.full(s.shape, measured)
     k = pair_stiffness(pair, s, model.foundation)
     return k if measured is None else k * (measured / pair_stiffness(pair, pair.pitch_point, model.foundation))

@@ -12,7 +12,7 @@ from gearstab.config.document.problems import Path, nearest
 from gearstab.config.document.yaml import Document
 from gearstab.config.model.conflicts import right_name
 from gearstab.config.model.fields import Section
-from gearstab.config.model.introspection import bare, number_kind, type_at
+from gearstab.config.model.introspection import bare, field_types, is_model, number_kind, type_at
 
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -121,4 +121,7 @@ def _wrong_count(document: Document, path: Path, annotation: Any) -> None:
 def _right_key(key: str, model: type[BaseModel]) -> str:
     if issubclass(model, Section) and key in model.misplaced:
         return model.misplaced[key]
+    sections = [name for name, kind in field_types(model).items() if is_model(kind) and key in kind.model_fields]
+    if len(sections) == 1:
+        return f"it belongs in {sections[0]}: {{{key}: ..}}"
     return nearest(key, model.model_fields)

@@ -26,6 +26,9 @@ if TYPE_CHECKING:
 MEASURED = {"single_pair_stiffness": "N/m", "double_contact_factor": "1", "variation": "1"}
 """Keys of a mesh that say how its teeth are to be taken, and their units."""
 NEEDED = ("module", "pressure_angle", "face_width")
+STAND_INS = {"mean_stiffness": 1.0, "epsilon": 0.0, "contact_ratio": 1.5}
+"""Numbers of a mesh in a configuration whose teeth are refused, lest it be said to lack them, too."""
+RIVALS = {"mean_stiffness": "max_stiffness", "epsilon": "amplitude"}
 
 
 def fill(document: Document, raw: dict[str, Any]) -> None:
@@ -68,6 +71,22 @@ def fill(document: Document, raw: dict[str, Any]) -> None:
             _fill(document, raw, {body: shared | {"teeth": counts[body]} for body in ("sun", "planet", "ring")})
         except NotPossible as error:
             document.report(("system", "gears"), "impossible", error.message, error.remedy or "change the teeth")
+            whole = False
+    if not (whole and set(NEEDED) <= set(shared)):
+        _stand_in(document, raw)
+
+
+def _stand_in(document: Document, raw: dict[str, Any]) -> None:
+    """Fill in what the teeth would have given, had they not been refused."""
+    bodies = dict.fromkeys(("sun", "planet", "ring"), 1.0)
+    _put(document, ("masses",), bodies)
+    _put(document, ("inertias",), bodies)
+    _put(document, ("pressure_angles",), dict.fromkeys(("sun", "ring"), 0.3))
+    for name, mesh in mapping(raw.get("meshes")).items():
+        if name in ("sun", "ring") and isinstance(mesh, dict):
+            for key in MEASURED:
+                mesh.pop(key, None)
+            _put(document, ("meshes", name), {key: STAND_INS[key] for key in _lacking(mesh)})
 
 
 def _fill(document: Document, raw: dict[str, Any], gears: Mapping[str, dict[str, Any]]) -> None:
@@ -110,6 +129,7 @@ def _measured(document: Document, name: str, section: dict[str, Any]) -> dict[st
             context = error.context or {}
             path = ("system", "meshes", name, key)
             document.report(path, code_of(error.type), str(context["message"]), str(context["hint"]), value=value)
+            found[key] = 1.0
     return found
 
 
@@ -118,13 +138,15 @@ def _fill_mesh(document: Document, name: str, section: dict[str, Any], mesh: Mes
     try:
         filled = mesh.filled()
     except NotPossible as error:
-        remedy = (
-            "give it, or mean_stiffness and epsilon" if name == "ring" else "change the teeth, or give the stiffness"
-        )
+        remedy = f"{error.remedy or 'change the teeth'}, or mean_stiffness and epsilon"
         document.report(("system", "meshes", name), "impossible", error.message, remedy)
-        return
-    wanted = ("mean_stiffness", "epsilon", "contact_ratio")
-    _put(document, ("meshes", name), {k: float(filled[k]) for k in wanted if k in filled and section.get(k) is None})
+        filled = STAND_INS
+    _put(document, ("meshes", name), {key: float(filled[key]) for key in _lacking(section) if key in filled})
+
+
+def _lacking(section: dict[str, Any]) -> list[str]:
+    """What a mesh needs of its teeth."""
+    return [key for key in STAND_INS if section.get(key) is None and section.get(RIVALS.get(key, key)) is None]
 
 
 def _put(document: Document, path: tuple[str, ...], values: Mapping[str, float]) -> None:

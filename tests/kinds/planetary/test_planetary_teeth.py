@@ -97,23 +97,32 @@ def test_the_resolved_configuration_holds_numbers(gear: Config, tmp_path: Path) 
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "path", "message"),
+    ("old", "new", "path", "code"),
     [
-        (TEETH, "  phases: {sun: [0, 0, 0, 0]}\n", "system.gears", "numbers of teeth"),
-        ("module: 2 mm, ", "", "system.gears.module", "is missing"),
-        ("module: 2 mm", "module: 2 kg", "system.gears.module", "dimension"),
-        ("inertias: {carrier: 1.2}", "inertias: {}", "system.inertias.carrier", "is missing"),
-        ("{single_pair_stiffness: 3.0e8}", "{}", "system.meshes.ring", "give single_pair_stiffness"),
-        ("stiffness: 3.0e8", "stiffness: 3 m", "system.meshes.ring.single_pair_stiffness", "dimension"),
-        (GEARS, "", "system.masses.ring", "is missing"),
-        ("sun: 28, planet: 20", "sun: 4, planet: 32", "system.meshes.sun", "contact breaks off"),
+        (TEETH, "  phases: {sun: [0, 0, 0, 0]}\n", "system.gears", "needs_other"),
+        ("module: 2 mm, ", "", "system.gears.module", "missing"),
+        ("module: 2 mm", "module: 2 kg", "system.gears.module", "wrong_dimension"),
+        ("pressure_angle: 20 deg", "pressure_angle: 20", "system.gears.pressure_angle", "out_of_range"),
+        ("inertias: {carrier: 1.2}", "inertias: {}", "system.inertias.carrier", "missing"),
+        ("{single_pair_stiffness: 3.0e8}", "{}", "system.meshes.ring", "impossible"),
+        ("{single_pair_stiffness: 3.0e8}", "{amplitude: 1.0e8}", "system.meshes.ring", "impossible"),
+        ("stiffness: 3.0e8", "stiffness: 3 m", "system.meshes.ring.single_pair_stiffness", "wrong_dimension"),
+        ("sun: 28, planet: 20", "sun: 4, planet: 32", "system.meshes.sun", "impossible"),
     ],
-    ids=range(8),
+    ids=range(9),
 )  # fmt: skip
-def test_mistakes(tmp_path: Path, old: str, new: str, path: str, message: str) -> None:
+def test_a_mistake_in_the_teeth_is_one_line(tmp_path: Path, old: str, new: str, path: str, code: str) -> None:
     assert old in TEXT
-    found = problems(tmp_path, TEXT.replace(old, new))
-    assert any(problem.path == path and message in problem.message for problem in found), found
+    assert [(p.path, p.code) for p in problems(tmp_path, TEXT.replace(old, new))] == [(path, code)]
+
+
+def test_without_gears_their_numbers_are_missing(tmp_path: Path) -> None:
+    assert "system.masses.ring" in [p.path for p in problems(tmp_path, TEXT.replace(GEARS, ""))]
+
+
+def test_numbers_of_gears_beside_them_are_told_their_place(tmp_path: Path) -> None:
+    found = problems(tmp_path, TEXT.replace(GEARS, GEARS + "  module: 2 mm\n"))
+    assert [(p.path, p.code, "gears" in p.hint) for p in found] == [("system.module", "unknown_key", True)]
 
 
 @pytest.mark.parametrize("meshes", ["", "  meshes:\n", "  meshes: 3\n", "  meshes: [{}]\n"], ids=range(4))
