@@ -27,11 +27,14 @@ if TYPE_CHECKING:
     from gearstab.config.model.axes import Axis
     from gearstab.linear.path import Path
 
-SEGMENT = 3e-6
-"""Seconds of a segment of a ramp, of three coordinates."""
+SEGMENT, RAMP, POWER = 2.5e-6, 0.03, 2.4
+"""Seconds of a segment, and of a ramp besides, of three coordinates; they grow with that power of their number."""
 
-SEARCHED = 6
-"""Ramps, as slow as the first one or so, that the search for the slowest rate follows."""
+RAMP_COST = 1e6
+"""The latter in steps of the kernel."""
+
+SEARCHED, FOLLOWED = 2, 4
+"""Ramps as slow as the first one, and faster ones, that the search for the slowest rate follows, about."""
 
 Rate = Annotated[float, Quantity("rad/s^2")]
 
@@ -226,15 +229,17 @@ class Passage(Method):
 
         low, high = (float(end) for end in mesh_frequency)
         paths = self.paths(low, high)
-        counts = [motion(self.system).segments(path) for path in paths]
-        each = SEGMENT * max(1.0, self.system.size / 3) ** 2
+        one = motion(self.system)
+        counts = [one.segments(path) for path in paths]
+        size = (one.basis.size / 6) ** POWER
         ends = [end for path in paths for end in path.range]
-        searched = SEARCHED * counts[0] if self.options.rate is not None and counts[0] <= MOST_SEARCHED else 0.0
-        followed = searched + sum(count for count in counts if count <= MOST)
-        return _Effort(effort(self.system, min(ends), max(ends)), each * followed)
+        followed = [count for count in counts if count <= MOST]
+        if self.options.rate is not None and counts[0] <= MOST_SEARCHED:
+            followed += [counts[0]] * SEARCHED + [0.0] * FOLLOWED
+        ramps = size * (SEGMENT * sum(followed) + RAMP * len(followed))
+        return _Effort(effort(self.system, min(ends), max(ends)), ramps)
 
     def cost(self) -> float:
-        """The ramps of a row, roughly."""
-        return 4000 * max(1.0, 2 * sum(self.system.common_period()[1]) * self.system.size**3 / 108) + 1e4 * len(
-            self.rates
-        )
+        """The search for the regions of a row, and its ramps without their segments."""
+        search = 4000 * max(1.0, 2 * sum(self.system.common_period()[1]) * self.system.size**3 / 108)
+        return search + (len(self.rates) + SEARCHED + FOLLOWED) * RAMP_COST * max(1.0, self.system.size / 3) ** POWER

@@ -8,14 +8,16 @@ constant matrix, or Magnus steps of sixth order where a wave is smooth.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from math import ceil
 
 import numpy as np
 
 from gearstab.linear import magnus
+from gearstab.linear.eigen import Eigen, diagonalised
 from gearstab.linear.first_order import Basis, bases
 from gearstab.linear.path import Path
 from gearstab.linear.schedule import Schedule, schedule
@@ -23,16 +25,14 @@ from gearstab.system import Array, GearSystem
 
 MOST = 4_000_000
 """Segments of a ramp that are followed."""
-AT_ONCE = 1 << 15
-"""Segments that are treated together."""
+ENTRIES = 1 << 20
+"""Of the matrices of segments that are treated together."""
 MOMENTS = 256
 """Between which growth is looked for first, about."""
 FINE = 64
 """Moments from each of these to the next that are looked at around the best ones."""
 REACH = 0.25
 """Magnus steps are as short as that over the largest rate of change of the state: their error is some 1e-9 then."""
-ILL_CONDITIONED = 1e4
-"""Condition number of eigenvectors beyond which the exponential of the whole matrix is taken."""
 
 
 @dataclass(frozen=True)
@@ -54,6 +54,29 @@ class Chunk:
     def norm(self) -> float:
         """ln |Phi|, the e-folds of the motion that grows most."""
         return self.scale + float(np.log(np.linalg.norm(self.matrix, 2)))
+
+
+@dataclass(frozen=True)
+class States:
+    """Generators ``(r, m, m)`` that occur again and again, which of them each interval has, and their eigenvectors."""
+
+    of: Array
+    generators: Array
+    eigen: Eigen | None
+
+    def exponentials(self, state: int, durations: Array) -> Array:
+        """Return exp(A t) ``(S, m, m)`` of one generator for many t.
+
+        Of two conjugate eigenvalues one is enough: 2 Re(v exp(l t) w) = 2 [Re v e, -Im v e] [Re w; Im w].
+        """
+        if self.eigen is None:
+            return magnus.expm(self.generators[state] * durations[:, None, None])
+        values, vectors, inverse = (part[state] for part in (self.eigen.values, self.eigen.vectors, self.eigen.inverse))
+        own = values.imag >= 0
+        right = inverse[own] * np.where(values.imag[own] > 0, 2.0, 1.0)[:, None]
+        left = vectors[:, own] * np.exp(durations[:, None] * values[own])[:, None, :]
+        real = np.concatenate([left.real, -left.imag], axis=-1).reshape(len(durations) * len(vectors), -1)
+        return (real @ np.concatenate([right.real, right.imag])).reshape(-1, *vectors.shape)
 
 
 @dataclass(frozen=True)
@@ -84,7 +107,7 @@ class Motion:
     def _parts(self) -> Array:
         """Lengths of the intervals that there are, in parts of the common period."""
         lengths = self.schedule.lengths[self.row]
-        return lengths[lengths > 0]
+        return np.asarray(lengths[lengths > 0])
 
     def count(self, path: Path) -> int:
         """Return how many segments the path has, between neighbouring edges of the schedule."""
@@ -93,31 +116,45 @@ class Motion:
 
     def chunks(self, path: Path, step: int, first: int = 0, last: int | None = None) -> Iterator[Chunk]:
         """Yield the propagators over ``step`` segments each, from the segment ``first`` to the one before ``last``."""
-        edges = self.schedule.edges[self.row]
-        edges = np.append(edges[:-1][np.diff(edges) > 0], 1.0)
-        each, turn = len(edges) - 1, 2 * np.pi * self.period
         last = self.count(path) if last is None else last
-        for begin in range(first, last, step):
-            number = np.arange(begin, min(begin + step, last) + 1)
-            phase = np.minimum((number // each + edges[number % each]) * turn, path.phase[-1])
-            inner = number[:-1] % each
-            middle = 0.5 * (edges[inner] + edges[inner + 1])
-            lengths = (edges[inner + 1] - edges[inner]) * turn
-            lengths = np.where(np.diff(phase) < (1 - 1e-6) * lengths, np.diff(phase), lengths)
-            total, scale = np.eye(self.basis.size), 0.0
-            for i in range(0, len(middle), AT_ONCE):
-                own = slice(i, i + AT_ONCE)
-                found, more = product(self._propagators(path, phase[i : i + AT_ONCE + 1], lengths[own], middle[own]))
-                total, grown = scaled(found @ total)
-                scale += more + grown
-            yield Chunk(float(path.moment(phase[-1:])[0]), total, scale)
+        most = max(1, ENTRIES // self.basis.size**2)
+        if step > most:
+            for begin in range(first, last, step):
+                whole = joined(self.chunks(path, most, begin, min(begin + step, last)))
+                assert whole is not None
+                yield whole
+            return
+        some = most // step * step
+        for begin in range(first, last, some):
+            end = min(begin + some, last)
+            phase, found = self._propagators(path, begin, end)
+            # The last chunk may be shorter: what it lacks is at rest.
+            lacking = -len(found) % step
+            found = np.concatenate([found, np.broadcast_to(np.eye(self.basis.size), (lacking, *found.shape[1:]))])
+            products, scales = product(found.reshape(-1, step, *found.shape[1:]))
+            moments = path.moment(phase[np.minimum(np.arange(1, len(products) + 1) * step, end - begin)])
+            for moment, matrix, scale in zip(moments, products, scales, strict=True):
+                matrix, more = scaled(matrix)
+                yield Chunk(float(moment), matrix, float(scale) + more)
 
-    def _propagators(self, path: Path, phase: Array, lengths: Array, middle: Array) -> Array:
-        """``(S, m, m)`` of segments between phases ``(S + 1,)``, whose middles are given in parts of the period."""
-        rate = float(self.basis.rate[0])
+    def _propagators(self, path: Path, first: int, last: int) -> tuple[Array, Array]:
+        """``(S + 1,)`` and ``(S, m, m)``: the phases between segments and their propagators."""
+        edges, rate = self._edges, float(self.basis.rate[0])
+        each, turn = len(edges) - 1, 2 * np.pi * self.period
+        number = np.arange(first, last + 1)
+        phase = np.minimum((number // each + edges[number % each]) * turn, path.phase[-1])
+        inner = number[:-1] % each
+        lengths = (edges[inner + 1] - edges[inner]) * turn
+        lengths = np.where(np.diff(phase) < (1 - 1e-6) * lengths, np.diff(phase), lengths)
         if self.constant:
-            return self._constant(path.durations(phase, lengths) * rate, middle)
-        return self._smooth(path, path.moment(phase) * rate, phase)
+            return phase, self._constant(path.durations(phase, lengths) * rate, self._states.of[inner])
+        return phase, self._smooth(path, path.moment(phase) * rate, phase)
+
+    @cached_property
+    def _edges(self) -> Array:
+        """Of the intervals that there are, from 0 to 1."""
+        edges = self.schedule.edges[self.row]
+        return np.append(edges[:-1][np.diff(edges) > 0], 1.0)
 
     def values(self, tau: Array) -> Array:
         """``(X, J)``, the varying functions at parts of the common period."""
@@ -125,13 +162,19 @@ class Motion:
         every[self.row] = tau
         return self.schedule.values(every)[self.row]
 
-    def _constant(self, durations: Array, middle: Array) -> Array:
-        distinct, state = np.unique(np.round(middle, 12), return_inverse=True)
-        generators = self.basis.generator(self.values(distinct)[:, None, :])[:, 0]
+    @cached_property
+    def _states(self) -> States:
+        """The stiffnesses that occur, of intervals in which they are constant."""
+        edges = self._edges
+        values, of = np.unique(self.values(0.5 * (edges[1:] + edges[:-1])), axis=0, return_inverse=True)
+        generators = self.basis.generator(values[:, None, :])[:, 0]
+        return States(np.ravel(of), generators, diagonalised(generators))
+
+    def _constant(self, durations: Array, of: Array) -> Array:
         result = np.empty((len(durations), self.basis.size, self.basis.size))
-        for k, generator in enumerate(generators):
-            members = np.flatnonzero(state == k)
-            result[members] = exponentials(generator, durations[members])
+        for state in np.unique(of):
+            members = np.flatnonzero(of == state)
+            result[members] = self._states.exponentials(int(state), durations[members])
         return result
 
     def _smooth(self, path: Path, moments: Array, phase: Array) -> Array:
@@ -196,26 +239,18 @@ def swing(motion: Motion) -> float:
     return 0.5 * float(np.log(most / least)) if least > 0 else np.inf
 
 
-def exponentials(generator: Array, durations: Array) -> Array:
-    """Return exp(A t) ``(S, m, m)`` of one generator ``(m, m)`` for many t."""
-    values, vectors = np.linalg.eig(generator)
-    if len(values) and np.linalg.cond(vectors) < ILL_CONDITIONED:
-        inverse = np.linalg.inv(vectors)
-        return np.asarray(((vectors * np.exp(durations[:, None, None] * values)) @ inverse).real)
-    return magnus.expm(generator * durations[:, None, None])
-
-
-def product(matrices: Array) -> tuple[Array, float]:
-    """Return (P, s): the last of ``(S, m, m)`` times ... times the first is exp(s) P."""
-    scale = 0.0
-    while len(matrices) > 1:
-        odd = matrices[-1:] if len(matrices) % 2 else matrices[:0]
-        matrices = np.concatenate([matrices[1::2] @ matrices[0 : len(matrices) - len(odd) : 2], odd])
-        size = np.abs(matrices).max(axis=(1, 2), initial=1e-300)
+def product(matrices: Array) -> tuple[Array, Array]:
+    """Return P ``(..., m, m)`` and s ``(...)``: exp(s) P is the last of ``(..., S, m, m)`` times .. times the first."""
+    scale = np.zeros(matrices.shape[:-3])
+    while matrices.shape[-3] > 1:
+        even = matrices.shape[-3] // 2 * 2
+        pairs = matrices[..., 1:even:2, :, :] @ matrices[..., 0:even:2, :, :]
+        matrices = np.concatenate([pairs, matrices[..., even:, :, :]], axis=-3)
+        size = np.abs(matrices).max(axis=(-2, -1), initial=1e-300)
         if size.max() > 1e60 or size.min() < 1e-60:
-            matrices = matrices / size[:, None, None]
-            scale += float(np.log(size).sum())
-    return matrices[0], scale
+            matrices = matrices / size[..., None, None]
+            scale = scale + np.log(size).sum(axis=-1)
+    return matrices[..., 0, :, :], scale
 
 
 def scaled(matrix: Array) -> tuple[Array, float]:
@@ -247,7 +282,7 @@ def growth(motion: Motion, path: Path) -> Growth:
     # All moments between those before and behind the beginning, up to the latter.
     border = begin + 1
     before = list(motion.chunks(path, fine, max(begin - 1, 0) * step, border * step))
-    rest = _joined(chunks[border:end])
+    rest = joined(chunks[border:end])
     starts: list[Chunk] = []
     for chunk in reversed(before):
         starts.append(chunk if not starts else starts[-1].after(chunk))
@@ -258,7 +293,7 @@ def growth(motion: Motion, path: Path) -> Growth:
         return Growth(largest, through)
     # The same around the end.
     total = starts[chosen]
-    ahead = _joined(chunks[border : end - 1])
+    ahead = joined(chunks[border : end - 1])
     total = total if ahead is None else ahead.after(total)
     for chunk in motion.chunks(path, fine, (end - 1) * step, min((end + 1) * step, count)):
         total = chunk.after(total)
@@ -266,7 +301,8 @@ def growth(motion: Motion, path: Path) -> Growth:
     return Growth(largest, through)
 
 
-def _joined(chunks: list[Chunk]) -> Chunk | None:
+def joined(chunks: Iterable[Chunk]) -> Chunk | None:
+    """Return the propagator over all of them; None: none."""
     total = None
     for chunk in chunks:
         total = chunk.after(total)
@@ -284,10 +320,8 @@ def best_pair(chunks: list[Chunk]) -> tuple[float, int, int, float]:
         size = np.sqrt(np.sum(products**2, axis=(1, 2)))
         products, scales = products / size[:, None, None], np.append(scales, 0.0) + chunk.scale + np.log(size)
         # The Frobenius norm is no less than the spectral one, of which few are needed.
-        for i in np.argsort(-scales):
-            if scales[i] <= best:
-                break
-            value = float(scales[i] + np.log(np.linalg.norm(products[i], 2)))
-            if value > best:
-                best, begin, end = value, int(i), j
+        longest = np.flatnonzero(scales > best)
+        values = scales[longest] + np.log(np.linalg.svd(products[longest], compute_uv=False)[:, 0])
+        if values.max(initial=best) > best:
+            best, begin, end = float(values.max()), int(longest[values.argmax()]), j
     return best, begin, end, float(scales[0] + np.log(np.linalg.norm(products[0], 2)))

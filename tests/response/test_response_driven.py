@@ -19,8 +19,8 @@ from driven import (
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from gearstab.linear.eigen import divided_exponential
 from gearstab.response import RESPONSE_FLAGS, driven_response, free_response, harmonics, steady_state
-from gearstab.response.linear.eigen import divided_exponential
 from gearstab.response.linear.equilibrium import static_equilibrium, static_mesh_force
 from gearstab.response.measures.spectra import amplitudes, densities
 from gearstab.waveforms import Fourier

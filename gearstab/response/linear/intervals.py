@@ -16,9 +16,9 @@ from functools import cached_property
 import numpy as np
 
 from gearstab.linear import magnus
+from gearstab.linear.eigen import Eigen, diagonalised
 from gearstab.linear.first_order import Basis
 from gearstab.linear.magnus import expm
-from gearstab.response.linear.eigen import Eigen, diagonalised
 from gearstab.response.linear.excitation import Excitation
 from gearstab.system import Array
 

@@ -27,9 +27,9 @@ import numpy as np
 
 from gearstab.errors import NotPossible
 from gearstab.linear import magnus
+from gearstab.linear.eigen import Eigen, diagonalised, divided_exponential
 from gearstab.linear.first_order import Basis, bases
 from gearstab.linear.path import Path
-from gearstab.response.linear.eigen import Eigen, diagonalised, divided_exponential
 from gearstab.response.linear.equilibrium import static_equilibrium, static_mesh_force
 from gearstab.response.linear.excitation import Excitation, excitation
 from gearstab.response.linear.history import RESPONSE_FLAGS, separated

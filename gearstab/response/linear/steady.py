@@ -18,8 +18,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gearstab.errors import NotPossible
+from gearstab.linear.eigen import Eigen
 from gearstab.linear.first_order import Basis, bases
-from gearstab.response.linear.eigen import Eigen
 from gearstab.response.linear.excitation import Excitation, excitation
 from gearstab.response.linear.intervals import SteadyPoints, intervals
 from gearstab.response.measures.panels import fastest
