@@ -16,9 +16,10 @@ from gearstab.config import Config
 from gearstab.design.judging.judge import Judge
 from gearstab.design.judging.regions import united
 from gearstab.design.problem import DesignProblem
-from gearstab.design.reasons.margins import sensitivities
+from gearstab.design.reasons.margins import margins, sensitivities
 from gearstab.design.reasons.tongues import tongues
 from gearstab.design.searching.pareto import nondominated, thinned
+from gearstab.design.searching.search import first
 from gearstab.errors import PlotError
 from gearstab.floquet import solve
 from gearstab.floquet.boundaries import boundaries
@@ -105,6 +106,24 @@ def test_margins_end_where_the_objective_is_degraded(two: xr.Dataset) -> None:
                 if abs(room - abs(bound[k] - design[k])) > 1e-9:
                     value = width(moved[:1], moved[1:])[0]
                     assert (value > most * (1 - 1e-9)) == degraded, (k, margin)
+
+
+def test_margins_of_a_phasing_go_on_at_the_other_bound(tmp_path: Path) -> None:
+    """With c1 - c2 = 0.8 the region 2w3 closes at h = 0.1: from there down to 0.8 the bound 0 is nothing special."""
+    found = []
+    for low, high in ((0.0, 1.0), (-0.45, 0.5)):
+        text = TWO.replace("[0.1, 0.9]", f"[{low}, {high}]")
+        config = read(tmp_path, TRAIN + text, "meshes.second.contact_ratio=1.1")
+        assert config.design is not None
+        problem = DesignProblem(config, config.design)
+        assert [variable.periodic for variable in problem.variables] == [False, high - low >= 1]
+        judge, design = Judge(problem), np.array([1.7, 0.1])
+        most = float(judge.worth(np.array([[1.7, low + (0.8 - low) % 1]])).objectives[0, 0])
+        found.append(margins(problem, judge, first, design, most)[:, 1])
+    # Upwards the bound of 0.5 comes first.
+    assert found[1] == pytest.approx([found[0][0], 0.4], abs=1e-6)
+    assert found[0][0] == pytest.approx(0.3, abs=1e-6)
+    assert 0.4 < found[0][1] < 0.7
 
 
 def test_figures_show_what_the_result_holds(result: Path, two: xr.Dataset) -> None:

@@ -30,6 +30,17 @@ def test_curves_are_those_of_the_result():
     assert "downwards, by growth rates" in words
 
 
+def test_rates_are_in_the_unit_of_the_speed_and_nothing_is_drawn_where_nothing_grows():
+    found = passage()
+    found["passage"] = found["passage"].to_dataset().assign(growth_exact=lambda data: 0 * data["growth_exact"])
+    typed = {"units": "rad/s", "display_units": "rpm", "display_scale": 2 * np.pi / 60}
+    found.dataset = found.to_dataset().assign_coords(input_speed=("input_speed", [1.0, 2.0], typed))
+    figure, artists = draw(found, dpi=50)
+    assert "(rpm/s)" in figure.axes[0].get_xlabel()
+    assert artists["adiabatic"][0].get_xdata() == pytest.approx(np.array([0.1, 1.0, 10.0]) * 60 / (2 * np.pi))
+    assert np.isnan(artists["exact"][0].get_ydata()).all()
+
+
 def test_one_case_and_other_results():
     _, artists = draw(passage((0.1, 1.0)), "passage", select={"damping_ratio": "0.01"}, dpi=50)
     assert len(artists["exact"]) == 1

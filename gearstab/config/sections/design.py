@@ -15,6 +15,7 @@ from gearstab.config.document.tree import is_number, mapping, sequence
 from gearstab.config.document.yaml import Document
 from gearstab.config.model.axes import SPEEDS, Axis
 from gearstab.config.model.fields import NUMBER
+from gearstab.config.model.introspection import quantity
 from gearstab.config.model.validation import explain
 from gearstab.config.sections import design_variables
 from gearstab.config.sections.expansion import expand_list
@@ -37,10 +38,12 @@ class DesignVariable:
 
     axis: its values as those of an axis of a sweep, both bounds of a continuous one, else all choices.
     form: how it is given: ``bounds``, ``integers``, ``values`` or ``choices``.
+    turns: whether it is a part of a turn, such as a phasing, so that values 1 apart are the same.
     """
 
     axis: Axis
     form: str
+    turns: bool = False
 
     @property
     def name(self) -> str:
@@ -57,6 +60,11 @@ class DesignVariable:
         """The bounds of a continuous variable."""
         low, high = np.asarray(self.axis.values, dtype=float)
         return float(low), float(high)
+
+    @property
+    def periodic(self) -> bool:
+        """Whether its bounds hold a whole turn, so that they bound nothing."""
+        return self.continuous and self.turns and self.bounds[1] - self.bounds[0] >= 1
 
 
 @dataclass(frozen=True)
@@ -120,7 +128,8 @@ def read(context: Context, found: list[UnresolvedAxis]) -> Design | None:
         form = design_variables.form_of(context.document, layout.name)
         if built is None or form is None:
             continue
-        variables.append(DesignVariable(built[0], form))
+        kinds = [quantity(target.annotation) for column in layout.columns for target in column.targets]
+        variables.append(DesignVariable(built[0], form, all(kind is not None and kind.turns for kind in kinds)))
         specs[layout.name] = _spec(form, built[1])
         design_variables.check(context.document, variables[-1].axis, form)
     section = mapping(context.document.get(("design",)))

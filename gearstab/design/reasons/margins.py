@@ -32,7 +32,8 @@ def allowed(optimum: float, initial: float) -> float:
 def margins(problem: DesignProblem, judge: Judge, goal: Goal, design: Array, most: float) -> Array:
     """``(2, variables)``, how far each variable may go down and up until the goal exceeds ``most``.
 
-    At most as far as its bounds; whole choices of integers; NaN of other choices.
+    At most as far as its bounds, of a phasing that may take every value a whole turn; whole choices of integers; NaN of
+    other choices.
     """
     found = np.full((2, len(problem.variables)), np.nan)
     for v, variable in enumerate(problem.variables):
@@ -41,18 +42,20 @@ def margins(problem: DesignProblem, judge: Judge, goal: Goal, design: Array, mos
     sides = [(k, int(v)) for v in np.flatnonzero(problem.continuous) for k in (0, 1)]
     if not sides:
         return found
-    ends = np.array([problem.bounds[k, v] for k, v in sides])
     start = np.array([design[v] for _, v in sides])
+    turning = np.array([problem.variables[v].periodic for _, v in sides])
+    ends = np.where(turning, start + [2 * k - 1 for k, _ in sides], [problem.bounds[k, v] for k, v in sides])
     looked, halvings = (DEAR_LOOKED_AT, DEAR_HALVINGS) if problem.dear else (LOOKED_AT, HALVINGS)
     part = np.linspace(0.0, 1.0, looked + 1)[1:]
     places = start[:, None] + (ends - start)[:, None] * part
-    bad = _values(judge, goal, design, sides, places) > most
+    bad = _values(problem, judge, goal, design, sides, places) > most
     first = np.where(bad.any(axis=1), np.argmax(bad, axis=1), looked)
     outside = np.where(first < looked, (first + 1) / looked, np.nan)
     inside = first / looked
     for _ in range(halvings):
         middle = 0.5 * (inside + np.where(np.isnan(outside), inside, outside))
-        wrong = _values(judge, goal, design, sides, (start + (ends - start) * middle)[:, None])[:, 0] > most
+        places = (start + (ends - start) * middle)[:, None]
+        wrong = _values(problem, judge, goal, design, sides, places)[:, 0] > most
         outside = np.where(np.isnan(outside) | ~wrong, outside, middle)
         inside = np.where(wrong | np.isnan(outside), inside, middle)
         if np.nanmax(np.append(outside - inside, 0.0)) < 1e-9:
@@ -62,10 +65,15 @@ def margins(problem: DesignProblem, judge: Judge, goal: Goal, design: Array, mos
     return found
 
 
-def _values(judge: Judge, goal: Goal, design: Array, sides: list[tuple[int, int]], places: Array) -> Array:
+def _values(
+    problem: DesignProblem, judge: Judge, goal: Goal, design: Array, sides: list[tuple[int, int]], places: Array
+) -> Array:
     """The goal ``(sides, K)`` with one variable at a time at places ``(sides, K)``; infinite where none is possible."""
     designs = np.repeat(design[None], places.size, axis=0)
-    designs[np.arange(places.size), np.repeat([v for _, v in sides], places.shape[1])] = places.ravel()
+    turning = np.array([problem.variables[v].periodic for _, v in sides])[:, None]
+    low = np.array([problem.bounds[0, v] for _, v in sides])[:, None]
+    within = np.where(turning, low + np.mod(places - low, 1.0), places)
+    designs[np.arange(places.size), np.repeat([v for _, v in sides], places.shape[1])] = within.ravel()
     objectives = judge.worth(designs).objectives
     value = np.where(np.isnan(objectives).any(axis=1), np.inf, goal(np.nan_to_num(objectives)))
     return np.asarray(value).reshape(places.shape)
@@ -75,7 +83,7 @@ def _steps(problem: DesignProblem, judge: Judge, goal: Goal, design: Array, most
     """Choices that an integer may go down and up."""
     size = problem.variables[v].axis.size
     places = np.arange(size, dtype=float)
-    good = _values(judge, goal, design, [(0, v)], places[None])[0] <= most
+    good = _values(problem, judge, goal, design, [(0, v)], places[None])[0] <= most
     here = int(design[v])
     runs = (good[:here][::-1], good[here + 1 :])
     return [float(np.argmin(run)) if not run.all() else float(len(run)) for run in runs]

@@ -20,6 +20,7 @@ from gearstab.plots.kinds import Kind
 from gearstab.plots.view import Request
 
 COLOURS = (GIVEN, OPTIMUM)
+GREY = "#6e6e6e"
 WORDS = {"initial": "given"}
 """What a state is called, if not by its name."""
 MOST_LABELS = 7
@@ -80,6 +81,9 @@ def draw_regions(ax: Axes, tree: xr.DataTree, data: xr.Dataset, artists: dict[st
         width = np.maximum(here[inside, 1] - here[inside, 0], least)
         artists["bars"].append(ax.barh(np.full(len(inside), last - k), width, left=here[inside, 0], height=0.34,
                                        color=COLOURS[k], linewidth=0))  # fmt: skip
+        if not len(inside):
+            words_there = ax.text(0.5 * (low + high), last - k, "no region", ha="center", va="center", color=GREY)
+            artists["names"].append(words_there)
         taken: list[float] = []
         for j in inside[np.argsort(-width, kind="stable")]:
             middle = 0.5 * (max(here[j, 0], low) + min(here[j, 1], high))

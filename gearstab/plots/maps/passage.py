@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -17,6 +18,7 @@ from gearstab.plots.drawing.style import CASES, new_figure
 from gearstab.plots.drawing.text import number_text, unit_text
 from gearstab.plots.kinds import Contents, Kind
 from gearstab.plots.view import Request, view_along
+from gearstab.results.display import SHOWN_SCALE, SPEEDS
 
 Array = np.ndarray
 Artists = dict[str, Any]
@@ -53,12 +55,15 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     cases, left_out = some(view.free, len(CASES), "curves", request.partial, largest)
     figure = new_figure(request, (0.78, 0.52))
     ax = figure.add_subplot()
-    rates = view.x.positions[view.x.order]
+    scale, unit = _unit(tree, view.x.units, dataset[RATE].attrs)
+    rates = view.x.positions[view.x.order] / scale
     artists: Artists = {"exact": [], "adiabatic": [], "left_out": left_out}
     for number, case in enumerate(cases):
         own = view.at(**case)
         for key, name in (("exact", EXACT), ("adiabatic", ADIABATIC)):
             values = own.cut(dataset[name], RATE)
+            # Where nothing grows there is no logarithm, and no line that falls to the frame.
+            values = np.where(values > 0, values, np.nan)
             for side, look in zip((rates > 0, rates < 0), LOOKS[key], strict=True):
                 if side.any():
                     artists[key] += ax.plot(np.abs(rates[side]), values[side], color=CASES[number], **MARK, **look)
@@ -71,12 +76,20 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     # Growth goes as the inverse rate.
     ax.set_yscale("log")
     ax.set_ylim(LEAST, max(2 * np.log(admitted), 1.5 * _top(dataset)))
-    unit, speed = unit_text(view.x.units), "input speed" if "input_speed" in tree.coords else "mesh frequency"
+    speed = "input speed" if "input_speed" in tree.coords else "mesh frequency"
     ax.set_xlabel(f"rate of change of the {speed}{f' ({unit})' if unit else ''}")
     ax.set_ylabel("e-folds of the amplitude")
     write_legend(figure, [*_legend(cases, view, rates), artists["admitted"]])
     write_title(figure, tree, request, view)
     return figure, artists
+
+
+def _unit(tree: xr.DataTree, own: str, attributes: Mapping[str, Any]) -> tuple[float, str]:
+    """The unit of rates, that of the speed in a second where the speed has one of its own, and how large it is."""
+    said = next((tree[name].attrs for name in SPEEDS if name in tree.coords), {})
+    if SHOWN_SCALE in said and SHOWN_SCALE not in attributes:
+        return float(said[SHOWN_SCALE]), unit_text(f"{said['units']}/s")
+    return 1.0, unit_text(own)
 
 
 def _top(dataset: xr.Dataset) -> float:
