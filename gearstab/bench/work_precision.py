@@ -1,10 +1,10 @@
-"""Measure every method that fits a scene: time per point against true error."""
+"""Measure every method that fits a scene: processor time per point against true error."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from time import perf_counter
+from time import process_time
 
 import numpy as np
 
@@ -23,7 +23,7 @@ QUICK = 0.02
 class Measurement:
     """One method with one tolerance.
 
-    seconds: median time per point.  error: the largest |growth - reference| over the reference points, growth being
+    seconds: median processor time per point, on which other programs have little influence.  error: the largest |growth - reference| over the reference points, growth being
     ln max |lambda| over one common period.  wrong: how many of these points get the wrong stability flag, taking a
     growth above FLAG as unstable.
     """
@@ -80,6 +80,6 @@ def _measure(entry: Entry, tolerance: float, scene: Scene, omega: Array, truth: 
 
 
 def _timed(entry: Entry, scene: Scene, omega: Array, tolerance: float) -> float:
-    start = perf_counter()
+    start = process_time()
     entry.run(scene, omega, tolerance)
-    return perf_counter() - start
+    return process_time() - start
