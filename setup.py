@@ -11,6 +11,8 @@ import shlex
 import sysconfig
 from contextlib import suppress
 from glob import glob
+from hashlib import sha256
+from pathlib import Path
 from typing import Any
 
 from setuptools import Extension, setup
@@ -73,14 +75,19 @@ class SourceDistribution(sdist):
 
 def kernel() -> Extension:
     """The extension module."""
-    stable: dict[str, Any] = {"define_macros": [("Py_LIMITED_API", "0x030b0000")], "py_limited_api": True}
+    # By this number gearstab.ckernel tells a kernel that an update has left behind.
+    files = sorted(map(Path, (*SOURCES, *HEADERS)))
+    sources = sha256(b"".join(path.read_bytes() for path in files)).hexdigest()[:15]
+    macros: list[tuple[str, str | None]] = [("GEARSTAB_SOURCES", f"0x{sources}")]
+    stable: dict[str, Any] = {"py_limited_api": True} if STABLE_INTERFACE else {}
     return Extension(
         "gearstab.ckernel._kernel",
         SOURCES,
         depends=HEADERS,
         include_dirs=FOLDERS,
         optional=True,
-        **(stable if STABLE_INTERFACE else {}),
+        define_macros=macros + ([("Py_LIMITED_API", "0x030b0000")] if STABLE_INTERFACE else []),
+        **stable,
     )
 
 

@@ -16,7 +16,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
+from functools import cache
+from hashlib import sha256
 from importlib import import_module
+from pathlib import Path
 from types import ModuleType
 
 import numpy as np
@@ -27,6 +30,8 @@ Array = np.ndarray
 
 NAMES = ("numpy", "c")
 """The kernels, the fastest last."""
+
+OUTDATED = "the compiled kernel is older than its sources; run `make install`, or `pip install -e .` once more"
 
 library: ModuleType | None
 """The extension module, or None where it was not built."""
@@ -77,13 +82,25 @@ def available() -> tuple[str, ...]:
     return NAMES if library is not None else NAMES[:1]
 
 
+@cache
+def outdated() -> bool:
+    """Whether the kernel was compiled from other sources than those that lie beside it: an update left it behind."""
+    sources = sorted(Path(__file__).parent.rglob("*.[ch]"))
+    if library is None or not sources:
+        return False
+    now = sha256(b"".join(path.read_bytes() for path in sources)).hexdigest()[:15]
+    return not hasattr(library, "sources") or library.sources() != int(now, 16)
+
+
 def name() -> str:
     """The name of the kernel in use; raises SettingError where the environment asks for one that is not there."""
     asked = _choice().kernel or os.environ.get("GEARSTAB_KERNEL")
     if not asked:
-        return available()[-1]
+        asked = available()[-1]
     if asked not in NAMES:
         raise SettingError(f"GEARSTAB_KERNEL={asked}: the kernels are {' and '.join(NAMES)}")
+    if asked == "c" and outdated():
+        raise SettingError(OUTDATED)
     if asked not in available():
         raise SettingError(
             f"GEARSTAB_KERNEL={asked}: the compiled kernel was not built; install a C compiler and gearstab again, "

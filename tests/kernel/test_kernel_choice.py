@@ -57,6 +57,22 @@ def test_one_line_says_that_the_compiled_kernel_is_missing(monkeypatch: pytest.M
     assert "\n" not in str(caught.value)
 
 
+@built
+def test_one_line_says_that_an_update_left_the_compiled_kernel_behind(monkeypatch: pytest.MonkeyPatch) -> None:
+    ckernel.outdated.cache_clear()
+    assert not ckernel.outdated()
+    monkeypatch.setattr(ckernel.library, "sources", lambda: 1)
+    ckernel.outdated.cache_clear()
+    try:
+        with pytest.raises(SettingError, match="make install") as caught:
+            kernel.current()
+        monkeypatch.setenv("GEARSTAB_KERNEL", "numpy")
+        assert kernel.name() == "numpy"
+    finally:
+        ckernel.outdated.cache_clear()
+    assert "\n" not in str(caught.value)
+
+
 def test_unknown_kernels_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("GEARSTAB_KERNEL", "fortran")
     with pytest.raises(SettingError, match="numpy and c"):

@@ -58,6 +58,11 @@ static PyObject *py_levels(PyObject *self, PyObject *unused) {
     return names;
 }
 
+static PyObject *py_sources(PyObject *self, PyObject *unused) {
+    (void)self, (void)unused;
+    return PyLong_FromLongLong(GEARSTAB_SOURCES);
+}
+
 static PyObject *py_scan(PyObject *self, PyObject *arguments) {
     (void)self;
     struct buffers b = {0};
@@ -249,6 +254,7 @@ static PyMethodDef METHODS[] = {
     {"paths", py_paths, METH_NOARGS, "paths(): how many points took each way since the last call."},
 #endif
     {"levels", py_levels, METH_NOARGS, "levels(): names of the levels of vector instructions available, the best last."},
+    {"sources", py_sources, METH_NOARGS, "sources(): the first sixty bits of the sources' SHA-256, see setup.py."},
     {"scan", py_scan, METH_VARARGS,
      "scan(level, (rows, segments, states, n, cycles, limits), squared, fractions, state, change, first, last, points, omega, "
      "verdict, growth, rho=, magnified=)"},
