@@ -133,6 +133,17 @@ def test_rows_and_rigid_bodies() -> None:
             assert [found.labels()[k] for k in np.flatnonzero(mine)] == alone.labels()
 
 
+def test_a_row_without_one_of_the_segments_is_proved_like_the_others() -> None:
+    """A contact ratio that is whole: what other rows have a segment for takes no time."""
+    ratio = np.array([1.5, 2.0])
+    mesh = Mesh("mesh", np.ones(1), np.ones(2), np.full(2, 0.3), Rectangular(ratio))
+    drag = PeriodicTerm(
+        "drag", np.ones(1), np.ones(1), None, Scaled(Rectangular(ratio), np.full(2, 0.1), np.full(2, 0.02))
+    )
+    found = boundaries(GearSystem(np.eye(1), np.zeros((1, 1)), (mesh,), terms=(drag,)), 0.5, 3.5)
+    assert found.stable_share(found.proved).min() > 0.99
+
+
 def test_a_term_that_feeds_a_mode() -> None:
     drive = friction(None, Scaled(Rectangular(1.3), -0.5, 0.3), left=(1.0, 0, 0), right=(1.0, 0, 0))
     found = boundaries(with_terms(DAMPING, terms=[drive]), START, STOP)
