@@ -23,9 +23,9 @@ QUICK = 0.02
 class Measurement:
     """One method with one tolerance.
 
-    seconds: median processor time per point, on which other programs have little influence.  error: the largest |growth - reference| over the reference points, growth being
-    ln max |lambda| over one common period.  wrong: how many of these points get the wrong stability flag, taking a
-    growth above FLAG as unstable.
+    seconds: median processor time per point, on which other programs have little influence.  error: the largest
+    |growth - reference| over the reference points, growth being ln max |lambda| over one common period.  wrong: how
+    many of these points get the wrong stability flag, taking a growth above FLAG as unstable.
     """
 
     method: str
