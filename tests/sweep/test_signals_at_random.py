@@ -1,4 +1,4 @@
-"""Real sweeps of seven kinds that are ended at random moments, again and again, and go on to the same data."""
+"""Real sweeps of all methods that are ended at random moments, again and again, and go on to the same data."""
 
 from __future__ import annotations
 
@@ -15,31 +15,46 @@ import numpy as np
 import pytest
 from scenes import TRAIN
 
+from gearstab.config import load
+from gearstab.methods import METHODS as METHODS_OF_SWEEPS
+from gearstab.sweep import plan
+
 pytestmark = [
     pytest.mark.slow,
     pytest.mark.skipif(not hasattr(signal, "SIGHUP"), reason="needs signals of POSIX"),
 ]
 
+Whole = dict[str, tuple[float, dict[str, bytes]]]
 SIGNALS = [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGKILL]
+SMALL = 1 << 13
+"""Size of a block: every sweep has many."""
+FEWEST = 8
+"""Blocks of a sweep at least, so that most moments lie between two of them."""
 RANGE = "mesh_frequency: {start: 2.0, stop: 6.0, num: 2}"
+SHAFT = "input_shaft_stiffness: {start: 0.4, stop: 0.6, num: %d}"
+UNCERTAIN = "parameters: {epsilon: {uniform: [0.2, 0.4]}}"
+LOADED = TRAIN + "  damping_ratio: 0.03\n  load: [0.0, 0.0, 1.0]\n"
 METHODS = {
-    "floquet": ("mesh_frequency: {start: 2.0, stop: 6.0, num: 4000}, epsilon: {start: 0, stop: 0.4, num: 1500}", "{}"),
-    "exponents": ("mesh_frequency: {start: 2.0, stop: 6.0, num: 300}, epsilon: {start: 0, stop: 0.4, num: 300}", ""),
-    "perturbation": ("epsilon: {start: 0, stop: 0.4, num: 1200}", "{}"),
-    "uncoupled": ("epsilon: {start: 0, stop: 0.4, num: 2000}", "{}"),
+    "floquet": ("mesh_frequency: {start: 2.0, stop: 6.0, num: 4000}, epsilon: {start: 0, stop: 0.4, num: 300}", "{}"),
+    "exponents": ("mesh_frequency: {start: 2.0, stop: 6.0, num: 1000}, epsilon: {start: 0, stop: 0.4, num: 150}", ""),
+    "perturbation": ("epsilon: {start: 0, stop: 0.4, num: 12000}", "{}"),
+    "uncoupled": ("epsilon: {start: 0, stop: 0.4, num: 6000}", "{}"),
     "boundaries": (f"{RANGE}, epsilon: {{start: 0, stop: 0.4, num: 400}}", "{}"),
-    "required_damping": ("mesh_frequency: {start: 2, stop: 6, num: 99}, epsilon: {start: 0, stop: 0.4, num: 16}", "{}"),
-    "tolerance": (
-        "mesh_frequency: {start: 2.0, stop: 6.0, num: 60}, input_shaft_stiffness: {start: 0.4, stop: 0.6, num: 30}",
-        "{samples: 128, parameters: {epsilon: {uniform: [0.2, 0.4]}}}",
-    ),
+    "required_damping": (f"mesh_frequency: {{start: 2, stop: 6, num: 99}}, {SHAFT % 60}", "{}"),
+    "passage": ("mesh_frequency: [2.0, 3.0], epsilon: {start: 0.1, stop: 0.4, num: 32}", "{rate: [3.0]}"),
+    "response": ("mesh_frequency: {start: 2.0, stop: 6.0, num: 200}, epsilon: {start: 0, stop: 0.4, num: 40}", "{}"),
+    "backlash": ("mesh_frequency: {start: 2, stop: 6, num: 6}, epsilon: {start: 0.1, stop: 0.4, num: 10}",
+                 "{cycles: 20, discard: 10}"),
+    "tolerance": (f"mesh_frequency: {{start: 2.0, stop: 6.0, num: 64}}, {SHAFT % 64}", f"{{samples: 16, {UNCERTAIN}}}"),
+    "tongue_probability": (f"mesh_frequency: [2, 5], {SHAFT % 200}",
+                           f"{{samples: 32}}, tolerance: {{samples: 16, {UNCERTAIN}}}"),
 }  # fmt: skip
 """By name: the sweep and the options."""
-SEEDS = range(6)
+SEEDS = range(4)
 MOST = 3
 """Signals to one sweep."""
 
-HASTY = """
+HASTY = f"""
 import sys
 from gearstab.interrupts import install
 install()
@@ -48,7 +63,7 @@ from gearstab.sweep import pool
 from gearstab.sweep.storage import store
 store.MOST_SECONDS = 0.0
 module = sys.modules["gearstab.sweep.plan"]
-module.MOST >>= 3
+module.MOST = {SMALL}
 from gearstab.__main__ import main
 sys.argv[0] = "gearstab"
 main()
@@ -90,21 +105,35 @@ def data_of(path: Path) -> dict[str, bytes]:
 
 
 @pytest.fixture(scope="module")
-def whole(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[float, dict[str, bytes]]]:
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Whole:
     """How long each sweep takes, and its data; filled as needed."""
     return {}
+
+
+def text_of(name: str) -> str:
+    """The configuration of a sweep."""
+    axes, options = METHODS[name]
+    system = LOADED if name in ("response", "backlash") else TRAIN
+    if name == "backlash":
+        system = system.replace("1.5}", "1.5, backlash: 0.1}")
+    method = {"exponents": "floquet: {exponents: true}", "backlash": f"response: {options}"}.get(name)
+    return f"{system}sweep: {{{axes}}}\nmethods: {{{method or f'{name}: {options}'}}}\n"
+
+
+def test_all_methods_are_ended() -> None:
+    assert set(METHODS) == {*METHODS_OF_SWEEPS, "exponents", "backlash"}
 
 
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("name", METHODS)
 def test_ended_at_random_moments(
-    tmp_path: Path, whole: dict[str, tuple[float, dict[str, bytes]]], name: str, seed: int
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, whole: Whole, name: str, seed: int
 ) -> None:
-    axes, options = METHODS[name]
-    chosen = "floquet: {exponents: true}" if name == "exponents" else f"{name}: {options}"
     config, out = tmp_path / "train.yaml", tmp_path / "out.h5"
-    config.write_text(TRAIN + f"sweep: {{{axes}}}\nmethods: {{{chosen}}}\n")
+    config.write_text(text_of(name))
     if name not in whole:
+        monkeypatch.setattr(sys.modules["gearstab.sweep.plan"], "MOST", SMALL)
+        assert plan(load(config)).blocks >= FEWEST
         begun = monotonic()
         process = start(config, out, 1)
         _, said = process.communicate(timeout=300)
