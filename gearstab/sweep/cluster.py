@@ -11,6 +11,8 @@ from __future__ import annotations
 import logging
 import pickle
 import re
+import warnings
+import zlib
 from collections.abc import Generator, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
@@ -22,6 +24,8 @@ import numpy as np
 
 from gearstab.ckernel import available
 from gearstab.errors import RequestError, SweepError
+from gearstab.results.chunks import LEVEL, compress
+from gearstab.sweep.compute import taken_over
 from gearstab.sweep.plan import GridBlock, Plan
 from gearstab.sweep.pool import Executor, Failure, Result, attempt, interrupts_later
 from gearstab.sweep.reporter import Reporter
@@ -74,6 +78,9 @@ def connected(address: str, jobs: int, reporter: Reporter) -> Iterator[Executor]
     # It tells on standard error of every worker that comes and goes.
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
     with ExitStack() as stack:
+        # What is taken over from an earlier result goes with the tasks, few at a time.
+        stack.enter_context(warnings.catch_warnings())
+        warnings.filterwarnings("ignore", "Sending large graph", UserWarning)
         target = stack.enter_context(_own_cluster(jobs)) if address == LOCAL else address
         try:
             client = stack.enter_context(distributed.Client(target, timeout=CONNECT))
@@ -160,7 +167,7 @@ class Workers:
                 room = WINDOW * max(1, sum(self.client.nthreads().values())) - len(running)
                 for block in islice(waiting, max(0, room)):
                     key = f"{block.key}-{token}"
-                    future = submit(_work, shared, block, about(), key=key, pure=False, retries=0)
+                    future = submit(_work, shared, block, about(), _packed(plan, block), key=key, pure=False, retries=0)
                     running[future] = block
                 if not running:
                     return
@@ -204,11 +211,17 @@ def _same(plan: bytes) -> bytes:
     return plan
 
 
-def _work(plan: bytes, block: GridBlock, expected: About) -> Result | str:
+def _packed(plan: Plan, block: GridBlock) -> bytes | None:
+    """What a block takes over from an earlier result, which workers need not reach; None where that is nothing."""
+    taken = taken_over(plan, block)
+    return None if taken is None else bytes(compress(pickle.dumps(taken), LEVEL))
+
+
+def _work(plan: bytes, block: GridBlock, expected: About, taken: bytes | None) -> Result | str:
     """On a worker: compute a block; where it joined late and is another program, say so."""
     mine = about()
     if mine != expected:
         from distributed import get_worker
 
         return _foreign(get_worker().address, mine, expected)
-    return attempt(pickle.loads(plan), block, 1)
+    return attempt(pickle.loads(plan), block, 1, None if taken is None else pickle.loads(zlib.decompress(taken)))

@@ -20,12 +20,15 @@ from gearstab.system import Array
 from gearstab.systems import build
 
 
-def compute(plan: Plan, block: GridBlock) -> FinishedBlock:
-    """Compute one block, without the points that are taken over from an earlier result."""
+def compute(plan: Plan, block: GridBlock, taken: Outcome | None = None) -> FinishedBlock:
+    """Compute one block, without the points that are taken over from an earlier result.
+
+    taken: these points, where they were read before (:func:`taken_over`), as on a machine without that result.
+    """
     layout = plan.layout(block.method)
     rows, columns = selection(plan, layout, block)
     count = len(next(iter(rows.values()))) if rows else 1
-    known = plan.taken.known(block.method, block.start, block.shape) if plan.taken else None
+    known = _known(plan, block)
     outcomes = []
     with kernel.recorded() as ran:
         for wanted, part in still_wanted(known, plan.inner(layout), count, len(columns)):
@@ -35,13 +38,27 @@ def compute(plan: Plan, block: GridBlock) -> FinishedBlock:
                 outcome = run_rows(plan, layout, chosen, len(members), columns[part])
                 outcomes.append(Piece(wanted[members], part, outcome))
     if plan.taken is not None and known is not None:
-        there = tuple(place[place >= 0] for place in known)
-        found = plan.taken.outcome(block.method, layout.method.results, there, plan.inner(layout))
+        found = taken_over(plan, block) if taken is None else taken
+        assert found is not None
         row, part = known_rows(known, plan.inner(layout), len(columns))
         outcomes.append(Piece(np.flatnonzero(row), np.flatnonzero(part), found))
         ran |= {plan.taken.kernel} - {"none"}
     values, tongues = joined(plan, layout, outcomes, (count, len(columns)))
     return replace(_encoded(plan, layout, block, values, tongues), kernels=tuple(sorted(ran)))
+
+
+def _known(plan: Plan, block: GridBlock) -> tuple[Array, ...] | None:
+    """Where the points of a block stand in the earlier result of a plan, if any."""
+    return plan.taken.known(block.method, block.start, block.shape) if plan.taken else None
+
+
+def taken_over(plan: Plan, block: GridBlock) -> Outcome | None:
+    """Read the points of a block that an earlier result has; None where it has none. Raises SweepError."""
+    layout, known = plan.layout(block.method), _known(plan, block)
+    if plan.taken is None or known is None:
+        return None
+    there = tuple(place[place >= 0] for place in known)
+    return plan.taken.outcome(block.method, layout.method.results, there, plan.inner(layout))
 
 
 @dataclass(frozen=True)

@@ -28,6 +28,7 @@ from typing import Any
 
 from gearstab.floquet.kernel import choice as kernel
 from gearstab.interrupts import end_with
+from gearstab.methods import Outcome
 from gearstab.sweep.compute import compute
 from gearstab.sweep.plan import GridBlock, Plan
 from gearstab.sweep.reporter import Reporter
@@ -91,14 +92,15 @@ def run_blocks(
         yield from _in_processes(plan, rest, store, jobs, reporter)
 
 
-def attempt(plan: Plan, block: GridBlock, threads: int) -> FinishedBlock | Failure:
+def attempt(plan: Plan, block: GridBlock, threads: int, taken: Outcome | None = None) -> FinishedBlock | Failure:
     """Compute a block with the plan's kernel; a block that fails does not end the sweep.
 
-    threads: how many a call of the compiled kernel may use, in which it runs rows of the block side by side.
+    threads: how many a call of the compiled kernel may use, in which it runs rows of the block side by side. taken:
+    what it takes over from an earlier result, where that was read before.
     """
     try:
         with kernel.using(plan.kernel, threads):
-            return compute(plan, block)
+            return compute(plan, block, taken)
     except Exception as error:
         return Failure(block, error)
 

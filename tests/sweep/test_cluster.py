@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
@@ -21,6 +22,8 @@ from sweep_faults import CONFIG, FOLDER, faulty
 
 from gearstab.sweep import Interrupted, Reporter, SweepError, run
 from gearstab.sweep import cluster as cluster_module
+from gearstab.sweep.extension import extended
+from gearstab.sweep.storage.taken import Taken
 
 distributed = pytest.importorskip("distributed")
 
@@ -123,6 +126,29 @@ def test_a_worker_that_is_killed_costs_nothing(cluster: Cluster) -> None:
     out = sweep.result(timeout=60)
     assert not cluster.parts("workers.h5")
     same(out, cluster.run("pool.h5"))
+
+
+def test_workers_are_sent_what_an_earlier_result_has(cluster: Cluster, monkeypatch: pytest.MonkeyPatch) -> None:
+    config = cluster.folder / "train.yaml"
+    config.write_text(CONFIG.replace("1.0, 2.0, 3.0, 4.0, 5.0", "3.0, 5.0"))
+    old = cluster.run("old.h5")
+    (cluster.folder / "log").unlink()
+    config.write_text(CONFIG)
+    grown, _ = extended(faulty(config), old)
+    read: list[object] = []
+    outcome = Taken.outcome
+
+    def counting(self: Taken, *arguments: Any) -> Any:
+        read.append(outcome(self, *arguments))
+        return read[-1]
+
+    monkeypatch.setattr(Taken, "outcome", counting)
+    cluster.worker()
+    cluster.ready(1)
+    run(grown, cluster.folder / "grown.h5", 1, scheduler=cluster.address)
+    assert len(read) == 5
+    assert sorted(cluster.begun()) == ["1", "2", "4"]
+    same(cluster.folder / "grown.h5", cluster.run("whole.h5"))
 
 
 @pytest.mark.slow

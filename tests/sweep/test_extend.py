@@ -197,7 +197,6 @@ REFUSED = {
     "another system": (["system.damping_ratio=0.01"], "system.damping_ratio is 0.0 there, and 0.01 here"),
     "other axes": (["sweep={mesh_frequency: [1, 2]}"], "its axes are mesh_frequency, epsilon, and here"),
     "nothing alike": (["sweep={mesh_frequency: [1, 2], epsilon: [0.2]}"], "nothing of it can be taken over"),
-    "workers elsewhere": (["--scheduler"], "leave --scheduler out"),
 }
 
 
@@ -205,12 +204,8 @@ REFUSED = {
 def test_what_cannot_be_extended_is_one_line(config: Path, tmp_path: Path, changes: list[str], said: str) -> None:
     old = result(planned(config, COARSE), tmp_path / "old.h5")
     settings = [f"sweep={GROWN['finer and longer']}", f"methods={METHODS}", *changes]
-    if "--scheduler" in changes:
-        settings, more = settings[:-1], ["--scheduler", "local"]
-    else:
-        more = []
     words = [word for text in settings for word in ("--set", text)]
-    found = ran("sweep", config, "-o", tmp_path / "new.h5", "--extend", old, "-q", *words, *more)
+    found = ran("sweep", config, "-o", tmp_path / "new.h5", "--extend", old, "-q", *words)
     assert found.exit_code == 2
     assert not (tmp_path / "new.h5").exists()
     assert said in found.stderr

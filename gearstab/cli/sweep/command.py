@@ -83,7 +83,7 @@ def command(
     from gearstab.sweep.effort import limits
 
     told = reporter(quiet)
-    wanted = planned if extend is None else grown(planned, extend, scheduler, told)
+    wanted = planned if extend is None else grown(planned, extend, told)
     limits.refuse(planned, target, jobs, yes)
     failures = {None: MOST_FAILURES, True: None, False: 1}[keep_going]
     summary = run(wanted, target, jobs, resume is True, resume is False, told, failures, scheduler)
@@ -97,13 +97,10 @@ def command(
             tell(SLOW_KERNEL)
 
 
-def grown(plan: Plan, old: Path, scheduler: str | None, told: Reporter) -> Plan:
+def grown(plan: Plan, old: Path, told: Reporter) -> Plan:
     """Return the plan that takes over what an earlier result has, and tell what that is."""
-    from gearstab.errors import RequestError
     from gearstab.sweep.extension import extended
 
-    if scheduler is not None:
-        raise RequestError("--extend reads the earlier result on this machine: leave --scheduler out")
     found, words = extended(plan, old)
     for text in words:
         told.message(text)
