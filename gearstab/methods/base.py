@@ -206,6 +206,16 @@ class TongueMethod(Method):
         return {SIDE.name: ["lower", "upper"]}
 
 
+class UncertainSpeed(Protocol):
+    """A mesh frequency that is not known exactly; ``present``, ``factor``: what it deviates from, and its unit."""
+
+    def below(self, x: Array, present: Any, factor: float) -> Array:
+        """Return the probability of less than x."""
+
+    def values(self, u: Array, present: Any, factor: float) -> Array:
+        """Return the values for u, uniform in (0, 1)."""
+
+
 class SampledMethod(Method):
     """A method that runs on samples of uncertain parameters: on batches of ``rows * samples`` systems.
 
@@ -219,6 +229,15 @@ class SampledMethod(Method):
     @abstractmethod
     def design(self) -> SamplingDesign:
         """The samples, the same for all systems."""
+
+    @property
+    def integrates(self) -> bool:
+        """Whether the mesh frequency is integrated rather than drawn, so that ``integrated`` is called, not ``run``."""
+        return False
+
+    def integrated(self, present: Array, speed: UncertainSpeed, factor: float) -> Outcome:
+        """Compute a batch whose mesh frequency is uncertain beside the ``present`` ones."""
+        raise NotImplementedError
 
     def portions(self, rows: int, points: int) -> Iterator[slice]:
         """Divide rows of so many points into those whose samples are treated together."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
@@ -12,7 +12,8 @@ from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 from gearstab.config.document.codes import Code
 from gearstab.config.document.tree import mapping
 from gearstab.config.model.fields import AnyNumber, Flag, Quantity, Section, Whole, wrong
-from gearstab.methods.base import Method, Outcome, SampledMethod, Tolerance, flat
+from gearstab.floquet.stability import STATUS_FLAGS
+from gearstab.methods.base import Method, Outcome, SampledMethod, Tolerance, UncertainSpeed, flat
 from gearstab.methods.floquet import Floquet, FloquetOptions
 from gearstab.results.variables import PROBABILITY, SOBOL, Variable, flagged
 from gearstab.system import Array, GearSystem
@@ -22,6 +23,14 @@ if TYPE_CHECKING:
 
 ROW = 512
 """Points of a block at least, so that a row of a map is not cut where that would cost as much again."""
+FEWEST = 16
+"""Samples where nothing is drawn."""
+EDGE = 1e-8
+"""Of the edges of regions, relative to the mesh frequency: tolerance, and width of regions that are left out."""
+TAIL = 1e-8
+"""Probability of mesh frequencies beyond those in which regions are looked for."""
+SEARCH = 10.0
+"""Points of a row whose stability takes as long as the search for its regions, per point of the row."""
 
 
 def _numbers(count: int) -> BeforeValidator:
@@ -103,6 +112,11 @@ class ToleranceOptions(Section):
         title="Sobol indices",
         description="Which parameter is to blame; without, the samples tell the probability more accurately.",
     )
+    integrate_speed: Flag = Field(
+        default=False,
+        title="integrate speed",
+        description="Whether an uncertain mesh frequency is integrated between exact edges; then no Sobol indices.",
+    )
     tolerance: Tolerance = Field(
         default=1e-6,
         title="tolerance",
@@ -137,7 +151,23 @@ class ToleranceAnalysis(SampledMethod):
 
         pairs = [tuple(self.names.index(name) for name in entry.between) for entry in self.options.correlation or ()]
         groups = groups_of(len(self.names), pairs)  # type: ignore[arg-type]
-        return SamplingDesign.of(groups, self.options.samples, self.options.sobol, self.options.seed)
+        # The mesh frequency alone leaves nothing to draw.
+        samples = FEWEST if self.alone else self.options.samples
+        return SamplingDesign.of(groups, samples, self.indices, self.options.seed)
+
+    @property
+    def indices(self) -> bool:
+        """Whether there are Sobol indices."""
+        return self.options.sobol and not self.integrates
+
+    @property
+    def integrates(self) -> bool:
+        return self.options.integrate_speed
+
+    @property
+    def alone(self) -> bool:
+        """Whether the mesh frequency, integrated, is all that is uncertain."""
+        return self.integrates and len(self.names) == 1
 
     @cached_property
     def inner(self) -> Method:
@@ -148,10 +178,10 @@ class ToleranceAnalysis(SampledMethod):
         status = next(variable for variable in self.inner.variables() if variable.name == "status")
         said = status.attributes
         flags = dict(zip(str(said["flag_meanings"]).split(), said["flag_masks"], strict=True))
-        return (*flagged(PROBABILITY, flags), *(SOBOL if self.options.sobol else ()))
+        return (*flagged(PROBABILITY, flags), *(SOBOL if self.indices else ()))
 
     def constants(self) -> Mapping[str, Any]:
-        return {"parameter": self.names} if self.options.sobol else {}
+        return {"parameter": self.names} if self.indices else {}
 
     def run(self, mesh_frequency: Array) -> Outcome:
         """Compute a batch ``(rows, samples)``, the samples of a row in the order of the design."""
@@ -168,13 +198,34 @@ class ToleranceAnalysis(SampledMethod):
         middle, lower, upper = estimates.probability(unstable, failed, self.design)
         status = np.bitwise_or.reduce(found["status"].reshape(-1, self.design.size, count), axis=1)
         values = {"probability": middle, "probability_lower": lower, "probability_upper": upper, "status": status}
-        if self.options.sobol:
+        if self.indices:
             names = ("sobol_first", "sobol_total", "sobol_first_interval", "sobol_total_interval")
             values |= dict(zip(names, estimates.sobol_indices(unstable, self.design), strict=True))
         return Outcome(values)
 
+    def integrated(self, present: Array, speed: UncertainSpeed, factor: float) -> Outcome:
+        """Compute the same, the mesh frequency integrated over the regions of each sample.
+
+        P(unstable) = E sum_k [F(b_k) - F(a_k)], over the regions a_k to b_k of a sample, F being the distribution of
+        the mesh frequency. Edges are off by their tolerance at most, and regions narrower than it are left out.
+        """
+        from gearstab.tolerance import estimates
+
+        system = self.system
+        found = []
+        for chances in _chances(system, present, speed, factor):
+            samples = np.moveaxis(chances.reshape(-1, *self.design.shape, chances.shape[-1]), -1, 1)
+            found.append(estimates.mean_of_chances(samples, self.design))
+        middle, lower, upper = (one[0] if self.alone else one[k] for k, one in enumerate(found))
+        soft = np.any([np.broadcast_to(mesh.lowest_stiffness <= 0, system.batch) for mesh in system.meshes], axis=0)
+        flags = np.where(soft.reshape(-1, self.design.size).any(axis=1), STATUS_FLAGS["negative_stiffness"], 0)
+        status = np.broadcast_to(flags[:, None], middle.shape).astype(np.int16)
+        names = ("probability", "probability_lower", "probability_upper")
+        ends = (middle, np.maximum(lower - TAIL, 0.0), np.minimum(upper + TAIL, 1.0))
+        return Outcome(dict(zip(names, ends, strict=True)) | {"status": status})
+
     def cost(self) -> float:
-        return self.design.size * self.inner.cost()
+        return self.design.size * self.inner.cost() * (SEARCH if self.integrates else 1.0)
 
     @property
     def fewest(self) -> int:
@@ -197,6 +248,8 @@ class ToleranceAnalysis(SampledMethod):
 
     def check(self) -> None:
         self.inner.check()
+        if self.integrates:
+            self.needs_common_period("remove it, or give exact ratios", ("integrate_speed",))
 
     def of(self, system: GearSystem) -> Method:
         """Return the same for other systems; the design goes along."""
@@ -205,3 +258,21 @@ class ToleranceAnalysis(SampledMethod):
         # What decides goes by the base system.
         other.__dict__["inner"] = self.inner
         return other
+
+
+def _chances(system: GearSystem, present: Array, speed: UncertainSpeed, factor: float) -> Iterator[Array]:
+    """Yield the probabilities ``(rows, P)`` of a mesh frequency in a region of each row, beside those ``present``.
+
+    As found, then with every region as narrow and as wide as the tolerance of its edges allows.
+    """
+    from gearstab.floquet.boundaries import boundaries
+
+    ends = speed.values(np.array([TAIL, 1 - TAIL])[:, None, None], present, factor)
+    found = boundaries(system, float(ends[0].min()), float(ends[1].max()), EDGE, EDGE)
+    present = np.broadcast_to(present, (found.rows, np.shape(present)[-1]))[found.row]
+    for off in (0.0, -EDGE, EDGE):
+        edges = (found.upper * (1 + off), found.lower * (1 - off))
+        upper, lower = (speed.below(edge[:, None], present, factor) for edge in edges)
+        chances = np.zeros((found.rows, present.shape[-1]))
+        np.add.at(chances, found.row, np.maximum(upper - lower, 0.0))
+        yield np.minimum(chances, 1.0)

@@ -28,7 +28,10 @@ def run_sampled(plan: Plan, method: SampledMethod, rows: dict[str, Array], count
         batch = method.of(system.over((len(every),)))
         if method.frequency == RANGE:
             return batch.run(np.array(plan.mesh_frequency_range))
-        present = np.ones((1, 1)) if uncertain.sets_mesh_frequency else plan.mesh_frequency(chosen, columns)
+        present: Array = np.ones((1, 1)) if uncertain.sets_mesh_frequency else plan.mesh_frequency(chosen, columns)
+        if isinstance(batch, SampledMethod) and batch.integrates and uncertain.speed is not None:
+            outcomes.append(batch.integrated(present, *uncertain.speed).values)
+            continue
         frequency = uncertain.mesh_frequency(present, every)
         outcomes.append(batch.run(frequency).values)
     return Outcome({name: np.concatenate([values[name] for values in outcomes]) for name in outcomes[0]})

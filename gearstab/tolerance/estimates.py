@@ -8,6 +8,8 @@ from gearstab.system import Array
 from gearstab.tolerance.design import SCRAMBLES, SamplingDesign
 
 CONFIDENCE = 0.95
+SAME = 1e-6
+"""Chances that differ by no more than that are equal."""
 LEAST_VARIANCE = 0.02
 """Least variance p (1 - p) of instability with probability p: where it is less, Sobol indices are a quotient of noise.
 """
@@ -33,19 +35,38 @@ def probability(unstable: Array, failed: Array, design: SamplingDesign) -> tuple
     return (share.mean(axis=-1), *_interval(share, design))
 
 
+def mean_of_chances(chances: Array, design: SamplingDesign) -> tuple[Array, Array, Array]:
+    """Return the mean ``(...)`` of conditional probabilities and the ends of its interval of 95 %.
+
+    The interval is that of :func:`probability`, but that what one point of a scramble tells is no more than the range
+    of the chances. Where no sample has a chance of as much as one of them, up to 1 - 0.025^(1/N) of all systems may yet
+    be unstable; so of stable ones.
+
+    chances: ``(..., scrambles, matrices, points)``, of a design of one matrix.
+    """
+    every = (-3, -2, -1)
+    least, most = chances.min(axis=every), chances.max(axis=every)
+    share = chances.mean(axis=(-2, -1))
+    lower, upper = _interval(share, design, most - least)
+    unseen = 1 - (0.5 * (1 - CONFIDENCE)) ** (1 / design.size)
+    lower = np.where(least >= 1 - 1 / design.size, np.minimum(lower, 1 - unseen), lower)
+    upper = np.where(most <= 1 / design.size, np.maximum(upper, unseen), upper)
+    return share.mean(axis=-1), lower, upper
+
+
 def _mean(samples: Array) -> Array:
     """``(..., scrambles)``."""
     return np.asarray(samples.sum(axis=(-2, -1), dtype=np.int64) / (samples.shape[-2] * samples.shape[-1]))
 
 
-def _interval(share: Array, design: SamplingDesign) -> tuple[Array, Array]:
-    """Both ends of the interval of the mean of ``(..., scrambles)``."""
+def _interval(share: Array, design: SamplingDesign, extent: Array | float = 1.0) -> tuple[Array, Array]:
+    """Both ends of the interval of the mean of ``(..., scrambles)``; extent: by how much samples differ."""
     from scipy.special import betaincinv, stdtrit
 
     tail = 0.5 * (1 - CONFIDENCE)
     total, mean = float(design.size), share.mean(axis=-1)
     # A and B are the independent ones of the matrices.
-    least = 0.25 / design.base**2 / min(design.matrices, 2)
+    least = 0.25 * np.maximum(extent, SAME) ** 2 / design.base**2 / min(design.matrices, 2)
     variance = np.maximum(share.var(axis=-1, ddof=1), least) / SCRAMBLES
     # Student's quantile for the scrambles over that for the samples.
     shrink = (stdtrit(total - 1, tail) / stdtrit(SCRAMBLES - 1, tail)) ** 2

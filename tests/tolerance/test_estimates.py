@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from scipy.special import ndtri
+from scipy.special import ndtr, ndtri
 
 from gearstab.tolerance.design import SamplingDesign
-from gearstab.tolerance.estimates import probability, sobol_indices
+from gearstab.tolerance.estimates import mean_of_chances, probability, sobol_indices
 
 NOTHING = np.zeros((1, 1, 1), dtype=bool)
 
@@ -106,3 +106,65 @@ def test_a_single_group_has_the_index_one():
     unstable = corner(design.points, 0.5).reshape(design.shape)
     assert design.matrices == 1
     assert np.array_equal(sobol_indices(unstable, design)[0], [1.0, 1.0])
+
+
+def conditional_corner(points, p):
+    """P(x + y < t | x), y being integrated."""
+    t = np.sqrt(2 * p) if p < 0.5 else 2 - np.sqrt(2 * (1 - p))
+    return np.clip(t - points[:, 0], 0.0, 1.0)
+
+
+def conditional_plane(points, p):
+    """Normal deviates beyond a plane, the last of them integrated."""
+    return ndtr(ndtri(p) * np.sqrt(points.shape[1] + 1) - ndtri(points).sum(axis=1))
+
+
+def steep(points, p):
+    """Nearly an edge: what is integrated hardly matters."""
+    return ndtr((p - points[:, 0]) / 1e-4)
+
+
+CHANCES = {
+    "a corner": (conditional_corner, 1, 1024), "a corner, few samples": (conditional_corner, 1, 100),
+    "a plane": (conditional_plane, 1, 512), "four numbers": (conditional_plane, 3, 512), "steep": (steep, 1, 1024),
+}  # fmt: skip
+
+
+def covered_by_chances(case, repetitions, largest):
+    chances, count, samples = CHANCES[case]
+    random = np.random.default_rng(0)
+    hits = 0
+    for seed in range(repetitions):
+        design = SamplingDesign.of(tuple(range(count)), samples, False, seed)
+        # Next to 0 and 1 the steep one has no simple mean.
+        p = random.uniform(1e-3, largest)
+        middle, lower, upper = mean_of_chances(chances(design.points, p).reshape(design.shape), design)
+        assert lower <= middle <= upper
+        hits += lower <= p <= upper
+    return hits / repetitions
+
+
+@pytest.mark.parametrize("case", CHANCES)
+def test_intervals_of_conditional_probabilities_cover_the_truth(case):
+    assert covered_by_chances(case, 200, 1.0) >= 0.9
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("largest", [0.99, 0.05, 0.005])
+@pytest.mark.parametrize("case", CHANCES)
+def test_intervals_of_conditional_probabilities_cover_the_truth_in_a_thousand_repetitions(case, largest):
+    assert covered_by_chances(case, 1000, largest) >= 0.93
+
+
+def test_conditional_probabilities_tell_more():
+    design = SamplingDesign.of((0, 1), 1024, False, 0)
+    chances = conditional_plane(design.points, 0.3).reshape(design.shape)
+    middle, lower, upper = mean_of_chances(chances, design)
+    drawn = probability(plane(design.points, 0.3).reshape(design.shape), NOTHING, design)
+    assert abs(middle - 0.3) < 2e-4
+    assert upper - lower < 0.5 * (drawn[2] - drawn[1])
+    # What differs little is known well, and equal chances are the probability.
+    assert np.ptp(mean_of_chances(0.3 + 0.01 * chances, design)) < 2e-4
+    assert mean_of_chances(np.full(design.shape, 0.3), design) == pytest.approx((0.3, 0.3, 0.3), abs=1e-6)
+    # Where no sample has a chance there may yet be systems that have one.
+    assert mean_of_chances(np.zeros(design.shape), design)[2] == pytest.approx(1 - 0.025 ** (1 / 1024))

@@ -141,6 +141,44 @@ methods: {tolerance: {samples: 1024, parameters: {mesh_frequency: {uniform: [1.8
         assert abs(middle - truth) < 1 / 64
 
 
+SPEED = """
+methods:
+  tolerance: {samples: 512, seed: 4, integrate_speed: true, parameters: {mesh_frequency: DISTRIBUTION, OTHERS}}
+"""
+
+
+def test_a_speed_alone_is_integrated_over_its_regions(tmp_path):
+    """P = Phi((b - w)/s) - Phi((a - w)/s) of the region a to b, whose ends are found by bisection here."""
+    from scipy.special import ndtr
+
+    low, high = (edge(end, 2.0, lambda f: not stable(0.3, f)) for end in (1.6, 2.4))
+    method = SPEED.replace("DISTRIBUTION", "{normal: [0, 0.05], deviation: true}").replace(", OTHERS", "")
+    found = result_of(tmp_path, PAIR + "sweep: {mesh_frequency: [1.7, 1.8, 2.0, 2.25]}" + method, "tolerance")
+    for frequency in found["mesh_frequency"].values:
+        lower, middle, upper = shares(found, mesh_frequency=frequency)
+        truth = ndtr((high - frequency) / 0.05) - ndtr((low - frequency) / 0.05)
+        assert lower <= truth <= upper
+        assert upper - lower < 1e-6
+        assert middle == pytest.approx(truth, abs=1e-7)
+    assert "sobol_first" not in found
+
+
+def test_a_speed_beside_other_parameters_is_integrated(tmp_path):
+    """Uniform speeds and epsilon: the area between the edges, which Gauss-Legendre takes of those of 32 systems."""
+    from gearstab.floquet.boundaries import boundaries
+
+    method = SPEED.replace("DISTRIBUTION", "{uniform: [1.7, 2.6]}").replace("OTHERS", "epsilon: {uniform: [0.2, 0.4]}")
+    found = result_of(tmp_path, PAIR + "sweep: {equivalent_mass: [1.0]}" + method, "tolerance")
+    nodes, weights = np.polynomial.legendre.leggauss(32)
+    regions = boundaries(build(pair({"epsilon": 0.3 + 0.1 * nodes})), 1.7, 2.6, 1e-10, 1e-10)
+    truth = np.sum(0.5 * weights[regions.row] * (regions.upper - regions.lower) / 0.9)
+    lower, middle, upper = shares(found, equivalent_mass=1.0)
+    assert lower <= truth <= upper
+    # 512 drawn speeds know it to 0.01 or so.
+    assert middle == pytest.approx(truth, abs=1e-4)
+    assert upper - lower < 0.01
+
+
 def test_deviations_follow_the_axis(tmp_path):
     text = (
         PAIR
@@ -197,6 +235,10 @@ def mistakes(folder: Path, method: str, sweep: str = "mesh_frequency: [1.0, 2.0]
         ("{parameters: {epsilon: {normal: [0.3, 0.1]}}, correlation: [{between: [epsilon], value: 0.5}]}", "",
          "correlation.0.between", "has 1 entries"),
         ("{samples: 3, parameters: {epsilon: {normal: [0.3, 0.1]}}}", "", "samples", ">= 16"),
+        ("{integrate_speed: true, parameters: {epsilon: {normal: [0.3, 0.1]}}}", "", "integrate_speed", "is uncertain"),
+        ("{integrate_speed: true, parameters: {epsilon: {normal: [0.3, 0.1]}, mesh_frequency: {normal: [0, 0.1], "
+         "deviation: true}}, correlation: [{between: [epsilon, mesh_frequency], value: 0.5}]}", "", "integrate_speed",
+         "to be independent"),
         ("{}", "", "parameters", "is missing"),
         ("{parameters: {}}", "", "parameters", "at least"),
         ("{parameters: 3}", "", "parameters", "must be a mapping"),

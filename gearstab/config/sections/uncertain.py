@@ -51,6 +51,12 @@ class Uncertain:
         value = np.asarray(present, dtype=float) / factor
         return np.asarray(factor * (value + self.distribution.quantile(u, self.low - value, self.high - value)))
 
+    def below(self, x: Array, present: Any, factor: float) -> Array:
+        """Return the probability of less than ``x``, of a number with this factor, beside the ``present`` values."""
+        value = np.asarray(present, dtype=float) / factor if self.deviation else np.zeros(())
+        first, last = (self.distribution.below(end - value) for end in (self.low, self.high))
+        return np.clip((self.distribution.below(x / factor - value) - first) / (last - first), 0.0, 1.0)
+
     def outside(self, present: Any) -> float:
         """Return the greatest probability of what it cannot be, beside any of the ``present`` values."""
         value = np.asarray(present if self.deviation else 0.0, dtype=float)
@@ -84,6 +90,12 @@ class Uncertainties:
                 if path == MESH_FREQUENCY:
                     return np.asarray(own.values(u[:, None], present, factor))
         return present
+
+    @property
+    def speed(self) -> tuple[Uncertain, float] | None:
+        """What the mesh frequency is, or deviates by, if it is uncertain, and the factor of the one over the other."""
+        found = ((own, factor) for own in self.parameters for path, factor in own.paths if path == MESH_FREQUENCY)
+        return next(found, None)
 
     @property
     def sets_mesh_frequency(self) -> bool:
@@ -134,6 +146,8 @@ def uncertainties(
     names = list(section.parameters)
     _report_rivals(context, targets, axes, section)
     matrix, pairs = _correlation(context, section, names)
+    if section.integrate_speed:
+        _report_speed(context, targets, [names[k] for pair in pairs for k in pair])
     if len(context.document.problems) > before or any(own is None for own in found):
         return None
     known = tuple(own for own in found if own is not None)
@@ -229,6 +243,18 @@ def _report_rivals(context: Context, targets: Mapping[str, list[Target]], axes: 
             if path not in swept and path == MESH_FREQUENCY and section.parameters[name].deviation:
                 hint = "remove deviation and give the distribution of the speed itself, or add the axis"
                 context.document.report(place, "no_range", "deviates from nothing: no axis sets it", hint, at_key=True)
+
+
+def _report_speed(context: Context, targets: Mapping[str, list[Target]], correlated: Sequence[str]) -> None:
+    """Report that there is no speed to integrate, or one that depends on what is drawn."""
+    path = (*SECTION, "integrate_speed")
+    speeds = [name for name, found in targets.items() if any(MESH_FREQUENCY in own.paths for own in found)]
+    if not speeds:
+        hint = "give mesh_frequency a distribution under parameters, or remove this"
+        context.document.report(path, "needs_other", "needs a mesh frequency that is uncertain", hint, at_key=True)
+    elif speeds[0] in correlated:
+        hint = "remove its correlation, or this"
+        context.document.report(path, "inconsistent", f"needs {speeds[0]} to be independent", hint, at_key=True)
 
 
 def _correlation(context: Context, section: Any, names: list[str]) -> tuple[Array, list[tuple[int, int]]]:
