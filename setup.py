@@ -1,6 +1,7 @@
 """Build of the optional C kernel; everything else stands in pyproject.toml.
 
-Without a working compiler the package installs all the same and its NumPy kernel serves.
+Without a working compiler the package installs all the same and its NumPy kernel serves, unless the environment says
+GEARSTAB_REQUIRE_KERNEL=1: then the build fails, as that of a wheel must.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ FOLDERS = sorted({os.path.dirname(path) for path in (*SOURCES, *HEADERS)})
 
 # One binary serves every Python from 3.11 on; a build without the global lock has no stable interface yet.
 STABLE_INTERFACE = not sysconfig.get_config_var("Py_GIL_DISABLED")
+REQUIRED = os.environ.get("GEARSTAB_REQUIRE_KERNEL", "") not in ("", "0")
 
 
 class BuildKernel(build_ext):
@@ -53,6 +55,8 @@ class BuildKernel(build_ext):
             super().build_extension(ext)
         except (CCompilerError, BaseError, OSError) as error:
             self.remove(ext)
+            if REQUIRED:
+                raise
             logging.warning(
                 "gearstab: the compiled kernel was not built (%s); the NumPy kernel serves, with the same results. "
                 "Install a C compiler and the Python headers and install again for the faster one.",
@@ -85,7 +89,7 @@ def kernel() -> Extension:
         SOURCES,
         depends=HEADERS,
         include_dirs=FOLDERS,
-        optional=True,
+        optional=not REQUIRED,
         define_macros=macros + ([("Py_LIMITED_API", "0x030b0000")] if STABLE_INTERFACE else []),
         **stable,
     )
