@@ -293,6 +293,21 @@ def test_a_pareto_front_by_the_command(tmp_path: Path) -> None:
     assert result["objective_optimum"].dims == ("objective",)
 
 
+def test_three_objectives(tmp_path: Path) -> None:
+    """A front that is a surface: every pair of objectives, designs without a line between them."""
+    text = TWO.replace("[0.1, 0.9]", "{values: [0, 0.4, 0.5]}").replace("[1.2, 1.7]", "{values: [1.2, 1.5]}")
+    text = text.replace("instability_width", "[instability_width, growth_rate, required_damping]")
+    done = ran("design", written(tmp_path, TRAIN + text), "-o", tmp_path / "front.h5")
+    assert done.exit_code == 0, done.output
+    with xr.open_datatree(tmp_path / "front.h5", engine="h5netcdf") as tree:
+        front, every = (tree["design"][name].values for name in ("design_objective", "choice_objective"))
+        _, artists = draw(tree)
+    assert every.shape == (6, 3)
+    assert all(np.any(np.all(front <= row, axis=1)) for row in every)
+    assert [line.get_linestyle() for line in artists["fronts"]] == ["None"] * 3
+    assert all(len(line.get_xdata()) == len(front) for line in artists["fronts"])
+
+
 def test_growth_rates_are_the_largest_of_a_fine_raster(tmp_path: Path) -> None:
     _, problem = problem_of(tmp_path, TWO.replace("instability_width", "growth_rate").replace("[4.8", "[0.8"))
     rows = np.array([[1.5, 0.2], [1.3, 0.6]])

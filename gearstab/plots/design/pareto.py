@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import combinations
+from math import ceil
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from matplotlib.figure import Figure
 
 from gearstab.errors import PlotError
 from gearstab.plots.design.dataset import GIVEN, NAME, OPTIMUM, design_of, symbol_of
-from gearstab.plots.drawing.heading import write_title
+from gearstab.plots.drawing.heading import write_legend, write_title
 from gearstab.plots.drawing.style import LINE, new_figure
 from gearstab.plots.kinds import Contents, Kind
 from gearstab.plots.view import Request
@@ -30,14 +31,19 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, dict[str, Any]]:
     objectives = data["design_objective"].values
     pairs = list(combinations(range(objectives.shape[1]), 2))
     picked = labelled(objectives)
-    figure = new_figure(request, 0.5, "double")
-    axes = figure.subplots(1, len(pairs) + 1, squeeze=False, width_ratios=[1.0] * len(pairs) + [0.9])[0]
-    artists: dict[str, Any] = {"fronts": [], "labels": []}
+    columns = min(3, ceil(np.sqrt(len(pairs) + 1)))
+    rows = ceil((len(pairs) + 1) / columns)
+    figure = new_figure(request, 0.1 + 0.4 * rows * 2 / columns, "double")
+    axes = np.ravel(figure.subplots(rows, columns, squeeze=False))
+    artists: dict[str, Any] = {"fronts": [], "labels": [], "marks": {}}
     for ax, (i, j) in zip(axes, pairs, strict=False):
         draw_pair(ax, data, i, j, picked, artists)
-    axes[-1].set_axis_off()
-    artists["list"] = axes[-1].text(0.0, 1.0, listed(tree, data, picked), va="top", fontsize=6.5, linespacing=1.35,
-                                    transform=axes[-1].transAxes)  # fmt: skip
+    for ax in axes[len(pairs) :]:
+        ax.set_axis_off()
+    last = axes[len(pairs)]
+    artists["list"] = last.text(0.0, 1.0, listed(tree, data, picked), va="top", fontsize=6.5, linespacing=1.35,
+                                transform=last.transAxes)  # fmt: skip
+    write_legend(figure, list(artists["marks"].values()))
     write_title(figure, tree, request)
     return figure, artists
 
@@ -51,7 +57,11 @@ def draw_pair(ax: Axes, data: xr.Dataset, i: int, j: int, picked: Array, artists
     """The front over two of the objectives, the given design and the compromise."""
     objectives, names = data["design_objective"].values, [str(name) for name in data["objective"].values]
     order = np.argsort(objectives[:, i], kind="stable")
-    (line,) = ax.plot(objectives[order, i], objectives[order, j], color=LINE, marker="o", markersize=2.5, linewidth=0.6)
+    ax.margins(0.08)
+    # Of three or more objectives the front is a surface: designs next to each other here need not be so on it.
+    (line,) = ax.plot(objectives[order, i], objectives[order, j], color=LINE, marker="o", markersize=2.5, linewidth=0.6,
+                      linestyle="-" if len(names) == 2 else "none", label="front")  # fmt: skip
+    artists["marks"]["front"] = line
     near = np.ptp(objectives[:, [i, j]], axis=0) + np.max(objectives[:, [i, j]], axis=0)
     for name, colour, marker in (("objective_initial", GIVEN, "s"), ("objective_optimum", OPTIMUM, "*")):
         point = np.ravel(data[name].values)
@@ -59,7 +69,8 @@ def draw_pair(ax: Axes, data: xr.Dataset, i: int, j: int, picked: Array, artists
             # Far off, where it would press the front into a corner; the list tells where.
             continue
         words = "given" if marker == "s" else "compromise"
-        ax.plot(point[i], point[j], color=colour, marker=marker, linestyle="none", markersize=7, label=words, zorder=3)
+        (artists["marks"][words],) = ax.plot(point[i], point[j], color=colour, marker=marker, linestyle="none",
+                                             markersize=7, label=words, zorder=3)  # fmt: skip
     for k in picked:
         text = ax.annotate(
             str(int(data["design"].values[k])), (objectives[k, i], objectives[k, j]), xytext=(3, 3),
@@ -69,7 +80,6 @@ def draw_pair(ax: Axes, data: xr.Dataset, i: int, j: int, picked: Array, artists
     artists["fronts"].append(line)
     ax.set_xlabel(names[i].replace("_", " "))
     ax.set_ylabel(names[j].replace("_", " "))
-    ax.legend(loc="best")
 
 
 def listed(tree: xr.DataTree, data: xr.Dataset, picked: Array) -> str:
@@ -80,8 +90,9 @@ def listed(tree: xr.DataTree, data: xr.Dataset, picked: Array) -> str:
         values = [f"{name} = {value:.4g}" for name, value in zip(names, data["design_value"].values[k], strict=True)]
         rows = [", ".join(values[start : start + 3]) for start in range(0, len(values), 3)]
         lines.append(f"{int(data['design'].values[k])}:  " + "\n      ".join(rows))
-    given = ", ".join(f"{value:.4g}" for value in np.ravel(data["objective_initial"].values))
-    return "\n".join([*lines, "", f"given: {', '.join(map(str, data['objective'].values))} = {given}"])
+    given = zip(data["objective"].values, np.ravel(data["objective_initial"].values), strict=True)
+    lines += ["", "given:", *(f"      {str(name).replace('_', ' ')} = {value:.4g}" for name, value in given)]
+    return "\n".join(lines)
 
 
 def _suits(contents: Contents) -> bool:
