@@ -110,7 +110,8 @@ bench: $(VENV)/.installed ## speed and error of the methods, side by side
 	@$(BIN)/python scripts/bench_tolerance.py
 	@$(foreach scene,$(BENCH),echo; echo "$(scene)"; $(GEARSTAB) bench $(scene) -o results/bench/$(basename $(notdir $(scene))).h5 -q;)
 
-bench-scale: $(VENV)/.installed ## whole sweeps beside the kernel alone, workers beside threads; LARGEST=8 for 10^8 points
+bench-scale: $(VENV)/.installed ## laws of cost, whole sweeps beside the kernel alone, workers beside threads; LARGEST=8 for 10^8 points
+	@$(BIN)/python scripts/bench_laws.py
 	@$(BIN)/python scripts/bench_scale.py $(LARGEST)
 
 benchmarks: $(VENV)/.installed ## published numbers against ours: the table of configs/benchmarks/
