@@ -91,9 +91,11 @@ def conservative(part: OperatingPoints, exponents: bool) -> FloquetStability:
     value = np.divide(growth, part.period, out=growth)
     # Without damping the verdict decides; with uniform damping a growth below the decay is stable.
     inside = verdict == STABLE
-    stable = np.where(shift == 0, inside, value <= shift) if shift.any() else inside
+    stable = inside
+    if shift.any():
+        stable = np.where(shift == 0, inside, value <= shift)
+        value -= shift
     table = conservative_exponents(pattern, omega, inside) * rate[..., None] if exponents else None
-    value -= shift
     value *= rate
     return FloquetStability(value, stable.view(np.int8), status, table)
 

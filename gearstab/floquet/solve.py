@@ -57,12 +57,17 @@ def solve(
     status = np.zeros(omega.shape, dtype=np.int16)
     error = None if system.piecewise_constant else np.zeros(omega.shape)
     table = _Exponents(omega.shape, 2 * system.size) if exponents else None
+    reached = np.zeros(len(omega), dtype=bool)
     with kernel.recorded() as ran:
         for block, found in _solutions(system, omega, exponents, reduction, tolerance):
             index = block.pattern.rows
-            growth[index] = np.maximum(growth[index], found.growth_rate)
-            stable[index] &= found.stable
-            status[index] |= found.status
+            if reached[index].any():
+                growth[index] = np.maximum(growth[index], found.growth_rate)
+                stable[index] &= found.stable
+                status[index] |= found.status
+            else:
+                growth[index], stable[index], status[index] = found.growth_rate, found.stable, found.status
+                reached[index] = True
             if error is not None and found.error_estimate is not None:
                 error[index] = np.maximum(error[index], found.error_estimate)
             # Rigid-body modes are left out of the search, but one that grows by itself decides.
@@ -94,7 +99,9 @@ def _solutions(
         return
     for pattern in prepare(system):
         for block in split(pattern) if reduction else [whole(pattern)]:
-            part = OperatingPoints(block.pattern, omega[block.pattern.rows] / block.pattern.elastic.rate[:, None])
+            own = omega[block.pattern.rows]
+            own /= block.pattern.elastic.rate[:, None]
+            part = OperatingPoints(block.pattern, own)
             yield block, solved(part, block, exponents)
 
 
