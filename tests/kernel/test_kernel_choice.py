@@ -12,12 +12,15 @@ from systems import system
 
 from gearstab import ckernel
 from gearstab.cli import main
+from gearstab.config import load
 from gearstab.errors import SettingError
 from gearstab.floquet import solve
 from gearstab.floquet.kernel import c_kernel, numpy_kernel
 from gearstab.floquet.kernel import choice as kernel
+from gearstab.methods import perturbation
+from gearstab.methods.base import Method
 from gearstab.results import open_result
-from gearstab.sweep import pool
+from gearstab.sweep import plan, pool
 
 built = pytest.mark.skipif(ckernel.library is None, reason="the compiled kernel was not built")
 OMEGA = np.array([1.0, 2.0])
@@ -185,6 +188,8 @@ def jobs(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> int
     monkeypatch.setattr(pool, "WORTH_THREADS", 0.0)
     # Several blocks, so that there is something to be side by side.
     monkeypatch.setattr(sys.modules["gearstab.sweep.plan"], "MOST", 3)
+    monkeypatch.setattr(Method, "fewest", 1)
+    monkeypatch.setattr(perturbation, "ROWS", 1)
     return int(request.param)
 
 
@@ -209,6 +214,7 @@ def test_a_result_names_the_kernel_that_ran(
     monkeypatch.setenv("GEARSTAB_KERNEL", chosen)
     config, out = tmp_path / "scene.yaml", tmp_path / "out.h5"
     config.write_text(text + f"methods: {methods}\n")
+    assert all(layout.count > 1 for layout in plan(load(config)).layouts)
     with pytest.raises(SystemExit) as ended:
         main(["sweep", str(config), "-o", str(out), "-j", str(jobs), "-q"])
     assert not ended.value.code
