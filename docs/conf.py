@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from pathlib import Path
 
@@ -51,6 +52,43 @@ def add_gallery(app: Sphinx, name: str, source: list[str]) -> None:
         source[0] += f"\n{gallery()}\n"
 
 
+def typeset_paper(app: Sphinx, name: str, source: list[str]) -> None:
+    """Turn the paper, written for the tools of the Journal of Open Source Software, into a page of this site."""
+    if name != "paper/paper":
+        return
+    (title,) = re.findall(r'^title: "(.*)"$', source[0], re.M)
+    entries = dict(
+        re.findall(r"^@\w+\{(\w+),(.*?)^\}", (Path(__file__).parent / "paper" / "paper.bib").read_text(), re.M | re.S)
+    )
+    body = re.sub(r"^# ", "## ", source[0].split("---\n", 2)[2], flags=re.M)
+    cited = dict.fromkeys(re.findall(r"\[@(\w+)\]", body))
+    body = re.sub(
+        r"\[@(\w+)\]", lambda found: f"({authors(entries[found[1]])} {field(entries[found[1]], 'year')})", body
+    )
+    source[0] = f"# {title}\n{body}\n" + "\n".join(reference(entries[key]) for key in sorted(cited))
+
+
+def field(entry: str, name: str) -> str:
+    """Return a field of an entry of the bibliography as plain text, "" where there is none."""
+    found = re.search(rf"^ *{name} *= \{{(.*)\}},?$", entry, re.M)
+    return re.sub(r"[{}]", "", found[1]).replace("--", "-").replace("\\'o", "ó").replace("\\'u", "ú") if found else ""
+
+
+def authors(entry: str) -> str:
+    """Return the family names of an entry, as a text cites them."""
+    names = [name.split(",")[0] for name in field(entry, "author").split(" and ")]
+    return " & ".join(names) if len(names) < 3 and names[-1] != "others" else f"{names[0]} et al."
+
+
+def reference(entry: str) -> str:
+    """Return an entry as an item of a list."""
+    place = field(entry, "journal") or field(entry, "booktitle") or field(entry, "publisher") or field(entry, "note")
+    doi = field(entry, "doi")
+    link = f" [doi:{doi}](https://doi.org/{doi})" if doi else ""
+    where = " ".join(part for part in (place, field(entry, "volume")) if part)
+    return f"* {authors(entry)} ({field(entry, 'year')}): {field(entry, 'title')}. *{where}*.{link}"
+
+
 def list_parameters(app: Sphinx, what: str, name: str, object: object, options: object, lines: list[str]) -> None:
     """Turn the parameters of a docstring, ``name: text`` and indented lines that go on, into a list."""
     if "Parameters" not in lines:
@@ -62,6 +100,7 @@ def list_parameters(app: Sphinx, what: str, name: str, object: object, options: 
 
 
 def setup(app: Sphinx) -> None:
-    """Connect the gallery and the docstrings."""
+    """Connect the gallery, the paper and the docstrings."""
     app.connect("source-read", add_gallery)
+    app.connect("source-read", typeset_paper)
     app.connect("autodoc-process-docstring", list_parameters)
