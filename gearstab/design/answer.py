@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gearstab.config.sections.objectives import objective_name, objective_unit
+from gearstab.config.sections.targets import INPUT_SPEED
 from gearstab.design import values
 from gearstab.design.solution import Solution
 from gearstab.results.units import in_brackets
@@ -46,10 +47,18 @@ def _regions(solution: Solution) -> list[str]:
     if place is None:
         return ["no instability region within reach of the operating range"]
     lower, upper = tongues.edges[place, :, 1]
-    where = f"{lower:.6g} to {upper:.6g}{in_brackets(solution.initial_system, 'rad/s')}"
-    away = tongues.distance[place, 1]
+    scale, unit = _speed(solution)
+    where = f"{scale * lower:.6g} to {scale * upper:.6g}{unit}"
+    away = scale * tongues.distance[place, 1]
     label = tongues.index[place][0].label
     inside = int(np.count_nonzero(tongues.distance[:, 1] == 0))
     if away > 0:
         return [f"no instability in the operating range; nearest region {label}, {where}, {away:.4g} away"]
     return [f"{inside} region{'s' * (inside != 1)} left in the operating range; the widest is {label}, {where}"]
+
+
+def _speed(solution: Solution) -> tuple[float, str]:
+    """What a mesh frequency is multiplied by for a reader, and its unit: that of the input where the range is of it."""
+    if solution.problem.design.ranges[0].of == INPUT_SPEED:
+        return 60 / (2 * np.pi) / solution.optimum_spans[0].factor, " rpm of the input"
+    return 1.0, in_brackets(solution.initial_system, "rad/s")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from fractions import Fraction
 from functools import cache
 from pathlib import Path
@@ -306,6 +307,33 @@ def test_three_objectives(tmp_path: Path) -> None:
     assert all(np.any(np.all(front <= row, axis=1)) for row in every)
     assert [line.get_linestyle() for line in artists["fronts"]] == ["None"] * 3
     assert all(len(line.get_xdata()) == len(front) for line in artists["fronts"])
+
+
+def test_regions_are_told_in_the_speed_of_the_range(tmp_path: Path) -> None:
+    """Edges of the result are mesh frequencies, 20 times the speed of a pinion of 20 teeth."""
+    text = """
+system:
+  kind: gearbox
+  gears: {module: "2 mm", pressure_angle: "20 deg", face_width: "20 mm"}
+  rotors: [{name: motor, inertia: 0.01}, {name: pinion, teeth: 20}, {name: wheel, teeth: 60}]
+  shafts: [{name: input, between: [motor, pinion], stiffness: 1.0e4}]
+  meshes: [{name: first, gears: [pinion, wheel]}]
+  input: {rotor: motor, torque: 20.0}
+  outputs: [{rotor: wheel}]
+design:
+  range: {input_speed: ["12000 rpm", "24000 rpm"]}
+  variables: {rotors.motor.inertia: {values: [0.01, 0.02]}}
+  minimise: instability_width
+"""
+    done = ran("design", written(tmp_path, text), "-o", tmp_path / "out.h5", "-q")
+    assert done.exit_code == 0, done.output
+    found = re.search(r"(\S+), (\S+) to (\S+) rpm of the input", done.stdout)
+    assert found
+    with xr.open_datatree(tmp_path / "out.h5", engine="h5netcdf") as tree:
+        result = tree["design"].to_dataset().load()
+    k = list(result["label"].values).index(found[1])
+    speeds = result["region_frequency"].values[k, :, 1] / 20 * 60 / (2 * np.pi)
+    assert [float(found[2]), float(found[3])] == pytest.approx(speeds, rel=1e-5)
 
 
 def test_growth_rates_are_the_largest_of_a_fine_raster(tmp_path: Path) -> None:
