@@ -19,6 +19,7 @@ from gearstab.floquet.boundaries.undamped.search import Search
 from gearstab.floquet.kernel.chain import Chain, chain
 from gearstab.floquet.segments.pattern import Pattern, prepare
 from gearstab.modal import mean_modes
+from gearstab.perturbation.multiple_scales import EQUAL_FREQUENCY
 from gearstab.perturbation.tongues import Tongue, self_excited
 from gearstab.system import Array, GearSystem
 
@@ -127,6 +128,7 @@ class _Collected:
         modes = mean_modes(self.system)
         n = self.system.size
         self.squared = np.broadcast_to(modes.squared_frequency, (*self.system.batch, n)).reshape(rows, n)
+        self.first = _first_of_equals(np.sqrt(np.maximum(self.squared, 0.0)))
         self.period = self.system.common_period()[0]
         self.tongues: list[Tongue] = []
         self.number: dict[tuple[int, int, int], int] = {}
@@ -245,17 +247,22 @@ class _Collected:
         upper = np.where(found.cut[:, 0], self.stop, rate / found.start)
         error = found.error[:, ::-1] / np.stack([found.stop, found.start], axis=1)
         row, owner = found.row[names.owner], names.owner
-        p, q, cycles = modes[row, names.root[:, 0]], modes[row, names.root[:, 1]], names.root[:, 2]
+        # Which of several modes of one frequency grow is a matter of rounding.
+        first, rows = self.first[part.pattern.rows], np.arange(len(modes))[:, None]
+        named = first[rows, modes]
+        p, q, cycles = named[row, names.root[:, 0]], named[row, names.root[:, 1]], names.root[:, 2]
         # One number for the three: rows of a matrix are sorted ten times as slowly.
         shape = (self.system.size, self.system.size, int(cycles.max(initial=0)) + 1)
         distinct, which = np.unique(np.ravel_multi_index((p, q, cycles), shape), return_inverse=True)
         roots = zip(*(part.tolist() for part in np.unravel_index(distinct, shape)), strict=True)
         member = np.array([self._tongue(*root) for root in roots], dtype=np.int64)[which]
+        once = np.sort(np.unique(owner * (len(self.tongues) + 1) + member, return_index=True)[1])
+        owner, member = owner[once], member[once]
         if driven is not None:
-            first = np.flatnonzero(driven[found.row] >= 0)
-            itself = np.hstack([modes, self._rigid(part)[:, None]])[found.row[first], driven[found.row[first]]]
-            order = np.argsort(np.concatenate([first, owner]), kind="stable")
-            owner = np.concatenate([first, owner])[order]
+            by_itself = np.flatnonzero(driven[found.row] >= 0)
+            itself = np.hstack([modes, self._rigid(part)[:, None]])[found.row[by_itself], driven[found.row[by_itself]]]
+            order = np.argsort(np.concatenate([by_itself, owner]), kind="stable")
+            owner = np.concatenate([by_itself, owner])[order]
             grown = np.array([self._tongue(k, k, 0) for k in itself.tolist()], dtype=np.int64)
             member = np.append(grown, member)[order]
         edges, cut = np.stack([lower, upper], axis=1), found.cut[:, ::-1]
@@ -282,6 +289,13 @@ class _Collected:
             tuple(counted for _, counted in covered),
             (self.start, self.stop),
         )
+
+
+def _first_of_equals(frequency: Array) -> Array:
+    """``(rows, n)``: the first mode of the same frequency; frequencies ``(rows, n)`` ascend, 0 of rigid bodies."""
+    same = (np.diff(frequency) <= EQUAL_FREQUENCY * frequency[:, 1:]) & (frequency[:, :-1] > 0)
+    begins = np.where(np.pad(same, ((0, 0), (1, 0))), 0, np.arange(frequency.shape[1]))
+    return np.maximum.accumulate(begins, axis=1)
 
 
 def _near(interval: Interval, guides: Intervals, among: Array) -> list[int]:

@@ -167,7 +167,8 @@ def _filled(train: Train, k: int) -> dict[str, Any]:
     try:
         return train.teeth_of(k).filled()
     except NotPossible as error:
-        raise TrainError(("meshes", k), error.message, "change the teeth, or give the stiffness of the mesh") from None
+        remedy = f"{error.remedy or 'change the teeth'}, or give the stiffness of the mesh"
+        raise TrainError(("meshes", k), error.message, remedy) from None
 
 
 def mesh(train: Train, k: int, p: dict[str, Any]) -> Mesh:
