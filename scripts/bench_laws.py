@@ -85,7 +85,7 @@ def minima(works: Sequence[Callable[[], object]]) -> list[float]:
 def costs(systems: Sequence[GearSystem], points: Sequence[int]) -> list[float]:
     """Microseconds per point of the Floquet analysis of each system, over a row of so many mesh frequencies."""
     rows = [np.linspace(0.7, 6.0, count) for count in points]
-    works = [lambda s=s, w=w: solve(s, w) for s, w in zip(systems, rows, strict=True)]  # type: ignore[misc]
+    works = [lambda s=s, w=w: solve(s, w) for s, w in zip(systems, rows, strict=True)]
     return [1e6 * seconds / count for seconds, count in zip(minima(works), points, strict=True)]
 
 
@@ -144,7 +144,7 @@ def threads() -> None:
         batch = GearSystem(
             np.tile(system.mass, (64, 1, 1)), system.stiffness * np.linspace(1, 2, 64)[:, None, None], system.meshes
         )
-        clock = []
+        clock: list[float] = []
 
         def work(batch: GearSystem = batch, clock: list[float] = clock, count: int = count) -> None:
             start = time.perf_counter()
