@@ -142,13 +142,20 @@ class Planetary(System):
 
     @classmethod
     def summary(cls, p: dict[str, Any]) -> dict[str, str]:
-        """Say where the planets are, and how many teeth the gears have."""
+        """Say where the planets are, how many teeth the gears have, and what only the speeds know to be fixed."""
         psi = [np.degrees(float(angle)) for angle in angles_of(p)]
         equal = "" if p.get("angles") is not None else ", equally spaced"
         said = {"planets": f"{len(psi)} at {', '.join(f'{angle:.6g}' for angle in psi)} deg{equal}"}
         if p.get("teeth"):
             z_s, z_p, z_r = (int(p["teeth"][body]) for body in ("sun", "planet", "ring"))
             said["teeth"] = f"sun {z_s}, planet {z_p}, ring {z_r} = z_s + 2 z_p"
+            held = p.get("fixed", "ring")
+            turning = "ring_tangential" if held == "ring" and p["ring"]["kind"] == "elastic" else f"{held}_rotation"
+            keys = {turning, "ring_tangential"} if held == "ring" else {turning}
+            if not any(np.any(p.get("supports", {}).get(key)) for key in keys):
+                said["fixed"] = (
+                    f"{held}, by the speeds alone: no stiffness keeps it from turning; give supports.{turning}"
+                )
         return said
 
     @classmethod

@@ -10,6 +10,7 @@ from scenes import problems, read
 
 from gearstab.config import Config
 from gearstab.systems import build
+from gearstab.systems.planetary.sections import Planetary
 
 Z = {"sun": 28, "planet": 20, "ring": 68}
 M, ALPHA, WIDTH, DENSITY = 0.002, np.deg2rad(20), 0.025, 7850.0
@@ -142,3 +143,11 @@ def test_an_axis_of_teeth_would_leave_the_masses_behind(tmp_path: Path, axis: st
         tmp_path, f"{TEXT}sweep:\n  mesh_frequency: [1.0e4, 2.0e4]\n  {axis}\nmethods: {{floquet: {{}}}}\n"
     )
     assert any("numbers of teeth" in p.message and p.path.startswith("sweep.t") for p in found), found
+
+
+def test_a_fixed_body_that_nothing_holds_is_told(gear: Config, tmp_path: Path) -> None:
+    free = read(tmp_path, TEXT.replace(", ring_rotation: 1.0e9", ""))
+    assert "fixed" not in Planetary.summary(gear.parameters)
+    assert "supports.ring_rotation" in Planetary.summary(free.parameters)["fixed"]
+    other = read(tmp_path, TEXT.replace("  planets: 4\n", "  planets: 4\n  fixed: carrier\n"))
+    assert "supports.carrier_rotation" in Planetary.summary(other.parameters)["fixed"]
