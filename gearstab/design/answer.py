@@ -14,8 +14,8 @@ LONGEST = 5
 """Variables in the answer; further ones are counted."""
 
 
-def answer(solution: Solution) -> list[str]:
-    """Return what changes, what that brings, what limits it, how firm it is and why it works."""
+def answer(solution: Solution, reasons: int = 2) -> list[str]:
+    """Return what changes, what that brings, what limits it, how firm it is and, in so many lines, why it works."""
     problem = solution.problem
     lines = []
     for k, weights in enumerate(problem.design.objectives):
@@ -33,7 +33,7 @@ def answer(solution: Solution) -> list[str]:
     lines += _regions(solution)
     if solution.front is not None:
         lines.append(f"Pareto front: {len(solution.front[0])} designs; the optimum shown is a compromise between them")
-    lines += [f"why: {text}" for text in solution.explanation[:2]]
+    lines += [f"why: {text}" for text in solution.explanation[:reasons]]
     points, wrong = solution.verified
     lines.append(f"verified by Floquet analysis at {points:,} speeds: {wrong or 'none'} contradict{'s' * (wrong == 1)}")
     return lines

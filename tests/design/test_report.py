@@ -62,6 +62,9 @@ def test_what_it_says(proposed: str) -> None:
         assert words in text, words
     # Both designs are judged.
     assert text.count("Regions in the operating range") == 2
+    # The reasons stand once, in a list of their own.
+    assert "Why, by first-order theory" in proposed
+    assert "why: " not in proposed
 
 
 def test_damping_that_suffices(tmp_path: Path) -> None:

@@ -201,7 +201,8 @@ def _design(solution: Solution) -> Iterator[Block]:
     from gearstab.results.units import unit_of
 
     yield Heading("Proposed design")
-    yield BulletList(answer(solution))
+    # The reasons follow, all of them.
+    yield BulletList(answer(solution, reasons=0))
     problem = solution.problem
     rows = []
     for k, variable in enumerate(problem.variables):
