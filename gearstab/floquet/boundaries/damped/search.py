@@ -201,7 +201,8 @@ def _between(scan: Scan, spacing: Array) -> tuple[Array, Array]:
     above = np.stack([scan.growth[1:], scan.growth[:-1]]) > 0
     limit = spacing[scan.row[1:]] * np.where(above.all(axis=0), 1.0, 0.25)
     inside = (np.diff(scan.row) == 0) & above.any(axis=0)
-    count = np.where(inside, np.ceil(width / limit) - 1, 0).astype(int)
+    # Samples may lie on each other, where guides have edges in common.
+    count = np.where(inside, np.maximum(np.ceil(width / limit) - 1, 0), 0).astype(int)
     owner = np.repeat(np.arange(len(count)), count)
     number = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count) + 1
     return scan.row[owner], np.log(cycle[owner] + width[owner] * number / (count[owner] + 1))
