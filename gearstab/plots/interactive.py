@@ -13,8 +13,8 @@ import xarray as xr
 from matplotlib.colors import to_hex
 
 from gearstab.errors import PlotError
-from gearstab.plots.axes import FigureAxis, distinct
-from gearstab.plots.drawing.style import GROWTH, LINE, style
+from gearstab.plots.axes import FigureAxis, distinct, units_of
+from gearstab.plots.drawing.style import FAILED, GROWTH, LINE, style
 from gearstab.plots.drawing.tongues import read_tongues
 from gearstab.plots.maps import stability_map
 from gearstab.plots.maps.coarse import MOST_CELLS, coarse
@@ -28,8 +28,24 @@ Array = np.ndarray
 CHANGE = """
 cells.data = {...cells.data, image: [images[slider.value]]};
 regions.data = edges[slider.value];
-slider.title = captions[slider.value];
 """
+GROWS = 'return value > 0 ? value.toPrecision(4) : value < 0 ? `stable, ${value.toPrecision(4)}` : "stable";'
+INSIDE = """
+// A point is inside a region if a ray from it crosses the outline an odd number of times.
+const {x, y} = special_vars, {xs, ys, name} = regions.data;
+const inside = (u, v) => u.reduce((odd, _, i) => {
+  const j = i ? i - 1 : u.length - 1;
+  return odd ^ ((v[i] > y) !== (v[j] > y) && x < u[i] + (y - v[i]) / (v[j] - v[i]) * (u[j] - u[i]));
+}, 0);
+const found = new Set(name.filter((_, k) => inside([...xs[k]], [...ys[k]])));
+return found.size ? [...found].join(", ") : "none";
+"""
+"""Texts beside the pointer: the growth rate of a cell, and the regions there."""
+TEMPLATE = """
+{% block contents %}<noscript><img alt="Stability map" src="data:image/png;base64,{{ picture }}"></noscript>
+{{ super() }}{% endblock %}
+"""
+"""Bokeh's page with a picture over its plots, which only readers without scripts see."""
 
 
 def not_a_page(path: Path) -> str:
@@ -41,17 +57,20 @@ def not_a_page(path: Path) -> str:
 PAGE = Content("a page", ".html", not_a_page, (), streams=True)
 
 
-def reduced(values: Array) -> Array:
-    """Return growth rates ``(rows, columns)``, NaN where masked, as at most ``MOST_CELLS`` along each axis.
+def reduced(values: Array, failed: Array) -> Array:
+    """Return growth rates ``(rows, columns)``, masked where stable, as at most ``MOST_CELLS`` along each axis.
 
-    Several cells together show the largest growth among them, so that no unstable point is lost.
+    Those of stable points are at most 0, those of ``failed`` ones NaN. Several cells together show the worst among
+    them: the largest growth, then a failure, so that no unstable point is lost.
     """
-    values = np.ma.filled(values, np.nan)
-    for axis, size in enumerate(values.shape):
+    stable = np.ma.getmaskarray(values)
+    worst = np.where(failed, -np.inf, np.where(stable, np.minimum(np.ma.getdata(values), 0.0), values))
+    for axis, size in enumerate(worst.shape):
         if size > MOST_CELLS:
             starts = np.linspace(0, size, MOST_CELLS, endpoint=False).astype(int)
-            values = np.fmax.reduceat(values, starts, axis=axis)
-    return values.astype(np.float32)
+            worst = np.maximum.reduceat(worst, starts, axis=axis)
+            failed = np.logical_or.reduceat(failed, starts, axis=axis)
+    return np.where(failed & (worst <= 0), np.nan, worst).astype(np.float32)
 
 
 def outlines(tree: xr.DataTree, view: MapView) -> dict[str, list[Any]]:
@@ -71,6 +90,11 @@ def outlines(tree: xr.DataTree, view: MapView) -> dict[str, list[Any]]:
     return data
 
 
+def labelled(name: str, units: str) -> str:
+    """Return a name in words with its unit, as a page shows it."""
+    return name.replace("_", " ") + ("" if units == "1" else f" ({units})")
+
+
 def slices(tree: xr.DataTree, request: Request) -> tuple[FigureAxis | None, list[MapView]]:
     """Return the axis of the slider and a view for each of its values. Raises PlotError for what a page cannot show."""
     dataset, data = find_variable(tree, GROWTH_RATE)
@@ -86,14 +110,13 @@ def slices(tree: xr.DataTree, request: Request) -> tuple[FigureAxis | None, list
 
 
 def picture(tree: xr.DataTree, request: Request, axis: FigureAxis | None) -> str:
-    """Return the first slice as the element that readers without scripts see."""
+    """Return the first slice as a PNG file in base 64."""
     first = {} if axis is None else {axis.name: axis.text(0)}
     with style():
         figure, _ = stability_map.draw(tree, replace(request, select={**request.select, **first}, size="double"))
         data = io.BytesIO()
         figure.savefig(data, format="png", dpi=150, metadata={"Software": "gearstab"})
-    code = base64.b64encode(data.getvalue()).decode()
-    return f'<noscript><img alt="Stability map" src="data:image/png;base64,{code}"></noscript>'
+    return base64.b64encode(data.getvalue()).decode()
 
 
 def page(tree: xr.DataTree, request: Request, title: str) -> str:
@@ -101,7 +124,16 @@ def page(tree: xr.DataTree, request: Request, title: str) -> str:
     try:
         from bokeh.embed import file_html
         from bokeh.layouts import column
-        from bokeh.models import ColorBar, ColumnDataSource, CustomJS, HoverTool, LinearColorMapper, Slider
+        from bokeh.models import (
+            ColorBar,
+            ColumnDataSource,
+            CustomJS,
+            CustomJSHover,
+            CustomJSTickFormatter,
+            HoverTool,
+            LinearColorMapper,
+            Slider,
+        )
         from bokeh.plotting import figure
         from bokeh.resources import INLINE
     except ImportError:
@@ -109,35 +141,44 @@ def page(tree: xr.DataTree, request: Request, title: str) -> str:
     tree = in_display_units(distinct(tree), request.unit)
     axis, views = slices(tree, request)
     shown = [coarse(tree, view, GROWTH_RATE) for view in views]
-    images = [reduced(stability_map.read_cells(*item, GROWTH_RATE)[0]) for item in shown]
+    images = [reduced(*stability_map.read_cells(*item, GROWTH_RATE)) for item in shown]
     edges = [outlines(tree, view) for view in views]
     x, y = views[0].x, views[0].y
     left, right, bottom, top = (float(edge) for edge in (*x.edges()[[0, -1]], *y.edges()[[0, -1]]))
-    largest = max([float(np.nanmax(image)) for image in images if np.isfinite(image).any()], default=1.0)
+    largest = max(float(np.nanmax(image, initial=0.0)) for image in images) or 1.0
     colours = LinearColorMapper(
-        palette=[to_hex(GROWTH(n)) for n in range(256)], low=0, high=largest, nan_color="#ffffff00"
-    )
-    names = [f"{a.name.replace('_', ' ')}{'' if a.units == '1' else f' ({a.units})'}" for a in (x, y)]
-    plot = figure(
-        title=title, x_axis_label=names[0], y_axis_label=names[1], width=950, height=560, x_range=(left, right),
-        y_range=(bottom, top), tools="pan,wheel_zoom,box_zoom,reset,save", active_scroll="wheel_zoom",
+        palette=[to_hex(GROWTH(n)) for n in range(256)], low=1e-9 * largest, high=largest, low_color="#ffffff00",
+        nan_color=FAILED,
     )  # fmt: skip
-    cells, regions = ColumnDataSource({"image": [images[0]]}), ColumnDataSource(edges[0])
+    names = [labelled(a.name, a.units) for a in (x, y)]
+    growth = labelled(GROWTH_RATE, units_of(find_variable(tree, GROWTH_RATE)[1]))
+    plot = figure(
+        title=",  ".join([title, *views[0].chosen]) if request.title else None, x_axis_label=names[0],
+        y_axis_label=names[1], height=560, x_range=(left, right), y_range=(bottom, top), sizing_mode="stretch_width",
+        tools="pan,wheel_zoom,box_zoom,reset,save", active_scroll="wheel_zoom",
+    )  # fmt: skip
+    cells, regions = ColumnDataSource({"image": [images[0]], "region": [""]}), ColumnDataSource(edges[0])
     map_ = plot.image("image", source=cells, x=left, y=bottom, dw=right - left, dh=top - bottom, color_mapper=colours)
-    drawn = plot.patches("xs", "ys", source=regions, fill_alpha=0.0, line_color=LINE, line_width=1)
-    place = [(names[0], "$x{0.0000}"), (names[1], "$y{0.0000}")]
-    plot.add_tools(HoverTool(renderers=[map_], tooltips=[*place, ("growth rate", "@image{0.0000}")]))
-    plot.add_tools(HoverTool(renderers=[drawn], tooltips=[("region", "@name")]))
-    plot.add_layout(ColorBar(color_mapper=colours, title="growth rate"), "right")
+    plot.patches("xs", "ys", source=regions, fill_alpha=0.0, line_color=LINE, line_width=1)
+    rows = [(names[0], "$x{0.0000}"), (names[1], "$y{0.0000}"), (growth, "@image{custom}")]
+    formatters = {"@image": CustomJSHover(code=GROWS)}
+    if any(found["name"] for found in edges):
+        rows.append(("region", "@region{custom}"))
+        formatters["@region"] = CustomJSHover(args={"regions": regions}, code=INSIDE)
+    plot.add_tools(HoverTool(renderers=[map_], tooltips=rows, formatters=formatters))
+    plot.add_layout(ColorBar(color_mapper=colours, title=growth), "right")
     parts: list[Any] = [plot]
     if axis is not None:
-        captions = [f"{axis.name} = {axis.text(index)}" for index in range(axis.size)]
-        slider = Slider(start=0, end=axis.size - 1, value=0, step=1, title=captions[0], show_value=False, width=900)
-        known = {"cells": cells, "regions": regions, "images": images, "edges": edges, "captions": captions}
-        slider.js_on_change("value", CustomJS(args={**known, "slider": slider}, code=CHANGE))
+        unit = "" if axis.units == "1" else f" {axis.units}"
+        texts = [f"{axis.text(index)}{unit}" for index in range(axis.size)]
+        said = CustomJSTickFormatter(args={"texts": texts}, code="return texts[tick];")
+        slider = Slider(start=0, end=axis.size - 1, value=0, step=1, title=axis.name, format=said)
+        known = {"cells": cells, "regions": regions, "images": images, "edges": edges, "slider": slider}
+        slider.js_on_change("value", CustomJS(args=known, code=CHANGE))
         parts.insert(0, slider)
-    text = file_html(column(*parts), INLINE, title or "gearstab")
-    return text.replace("<body>", f"<body>\n{picture(tree, request, axis)}", 1)
+    layout = column(*parts, sizing_mode="stretch_width", margin=(10, 30, 10, 30))
+    first = {"picture": picture(tree, request, axis)}
+    return file_html(layout, INLINE, title or "gearstab", template=TEMPLATE, template_variables=first)
 
 
 def save_page(tree: xr.DataTree, request: Request, path: Path, title: str) -> None:
