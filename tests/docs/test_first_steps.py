@@ -105,3 +105,8 @@ def test_the_rules_of_snakemake_make_figures(project: Path) -> None:
     (project / "Snakefile").write_text(blocks("python")[-1])
     run(project, "snakemake", "-c", "2", "--quiet", "all")
     assert sorted(path.name for path in (project / "figures").iterdir()) == ["one.png", "two.png"]
+    assert "Nothing to be done" in run(project, "snakemake", "-c", "2")
+    # One rule per map: what belongs to the other configuration stays as it is.
+    (project / "configs" / "two.yaml").write_text(SWEPT.replace("0.3]", "0.4]"))
+    again = run(project, "snakemake", "-c", "2")
+    assert re.findall(r"^    output: (\S+)", again, re.M) == ["results/two.h5", "figures/two.png"]
