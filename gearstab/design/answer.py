@@ -26,10 +26,12 @@ def answer(solution: Solution, reasons: int = 2) -> list[str]:
     for v, variable in enumerate(problem.variables[:LONGEST]):
         old, new = (values.text(problem, variable, place) for place in (np.nan, solution.optimum[v]))
         down, up = solution.margins[:, v]
-        firm = f" (margins -{down:.3g}, +{up:.3g})" if np.isfinite([down, up]).all() else ""
+        firm = f" (margins {_signed('-', down)}, {_signed('+', up)})" if np.isfinite([down, up]).all() else ""
         lines.append(f"{variable.name}: {old} -> {new}{firm}")
     if len(problem.variables) > LONGEST:
         lines.append(f"... and {len(problem.variables) - LONGEST} more variables")
+    if solution.equals > 1:
+        lines.append(f"{solution.equals} combinations are equally good; this one changes the given design least")
     lines += _regions(solution)
     if solution.front is not None:
         lines.append(f"Pareto front: {len(solution.front[0])} designs; the optimum shown is a compromise between them")
@@ -37,6 +39,10 @@ def answer(solution: Solution, reasons: int = 2) -> list[str]:
     points, wrong = solution.verified
     lines.append(f"verified by Floquet analysis at {points:,} speeds: {wrong or 'none'} contradict{'s' * (wrong == 1)}")
     return lines
+
+
+def _signed(sign: str, length: float) -> str:
+    return f"{sign}{length:.3g}" if length > 0 else "0"
 
 
 def _regions(solution: Solution) -> list[str]:

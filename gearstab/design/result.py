@@ -42,6 +42,9 @@ MOST_SCANS = 6
 ALWAYS = ("instability_width", "growth_rate", "required_damping", "tongue_distance")
 """Quantities of every design whose regions can be found."""
 
+OVER_SPEED = {"load_factor": quantities.load_factor_over, "required_damping": quantities.damping_over}
+"""Objectives that are stored over the speed as well."""
+
 
 def group(solution: Solution) -> Group:
     """Return the group ``/design``."""
@@ -183,8 +186,13 @@ def _growth(solution: Solution, low: float, high: float) -> dict[str, Any]:
     speed = np.linspace(max(low - away, 0.5 * low), high + away, SPEEDS)
     if not solution.initial_system.commensurate:
         return {}
-    rates = [solve(system, speed).growth_rate[0] for system in (solution.initial_system, solution.optimum_system)]
-    return {"speed": speed, "speed_growth_rate": np.stack(rates, axis=1)}
+    systems = (solution.initial_system, solution.optimum_system)
+    found = {"speed_growth_rate": [solve(system, speed).growth_rate[0] for system in systems]}
+    wanted = {name for weights in solution.problem.design.objectives for name in weights}
+    for name, over in OVER_SPEED.items():
+        if name in wanted:
+            found[f"speed_{name}"] = [over(system, speed)[0] for system in systems]
+    return {"speed": speed} | {name: np.stack(curves, axis=1) for name, curves in found.items()}
 
 
 def _scans(solution: Solution) -> dict[str, Any]:

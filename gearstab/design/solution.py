@@ -33,8 +33,8 @@ class Solution:
 
     optimum: the design. margins ``(2, variables)``; most: the objective at which they end. tongues: of the given design
     and of the optimum, None where regions cannot be found. verified: points of Floquet analysis in the ranges, and how
-    many of them contradict the edges. front, choices: designs and their objectives. phasing: further variables of
-    choices of planetary gears.
+    many of them contradict the edges. front, choices: designs and their objectives; equals: how many of the choices are
+    as good as the first one. phasing: further variables of choices of planetary gears.
     """
 
     problem: DesignProblem
@@ -54,6 +54,7 @@ class Solution:
     explanation: list[str]
     front: tuple[Array, Array] | None = None
     choices: tuple[Array, Array] | None = None
+    equals: int = 1
     phasing: dict[str, Any] = field(default_factory=dict)
 
     @property
@@ -91,11 +92,11 @@ def solved(problem: DesignProblem, say: Say = lambda text: None) -> Solution:
     before, after = single(problem, problem.given[0]), single(problem, optimum)
     found = tongues(problem, [problem.given[0], optimum]) if searchable(after[0]) else None
     reasons = [] if found is None else explanation(after[0], [tongue for tongue, _ in found.index])
-    choices = None if problem.continuous.any() else _choices(judge)
+    choices, equals = (None, 1) if problem.continuous.any() else _choices(problem, judge)
     return Solution(
         problem, judge, optimum, initial.objectives[0], final.objectives[0],
         margins(problem, judge, goal, optimum, most), most, sensitivities(problem, judge, optimum), found,
-        verified(after[0], after[1], found), before[0], after[0], before[1], after[1], reasons, front, choices,
+        verified(after[0], after[1], found), before[0], after[0], before[1], after[1], reasons, front, choices, equals,
         {} if choices is None or found is None else phasing(problem, choices[0]),
     )  # fmt: skip
 
@@ -112,13 +113,16 @@ def searchable(system: GearSystem) -> bool:
     return system.commensurate and not system.terms
 
 
-def _choices(judge: Judge) -> tuple[Array, Array]:
-    """All combinations of choices that are possible, the best ones first."""
-    designs, objectives = pareto.feasible(judge)
-    designs, first = np.unique(designs, axis=0, return_index=True)
-    objectives = objectives[first]
-    order = np.lexsort(objectives.T[::-1])
-    return designs[order], objectives[order]
+def _choices(problem: DesignProblem, judge: Judge) -> tuple[tuple[Array, Array], int]:
+    """All combinations of choices that are possible, the best ones first, and how many are as good as the first."""
+    designs, worth = judge.archive()
+    good = np.flatnonzero((worth.violation == 0) & ~np.isnan(designs).any(axis=1))
+    _, first = np.unique(designs[good], axis=0, return_index=True)
+    kept = good[first]
+    scores, objectives = worth.score(search.first)[kept], worth.objectives[kept]
+    order = search.ranking(problem, designs[kept], scores, objectives[:, 1:])
+    equals = int(np.count_nonzero(search.tied(scores) == 0)) if objectives.shape[1] == 1 else 1
+    return (designs[kept][order], objectives[order]), equals
 
 
 def verified(system: GearSystem, spans: tuple[Span, ...], found: DesignTongues | None) -> tuple[int, int]:

@@ -57,10 +57,9 @@ def growth_rate(batch: Batch) -> Array:
 
 def required_damping(batch: Batch) -> Array:
     """The largest weight times required modal damping ratio over the ranges; infinite where 0.5 is not enough."""
-    from gearstab.floquet.required_damping import required_damping as required
 
     def value(system: GearSystem, omega: Array) -> Array:
-        found = required(system, omega, largest=LARGEST_DAMPING).value
+        found = damping_over(system, omega)
         return np.where(np.isnan(found), np.inf, found)
 
     # Outside of the regions without damping none is required.
@@ -69,16 +68,30 @@ def required_damping(batch: Batch) -> Array:
 
 def load_factor(batch: Batch) -> Array:
     """The largest weight times dynamic load factor of any mesh over the ranges."""
-    from gearstab.response.linear.speeds import speed_response
-
-    fastest = float(np.nanmax(mean_modes(batch.system).natural_frequency))
     lowest = min(span.low for span in batch.spans)
-    samples = int(np.clip(ceil(SAMPLES * fastest / lowest), *MOST_SAMPLES))
 
     def value(system: GearSystem, omega: Array) -> Array:
-        return np.asarray(np.nanmax(speed_response(system, omega, samples).dynamic_load_factor, axis=-1))
+        return load_factor_over(system, omega, lowest)
 
     return _largest(batch, batch.system, value, regional=False, uniform=STEADY)
+
+
+def load_factor_over(system: GearSystem, omega: Array, lowest: float | None = None) -> Array:
+    """``(rows, P)``, the largest dynamic load factor of any mesh at mesh frequencies; samples are enough for the
+    lowest one.
+    """
+    from gearstab.response.linear.speeds import speed_response
+
+    fastest = float(np.nanmax(mean_modes(system).natural_frequency))
+    samples = int(np.clip(ceil(SAMPLES * fastest / (lowest or float(np.min(omega)))), *MOST_SAMPLES))
+    return np.asarray(np.nanmax(speed_response(system, omega, samples).dynamic_load_factor, axis=-1))
+
+
+def damping_over(system: GearSystem, omega: Array) -> Array:
+    """``(rows, P)``, the modal damping ratio that stabilises a point, in place of the system's own; NaN above 0.5."""
+    from gearstab.floquet.required_damping import required_damping as required
+
+    return required(replace(system, damping=None), omega, largest=LARGEST_DAMPING).value
 
 
 def root_stress(batch: Batch) -> Array:

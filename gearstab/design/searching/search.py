@@ -34,6 +34,8 @@ APART = 0.05
 """Least distance, as part of the bounds, of designs from which a search begins."""
 STEPS = (0.03, 0.003)
 """First steps of the simplex searches, of the bounds."""
+EQUAL = 1e-7
+"""Relative difference of two scores below which two designs are equally good: edges are right to 1e-9."""
 AT_A_BOUND = 1e-3
 """Part of the bounds: a design nearer than this is tried on the bound itself."""
 EVALUATIONS = 120
@@ -63,8 +65,7 @@ def best(problem: DesignProblem, judge: Judge, goal: Goal = first, say: Say = la
     choices = combinations(problem)
     if not problem.continuous.any():
         say(f"{len(choices):,} combinations of choices")
-        scores = judge.worth(choices).score(goal)
-        return np.asarray(choices[int(np.argmin(scores))])
+        return np.asarray(choices[ranking(problem, choices, judge.worth(choices).score(goal))[0]])
     cheap = all(screened(tuple(weights)) for weights in problem.design.objectives)
     starts = list(_starts(problem, judge, choices, cheap, say))
     found = [searched(problem, judge, goal, start, say) for start in starts]
@@ -72,6 +73,44 @@ def best(problem: DesignProblem, judge: Judge, goal: Goal = first, say: Say = la
     found += [own] if own is not None else []
     designs = np.array(found)
     return np.asarray(designs[int(np.argmin(judge.worth(designs).score(goal)))])
+
+
+def ranking(problem: DesignProblem, designs: Array, scores: Array, others: Array | None = None) -> Array:
+    """Order designs by their scores; of equally good ones the one comes first that changes the given design least.
+
+    others: ``(rows, K)``, scores that decide between equals before that.
+    """
+    later = np.empty((len(scores), 0)) if others is None else others
+    return np.lexsort((changed(problem, designs), *later.T[::-1], tied(scores)))
+
+
+def tied(scores: Array) -> Array:
+    """Number groups of scores from the best one on, those that differ by no more than errors of edges in one."""
+    order = np.argsort(scores, kind="stable")
+    ascending = scores[order]
+    group = np.empty(len(scores), dtype=int)
+    group[order] = np.cumsum(np.diff(ascending, prepend=ascending[:1]) > EQUAL * np.abs(ascending))
+    return group
+
+
+def changed(problem: DesignProblem, designs: Array) -> Array:
+    """``(rows,)``, how far choices are from those of the given design.
+
+    The sum over variables of the distance of numbers as part of their extent; 1 for another row of a table or word.
+    """
+    from gearstab.design.values import given_places, number
+
+    total = np.zeros(len(designs))
+    for variable, given, places in zip(problem.variables, given_places(problem), designs.T, strict=True):
+        if variable.continuous:
+            continue
+        values = np.array([number(problem, variable, float(place)) for place in range(variable.axis.size)])
+        own = number(problem, variable, np.nan)
+        if variable.form == "choices" or np.isnan(own) or np.isnan(values).any():
+            total += places != given
+        else:
+            total += np.abs(values[places.astype(int)] - own) / (np.ptp(values) or 1.0)
+    return total
 
 
 def _as_given(problem: DesignProblem) -> Array | None:

@@ -1,4 +1,4 @@
-"""The given design and the best one: growth rate over the mesh frequency, and where the regions lie."""
+"""The given design and the best one: growth rate, or the objective, over the mesh frequency, and the regions."""
 
 from __future__ import annotations
 
@@ -23,6 +23,8 @@ COLOURS = (GIVEN, OPTIMUM)
 GREY = "#6e6e6e"
 WORDS = {"initial": "given"}
 """What a state is called, if not by its name."""
+OBJECTIVES = ("load_factor", "required_damping")
+"""Shown instead of the growth rate, which other objectives go with."""
 MOST_LABELS = 7
 """Names of regions of a design."""
 APART = 0.53
@@ -30,7 +32,7 @@ APART = 0.53
 
 
 def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, dict[str, Any]]:
-    """The whole figure: ``lines`` of growth rates, ``bars`` of regions and their ``names``, ``range``."""
+    """The whole figure: ``lines`` of growth rate or objective, ``bars`` of regions and their ``names``, ``range``."""
     data = design_of(tree)
     if "speed_growth_rate" not in data:
         raise PlotError("this design has no growth rates: its meshes have no common period")
@@ -39,13 +41,15 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, dict[str, Any]]:
     axes = figure.subplots(2 if regions else 1, sharex=True, height_ratios=[2.2, 1] if regions else None, squeeze=False)
     top: Axes = axes[0, 0]
     speed, words = data["speed"].values, words_of(data)
+    shown = next((name for name in OBJECTIVES if f"speed_{name}" in data), "growth_rate")
+    curves = data[f"speed_{shown}"]
     lines = [
-        top.plot(speed, data["speed_growth_rate"].values[:, k], color=COLOURS[k], label=word,
+        top.plot(speed, curves.values[:, k], color=COLOURS[k], label=word,
                  linewidth=0.8 + 0.3 * k)[0]
         for k, word in enumerate(words)
     ]  # fmt: skip
     top.set_xlim(speed[0], speed[-1])
-    top.set_ylabel(axis_label("growth_rate", "growth rate", str(data["speed_growth_rate"].attrs.get("units", "1"))))
+    top.set_ylabel(axis_label(shown, shown.replace("_", " "), str(curves.attrs.get("units", "1"))))
     artists: dict[str, Any] = {"lines": lines, "bars": [], "names": [], "range": []}
     for ax in axes[:, 0]:
         artists["range"] += [
@@ -97,5 +101,5 @@ def draw_regions(ax: Axes, tree: xr.DataTree, data: xr.Dataset, artists: dict[st
     ax.tick_params(axis="y", which="both", length=0)
 
 
-KIND = Kind("design", "growth rates and regions of the given design and the best one", draw,
+KIND = Kind("design", "growth rates, or the objective, and regions of the given design and the best one", draw,
             lambda contents: contents.holds(NAME))  # fmt: skip

@@ -53,6 +53,8 @@ DESIGN_REGIONS = (
              "derivative of the edge by first-order theory"),
     coordinate("speed", "speed", "f8", "rad/s", "mesh frequency"),
     Variable("speed_growth_rate", ("speed", "state"), "f8", "1/s", "largest real part of the characteristic exponents"),
+    Variable("speed_load_factor", ("speed", "state"), "f8", "1", "largest dynamic load factor of any mesh"),
+    Variable("speed_required_damping", ("speed", "state"), "f8", "1", "modal damping ratio that stabilises the system"),
 )  # fmt: skip
 
 DESIGN_SCANS = (
