@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import re
 import sys
+from html import escape
 from pathlib import Path
 
+import ziamath
+from docutils import nodes
 from sphinx.application import Sphinx
+from sphinx.writers.html5 import HTML5Translator
 
 ROOT = Path(__file__).parent.parent
 sys.path.insert(0, str(ROOT / "scripts"))
@@ -18,7 +22,8 @@ from gearstab.version import __version__  # noqa: E402
 project = "gearstab"
 author = "the gearstab authors"
 release = version = __version__
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.mathjax"]
+extensions = ["myst_parser", "sphinx.ext.autodoc"]
+html_math_renderer = "drawn"
 exclude_patterns = ["images"]
 nitpicky = True
 myst_enable_extensions = ["dollarmath", "amsmath", "deflist"]
@@ -99,8 +104,25 @@ def list_parameters(app: Sphinx, what: str, name: str, object: object, options: 
     lines[start:end] = ["**Parameters**", "", *entries]
 
 
+ziamath.config.svg2 = False  # every formula by itself: in parts that pages share, the first one would serve them all
+LETTERS = 17
+"""Size of formulas in pixels, beside text of 16."""
+
+
+def write_formula(writer: HTML5Translator, node: nodes.math | nodes.math_block) -> None:
+    """Draw a formula as SVG, so that a page needs neither a network nor scripts or fonts for it."""
+    block = isinstance(node, nodes.math_block)
+    formula = ziamath.Latex(node.astext(), size=LETTERS, color="currentColor", inline=not block)
+    label = f'role="img" aria-label="{escape(node.astext())}" style="vertical-align: {formula.getyofst():.2f}px"'
+    drawn = formula.svg().replace("<svg ", f"<svg {label} ", 1)
+    frame = '<div class="math" style="overflow-x: auto; text-align: center; margin: 1em 0">{}</div>'
+    writer.body.append((frame if block else '<span class="math">{}</span>').format(drawn))
+    raise nodes.SkipNode
+
+
 def setup(app: Sphinx) -> None:
-    """Connect the gallery, the paper and the docstrings."""
+    """Connect the formulas, the gallery, the paper and the docstrings."""
+    app.add_html_math_renderer("drawn", (write_formula, None), (write_formula, None))
     app.connect("source-read", add_gallery)
     app.connect("source-read", typeset_paper)
     app.connect("autodoc-process-docstring", list_parameters)

@@ -85,13 +85,23 @@ def test_what_the_modelling_page_says_of_its_example() -> None:
 def test_it_builds_without_warnings(tmp_path: Path) -> None:
     pytest.importorskip("furo")
     pytest.importorskip("myst_parser")
+    pytest.importorskip("ziamath")
     done = subprocess.run(
         [sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going", "-b", "html", str(DOCS), str(tmp_path)],
-        cwd=ROOT, capture_output=True, text=True, check=False, env=os.environ | {"PYTHONPATH": str(ROOT)},
+        cwd=ROOT, capture_output=True, text=True, check=False,
+        env=os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT), *sys.path])},
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert [page for page in PAGES if not (tmp_path / f"{page}.html").exists()] == []
-    assert 'class="math' in (tmp_path / "guide/theory.html").read_text()
+    # Every formula is drawn in the page, and no page loads anything from elsewhere.
+    theory = re.sub(r"`[^`]*`", "", (DOCS / "guide/theory.md").read_text())
+    drawn = (tmp_path / "guide/theory.html").read_text().count('<svg role="img" aria-label=')
+    assert drawn == len(re.findall(r"\$\$?[^$]+\$\$?", theory)) > 50
+    loads = (
+        r'<(?:script|img|iframe|link rel="stylesheet")[^>]*(?:src|href)="(?:https?:)?//[^"]*"|url\(["\']?(?:https?:)?//'
+    )
+    files = [path for path in tmp_path.rglob("*") if path.suffix in {".html", ".css"}]
+    assert [found for path in files for found in re.findall(loads, path.read_text())] == []
     functions = (tmp_path / "guide/functions.html").read_text()
     assert [name for name in gs.__all__ if f'id="gearstab.{name}"' not in functions] == []
     shown = (tmp_path / "guide/gallery.html").read_text()
