@@ -101,11 +101,18 @@ def _numbers(document: Document, config: Config, units: set[str] | None) -> Iter
     """
     model = model_of(document.data["system"])
     swept = {item.path for axis in config.axes for item in axis.assignments}
+    turning = model.turning(config.parameters)
     for path, value in scalars(config.parameters):
         kind = quantity(type_at(model, path))
-        if kind is not None and path not in swept:
-            place: Path = ("system", *path)
-            yield from _unusual(document, place, _key(path), kind.unit, value, value, units)
+        if kind is None or path in swept:
+            continue
+        key, unit = _key(path), kind.unit
+        if len(path) == 3 and path[0] == "mass":
+            if path[1] != path[2]:  # what couples two coordinates may be as small as rounding leaves it
+                continue
+            key, unit = ("inertia", "kg m^2") if turning and turning[int(path[1])] else (key, unit)
+        place: Path = ("system", *path)
+        yield from _unusual(document, place, key, unit, value, value, units)
     for axis in config.axes:
         for item in axis.assignments:
             if item.structural:

@@ -214,12 +214,24 @@ def _equal(first: Array, second: Array, none: Array) -> bool:
 
 
 def _distinct(variation: Array, none: Array) -> Array:
-    """``(r, D)``: for each state of ``(r, D, m, m)`` the first one that is equal to it."""
-    states = variation.shape[1]
-    result = np.tile(np.arange(states), (len(variation), 1))
-    for d in range(states - 1, -1, -1):
-        same = np.abs(variation - variation[:, d : d + 1]).max(axis=(2, 3)) <= none[:, None]
-        result = np.where(same & (result > d), d, result)
+    """``(r, D)``: for each state of ``(r, D, m, m)`` the first one that is equal to it and to none before.
+
+    A wave of samples has thousands of states: only those are compared whose weighted means of the entries are close.
+    """
+    entries = variation.reshape(*variation.shape[:2], -1)
+    weight = np.cos(np.arange(entries.shape[2]))
+    measure = entries @ (weight / np.abs(weight).sum())
+    result = np.tile(np.arange(measure.shape[1]), (len(measure), 1))
+    for d in range(measure.shape[1] - 1):
+        own = result[:, d] == d
+        if not own.any():
+            continue
+        # Twice, so that the rounding of the mean loses no equal state.
+        close_by = np.abs(measure[:, d + 1 :] - measure[:, d, None]) <= 2 * none[:, None]
+        row, later = np.nonzero(close_by & own[:, None] & (result[:, d + 1 :] > d))
+        later += d + 1
+        same = np.abs(entries[row, later] - entries[row, d]).max(axis=1) <= none[row]
+        result[row[same], later[same]] = d
     return result
 
 

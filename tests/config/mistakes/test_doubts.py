@@ -107,6 +107,24 @@ def test_models_without_units_are_silent(tmp_path, units):
     assert doubts(tmp_path, text, *units, "equivalent_mass=1.0e+8") == []
 
 
+MATRICES = """\
+system:
+  kind: matrices
+  mass: [[2, 1.0e-17], [1.0e-17, 3.0e-9]]
+  stiffness: [[1.0e+8, 0], [0, 10]]
+  coordinate_units: [m, rad]
+  meshes: [{direction: [1, 0.1], mean_stiffness: 2.0e+8, epsilon: 0.3, contact_ratio: 1.5}]
+"""
+
+
+def test_matrices_are_judged_by_their_diagonal(tmp_path):
+    """What rounding leaves beside it is no mass, and a rotation has an inertia, in kg m^2."""
+    assert doubts(tmp_path, MATRICES) == []
+    ((place, message),) = doubts(tmp_path, MATRICES, "coordinate_units=m")
+    assert place == "system.mass.1.1"
+    assert "3e-09 kg is far" in message
+
+
 @pytest.mark.parametrize("path", CONFIGURATIONS, ids=lambda p: p.stem)
 def test_the_configurations_of_the_repository_are_silent(path):
     assert load(path).doubts == ()
