@@ -20,6 +20,8 @@ DAMPED_ON_CIRCLE = 1e-10
 than the decay of any damping ratio above 1e-10."""
 ENTRIES_AT_ONCE = 2**22
 """Entries of the monodromy matrices of points in doubt: 32 MB."""
+POINTS_IN_CACHE = 2**14
+"""Points that go through several passes together: arrays of 128 kB, which a processor's own cache holds."""
 GRADED_NORM = 30.0
 """Monodromy matrices larger than this have small multipliers that an eigenvalue solver would blur."""
 GRADED_SPREAD = np.log(100.0)
@@ -41,8 +43,9 @@ class OperatingPoints:
     def status(self) -> Array:
         """Status bits that hold for whole rows."""
         negative = np.any(self.pattern.stiffness_below_zero, axis=(1, 2))
-        bit = np.where(negative, STATUS_FLAGS["negative_stiffness"], 0).astype(np.int16)
-        return np.repeat(bit[:, None], self.omega.shape[1], axis=1)
+        status = np.zeros(self.omega.shape, dtype=np.int16)
+        status[negative] = STATUS_FLAGS["negative_stiffness"]
+        return status
 
 
 def solved(part: OperatingPoints, block: Block, exponents: bool) -> FloquetStability:
@@ -88,16 +91,20 @@ def conservative(part: OperatingPoints, exponents: bool) -> FloquetStability:
         verdict[rows, points], growth[rows, points] = found[0], found[1]
         status[rows, points] |= found[2]
     shift, rate = pattern.elastic.shift[:, None], pattern.elastic.rate[:, None]
-    value = np.divide(growth, part.period, out=growth)
-    # Without damping the verdict decides; with uniform damping a growth below the decay is stable.
     inside = verdict == STABLE
-    stable = inside
-    if shift.any():
-        stable = np.where(shift == 0, inside, value <= shift)
-        value -= shift
     table = conservative_exponents(pattern, omega, inside) * rate[..., None] if exponents else None
-    value *= rate
-    return FloquetStability(value, stable.view(np.int8), status, table)
+    uniform = bool(shift.any())
+    step = max(1, POINTS_IN_CACHE // max(1, omega.shape[1]))
+    for first in range(0, len(omega), step):
+        some = slice(first, first + step)
+        value = growth[some]
+        value /= 2 * np.pi * pattern.cycles / omega[some]
+        # Without damping the verdict decides; with uniform damping a growth below the decay is stable.
+        if uniform:
+            inside[some] = np.where(shift[some] == 0, inside[some], value <= shift[some])
+            value -= shift[some]
+        value *= rate[some]
+    return FloquetStability(growth, inside.view(np.int8), status, table)
 
 
 def conservative_exponents(pattern: Pattern, omega: Array, stable: Array) -> Array:

@@ -52,9 +52,7 @@ def solve(
 
         kernel.record(kernel.name())
         return general.analyse(system, omega, exponents, tolerance)
-    growth = np.full(omega.shape, -np.inf)
-    stable = np.ones(omega.shape, dtype=np.int8)
-    status = np.zeros(omega.shape, dtype=np.int16)
+    growth, stable, status = (np.empty(omega.shape, dtype=kind) for kind in (float, np.int8, np.int16))
     error = None if system.piecewise_constant else np.zeros(omega.shape)
     table = _Exponents(omega.shape, 2 * system.size) if exponents else None
     reached = np.zeros(len(omega), dtype=bool)
@@ -78,8 +76,10 @@ def solve(
                 stable[index] = np.minimum(stable[index], still)
             if table is not None and found.exponents is not None:
                 table.add(block, found.exponents)
-    failed = ~np.isfinite(growth)
-    if failed.any():
+    growth[~reached], stable[~reached], status[~reached] = -np.inf, 1, 0
+    finite = np.isfinite(growth)
+    if not finite.all():
+        failed = ~finite
         stable[failed] = -1
         status[failed] |= STATUS_FLAGS["failed"]
         growth[failed] = np.nan
@@ -99,9 +99,9 @@ def _solutions(
         return
     for pattern in prepare(system):
         for block in split(pattern) if reduction else [whole(pattern)]:
-            own = omega[block.pattern.rows]
-            own /= block.pattern.elastic.rate[:, None]
-            part = OperatingPoints(block.pattern, own)
+            # All rows mostly share their mesh frequencies; dividing them is cheaper than copying them first.
+            own = omega[0] if omega.strides[0] == 0 else omega[block.pattern.rows]
+            part = OperatingPoints(block.pattern, own / block.pattern.elastic.rate[:, None])
             yield block, solved(part, block, exponents)
 
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -24,18 +25,51 @@ NO_VARIABLE = "This is a netCDF dimension but not a netCDF variable"
 
 
 @dataclass(frozen=True)
+class InFile:
+    """A chunk that waits in a file: where it begins there, and how many bytes it has."""
+
+    path: Path
+    start: int
+    length: int
+
+
+Encoded = bytes | InFile
+"""An encoded chunk."""
+
+
+def octets(chunk: Encoded) -> bytes:
+    """The bytes of a chunk. Raises OSError."""
+    if isinstance(chunk, bytes):
+        return chunk
+    with open(chunk.path, "rb") as file:
+        file.seek(chunk.start)
+        return file.read(chunk.length)
+
+
+@dataclass(frozen=True)
 class Chunked:
     """Values that come as encoded chunks (:mod:`gearstab.results.chunks`), a part of an array each.
 
     shape: of the whole; chunk: of every chunk, those at the upper ends filled up.
-    pieces: gives (where the chunk begins, its bytes) once over; what no chunk covers is NaN, or 0 for integers.
+    pieces: gives (where the chunk begins, the chunk) once over; what no chunk covers is NaN, or 0 for integers.
     size: number of encoded bytes.
     """
 
     shape: tuple[int, ...]
     chunk: tuple[int, ...]
-    pieces: Callable[[], Iterator[tuple[Offset, bytes]]]
+    pieces: Callable[[], Iterator[tuple[Offset, Encoded]]]
     size: int = 0
+
+
+@dataclass(frozen=True)
+class Gathered:
+    """Pieces that are known, and can go to another process."""
+
+    found: tuple[tuple[Offset, Encoded], ...]
+
+    def __call__(self) -> Iterator[tuple[Offset, Encoded]]:
+        """As of :class:`Chunked`."""
+        return iter(self.found)
 
 
 @dataclass(frozen=True)
@@ -56,6 +90,12 @@ class Field:
             raise TypeError(f"{self.variable.name} is made of chunks")
         return np.asarray(self.values, dtype=object if self.variable.dtype == TEXT else self.variable.dtype)
 
+    def gathered(self) -> Field:
+        """The same with its chunks gathered."""
+        if not isinstance(self.values, Chunked):
+            return self
+        return replace(self, values=replace(self.values, pieces=Gathered(tuple(self.values.pieces()))))
+
 
 @dataclass(frozen=True)
 class Group:
@@ -63,6 +103,10 @@ class Group:
 
     fields: tuple[Field, ...]
     attributes: Mapping[str, Any] = field(default_factory=dict)
+
+    def gathered(self) -> Group:
+        """The same with the chunks of its fields gathered."""
+        return replace(self, fields=tuple(item.gathered() for item in self.fields))
 
 
 @dataclass(frozen=True)
@@ -80,6 +124,10 @@ class ResultTree:
             for item in group.fields:
                 total += item.values.size if isinstance(item.values, Chunked) else item.array().nbytes
         return total
+
+    def gathered(self) -> ResultTree:
+        """The same with all chunks gathered, so that it can be pickled; those in files stay there."""
+        return ResultTree(self.root.gathered(), {name: group.gathered() for name, group in self.groups.items()})
 
 
 def fields_of(variables: Sequence[Variable], values: Mapping[str, Any]) -> tuple[Field, ...]:

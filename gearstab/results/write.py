@@ -20,7 +20,7 @@ from gearstab.results.chunks import FILTER, decode
 from gearstab.results.guard import result_of
 from gearstab.results.output import Look, move, naming, sync, temporary_file, writing
 from gearstab.results.seal import append_seal, seal
-from gearstab.results.tree import FORMAT, NO_VARIABLE, Chunked, Field, Group, ResultTree
+from gearstab.results.tree import FORMAT, NO_VARIABLE, Chunked, Field, Group, ResultTree, octets
 from gearstab.results.variables import TEXT
 
 if TYPE_CHECKING:
@@ -133,14 +133,14 @@ def _create(target: h5py.Group, item: Field) -> h5py.Dataset:
     if item.values.shape == ():
         # One number, which HDF5 does not divide.
         ((_, data),) = item.values.pieces()
-        return target.create_dataset(name, data=decode(data, (), item.variable.dtype))
+        return target.create_dataset(name, data=decode(octets(data), (), item.variable.dtype))
     if not prod(item.values.shape):
         return target.create_dataset(name, shape=item.values.shape, dtype=item.variable.dtype)
     dataset = target.create_dataset(
         name, shape=item.values.shape, dtype=item.variable.dtype, chunks=item.values.chunk, **packed
     )
     for offset, data in item.values.pieces():
-        dataset.id.write_direct_chunk(offset, data)
+        dataset.id.write_direct_chunk(offset, octets(data))
     return dataset
 
 

@@ -27,6 +27,21 @@ respond: {mesh_frequency: 5, cycles: 20000, initial: {velocity: [1, 0, 0]}}
 """
 )
 SIGNALS = [signal.SIGINT, signal.SIGTERM, signal.SIGHUP]
+
+
+def each_with(commands: list[str]) -> pytest.MarkDecorator:
+    """All commands with all signals; one signal per command, another one each, where time is short."""
+    number = len(SIGNALS)
+    return pytest.mark.parametrize(
+        ("command", "number"),
+        [
+            pytest.param(command, SIGNALS[k], marks=[] if k == place % number else pytest.mark.slow)
+            for place, command in enumerate(commands)
+            for k in range(number)
+        ],
+    )
+
+
 COMMANDS = {
     "plot": ["plot", "map.h5", "-o", "out.png", "--dpi", "600"],
     "export": ["export", "map.h5", "-o", "out.csv"],
@@ -98,8 +113,7 @@ def interrupted(process: subprocess.Popen[str], number: int) -> str:
     return said
 
 
-@pytest.mark.parametrize("number", SIGNALS)
-@pytest.mark.parametrize("command", ["plot", "export", "respond"])
+@each_with(["plot", "export", "respond"])
 def test_an_output_half_written_goes_and_the_old_one_stays(folder: Path, command: str, number: int) -> None:
     out = folder / COMMANDS[command][3]
     out.write_bytes(b"")  # an empty file may be replaced
@@ -113,8 +127,7 @@ def test_an_output_half_written_goes_and_the_old_one_stays(folder: Path, command
     out.unlink()
 
 
-@pytest.mark.parametrize("number", SIGNALS)
-@pytest.mark.parametrize("command", ["export", "info"])
+@each_with(["export", "info", "plot"])
 def test_an_import_is_left_without_a_word_of_python(folder: Path, command: str, number: int) -> None:
     process = start(folder, COMMANDS[command], IMPORTING)
     assert process.stdout is not None

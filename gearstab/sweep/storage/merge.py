@@ -1,12 +1,8 @@
-"""From finished blocks to the result file. Run as a module it writes a large one, in a process of its own."""
+"""From finished blocks to the result file."""
 
 from __future__ import annotations
 
-import errno
 import os
-import pickle
-import subprocess
-import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -19,15 +15,16 @@ from gearstab.config import Axis
 from gearstab.config.sections.targets import INPUT_SPEED
 from gearstab.floquet.kernel import choice as kernel
 from gearstab.methods import Key
+from gearstab.results.apart import write_apart
 from gearstab.results.chunks import decode, encode
 from gearstab.results.display import FACTOR, typed
 from gearstab.results.guard import SWEEP
 from gearstab.results.output import Look, move
 from gearstab.results.provenance import modes_group, root_attributes
-from gearstab.results.tree import Chunked, Field, Group, Offset, ResultTree
+from gearstab.results.tree import Chunked, Encoded, Field, Group, Offset, ResultTree, octets
 from gearstab.results.units import in_units_of
 from gearstab.results.variables import OCCURRENCE, STRETCH, TEXT, TONGUE, Variable, coordinate
-from gearstab.results.write import write_on_disk, write_result
+from gearstab.results.write import write_result
 from gearstab.sweep import teeth
 from gearstab.sweep.compute import inner_shape, moved
 from gearstab.sweep.plan import Layout
@@ -104,9 +101,9 @@ def _over_points(layout: Layout, variable: Variable, parts: Mapping[str, Finishe
     """A variable of one chunk a block."""
     rest = layout.inner(variable)
 
-    def pieces() -> Iterator[tuple[Offset, bytes]]:
+    def pieces() -> Iterator[tuple[Offset, Encoded]]:
         for block in layout.blocks():
-            yield block.start + (0,) * len(rest), parts[block.key].pieces(variable.name)[0]
+            yield block.start + (0,) * len(rest), parts[block.key].encoded(variable.name)[0]
 
     return Chunked(layout.shape + rest, layout.chunk + rest, pieces, sum(p.size(variable.name) for p in parts.values()))
 
@@ -129,12 +126,14 @@ def _listed(
     sides, rest = (2,) if "side" in variable.dims else (), inner_shape(layout, variable)
     shape = (1, *sides, *layout.chunk, *rest)
 
-    def pieces() -> Iterator[tuple[Offset, bytes]]:
+    def pieces() -> Iterator[tuple[Offset, Encoded]]:
         for block in layout.blocks():
             index = places[block.key]
-            for k, data in zip(index, parts[block.key].pieces(variable.name), strict=True):
+            for k, data in zip(index, parts[block.key].encoded(variable.name), strict=True):
                 if variable.index_of == "tongue":
-                    data = encode(moved(decode(data, shape, variable.dtype), index).astype(variable.dtype), shape)
+                    data = encode(
+                        moved(decode(octets(data), shape, variable.dtype), index).astype(variable.dtype), shape
+                    )
                 yield (int(k), *(0 for _ in sides), *block.start, *(0 for _ in rest)), data
 
     size = sum(part.size(variable.name) for part in parts.values())
@@ -156,44 +155,8 @@ def write(finished: Finished, out: Path, folder: Path, look: Look) -> None:
     temporary = folder / f"result-{os.getpid()}.tmp"
     interrupts.temporary.add(str(temporary))
     try:
-        write_apart(finished, said, out, temporary)
+        write_apart(tree, out, temporary)
         move(temporary, out, look)
     finally:
         temporary.unlink(missing_ok=True)
         interrupts.temporary.discard(str(temporary))
-
-
-def write_apart(finished: Finished, said: Mapping[str, str], out: Path, path: Path) -> None:
-    """Write a large result in a process of its own: on a full disk HDF5 may crash even if the error is caught."""
-    command = [sys.executable, "-c", "from gearstab.sweep.storage.merge import main; main()", str(path)]
-    # Its own session: an interrupt from the terminal is handled here.
-    child = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True)
-    try:
-        _, words = child.communicate(pickle.dumps((finished, said)))
-    except BaseException:
-        child.kill()
-        child.wait()
-        raise
-    if child.returncode == 0:
-        return
-    last = words.decode(errors="replace").strip().rpartition("\n")[2]
-    number, _, message = last.partition(" ") if child.returncode == 1 else ("", "", "")
-    raise OSError(
-        int(number) if number.isdigit() else errno.EIO,
-        os.strerror(int(number)) if number.isdigit() else message or "the process that writes it ended unexpectedly",
-        str(out),
-    )
-
-
-def main() -> None:
-    """Run in a child process: read plan and parts from standard input, write the result to the given path."""
-    parent = os.getppid()
-    finished, said = pickle.load(sys.stdin.buffer)
-    interrupts.end_with(parent)
-    try:
-        write_on_disk(Path(sys.argv[1]), result_tree(finished, said))
-    except OSError as error:
-        sys.stderr.write(f"\n{error.errno or errno.EIO} {' '.join(str(error).split())}\n")
-        sys.stderr.flush()
-        # Not through the clean-up of the HDF5 library.
-        os._exit(1)

@@ -9,7 +9,6 @@ whole or not there; it carries the digest of its sweep, its own key and a checks
 from __future__ import annotations
 
 import hashlib
-import io
 import json
 import shutil
 import stat
@@ -25,6 +24,7 @@ from gearstab.errors import OutputError
 from gearstab.methods import Key
 from gearstab.perturbation import Tongue
 from gearstab.results.output import write_bytes
+from gearstab.results.tree import Encoded, InFile, octets
 
 MAGIC = b"gearstab part 3\n"
 CHECKSUM = 32
@@ -60,14 +60,15 @@ class FinishedBlock:
         """Bytes of a variable's chunks, of all variables without a name."""
         return sum(length for name, places in self.places.items() if variable in (None, name) for _, length in places)
 
+    def encoded(self, variable: str) -> list[Encoded]:
+        """The encoded chunks of a variable, one, or one per tongue: their bytes, or where these are."""
+        if self.path is None:
+            return [self.held[offset : offset + length] for offset, length in self.places[variable]]
+        return [InFile(self.path, offset, length) for offset, length in self.places[variable]]
+
     def pieces(self, variable: str) -> list[bytes]:
-        """The encoded chunks of a variable: one, or one per tongue."""
-        found = []
-        with io.BytesIO(self.held) if self.path is None else open(self.path, "rb") as file:
-            for offset, length in self.places[variable]:
-                file.seek(offset)
-                found.append(file.read(length))
-        return found
+        """The bytes of these chunks."""
+        return [octets(chunk) for chunk in self.encoded(variable)]
 
 
 def places_of(lengths: Mapping[str, list[int]], offset: int = 0) -> dict[str, list[tuple[int, int]]]:
