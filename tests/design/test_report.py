@@ -7,15 +7,18 @@ import re
 from html import unescape
 from pathlib import Path
 
+import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from scenes import TRAIN, ran, written
 
 from gearstab.cli.report import facts
 from gearstab.cli.report.content import page
 from gearstab.cli.report.html import html
-from gearstab.cli.report.page import BulletList, Heading, Page, Table, Text
-from gearstab.cli.report.pdf import LETTERS, pdf
+from gearstab.cli.report.page import BulletList, Heading, Page, Picture, Table, Text
+from gearstab.cli.report.pdf import MARGIN, PAPER, pdf, sheets
 from gearstab.config import load
+from gearstab.plots.drawing.style import style
 
 SWEEP = """\
 sweep:
@@ -112,6 +115,30 @@ def test_letters_that_mean_something_to_html_and_wide_tables() -> None:
     assert "<title>a &lt; b &amp; c</title>" in data
     assert "&lt;i&gt;" in data
     assert pdf(found).startswith(b"%PDF-")
-    from gearstab.cli.report.pdf import _lines
 
-    assert max(len(text) for text, _ in _lines(found.blocks[-1])) <= LETTERS
+
+def test_pages_hold_what_they_are_given() -> None:
+    """Nothing leaves the page or lies over anything else, whatever its length; the header of a table comes again."""
+    table = Table(["name", "k" * 40, "what closes it"], [[f"row{n}", "word " * 30, "x" * 90] for n in range(30)])
+    items = BulletList([f"item{n} $ {'and so on ' * 20}" for n in range(12)])
+    figure = Figure(figsize=(9.0, 4.0))
+    figure.add_subplot().plot([0, 1])
+    found = Page("A title " * 30, [Heading("h"), Text("text " * 900), items, table, Picture(figure, "A caption")])
+    with style():
+        pages = sheets(found)
+        assert len(pages) > 3
+        words = " ".join(text.get_text() for page in pages for text in page.texts)
+        assert [n for n in range(30) if words.count(f"row{n} ") != 1] == []
+        assert words.count("text") == 900
+        headers = [sum(text.get_text() == "name" for text in page.texts) for page in pages]
+        rows = [any(text.get_text().startswith("row") for text in page.texts) for page in pages]
+        assert headers == list(map(int, rows))
+        assert sum(headers) > 1
+        for page in pages:
+            boxes = [text.get_window_extent() for text in page.texts] + [ax.get_window_extent() for ax in page.axes]
+            edges = np.array([(box.x0, box.y0, box.x1, box.y1) for box in boxes]) * 72 / page.dpi
+            assert edges.min() > 15
+            assert edges[:, 2].max() <= PAPER[0] - MARGIN + 5  # letters on whole pixels are a little wider
+            lower, upper = edges[:, None, :2], edges[:, None, 2:]
+            over = np.minimum(upper, edges[None, :, 2:]) - np.maximum(lower, edges[None, :, :2])
+            assert ((over > 1.5).all(axis=-1).sum()) == len(edges)  # each one with itself alone

@@ -54,7 +54,8 @@ def _block(block: Block) -> str:
         case BulletList(items):
             return "<ul>\n" + "\n".join(f"<li>{escape(item)}</li>" for item in items) + "\n</ul>"
         case Table(header, rows):
-            return "<table>\n" + "\n".join([_row(header, "th"), *(_row(row, "td") for row in rows)]) + "\n</table>"
+            head = [_row(header, "th")] if any(header) else []
+            return "<table>\n" + "\n".join([*head, *(_row(row, "td") for row in rows)]) + "\n</table>"
         case Picture(_, caption):
             words = escape(caption)
             return f'<figure><img src="{_data(block)}" alt="{words}"><figcaption>{words}</figcaption></figure>'
