@@ -94,6 +94,28 @@ def test_the_oldest_versions_allowed_are_those_tested(root: Path, project: dict)
         assert Version(floor.version) == Version(pin.version), name
 
 
+CONDA = {"python-isal": "isal", "matplotlib-base": "matplotlib"}
+"""Names that conda-forge has for what pyproject.toml names otherwise."""
+
+
+def test_the_recipe_for_conda_asks_for_the_same(root: Path, project: dict) -> None:
+    recipe = YAML(typ="safe").load((root / "scripts" / "conda" / "recipe.yaml").read_text())
+    assert recipe["context"]["version"] == gearstab.__version__
+    assert (recipe["about"]["license"], recipe["about"]["summary"]) == (project["license"], project["description"])
+    assert recipe["build"]["skip"] == f'match(python, "<{project["requires-python"].removeprefix(">=")}")'
+    (built,) = tomllib.loads((root / "pyproject.toml").read_text())["build-system"]["requires"]
+    assert built.replace(">=", " >=") in recipe["requirements"]["host"]
+    run = [entry["then"] if isinstance(entry, dict) else entry for entry in recipe["requirements"]["run"]]
+    asked = {CONDA.get(name, name): floor for name, _, floor in (line.partition(" ") for line in run)}
+    assert asked.pop("python") == ""
+    wanted = {
+        name.replace("ruamel-yaml", "ruamel.yaml"): r for name, r in requirements(project["dependencies"]).items()
+    }
+    assert asked == {name: str(requirement.specifier) for name, requirement in wanted.items()}
+    (some,) = (entry["if"] for entry in recipe["requirements"]["run"] if isinstance(entry, dict))
+    assert str(wanted["isal"].marker).split('"')[1].lower().replace("amd64 ", "").split() == some.split(" or ")
+
+
 def test_lock_is_hashed_and_names_no_host(root: Path) -> None:
     text = (root / "scripts" / "requirements.lock").read_text()
     entries = re.split(r"\n(?=\S)", text)
