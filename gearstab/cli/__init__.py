@@ -34,8 +34,11 @@ COMMANDS = {
 """Command -> where it is, and what it does."""
 
 
-TO_BEGIN = "Name its file; `gearstab init two_stage > train.yaml` writes one to start from."
-"""What is said where a command lacks its configuration."""
+TO_BEGIN = {
+    "config": "Name its file; `gearstab init two_stage > train.yaml` writes one to start from.",
+    "result": "Name its file, results/train.h5; `gearstab sweep train.yaml` writes it.",
+}
+"""What is said where a command lacks its configuration, or a result."""
 
 
 class LazyGroup(click.Group):
@@ -99,8 +102,8 @@ def main(args: Sequence[str] | None = None) -> NoReturn:
     try:
         code = group.main(args=args, prog_name="gearstab", standalone_mode=False)
     except click.ClickException as error:
-        if isinstance(error, click.MissingParameter) and error.param is not None and error.param.name == "config":
-            error = click.MissingParameter(TO_BEGIN, error.ctx, error.param)
+        if isinstance(error, click.MissingParameter) and error.param is not None and error.param.name in TO_BEGIN:
+            error = click.MissingParameter(TO_BEGIN[error.param.name], error.ctx, error.param)
         error.show()
         code = error.exit_code
     except click.Abort:

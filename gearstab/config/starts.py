@@ -33,7 +33,7 @@ def commented(kind: str) -> str:
     """Return a commented configuration of a kind of system. Raises NotPossible for an unknown kind."""
     there = starts()
     if kind not in there:
-        raise NotPossible(f"there is no kind of system '{kind}'", f"{nearest(kind, there)} ({', '.join(there)})")
+        raise NotPossible(f"there is no kind of system '{kind}'", nearest(kind, there))
     start = there[kind]
     axes = [(f"  {name}: {flow(spec)}", remark) for name, (spec, remark) in start.sweep.items()]
     lines = [

@@ -75,13 +75,17 @@ def test_comments_are_the_descriptions_of_the_keys(kind: str) -> None:
     assert set(field_types(KINDS[kind])) == set(KINDS[kind].model_fields)
 
 
-def test_an_unknown_kind_is_corrected() -> None:
-    said = ran("init", "two_stages")
+@pytest.mark.parametrize(
+    ("kind", "remedy"),
+    [
+        ("two_stages", "did you mean 'two_stage'?"),
+        ("bicycle", "available: gear_pair, two_stage, planetary, gearbox, matrices"),
+    ],
+)
+def test_an_unknown_kind_is_corrected(kind: str, remedy: str) -> None:
+    said = ran("init", kind)
     assert said.exit_code == 2
-    assert said.stderr.strip() == (
-        "there is no kind of system 'two_stages'; did you mean 'two_stage'? "
-        "(gear_pair, two_stage, planetary, gearbox, matrices)"
-    )
+    assert said.stderr.strip() == f"there is no kind of system '{kind}'; {remedy}"
 
 
 @pytest.mark.parametrize("command", ["sweep", "check", "info", "respond", "bench"])
@@ -90,6 +94,14 @@ def test_without_a_configuration_the_way_to_one_is_said(command: str, capsys: py
     said = capsys.readouterr().err
     assert "Missing argument 'CONFIG" in said
     assert "gearstab init two_stage > train.yaml" in said
+
+
+@pytest.mark.parametrize("command", ["plot", "export"])
+def test_without_a_result_the_way_to_one_is_said(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert code(command) == 2
+    said = capsys.readouterr().err
+    assert "Missing argument 'RESULT" in said
+    assert "gearstab sweep train.yaml" in said
 
 
 def test_a_check_as_json(tmp_path: Path) -> None:
