@@ -38,6 +38,13 @@ AMPLITUDE = (
     "--variable", "mesh_deflection_amplitude", "--select",
 )  # fmt: skip
 PICTURES: dict[str, dict[str, Sequence[str]]] = {
+    "campbell/planetary": {
+        "": ("--kind", "campbell", "--x", "supports.planet", "--select", "mesh_frequency=3 kHz", "--size", "double"),
+    },
+    "campbell/reducer": {
+        "": ("--kind", "campbell", "--select", "damping_ratio=0", "--size", "double"),
+        "_damping": ("--kind", "campbell"),
+    },
     "lin_parker_2002/fig8a": {"": POINT_A},
     "lin_parker_2002/fig8b": {"": POINT_A},
     "response/two_stage_speeds": {

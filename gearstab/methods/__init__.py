@@ -10,6 +10,7 @@ from typing import Any
 from gearstab.methods.base import POINTS, RANGE, EffortEstimate, Key, Method, OptionError, Outcome, SampledMethod
 from gearstab.methods.boundaries import BoundaryAnalysis
 from gearstab.methods.floquet import Floquet
+from gearstab.methods.natural_frequencies import NaturalFrequencies
 from gearstab.methods.passage import Passage
 from gearstab.methods.perturbation import Perturbation, Uncoupled
 from gearstab.methods.required_damping import DampingAnalysis
@@ -24,6 +25,7 @@ METHODS: dict[str, type[Method]] = {
         Floquet,
         Perturbation,
         Uncoupled,
+        NaturalFrequencies,
         DampingAnalysis,
         BoundaryAnalysis,
         Passage,

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 Array = np.ndarray
 
 
-INNER = ("tongue", "side", "stretch", "exponent", "mesh", "parameter")
+INNER = ("tongue", "side", "stretch", "exponent", "mesh", "parameter", "mode", "dof")
 """Dimensions of what was computed at a point, or of boundaries; they are no axes of the sweep."""
 
 

@@ -27,6 +27,8 @@ SPEEDS = (FREQUENCY, "input_speed")
 """Axes along which the mesh frequency varies."""
 FACTOR = "mesh_frequency_factor"
 """Attribute of an axis of SPEEDS: mesh frequency over its values."""
+RATIOS = "frequency_ratios"
+"""Attribute of a group: frequency of each mesh over the mesh frequency, that of the first one."""
 OF_MESH = (
     "boundary_frequency", "first_order_boundary_frequency", "boundary_error", "center_frequency", "half_width",
     "proved_frequency",

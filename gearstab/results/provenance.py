@@ -9,6 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from gearstab.modal import mean_modes
+from gearstab.results.display import RATIOS
 from gearstab.results.tree import Group, fields_of
 from gearstab.results.units import in_units_of
 from gearstab.results.variables import DEFLECTION_TYPE, MODES, Variable
@@ -58,7 +59,7 @@ def modes_group(system: GearSystem) -> Group:
     table: tuple[Variable, ...] = MODES
     values = {
         "mode": np.arange(1, system.size + 1),
-        "dof": list(system.coordinates) or [f"q{i + 1}" for i in range(system.size)],
+        "dof": coordinate_names(system),
         "dof_units": list(system.coordinate_units),
         "mesh": [mesh.name for mesh in system.meshes],
         "natural_frequency": modes.natural_frequency,
@@ -68,5 +69,13 @@ def modes_group(system: GearSystem) -> Group:
     }
     if system.symmetry is not None:
         table, values = (*MODES, DEFLECTION_TYPE), values | {DEFLECTION_TYPE.name: deflection_types(system, modes)}
-    said = {"comment": "modes of the mean system at the base values of the configuration"}
+    said = {
+        "comment": "modes of the mean system at the base values of the configuration",
+        RATIOS: [float(mesh.frequency_ratio) for mesh in system.meshes],
+    }
     return Group(fields_of(in_units_of(system, table), values), {**said, **system.drawing})
+
+
+def coordinate_names(system: GearSystem) -> list[str]:
+    """The names of the coordinates, numbered ones where the system has none."""
+    return list(system.coordinates) or [f"q{i + 1}" for i in range(system.size)]

@@ -40,12 +40,14 @@ def result_of(kind):
         "speeds": made.speeds, "spectrum": made.spectra, "pair": made.pair,
         "required-damping": made.required_damping, "phase-plane": made.backlash, "teeth": made.teeth,
         "probability": made.probability, "passage": made.passage, "waterfall": made.run_up, "orders": made.run_up,
+        "campbell": made.crossing,
     }  # fmt: skip
     return others.get(kind, lambda: made.tree(**groups))()
 
 
 def options_of(kind):
-    return {"map": {"select": {"phasing": "0.5"}}, "curve": {"select": {"epsilon": "0.3"}}}.get(kind, {})
+    own = {"map": {"phasing": "0.5"}, "curve": {"epsilon": "0.3"}, "campbell": {"stiffness": "0.25"}}
+    return {"select": own[kind]} if kind in own else {}
 
 
 def written(tree, path):

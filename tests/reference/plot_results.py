@@ -147,6 +147,32 @@ def speeds(**more):
     return tree(response=xr.Dataset(data, coords=coords), boundaries=boundaries)
 
 
+def crossing():
+    """Two modes that cross at the middle of an axis of stiffness, and the region of each under one mesh."""
+    speed, stiffness = np.linspace(1.0, 5.0, 9), np.linspace(0.0, 1.0, 5)
+    w = np.stack([1.0 + stiffness, 2.0 - stiffness], axis=-1)
+    order = np.argsort(w, axis=1, kind="stable")
+    shapes = np.eye(2)[order]
+    coords = coordinate("mesh_frequency", speed, "rad/s") | coordinate("stiffness", stiffness, "N/m")
+    own = {name: value for name, value in coords.items() if name != "mesh_frequency"}
+    centre = 2 * np.sort(w, axis=1).T
+    edges = np.stack([centre - 0.1, centre + 0.1], axis=1)
+    regions = {"mode_p": [1, 2], "mode_q": [1, 2], "harmonic": [1, 1], "label": ["2w1", "2w2"]}
+    names = {name: ("tongue", values) for name, values in {**regions, "frequency_ratio": [1.0, 1.0]}.items()}
+    names |= {"mesh": ("tongue", ["mesh"] * 2), "side": ("side", ["lower", "upper"])}
+    found = {"boundary_frequency": (("tongue", "side", "stiffness"), edges, {"units": "rad/s"})}
+    frequencies = xr.Dataset(
+        {
+            "natural_frequency": (("stiffness", "mode"), np.sort(w, axis=1), {"units": "rad/s"}),
+            "mode_shape": (("stiffness", "mode", "dof"), shapes, {"units": "kg^-1/2"}),
+        },
+        coords=own,
+    )
+    modes = xr.Dataset({"natural_frequency": ("mode", w[0], {"units": "rad/s"})}, coords={"mesh": ["mesh"]})
+    groups = {"boundaries": xr.Dataset(found, coords=coords | names), "natural_frequencies": frequencies}
+    return tree(modes=modes, **groups)
+
+
 def spectra(amplitudes=True):
     """Harmonics of a steady state, or a density, of two meshes; natural frequencies 1 and 2.7."""
     frequency = np.linspace(0, 40, 41 if amplitudes else 4001)

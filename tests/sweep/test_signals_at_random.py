@@ -39,6 +39,7 @@ METHODS = {
     "exponents": ("mesh_frequency: {start: 2.0, stop: 6.0, num: 1000}, epsilon: {start: 0, stop: 0.4, num: 150}", ""),
     "perturbation": ("epsilon: {start: 0, stop: 0.4, num: 12000}", "{}"),
     "uncoupled": ("epsilon: {start: 0, stop: 0.4, num: 6000}", "{}"),
+    "natural_frequencies": ("input_shaft_stiffness: {start: 0.4, stop: 0.6, num: 12000}", "{}"),
     "boundaries": (f"{RANGE}, epsilon: {{start: 0, stop: 0.4, num: 400}}", "{}"),
     "required_damping": (f"mesh_frequency: {{start: 2, stop: 6, num: 99}}, {SHAFT % 60}", "{}"),
     "passage": ("mesh_frequency: [2.0, 3.0], epsilon: {start: 0.1, stop: 0.4, num: 32}", "{rate: [3.0]}"),

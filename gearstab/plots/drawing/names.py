@@ -111,6 +111,21 @@ def name_tongues(ax: Axes, tongues: DrawnTongues, frequency_on_x: bool, rows: in
     if not chosen.size:
         return NamedTongues()
     words = [tongue_label(tongues.labels[i], tongues.parameter.meshes) for i in chosen]
+    ends = depth[chosen] if tongues.parameter.name else None
+    return name_places(ax, words, middle[chosen], weight[chosen], frequency_on_x, rows, ends)
+
+
+def name_places(
+    ax: Axes, words: list[str], middle: Array, weight: Array, frequency_on_x: bool, rows: int = 3,
+    depth: Array | None = None,
+) -> NamedTongues:  # fmt: skip
+    """The same of any words, each for a place along the frequency axis.
+
+    middle: ``(words,)``, parts of the frame. weight: words of less weight give way. depth: along the other axis, where
+    a leader goes on to inside the frame.
+    """
+    if not words:
+        return NamedTongues()
     spans, thickness = measured(ax, words, frequency_on_x)
     box = ax.get_window_extent()
     length = (box.width if frequency_on_x else box.height) * 72 / ax.figure.dpi
@@ -118,16 +133,16 @@ def name_tongues(ax: Axes, tongues: DrawnTongues, frequency_on_x: bool, rows: in
     if not frequency_on_x:
         rows = 1  # a column of names takes the width of the figure, and holds many
     far = FAR if frequency_on_x else FAR_BESIDE
-    placed = place(middle[chosen] * length, spans + SPACE, -edge, length + edge, weight[chosen], rows, LEADER, far)
+    placed = place(middle * length, spans + SPACE, -edge, length + edge, weight, rows, LEADER, far)
     outside = beyond(ax, frequency_on_x)
     texts, leaders, inner = [], [], []
     for item in placed:
-        start, end = float(middle[chosen[item.index]]), float(depth[chosen[item.index]])
+        start = float(middle[item.index])
         texts.append(write_name(ax, words[item.index], item, length, thickness, outside, frequency_on_x))
         points = leader_points(item, start * length, thickness) / (length, 1.0)
         leaders.append(thin_line(ax, points, outside, frequency_on_x))
-        if tongues.parameter.name and not reaches_end(ax, end, frequency_on_x):
-            inner.append(inner_leader(ax, start, end, frequency_on_x))
+        if depth is not None and not reaches_end(ax, float(depth[item.index]), frequency_on_x):
+            inner.append(inner_leader(ax, start, float(depth[item.index]), frequency_on_x))
     return NamedTongues(tuple(texts), tuple(leaders), tuple(inner))
 
 

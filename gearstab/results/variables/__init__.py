@@ -96,6 +96,15 @@ MODES = (
 )
 
 
+NATURAL_FREQUENCIES = (
+    coordinate("mode", "mode", "i4", "1", "number of the mode, by ascending natural frequency"),
+    *DOF,
+    Variable("natural_frequency", (ROWS, "mode"), "f8", "rad/s", "natural frequency of the mean system"),
+    Variable("mode_shape", (ROWS, "mode", "dof"), "f8", "kg^-1/2", "mode shape, normalised by the mass matrix"),
+)
+"""The same over the axes of a sweep."""
+
+
 DEFLECTION_TYPE = Variable(
     "mesh_deflection_type",
     ("mode",),

@@ -1,0 +1,59 @@
+"""Natural frequencies and mode shapes over the axes of a sweep: ``methods.natural_frequencies``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from gearstab.config.model.fields import Section
+from gearstab.methods.base import Method, Outcome
+from gearstab.methods.perturbation import ROWS
+from gearstab.results.variables import NATURAL_FREQUENCIES, Variable
+from gearstab.system import Array
+
+
+class NaturalFrequencyOptions(Section):
+    """Natural frequencies and mode shapes of the mean system over all axes but the mesh frequency."""
+
+
+class NaturalFrequencies(Method):
+    """Modes of the mean system, see :class:`gearstab.modal.Modes`."""
+
+    name = "natural_frequencies"
+    Options = NaturalFrequencyOptions
+    frequency = None
+    cheap = True
+
+    @property
+    def fewest(self) -> int:
+        return ROWS
+
+    def variables(self) -> tuple[Variable, ...]:
+        return NATURAL_FREQUENCIES
+
+    def constants(self) -> Mapping[str, Any]:
+        from gearstab.results.provenance import coordinate_names
+
+        return {
+            "mode": np.arange(1, self.system.size + 1),
+            "dof": coordinate_names(self.system),
+            "dof_units": list(self.system.coordinate_units),
+        }
+
+    def run(self, mesh_frequency: Array) -> Outcome:
+        from gearstab.modal import mean_modes
+
+        modes, n = mean_modes(self.system), self.system.size
+        shapes = np.swapaxes(modes.shapes, -1, -2)
+        return Outcome(
+            {
+                "natural_frequency": modes.natural_frequency.reshape(-1, n),
+                "mode_shape": shapes.reshape(-1, n, n),
+            }
+        )
+
+    def cost(self) -> float:
+        # The numbers that a row takes in the file count as well.
+        return 4.0 * self.system.size**2

@@ -1,0 +1,410 @@
+"""Natural frequencies over the speed, the orders of the meshes that meet them, and what grows there.
+
+A Campbell diagram for parametric excitation. The harmonic s of a mesh, s Omega_i, forces vibrations of its own
+frequency, which are large where it is a natural frequency; it makes vibrations of *half* of its frequency grow where
+s Omega_i = 2 w_p, and two of frequencies w_p and w_q that are half of it on average where s Omega_i = w_p + w_q. So the
+lines are orders and half orders of the meshes, and a region of instability lies on the natural frequencies of its
+modes.
+"""
+
+from __future__ import annotations
+
+from math import pi
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection, PathCollection
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.patheffects import withStroke
+
+from gearstab.errors import PlotError
+from gearstab.plots.axes import INNER, FigureAxis, group_of, mesh_numbers, sweep_axes, swept_groups, units_of
+from gearstab.plots.cases import caption, some
+from gearstab.plots.drawing import grid, names, tongues
+from gearstab.plots.drawing.heading import write_legend, write_title
+from gearstab.plots.drawing.style import CASES, LINE, SHADE, UNSTABLE, new_figure, new_frame
+from gearstab.plots.drawing.text import bracketed, fitted, plain, tongue_label
+from gearstab.plots.kinds import Contents, Kind
+from gearstab.plots.maps import branches, slices
+from gearstab.plots.maps.branches import Region
+from gearstab.plots.view import Request, View, view_along
+from gearstab.results.display import RATIOS, SPEEDS
+
+Array = np.ndarray
+Artists = dict[str, Any]
+
+ORDERS = 6
+"""Half orders of a mesh that are drawn at the most: 0.5, 1, ... 3 times its frequency."""
+FEWEST = 4
+"""Half orders where no list of regions says how many harmonics count."""
+AIR = 1.22
+"""The frame over the highest natural frequency that an order reaches."""
+FAINT, GREY = "#a0a0a0", "#5f5f5f"
+MOST_CLOSED = 60
+"""Closed regions of two modes are not marked where there are more of them."""
+SIZES = (1.5, 4.0)
+"""Of a mark, in points: of a line, and of a region from WIDE of the frame on."""
+WIDE = 0.03
+ALIKE = 1e-6
+"""Natural frequencies closer than this part of the frame have one name."""
+NEAR = (0.075, 0.045)
+"""Numbers of orders closer than these parts of the frame would lie over one another."""
+NAMED = 12
+"""Regions that are named at the most, the widest."""
+HALO = [withStroke(linewidth=1.6, foreground="white")]
+
+
+def view_campbell(tree: xr.DataTree, request: Request) -> tuple[View, FigureAxis | None]:
+    """The view over the speed, or over the axis asked for, and the axis of the speed if there is any.
+
+    Raises PlotError for an axis without numbers.
+    """
+    axes = sweep_axes(tree)
+    groups = [tree[group] for group in swept_groups(tree) if group in (branches.MODES, *tongues.THEORIES)]
+    dims = [str(dim) for group in groups for variable in group.data_vars.values() for dim in variable.dims]
+    known = any(name in node.coords for node in tree.subtree for name in SPEEDS) or "side" in dims
+    speed = next((axes[name] for name in SPEEDS if known and name in axes), None)
+    over_speed = speed is not None and request.x in (None, *SPEEDS)
+    kept = dict.fromkeys([*([speed.name] if speed and over_speed else []), *(d for d in dims if d not in INNER)])
+    view = view_along(tree, kept, request, xr.Dataset())
+    if not view.x.numeric:
+        raise PlotError(f"natural frequencies are drawn over numbers, and {view.x.name} has labels: choose --x")
+    if view.speed is not None and view.factor is None:
+        raise PlotError("the teeth differ over the axes, so that no one mesh frequency belongs to a speed of the input")
+    return view, speed
+
+
+def frequency_unit(tree: xr.DataTree, speed: FigureAxis | None) -> tuple[str, float]:
+    """The unit of frequencies and what one of it is in rad/s: as the mesh frequency has it, and Hz beside rpm."""
+    own = units_of(group_of(tree, "modes")["natural_frequency"]) if "modes" in tree.children else "rad/s"
+    if own == "1" or speed is None or speed.units in ("rad/s", "1"):
+        return own, 1.0
+    return "Hz", 2 * pi
+
+
+def fixed_speed(tree: xr.DataTree, view: View, speed: FigureAxis | None) -> float | None:
+    """The mesh frequency that was selected beside another axis, rad per unit time."""
+    if speed is None or speed.name not in view.fixed or not speed.factor:
+        return None
+    return float(speed.positions[view.fixed[speed.name]] * speed.factor)
+
+
+def mesh_ratios(tree: xr.DataTree, regions: list[Region]) -> dict[float, str]:
+    """Frequency over the mesh frequency -> names of the meshes that have it."""
+    modes, found = group_of(tree, "modes"), dict[float, list[str]]()
+    ratios = np.atleast_1d(modes.attrs.get(RATIOS, [r.ratio / r.harmonic for r in regions if r.harmonic][:1] or 1.0))
+    known = list(mesh_numbers(tree))
+    for k, ratio in enumerate(ratios):
+        found.setdefault(float(ratio), []).append(known[k] if k < len(known) else str(k + 1))
+    return {ratio: ", ".join(meshes) for ratio, meshes in found.items()}
+
+
+class Panel:
+    """One frame: what is read from the result at the view's indices. Frequencies are in rad per unit time."""
+
+    def __init__(self, tree: xr.DataTree, view: View, speed: FigureAxis | None) -> None:
+        self.tree, self.view = tree, view
+        self.parameter = None if view.speed is not None else view.x
+        self.modes, self.branches = branches.read_modes(tree, view, self.parameter)
+        self.regions = branches.read_regions(tree, view, self.parameter, self.modes)
+        self.ratios = mesh_ratios(tree, self.regions)
+        self.at = fixed_speed(tree, view, speed)
+        factor = (speed.factor or 1.0) if speed is not None else None
+        ends = grid.limits(view.x) if self.parameter is None else grid.limits(speed) if speed is not None else None
+        self.span = None if ends is None or factor is None else (ends[0] * factor, ends[1] * factor)
+        if self.at is not None:
+            self.span = (self.at, self.at)
+
+    @property
+    def theory(self) -> str:
+        """Words on what the regions are of, where they are not exact."""
+        if "boundaries" in self.tree.children or "perturbation" not in self.tree.children:
+            return ""
+        return f", {tongues.LOOKS[tongues.theory(self.tree, 'perturbation')][1]}"
+
+    @property
+    def orders(self) -> int:
+        """Half orders that are drawn."""
+        return min(max((region.harmonic for region in self.regions), default=FEWEST), ORDERS)
+
+    def within(self, region: Region) -> Array:
+        """``(size,)``: whether a region is open and reaches into the speeds that are shown."""
+        assert self.span is not None
+        with np.errstate(invalid="ignore"):
+            return np.asarray(region.open & (region.low <= self.span[1]) & (region.high >= self.span[0]))
+
+    def top(self) -> float:
+        """Where the frame ends: above the highest natural frequency that an order or an open region reaches."""
+        positive = np.where(np.isfinite(self.modes), self.modes, 0.0)
+        if self.span is None:
+            return AIR * float(positive.max()) or 1.0
+        reach = 0.5 * self.orders * max(self.ratios) * self.span[1]
+        highest = positive.max(axis=0)
+        shown = {int(k) for k in np.flatnonzero(positive.min(axis=0) <= reach) if highest[k] > 0}
+        shown |= {k for region in self.regions if self.within(region).any() for k in (region.p, region.q)}
+        return AIR * float(max((highest[k] for k in shown), default=highest.max())) or 1.0
+
+
+def draw_panel(ax: Axes, panel: Panel, top: float, unit: float) -> Artists:
+    """Draw one frame: ``modes`` and ``orders`` (lines), ``regions`` and ``closed`` (marks, by sort: of ``one`` mode or
+    of ``two``) and ``bands`` (of unstable speeds), None where there is none.
+    """
+    x = panel.view.x
+    ax.set_xscale("log" if x.logarithmic else "linear")
+    ax.set_xlim(*grid.limits(x))
+    ax.set_ylim(0.0, top / unit)
+    grid.number(ax.xaxis, x)
+    along = panel.parameter is not None
+    artists: Artists = {"modes": draw_modes(ax, panel, unit), "orders": draw_orders(ax, panel, unit)}
+    draw = draw_segments if along else draw_crossings
+    return artists | (draw(ax, panel, unit) if panel.span is not None and (panel.at or not along) else NOTHING)
+
+
+NOTHING: Artists = {"regions": {}, "closed": {}, "bands": None}
+
+
+def draw_modes(ax: Axes, panel: Panel, unit: float) -> list[Line2D]:
+    """The natural frequencies above zero: level over the speed, else a colour for each branch."""
+    lines: list[Line2D] = []
+    for k in range(panel.modes.shape[1]):
+        own = panel.modes[np.arange(len(panel.modes)), panel.branches[:, k]] / unit
+        if not np.nanmax(own, initial=0.0) > 0:
+            continue
+        if panel.parameter is None:
+            lines.append(ax.axhline(own[0], color=LINE, linewidth=0.9, zorder=2))
+        else:
+            colour = CASES[len(lines) % len(CASES)]
+            lines += ax.plot(panel.parameter.ascending, own, color=colour, linewidth=1.0, zorder=2)
+    return lines
+
+
+def draw_orders(ax: Axes, panel: Panel, unit: float) -> list[Line2D]:
+    """Orders (solid) and half orders (dashed) of every mesh frequency, numbered where they leave the frame."""
+    lines: list[Line2D] = []
+    if panel.span is None or (panel.parameter is not None and panel.at is None):
+        return lines
+    top, numbered = ax.get_ylim()[1], list[Array]()
+    across = np.linspace(0.0, 1.0, 257)
+    place = ax.transData + ax.transAxes.inverted()
+    for n, ratio in enumerate(panel.ratios):
+        colour = order_colour(n, len(panel.ratios)) if panel.parameter is None else GREY
+        mesh = "" if panel.parameter is None or len(panel.ratios) == 1 else f" {plain(panel.ratios[ratio])}"
+        for half in range(1, panel.orders + 1):
+            look = "-" if half % 2 == 0 else (0, (4, 2))
+            if panel.parameter is not None:
+                x, y = np.array(ax.get_xlim()), np.full(2, 0.5 * half * ratio * (panel.at or 0.0) / unit)
+            else:
+                low, high = ax.get_xlim()
+                x = low + (high - low) * across
+                y = 0.5 * half * ratio * (panel.view.factor or 1.0) * x / unit
+            inside = np.flatnonzero(y <= top)
+            if not inside.size:
+                continue
+            lines += ax.plot(x, y, color=colour, linestyle=look, linewidth=0.6, alpha=0.85, zorder=1.5)
+            end = float(x[inside[-1]]), float(y[inside[-1]])
+            where = place.transform(end)
+            if any((np.abs(where - other) < NEAR).all() for other in numbered):
+                continue
+            numbered.append(where)
+            above = panel.parameter is not None and where[1] < 0.9
+            ax.annotate(
+                f"{0.5 * half:g}$\\times${mesh}", end, (-2, 1 if above else -1), textcoords="offset points", ha="right",
+                va="bottom" if above else "top", fontsize=6.5, color=colour, path_effects=HALO, zorder=4,
+            )  # fmt: skip
+    return lines
+
+
+def order_colour(number: int, count: int) -> str:
+    """The colour of the orders of a mesh frequency: blue where there is one alone, never that of the natural ones."""
+    return CASES[2] if count == 1 else (CASES[2], CASES[3], CASES[4], CASES[5])[number % 4]
+
+
+def draw_crossings(ax: Axes, panel: Panel, unit: float) -> Artists:
+    """Where orders meet what they make grow, over the speed: a bar from edge to edge of each open region on the natural
+    frequencies of its modes, both joined; faint where a region is closed.
+    """
+    factor, (low, high) = panel.view.factor or 1.0, ax.get_xlim()
+    w, marks, closed = panel.modes[0] / unit, Marks(), Marks()
+    bars: list[Any] = []
+    for region in panel.regions:
+        own = w[[region.p, region.q]]
+        centre = own.sum() * unit / region.ratio / factor
+        if not (own > 0).all():
+            continue
+        if region.open[0]:
+            ends = np.clip([region.low[0] / factor, region.high[0] / factor], low, high)
+            if ends[0] < ends[1]:
+                bars += [[(ends[0], y), (ends[1], y)] for y in np.unique(own)]
+                marks.add(region, float(np.clip(centre, *ends)), own, (ends[1] - ends[0]) / (high - low))
+        elif region.harmonic and low <= centre <= high:
+            closed.add(region, centre, own[:1] if region.p == region.q else np.atleast_1d(own.mean()), 1.0)
+    if len(closed.two) > MOST_CLOSED:
+        closed.two.clear()
+    ax.add_collection(LineCollection(bars, colors=UNSTABLE, linewidths=2.6, zorder=2.5), autolim=False)
+    edges = [(a[0], b[0] - a[0]) for a, b in bars]
+    look: dict[str, Any] = {"transform": ax.get_xaxis_transform(), "facecolors": SHADE, "linewidth": 0, "zorder": 0.5}
+    bands = ax.broken_barh(edges, (0, 1), **look) if edges else None
+    return NOTHING | {"regions": marks.draw(ax, False), "closed": closed.draw(ax, True), "bands": bands}
+
+
+def draw_segments(ax: Axes, panel: Panel, unit: float) -> Artists:
+    """Over another axis, at one speed: where the order passes the natural frequencies, or their mean, of an open
+    region, and the parts of them that lie in it.
+    """
+    assert panel.parameter is not None
+    assert panel.at is not None
+    x, marks, segments = panel.parameter.ascending, Marks(), list[Line2D]()
+    for region in panel.regions:
+        grows, off = panel.within(region), panel.modes[:, [region.p, region.q]].sum(axis=1) - region.ratio * panel.at
+        for mode in dict.fromkeys((region.p, region.q)) if grows.any() else ():
+            own = np.where(grows, panel.modes[:, mode] / unit, np.nan)
+            segments += ax.plot(x, own, color=UNSTABLE, linewidth=2.6, zorder=1.9)
+        for k in np.flatnonzero((off[:-1] * off[1:] <= 0) & region.open[:-1] & region.open[1:] & (off[:-1] != off[1:])):
+            part = off[k] / (off[k] - off[k + 1])
+            between = (1 - part) * panel.modes[k] + part * panel.modes[k + 1]
+            marks.add(region, (1 - part) * x[k] + part * x[k + 1], between[[region.p, region.q]] / unit, WIDE)
+    return NOTHING | {"regions": marks.draw(ax, False), "segments": segments}
+
+
+class Marks:
+    """Places of regions of one mode and of two: ``(x, y, size)``, and what joins those of two."""
+
+    def __init__(self) -> None:
+        self.one: list[tuple[float, float, float]] = []
+        self.two: list[tuple[float, float, float]] = []
+        self.joints: list[Any] = []
+
+    def add(self, region: Region, x: float, y: Array, width: float) -> None:
+        """Mark a region of a width, as a part of the frame, at one or two heights."""
+        size = SIZES[0] + (SIZES[1] - SIZES[0]) * min(width / WIDE, 1.0)
+        (self.one if region.p == region.q else self.two).extend((x, float(height), size) for height in np.unique(y))
+        if y[0] != y[-1]:
+            self.joints.append([(x, y[0]), (x, y[-1])])
+
+    def draw(self, ax: Axes, faint: bool) -> dict[str, PathCollection]:
+        """Draw them; by sort, none of a sort that there is none of."""
+        lines = LineCollection(self.joints, colors=UNSTABLE, linewidths=0.5, linestyles=":", zorder=1.7)
+        ax.add_collection(lines, autolim=False)
+        drawn = {}
+        for sort, places in (("one", self.one), ("two", self.two)):
+            if places:
+                x, y, size = np.transpose(places)
+                face, edge = ("white", FAINT) if faint else (UNSTABLE, LINE)
+                drawn[sort] = ax.scatter(
+                    x, y, (0.8 if faint else 1.0) * size**2, marker=MARKERS[sort], facecolor=face, edgecolor=edge,
+                    linewidth=0.5 if faint else 0.3, zorder=1.8 if faint else 3,
+                )  # fmt: skip
+        return drawn
+
+
+MARKERS = {"one": "o", "two": "D"}
+
+
+def spot(sort: str, faint: bool, words: str) -> Line2D:
+    """The entry of a mark in a legend."""
+    face, edge = ("white", FAINT) if faint else (UNSTABLE, LINE)
+    return Line2D(
+        [], [], linestyle="none", marker=MARKERS[sort], markersize=SIZES[1], markerfacecolor=face, markeredgecolor=edge,
+        markeredgewidth=0.5, label=words,
+    )  # fmt: skip
+
+
+def name_panel(ax: Axes, panel: Panel, unit: float, rows: int) -> Artists:
+    """Name natural frequencies beside the frame, by their numbers where it begins, and open regions above it."""
+    top = ax.get_ylim()[1]
+    last = panel.modes[-1, panel.branches[-1]] / unit
+    shown = [k for k in np.argsort(last, kind="stable") if 0 < last[k] <= top]
+    alike = np.split(shown, np.flatnonzero(np.diff(last[shown]) > ALIKE * top) + 1) if shown else []
+    words = [rf"$\omega_{{{','.join(str(k + 1) for k in sorted(group))}}}$" for group in alike]
+    middle = np.array([last[group].mean() for group in alike])
+    modes = names.name_places(ax, words, middle / top, -middle, False)
+    if panel.parameter is not None:
+        return {"names": None, "mode_names": modes}
+    factor, limits = panel.view.factor or 1.0, ax.get_xlim()
+    found = [region for region in panel.regions if panel.within(region)[0]]
+    edges = np.clip([(r.low[0] / factor, r.high[0] / factor) for r in found], *limits).reshape(-1, 2)
+    width = edges[:, 1] - edges[:, 0]
+    widest = np.argsort(-width, kind="stable")[:NAMED]
+    across = (ax.transData + ax.transAxes.inverted()).transform(np.column_stack([edges.mean(axis=1), width]))[:, 0]
+    words = [tongue_label(found[k].label, mesh_numbers(panel.tree)) for k in widest]
+    named = names.name_places(ax, words, across[widest], width[widest], True, rows)
+    return {"names": named, "mode_names": modes}
+
+
+def legend_handles(panels: list[Panel], drawn: list[Artists]) -> list[Any]:
+    """One entry for each sort of line and mark that was drawn."""
+    ratios, over_speed = panels[0].ratios, panels[0].parameter is None
+    handles: list[Any] = []
+    if over_speed:
+        handles.append(Line2D([], [], color=LINE, linewidth=0.9, label="natural frequencies"))
+    if any(artists["orders"] for artists in drawn):
+        for n, meshes in enumerate(ratios.values() if over_speed else [""]):
+            words = "mesh orders" if len(ratios) == 1 or not meshes else f"orders of {plain(meshes)}"
+            colour = order_colour(n, len(ratios)) if over_speed else GREY
+            handles.append(Line2D([], [], color=colour, linewidth=0.6, label=words))
+        handles.append(Line2D([], [], color=FAINT, linewidth=0.6, linestyle=(0, (4, 2)), label="half orders"))
+    for sort, words in (("one", "instability of one mode"), ("two", "instability of two modes")):
+        if any(sort in artists["regions"] for artists in drawn):
+            handles.append(spot(sort, False, words))
+    if any(artists["closed"] for artists in drawn):
+        sort = "one" if any("one" in artists["closed"] for artists in drawn) else "two"
+        handles.append(spot(sort, True, "closed"))
+    if any(artists["bands"] is not None for artists in drawn):
+        handles.append(Patch(facecolor=SHADE, label=f"unstable speeds{panels[0].theory}"))
+    if any(artists.get("segments") for artists in drawn):
+        handles.append(Line2D([], [], color=UNSTABLE, linewidth=2.6, label="unstable at this speed"))
+    return handles
+
+
+def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
+    """The whole figure, a panel for each value of the axes left over: ``panels``, see :func:`draw_panel`.
+
+    Raises PlotError without natural frequencies, and where there would be too many panels.
+    """
+    view, speed = view_campbell(tree, request)
+    chosen, note = some(view.free, slices.MOST, "panels", request.partial)
+    views = [view.at(**index) for index in chosen]
+    panels = [Panel(tree, item, speed) for item in views]
+    words, unit = frequency_unit(tree, speed)
+    top = max(panel.top() for panel in panels)
+    wide = request.wide("double" if len(panels) > 1 else "single")
+    if len(panels) == 1:
+        figure, ax = new_frame(request, (1.0, 0.55))
+        axes = [ax]
+        rows = columns = 1
+    else:
+        rows, columns = slices.arrangement(chosen, wide)
+        aspect = min(1.25 if wide else slices.TALL, 0.12 + (0.88 if wide else 0.72) * rows / columns)
+        figure = new_figure(request, aspect, "double")
+        axes = list(np.ravel(figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)))
+    drawn = [draw_panel(ax, panel, top, unit) for ax, panel in zip(axes, panels, strict=False)]
+    for ax in axes[len(panels) :]:
+        ax.remove()
+    for number, (ax, index) in enumerate(zip(axes[: len(panels)], chosen, strict=True)):
+        ax.set_xlabel(fitted(view.x.label, 0.85 * figure.get_figwidth() / columns, 8.5))
+        ax.set_ylabel("frequency" + bracketed(words))
+        if len(panels) > 1:
+            ax.set_title(f"({chr(97 + number)})  {caption(view.free, index)}", loc="left", pad=18)
+            ax.label_outer()
+    legend = write_legend(figure, legend_handles(panels, drawn), ax=request.ax)
+    write_title(figure, tree, request, view)
+    names.settle(figure)
+    for ax, panel, artists in zip(axes, panels, drawn, strict=False):
+        artists |= name_panel(ax, panel, unit, 3 if len(panels) == 1 else 1)
+    names.freeze(figure, request)
+    return figure, {"panels": drawn, "legend": legend, "left_out": note}
+
+
+def _suits(contents: Contents) -> bool:
+    """Of natural frequencies alone."""
+    regions = any(contents.holds(group) for group in tongues.THEORIES)
+    return contents.by_itself and contents.holds(branches.MODES) and contents.drawn is None and not regions
+
+
+KIND = Kind(
+    "campbell", "natural frequencies over the speed, mesh orders and the instabilities where they meet", draw, _suits
+)
