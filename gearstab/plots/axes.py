@@ -265,7 +265,8 @@ def spanned_frequency(tree: xr.DataTree, meshes: Mapping[str, int]) -> FigureAxi
         for name in SPEEDS:
             if name in dataset.coords and dataset.coords[name].ndim == 1 and dataset.sizes[name] > 1:
                 stored = axis_of(dataset, name, meshes)
-                return replace(stored, values=filled(stored.positions.min(), stored.positions.max()))
+                between = filled(stored.positions.min(), stored.positions.max())
+                return replace(stored, values=np.union1d(between, stored.positions))
     edges = [data["boundary_frequency"] for data in datasets(tree) if "boundary_frequency" in data.data_vars]
     values = np.concatenate([np.ravel(edge.values) for edge in edges] or [np.zeros(0)])
     values = values[np.isfinite(values)]

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import product
+from math import ceil, prod
 
 import numpy as np
 
@@ -11,6 +12,13 @@ from gearstab.errors import PlotError
 from gearstab.plots.axes import FigureAxis
 
 Index = dict[str, int]
+
+FEW = 4
+"""Panels that stand over one another in one column of a journal."""
+TALL = 2.6
+"""Height over width of a figure in one column."""
+MOST_PANELS = 12
+"""More panels than this are too small to read on a page."""
 
 
 def combinations(free: tuple[FigureAxis, ...], most: int, what: str) -> list[Index]:
@@ -66,3 +74,19 @@ def thinned(sizes: list[int], most: int) -> list[list[int]]:
 def caption(free: tuple[FigureAxis, ...], chosen: Index) -> str:
     """What tells one combination from the others."""
     return ", ".join(axis.caption(chosen[axis.name]) for axis in free)
+
+
+def arrangement(panels: Sequence[Index], wide: bool = True) -> tuple[int, int]:
+    """(rows, columns) of the panels: values of the two axes left over if these are few, else about a square.
+
+    In one column of a journal few stand over one another, and many in two columns.
+    """
+    if not wide:
+        columns = 1 if len(panels) <= FEW else 2
+        return ceil(len(panels) / columns), columns
+    sizes = [len({panel[name] for panel in panels}) for name in panels[0]]
+    count = len(panels)
+    if len(sizes) == 2 and max(sizes) <= 4 and prod(sizes) == count:
+        return sizes[0], sizes[1]
+    columns = {1: 1, 2: 2, 3: 3, 4: 2}.get(count, 3 if count <= 9 else 4)
+    return ceil(count / columns), columns

@@ -23,13 +23,13 @@ from matplotlib.patheffects import withStroke
 
 from gearstab.errors import PlotError
 from gearstab.plots.axes import INNER, FigureAxis, group_of, mesh_numbers, sweep_axes, swept_groups, units_of
-from gearstab.plots.cases import caption, some
+from gearstab.plots.cases import MOST_PANELS, TALL, arrangement, caption, some
 from gearstab.plots.drawing import grid, names, tongues
 from gearstab.plots.drawing.heading import write_legend, write_title
 from gearstab.plots.drawing.style import CASES, LINE, SHADE, UNSTABLE, new_figure, new_frame
 from gearstab.plots.drawing.text import bracketed, fitted, plain, tongue_label
 from gearstab.plots.kinds import Contents, Kind
-from gearstab.plots.maps import branches, slices
+from gearstab.plots.maps import branches
 from gearstab.plots.maps.branches import Region
 from gearstab.plots.view import Request, View, view_along
 from gearstab.results.display import RATIOS, SPEEDS
@@ -366,7 +366,7 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     Raises PlotError without natural frequencies, and where there would be too many panels.
     """
     view, speed = view_campbell(tree, request)
-    chosen, note = some(view.free, slices.MOST, "panels", request.partial)
+    chosen, note = some(view.free, MOST_PANELS, "panels", request.partial)
     views = [view.at(**index) for index in chosen]
     panels = [Panel(tree, item, speed) for item in views]
     words, unit = frequency_unit(tree, speed)
@@ -377,8 +377,8 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
         axes = [ax]
         rows = columns = 1
     else:
-        rows, columns = slices.arrangement(chosen, wide)
-        aspect = min(1.25 if wide else slices.TALL, 0.12 + (0.88 if wide else 0.72) * rows / columns)
+        rows, columns = arrangement(chosen, wide)
+        aspect = min(1.25 if wide else TALL, 0.12 + (0.88 if wide else 0.72) * rows / columns)
         figure = new_figure(request, aspect, "double")
         axes = list(np.ravel(figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)))
     drawn = [draw_panel(ax, panel, top, unit) for ax, panel in zip(axes, panels, strict=False)]

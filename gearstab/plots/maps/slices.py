@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from math import ceil, prod
 from typing import Any
 
 import numpy as np
@@ -11,7 +9,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from gearstab.plots.cases import Index, caption, some
+from gearstab.plots.cases import MOST_PANELS, TALL, arrangement, caption, some
 from gearstab.plots.drawing import names, tongues
 from gearstab.plots.drawing.heading import write_legend, write_title
 from gearstab.plots.drawing.style import new_figure
@@ -23,29 +21,6 @@ from gearstab.plots.variables import colour_label, default_variable, find_variab
 from gearstab.plots.view import MapView, Request, view_of
 
 Artists = dict[str, Any]
-
-FEW = 4
-"""Panels that stand over one another in one column of a journal."""
-TALL = 2.6
-"""Height over width of a figure in one column."""
-MOST = 12
-"""More panels than this are too small to read on a page."""
-
-
-def arrangement(panels: Sequence[Index], wide: bool = True) -> tuple[int, int]:
-    """(rows, columns) of the panels: values of the two axes left over if these are few, else about a square.
-
-    In one column of a journal few stand over one another, and many in two columns.
-    """
-    if not wide:
-        columns = 1 if len(panels) <= FEW else 2
-        return ceil(len(panels) / columns), columns
-    sizes = [len({panel[name] for panel in panels}) for name in panels[0]]
-    count = len(panels)
-    if len(sizes) == 2 and max(sizes) <= 4 and prod(sizes) == count:
-        return sizes[0], sizes[1]
-    columns = {1: 1, 2: 2, 3: 3, 4: 2}.get(count, 3 if count <= 9 else 4)
-    return ceil(count / columns), columns
 
 
 def draw_panel(tree: xr.DataTree, ax: Axes, view: MapView, variable: str, norm: Any, text: str) -> Artists:
@@ -61,12 +36,12 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     """The whole figure: ``panels`` and ``colour_bar``.
 
     A panel is a mapping of artists, see ``stability_map.draw_map``, with ``caption`` and ``names``. All panels share
-    axes and colours. Raises PlotError if there would be more than ``MOST``.
+    axes and colours. Raises PlotError if there would be more than ``MOST_PANELS``.
     """
     variable = request.variable or default_variable(tree)
     dataset, data = find_variable(tree, variable)
     view = view_of(tree, map(str, data.dims), request, dataset)
-    chosen, note = some(view.free, MOST, "panels", request.partial)
+    chosen, note = some(view.free, MOST_PANELS, "panels", request.partial)
     shown = [coarse(tree, view.at(**panel), variable) for panel in chosen]
     views = [item for _, item in shown]
     wide = request.wide("double")
