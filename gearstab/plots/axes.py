@@ -19,7 +19,7 @@ from gearstab.plots.drawing.text import (
     tongue_label,
     unit_text,
 )
-from gearstab.results.display import FACTOR, FREQUENCY, SPEEDS, number_of
+from gearstab.results.display import FACTOR, FREQUENCY, OPERATING_RANGE, SHOWN_SCALE, SPEEDS, number_of
 
 if TYPE_CHECKING:
     pass
@@ -41,6 +41,7 @@ class FigureAxis:
 
     values: ``(size,)`` floats, or the labels of an axis of cases. meshes: number of each mesh by name, for symbols.
     factor: mesh frequency over the values of an axis of SPEEDS; None where it is not known.
+    ranges: ``(ranges, 2)``, the operating ranges along it.
     """
 
     name: str
@@ -49,6 +50,7 @@ class FigureAxis:
     long_name: str = ""
     meshes: Mapping[str, int] = field(default_factory=dict)
     factor: float | None = None
+    ranges: Array = field(default_factory=lambda: np.zeros((0, 2)))
 
     @property
     def size(self) -> int:
@@ -191,7 +193,9 @@ def axis_of(data: xr.DataArray | xr.Dataset, name: str, meshes: Mapping[str, int
         values = np.array(texts(values), dtype=object)
     attributes = coordinate.attrs
     factor = attributes.get(FACTOR, 1.0 if name == FREQUENCY else None)
-    return FigureAxis(name, values, units_of(coordinate), str(attributes.get("long_name", "")), meshes, factor)
+    ranges = np.reshape(attributes.get(OPERATING_RANGE, []), (-1, 2)) / attributes.get(SHOWN_SCALE, 1.0)
+    long_name = str(attributes.get("long_name", ""))
+    return FigureAxis(name, values, units_of(coordinate), long_name, meshes, factor, ranges)
 
 
 def texts(values: Iterable[str | bytes]) -> list[str]:

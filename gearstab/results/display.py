@@ -27,6 +27,8 @@ SPEEDS = (FREQUENCY, "input_speed")
 """Axes along which the mesh frequency varies."""
 FACTOR = "mesh_frequency_factor"
 """Attribute of an axis of SPEEDS: mesh frequency over its values."""
+OPERATING_RANGE = "operating_range"
+"""Attribute of an axis of SPEEDS: the lowest and the highest speed of each operating range, in the unit of the axis."""
 RATIOS = "frequency_ratios"
 """Attribute of a group: frequency of each mesh over the mesh frequency, that of the first one."""
 OF_MESH = (

@@ -14,6 +14,7 @@ from matplotlib.collections import PolyCollection
 from matplotlib.colors import Colormap, Normalize
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, ScalarFormatter
+from matplotlib.transforms import blended_transform_factory
 
 from gearstab.plots.axes import FigureAxis
 from gearstab.plots.drawing.style import FAILED, LINE
@@ -94,9 +95,41 @@ def frame(ax: Axes, x: FigureAxis, y: FigureAxis) -> None:
     for axis, side, length in ((x, ax.xaxis, box.width), (y, ax.yaxis, box.height)):
         side.set_label_text(fitted(axis.label, 1.1 * length / ax.figure.dpi, 8.5), linespacing=0.95)
         number(side, axis)
+        draw_ranges(ax, axis, side is ax.xaxis)
         if not axis.numeric or axis.size == 1:
             side.set_ticks(axis.positions, [axis.text(i) for i in range(axis.size)])
             side.set_tick_params(which="minor", length=0)
+
+
+def draw_ranges(ax: Axes, axis: FigureAxis, on_x: bool, at: float = 0.03) -> list[Any]:
+    """Mark the operating ranges along an axis whose limits are set: what lies outside is veiled. Nothing without them,
+    or where the frame lies within one.
+
+    at: where the words stand across the axis, a part of the frame.
+    """
+    low, high = ax.get_xlim() if on_x else ax.get_ylim()
+    inside = sorted((max(a, low), min(b, high)) for a, b in axis.ranges if a < high and b > low)
+    if not axis.ranges.size or inside[:1] == [(low, high)]:
+        return []
+    span, line = (ax.axvspan, ax.axvline) if on_x else (ax.axhspan, ax.axhline)
+    drawn: list[Any] = []
+    end = low
+    for a, b in [*inside, (high, high)]:
+        if a > end:
+            drawn.append(span(end, a, facecolor="white", alpha=0.6, linewidth=0, zorder=2.45))
+        end = max(end, b)
+    for place in {place for pair in inside for place in pair} - {low, high}:
+        drawn.append(line(place, color=LINE, linewidth=0.7, linestyle=(0, (6, 2)), zorder=3))
+    for a, b in inside:
+        middle, near = 0.5 * (a + b), at < 0.5
+        across = blended_transform_factory(*((ax.transData, ax.transAxes) if on_x else (ax.transAxes, ax.transData)))
+        drawn.append(ax.text(
+            middle if on_x else at, at if on_x else middle, "operating range", transform=across, fontsize=6.5, zorder=5,
+            rotation=0 if on_x else 90, ha="center" if on_x else "left" if near else "right",
+            va="center" if not on_x else "bottom" if near else "top",
+            path_effects=[withStroke(linewidth=2.0, foreground="white")],
+        ))  # fmt: skip
+    return drawn
 
 
 def number(side: MatplotlibAxis, axis: FigureAxis) -> None:

@@ -158,6 +158,7 @@ def draw_panel(ax: Axes, panel: Panel, top: float, unit: float) -> Artists:
     ax.set_xlim(*grid.limits(x))
     ax.set_ylim(0.0, top / unit)
     grid.number(ax.xaxis, x)
+    grid.draw_ranges(ax, x, True)
     along = panel.parameter is not None
     artists: Artists = {"modes": draw_modes(ax, panel, unit), "orders": draw_orders(ax, panel, unit)}
     draw = draw_segments if along else draw_crossings

@@ -77,6 +77,7 @@ def dress(ax: Axes, x: FigureAxis, label: str) -> None:
     """Scale and labels of a figure of curves over ``x``; ``label``: what they are."""
     ax.set_xscale("log" if x.logarithmic else "linear")
     grid.number(ax.xaxis, x)
+    grid.draw_ranges(ax, x, True, 0.97)
     ax.set_xlabel(x.label)
     ax.set_ylabel(fitted(label, 1.8, 8.5))
 

@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 
 from gearstab import interrupts
-from gearstab.config import Axis
+from gearstab.config import Axis, Config
 from gearstab.config.sections.targets import INPUT_SPEED
 from gearstab.floquet.kernel import choice as kernel
 from gearstab.methods import Key
 from gearstab.results.apart import write_apart
 from gearstab.results.chunks import decode, encode
-from gearstab.results.display import FACTOR, typed
+from gearstab.results.display import FACTOR, OPERATING_RANGE, SPEEDS, typed
 from gearstab.results.guard import SWEEP
 from gearstab.results.output import Look, move
 from gearstab.results.provenance import modes_group, root_attributes
@@ -33,6 +33,7 @@ from gearstab.sweep.storage.parts import FinishedBlock
 from gearstab.sweep.storage.store import Finished
 from gearstab.sweep.storage.taken import CHOSEN
 from gearstab.system import Array
+from gearstab.systems import model_of
 
 IN_MEMORY = 1 << 26
 """Results of fewer bytes are built in memory, which takes twice as much, others by a process of its own."""
@@ -41,7 +42,7 @@ IN_MEMORY = 1 << 26
 def result_tree(finished: Finished, said: Mapping[str, str]) -> ResultTree:
     """The whole result of a plan of which all is finished; ``said``: what its root says besides."""
     plan = finished.plan
-    axes = [field for axis in plan.config.axes for field in axis_fields(axis)]
+    axes = [with_range(field, plan.config) for axis in plan.config.axes for field in axis_fields(axis)]
     ran = kernel.said(finished.kernels)
     root = Group(tuple(axes), root_attributes(SWEEP, plan.config, ran) | {CHOSEN: plan.kernel} | dict(said))
     groups = {"modes": modes_group(plan.base)}
@@ -71,6 +72,20 @@ def axis_fields(axis: Axis) -> list[Field]:
             kind = TEXT if item.structural else "f8"
             fields.append(Field(coordinate(item.name, axis.name, kind, item.units, item.title), values))
     return fields
+
+
+def with_range(field: Field, config: Config) -> Field:
+    """Return an axis of speeds with the operating ranges that the section ``design`` gives, any other as it is."""
+    name = field.variable.name
+    if config.design is None or name not in SPEEDS:
+        return field
+    cycles = float(model_of(config.parameters).cycles_of_input(config.parameters) or 1.0)
+    ends = []
+    for item in config.design.ranges:
+        factor = 1.0 if item.of == name else cycles if item.of == INPUT_SPEED else 1 / cycles
+        ends += [item.low * factor, item.high * factor]
+    attributes = {**field.variable.attributes, OPERATING_RANGE: ends}
+    return replace(field, variable=replace(field.variable, attributes=attributes))
 
 
 def _method_group(finished: Finished, layout: Layout, beside: list[Field]) -> Group:
