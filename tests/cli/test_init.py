@@ -40,7 +40,7 @@ def test_a_start_is_right_and_sweeps(kind: str, tmp_path: Path) -> None:
     few = [f"sweep.{name}.num={SMALL[name]}" for name in gs.load(config).document.data["sweep"]]
     options = [word for text in few for word in ("--set", text)]
     assert ran("sweep", config, "-o", tmp_path / "out.h5", *options).exit_code == 0
-    assert ran("plot", tmp_path / "out.h5").exit_code == 0
+    assert ran("plot", tmp_path / "out.h5", "--dpi", "50").exit_code == 0
 
 
 @pytest.mark.parametrize("kind", STARTS)

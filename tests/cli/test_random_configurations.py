@@ -38,7 +38,7 @@ def answered(document: Document, folder: Path) -> None:
         called("respond", path, "-o", folder / "response.h5")
 
 
-@settings(max_examples=10)
+@settings(max_examples=4)
 @given(document=documents())
 def test_ordinary_and_odd_systems(document: Document, tmp_path_factory: pytest.TempPathFactory) -> None:
     if any("waveform" in mesh for mesh in document["system"]["meshes"]):

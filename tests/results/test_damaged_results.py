@@ -253,7 +253,7 @@ def mutate(path: Path, rng: random.Random) -> str:
         return f"{kind} {name}"
 
 
-SEEDS = 16
+SEEDS = 8
 
 
 def mutations(folder: Path, kind: str, seeds: range) -> Iterator[str]:
@@ -272,7 +272,7 @@ def mutations(folder: Path, kind: str, seeds: range) -> Iterator[str]:
 @pytest.mark.parametrize("kind", CONFIGS)
 @pytest.mark.parametrize("command", COMMANDS)
 @pytest.mark.parametrize(
-    "seeds", [range(SEEDS), pytest.param(range(SEEDS, 6 * SEEDS), marks=pytest.mark.slow)], ids=["some", "many"]
+    "seeds", [range(SEEDS), pytest.param(range(SEEDS, 12 * SEEDS), marks=pytest.mark.slow)], ids=["some", "many"]
 )
 @pytest.mark.filterwarnings("ignore")  # of values that no method computes
 def test_changed_results_are_drawn_or_refused_in_one_line(

@@ -63,7 +63,9 @@ OLD = {"png": b"\x89PNG old", "pdf": b"%PDF-old", "svg": b"<svg></svg>", "export
 """What may be replaced; the sweep has the result of an earlier one."""
 
 
-@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize(
+    "command", [pytest.param(name, marks=pytest.mark.slow) if name == "svg" else name for name in COMMANDS]
+)
 def test_a_full_disk_is_one_line_and_the_old_file_stays(folder: Path, command: str) -> None:
     args = COMMANDS[command]
     out = folder / args[3]

@@ -72,7 +72,7 @@ WRITERS = {
     "sweep": ["sweep", "train.yaml", "--overwrite", "-o"],
     "respond": ["respond", "train.yaml", "-o"],
     "bench": ["bench", "train.yaml", "--no-plot", "--points", "1", "--seconds", "0", "-q", "-o"],
-    "plot": ["plot", "sweep.h5", "-o"],
+    "plot": ["plot", "sweep.h5", "--dpi", "50", "-o"],
     "export": ["export", "sweep.h5", "-o"],
 }
 OWN = {"sweep": ".h5", "respond": ".h5", "bench": ".h5", "plot": ".png", "export": ".csv"}
@@ -335,7 +335,7 @@ def test_a_reader_that_had_enough_ends_a_command_without_a_word(folder: Path) ->
 
 
 @unix
-@pytest.mark.parametrize("streams", ["2>&-", "<&- 2>&-", ">&- 2>&-"])
+@pytest.mark.parametrize("streams", [pytest.param("2>&-", marks=pytest.mark.slow), "<&- 2>&-", ">&- 2>&-"])
 def test_closed_standard_streams_disturb_nothing(folder: Path, streams: str) -> None:
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
     for args in ("export sweep.h5 -o new.csv", "respond train.yaml -o new.h5"):

@@ -5,7 +5,10 @@ from __future__ import annotations
 import errno
 import io
 import os
+import threading
 import zlib
+from dataclasses import replace
+from itertools import count
 from pathlib import Path
 
 import h5py
@@ -244,6 +247,34 @@ def test_a_result_can_be_replaced_and_locked_by_others_while_it_is_open(path: Pa
         np.testing.assert_array_equal(found["floquet"]["growth_rate"].values, GROWTH)
     with open_result(path) as found:
         assert found.attrs["title"] == "new"
+
+
+def test_readers_see_the_old_or_the_new_result_and_never_a_mixture(path: Path) -> None:
+    def uniform(value: int) -> ResultTree:
+        growth = Field(table.FLOQUET[0].over(["case", "mesh_frequency"], ["case"]), np.full((2, 10), float(value)))
+        return replace(tree(str(value)), groups={"floquet": Group((growth,))})
+
+    write_result(path, uniform(0))
+    done = threading.Event()
+
+    def replacing() -> None:
+        for value in count(1):
+            write_result(path, uniform(value))
+            if done.is_set():
+                return
+
+    writer = threading.Thread(target=replacing)
+    writer.start()
+    seen = []
+    try:
+        while len(set(seen)) < 5:
+            with open_result(path) as found:
+                seen.append(int(found.attrs["title"]))
+                np.testing.assert_array_equal(found["floquet"]["growth_rate"].values, float(seen[-1]))
+    finally:
+        done.set()
+        writer.join()
+    assert seen == sorted(seen)
 
 
 def test_the_tables_of_variables_are_sound() -> None:
