@@ -186,6 +186,24 @@ def symmetric_eigen(matrix: Array) -> tuple[Array, Array]:
     return values, vectors
 
 
+def light_modes(squared: Array, shapes: Array, damping: Array) -> tuple[Array, Array, Array, Array]:
+    """Modes of lightly damped states from those of their stiffness: squared frequencies ``(B, n)``, shapes as columns
+    and the damping in them ``(B, n, n)``.
+
+    Returns: (values ``(B, 2n)``, X, X^-1, found ``(B,)``), of [[0, 1], [-K, -C]], pairs with the positive imaginary
+    part first, columns of X of length 1; meaningless where not found.
+    """
+    if library is None:
+        raise ValueError("the compiled kernel was not built")
+    count, n = squared.shape
+    given = [np.ascontiguousarray(values, dtype=float) for values in (squared, shapes, damping)]
+    values, found = np.empty((count, 2 * n), dtype=complex), np.zeros(count, dtype=np.int8)
+    vectors, inverse = np.empty((2, count, 2 * n, 2 * n), dtype=complex)
+    if given[0].size:
+        library.light_modes(count, n, *given, values, vectors, inverse, found)
+    return values, vectors, inverse, found.astype(bool)
+
+
 def magnus_steps(
     coefficients: Array, length: Array, growth: Array, period: Array, matrix: Array, scale: Array
 ) -> tuple[Array, Array]:

@@ -186,6 +186,12 @@ void gearstab_trace_change(int64_t count, int64_t n, double weight, const double
 void gearstab_trace_condition(int64_t count, int64_t n, const double *rho, const double *least, double *moved,
                               double *apart);
 
+/* Eigenvalues (count, 2n), eigenvectors as columns and their inverse (count, 2n, 2n), complex, of lightly damped states, see
+   light.c, from the modes of their stiffness: squared (count, n), shapes and, in these modes, damping (count, n, n).
+   found (count,): 0 where they mean nothing. Returns 1 where memory ran out. */
+int gearstab_light_modes(int64_t count, int64_t n, const double *squared, const double *shapes, const double *damping,
+                         double *values, double *vectors, double *inverse, int8_t *found);
+
 extern const struct level gearstab_plain;
 extern const struct level gearstab_avx2;
 extern const struct level gearstab_avx512;

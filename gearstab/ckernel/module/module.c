@@ -277,6 +277,8 @@ static PyMethodDef METHODS[] = {
      "radii(level, (rows, segments, states, changes, m, cycles), decay, frequency, fractions, state, follows, change, "
      "weight, (part, longest, pieces, rounding, largest, least, negligible, bisections, doublings, unknowns), first, last, "
      "points, row, cycle, growth, radius)"},
+    {"light_modes", py_light_modes, METH_VARARGS,
+     "light_modes(count, n, squared, shapes, damping, values, vectors, inverse, found)"},
     {"names", py_names, METH_VARARGS,
      "names(regions, rows, n, cycles, frequency, row, cycle, passed, meetings, shares as bytes) -> bytes of names"},
     {"trace_change", py_trace_change, METH_VARARGS, "trace_change(count, n, weight, fine, coarse, change, largest)"},

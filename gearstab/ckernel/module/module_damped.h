@@ -123,4 +123,26 @@ static PyObject *py_radii(PyObject *self, PyObject *arguments) {
     return finish(&b, fit, failed);
 }
 
+static PyObject *py_light_modes(PyObject *self, PyObject *arguments) {
+    (void)self;
+    struct buffers b = {0};
+    PyObject *o[MOST_BUFFERS] = {0};
+    Py_ssize_t count, n;
+    const Py_buffer *view = b.view;
+    if (!PyArg_ParseTuple(arguments, "nnOOOOOOO", &count, &n, &o[0], &o[1], &o[2], &o[3], &o[4], &o[5], &o[6]) ||
+        !take(&b, o, "dddZZZB"))
+        return finish(&b, 1, 0);
+    int failed = 0, fit = n > 0 && FITS(&view[0], 8, count, n) && FITS(&view[1], 8, count, n, n) &&
+                          FITS(&view[2], 8, count, n, n) && FITS(&view[3], 16, count, 2, n) &&
+                          FITS(&view[4], 16, count, 2, n, 2, n) && FITS(&view[5], 16, count, 2, n, 2, n) &&
+                          FITS(&view[6], 1, count);
+    if (fit) {
+        Py_BEGIN_ALLOW_THREADS
+        failed = gearstab_light_modes(count, n, view[0].buf, view[1].buf, view[2].buf, view[3].buf, view[4].buf,
+                                      view[5].buf, view[6].buf);
+        Py_END_ALLOW_THREADS
+    }
+    return finish(&b, fit, failed);
+}
+
 #endif

@@ -14,9 +14,12 @@ from functools import cached_property
 
 import numpy as np
 
+from gearstab import ckernel
 from gearstab.floquet.segments.pattern import Pattern
 from gearstab.system import Array
 
+SYMMETRIC = 1e-14
+"""Part of the largest entry by which symmetric matrices may depart from symmetry."""
 ILL_CONDITIONED = 1e4
 """cond(X) above which diagonalisation would cost more than four of sixteen digits."""
 
@@ -30,18 +33,17 @@ class Generators:
     @cached_property
     def _diagonal(self) -> tuple[Array, Array, Array, Array]:
         """:attr:`eigen`, and which states ``(r, D)`` may be diagonalised."""
-        values, vectors = np.linalg.eig(self.matrix)
-        values, vectors = values.astype(complex), vectors.astype(complex)
-        try:
-            inverse = np.linalg.inv(vectors)
-        except np.linalg.LinAlgError:
-            sound = self._invertible(vectors)
-            inverse = np.linalg.inv(np.where(sound[..., None, None], vectors, np.eye(vectors.shape[-1])))
-            return values, vectors, inverse, sound
+        shape = self.matrix.shape
+        matrix = self.matrix.reshape(-1, *shape[2:])
+        values, vectors, inverse, found = _light(matrix)
+        rest = np.flatnonzero(~found)
+        if len(rest):
+            values[rest], vectors[rest], inverse[rest] = _diagonalised(matrix[rest])
+        values, vectors, inverse = values.reshape(shape[:3]), vectors.reshape(shape), inverse.reshape(shape)
         # The condition number in the Frobenius norm, which is never below the one that counts and far cheaper.
         size = np.linalg.norm(vectors, axis=(-2, -1)) * np.linalg.norm(inverse, axis=(-2, -1))
         sound = size < ILL_CONDITIONED
-        sound[~sound] = self._invertible(vectors[~sound])
+        sound[~sound] = _invertible(vectors[~sound])
         return values, vectors, inverse, sound
 
     @property
@@ -79,10 +81,41 @@ class Generators:
         """One of the rows."""
         return Generators(self.matrix[index : index + 1])
 
-    @staticmethod
-    def _invertible(vectors: Array) -> Array:
-        singular = np.linalg.svd(vectors, compute_uv=False)
-        return singular[..., 0] < ILL_CONDITIONED * singular[..., -1]
+
+def _light(matrix: Array) -> tuple[Array, Array, Array, Array]:
+    """(values ``(B, m)``, X, X^-1, found ``(B,)``) of lightly damped states of symmetric stiffness and damping; those
+    not found mean nothing.
+    """
+    count, m = matrix.shape[:2]
+    n = m // 2
+    damping, stiffness = -matrix[:, n:, n:], -matrix[:, n:, :n]
+    if not ckernel.in_use() or m == 0 or m % 2 or not (_symmetric(stiffness) and _symmetric(damping)):
+        nothing = np.zeros((count, m, m), dtype=complex)
+        return np.zeros((count, m), dtype=complex), nothing, nothing.copy(), np.zeros(count, dtype=bool)
+    squared, shapes = ckernel.symmetric_eigen(stiffness)
+    return ckernel.light_modes(squared, shapes, np.swapaxes(shapes, 1, 2) @ damping @ shapes)
+
+
+def _symmetric(matrix: Array) -> bool:
+    """Whether all matrices are symmetric but for rounding."""
+    return bool(np.all(np.abs(matrix - np.swapaxes(matrix, 1, 2)) <= SYMMETRIC * np.abs(matrix).max(initial=0.0)))
+
+
+def _diagonalised(matrix: Array) -> tuple[Array, Array, Array]:
+    """(values, X, X^-1) of any matrices; X^-1 is meaningless where X is ill-conditioned."""
+    values, vectors = np.linalg.eig(matrix)
+    values, vectors = values.astype(complex), vectors.astype(complex)
+    try:
+        inverse = np.linalg.inv(vectors)
+    except np.linalg.LinAlgError:
+        sound = _invertible(vectors)
+        inverse = np.linalg.inv(np.where(sound[..., None, None], vectors, np.eye(vectors.shape[-1])))
+    return values, vectors, inverse
+
+
+def _invertible(vectors: Array) -> Array:
+    singular = np.linalg.svd(vectors, compute_uv=False)
+    return np.asarray(singular[..., 0] < ILL_CONDITIONED * singular[..., -1])
 
 
 def generators(pattern: Pattern, damping: Array) -> Generators:
