@@ -32,9 +32,9 @@ from gearstab.results.display import in_display_units
 KINDS: dict[str, Kind] = {
     module.KIND.name: module.KIND
     for module in (
-        stability_map, slices, curve, modes, boundaries, campbell, surface, required_damping, probability, passage,
-        speeds, work_precision, response, waterfall, orders, pair, spectrum, teeth, phase_plane, contour, tornado,
-        before_after, pareto,
+        stability_map, slices, curve, modes, boundaries, surface, required_damping, probability, passage,
+        speeds, work_precision, response, campbell, waterfall, orders, pair, spectrum, teeth, phase_plane, contour,
+        tornado, before_after, pareto,
     )
 }  # fmt: skip
 """By name; of several kinds that suit a result the last is its default."""
