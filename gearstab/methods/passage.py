@@ -14,7 +14,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, PrivateAttr, model_
 from gearstab.config.document.columns import columns_of
 from gearstab.config.document.files import DataFileError, text, usable
 from gearstab.config.model.axes import SPEEDS
-from gearstab.config.model.fields import Quantity, Section, wrong
+from gearstab.config.model.fields import Flag, Quantity, Section, wrong
 from gearstab.config.model.validation import validate
 from gearstab.methods.base import RANGE, EffortEstimate, Key, Method, Outcome, Tolerance
 from gearstab.results.variables import OCCURRENCE, PASSAGE, TONGUE, Variable, flagged
@@ -103,6 +103,11 @@ class PassageOptions(Section):
         title="width floor",
         description="Regions narrower than this, relative to the mesh frequency, may be left out (1).",
     )
+    regions: Flag = Field(
+        default=True,
+        title="regions",
+        description="Whether regions are found and growth rates integrated; without, the exact motion alone tells.",
+    )
     _factor: float = PrivateAttr(default=1.0)
 
     @model_validator(mode="after")
@@ -131,13 +136,13 @@ class PassageOptions(Section):
 
 @dataclass(frozen=True)
 class _Effort:
-    """Of the search for regions, and of the segments of all ramps."""
+    """Of the search for regions, None where none are looked for, and of the segments of all ramps."""
 
-    search: EffortEstimate
+    search: EffortEstimate | None
     ramps: float
 
     def seconds(self, rows: float, batches: float = 1.0) -> float:
-        return self.search.seconds(rows, batches) + rows * self.ramps
+        return (self.search.seconds(rows, batches) if self.search else 0.0) + rows * self.ramps
 
 
 class Passage(Method):
@@ -147,7 +152,7 @@ class Passage(Method):
     reused = True
     Options = PassageOptions
     frequency = RANGE
-    relief = "narrow the range of mesh_frequency, or pass it faster"
+    relief = "narrow the range of mesh_frequency, pass it faster, or follow the exact motion alone (regions: false)"
     flag_notes: ClassVar[Mapping[str, str]] = {}
 
     @cached_property
@@ -182,7 +187,7 @@ class Passage(Method):
         low, high = (float(end) for end in mesh_frequency)
         options = self.options
         return Outcome(*passage(self.system, self.paths(low, high), options.amplification, self.rates,
-                                options.tolerance, options.width_floor))  # fmt: skip
+                                options.tolerance, options.width_floor, options.regions))  # fmt: skip
 
     @classmethod
     def over_range(cls, options: PassageOptions) -> str:
@@ -234,12 +239,16 @@ class Passage(Method):
         size = (one.basis.size / 6) ** POWER
         ends = [end for path in paths for end in path.range]
         followed = [count for count in counts if count <= MOST]
-        if self.options.rate is not None and counts[0] <= MOST_SEARCHED:
+        if self.options.regions and self.options.rate is not None and counts[0] <= MOST_SEARCHED:
             followed += [counts[0]] * SEARCHED + [0.0] * FOLLOWED
         ramps = size * (SEGMENT * sum(followed) + RAMP * len(followed))
-        return _Effort(effort(self.system, min(ends), max(ends)), ramps)
+        search = effort(self.system, min(ends), max(ends)) if self.options.regions else None
+        return _Effort(search, ramps)
 
     def cost(self) -> float:
         """The search for the regions of a row, and its ramps without their segments."""
+        ramp = RAMP_COST * max(1.0, self.system.size / 3) ** POWER
+        if not self.options.regions:
+            return len(self.rates) * ramp
         search = 4000 * max(1.0, 2 * sum(self.system.common_period()[1]) * self.system.size**3 / 108)
-        return search + (len(self.rates) + SEARCHED + FOLLOWED) * RAMP_COST * max(1.0, self.system.size / 3) ** POWER
+        return search + (len(self.rates) + SEARCHED + FOLLOWED) * ramp

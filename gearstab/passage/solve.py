@@ -35,33 +35,45 @@ ACCURACY = 1e-3
 
 
 def passage(
-    system: GearSystem, paths: list[Path], amplification: float, rates: Array, tolerance: float, floor: float
+    system: GearSystem,
+    paths: list[Path],
+    amplification: float,
+    rates: Array,
+    tolerance: float,
+    floor: float,
+    regions: bool = True,
 ) -> tuple[dict[str, Array], tuple[tuple[Tongue, int], ...]]:
     """Return the variables of the group ``passage`` of all rows, and the regions.
 
     amplification: of the amplitude, that the slowest rate admits. rates ``(R,)``: of the paths, for that.
+    regions: whether they are looked for; without, all that comes from growth rates is NaN.
     """
-    ends = [end for path in paths for end in path.range]
-    found = boundaries(system, min(ends), max(ends), tolerance, floor)
-    keys = found.leading()
-    index = union([keys])
-    place = {key: k for k, key in enumerate(index)}
-    of_region = np.array([place[key] for key in keys], dtype=int)
-    over = growth_over_speed(system, found, 1e-9)
-    shape = (found.rows, len(paths))
+    index: tuple[tuple[Tongue, int], ...] = ()
+    over: list[GrowthOverSpeed] = []
+    of_region = np.empty(0, dtype=int)
+    if regions:
+        ends = [end for path in paths for end in path.range]
+        found = boundaries(system, min(ends), max(ends), tolerance, floor)
+        keys = found.leading()
+        index = union([keys])
+        place = {key: k for k, key in enumerate(index)}
+        of_region = np.array([place[key] for key in keys], dtype=int)
+        over = growth_over_speed(system, found, 1e-9)
+    shape = (system.rows, len(paths))
     names = ("growth", "growth_exact", "growth_error", "growth_through")
     values: dict[str, Array] = {name: np.full(shape, np.nan) for name in names}
     values["status"] = np.zeros(shape, dtype=np.int16)
     values["growth_by_tongue"] = np.full((len(index), *shape), np.nan)
-    values["slowest_rate"] = np.full(found.rows, np.nan)
-    values["slowest_rate_exact"] = np.full(found.rows, np.nan)
+    values["slowest_rate"] = np.full(shape[0], np.nan)
+    values["slowest_rate_exact"] = np.full(shape[0], np.nan)
     for name in ("dwell_frequency", "dwell_growth_rate"):
-        values[name] = np.full((len(index), found.rows), np.nan)
+        values[name] = np.full((len(index), shape[0]), np.nan)
     for row, motion in enumerate(motions(system)):
-        _dwelling(values, row, over[row], of_region)
+        if regions:
+            _dwelling(values, row, over[row], of_region)
         for k, path in enumerate(paths):
-            along = gains(over[row], path)
-            _adiabatic(values, row, k, along, of_region, swing(motion))
+            if regions:
+                _adiabatic(values, row, k, gains(over[row], path), of_region, swing(motion))
             if motion.segments(path) > MOST:
                 values["status"][row, k] |= STATUS_FLAGS["too_long"]
                 continue
@@ -69,6 +81,8 @@ def passage(
             values["growth_exact"][row, k], values["growth_through"][row, k] = exact.largest, exact.through
             if exact.largest > MOST_GROWTH:
                 values["status"][row, k] |= STATUS_FLAGS["rounding"]
+        if not regions:
+            continue
         failed = ~np.isfinite(values["growth"][row])
         values["status"][row, failed] |= STATUS_FLAGS["failed"]
         values["slowest_rate"][row] = np.abs(rates[0]) * values["growth"][row, 0] / np.log(amplification)

@@ -93,6 +93,21 @@ def test_where_nothing_grows_every_rate_passes(tmp_path):
     assert float(found["slowest_rate"]) == float(found["slowest_rate_exact"]) == 0.0
 
 
+def test_the_exact_motion_alone_where_regions_are_not_looked_for(tmp_path, monkeypatch):
+    rate = "rate: [0.03, -0.1]"
+    text = f"{TRAIN}sweep: {{mesh_frequency: [1.5, 6.0]}}\nmethods: {{passage: {{{rate}}}}}\n"
+    whole = result_of(tmp_path, text, "passage")
+    monkeypatch.setattr(import_module("gearstab.passage.solve"), "boundaries", None)
+    found = result_of(tmp_path, text.replace(rate, f"{rate}, regions: false"), "passage")
+    for name in ("growth_exact", "growth_through"):
+        assert np.array_equal(found[name], whole[name])
+        assert np.all(np.isfinite(found[name]))
+    for name in ("growth", "growth_error", "slowest_rate", "slowest_rate_exact"):
+        assert np.all(np.isnan(found[name]))
+    assert found.sizes["tongue"] == 0
+    assert np.all(found["status"] == 0)
+
+
 def test_rates_of_an_input_speed_are_those_of_the_input(tmp_path):
     speeds = 'sweep: {input_speed: ["900 rpm", "6000 rpm"]}\n'
     found = result_of(tmp_path, REDUCER + speeds + 'methods: {passage: {rate: ["3000 rpm/s", -2000]}}\n', "passage")
