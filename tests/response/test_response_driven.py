@@ -19,8 +19,10 @@ from driven import (
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import gearstab as gs
 from gearstab.linear.eigen import divided_exponential
 from gearstab.response import RESPONSE_FLAGS, driven_response, free_response, harmonics, steady_state
+from gearstab.response.linear import driven as histories
 from gearstab.response.linear.equilibrium import static_equilibrium, static_mesh_force
 from gearstab.response.measures.spectra import amplitudes, densities
 from gearstab.waveforms import Fourier
@@ -49,6 +51,31 @@ def test_the_steady_state_is_where_long_integration_ends() -> None:
     periods = int(np.ceil(np.log(1e12) / -found.growth_rate / found.common_period))
     state = integrated(system, omega, np.zeros(6), periods * found.common_period)
     np.testing.assert_allclose(state, np.concatenate([found.displacement[0], found.velocity[0]]), atol=1e-10)
+
+
+@pytest.mark.parametrize("beta", [0.05, 0.0])
+def test_one_motion_is_followed_as_by_the_maps_of_its_period(beta: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A chain of 22 rotors under a sampled stiffness with kinks and a slow force: Runge-Kutta steps of the state
+    against Magnus steps of the maps.
+    """
+    n = 22
+    chain = 2.2 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)
+    wave = {"kind": "sampled", "phase": [0.0, 0.2, 0.5, 0.7], "stiffness": [1.0, 1.4, 0.8, 1.1]}
+    mesh = {"name": "mesh", "direction": {"j8": 1.0, "j16": -0.6}, "mean_stiffness": 1.0, "epsilon": 0.2}
+    force = {"name": "unbalance", "direction": {"j4": 1.0}, "sin": [1.0], "frequency_ratio": "1/2"}
+    document = {"kind": "matrices", "units": "none", "coordinates": [f"j{k}" for k in range(1, n + 1)],
+                "mass": np.eye(n).tolist(), "stiffness": chain.tolist(), "damping": {"rayleigh": [0.0, beta]},
+                "meshes": [{**mesh, "waveform": wave}], "forces": [force]}  # fmt: skip
+    system = gs.build(gs.load({"system": document}))
+    start, cycles = np.linspace(0.0, 1.0, n), 5
+    found = driven_response(system, 1.3, start, np.zeros(n), cycles * 2 * np.pi / 1.3, 16)
+    monkeypatch.setattr(histories, "MAPS", np.inf)
+    known = driven_response(system, 1.3, start, np.zeros(n), cycles * 2 * np.pi / 1.3, 16)
+    assert len(found.time) == len(known.time) == 16 * cycles + 1
+    for name in ("displacement", "velocity", "mesh_force"):
+        a, b = getattr(found, name), getattr(known, name)
+        # The maps are right to 1e-9 a period; bits would agree if both took the same way.
+        assert 0 < np.abs(a - b).max() < 1e-8 * np.abs(b).max()
 
 
 @pytest.mark.parametrize("name", ["piecewise constant", "unequal frequencies", "forces", "smooth waves", "friction"])

@@ -1,23 +1,30 @@
 """Histories of systems that are driven, or whose stiffness and damping vary in any way: period by period.
 
 The states at the beginning of all common periods follow from x -> M x + b; then every interval between edges is treated
-for all periods at once, with the maps from its beginning to the samples in it.
+for all periods at once, with the maps from its beginning to the samples in it. Of a large system whose functions vary
+smoothly such a map costs far more than one motion does: a few periods are then followed by a Runge-Kutta method.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from gearstab.linear.first_order import Basis, bases
 from gearstab.response.linear.excitation import Excitation, excitation
 from gearstab.response.linear.intervals import SteadyPoints, intervals, occupied
+from gearstab.response.linear.one_motion import followed
 from gearstab.response.linear.steady import period_map, resolution
 from gearstab.system import Array, GearSystem
 
 FEW = 4
 """Periods that are followed one by one, state by state, instead of by the map to each sample."""
+MAPS = 2e4
+"""Following one motion for as many periods as m^3 over this costs what the maps of one period cost: a period of 41
+intervals at m = 72 takes 0.1 s, its maps some 2 s."""
 ON_A_JUMP = 1e-9
 """A sample closer to a jump than this part of the sampling step is taken as lying on it, with the stiffness just after;
 position and velocity do not jump, so that only the force and the energy depend on it."""
@@ -28,11 +35,21 @@ class Driven:
     """A single system at one mesh frequency, ready to be followed.
 
     drive: what varies and drives; basis: all modes, rigid-body ones included; points: the operating point.
+    tolerance: where functions vary smoothly, of the map over a period, relative.
     """
 
     drive: Excitation
     basis: Basis
     points: SteadyPoints
+    tolerance: float
+
+    @cached_property
+    def resolved(self) -> SteadyPoints:
+        """The operating point with as many Magnus steps as the tolerance asks for."""
+        if self.drive.exact:
+            return self.points
+        steps = resolution(self.drive, self.basis, self.points.at, self.points.omega, self.tolerance)
+        return replace(self.points, steps=steps)
 
     @property
     def period(self) -> float:
@@ -52,20 +69,19 @@ class Driven:
 
     def history(self, start: Array, samples: int, grid: int) -> Array:
         """x at all samples, ``(samples, m)``, ``grid`` of them in a common period; start: x at t = 0."""
-        edges, periods = self.points.edges[0] * grid, max(1, -(-samples // grid))
+        periods = max(1, -(-samples // grid))
+        if not self.drive.exact and periods * MAPS <= len(start) ** 3:
+            return self._followed(start, samples, grid, periods)
         columns = np.empty((len(start), periods))
         columns[:, 0] = start
         if periods > 1:
-            matrix, shift = (part[0] for part in period_map(self.points))
+            matrix, shift = (part[0] for part in period_map(self.resolved))
             for k in range(1, periods):
                 columns[:, k] = matrix @ columns[:, k - 1] + shift
-        first = first_sample(edges)
         table = np.full((grid, len(start), periods), np.nan)
-        for q, interval in zip(occupied(self.points), intervals(self.points), strict=True):
-            if first[q] >= samples:
-                break
-            inside = np.arange(first[q], min(first[q + 1], samples))
-            fractions = np.clip((inside - edges[q]) / (edges[q + 1] - edges[q]), 0.0, 1.0)
+        for (_, inside, fractions), interval in zip(
+            self._samples(min(samples, grid), grid), intervals(self.resolved), strict=False
+        ):
             if periods <= FEW:
                 for k in range(periods):
                     states = interval.through(columns[None, :, k], fractions)
@@ -76,6 +92,25 @@ class Driven:
             p, push = interval.across()
             columns = p[0] @ columns + push[0][:, None]
         return np.moveaxis(table, -1, 0).reshape(grid * periods, -1)[:samples]
+
+    def _followed(self, start: Array, samples: int, grid: int, periods: int) -> Array:
+        """The same, one interval after the other from the first to the last sample."""
+        table, x = np.empty((samples, len(start))), start
+        for k in range(periods):
+            for q, inside, fractions in self._samples(min(grid, samples - k * grid), grid):
+                states, x = followed(self.points, q, x, fractions)
+                table[k * grid + inside] = states
+        return table
+
+    def _samples(self, samples: int, grid: int) -> Iterator[tuple[int, Array, Array]]:
+        """Intervals of a common period: number, which of its first samples lie in it, and at which fractions of it."""
+        edges = self.points.edges[0] * grid
+        first = first_sample(edges)
+        for q in occupied(self.points):
+            if first[q] >= samples:
+                break
+            inside = np.arange(first[q], min(first[q + 1], samples))
+            yield q, inside, np.clip((inside - edges[q]) / (edges[q + 1] - edges[q]), 0.0, 1.0)
 
     def stiffness(self, grid: int) -> Array:
         """``(grid, meshes)``: the mesh stiffnesses at the samples of a common period, just after a jump on one."""
@@ -105,8 +140,7 @@ def driven(system: GearSystem, mesh_frequency: float, tolerance: float = 1e-9) -
     drive = excitation(system)
     (basis,) = bases(system, whole=True)
     at, omega = np.zeros(1, dtype=int), np.array([float(mesh_frequency)])
-    steps = 1 if drive.exact else resolution(drive, basis, at, omega, tolerance)
-    return Driven(drive, basis, SteadyPoints(drive, basis, at, omega, steps))
+    return Driven(drive, basis, SteadyPoints(drive, basis, at, omega), tolerance)
 
 
 def first_sample(edges: Array) -> Array:
