@@ -84,5 +84,5 @@ class Config(Grid):
 def without_files(tree: Any) -> Any:
     """Plain data without the names of files, whose contents count."""
     if isinstance(tree, dict):
-        return {key: without_files(value) for key, value in tree.items() if key != "file"}
+        return {key: without_files(value) for key, value in tree.items() if key not in ("file", "files")}
     return [without_files(item) for item in tree] if isinstance(tree, list) else tree

@@ -3,22 +3,30 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from gearstab.api.configurations import Source, as_system
+from gearstab.config.document.files import DataFileError, arrays, numbers
 from gearstab.errors import NotPossible, OutputError
 from gearstab.exchange.model import Model, merged, model
 from gearstab.results.output import OTHERS, RESULTS, TABLES, Content, write_bytes
 from gearstab.system import Array, GearSystem, Mesh
-from gearstab.systems.matrices.file import read_matrices
+from gearstab.systems.matrices.file import MOST_COORDINATES, read_market, read_matrices
+from gearstab.waveforms import Constant
+from gearstab.waveforms.samples import NARROWEST
 
 MODELS = (".mat", ".npz")
 INSIDE = 1e-9
 """Distance from a breakpoint, in periods, at which its limits are taken."""
+MESHES = ("direction", "mean_stiffness", "epsilon", "frequency_ratio", "phase", "mesh_stiffness")
+"""What a file of :func:`export_matrices` holds of its meshes."""
+LARGEST_DENOMINATOR = 10_000
+"""Of an exact frequency ratio that a file holds as a decimal number."""
 SAMPLES = 256
 """Phases of a mesh period at which the stiffness is written, those of its breakpoints besides."""
 
@@ -39,6 +47,8 @@ def from_matrices(
         of one ``.mat``, ``.npz`` or ``.h5`` file with ``mass``, ``stiffness`` and perhaps ``damping`` as the first
         alone. Antisymmetric parts of stiffness and damping become ``terms``.
     meshes: entries of ``meshes``, each with ``direction`` and ``mean_stiffness``; the stiffness matrix is without them.
+        A file of :func:`export_matrices` holds meshes of its own, which are taken where none are given: waves of two
+        levels exactly, piecewise linear ones but for 1e-9 of a period at jumps, others interpolated.
     modes: how many of the lowest modes to keep, default all; ``note`` of the result says what that neglects.
     more: further keys of the section, such as ``coordinates``.
 
@@ -48,6 +58,7 @@ def from_matrices(
         if not isinstance(mass, str | Path):
             raise NotPossible("stiffness is missing", "give it, or the path of a file with all matrices alone")
         held = read_matrices(Path(mass))
+        meshes = list(_meshes(Path(mass))) if meshes is None else meshes
         mass, stiffness, damping = held["mass"], held["stiffness"], held.get("damping")
     matrices = [None if part is None else dense(part) for part in (mass, stiffness, damping)]
     first, second, third = matrices
@@ -59,15 +70,59 @@ def from_matrices(
 def dense(part: Any) -> Array:
     """Return a matrix as an array. Raises NotPossible where it is none."""
     if isinstance(part, str | Path):
-        from scipy.io import mmread
-
-        if Path(part).suffix.lower() not in (".mtx", ".mm", ".gz"):
-            raise NotPossible(f"{part}: is no Matrix Market file", "name it .mtx")
-        part = mmread(part)
+        try:
+            return read_market(Path(part))
+        except DataFileError as error:
+            raise NotPossible(f"{part}: {error}", error.hint) from None
     found = np.asarray(part.toarray() if hasattr(part, "toarray") else part)
     if found.ndim != 2 or found.shape[0] != found.shape[1] or found.dtype.kind not in "fiu":
         raise NotPossible(f"a matrix has the shape {found.shape} and the type {found.dtype}", "give square real ones")
     return found.astype(float)
+
+
+def _meshes(path: Path) -> Iterator[dict[str, Any]]:
+    """The meshes in a file of :func:`export_matrices`; none in another file."""
+    held = arrays(path, MESHES, MOST_COORDINATES)
+    if any(held.get(name) is None for name in MESHES):
+        return
+    values = {name: np.atleast_2d(numbers(name, held[name])) for name in MESHES}
+    each = zip(values["direction"], values["phase"], values["mesh_stiffness"], strict=True)
+    for k, (direction, phase, stiffness) in enumerate(each):
+        mean, epsilon, ratio = (float(values[name].flat[k]) for name in MESHES[1:4])
+        exact = Fraction(ratio).limit_denominator(LARGEST_DENOMINATOR)
+        entry: dict[str, Any] = {"name": f"mesh{k + 1}", "direction": direction}
+        entry |= (
+            {"frequency_ratio": str(exact)} if float(exact) == ratio else {"frequency_ratio": ratio, "exact": False}
+        )
+        levels = np.unique(stiffness)
+        if len(levels) > 2:
+            yield entry | {"waveform": _sampled(phase, stiffness)}
+            continue
+        stiff = stiffness == levels[-1]
+        rises, falls = (phase[1:][stiff[1:] & ~stiff[:-1]], phase[1:][~stiff[1:] & stiff[:-1]])
+        begin, end = (float(edge[0]) if len(edge) else 0.0 for edge in (rises, falls))
+        yield entry | {
+            "mean_stiffness": mean, "epsilon": epsilon, "contact_ratio": 1 + (end - begin) % 1.0, "lag": begin,
+        }  # fmt: skip
+
+
+def _sampled(phase: Array, stiffness: Array) -> dict[str, Any]:
+    """A wave through samples: a spline where nothing stands twice, else straight lines, with steep ones for jumps."""
+    again = np.flatnonzero(np.diff(phase) <= 0)
+    level = stiffness[again] == stiffness[again + 1]
+    keep = np.ones(len(phase), dtype=bool)
+    keep[again[level]] = False
+    place = phase.copy()
+    place[again[~level]] -= NARROWEST
+    place[again[~level] + 1] += NARROWEST
+    if stiffness[0] == stiffness[-1]:
+        keep[-1] = False  # phase 1 is phase 0 again
+    else:
+        place[-1] -= 2 * NARROWEST
+    if not len(again):
+        keep[-1] = False
+    kind = "linear" if len(again) else "cubic"
+    return {"kind": "sampled", "phase": place[keep], "stiffness": stiffness[keep], "interpolation": kind}
 
 
 def export_matrices(system: GearSystem | Source, path: str | Path) -> None:
@@ -79,17 +134,26 @@ def export_matrices(system: GearSystem | Source, path: str | Path) -> None:
     in which a jump is two samples of one phase, so that linear interpolation gives piecewise linear waves exactly;
     ``coordinate``: names.
 
-    The file can be the ``file`` of a system of kind ``matrices``. Raises NotPossible for a batch of systems, or one
-    with further periodic terms, and OutputError where something else is at the path.
+    The file can be the ``file`` of a system of kind ``matrices``, and :func:`from_matrices` takes the meshes from it,
+    too. Constant terms (gyroscopic and circulatory ones, say) are part of ``stiffness`` and ``damping``, which then are
+    not symmetric. Raises NotPossible for a batch of systems, or one with further periodic terms, and OutputError where
+    something else is at the path.
     """
     out, system = Path(path), as_system(system)
     if out.suffix.lower() not in MODELS:
         raise OutputError(f"{out}: the ending {out.suffix or 'missing'!r} is not known; use .mat or .npz")
     if system.batch:
         raise NotPossible(f"this is a batch of systems of shape {system.batch}", "export one of them")
-    if system.terms:
-        names = ", ".join(term.name for term in system.terms)
-        raise NotPossible(f"the system has terms besides its meshes ({names})", "the file has no place for them")
+    periodic = [
+        term.name
+        for term in system.terms
+        if not all(part is None or isinstance(part, Constant) for part in (term.stiffness, term.damping))
+    ]
+    if periodic:
+        names = ", ".join(periodic)
+        raise NotPossible(
+            f"the system has periodic terms besides its meshes ({names})", "the file has no place for them"
+        )
     data, file = _contents(system), io.BytesIO()
     if out.suffix.lower() == ".npz":
         np.savez_compressed(file, allow_pickle=False, **data)
@@ -112,10 +176,16 @@ def _contents(system: GearSystem) -> dict[str, Array]:
     courses = [_course(mesh) for mesh in system.meshes]
     longest = max(len(phase) for phase, _ in courses)
     filled = [[np.pad(a, (0, longest - len(a)), mode="edge") for a in course] for course in courses]
+    stiffness = np.array(system.stiffness, dtype=float)
+    damping = np.zeros((size, size)) if system.damping is None else np.array(system.damping, dtype=float)
+    for term in system.terms:
+        for matrix, part in ((stiffness, term.stiffness), (damping, term.damping)):
+            if part is not None:
+                matrix += float(part.value(np.zeros(()))) * np.outer(term.left, term.right)
     return {
         "mass": np.asarray(system.mass, dtype=float),
-        "stiffness": np.asarray(system.stiffness, dtype=float),
-        "damping": np.zeros((size, size)) if system.damping is None else np.asarray(system.damping, dtype=float),
+        "stiffness": stiffness,
+        "damping": damping,
         "direction": np.array([mesh.direction for mesh in system.meshes], dtype=float),
         "mesh_name": np.array([mesh.name for mesh in system.meshes]),
         "mean_stiffness": np.array([mesh.mean_stiffness for mesh in system.meshes], dtype=float),

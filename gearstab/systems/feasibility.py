@@ -186,5 +186,6 @@ def check_symmetric(document: Document, parameters: dict[str, Any], others: Sequ
 def report_matrix(document: Document, path: Path, name: str, message: str, hint: str) -> None:
     """Report a matrix at the entry as written, or at the file that holds it."""
     if document.get(path[:2]) is None:
-        path, message = ("system", "file"), f"{name} {message}"
+        held = document.get(("system", "files")) is not None
+        path, message = ("system", *(("files", name) if held else ("file",))), f"{name} {message}"
     document.report(path, "matrix", message, hint)

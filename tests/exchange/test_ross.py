@@ -48,21 +48,20 @@ def test_exponents_are_theirs(rotor: Any, speed: float) -> None:
 
 @pytest.mark.filterwarnings("default")
 def test_forced_responses_are_theirs(rotor: Any) -> None:
-    model, omega = gs.from_ross(rotor, meshes=[MESH | {"epsilon": 0.0}]), 130.0
+    """With the gyroscopic effects of a turning rotor, which are terms of the system."""
+    omega = 130.0
+    model = gs.from_ross(rotor, meshes=[MESH | {"epsilon": 0.0}], speed=omega)
+    assert any(term["name"].startswith("gyroscopic") for term in model["terms"])
     size = len(model["mass"])
     force = np.zeros(size)
     force[6] = 1000.0
-    model["forces"] = [{"name": "unbalance", "direction": force / 1000.0, "cos": [1000.0]}]
-    few = gs.from_matrices(
-        model["mass"], model["stiffness"], model["damping"]["matrix"], meshes=model["meshes"],
-        forces=model["forces"], coordinate_units=model["coordinate_units"],
-    )  # fmt: skip
-    tree = gs.respond({"system": few, "respond": {"mesh_frequency": omega, "steady_state": True}})
-    response = tree["response"]
+    model["forces"] = [{"name": "push", "direction": force, "cos": [1.0]}]
+    response = gs.respond({"system": model, "respond": {"mesh_frequency": omega, "steady_state": True}})["response"]
     phase = omega * response["time"].values
     waves = np.column_stack([np.cos(phase), -np.sin(phase), np.ones(len(phase))])
     fitted = np.linalg.lstsq(waves, response["displacement"].values, rcond=None)[0]
-    theirs = np.linalg.solve(rotor.K(0) - omega**2 * rotor.M(0) + 1j * omega * rotor.C(0), force)
+    forced = rotor.run_forced_response(force=force[:, None].astype(complex), speed_range=np.array([omega]))
+    theirs = np.ravel(forced.forced_resp)
     lateral = np.abs(theirs) > 1e-6 * np.abs(theirs).max()
     np.testing.assert_allclose((fitted[0] + 1j * fitted[1])[lateral], theirs[lateral], rtol=1e-5)
 

@@ -1,17 +1,50 @@
-"""Matrices of a model from a file: .npz, HDF5 or MATLAB."""
+"""Matrices of a model from a file: .npz, HDF5 or MATLAB, or Matrix Market, one file for each matrix."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path as FilePath
+
+from pydantic import Field, StrictStr
 
 from gearstab.config.document.files import DataFileError, arrays, numbers, present, usable
 from gearstab.config.model.axes import Array
+from gearstab.config.model.fields import Section
 
 REQUIRED = ("mass", "stiffness")
 OPTIONAL = ("damping",)
 SUFFIXES = (".npz", ".h5", ".hdf5", ".mat")
+MARKET = (".mtx", ".mm")
 MOST_COORDINATES = 4000
 """A matrix of so many takes 128 MB."""
+
+
+class MatrixFiles(Section):
+    """A Matrix Market file for each matrix."""
+
+    mass: StrictStr = Field(title="file of the mass matrix", description="A Matrix Market file (.mtx).")
+    stiffness: StrictStr = Field(title="file of the stiffness matrix", description="A Matrix Market file (.mtx).")
+    damping: StrictStr | None = Field(
+        default=None, title="file of the damping matrix", description="A Matrix Market file (.mtx)."
+    )
+
+
+def read_market(path: FilePath) -> Array:
+    """The matrix ``(n, n)`` of a Matrix Market file, filled. Raises DataFileError."""
+    from scipy.io import mminfo, mmread
+
+    usable(path, "Matrix Market (.mtx)", MARKET)
+    try:
+        rows, columns, _, _, kind, _ = mminfo(path)
+        held = mmread(path) if max(rows, columns) <= MOST_COORDINATES and kind != "pattern" else None
+    except Exception as error:  # whatever a broken file makes the reader raise
+        raise DataFileError(f"cannot be read: {' '.join(str(error).split())}", "save the matrix again") from None
+    if rows != columns or not 0 < rows <= MOST_COORDINATES:
+        hint = f"save a square matrix of at most {MOST_COORDINATES} rows"
+        raise DataFileError(f"holds a matrix of the shape {(rows, columns)}", hint)
+    if held is None:
+        raise DataFileError("holds a pattern without numbers", "save real numbers")
+    return numbers("the matrix", held)
 
 
 def read_matrices(path: FilePath) -> dict[str, Array]:
@@ -19,6 +52,9 @@ def read_matrices(path: FilePath) -> dict[str, Array]:
 
     Sparse matrices of a .mat file are filled. Raises DataFileError.
     """
+    if path.suffix.lower() in MARKET:
+        hint = "write files: {mass: M.mtx, stiffness: K.mtx, damping: C.mtx}"
+        raise DataFileError("is a Matrix Market file, which holds one matrix", hint)
     usable(path, ".npz, .h5 or .mat", SUFFIXES)
     found = arrays(path, REQUIRED + OPTIONAL, MOST_COORDINATES)
     missing = [name for name in REQUIRED if found.get(name) is None]
@@ -26,6 +62,12 @@ def read_matrices(path: FilePath) -> dict[str, Array]:
         message = f"holds no {' and no '.join(missing)}"
         raise DataFileError(message, f"it needs mass and stiffness, and holds {present(found)}")
     result = {name: numbers(name, found[name]) for name in REQUIRED + OPTIONAL if found.get(name) is not None}
+    check_shapes(result)
+    return result
+
+
+def check_shapes(result: Mapping[str, Array]) -> None:
+    """Raises DataFileError unless all matrices are square and of the shape of ``mass``."""
     for name, values in result.items():
         if values.ndim != 2 or values.shape[0] != values.shape[1] or values.shape[0] == 0:
             raise DataFileError(f"{name} has the shape {values.shape}", "save a square matrix")
@@ -33,4 +75,3 @@ def read_matrices(path: FilePath) -> dict[str, Array]:
     for name, values in result.items():
         if values.shape != shape:
             raise DataFileError(f"{name} has the shape {values.shape}, mass {shape}", "make them equal")
-    return result

@@ -15,6 +15,7 @@ from gearstab.config.model.arrays import matrix, vector
 from gearstab.config.model.conflicts import (
     Conflict,
     as_meant,
+    at_most_one,
     no_direction,
     repeated_names,
     within_each,
@@ -26,7 +27,14 @@ from gearstab.system import Array, GearSystem
 from gearstab.systems import feasibility
 from gearstab.systems.base import START_MESH, Start, System
 from gearstab.systems.matrices.definite import check_definite
-from gearstab.systems.matrices.file import read_matrices
+from gearstab.systems.matrices.file import (
+    OPTIONAL,
+    REQUIRED,
+    MatrixFiles,
+    check_shapes,
+    read_market,
+    read_matrices,
+)
 from gearstab.systems.matrices.vectors import default_names, write_out
 from gearstab.systems.parts.damping import Damping, not_square, with_damping
 from gearstab.systems.parts.forcing import Force, Load, OneAsWell, with_forcing
@@ -86,6 +94,11 @@ class Matrices(System):
         title="file of matrices",
         description="A .npz, .h5 or .mat file of mass, stiffness and optionally damping, beside the configuration.",
     )
+    files: MatrixFiles | None = Field(
+        default=None,
+        title="files of matrices",
+        description="Matrix Market files (.mtx) instead, one for each of mass, stiffness and optionally damping.",
+    )
     coordinates: list[NameText] | None = Field(
         default=None, title="coordinates", description="Names of the coordinates; q1, q2, ... without."
     )
@@ -134,26 +147,27 @@ class Matrices(System):
     def read_files(cls, document: Document, source: FilePath) -> dict[str, Array]:
         """Mass, stiffness and damping."""
         system = document.data["system"]
-        name = system.get("file")
-        if not isinstance(name, str):
-            return {}
-        try:
-            contents = read_matrices(source.parent / name)
-        except DataFileError as error:
-            document.report(("system", "file"), "file", str(error), error.hint, value=name)
-            return {}
+        if isinstance(system.get("file"), dict):
+            system["files"] = system.pop("file")
+            document.move(("system", "file"), ("system", "files"))
+        given = system.get("files")
+        names = given if isinstance(given, dict) else {"": system.get("file")}
+        contents: dict[str, Array] = {}
+        for key, name in names.items():
+            place: Path = ("system", "files", key) if key else ("system", "file")
+            if key not in ("", *REQUIRED, *OPTIONAL) or not isinstance(name, str):
+                continue
+            try:
+                contents |= {key: read_market(source.parent / name)} if key else read_matrices(source.parent / name)
+                check_shapes(contents if "mass" in contents else {})
+            except DataFileError as error:
+                document.report(place, "file", str(error), error.hint, value=name)
+                return {}
         for key in contents:
-            if system.get(key) is not None:
-                document.report(
-                    ("system", key), "already_given", f"the file {name} has {key} already", "keep one of the two"
-                )
-        if "damping" in contents and system.get("damping_ratio") is not None:
-            document.report(
-                ("system", "damping_ratio"),
-                "already_given",
-                f"the file {name} has damping already",
-                "keep one of the two",
-            )
+            for other in (key, "damping_ratio") if key == "damping" else (key,):
+                if system.get(other) is not None:
+                    message = f"the file {names.get(key, names.get(''))} has {key} already"
+                    document.report(("system", other), "already_given", message, "keep one of the two")
         return contents
 
     @classmethod
@@ -194,13 +208,14 @@ class Matrices(System):
         """Shapes that agree, names that differ; the matrices themselves are checked as numbers."""
         yield from super().conflicts(raw)
         size = cls.size(raw)
+        yield from at_most_one(raw, ("file", "files"))
         yield from wrong_length(raw, "load", size)
         yield from within_each(raw, "terms", lambda term: Term.conflicts(term, size))
         yield from repeated_names(raw, "terms", "term")
         yield from within_each(raw, "forces", lambda force: Force.conflicts_of_size(force, size))
         for name in ("mass", "stiffness"):
             rows = raw.get(name)
-            if rows is None and raw.get("file") is None:
+            if rows is None and raw.get("file") is None and raw.get("files") is None:
                 remedy = f"add {name}, or file: the name of a .npz, .h5 or .mat file with it"
                 yield (), "missing", f"{name} is missing", remedy
             elif rows is not None and not len(rows) and size is None:
