@@ -23,6 +23,8 @@ def test_every_example_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     monkeypatch.chdir(tmp_path)
     names: dict[str, object] = {}
     for block in BLOCKS:
+        if "from ross" in block:  # tests/exchange/test_ross.py runs it where ROSS is installed
+            continue
         exec(compile(block, "docs/api.md", "exec"), names)
     plt.close("all")
     assert (tmp_path / "map.png").stat().st_size > 10_000

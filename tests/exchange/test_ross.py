@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import re
 import warnings
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from scenes import DOCS
 
 import gearstab as gs
 from gearstab.errors import NotPossible
@@ -83,3 +86,26 @@ def test_mistakes(rotor: Any) -> None:
     with pytest.raises(NotPossible, match="nothing says how the stiffness of mesh 'mesh1' varies"):
         gs.from_ross(rotor)
     assert rotor.mesh.stiffness == 1e8
+
+
+@pytest.mark.filterwarnings("default")
+def test_the_session_of_the_documentation(
+    rotor: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Load, sweep, plot and boundaries; Floquet's verdicts change at the edges that it prints, and the map has them."""
+    monkeypatch.chdir(tmp_path)
+    (block,) = re.findall(r"^```python\n([^`]*from ross[^`]*)^```$", (DOCS / "api.md").read_text(), re.M)
+    names: dict[str, Any] = {}
+    exec(compile(block, "docs/api.md", "exec"), names)
+    assert len([line for line in block.splitlines() if line]) <= 20
+    printed = re.findall(r"unstable from (\S+) to (\S+) rad/s", capsys.readouterr().out)
+    assert len(printed) == 3
+    found = np.array(printed, dtype=float)
+    inside = np.stack([found[:, 0] + 0.2, found[:, 1] - 0.2], axis=1)
+    assert np.all(gs.floquet(names["model"], inside).stable == 0)
+    assert np.all(gs.floquet(names["model"], np.stack([found[:, 0] - 0.2, found[:, 1] + 0.2], axis=1)).stable == 1)
+    stable = names["tree"]["floquet"]["stable"].sel(epsilon=0.2)
+    omega = stable["mesh_frequency"].values
+    expected = ~np.any((omega[:, None] > found[:, 0]) & (omega[:, None] < found[:, 1]), axis=1)
+    np.testing.assert_array_equal(stable.values == 1, expected)
+    assert (tmp_path / "rotor.png").stat().st_size > 10_000
