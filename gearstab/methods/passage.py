@@ -65,7 +65,7 @@ def _path(knots: list[tuple[float, float]]) -> list[tuple[float, float]]:
 def _table(path: FilePath) -> list[list[float]]:
     """Return time and speed of each line of a text file of two columns. Raises DataFileError, with the line."""
     usable(path, ".csv", (".csv", ".txt"))
-    _, time, speed = columns_of(text(path), ("time", "speed"))
+    _, (time, speed) = columns_of(text(path), ("time", "speed"))
     return [list(knot) for knot in zip(time, speed, strict=True)]
 
 

@@ -8,7 +8,7 @@ from gearstab.waveforms.base import Profile, Waveform
 from gearstab.waveforms.fourier import Fourier
 from gearstab.waveforms.profile import Constant, Product, Scaled
 from gearstab.waveforms.rectangular import Rectangular
-from gearstab.waveforms.sampled import Sampled
+from gearstab.waveforms.sampled import Sampled, TorqueTable
 from gearstab.waveforms.tooth import Tooth
 from gearstab.waveforms.tooth_pair import ToothPair
 from gearstab.waveforms.trapezoidal import Trapezoidal
@@ -18,6 +18,7 @@ WAVEFORMS: dict[str, type[Waveform]] = {
     "trapezoidal": Trapezoidal,
     "fourier": Fourier,
     "sampled": Sampled,
+    "table": TorqueTable,
     "pair": ToothPair,
     "tooth": Tooth,
 }
@@ -33,6 +34,7 @@ __all__ = [
     "Scaled",
     "Tooth",
     "ToothPair",
+    "TorqueTable",
     "Trapezoidal",
     "Waveform",
 ]

@@ -65,6 +65,8 @@ class Waveform:
     """Keys that must be given."""
     sources: ClassVar[tuple[str, ...]] = ()
     """Keys of which exactly one says where the wave comes from."""
+    columns: ClassVar[tuple[str, ...]] = ("phase", "stiffness")
+    """What a file of samples holds, for waves that take one."""
     has_contact_ratio: ClassVar[bool] = True
     """Whether the mesh gives a contact ratio."""
     own_variation: ClassVar[bool] = False
@@ -95,6 +97,16 @@ class Waveform:
     def wrong_phase(cls, phase: Sequence[float], interpolation: str) -> WrongSample | None:
         """Return what is wrong with the phases of samples, for waves that take samples."""
         return None
+
+    @classmethod
+    def from_file(cls, columns: Array) -> dict[str, Array]:
+        """Return what ``build`` finds of the columns of a file."""
+        return dict(zip(cls.columns, columns, strict=True))
+
+    @classmethod
+    def wrong_samples(cls, columns: Sequence[Sequence[float]], interpolation: str) -> WrongSample | None:
+        """Return what is wrong with the columns of a file."""
+        return cls.wrong_phase(columns[0], interpolation)
 
     @property
     def piecewise_constant(self) -> bool:

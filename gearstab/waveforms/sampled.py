@@ -1,19 +1,29 @@
-"""Mesh stiffness given by samples over a period."""
+"""Mesh stiffness given by samples over a period, at one torque or at several."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, ClassVar, Self
+from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
+from pydantic import Field
 
 from gearstab.config.model.arrays import vector
 from gearstab.config.model.conflicts import Conflict, exactly_one
-from gearstab.waveforms.base import Array, Keys, WrongSample
+from gearstab.config.model.fields import Quantity
+from gearstab.errors import NotPossible
+from gearstab.waveforms.base import Array, Keys, WrongSample, as_array
 from gearstab.waveforms.phase import wrapped
-from gearstab.waveforms.samples import SampleKeys, missing_source, sample_conflicts, wrong_number, wrong_order
+from gearstab.waveforms.samples import (
+    FileKeys,
+    SampleKeys,
+    missing_source,
+    sample_conflicts,
+    wrong_number,
+    wrong_order,
+)
 from gearstab.waveforms.splines import FEWEST, Pieces, interpolate
 from gearstab.waveforms.stiffness import OfStiffness
 
@@ -106,3 +116,81 @@ class Sampled(OfStiffness):
         """Exactly, as the interpolation is made of polynomials."""
         found = self._pieces.transform(2 * np.pi * order)
         return -2 * found.imag, 2 * found.real
+
+
+class TableKeys(FileKeys):
+    """The file, and at which of its torques the mesh runs."""
+
+    torque: Annotated[float, Quantity("N m")] | None = Field(
+        default=None,
+        title="torque",
+        description="table: at which the mesh runs, within those of the file (N m).",
+    )
+
+
+@dataclass(frozen=True)
+class TorqueTable(Sampled):
+    """The wave of samples k(phase) at a torque between those of a table: linear in the torque.
+
+    Under load the profiles touch earlier and leave later, so that shape, mean and amplitude change with the torque.
+    """
+
+    said: ClassVar[str] = "stiffness over a period at several torques"
+    keys: ClassVar[type[Keys]] = TableKeys
+    required: ClassVar[tuple[str, ...]] = ("file", "torque")
+    sources: ClassVar[tuple[str, ...]] = ()
+    columns: ClassVar[tuple[str, ...]] = ("torque", "phase", "stiffness")
+
+    @classmethod
+    def build(cls, spec: dict[str, Any], contact_ratio: Any = None) -> Self:
+        """Raises NotPossible for a torque beyond the table, which is not extrapolated."""
+        levels, phase, table = np.asarray(spec["torques"]), np.asarray(spec["phase"]), np.asarray(spec["stiffness"])
+        torque = as_array(spec["torque"])
+        if message := out_of_table(torque, levels):
+            raise NotPossible(*message)
+        lower = np.clip(np.searchsorted(levels, torque, side="right") - 1, 0, len(levels) - 2)
+        part = ((torque - levels[lower]) / (levels[lower + 1] - levels[lower]))[..., None]
+        stiffness = (1.0 - part) * table[lower] + part * table[lower + 1]
+        return cls(phase, stiffness, spec.get("interpolation") or "linear")
+
+    @classmethod
+    def from_file(cls, columns: Array) -> dict[str, Array]:
+        """Torques ``(L,)`` and phases ``(N,)``, ascending, and the stiffness ``(L, N)``."""
+        torque, phase, stiffness = columns
+        levels, positions = np.unique(torque), np.unique(phase)
+        table = stiffness[np.lexsort((phase, torque))].reshape(len(levels), len(positions))
+        return {"torques": levels, "phase": positions, "stiffness": table}
+
+    @classmethod
+    def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
+        yield from ()
+
+    @classmethod
+    def wrong_samples(cls, columns: Sequence[Sequence[float]], interpolation: str) -> WrongSample | None:
+        """Two torques or more, the same phases at each of them, and these as those of samples."""
+        torque, phase, _ = (np.asarray(column, dtype=float) for column in columns)
+        levels, positions = np.unique(torque), np.unique(phase)
+        if len(levels) < 2:
+            hint = "give at least 2, or choose kind: sampled"
+            return None, "wrong_count", f"has {len(levels)} torque{'s' * (len(levels) != 1)}", hint
+        if found := cls.wrong_phase(positions.tolist(), interpolation):
+            first = None if found[0] is None else int(np.flatnonzero(phase == positions[found[0]])[0])
+            return first, *found[1:]
+        count = np.zeros((len(levels), len(positions)), dtype=int)
+        np.add.at(count, (np.searchsorted(levels, torque), np.searchsorted(positions, phase)), 1)
+        for row, column in np.argwhere(count != 1):
+            said = f"stiffness at torque {levels[row]:g} and phase {positions[column]:g}"
+            if count[row, column] == 0:
+                return None, "missing", f"has no {said}", "give the same phases at every torque"
+            again = np.flatnonzero((torque == levels[row]) & (phase == positions[column]))[1]
+            return int(again), "equal_values", f"the {said} is given twice", "give it once"
+        return None
+
+
+def out_of_table(torque: Array, levels: Array) -> tuple[str, str] | None:
+    """Message and remedy where a torque is beyond those of a table, ascending."""
+    wrong = torque[~((torque >= levels[0]) & (torque <= levels[-1]))]
+    if wrong.size == 0:
+        return None
+    reach = f"from {levels[0]:g} to {levels[-1]:g} N m"
+    return f"torque {wrong.flat[0]:g} N m is beyond the table, {reach}", "choose a torque within, or extend the table"

@@ -22,14 +22,26 @@ Position = Annotated[float, BeforeValidator(POSITION.number)]
 """A fraction of a turn that no axis sets."""
 
 
-class SampleKeys(Keys):
-    """Samples, in the section or in a file."""
+class FileKeys(Keys):
+    """Samples in a file, and what is between them."""
 
     file: StrictStr | None = Field(
         default=None,
         title="file of samples",
-        description="sampled, pair: a .csv or .h5 file of phase and stiffness, relative to the configuration.",
+        description="sampled, pair: a .csv or .h5 file of phase and stiffness, relative to the configuration; "
+        "table: of torque, phase and stiffness.",
     )
+    interpolation: Annotated[str, Choice("interpolation", ("linear", "cubic"))] | None = Field(
+        default=None,
+        title="interpolation",
+        description="sampled, pair, table: linear (order 2, the default) or cubic, a spline (order 4, overshoots at "
+        "jumps).",
+    )
+
+
+class SampleKeys(FileKeys):
+    """Samples, in the section or in a file."""
+
     phase: list[Position] | None = Field(
         default=None,
         title="phases of the samples",
@@ -37,11 +49,6 @@ class SampleKeys(Keys):
     )
     stiffness: list[Annotated[float, Quantity("N/m", ("N m",))]] | None = Field(
         default=None, title="sampled stiffness", description="sampled, pair: one value per phase (N/m)."
-    )
-    interpolation: Annotated[str, Choice("interpolation", ("linear", "cubic"))] | None = Field(
-        default=None,
-        title="interpolation",
-        description="sampled, pair: linear (order 2, the default) or cubic, a spline (order 4, overshoots at jumps).",
     )
 
 

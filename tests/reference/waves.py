@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gearstab.waveforms import Fourier, Rectangular, Sampled, Tooth, ToothPair, Trapezoidal
+from gearstab.waveforms import Fourier, Rectangular, Sampled, Tooth, ToothPair, TorqueTable, Trapezoidal
 from gearstab.waveforms.splines import interpolate
 from gearstab.waveforms.tooth import Piecewise, nodes, through
 from gearstab.waveforms.tooth_pair import constant, parabolic
@@ -37,6 +37,12 @@ def pieces(function, *edges):
     return through(np.array(edges), function(nodes(np.array(edges), 20)))
 
 
+def at_torque(torque, interpolation="linear"):
+    """A table of two torques, 1 and 2."""
+    samples = {"torques": np.array([1.0, 2.0]), "phase": IRREGULAR, "stiffness": np.array([LEVELS, LEVELS[::-1]])}
+    return TorqueTable.build({"torque": torque, "interpolation": interpolation, **samples})
+
+
 CASES = {
     "rectangular": [Rectangular(c) for c in RATIOS],
     "trapezoidal": [Trapezoidal(c, r) for c in RATIOS for r in (0.0, 1e-3, 0.1, 0.45, 0.9, 1.0)],
@@ -54,6 +60,7 @@ CASES = {
         Sampled(np.array([0.2, 0.7, 0.9]), np.array([1.0, 2.0, 0.0]), "cubic"),
         Sampled(UNIFORM, np.full(40, 3e8), "cubic"),
     ],
+    "table": [*(at_torque(t) for t in (1.0, 1.7, 2.0)), at_torque(1.3, "cubic")],
     "pair": [ToothPair(c, shape) for c in RATIOS for shape in (constant(2.0), parabolic(), TOOTH, CURVED)],
     "tooth": [
         *(Tooth(pieces(flank, *cuts)) for flank in (arch, flat) for cuts in ((0.0, 0.6), (0.0, 0.0))),

@@ -1,4 +1,4 @@
-"""Samples of a stiffness that cannot vary as much as the mesh says."""
+"""Samples of a stiffness that cannot vary as much as the mesh says, or know nothing of its torque."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ from gearstab.config.document.tree import entries, is_number
 from gearstab.config.document.yaml import Document
 from gearstab.config.model.axes import Array, Axis
 from gearstab.config.model.conflicts import plain_number
-from gearstab.waveforms import Sampled
+from gearstab.waveforms import Sampled, TorqueTable
+from gearstab.waveforms.sampled import out_of_table
 from gearstab.waveforms.section import wave_of
 
 HINT = "leave it out, or check the samples"
@@ -23,7 +24,8 @@ def check_variation(
 ) -> None:
     """Report variations of constant samples, which no factor makes vary, in the sections or along the axes.
 
-    system: its section as meant; samples: contents of files, (2, N), by the place of the waveform below ``system``.
+    system: its section as meant; samples: contents of files, (columns, N), by the place of the waveform below
+    ``system``.
     """
     for path, waveform in waveforms(system, ()):
         values = samples[path][1] if path in samples else waveform.get("stiffness")
@@ -51,6 +53,26 @@ def check_variation(
                 )
             elif is_number(value) and value > 0:
                 document.report(("system", *place), "not_applicable", message, HINT, value=value)
+
+
+def check_torques(document: Document, parameters: dict[str, Any], axes: Sequence[Axis]) -> None:
+    """Report torques, in the section or along the axes, that are beyond the table of a file.
+
+    parameters: of the system, in SI units, with the contents of files.
+    """
+    for path, waveform in waveforms(parameters, ()):
+        if wave_of(waveform) is not TorqueTable or "torques" not in waveform:
+            continue
+        place: Path = (*path, "torque")
+        given: list[tuple[Path, Any]] = [
+            (("sweep", axis.name), item.values) for axis in axes for item in axis.assignments if item.path == place
+        ]
+        if not given and waveform.get("torque") is not None:
+            given = [(("system", *place), waveform["torque"])]
+        for where, values in given:
+            if found := out_of_table(np.asarray(values, dtype=float), waveform["torques"]):
+                message, hint = found
+                document.report(where, "out_of_range", message, hint, at_key=where[0] == "sweep")
 
 
 def _constant(values: Any) -> bool:

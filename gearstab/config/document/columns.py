@@ -1,4 +1,4 @@
-"""Two columns of numbers in a text file: samples over a period, a speed over time."""
+"""Columns of numbers in a text file: samples over a period, a speed over time."""
 
 from __future__ import annotations
 
@@ -9,10 +9,13 @@ from collections.abc import Sequence
 from gearstab.config.document.files import DataFileError
 from gearstab.config.document.problems import shown
 
+COUNTS = {2: "two", 3: "three"}
 
-def columns_of(content: str, names: tuple[str, str]) -> tuple[list[str], list[float], list[float]]:
-    """The place of each line, and the numbers of its two columns. Raises DataFileError, with the line."""
-    columns, first = (0, 1), True
+
+def columns_of(content: str, names: tuple[str, ...]) -> tuple[list[str], list[list[float]]]:
+    """The place of each line, and the numbers of each column. Raises DataFileError, with the line."""
+    in_order = tuple(range(len(names)))
+    columns, first = in_order, True
     places: list[str] = []
     samples: dict[str, list[float]] = {name: [] for name in names}
     for number, line in enumerate(content.splitlines(), start=1):
@@ -24,8 +27,10 @@ def columns_of(content: str, names: tuple[str, str]) -> tuple[list[str], list[fl
             columns, first = _columns(fields, place, names), False
             continue
         first = False
-        if len(fields) <= max(columns) or (len(fields) != 2 and columns == (0, 1)):
-            hint = f"write two numbers per line, {' and '.join(names)}, or name the columns in the first line"
+        if len(fields) <= max(columns) or (len(fields) != len(names) and columns == in_order):
+            hint = (
+                f"write {COUNTS[len(names)]} numbers per line, {_listed(names)}, or name the columns in the first line"
+            )
             raise DataFileError(f"{place}: has {len(fields)} column{'s' * (len(fields) != 1)}", hint)
         for name, k in zip(names, columns, strict=True):
             value = _number(fields[k])
@@ -34,7 +39,7 @@ def columns_of(content: str, names: tuple[str, str]) -> tuple[list[str], list[fl
                 raise DataFileError(message, "write a number such as 2.5e8")
             samples[name].append(value)
         places.append(place)
-    return places, samples[names[0]], samples[names[1]]
+    return places, list(samples.values())
 
 
 def _fields(line: str) -> list[str]:
@@ -51,11 +56,15 @@ def _number(text: str) -> float | None:
         return None
 
 
-def _columns(header: Sequence[str], place: str, names: tuple[str, str]) -> tuple[int, int]:
-    """Which columns have the two names; those of a header of two other names are taken in this order."""
+def _columns(header: Sequence[str], place: str, names: tuple[str, ...]) -> tuple[int, ...]:
+    """Which columns have the names; those of a header of as many other names are taken in this order."""
     found = [name.lower() for name in header]
     if all(name in found for name in names):
-        return found.index(names[0]), found.index(names[1])
-    if len(found) == 2:
-        return 0, 1
-    raise DataFileError(f"{place}: names no columns {' and '.join(names)}", "call the two columns that")
+        return tuple(found.index(name) for name in names)
+    if len(found) == len(names):
+        return tuple(range(len(names)))
+    raise DataFileError(f"{place}: names no columns {_listed(names)}", f"call the {COUNTS[len(names)]} columns that")
+
+
+def _listed(names: tuple[str, ...]) -> str:
+    return f"{', '.join(names[:-1])} and {names[-1]}"

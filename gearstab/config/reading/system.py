@@ -60,12 +60,13 @@ def find_model(document: Document) -> type[System] | None:
 
 def read_system(document: Document, model: type[System], source: FilePath) -> SystemSections | None:
     """The sections ``system`` and ``sweep``; None after reporting problems."""
-    from gearstab.config.checks.samples import check_variation
+    from gearstab.config.checks.samples import check_torques, check_variation
     from gearstab.config.model.conflicts import as_meant, report
     from gearstab.config.model.introspection import as_parameters
     from gearstab.config.model.validation import validate
     from gearstab.config.sections import sweep
     from gearstab.config.sections.dimensions import check_units
+    from gearstab.waveforms import WAVEFORMS
 
     raw = document.data["system"]
     _name_meshes(document, model)
@@ -102,9 +103,11 @@ def read_system(document: Document, model: type[System], source: FilePath) -> Sy
     undamped = {"damping_ratio": 0.0} if (raw | from_file).get("damping") is None else {}
     plain = {"kind": raw["kind"]} | undamped | system.model_dump(mode="json", exclude_none=True)
     parameters = undamped | as_parameters(system) | from_file
-    for where, values in samples.items():
-        value_at(parameters, where).update(phase=values[0], stiffness=values[1])
+    for where, columns in samples.items():
+        waveform = value_at(parameters, where)
+        waveform.update(WAVEFORMS[waveform["kind"]].from_file(columns))
     check_variation(document, section, samples, axes)
+    check_torques(document, parameters, axes)
     contents |= {dotted(where): values for where, values in samples.items()}
     specs = {name: item[1] for name, item in built if item}
     return SystemSections(plain, parameters, contents, axes, specs, context, targets, wanted)

@@ -76,7 +76,7 @@ ALL = "face_width to gears, which holds for all, or give inertia and mass and me
          "system.meshes.0.transmission_error.tan: unknown key; available: sin, cos"),
         (TRAIN, "contact_ratio: 1.5", "waveform: {kind: fourier, tan: [1]}", 7,
          "system.meshes.0.waveform.tan: unknown key; available: kind, ramp, sin, cos, shape, ends, pair_stiffness, "
-         "file, phase, stiffness, interpolation, harmonics"),
+         "file, interpolation, phase, stiffness, torque, ..."),
         (TRAIN.replace("mesh_fr", "epsilon: [0.1, 0.2]\n  mesh_fr"), "  meshes:", "  meses:", 6,
          "system.meses: unknown key; did you mean 'meshes'?"),
         (TRAIN, "  mass: [[1, 0], [0, 2]]", "  masses: [[1, 0], [0, 2]]", 3,

@@ -1,0 +1,121 @@
+"""Mesh stiffness over phase and torque: between the torques of a table, from files, and what is wrong with tables."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+import gearstab as gs
+from gearstab.config import ConfigError
+from gearstab.errors import NotPossible
+from gearstab.waveforms import Sampled, TorqueTable
+
+TORQUES, PHASES = np.array([50.0, 100.0, 250.0]), np.array([0.1, 0.3, 0.45, 0.9])
+STIFFNESS = np.array([[2.0, 3.0, 2.5, 1.5], [2.2, 3.1, 2.9, 1.9], [2.4, 2.8, 2.6, 2.5]]) * 1e8
+
+
+def columns() -> np.ndarray:
+    torque, phase = np.meshgrid(TORQUES, PHASES, indexing="ij")
+    return np.array([torque.ravel(), phase.ravel(), STIFFNESS.ravel()])
+
+
+def table(torque: float | list[float]) -> TorqueTable:
+    # The order of the lines of a file is of no account.
+    shuffled = columns()[:, np.random.default_rng(3).permutation(12)]
+    return TorqueTable.build({"torque": np.asarray(torque), **TorqueTable.from_file(shuffled)})
+
+
+def test_at_a_torque_of_the_table_it_is_the_wave_of_those_samples() -> None:
+    x = np.linspace(0, 1, 101)
+    for torque, stiffness in zip(TORQUES, STIFFNESS, strict=True):
+        np.testing.assert_array_equal(table(torque).value(x), Sampled(PHASES, stiffness).value(x))
+
+
+def test_between_two_torques_the_stiffness_is_linear_in_the_torque() -> None:
+    wave, x = table([60.0, 200.0]), np.linspace(0, 0.99, 34)
+    found = wave.mean_stiffness + 2 * wave.amplitude * wave.value(x[:, None])
+    levels = np.array([np.interp(x, PHASES, row, period=1.0) for row in STIFFNESS])
+    expected = [[np.interp(torque, TORQUES, column) for torque in (60.0, 200.0)] for column in levels.T]
+    np.testing.assert_allclose(found, expected, rtol=1e-13)
+
+
+def test_no_torque_beyond_the_table_is_guessed() -> None:
+    with pytest.raises(NotPossible, match="torque 251 N m is beyond the table, from 50 to 250 N m"):
+        table([100.0, 251.0])
+
+
+def written(folder: Path, rows: np.ndarray, name: str = "k.csv") -> Path:
+    path = folder / name
+    if path.suffix == ".h5":
+        with h5py.File(path, "w") as file:
+            for key, values in zip(TorqueTable.columns, rows, strict=True):
+                file[key] = values
+    else:
+        lines = [",".join(f"{value:.17g}" for value in row) for row in rows.T]
+        path.write_text("\n".join(["torque, phase, stiffness", *lines]))
+    return path
+
+
+def train(waveform: str, extra: str = "") -> str:
+    return (
+        f"system: {{kind: gear_pair, equivalent_mass: 0.6, meshes: [{{waveform: {waveform}}}]}}\n"
+        f"sweep: {{mesh_frequency: {{start: 3.0e+4, stop: 6.0e+4, num: 31}}{extra}}}\nmethods: {{floquet: {{}}}}\n"
+    )
+
+
+@pytest.mark.parametrize("name", ["k.csv", "k.h5"])
+def test_a_sweep_over_torques_is_that_of_their_samples(tmp_path: Path, name: str) -> None:
+    written(tmp_path, columns(), name)
+    source = tmp_path / "train.yaml"
+    axis = ", meshes.0.waveform.torque: [50, 175 N m]"
+    source.write_text(train(f"{{kind: table, file: {name}, torque: 80}}", axis))
+    growth = gs.sweep(gs.load(source))["floquet"]["growth_rate"].values
+    assert np.any(growth > 0)
+    assert growth.shape == (31, 2)
+    for k, stiffness in enumerate((STIFFNESS[0], 0.5 * (STIFFNESS[1] + STIFFNESS[2]))):
+        source.write_text(train(f"{{kind: sampled, phase: {PHASES.tolist()}, stiffness: {stiffness.tolist()}}}"))
+        known = gs.sweep(gs.load(source))["floquet"]["growth_rate"].values
+        # Multipliers are right to 1e-9, with as many steps as the worst row needs.
+        np.testing.assert_allclose(growth[:, k], known, rtol=1e-6)
+
+
+TABLE = "{kind: table, file: k.csv, torque: 80}"
+
+
+@pytest.mark.parametrize(
+    ("change", "waveform", "extra", "message"),
+    [
+        (lambda t: t[:, :-1], TABLE, "", "has no stiffness at torque 250 and phase 0.9"),
+        (
+            lambda t: t[:, [*range(12), 5]],
+            TABLE,
+            "",
+            "line 14: the stiffness at torque 100 and phase 0.3 is given twice",
+        ),
+        (lambda t: t[:, :4], TABLE, "", "has 1 torque (got"),
+        (lambda t: t + np.array([[0], [0.2], [0]]), TABLE, "", "line 5: phase 1.1 is outside [0, 1)"),
+        (
+            lambda t: t[1:],
+            TABLE,
+            "",
+            "line 2: has 2 columns (got",
+        ),
+        (None, "{kind: table, file: k.csv, torque: 20 N m}", "", "torque 20 N m is beyond the table"),
+        (None, "{kind: table, file: k.csv}", "", "waveform.torque: is missing; add torque"),
+        (None, "{kind: table, torque: 80}", "", "waveform.file: is missing; add file"),
+        (None, "{kind: sampled, file: k.csv, torque: 80}", "", "a sampled wave takes no torque"),
+        (None, TABLE, ", meshes.0.waveform.torque: [50, 300]", "torque 300 N m is beyond the table"),
+    ],
+)
+def test_mistakes_are_one_line(tmp_path: Path, change, waveform: str, extra: str, message: str) -> None:
+    written(tmp_path, columns() if change is None else change(columns()))
+    source = tmp_path / "train.yaml"
+    source.write_text(train(waveform, extra))
+    with pytest.raises(ConfigError) as raised:
+        gs.load(source)
+    lines = str(raised.value).splitlines()
+    assert any(message in line for line in lines)
+    assert all(line.startswith(f"{source}:") for line in lines)
