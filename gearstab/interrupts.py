@@ -12,6 +12,7 @@ from __future__ import annotations
 import atexit
 import os
 import signal
+import sys
 import time
 from contextlib import contextmanager, suppress
 
@@ -77,15 +78,28 @@ def raised(late: Callable[[], bool]) -> Iterator[None]:
 
     late: whether it is too late for that; then they are ignored.
     """
-    from threading import current_thread, main_thread
+    from threading import Timer, current_thread, get_ident, main_thread
 
     if current_thread() is not main_thread():
         yield
         return
 
+    last, hook = signal.SIGINT, sys.unraisablehook
+    # To this thread itself, which may be waiting.
+    send = getattr(signal, "pthread_kill", lambda _, number: signal.raise_signal(number))
+
     def interrupt(number: int, frame: Any) -> None:
+        nonlocal last
+        last = signal.Signals(number)
         if not late():
             raise KeyboardInterrupt
+
+    def swallowed(lost: sys.UnraisableHookArgs) -> None:
+        """Python swallows what is raised in a weak reference's callback: interrupt again when that is over."""
+        if issubclass(lost.exc_type, KeyboardInterrupt):
+            Timer(0.01, send, (get_ident(), last)).start()
+        else:
+            hook(lost)
 
     before = {number: signal.getsignal(number) for number in SIGNALS}
     ours = {signal.SIGINT: (signal.default_int_handler, leave)}
@@ -96,8 +110,11 @@ def raised(late: Callable[[], bool]) -> Iterator[None]:
     ]
     for number in changed:
         signal.signal(number, interrupt)
+    if changed:
+        sys.unraisablehook = swallowed
     try:
         yield
     finally:
+        sys.unraisablehook = hook
         for number in changed:
             signal.signal(number, before[number])

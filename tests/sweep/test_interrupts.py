@@ -7,7 +7,9 @@ import signal
 import subprocess
 import sys
 import time
+import weakref
 from pathlib import Path
+from threading import Event
 
 import pytest
 from scenes import ROOT, TRAIN
@@ -223,3 +225,23 @@ def test_what_is_ignored_stays_so(monkeypatch: pytest.MonkeyPatch) -> None:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+@pytest.mark.filterwarnings("error")
+def test_an_interrupt_that_python_swallows_comes_again(capfd: pytest.CaptureFixture[str]) -> None:
+    class Thing:
+        pass
+
+    thing = Thing()
+    watched = weakref.ref(thing, lambda _: signal.raise_signal(signal.SIGTERM))
+
+    def used() -> None:
+        nonlocal thing
+        with interrupts.raised(lambda: False):
+            del thing
+            assert watched() is None
+            Event().wait(60)
+
+    with pytest.raises(KeyboardInterrupt):
+        used()
+    assert "Traceback" not in capfd.readouterr().err

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -24,7 +25,7 @@ from gearstab.results import OutputError, open_result
 from gearstab.results.read import attributes
 from gearstab.sweep import Reporter, SweepError, run
 from gearstab.sweep.storage import store
-from gearstab.sweep.storage.parts import CHECKSUM, MAGIC, FinishedBlock, from_bytes, to_bytes
+from gearstab.sweep.storage.parts import CHECKSUM, MAGIC, FinishedBlock, PartFolder, from_bytes, to_bytes
 from gearstab.sweep.storage.store import Hold
 
 SCRIPT = ROOT / "tests" / "reference" / "sweep_faults.py"
@@ -396,6 +397,25 @@ def test_a_folder_removed_at_that_moment_is_made_again(tmp_path: Path, monkeypat
     assert (tmp_path / "a" / "lock").exists()
     assert len(calls) == 2
     hold.drop()
+
+
+def test_a_part_that_is_written_while_its_folder_goes_goes_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By a worker that outlived its sweep."""
+    folder, removed = PartFolder(tmp_path / "out.h5", "0" * 64), []
+    folder.path.mkdir(parents=True)
+
+    def emptied(path: Path, **options: Any) -> None:
+        removed.append(path)
+        if len(removed) == 1:
+            (path / "late.part").write_bytes(b"late")
+        else:
+            path.joinpath("late.part").unlink()
+            path.rmdir()
+
+    monkeypatch.setattr(shutil, "rmtree", emptied)
+    folder.remove()
+    assert removed == [folder.path] * 2
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_all_refusals_are_for_the_user() -> None:

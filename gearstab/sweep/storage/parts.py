@@ -12,6 +12,7 @@ import hashlib
 import json
 import shutil
 import stat
+import time
 from collections.abc import Collection, Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass, fields, replace
@@ -137,6 +138,10 @@ def read_part(path: Path, digest: str) -> FinishedBlock | None:
         return None
 
 
+WAITS = (0.0, 0.1, 0.3, 0.6)
+"""Seconds before each attempt to remove a folder; a worker looks for its parent every half second."""
+
+
 class PartFolder:
     """The part files of one sweep: ``OUT.parts/<digest>/``."""
 
@@ -178,7 +183,12 @@ class PartFolder:
 
     def remove(self) -> None:
         """Remove the part files of this sweep, and the folder if no other sweep has any."""
-        shutil.rmtree(self.path, ignore_errors=True)
+        # A worker whose sweep was killed may write another part before it notices.
+        for wait in WAITS:
+            time.sleep(wait)
+            shutil.rmtree(self.path, ignore_errors=True)
+            if not self.path.exists():
+                break
         with suppress(OSError):
             self.every.rmdir()
 
