@@ -1,8 +1,9 @@
 """Writing a file so that it is whole or not there, and takes the place of nothing else.
 
-A regular file is written under a temporary name beside it, kept by the disk and renamed: after a full disk, a signal or
-a crash what was there is still there. A symbolic link is followed, and stays. A device or a pipe is written to, never
-replaced. All commands write through here.
+A regular file is written beside its place, kept by the disk and renamed: after a full disk, a signal or a crash what
+was there is still there. Until it is whole it has no name, where the system can do that (Linux, most local disks), and
+so is gone with a process that is killed; elsewhere it has a temporary name. A symbolic link is followed, and stays. A
+device or a pipe is written to, never replaced. All commands write through here.
 """
 
 from __future__ import annotations
@@ -94,10 +95,8 @@ class Content:
 def prepare(out: Path) -> None:
     """See that files can be written where an output is to be that will take a while. Raises OutputError."""
     try:
-        probe = _temporary(_standing_folder(out) / out.name)
-        with open(probe, "xb"):
-            pass
-        probe.unlink()
+        with _removed(_temporary(_standing_folder(out) / out.name)) as probe:
+            os.close(_new(probe))
     except OSError as error:
         raise OutputError(f"{out}: cannot be written: {(error.strerror or str(error)).lower()}") from None
 
@@ -136,6 +135,7 @@ def writing(out: Path, look: Look | None = None) -> Iterator[Writer]:
             yield file
             with naming(out):
                 os.fsync(file.fileno())
+                _named(file.fileno(), temporary)
         move(temporary, out, look)
 
 
@@ -147,13 +147,20 @@ def temporary_file(out: Path) -> Iterator[Path]:
     """
     with naming(out):
         temporary = _temporary(_place(out))
-    interrupts.temporary.add(str(temporary))
-    try:
+    with _removed(temporary):
         yield temporary
+
+
+@contextmanager
+def _removed(path: Path) -> Iterator[Path]:
+    """Remove what is left at a path in the end, also when a signal ends the process."""
+    interrupts.temporary.add(str(path))
+    try:
+        yield path
     finally:
         with suppress(OSError):
-            temporary.unlink()
-        interrupts.temporary.discard(str(temporary))
+            path.unlink()
+        interrupts.temporary.discard(str(path))
 
 
 def move(temporary: Path, out: Path, look: Look | None = None) -> None:
@@ -223,8 +230,33 @@ def _temporary(place: Path) -> Path:
 
 
 def _new(path: Path) -> int:
-    """Create a file; never through a link that somebody put there. Raises OSError."""
+    """Create a file for a name, without it if it can be given later; never through a link that somebody put there.
+
+    Raises OSError.
+    """
+    if hasattr(os, "O_TMPFILE"):
+        with suppress(OSError):
+            handle = os.open(path.parent, os.O_WRONLY | os.O_TMPFILE, 0o666)
+            if os.path.lexists(_opened(handle)):
+                return handle
+            os.close(handle)
     return os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o666)
+
+
+def _named(handle: int, path: Path) -> None:
+    """Give an open file its name, unless it has one. Raises OSError."""
+    if os.fstat(handle).st_nlink == 0:
+        folder = os.open(path.parent, os.O_RDONLY)
+        try:
+            # With a folder to start from Python asks the system to follow the link to the file.
+            os.link(_opened(handle), path.name, src_dir_fd=folder, dst_dir_fd=folder, follow_symlinks=True)
+        finally:
+            os.close(folder)
+
+
+def _opened(handle: int) -> str:
+    """The link by which Linux gives access to an open file."""
+    return f"/proc/self/fd/{handle}"
 
 
 def _stream(out: Path) -> int:

@@ -66,6 +66,22 @@ output.Writer.write = slow
 """
 """Stops in the middle of the first output that is written, and says so."""
 
+CREATING = """
+import time
+from gearstab.results import output
+new = output._new
+def slow(path):
+    handle = new(path)
+    print("writing", flush=True)
+    time.sleep(30)
+    return handle
+output._new = slow
+"""
+"""Stops when the first file is there and empty: that which tries the place of an output, where one is tried."""
+
+NAMED = "import os\nvars(os).pop('O_TMPFILE', None)\n"
+"""On a disk where a file has a name from the beginning."""
+
 IMPORTING = """
 import sys
 class Finder:
@@ -115,11 +131,14 @@ def interrupted(process: subprocess.Popen[str], number: int) -> str:
     return said
 
 
+@pytest.mark.parametrize("moment", [CREATING, WRITING])
 @each_with(["plot", "export", "respond"])
-def test_an_output_half_written_goes_and_the_old_one_stays(folder: Path, command: str, number: int) -> None:
+def test_an_output_half_written_goes_and_the_old_one_stays(
+    folder: Path, command: str, number: int, moment: str
+) -> None:
     out = folder / COMMANDS[command][3]
     out.write_bytes(b"")  # an empty file may be replaced
-    process = start(folder, COMMANDS[command], WRITING)
+    process = start(folder, COMMANDS[command], NAMED + moment)
     assert process.stdout is not None
     assert process.stdout.readline() == "writing\n"
     assert list(folder.glob(".*.tmp"))
@@ -127,6 +146,22 @@ def test_an_output_half_written_goes_and_the_old_one_stays(folder: Path, command
     assert not list(folder.glob(".*.tmp"))
     assert out.read_bytes() == b""
     out.unlink()
+
+
+@pytest.mark.parametrize("moment", [CREATING, WRITING])
+@pytest.mark.parametrize("command", ["export", "respond"])
+def test_a_killed_process_leaves_nothing(folder: Path, command: str, moment: str) -> None:
+    try:
+        os.close(os.open(folder, os.O_WRONLY | os.O_TMPFILE))
+    except (AttributeError, OSError):
+        pytest.skip("needs files without a name")
+    before = sorted(folder.iterdir())
+    process = start(folder, COMMANDS[command], moment)
+    assert process.stdout is not None
+    assert process.stdout.readline() == "writing\n"
+    process.kill()
+    process.communicate()
+    assert sorted(folder.iterdir()) == before
 
 
 @each_with(["export", "info", "plot"])

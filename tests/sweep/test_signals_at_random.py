@@ -7,8 +7,9 @@ import random
 import signal
 import subprocess
 import sys
+from contextlib import suppress
 from pathlib import Path
-from time import monotonic
+from time import monotonic, sleep
 
 import h5py
 import numpy as np
@@ -83,12 +84,32 @@ def start(config: Path, out: Path, jobs: int) -> subprocess.Popen[str]:
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
     process = subprocess.Popen(
         [sys.executable, "-c", HASTY, *words], env=environment, text=True, stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE, preexec_fn=heed,
+        stderr=subprocess.PIPE, preexec_fn=heed, cwd=out.parent,
     )  # fmt: skip
     # Before that Python itself answers to signals.
     assert process.stdout is not None
     assert process.stdout.readline() == "ready\n"
+    assert processes_in(out.parent) or not Path("/proc").exists()
     return process
+
+
+def processes_in(folder: Path) -> list[str]:
+    """The processes that work in a folder, as all do of a sweep started there; none where the system does not tell."""
+    found = []
+    for process in Path("/proc").glob("[0-9]*"):
+        # It may end at any moment.
+        with suppress(OSError):
+            if (process / "cwd").readlink() == folder.resolve():
+                found.append((process / "cmdline").read_text().replace("\0", " "))
+    return found
+
+
+def none_left(folder: Path) -> bool:
+    """Whether all processes in a folder end soon: those of a killed sweep look for it every half second."""
+    end = monotonic() + 30.0
+    while processes_in(folder) and monotonic() < end:
+        sleep(0.1)
+    return not processes_in(folder)
 
 
 def data_of(path: Path) -> dict[str, bytes]:
@@ -158,4 +179,5 @@ def test_ended_at_random_moments(
     _, said = process.communicate(timeout=300)
     assert process.returncode == 0, said
     assert data_of(out) == expected
+    assert none_left(tmp_path), processes_in(tmp_path)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["out.h5", "train.yaml"]
