@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from fractions import Fraction
 from functools import cached_property
 
 import numpy as np
 
-from gearstab.perturbation.tongues import ParametricExcitation, Tongue, sharing, tongue
-from gearstab.system import Array, GearSystem
+from gearstab.perturbation.tongues import Tongue
+from gearstab.system import Array
 
 BOUNDARY_FLAGS = {"open": 1, "merged": 2, "absorbed": 4, "cut_below": 8, "cut_above": 16, "split": 32}
 """Bits of the flags of a tongue: it has a region; that region holds other tongues too; it lies in the region of
@@ -168,8 +167,3 @@ def union(indices: Iterable[Sequence[tuple[Tongue, int]]]) -> tuple[tuple[Tongue
 def _order(key: tuple[Tongue, int]) -> tuple[float, int, int, int]:
     member, occurrence = key
     return member.frequency_ratio, member.mode_p, member.mode_q, occurrence
-
-
-def tongue_of(system: GearSystem, p: int, q: int, ratio: Fraction) -> Tongue:
-    """The tongue of modes p <= q (from 1) at nu = ratio * Omega."""
-    return tongue(system, ParametricExcitation(ratio, sharing(system, ratio)), p, q)

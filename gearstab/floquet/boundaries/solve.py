@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from fractions import Fraction
 
 import numpy as np
 
@@ -14,13 +13,13 @@ from gearstab.floquet.boundaries.damped.search import Guide, Limits, SearchResul
 from gearstab.floquet.boundaries.intervals import Interval, Intervals, by_row
 from gearstab.floquet.boundaries.names import harmonics, labels, naming
 from gearstab.floquet.boundaries.parts import Part, RegionEdges, separated, united
-from gearstab.floquet.boundaries.regions import Boundaries, tongue_of
+from gearstab.floquet.boundaries.regions import Boundaries
 from gearstab.floquet.boundaries.undamped.search import Search
 from gearstab.floquet.kernel.chain import Chain, chain
 from gearstab.floquet.segments.pattern import Pattern, prepare
 from gearstab.modal import mean_modes
 from gearstab.perturbation.multiple_scales import EQUAL_FREQUENCY
-from gearstab.perturbation.tongues import Tongue, self_excited
+from gearstab.perturbation.tongues import ParametricExcitation, Tongue, self_excited, tongue
 from gearstab.system import Array, GearSystem
 
 FEW = 500
@@ -129,7 +128,8 @@ class _Collected:
         n = self.system.size
         self.squared = np.broadcast_to(modes.squared_frequency, (*self.system.batch, n)).reshape(rows, n)
         self.first = _first_of_equals(np.sqrt(np.maximum(self.squared, 0.0)))
-        self.period = self.system.common_period()[0]
+        self.period, self.cycles = self.system.common_period()
+        self.excitations: dict[int, ParametricExcitation] = {}
         self.tongues: list[Tongue] = []
         self.number: dict[tuple[int, int, int], int] = {}
 
@@ -234,10 +234,17 @@ class _Collected:
         key = p + 1, q + 1, cycles
         if key not in self.number:
             self.number[key] = len(self.tongues)
-            ratio = Fraction(cycles) / self.period
-            found = tongue_of(self.system, p + 1, q + 1, ratio) if cycles else self_excited(self.system, p + 1)
-            self.tongues.append(found)
+            force = self._excitation(cycles) if cycles else None
+            self.tongues.append(tongue(self.system, force, *key[:2]) if force else self_excited(self.system, p + 1))
         return self.number[key]
+
+    def _excitation(self, cycles: int) -> ParametricExcitation:
+        """That of so many cycles in the common period, in which each mesh has a whole number of its own."""
+        if cycles not in self.excitations:
+            parts = enumerate(self.cycles[: len(self.system.meshes)])
+            harmonics = tuple((k, cycles // own) for k, own in parts if cycles % own == 0)
+            self.excitations[cycles] = ParametricExcitation(cycles / self.period, harmonics)
+        return self.excitations[cycles]
 
     def _keep(self, part: Part, found: Intervals, names: naming.Names, driven: Array | None = None) -> None:
         """driven: the coordinate of each row that grows by itself, rigid-body modes after the others; or -1."""

@@ -49,7 +49,8 @@ import numpy as np
 
 from gearstab.floquet.boundaries.counting import pairs
 from gearstab.floquet.boundaries.counting.pairs import KreinSpectrum, MultiplierPair
-from gearstab.floquet.boundaries.counting.points import Propagation, propagate
+from gearstab.floquet.boundaries.counting.points import LARGEST, Propagation, exact, propagate
+from gearstab.floquet.kernel import choice as kernel
 from gearstab.floquet.kernel.decision import ON_CIRCLE
 from gearstab.floquet.segments.pattern import Pattern
 from gearstab.system import Array
@@ -143,6 +144,20 @@ def evaluate(pattern: Pattern, row: Array, cycle: Array) -> Verdicts:
     times = _times(pattern, points, found, order, phase, is_off, ahead)
     at_real = np.stack([winding, winding + (phase > np.pi).sum(axis=1)])
     return Verdicts(stable, begun, ended, known & sure, at_real, ahead, behind, *times)
+
+
+def opened(pattern: Pattern, row: Array, cycle: Array) -> tuple[Array, Array]:
+    """delta and |b| ``(2, P)`` of the pair of each class that is off the circle, as :func:`evaluate` has them at
+    unstable points, without anything else; NaN where there is none.
+    """
+    matrix, scale = kernel.current().monodromy(exact(pattern), row, 1 / cycle)
+    finite = (scale == 0) & (np.abs(matrix).max(axis=(1, 2)) < LARGEST)
+    matrix = np.where(finite[:, None, None], matrix, np.eye(2 * pattern.size))
+    found = spectrum(matrix)
+    every = np.broadcast_to(np.arange(2 * pattern.size), found.values.shape)
+    outside = found.off & (np.abs(found.values) > 1)
+    detuning, coupling, _ = pairs.least_off(matrix, np.zeros_like(matrix), found, every, outside, np.arange(len(row)))
+    return detuning, coupling
 
 
 def _times(

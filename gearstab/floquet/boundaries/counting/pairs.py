@@ -67,7 +67,7 @@ def nearest(
     blocked = off[:, :, None] | off[:, None, :]
     result = []
     any_off = np.flatnonzero(off.any(axis=1))
-    inside = _inside(matrix, energy, found, order, off, any_off)
+    inside = least_off(matrix, energy, found, order, off, any_off)
     for direction in (1, -1):
         table = np.full((3, 2, points), np.nan)
         for kind in (SELF, COMBINATION):
@@ -84,8 +84,10 @@ def nearest(
     return result[0], result[1]
 
 
-def _inside(matrix: Array, energy: Array, found: KreinSpectrum, order: Array, off: Array, points: Array) -> Array:
-    """The same for unstable points: of each class the pair that is least far off the circle."""
+def least_off(matrix: Array, energy: Array, found: KreinSpectrum, order: Array, off: Array, points: Array) -> Array:
+    """delta, |b|, d delta/d tau ``(3, 2, p)`` for unstable points ``(p,)``: of each class the pair that is least far
+    off the circle; of multipliers ``order`` ``(P, m)``, of which those ``off`` the circle are looked at.
+    """
     table = np.full((3, 2, len(points)), np.nan)
     if len(points) == 0:
         return table

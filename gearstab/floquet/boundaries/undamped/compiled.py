@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gearstab.floquet.boundaries.counting.krein import evaluate
+from gearstab.floquet.boundaries.counting.krein import opened
 from gearstab.floquet.boundaries.counting.pairs import COMBINATION, SELF
 from gearstab.floquet.boundaries.counting.points import exact
 from gearstab.floquet.boundaries.intervals import Intervals
@@ -75,12 +75,10 @@ def _sharpen(pattern: Pattern, start: Array, stop: Array, meetings: Array, toler
     if len(chosen) == 0:
         return np.zeros(len(pattern.rows), dtype=np.int64)
     middle, half = 0.5 * (start["cycle"] + stop["cycle"])[chosen], 0.5 * width[chosen]
-    points = evaluate(pattern, np.tile(row, count), (middle + half * INSIDE[:, None]).ravel())
+    parts = opened(pattern, np.tile(row, count), (middle + half * INSIDE[:, None]).ravel())
     kind, each = np.where(meetings[chosen, 2] == 1, COMBINATION, SELF), np.arange(len(chosen))
-    parts = (points.ahead.detuning, points.ahead.coupling)
     delta, b = (values.reshape(2, count, -1)[kind, :, each] for values in parts)
     cubic = np.linalg.solve(np.vander(INSIDE), ((delta - 2 * b) * (delta + 2 * b)).T)
-    inside = ~points.stable.reshape(count, -1).any(axis=0)
     for end, which, side in ((start, blurred[0][chosen], -1.0), (stop, blurred[1][chosen], 1.0)):
         u = np.full(len(chosen), side)
         for _ in range(STEPS):
@@ -88,7 +86,7 @@ def _sharpen(pattern: Pattern, start: Array, stop: Array, meetings: Array, toler
             for c in cubic:
                 value, slope = value * u + c, slope * u + value
             u = u - value / slope
-        good = which & inside & (np.abs(u - side) < TRUSTED)
+        good = which & (np.abs(u - side) < TRUSTED)  # not where a point is stable and u is NaN
         end["cycle"][chosen[good]] = (middle + half * u)[good]
         end["error"][chosen[good]] = SHARP * tolerance * (middle + half * u)[good]
     return count * np.bincount(row, minlength=len(pattern.rows))
