@@ -28,6 +28,9 @@ SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP"
 temporary: set[str] = set()
 """Files that are being written and have no final name yet."""
 
+_came = False
+"""Whether a signal raised KeyboardInterrupt in :func:`raised`."""
+
 
 def leave(number: int, frame: Any) -> None:
     """End the process at once, with one line on standard error; a signal handler.
@@ -70,6 +73,17 @@ def end_with(parent: int) -> None:
     Thread(target=watch, daemon=True).start()
 
 
+def heed() -> None:
+    """Raise KeyboardInterrupt if a signal did so in :func:`raised` and was not heeded.
+
+    Libraries may make something else of it: NumPy a TypeError that structured arrays cannot be compared, or nothing.
+    """
+    from threading import current_thread, main_thread
+
+    if _came and current_thread() is main_thread():
+        raise KeyboardInterrupt
+
+
 @contextmanager
 def raised(late: Callable[[], bool]) -> Iterator[None]:
     """Let the signals raise KeyboardInterrupt (where signals can be handled: in the main thread).
@@ -78,6 +92,8 @@ def raised(late: Callable[[], bool]) -> Iterator[None]:
 
     late: whether it is too late for that; then they are ignored.
     """
+    global _came
+
     from threading import Timer, current_thread, get_ident, main_thread
 
     if current_thread() is not main_thread():
@@ -89,9 +105,11 @@ def raised(late: Callable[[], bool]) -> Iterator[None]:
     send = getattr(signal, "pthread_kill", lambda _, number: signal.raise_signal(number))
 
     def interrupt(number: int, frame: Any) -> None:
+        global _came
         nonlocal last
         last = signal.Signals(number)
         if not late():
+            _came = True
             raise KeyboardInterrupt
 
     def swallowed(lost: sys.UnraisableHookArgs) -> None:
@@ -114,7 +132,11 @@ def raised(late: Callable[[], bool]) -> Iterator[None]:
         sys.unraisablehook = swallowed
     try:
         yield
+    except Exception:
+        heed()
+        raise
     finally:
+        _came = False
         sys.unraisablehook = hook
         for number in changed:
             signal.signal(number, before[number])

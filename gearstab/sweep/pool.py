@@ -27,7 +27,7 @@ from itertools import islice
 from typing import Any
 
 from gearstab.floquet.kernel import choice as kernel
-from gearstab.interrupts import end_with
+from gearstab.interrupts import end_with, heed
 from gearstab.methods import Outcome
 from gearstab.sweep.compute import compute
 from gearstab.sweep.plan import GridBlock, Plan
@@ -98,11 +98,14 @@ def attempt(plan: Plan, block: GridBlock, threads: int, taken: Outcome | None = 
     threads: how many a call of the compiled kernel may use, in which it runs rows of the block side by side. taken:
     what it takes over from an earlier result, where that was read before.
     """
+    found: FinishedBlock | Failure
     try:
         with kernel.using(plan.kernel, threads):
-            return compute(plan, block, taken)
+            found = compute(plan, block, taken)
     except Exception as error:
-        return Failure(block, error)
+        found = Failure(block, error)
+    heed()
+    return found
 
 
 def _in_threads(plan: Plan, blocks: list[GridBlock], jobs: int, reporter: Reporter) -> Iterator[Result]:

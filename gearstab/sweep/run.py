@@ -79,10 +79,11 @@ def run(
     out, reporter = Path(out), progress or Reporter()
     before = earlier.identity(out)
     found = earlier.look(plan, out, overwrite)
+    folder = PartFolder(out, plan.digest)
     if found.complete:
         _refresh(plan, out, found)
+        _remove_parts(plan, folder)
         return Summary(plan.points, plan.blocks, complete=True)
-    folder = PartFolder(out, plan.digest)
     folder.check()
     prepare(out)
     if found.note:
@@ -101,6 +102,15 @@ def run(
             reporter.message(f"warning: {text}")
         work = Work(plan, store, jobs or ckernel.threads(), reporter, most_failures, scheduler)
         return _run(work, out, before)
+
+
+def _remove_parts(plan: Plan, folder: PartFolder) -> None:
+    """Remove the parts of a complete result, which a sweep that was killed at its very end left."""
+    if folder.path.is_dir():
+        with suppress(OutputError, OSError), closing(Store(plan, folder)) as store:
+            folder.check()
+            store.take()
+            store.remove()
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,8 @@ import subprocess
 import sys
 import time
 import weakref
+from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from threading import Event
 
@@ -15,6 +17,11 @@ import pytest
 from scenes import ROOT, TRAIN
 
 from gearstab import interrupts
+from gearstab.config import load
+from gearstab.methods import Outcome
+from gearstab.sweep import Interrupted, plan, pool, run
+from gearstab.sweep.plan import GridBlock, Plan
+from gearstab.sweep.storage.parts import FinishedBlock
 
 pytestmark = pytest.mark.skipif(not hasattr(signal, "SIGHUP"), reason="needs signals of POSIX")
 
@@ -203,7 +210,7 @@ def test_a_stopped_worker_keeps_no_interrupted_sweep_alive(tmp_path: Path) -> No
     from sweep_faults import CONFIG as SLOW
 
     (tmp_path / "train.yaml").write_text(SLOW)
-    (tmp_path / "slow").write_text("0.5")
+    (tmp_path / "hold").write_text("3")
     command = [sys.executable, str(script), str(tmp_path / "train.yaml"), str(tmp_path / "out.h5"), "2", str(tmp_path)]
     process = subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
@@ -217,6 +224,7 @@ def test_a_stopped_worker_keeps_no_interrupted_sweep_alive(tmp_path: Path) -> No
         assert workers
         for worker in workers:
             os.kill(worker, signal.SIGSTOP)
+        (tmp_path / "hold").unlink()
         process.send_signal(signal.SIGTERM)
         _, said = process.communicate(timeout=30)
         assert process.returncode == 130, said
@@ -280,3 +288,40 @@ def test_an_interrupt_that_python_swallows_comes_again(capfd: pytest.CaptureFixt
     with pytest.raises(KeyboardInterrupt):
         used()
     assert "Traceback" not in capfd.readouterr().err
+
+
+@pytest.mark.parametrize("fate", [lambda: None, lambda: int("another exception")])
+def test_an_interrupt_of_which_a_library_made_something_else_comes_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fate: Callable[[], object]
+) -> None:
+    (tmp_path / "train.yaml").write_text(CONFIG)
+    compute = pool.compute
+
+    def interrupted(plan: Plan, block: GridBlock, taken: Outcome | None) -> FinishedBlock:
+        if block.number == 1:
+            with suppress(KeyboardInterrupt):
+                signal.raise_signal(signal.SIGTERM)
+            fate()
+        return compute(plan, block, taken)
+
+    monkeypatch.setattr(sys.modules["gearstab.sweep.plan"], "MOST", 1 << 13)
+    with monkeypatch.context() as patch:
+        patch.setattr(pool, "compute", interrupted)
+        with pytest.raises(Interrupted, match="1 of 12 blocks are kept"):
+            run(plan(load(tmp_path / "train.yaml")), tmp_path / "out.h5", 1)
+    assert run(plan(load(tmp_path / "train.yaml")), tmp_path / "out.h5", 1).reused == 1
+
+
+def test_an_exception_without_an_interrupt_stays_one() -> None:
+    def used(signals: int) -> None:
+        with interrupts.raised(lambda: False):
+            for _ in range(signals):
+                with suppress(KeyboardInterrupt):
+                    signal.raise_signal(signal.SIGTERM)
+            raise ValueError("mine")
+
+    for _ in range(2):
+        with pytest.raises(ValueError, match="mine"):
+            used(0)
+        with pytest.raises(KeyboardInterrupt):
+            used(1)

@@ -11,6 +11,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from time import sleep
 from typing import Any
 
 import numpy as np
@@ -96,8 +97,12 @@ def processes() -> Iterator[list[subprocess.Popen[str]]]:
 
 
 def test_two_equal_sweeps_at_once_end_well(folder: Path, processes: list[subprocess.Popen[str]]) -> None:
-    (folder / "slow").write_text("0.15")
+    (folder / "hold").write_text("2")
     processes += [start(folder, "train.yaml"), start(folder, "train.yaml")]
+    while not (folder / "log").exists() or (folder / "log").read_text().split().count("2") < 2:
+        assert None in [process.poll() for process in processes]
+        sleep(0.01)
+    (folder / "hold").unlink()
     for process in processes:
         _, said = process.communicate(timeout=120)
         assert process.returncode == 0, said
@@ -110,14 +115,14 @@ def test_two_equal_sweeps_at_once_end_well(folder: Path, processes: list[subproc
 def test_the_first_of_two_equal_sweeps_leaves_the_parts_to_the_other(
     folder: Path, processes: list[subprocess.Popen[str]]
 ) -> None:
-    (folder / "slow").write_text("0.5")
+    (folder / "hold").write_text("3")
     slow = start(folder, "train.yaml")
     processes.append(slow)
     assert slow.stdout is not None
     for _ in range(2):
         assert slow.stdout.readline() == "block\n"
     slow.send_signal(signal.SIGSTOP)
-    (folder / "slow").write_text("0.0")
+    (folder / "hold").unlink()
     assert "going on with" in swept(folder)[0]
     check(folder)
     # Nothing of what the slower one needs is gone.
@@ -133,13 +138,13 @@ def test_the_first_of_two_equal_sweeps_leaves_the_parts_to_the_other(
 def test_of_two_different_sweeps_the_later_says_so_and_keeps_its_parts(
     folder: Path, processes: list[subprocess.Popen[str]]
 ) -> None:
-    (folder / "slow").write_text("0.3")
+    (folder / "hold").write_text("2")
     slow = start(folder, "other.yaml")
     processes.append(slow)
     assert slow.stdout is not None
     assert slow.stdout.readline() == "block\n"
     slow.send_signal(signal.SIGSTOP)
-    (folder / "slow").write_text("0.0")
+    (folder / "hold").unlink()
     swept(folder)
     check(folder)
     slow.send_signal(signal.SIGCONT)
@@ -356,6 +361,25 @@ def test_what_is_no_part_file_is_ignored(folder: Path, kind: str) -> None:
     check(folder)
     if kind == "link":
         assert (folder / "elsewhere").read_bytes() == data
+
+
+def test_parts_beside_a_complete_result_go_unless_somebody_holds_them(folder: Path) -> None:
+    """A sweep that is killed at its very end leaves them."""
+    pytest.importorskip("fcntl")
+    interrupted(folder)
+    shutil.copytree(folder / "out.h5.parts", folder / "copy")
+    swept(folder)
+    assert not (folder / "out.h5.parts").exists()
+    shutil.copytree(folder / "copy", folder / "out.h5.parts")
+    (folder / "log").unlink()
+    held = Hold(parts(folder)[0].parent)
+    held.take()
+    swept(folder)
+    assert len(parts(folder)) == ROWS - 1
+    held.drop()
+    swept(folder)
+    assert not (folder / "out.h5.parts").exists()
+    assert not (folder / "log").exists()
 
 
 def test_what_a_killed_sweep_left_half_written_goes(folder: Path) -> None:

@@ -98,9 +98,13 @@ class Store:
         found = self.folder.find(set(blocks))
         self.finished.blocks.update({key: part for key, part in found.items() if fits(plan, blocks[key], part)})
 
+    def take(self) -> None:
+        """Make the folder, and keep others from removing it. Raises OSError."""
+        self._hold.take()
+
     def open_folder(self) -> None:
         """Make the folder, for other processes to write to, and write what is in memory. Raises OSError."""
-        self._hold.take()
+        self.take()
         self.flush()
 
     def add(self, part: FinishedBlock) -> None:
