@@ -9,6 +9,8 @@ import pytest
 from planetary_gears import planetary
 
 from gearstab.floquet.boundaries import Boundaries, boundaries
+from gearstab.floquet.boundaries.undamped import compiled
+from gearstab.floquet.kernel.choice import using
 from gearstab.floquet.segments.blocks import split
 from gearstab.floquet.segments.pattern import prepare
 from gearstab.modal import mean_modes
@@ -55,6 +57,18 @@ def joined(*found: Boundaries) -> np.ndarray:
         else:
             result.append([low, high])
     return np.array(result)
+
+
+@pytest.mark.parametrize("density", [0.3, 0.4, 0.6, 0.8, 1.0])
+def test_edges_beside_a_multiplier_that_passes_one(density: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    # Multipliers meet 3e-5 rad from 1 just after one of them passed 1: there too long a step loses their signs.
+    system = planetary()
+    monkeypatch.setattr(compiled, "DENSITY", density)
+    found = boundaries(system, 4.1, 6.2, 1e-10, 1e-5, reduction=False)
+    with using(kernel="numpy"):
+        known = boundaries(system, 4.5, 4.6, 1e-10, 1e-5)
+    own = (found.lower > 4.5) & (found.upper < 4.6)
+    np.testing.assert_allclose(edges(found)[own], edges(known), rtol=3e-10)
 
 
 @pytest.mark.parametrize(("changes", "start", "stop"), [({}, 4.1, 6.2), ({"damping_ratio": 0.005}, 5.3, 6.2)])

@@ -252,7 +252,9 @@ struct finding compare(const struct sample *left, const struct sample *right, in
         if (off >= 0 && single_edge(in, gap, out, passages(left, right, place))) {
             found.kind = left->stable ? ENTRANCE : EXIT;
             *(left->stable ? &found.right : &found.left) = off;
-            found.doubtful = place == ELSEWHERE && swept(left, right, hull(own, off_range(out->off + off)), own, NOWHERE);
+            /* Pairs that are almost alike leave the circle one after the other: one of them, from inside, does not tell the edge. */
+            found.doubtful = place == ELSEWHERE &&
+                             (out->offs > 1 || swept(left, right, hull(own, off_range(out->off + off)), own, NOWHERE));
         }
     }
     return found;

@@ -1,6 +1,6 @@
 /* All instability boundaries of the rows of a conservative pattern along the period.
 
-   A row is searched window by window: points uniform in the period, about one a collision of multipliers; then the brackets
+   A row is searched window by window: points uniform in the period, about one for two collisions of multipliers; then the brackets
    between neighbours are refined, all of a window at once, one point a bracket and round, until each holds nothing, an edge
    within the tolerance, or a collision that opens less than the floor. What a bracket holds is said by counts (brackets.c), where
    to look by interpolation (steps.c); only verdicts at points count. */
@@ -11,157 +11,21 @@
 #include <string.h>
 
 #include "search.h"
+#include "window.h"
 
 #define WINDOW 96         /* points of the scan in a window */
 #define COARSEST 6        /* points of a row that has hardly any collisions */
-#define STEP 0x1p-24      /* to the second point that tells signs and speeds, relative; and not above this part of the floor: */
-#define STEP_OF_FLOOR 0x1p-4
 #define APART 4           /* points of a scan from one direct count to the next, n/2 of large systems; a third of a search less */
+#define SHORTER 2         /* binary digits by which the step to the second point shrinks with every attempt, see evaluate */
 #define PATIENCE 4        /* rounds of interpolation in which a bracket must halve */
 #define ATTEMPTS 4        /* points tried where signs are lost in rounding, before a bracket is left as it is */
 #define ACCURATE 0.1      /* part of the tolerance within which Newton's step must end */
 #define SMALL 0.26        /* of the spacing: brackets whose counts are unknown are taken at face value below */
 
-struct bracket {
-    int left, right, age, failures, smooth;
-    double width; /* when the present rounds of interpolation began */
-};
-
-/* Samples come in blocks that stay where they are. */
-enum { BLOCK = 256 };
-
-struct block {
-    struct sample sample[BLOCK];
-    struct letter *letter;
-    struct gap *gap;
-    struct off *off;
-};
-
-/* The work on one window of a row. */
-struct window {
-    const struct order *order;
-    void *spectra;
-    struct index_room *index;
-    int64_t n, row, evaluations;
-    double step, spacing;
-    struct block **block;
-    int blocks, samples;
-    struct bracket *open, *next; /* of this round and of the next */
-    int opens, nexts, bracket_room;
-    struct finding *found;                 /* of the open brackets that ask for a point */
-    double *cycle, *angle, *growth, *size; /* points asked for and those a step later */
-    int point_room;
-    struct item *items;
-    int *position;
-    double *phase;
-    struct edge *edge;
-    int64_t edges, edge_room;
-};
-
-static struct sample *at(const struct window *w, int i) { return &w->block[i / BLOCK]->sample[i % BLOCK]; }
-
-/* ---- memory; all return 0, or -1 when there is none */
-static int grow(void *given, int64_t *room, int64_t needed, size_t size) {
-    void **array = given;
-    if (needed <= *room)
-        return 0;
-    int64_t more = needed + needed / 2 + 16;
-    void *moved = realloc(*array, (size_t)more * size);
-    if (!moved)
-        return -1;
-    *array = moved;
-    *room = more;
-    return 0;
-}
-
-static void block_free(struct block *block) {
-    if (!block)
-        return;
-    free(block->letter);
-    free(block->gap);
-    free(block->off);
-    free(block);
-}
-
-static int block_new(struct window *w) {
-    struct block **blocks = realloc(w->block, (size_t)(w->blocks + 1) * sizeof *blocks);
-    if (!blocks)
-        return -1;
-    w->block = blocks;
-    struct block *b = w->block[w->blocks] = calloc(1, sizeof *b);
-    if (!b)
-        return -1;
-    size_t n = (size_t)w->n;
-    b->letter = malloc(BLOCK * n * sizeof *b->letter);
-    b->gap = malloc(BLOCK * (n + 1) * sizeof *b->gap);
-    b->off = malloc(BLOCK * n * sizeof *b->off);
-    if (!b->letter || !b->gap || !b->off) {
-        block_free(b);
-        return -1;
-    }
-    for (size_t i = 0; i < BLOCK; i++) {
-        b->sample[i].letter = b->letter + i * n;
-        b->sample[i].gap = b->gap + i * (n + 1);
-        b->sample[i].off = b->off + i * n;
-    }
-    w->blocks++;
-    return 0;
-}
-
-static void window_free(struct window *w) {
-    for (int i = 0; i < w->blocks; i++)
-        block_free(w->block[i]);
-    free(w->block);
-    free(w->open), free(w->next), free(w->found);
-    free(w->cycle), free(w->angle), free(w->growth), free(w->size);
-    free(w->items), free(w->position), free(w->phase);
-    index_free(w->index);
-    if (w->spectra)
-        w->order->level->spectra_free(w->spectra);
-}
-
-static int window_new(struct window *w, const struct order *order) {
-    *w = (struct window){.order = order, .n = order->exact->n};
-    double limit = STEP_OF_FLOOR * order->floor;
-    w->step = limit < STEP ? limit : STEP;
-    w->spectra = order->level->spectra_new(order->exact);
-    w->index = index_new(w->n);
-    w->items = malloc(2 * (size_t)w->n * sizeof *w->items);
-    w->position = malloc((size_t)w->n * sizeof *w->position);
-    w->phase = malloc((size_t)w->n * sizeof *w->phase);
-    return w->spectra && w->index && w->items && w->position && w->phase ? 0 : -1;
-}
-
-static int room_for_points(struct window *w, int count) {
-    if (count <= w->point_room)
-        return 0;
-    size_t room = (size_t)count + 64;
-    free(w->cycle), free(w->angle), free(w->growth), free(w->size);
-    w->cycle = malloc(2 * room * sizeof(double));
-    w->angle = malloc(2 * room * (size_t)w->n * sizeof(double));
-    w->growth = malloc(2 * room * (size_t)w->n * sizeof(double));
-    w->size = malloc(2 * room * sizeof(double));
-    w->point_room = w->cycle && w->angle && w->growth && w->size ? (int)room : 0;
-    return w->point_room ? 0 : -1;
-}
-
-static int room_for_brackets(struct window *w, int count) {
-    if (count <= w->bracket_room)
-        return 0;
-    size_t room = (size_t)count + (size_t)count / 2 + 64;
-    struct bracket *open = realloc(w->open, room * sizeof *open);
-    w->open = open ? open : w->open;
-    struct bracket *next = realloc(w->next, room * sizeof *next);
-    w->next = next ? next : w->next;
-    struct finding *found = realloc(w->found, room * sizeof *found);
-    w->found = found ? found : w->found;
-    w->bracket_room = open && next && found ? (int)room : w->bracket_room;
-    return open && next && found ? 0 : -1;
-}
-
 /* ---- points */
 
-/* Samples at the first `count` cycles of w->cycle, from number w->samples on; room_for_points was asked for. */
+/* Samples at the first `count` cycles of w->cycle, from number w->samples on; room_for_points was asked for. A step that meets
+   an event loses the signs. */
 static int evaluate(struct window *w, int count) {
     double *cycle = w->cycle, *later = cycle + count;
     int64_t n = w->n;
@@ -169,7 +33,7 @@ static int evaluate(struct window *w, int count) {
         if (block_new(w))
             return -1;
     for (int i = 0; i < count; i++)
-        later[i] = cycle[i] * (1.0 + w->step);
+        later[i] = cycle[i] * (1.0 + w->step * w->shorter[i]);
     w->order->level->spectra_at(w->spectra, 2 * count, cycle, w->angle, w->growth, w->size);
     for (int i = 0; i < count; i++) {
         struct sample *s = at(w, w->samples + i);
@@ -234,6 +98,7 @@ static int repair_scan(struct window *w, int first, int count) {
                 continue;
             int end = i == 0 || i == count - 1;
             double nudge = end ? 1e-11 * s->cycle : 0.07 * w->spacing;
+            w->shorter[0] = 1.0;
             w->cycle[0] = s->cycle + (i == count - 1 ? -1 : 1) * attempt * nudge;
             int kept = w->samples;
             if (evaluate(w, 1))
@@ -256,7 +121,7 @@ static int scan(struct window *w, double first, double last) {
     if (room_for_points(w, count) || room_for_brackets(w, count))
         return -1;
     for (int i = 0; i < count; i++)
-        w->cycle[i] = i == count - 1 ? last : first + (last - first) * i / (count - 1);
+        w->shorter[i] = 1.0, w->cycle[i] = i == count - 1 ? last : first + (last - first) * i / (count - 1);
     if (evaluate(w, count))
         return -1;
     count_scan(w, 0, count);
@@ -345,17 +210,38 @@ static void divide(struct window *w, const struct bracket *b, int point, int smo
     }
 }
 
+/* Leave out what lies between two stable points less than a floor apart: a tongue in there is narrower still. */
+static void leave_narrow(struct window *w) {
+    int kept = 0;
+    for (int i = 0, end; i < w->opens; i = end) {
+        const struct sample *first = at(w, w->open[i].left);
+        end = i + 1;
+        if (first->stable)
+            while (!at(w, w->open[end - 1].right)->stable && end < w->opens && w->open[end].left == w->open[end - 1].right)
+                end++;
+        const struct sample *last = at(w, w->open[end - 1].right);
+        if (first->stable && last->stable && last->cycle - first->cycle <= w->order->floor * first->cycle)
+            continue;
+        for (int k = i; k < end; k++)
+            w->open[kept++] = w->open[k];
+    }
+    w->opens = kept;
+}
+
 static int refine(struct window *w) {
     while (w->opens > 0) {
         int asking = 0;
+        leave_narrow(w);
         if (room_for_points(w, w->opens) || room_for_brackets(w, 2 * w->opens))
             return -1;
         for (int i = 0; i < w->opens; i++) {
             int more = advance(w, &w->open[i], &w->found[asking], &w->cycle[asking]);
             if (more < 0)
                 return -1;
-            if (more)
+            if (more) {
+                w->shorter[asking] = ldexp(1.0, -SHORTER * w->open[i].failures);
                 w->open[asking++] = w->open[i];
+            }
         }
         int first = w->samples;
         if (asking && evaluate(w, asking))

@@ -136,6 +136,7 @@ struct spectra {
     const struct conservative *pattern;
     struct row row;
     struct room room;
+    double *unit; /* (2n,) */
 };
 
 static void spectra_free(void *given) {
@@ -145,6 +146,7 @@ static void spectra_free(void *given) {
     panels_free(&s->room.panels);
     row_free(&s->row);
     free(s->room.memory);
+    free(s->unit);
     free(s);
 }
 
@@ -153,18 +155,33 @@ static void *spectra_new(const struct conservative *pattern) {
     if (!s)
         return NULL;
     s->pattern = pattern;
-    if (row_new(&s->row, pattern) || room_new(&s->room, pattern->n) || panels_new(&s->room.panels, pattern->n, PAYING)) {
+    s->unit = malloc(2 * (size_t)pattern->n * sizeof *s->unit);
+    if (!s->unit || row_new(&s->row, pattern) || room_new(&s->room, pattern->n) ||
+        panels_new(&s->room.panels, pattern->n, PAYING)) {
         spectra_free(s);
         return NULL;
     }
     return s;
 }
 
+/* Units in which all modes of the first segment turn on circles: in others the entries of M differ by ratios of frequencies,
+   its rounding errors are those of the largest, and it grows beyond what may be interpolated. */
+static void units_set(struct spectra *s) {
+    int64_t n = s->row.n;
+    for (int64_t i = 0; i < n; i++) {
+        const struct mode *mode = s->row.modes + i;
+        s->unit[i] = mode->kind == FREE ? 1.0 : sqrt(mode->frequency);
+        s->unit[n + i] = 1.0 / s->unit[i];
+    }
+}
+
 /* Turn to a row. Returns the longest window (in cycle) whose matrices may be interpolated; infinite where that does not pay. */
 static double spectra_row(void *given, int64_t index) {
     struct spectra *s = given;
     row_set(&s->row, s->pattern, index);
+    units_set(s);
     s->room.panels.count = 0;
+    s->room.panels.balance = s->unit;
     if (s->row.segments * (4 * s->row.n + 6) < PAYS_FROM)
         return INFINITY;
     double type = 0.0;

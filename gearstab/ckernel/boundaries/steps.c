@@ -14,6 +14,7 @@
 #define BESIDE 0.45
 #define SAME_DEPTH 0.005 /* relative errors of F, and of its slope times the width, that confirm a cubic */
 #define SAME_SLOPE 0.02
+#define AT_ONCE 0.1 /* of the floor: events that are predicted this near to each other are taken for one */
 #define INSIDE 0.05 /* of the bracket: no proposal for an open one is nearer to its ends */
 
 static struct cubic through(double f, double s, double g, double t) {
@@ -130,15 +131,56 @@ static double until_event(const struct sample *s, int direction) {
     return least;
 }
 
-/* Between what the left end expects as its next event and the right end as its last. */
-static double among_several(const struct sample *left, const struct sample *right) {
-    double width = right->cycle - left->cycle;
+/* Between what the left end expects as its next event and the right end as its last. Where both mean the same place, as for
+   systems of identical parts, whose multipliers meet several at once: beside it, as in into_tongue. */
+static double among_several(const struct sample *left, const struct sample *right, double floor) {
+    double width = right->cycle - left->cycle, least = floor * left->cycle;
     double a = until_event(left, 1), b = width - until_event(right, -1);
-    if (!(a > 0.0 && a < b && b < width))
+    if (!(a > 0.0 && a < width && b > 0.0 && b < width))
         return NAN;
     double middle = 0.5 * (a + b);
+    if (fabs(a - b) < AT_ONCE * least)
+        return left->cycle + middle + (middle > (BESIDE + 0.01) * least ? -BESIDE : BESIDE) * least;
+    if (a > b)
+        return NAN;
     middle = middle < INSIDE * width ? INSIDE * width : middle > (1.0 - INSIDE) * width ? (1.0 - INSIDE) * width : middle;
     return left->cycle + middle;
+}
+
+/* How fast the multipliers close in at a stable point that have left the circle elsewhere at an angle. */
+static double closing_speed(const struct sample *s, const struct off *off) {
+    double nearest[2] = {INFINITY, INFINITY}, speed[2] = {0.0, 0.0};
+    for (int k = 0; k < s->letters; k++) {
+        const struct letter *l = s->letter + k;
+        double distance = fabs(l->angle - off->angle);
+        int side = l->sign > 0;
+        if (distance < nearest[side])
+            nearest[side] = distance, speed[side] = l->speed;
+    }
+    if (off->place != ELSEWHERE)
+        return 2.0 * (nearest[0] < nearest[1] ? speed[0] : speed[1]);
+    return speed[0] + speed[1];
+}
+
+/* From an unstable point in a tongue that is likely to be narrower than the floor: beside it, towards the stable one. */
+static double out_of_tongue(const struct sample *left, const struct sample *right, const struct finding *found, double floor) {
+    const struct sample *in = left->stable ? left : right, *out = left->stable ? right : left;
+    double width = right->cycle - left->cycle, least = floor * left->cycle;
+    if (!out->known)
+        return NAN;
+    for (int m = 0; m < out->offs; m++) {
+        /* F = gamma^2 x^2 - 4 b^2 and its slope tell the width 4 |b|/gamma. */
+        double gamma = closing_speed(in, out->off + m);
+        if (found->kind != OPEN) {
+            struct cubic c = course(left, right, found);
+            gamma = sqrt(fabs(2.0 * c.p + 3.0 * c.q) / 2.0) / width;
+        }
+        double slope = 0.5 * out->off[m].slope / gamma;
+        if (!(2.0 * sqrt(slope * slope - out->off[m].square) < CLOSED * least * gamma))
+            return NAN;
+    }
+    double probe = out->cycle + (out == left ? BESIDE : -BESIDE) * least;
+    return probe > left->cycle && probe < right->cycle ? probe : NAN;
 }
 
 /* Between unstable points: where F comes nearest to 0, if it does, or in the middle. */
@@ -177,8 +219,13 @@ double propose(const struct sample *left, const struct sample *right, const stru
     double width = right->cycle - left->cycle, least = 0.4 * tolerance * left->cycle;
     if (found->kind == NARROW)
         return into_tongue(left, right, found, floor);
+    if (left->stable != right->stable) {
+        double beside = out_of_tongue(left, right, found, floor);
+        if (!isnan(beside))
+            return beside;
+    }
     if (found->kind == OPEN)
-        return left->stable || right->stable ? among_several(left, right) : through_gap(left, right, found);
+        return left->stable || right->stable ? among_several(left, right, floor) : through_gap(left, right, found);
     struct cubic c = course(left, right, found);
     double at = left->cycle + width * zero(&c);
     at = at < left->cycle + least ? left->cycle + least : at;

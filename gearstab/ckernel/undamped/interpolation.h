@@ -33,6 +33,7 @@ struct panels {
     double *coefficient; /* of the panels that pay, one after the other, with room for `held` of them */
     size_t held;
     vec *sample;         /* (NODES / LANES, 4 n^2) */
+    const double *balance; /* (2n,), what the coordinates are multiplied by first, or NULL */
     void *memory;
 };
 
@@ -68,6 +69,13 @@ static void panels_room(struct panels *panels, int64_t n) {
             panels->panel[k].coefficient = panels->coefficient + given++ * entries;
 }
 
+/* The matrix x (2n, 2n), by columns, in coordinates of other units. */
+INLINE void rescale(const double *unit, int64_t n, vec *x) {
+    for (int64_t j = 0; j < 2 * n; j++)
+        for (int64_t i = 0; i < 2 * n; i++)
+            x[j * 2 * n + i] = x[j * 2 * n + i] * (unit[i] / unit[j]);
+}
+
 /* The polynomials of one panel from its nodes; the largest entry there, or 0 if they cannot be trusted. */
 static double panel_fill(struct panels *panels, const struct row *row, int64_t k, vec *work) {
     int64_t entries = 4 * row->n * row->n;
@@ -77,7 +85,10 @@ static double panel_fill(struct panels *panels, const struct row *row, int64_t k
         vec period, *x = panels->sample + i / LANES * entries;
         for (int64_t lane = 0; lane < LANES; lane++)
             period[lane] = middle + half * panels->cosine[2 * (i + lane) + 1];
-        vec scale = propagate(row, row->n, period, x, work), largest = largest_entry(x, entries);
+        vec scale = propagate(row, row->n, period, x, work), largest;
+        if (panels->balance)
+            rescale(panels->balance, row->n, x);
+        largest = largest_entry(x, entries);
         for (int64_t lane = 0; lane < LANES; lane++) {
             if (scale[lane] != 0.0 || !(largest[lane] <= MOST_GROWN))
                 return 0.0;
