@@ -229,6 +229,9 @@ def shares() -> None:
             share(f"moduli.h, {name}", counter.paths(), omega.size, "squared", "squared twice", "left to QR")
         (pattern,) = prepare(train("1", ROWS))
         omega = np.linspace(0.35, 7, 1000) / pattern.elastic.rate[:, None]
+        counter.paths()
+        c_kernel.scan(pattern, omega, 1)
+        share("stretches.h", counter.paths(), omega.size, "interpolated", "propagated")
         verdict, *_ = c_kernel.scan_traces(pattern, omega, True, 1)
         share("interpolation.h", counter.paths(), omega.size, "interpolated", "propagated")
         doubtful = int((verdict == DOUBTFUL).sum())
@@ -317,7 +320,7 @@ def main() -> None:
     print(f"vector instructions: {ckernel.simd()}; medians of {rounds} rounds\n")
     with kernel.using("c"):
         closed_form("1", (100, 2000, 40000), rounds)
-        closed_form("3/5", (60, None, None), rounds)
+        closed_form("3/5", (75, None, None), rounds)
         preparation(rounds)
         general_damping(rounds)
         many_coordinates(rounds)

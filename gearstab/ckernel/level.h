@@ -22,6 +22,7 @@ PRAGMA_TARGET(TARGET)
 #include "modal.h"
 #include "interpolation.h"
 #include "traces.h"
+#include "stretches.h"
 #include "conservative.h"
 #include "moduli.h"
 #include "damped.h"

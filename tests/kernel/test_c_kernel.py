@@ -27,6 +27,7 @@ from gearstab.waveforms import Rectangular
 pytestmark = pytest.mark.skipif(ckernel.library is None, reason="the compiled kernel was not built")
 LEVELS = ckernel.library.levels() if ckernel.library is not None else []
 POINTS = 203  # a multiple of no vector's length
+FEW = 61  # for which polynomials never pay
 
 
 @pytest.fixture(params=LEVELS)
@@ -256,9 +257,10 @@ def test_any_number_of_points(level, n, points):
 
 @pytest.mark.parametrize("n", [1, 2, 3])
 def test_a_point_has_the_same_bits_beside_any_others(level, n):
-    ((pattern, omega), *_) = patterns(system(n, "one mesh", 6), POINTS)
+    """Where all are propagated; rows of many points, see test_stretches.py."""
+    ((pattern, omega), *_) = patterns(system(n, "one mesh", 6), FEW)
     whole = c_kernel.scan(pattern, omega)
-    some = np.random.default_rng(5).permutation(POINTS)[:51]
+    some = np.random.default_rng(5).permutation(FEW)[:23]
     for found, expected in zip(c_kernel.scan(pattern, omega[:, some]), whole, strict=True):
         np.testing.assert_array_equal(found, expected[:, some])
 

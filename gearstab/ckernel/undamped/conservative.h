@@ -36,7 +36,7 @@ INLINE void store_verdict(int8_t *verdict, int64_t k, int64_t count, struct deci
 struct room {
     vec *x, *work, *real, *imaginary;
     void *memory;
-    struct panels panels; /* without any unless points may be interpolated */
+    struct panels panels; /* without any unless matrices may be interpolated */
 };
 
 INLINE int room_new(struct room *room, int64_t n) {
@@ -76,48 +76,90 @@ INLINE vec matrix_at(const struct row *row, int64_t n, const struct room *room, 
     return scale;
 }
 
-/* A row of n <= 3 coordinates, n a constant where this is inlined. */
-INLINE void scan_row(const struct row *row, int64_t n, const struct room *room, int64_t points, const double *omega,
-                     int8_t *verdict, double *growth, double *rho, double *magnified) {
-    vec *x = room->x, *work = room->work, s[BATCH][3];
+/* Where a row's answers go, (points,) each; what is not wanted is NULL. */
+struct answers {
+    int8_t *verdict;
+    double *growth, *rho, *magnified;
+};
+
+/* Coefficients and verdict of LANES points from position k on, n <= 3; those that a stretch leaves in doubt, or all
+   without one, are propagated. */
+INLINE struct decision decide_few(const struct row *row, int64_t n, const struct room *room, const struct stretch *stretch,
+                                  vec asked, int64_t k, int64_t points, const struct answers *to, vec s[3]) {
+    struct decision found = {{0}, ~(mask){0}};
+    if (stretch) {
+        stretch_at(stretch, n, row->cycles / asked, s);
+        found = classify(s, n, row->limits, stretch->noise);
+        COUNT(INTERPOLATED, points - k < LANES ? points - k : LANES);
+        if (!any(found.doubtful))
+            return found;
+    }
+    mask again = found.doubtful;
+    vec own[3], scale = matrix_at(row, n, room, period_of(row, asked), k, points, to->magnified);
+    coefficients(room->x, n, own);
+    struct decision exact = classify(own, n, row->limits, 0.0);
+    exact.doubtful |= (scale > 0.0) | ~(row->highest * (row->cycles / asked) < MOST_TURNS);
+    if (to->rho) {
+        general_traces(room->x, n, room->real, room->imaginary, room->work);
+        store_traces(to->rho, n, k, points, room->real, room->imaginary, scale == 0.0);
+    }
+    for (int64_t e = 0; e < n; e++)
+        s[e] = stretch ? choose(again, own[e], s[e]) : own[e];
+    found.stable = (again & exact.stable) | (~again & found.stable);
+    found.doubtful = again & exact.doubtful;
+    return found;
+}
+
+/* Points begin..end-1 of a row of n <= 3 coordinates, n a constant where this is inlined; stretch: theirs, or NULL. */
+INLINE void scan_points(const struct row *row, int64_t n, const struct room *room, const struct stretch *stretch,
+                        int64_t begin, int64_t end, const double *omega, const struct answers *to) {
+    vec s[BATCH][3];
     mask unstable[BATCH];
-    for (int64_t start = 0; start < points; start += BATCH * LANES) {
-        int64_t stop = start + BATCH * LANES < points ? start + BATCH * LANES : points;
+    for (int64_t start = begin; start < end; start += BATCH * LANES) {
+        int64_t stop = start + BATCH * LANES < end ? start + BATCH * LANES : end;
         for (int64_t k = start, c = 0; k < stop; k += LANES, c++) {
-            vec asked = load_part(omega, k, points);
-            vec scale = matrix_at(row, n, room, period_of(row, asked), k, points, magnified);
-            coefficients(x, n, s[c]);
-            struct decision found = classify(s[c], n, row->limits);
-            found.doubtful |= (scale > 0.0) | ~(row->highest * (row->cycles / asked) < MOST_TURNS);
+            vec asked = load_part(omega, k, end);
+            struct decision found = decide_few(row, n, room, stretch, asked, k, end, to, s[c]);
             unstable[c] = ~(found.stable | found.doubtful);
-            store_verdict(verdict, k, points, found);
-            if (rho) {
-                general_traces(x, n, room->real, room->imaginary, work);
-                store_traces(rho, n, k, points, room->real, room->imaginary, scale == 0.0);
-            }
+            store_verdict(to->verdict, k, end, found);
         }
         for (int64_t k = start, c = 0; k < stop; k += LANES, c++) {
             vec value = all(0.0);
             if (any(unstable[c]))
                 value = choose(unstable[c], growth_of(s[c], n), value);
-            store_part(growth, k, points, value);
+            store_part(to->growth, k, end, value);
         }
     }
 }
 
+/* A row, stretch by stretch unless the traces of all points are wanted. */
+INLINE void scan_row(const struct row *row, int64_t n, const struct room *room, int64_t points, const double *omega,
+                     const struct answers *to) {
+    struct cut cut;
+    cut.count = 1, cut.part[0] = (struct part){0, points, -1};
+    if (!to->rho) /* which take a matrix */
+        cut_row(&cut, row, n, points, omega);
+    for (int64_t k = 0; k < cut.count; k++) {
+        const struct part *part = cut.part + k;
+        struct stretch stretch;
+        int fitted = part->which >= 0 && stretch_set(&stretch, row, n, &cut, part, omega, room->x, room->work);
+        scan_points(row, n, room, fitted ? &stretch : NULL, part->begin, part->end, omega, to);
+    }
+}
+
 static void scan_row_1(const struct row *row, const struct room *room, int64_t points, const double *omega,
-                       int8_t *verdict, double *growth, double *rho, double *magnified) {
-    scan_row(row, 1, room, points, omega, verdict, growth, rho, magnified);
+                       const struct answers *to) {
+    scan_row(row, 1, room, points, omega, to);
 }
 
 static void scan_row_2(const struct row *row, const struct room *room, int64_t points, const double *omega,
-                       int8_t *verdict, double *growth, double *rho, double *magnified) {
-    scan_row(row, 2, room, points, omega, verdict, growth, rho, magnified);
+                       const struct answers *to) {
+    scan_row(row, 2, room, points, omega, to);
 }
 
 static void scan_row_3(const struct row *row, const struct room *room, int64_t points, const double *omega,
-                       int8_t *verdict, double *growth, double *rho, double *magnified) {
-    scan_row(row, 3, room, points, omega, verdict, growth, rho, magnified);
+                       const struct answers *to) {
+    scan_row(row, 3, room, points, omega, to);
 }
 
 /* Stable: all rho real, inside (-2, 2) and too far apart for rounding errors to have parted a pair from the complex
@@ -145,18 +187,18 @@ static struct decision decide(int64_t n, const vec *real, const vec *imaginary, 
     return found;
 }
 
-static void scan_row_n(const struct row *row, struct room *room, int64_t points, const double *omega, int8_t *verdict,
-                       double *growth, double *rho, double *magnified) {
+static void scan_row_n(const struct row *row, const struct room *room, int64_t points, const double *omega,
+                       const struct answers *to) {
     for (int64_t k = 0; k < points; k += LANES) {
         vec asked = load_part(omega, k, points), value;
-        vec scale = matrix_at(row, row->n, room, period_of(row, asked), k, points, magnified);
+        vec scale = matrix_at(row, row->n, room, period_of(row, asked), k, points, to->magnified);
         vec size = general_traces(room->x, row->n, room->real, room->imaginary, room->work);
         struct decision found = decide(row->n, room->real, room->imaginary, size, &value);
         found.doubtful |= (scale > 0.0) | ~(row->highest * (row->cycles / asked) < MOST_TURNS);
-        store_part(growth, k, points, choose(found.doubtful, all(0.0), value));
-        store_verdict(verdict, k, points, found);
-        if (rho)
-            store_traces(rho, row->n, k, points, room->real, room->imaginary, scale == 0.0);
+        store_part(to->growth, k, points, choose(found.doubtful, all(0.0), value));
+        store_verdict(to->verdict, k, points, found);
+        if (to->rho)
+            store_traces(to->rho, row->n, k, points, room->real, room->imaginary, scale == 0.0);
     }
 }
 
@@ -164,21 +206,20 @@ static int scan(const struct conservative *pattern, int64_t first, int64_t last,
                 int8_t *verdict, double *growth, double *rho, double *magnified) {
     struct row row;
     struct room room = {0};
-    int failed = row_new(&row, pattern) || room_new(&room, pattern->n) ||
-                 (magnified && panels_new(&room.panels, pattern->n, points));
+    int64_t n = pattern->n;
+    int failed = row_new(&row, pattern) || room_new(&room, n) || (magnified && panels_new(&room.panels, n, points));
     for (int64_t r = first; !failed && r < last; r++) {
         row_set(&row, pattern, r);
         const double *asked = omega + r * points;
-        int8_t *code = verdict + r * points;
-        double *value = growth + r * points, *own = rho ? rho + r * points * pattern->n * 2 : NULL;
-        double *larger_by = magnified ? magnified + r * points : NULL;
+        struct answers to = {verdict + r * points, growth + r * points, rho ? rho + r * points * n * 2 : NULL,
+                             magnified ? magnified + r * points : NULL};
         if (magnified)
             panels_set(&room.panels, &row, points, asked, room.work);
-        switch (pattern->n) {
-        case 1: scan_row_1(&row, &room, points, asked, code, value, own, larger_by); break;
-        case 2: scan_row_2(&row, &room, points, asked, code, value, own, larger_by); break;
-        case 3: scan_row_3(&row, &room, points, asked, code, value, own, larger_by); break;
-        default: scan_row_n(&row, &room, points, asked, code, value, own, larger_by);
+        switch (n) {
+        case 1: scan_row_1(&row, &room, points, asked, &to); break;
+        case 2: scan_row_2(&row, &room, points, asked, &to); break;
+        case 3: scan_row_3(&row, &room, points, asked, &to); break;
+        default: scan_row_n(&row, &room, points, asked, &to);
         }
     }
     panels_free(&room.panels);

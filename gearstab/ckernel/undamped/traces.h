@@ -76,16 +76,19 @@ struct decision {
     mask stable, doubtful;
 };
 
-INLINE struct decision classify(const vec s[3], int64_t n, const struct limits *limits) {
+/* noise: errors of the coefficients beyond those of propagation, in units of those that it leaves on coefficients of one. */
+INLINE struct decision classify(const vec s[3], int64_t n, const struct limits *limits, double noise) {
     vec size = all(1.0), edge;
     for (int64_t k = 0; k < n; k++)
         size = larger(magnitude(s[k]) * (1.0 / 3.0), size);
     struct decision found;
     found.stable = inside(s, n, &edge);
-    found.doubtful = edge < limits->edge * size;
+    found.doubtful = edge < limits->edge * (size + noise);
     if (n > 1) {
         vec discriminant = scaled_discriminant(s, n), distance = magnitude(discriminant);
         found.stable &= discriminant > 0.0;
+        if (noise > 0.0)
+            distance = distance * (size / (size + noise));
         found.doubtful |= (distance < limits->discriminant) | ((distance < limits->growth) & ~found.stable);
     }
     mask regular = size < limits->coefficient; /* false for NaN in the last coefficient */
