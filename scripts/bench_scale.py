@@ -16,6 +16,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+import dask
 import numpy as np
 from distributed import LocalCluster
 from rich.console import Console
@@ -25,6 +26,7 @@ from gearstab.config import load, parameters_at
 from gearstab.floquet.kernel import c_kernel
 from gearstab.floquet.segments.blocks import split
 from gearstab.floquet.segments.pattern import prepare
+from gearstab.sweep.cluster import SETTINGS
 from gearstab.systems import build
 
 CONFIG = Path(__file__).parent.parent / "configs" / "lin_parker_2002" / "fig3.yaml"
@@ -99,9 +101,8 @@ def fastest(power: int, out: Path, *options: str) -> Cost:
 @contextmanager
 def workers() -> Iterator[str]:
     """Start two workers that are there before the clock runs; gives the address of their scheduler."""
-    with LocalCluster(
-        n_workers=2, threads_per_worker=1, memory_limit=0, dashboard_address=None, silence_logs=50
-    ) as cluster:
+    place = {"host": "127.0.0.1", "dashboard_address": None, "silence_logs": 50}
+    with dask.config.set(SETTINGS), LocalCluster(n_workers=2, threads_per_worker=1, memory_limit=0, **place) as cluster:
         yield cluster.scheduler_address
 
 

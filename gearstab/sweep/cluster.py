@@ -27,7 +27,7 @@ from gearstab.errors import RequestError, SweepError
 from gearstab.results.chunks import LEVEL, compress
 from gearstab.sweep.compute import taken_over
 from gearstab.sweep.plan import GridBlock, Plan
-from gearstab.sweep.pool import Executor, Failure, Result, attempt, interrupts_later
+from gearstab.sweep.pool import ONE_THREAD, Executor, Failure, Result, attempt, interrupts_later
 from gearstab.sweep.reporter import Reporter
 from gearstab.sweep.storage.store import Store
 from gearstab.version import __version__
@@ -40,6 +40,15 @@ CONNECT = 10.0
 """Seconds in which a scheduler must answer."""
 LOOK = 2.0
 """Seconds after which the state of the cluster is looked at, when nothing else happens."""
+SETTINGS = {
+    "distributed.scheduler.allowed-failures": 0,
+    "distributed.nanny.pre-spawn-environ": dict.fromkeys(ONE_THREAD, 1),
+    "distributed.worker.profile.enabled": False,
+}
+"""Of our own scheduler and workers. What a worker was at that dies is tried again by itself at once.
+
+With Dask's own settings the workers return memory to the system after every array, and a profiler looks at them a
+hundred times a second, which takes a third of their processor time."""
 WINDOW = 2
 """Blocks in flight for each thread of the workers: one that is computed and one that waits."""
 
@@ -95,17 +104,14 @@ def connected(address: str, jobs: int, reporter: Reporter) -> Iterator[Executor]
 
 @contextmanager
 def _own_cluster(jobs: int) -> Iterator[Any]:
-    """Start a scheduler and workers of one thread each on this machine, which interrupts from a terminal do not reach.
-
-    A worker that dies is replaced, and what it was at is tried again by itself at once.
-    """
+    """Start a scheduler and workers of one thread each here, which interrupts from a terminal do not reach."""
     from importlib.util import find_spec
 
     import dask
     import distributed
 
     dashboard = "127.0.0.1:0" if find_spec("bokeh") else None
-    with dask.config.set({"distributed.scheduler.allowed-failures": 0}):
+    with dask.config.set(SETTINGS):
         with interrupts_later():
             cluster = distributed.LocalCluster(
                 n_workers=jobs, threads_per_worker=1, memory_limit=0, dashboard_address=dashboard,
