@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import shutil
 import stat
 import subprocess
 import sys
@@ -244,6 +245,37 @@ def test_errors_carry_the_name_that_the_user_gave(tmp_path: Path, monkeypatch: p
                 write_bytes(tmp_path / "a", b"one")
             assert raised.value.filename == str(tmp_path / "a")
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.skipif(not Path("/proc/self").exists(), reason="needs a folder that takes no files from anybody")
+@pytest.mark.parametrize("command", WRITERS)
+def test_a_folder_that_takes_no_files_is_one_line(
+    folder: Path, capsys: pytest.CaptureFixture[str], command: str
+) -> None:
+    name = f"/proc/self/own{OWN[command]}"
+    assert refused(capsys, *WRITERS[command], name).startswith(f"{name}: ")
+
+
+@pytest.mark.parametrize("named", [False, True])
+def test_a_folder_that_vanishes_while_an_output_is_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, named: bool
+) -> None:
+    if named:
+        monkeypatch.delattr(os, "O_TMPFILE", raising=False)
+    out = tmp_path / "deep" / "a"
+
+    def written() -> None:
+        with writing(out) as file:
+            file.write(b"one")
+            shutil.rmtree(out.parent)
+
+    with pytest.raises(FileNotFoundError) as raised:
+        written()
+    assert raised.value.filename == str(out)
+    assert list(tmp_path.iterdir()) == []
+    assert not temporary
+    write_bytes(out, b"two")
+    assert [path.read_bytes() for path in out.parent.iterdir()] == [b"two"]
 
 
 def test_an_output_that_is_no_place_for_a_file(tmp_path: Path) -> None:

@@ -79,8 +79,8 @@ def heed() -> None:
         signal.signal(number, signal.SIG_DFL)
 
 
-def start(config: Path, out: Path, jobs: int) -> subprocess.Popen[str]:
-    words = ["sweep", str(config), "-o", str(out), "-j", str(jobs), "-q"]
+def start(config: Path, out: Path, jobs: int, *more: str) -> subprocess.Popen[str]:
+    words = ["sweep", str(config), "-o", str(out), "-j", str(jobs), "-q", *more]
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
     process = subprocess.Popen(
         [sys.executable, "-c", HASTY, *words], env=environment, text=True, stdout=subprocess.PIPE,
@@ -180,4 +180,31 @@ def test_ended_at_random_moments(
     assert process.returncode == 0, said
     assert data_of(out) == expected
     assert none_left(tmp_path), processes_in(tmp_path)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["out.h5", "train.yaml"]
+
+
+@pytest.mark.parametrize("number", SIGNALS)
+def test_workers_of_its_own_end_with_a_sweep(tmp_path: Path, number: int) -> None:
+    pytest.importorskip("distributed")
+    config, out = tmp_path / "train.yaml", tmp_path / "out.h5"
+    config.write_text(text_of("boundaries"))
+    begun = monotonic()
+    _, said = (process := start(config, out, 2, "--scheduler", "local")).communicate(timeout=300)
+    assert process.returncode == 0, said
+    seconds, expected = monotonic() - begun, data_of(out)
+    out.unlink()
+    moments = random.Random(f"workers {number}")
+    for _ in range(MOST):
+        process = start(config, out, 2, "--scheduler", "local")
+        try:
+            _, said = process.communicate(timeout=moments.uniform(0.2, 1.0) * seconds)
+        except subprocess.TimeoutExpired:
+            process.send_signal(number)
+            _, said = process.communicate(timeout=120)
+        assert "Traceback" not in said
+        assert process.returncode in (0, 130, -number), said
+        assert none_left(tmp_path), processes_in(tmp_path)
+    _, said = (process := start(config, out, 2)).communicate(timeout=300)
+    assert process.returncode == 0, said
+    assert data_of(out) == expected
     assert sorted(path.name for path in tmp_path.iterdir()) == ["out.h5", "train.yaml"]
