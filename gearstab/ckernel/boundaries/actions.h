@@ -6,7 +6,7 @@
        int u exp(-i w t) dt = V (w^2 - squared)^-1 V^T [(u' + i w u) exp(-i w t)]
 
    between its ends: boundary values are all that is needed, and segments of the same state are summed before the division.
-   Harmonics run side by side in vector registers. */
+   Points of a row run side by side in vector registers. */
 
 #ifndef GEARSTAB_ACTIONS_H
 #define GEARSTAB_ACTIONS_H
@@ -25,65 +25,67 @@ INLINE struct pair times(struct pair a, struct pair b) {
     return (struct pair){a.re * b.re - a.im * b.im, a.re * b.im + a.im * b.re};
 }
 
-/* Parts of the action: the largest of one sign. */
+/* Parts of the action of one sign: the largest ones, and which they are: harmonic times n plus mode. */
 struct leader {
-    double value;
-    int64_t mode, harmonic;
+    vec value, part;
 };
 
-/* Where a segment begins and the state changes. */
+/* Two jumps of K: at the beginnings of which segments a state is left, and entered. */
 struct change {
-    int64_t before, after, segment;
+    int64_t left, entered;
 };
 
-/* Room for the points of a pattern. */
+/* Room for LANES points of a pattern. */
 struct actors {
     struct spectra *spectra;
+    struct row row; /* of the coarse pattern */
     int64_t n, segments, states, most; /* most: room for shares of a point */
-    int64_t changes;
-    struct change *change; /* ordered by states */
+    struct change *change; /* by states, */
+    int64_t *changes;      /* (D + 1,), where those of a state begin */
     double *modes;     /* (D, n, n) of the row: from the modes of a state to the mean ones */
     double *matrix;    /* (2n, 2n), row-major */
     double *factors;   /* (2n, 2n, 2), of M - lambda */
-    double *vector;    /* (2n, 2), the solution's start */
-    double *ends;      /* (S, 2n, 2), u and u' in mean coordinates where a segment begins, without exp((g + i phi) t/T) */
+    double *vector;    /* (2n, 2), a solution's start */
     double *begins;    /* (S,), t/T */
+    double *turn, *step; /* (S, 2), exp(-2 pi i k t/T), and what it changes by from one harmonic to the next */
     double highest;    /* of the frequencies of all states of the row */
-    struct pair *turn, *step;  /* (S,), exp(-2 pi i k t/T) and what it changes by from LANES harmonics to the next */
-    struct pair *rising, *falling, *rise; /* (S,), of the row: turn of k = 0, 1, ... and of k = -1, -2, ..., step upwards */
-    struct pair *jump; /* (D, 2n), sums of boundary values */
-    struct pair *total; /* (n,) */
+    struct pair *start, *now, *next; /* (2n,), u and u' */
+    struct pair *ends;  /* (S, 2n), u and u' in mean coordinates where a segment begins, without exp((g + i phi) t/T) */
+    struct pair *jump;  /* (2, n), sums of boundary values of a state for two harmonics, k and -k, */
+    struct pair *total; /* (2, n), and what follows of all states */
+    vec *growth, *angle; /* (n,), of the multipliers */
+    vec *wave;          /* (3, n), cos, sin/w, -w sin of a segment */
     vec *kept;          /* (2n, 2n), the matrices by columns */
-    struct share *found;
+    struct share *found; /* (LANES, most) */
     int64_t *pivot;
     void *memory, *plain;
 };
 
 static void actors_free(struct actors *a) {
     spectra_free(a->spectra);
+    row_free(&a->row);
     free(a->memory);
     free(a->plain);
     free(a->found);
     free(a->change);
 }
 
-static int same_states(const struct change *a, const struct change *b) {
-    return a->before == b->before && a->after == b->after;
-}
-
-/* All changes of state of a period, alike ones together. */
+/* All changes of state of a period: each state is left as often as it is entered. */
 static void order_changes(struct actors *a, const struct conservative *p) {
-    for (int64_t s = 0; s < p->segments; s++) {
-        struct change own = {p->state[s ? s - 1 : p->segments - 1], p->state[s], s};
-        int64_t place = 0;
-        if (own.before == own.after)
-            continue;
-        while (place < a->changes && !same_states(a->change + place, &own))
-            place++;
-        memmove(a->change + place + 1, a->change + place, (size_t)(a->changes - place) * sizeof own);
-        a->change[place] = own;
-        a->changes++;
+    int64_t count = 0;
+    for (int64_t d = 0; d < p->states; d++) {
+        int64_t left = count, entered = count;
+        a->changes[d] = count;
+        for (int64_t s = 0; s < p->segments; s++) {
+            int64_t before = p->state[s ? s - 1 : p->segments - 1], after = p->state[s];
+            if (before != after && before == d)
+                a->change[left++].left = s;
+            if (before != after && after == d)
+                a->change[entered++].entered = s;
+        }
+        count = left;
     }
+    a->changes[p->states] = count;
 }
 
 static int actors_new(struct actors *a, const struct conservative *exact, const struct conservative *coarse) {
@@ -91,137 +93,136 @@ static int actors_new(struct actors *a, const struct conservative *exact, const 
     *a = (struct actors){.n = exact->n, .segments = coarse->segments, .states = coarse->states};
     a->most = LEADING * LEADING * exact->n;
     a->spectra = spectra_new(exact);
-    vec *room = vectors((int64_t)(2 * (5 * segments + 2 * states * n + n) + 4 * n * n), &a->memory);
-    double *plain = malloc((4 * n * n + 8 * n * n + 4 * n + segments * (4 * n + 1) + 2 * n) * sizeof *plain);
+    vec *room = vectors((int64_t)(2 * (2 * n * (5 + segments)) + 5 * n + 4 * n * n), &a->memory);
+    double *plain = malloc((4 * n * n + 8 * n * n + 4 * n + 5 * segments + 2 * n + states + 1) * sizeof *plain);
     a->plain = plain;
-    a->found = malloc((size_t)a->most * sizeof *a->found);
+    a->found = malloc(LANES * (size_t)a->most * sizeof *a->found);
     a->change = malloc(segments * sizeof *a->change);
-    if (!a->spectra || !room || !plain || !a->found || !a->change)
+    if (row_new(&a->row, coarse) || !a->spectra || !room || !plain || !a->found || !a->change)
         return -1;
-    order_changes(a, coarse);
-    a->turn = (struct pair *)room, a->step = a->turn + segments, a->rising = a->step + segments;
-    a->falling = a->rising + segments, a->rise = a->falling + segments, a->jump = a->rise + segments;
-    a->total = a->jump + 2 * states * n, a->kept = (vec *)(a->total + n);
+    a->start = (struct pair *)room, a->now = a->start + 2 * n, a->next = a->now + 2 * n, a->ends = a->next + 2 * n;
+    a->jump = a->ends + 2 * n * segments, a->total = a->jump + 2 * n;
+    a->growth = (vec *)(a->total + 2 * n), a->angle = a->growth + n, a->wave = a->angle + n, a->kept = a->wave + 3 * n;
     a->matrix = plain, a->factors = a->matrix + 4 * n * n, a->vector = a->factors + 8 * n * n;
-    a->ends = a->vector + 4 * n, a->begins = a->ends + 4 * n * segments, a->pivot = (int64_t *)(a->begins + segments);
+    a->begins = a->vector + 4 * n, a->turn = a->begins + segments, a->step = a->turn + 2 * segments;
+    a->pivot = (int64_t *)(a->step + 2 * segments), a->changes = a->pivot + 2 * n;
+    order_changes(a, coarse);
     return 0;
-}
-
-/* to (n, 2) = b from, b (n, n). */
-INLINE void transformed(const double *b, int64_t n, const double *from, double *to) {
-    for (int64_t i = 0; i < n; i++) {
-        double x = 0.0, y = 0.0;
-        for (int64_t j = 0; j < n; j++)
-            x += b[i * n + j] * from[2 * j], y += b[i * n + j] * from[2 * j + 1];
-        to[2 * i] = x, to[2 * i + 1] = y;
-    }
 }
 
 /* What all solutions of a row have in common. */
 static void set_row(struct actors *a, const struct conservative *p, int64_t row) {
     double highest = 0.0, begin = 0.0;
+    row_set(&a->row, p, row);
     for (int64_t i = 0; i < p->states * a->n; i++)
         highest = fabs(p->squared[row * p->states * a->n + i]) > highest ? fabs(p->squared[row * p->states * a->n + i]) : highest;
     a->highest = sqrt(highest);
     for (int64_t s = 0; s < p->segments; s++) {
-        struct pair each = {all(cos(TURN * begin)), all(-sin(TURN * begin))}, now = {all(1.0), all(0.0)};
-        for (int64_t lane = 0; lane < LANES; lane++) {
-            a->rising[s].re[lane] = now.re[0], a->rising[s].im[lane] = now.im[0];
-            now = times(now, each);
-            a->falling[s].re[lane] = now.re[0], a->falling[s].im[lane] = -now.im[0];
-        }
-        a->rise[s] = now;
+        a->step[2 * s] = cos(TURN * begin), a->step[2 * s + 1] = -sin(TURN * begin);
         a->begins[s] = begin;
         begin += p->fractions[row * p->segments + s];
     }
 }
 
-/* u and u' where the segments begin; the start stands in vector, in the modes of the first segment of the exact pattern. */
-INLINE void follow(struct actors *a, const struct conservative *p, int64_t row, int64_t n, const double *first, double period,
-                   double g, double phi) {
-    double *now = a->factors, *next = now + 4 * n; /* the factors are not needed any more */
-    transformed(first, n, a->vector, now);
-    transformed(first, n, a->vector + 2 * n, now + 2 * n);
-    for (int64_t s = 0; s < p->segments; s++) {
-        double *end = a->ends + 4 * n * s, begin = a->begins[s], shrink = exp(-g * begin);
-        double c = shrink * cos(phi * begin), d = -shrink * sin(phi * begin);
-        const double *modes = a->modes + p->state[s] * n * n;
-        transformed(modes, n, now, end);
-        transformed(modes, n, now + 2 * n, end + 2 * n);
-        for (int64_t i = 0; i < 2 * n; i++) {
-            double x = end[2 * i], y = end[2 * i + 1];
-            end[2 * i] = c * x - d * y, end[2 * i + 1] = c * y + d * x;
-        }
-        double duration = p->fractions[row * p->segments + s] * period;
-        for (int64_t j = 0; j < n; j++) {
-            double squared = p->squared[(row * p->states + p->state[s]) * n + j], w = sqrt(fabs(squared)), x = w * duration;
-            double cosine, sine; /* of one angle at once */
-            if (squared > 0)
-                cosine = cos(x), sine = sin(x);
-            else
-                cosine = cosh(x), sine = sinh(x);
-            double over = w > 0 ? sine / w : duration, back = squared > 0 ? -w * sine : w * sine;
-            for (int64_t k = 0; k < 2; k++) {
-                double u = now[2 * j + k], v = now[2 * (n + j) + k];
-                next[2 * j + k] = cosine * u + over * v, next[2 * (n + j) + k] = back * u + cosine * v;
-            }
-        }
-        const double *change = p->change + (row * p->segments + s) * n * n;
-        transformed(change, n, next, now);
-        transformed(change, n, next + 2 * n, now + 2 * n);
+/* to (n,) = b from, b (n, n). */
+INLINE void transformed(const double *b, int64_t n, const struct pair *from, struct pair *to) {
+    for (int64_t i = 0; i < n; i++) {
+        struct pair sum = {all(0.0), all(0.0)};
+        for (int64_t j = 0; j < n; j++)
+            sum.re += b[i * n + j] * from[j].re, sum.im += b[i * n + j] * from[j].im;
+        to[i] = sum;
     }
 }
 
-/* total (n,) = T c_k of LANES harmonics with frequencies w. */
-INLINE void harmonics(struct actors *a, const struct conservative *p, int64_t row, int64_t n, struct pair w) {
-    for (int64_t i = 0; i < 2 * n * a->states; i++)
-        a->jump[i] = (struct pair){all(0.0), all(0.0)};
-    for (int64_t first = 0, last; first < a->changes; first = last) {
-        const struct change *own = a->change + first;
-        for (last = first + 1; last < a->changes && same_states(own, a->change + last); last++)
-            ;
-        struct pair *before = a->jump + 2 * n * own->before, *after = a->jump + 2 * n * own->after;
-        for (int64_t i = 0; i < 2 * n; i++) {
-            struct pair sum = {all(0.0), all(0.0)};
-            for (int64_t k = first; k < last; k++) {
-                const struct pair *turn = a->turn + a->change[k].segment;
-                double x = a->ends[4 * n * a->change[k].segment + 2 * i], y = a->ends[4 * n * a->change[k].segment + 2 * i + 1];
-                sum.re += x * turn->re - y * turn->im, sum.im += x * turn->im + y * turn->re;
+/* u and u' where the segments begin; the start stands in the modes of the first segment of the exact pattern. turns: the period
+   in turns per unit frequency. */
+INLINE void follow(struct actors *a, const struct conservative *p, int64_t n, const double *first, vec turns, vec g, vec phi) {
+    struct pair *now = a->now, *next = a->next;
+    vec *cosine = a->wave, *over = cosine + n, *back = over + n;
+    transformed(first, n, a->start, now);
+    transformed(first, n, a->start + n, now + n);
+    for (int64_t s = 0; s < p->segments; s++) {
+        struct pair *end = a->ends + 2 * n * s, fade;
+        const double *modes = a->modes + p->state[s] * n * n, *change = a->row.change + s * n * n;
+        cosine_sine(all(a->begins[s]), phi * (1.0 / TURN), &fade.re, &fade.im);
+        vec shrink = exponential(-a->begins[s] * g);
+        fade = (struct pair){fade.re * shrink, -(fade.im * shrink)};
+        transformed(modes, n, now, end);
+        transformed(modes, n, now + n, end + n);
+        for (int64_t i = 0; i < 2 * n; i++)
+            end[i] = times(end[i], fade);
+        vec growth = rotation(a->row.modes + s * n, n, a->row.steady[s], turns, cosine, over, back);
+        for (int64_t i = 0; !a->row.steady[s] && i < 3 * n; i++)
+            cosine[i] = cosine[i] * exponential(growth); /* all three of each mode */
+        for (int64_t j = 0; j < n; j++) {
+            struct pair u = now[j], v = now[n + j];
+            next[j] = (struct pair){cosine[j] * u.re + over[j] * v.re, cosine[j] * u.im + over[j] * v.im};
+            next[n + j] = (struct pair){back[j] * u.re + cosine[j] * v.re, back[j] * u.im + cosine[j] * v.im};
+        }
+        transformed(change, n, next, now);
+        transformed(change, n, next + n, now + n);
+    }
+}
+
+/* Sums (2, n) of u' + i w u at the changes of a state, with the factors of harmonics k and -k, which are conjugates; w (2,). */
+INLINE void sum_jumps(struct actors *a, int64_t n, int64_t state, const struct pair *w) {
+    for (int64_t i = 0; i < n; i++) {
+        struct pair re[2], im[2]; /* of u and u', with the two parts of the factors */
+        for (int part = 0; part < 2; part++) {
+            struct pair of_re = {all(0.0), all(0.0)}, of_im = of_re;
+            for (int64_t k = a->changes[state]; k < a->changes[state + 1]; k++) {
+                struct change own = a->change[k];
+                const struct pair *left = a->ends + 2 * n * own.left + part * n + i;
+                const struct pair *entered = a->ends + 2 * n * own.entered + part * n + i;
+                const double *to = a->turn + 2 * own.left, *from = a->turn + 2 * own.entered;
+                of_re.re += to[0] * left->re, of_re.im += to[0] * left->im;
+                of_im.re += to[1] * left->re, of_im.im += to[1] * left->im;
+                of_re.re -= from[0] * entered->re, of_re.im -= from[0] * entered->im;
+                of_im.re -= from[1] * entered->re, of_im.im -= from[1] * entered->im;
             }
-            before[i].re += sum.re, before[i].im += sum.im;
-            after[i].re -= sum.re, after[i].im -= sum.im;
+            re[part] = of_re, im[part] = of_im;
+        }
+        for (int side = 0; side < 2; side++) {
+            double sign = side ? -1.0 : 1.0;
+            struct pair u = times(w[side], (struct pair){re[0].re - sign * im[0].im, re[0].im + sign * im[0].re});
+            vec x = re[1].re - sign * im[1].im, y = re[1].im + sign * im[1].re;
+            a->jump[side * n + i] = (struct pair){x - u.im, y + u.re};
         }
     }
-    struct pair square = times(w, w);
-    for (int64_t i = 0; i < n; i++)
+}
+
+/* total (2, n) = T c_k of two harmonics k and -k with frequencies w (2,). */
+INLINE void amplitudes(struct actors *a, const struct conservative *p, int64_t row, int64_t n, const struct pair *w) {
+    for (int64_t i = 0; i < 2 * n; i++)
         a->total[i] = (struct pair){all(0.0), all(0.0)};
     for (int64_t d = 0; d < a->states; d++) {
         const double *modes = a->modes + d * n * n, *squared = p->squared + (row * p->states + d) * n;
-        struct pair *jump = a->jump + 2 * n * d;
-        for (int64_t i = 0; i < n; i++) { /* u' + i w u */
-            struct pair u = times(w, jump[i]);
-            jump[i] = (struct pair){jump[n + i].re - u.im, jump[n + i].im + u.re};
-        }
-        for (int64_t j = 0; j < n; j++) {
-            struct pair sum = {all(0.0), all(0.0)};
-            for (int64_t i = 0; i < n; i++)
-                sum.re += modes[i * n + j] * jump[i].re, sum.im += modes[i * n + j] * jump[i].im;
-            vec x = square.re - squared[j], y = square.im, size = larger(x * x + y * y, all(DBL_MIN));
-            sum = times(sum, (struct pair){x / size, -y / size});
-            for (int64_t i = 0; i < n; i++)
-                a->total[i].re += modes[i * n + j] * sum.re, a->total[i].im += modes[i * n + j] * sum.im;
+        sum_jumps(a, n, d, w);
+        for (int side = 0; side < 2; side++) {
+            struct pair square = times(w[side], w[side]), *jump = a->jump + side * n, *total = a->total + side * n;
+            for (int64_t j = 0; j < n; j++) {
+                struct pair sum = {all(0.0), all(0.0)};
+                for (int64_t i = 0; i < n; i++)
+                    sum.re += modes[i * n + j] * jump[i].re, sum.im += modes[i * n + j] * jump[i].im;
+                vec x = square.re - squared[j], y = square.im, over = 1.0 / larger(x * x + y * y, all(DBL_MIN));
+                sum = times(sum, (struct pair){x * over, -y * over});
+                for (int64_t i = 0; i < n; i++)
+                    total[i].re += modes[i * n + j] * sum.re, total[i].im += modes[i * n + j] * sum.im;
+            }
         }
     }
 }
 
-/* Keep a part where it belongs among the largest, largest first. */
-INLINE void lead(struct leader *leaders, double value, int64_t mode, int64_t harmonic) {
-    if (!(value > leaders[LEADING - 1].value))
+/* Keep parts where they belong among the largest, largest first. */
+INLINE void lead(struct leader *leaders, vec value, vec part) {
+    if (!any(value > leaders[LEADING - 1].value))
         return;
-    int k = LEADING - 1;
-    for (; k > 0 && leaders[k - 1].value < value; k--)
-        leaders[k] = leaders[k - 1];
-    leaders[k] = (struct leader){value, mode, harmonic};
+    for (int k = 0; k < LEADING; k++) {
+        struct leader own = leaders[k];
+        mask above = value > own.value;
+        leaders[k] = (struct leader){choose(above, value, own.value), choose(above, part, own.part)};
+        value = choose(above, own.value, value), part = choose(above, own.part, part);
+    }
 }
 
 /* Of several solutions the largest share of each root. */
@@ -235,63 +236,88 @@ static int64_t keep_share(struct share *found, int64_t count, struct share own) 
     return count + 1;
 }
 
-/* Actions of harmonics from, from + by, ... up to a number of them (by = 1 or -1): the leading ones, and sums of each sign. */
-INLINE void weigh_side(struct actors *a, const struct conservative *p, int64_t row, int64_t n, double period, double g, double phi,
-                       int64_t from, int64_t by, int64_t count, struct leader *up, struct leader *down, vec *sum) {
-    vec lowest;
-    for (int64_t lane = 0; lane < LANES; lane++)
-        lowest[lane] = (phi + TURN * (double)(from + by * lane)) / period;
-    for (int64_t first = 0; first < count; first += LANES) {
-        struct pair w = {lowest + (double)(by * first) * (TURN / period), all(-g / period)};
-        harmonics(a, p, row, n, w);
-        for (int64_t i = 0; i < n; i++) {
-            vec action = w.re * (a->total[i].re * a->total[i].re + a->total[i].im * a->total[i].im);
-            for (int64_t lane = count - first; lane < LANES; lane++)
-                action[lane] = 0.0;
-            sum[0] += larger(action, all(0.0)), sum[1] += larger(-action, all(0.0));
-            if (!any((action > up[LEADING - 1].value) | (-action > down[LEADING - 1].value)))
-                continue;
-            for (int64_t lane = 0; lane < LANES; lane++)
-                lead(action[lane] > 0 ? up : down, fabs(action[lane]), i, from + by * (first + lane));
-        }
-        for (int64_t s = 0; s < p->segments; s++)
-            a->turn[s] = times(a->turn[s], a->step[s]);
+/* A leading part of a lane: its part of the action of its sign. */
+struct part {
+    double share;
+    int64_t mode, harmonic;
+};
+
+static int leading_parts(struct part *parts, int64_t n, int64_t lane, const struct leader *leaders, double sum) {
+    int count = 0;
+    for (; count < LEADING && leaders[count].value[lane] > LEAST * sum; count++) {
+        int64_t number = (int64_t)leaders[count].part[lane], mode = (number % n + n) % n;
+        parts[count] = (struct part){leaders[count].value[lane] / sum, mode, (number - mode) / n};
     }
+    return count;
 }
 
-/* Add the shares of a solution exp((g + i phi) t/T) that has been followed to those of its point; returns how many there are. */
-INLINE int64_t weigh(struct actors *a, const struct conservative *p, int64_t row, int64_t n, double period, double g, double phi,
-                     int64_t point, int64_t count) {
-    int64_t most = (int64_t)ceil(BAND * a->highest * period / TURN) + 1, segments = p->segments;
-    struct leader up[LEADING] = {{0}}, down[LEADING] = {{0}};
-    vec sums[2] = {all(0.0), all(0.0)};
-    double sum[2] = {0.0, 0.0};
-    for (int64_t side = 0; side < 2; side++) {
-        memcpy(a->turn, side ? a->falling : a->rising, (size_t)segments * sizeof *a->turn);
-        memcpy(a->step, a->rise, (size_t)segments * sizeof *a->step);
-        for (int64_t s = 0; side && s < segments; s++)
-            a->step[s].im = -a->step[s].im;
-        weigh_side(a, p, row, n, period, g, phi, -side, side ? -1 : 1, side ? most : most + 1, up, down, sums);
-    }
-    for (int64_t lane = 0; lane < LANES; lane++)
-        sum[0] += sums[0][lane], sum[1] += sums[1][lane];
-    for (int i = 0; i < LEADING && up[i].value > LEAST * sum[0]; i++)
-        for (int j = 0; j < LEADING && down[j].value > LEAST * sum[1]; j++) {
-            double x = up[i].value / sum[0], y = down[j].value / sum[1];
-            int ordered = up[i].mode < down[j].mode;
-            struct share own = {point, ordered ? up[i].mode : down[j].mode, ordered ? down[j].mode : up[i].mode,
-                                up[i].harmonic - down[j].harmonic, x < y ? x : y};
-            count = keep_share(a->found, count, own);
+/* Pair the leading parts of both signs in a lane; returns how many shares its point has then. */
+static int64_t pair_parts(struct share *found, int64_t count, int64_t n, int64_t lane, const struct leader *up,
+                          const struct leader *down, const vec *sum, int64_t point) {
+    struct part plus[LEADING], minus[LEADING];
+    int ups = leading_parts(plus, n, lane, up, sum[0][lane]), downs = leading_parts(minus, n, lane, down, sum[1][lane]);
+    for (struct part *x = plus; x < plus + ups; x++)
+        for (struct part *y = minus; y < minus + downs; y++) {
+            int64_t p = x->mode < y->mode ? x->mode : y->mode, q = x->mode < y->mode ? y->mode : x->mode;
+            double share = x->share < y->share ? x->share : y->share;
+            count = keep_share(found, count, (struct share){point, p, q, x->harmonic - y->harmonic, share});
         }
     return count;
 }
 
-/* Find the solution that grows by exp(g + i phi) a period, and add its shares to the `count` ones of its point. */
-INLINE int64_t solution(struct actors *a, const struct conservative *p, int64_t row, int64_t n, const double *first, double period,
-                        double g, double phi, int64_t which, int64_t point, int64_t count) {
-    eigenvector(a->matrix, 2 * n, g, phi, which, a->vector, a->factors, a->pivot);
-    follow(a, p, row, n, first, period, g, phi);
-    return weigh(a, p, row, n, period, g, phi, point, count);
+/* The largest actions of both signs, and their sums, of solutions exp((g + i phi) t/T) that have been followed. */
+INLINE void weigh(struct actors *a, const struct conservative *p, int64_t row, int64_t n, vec turns, vec g, vec phi,
+                  struct leader *up, struct leader *down, vec *sum) {
+    vec most = BAND * a->highest * turns + 1.0, over = 1.0 / (TURN * turns);
+    for (int i = 0; i < LEADING; i++)
+        up[i] = down[i] = (struct leader){all(0.0), all(0.0)};
+    sum[0] = sum[1] = all(0.0);
+    for (int64_t s = 0; s < a->segments; s++)
+        a->turn[2 * s] = 1.0, a->turn[2 * s + 1] = 0.0;
+    for (int64_t k = 0; any((double)(k - 1) < most); k++) {
+        mask within = (double)(k - 1) < most;
+        vec turned = all(TURN * (double)k);
+        struct pair w[2] = {{(phi + turned) * over, -g * over}, {(phi - turned) * over, -g * over}};
+        amplitudes(a, p, row, n, w);
+        for (int64_t side = 0; side < (k ? 2 : 1); side++) {
+            int64_t harmonic = side ? -k : k;
+            for (int64_t i = 0; i < n; i++) {
+                struct pair c = a->total[side * n + i];
+                vec action = choose(within, w[side].re * (c.re * c.re + c.im * c.im), all(0.0));
+                sum[0] += larger(action, all(0.0)), sum[1] += larger(-action, all(0.0));
+                vec part = all((double)(harmonic * n + i));
+                lead(up, action, part), lead(down, -action, part);
+            }
+        }
+        for (int64_t s = 0; s < a->segments; s++) {
+            double *now = a->turn + 2 * s, *by = a->step + 2 * s, re = now[0] * by[0] - now[1] * by[1];
+            now[1] = now[0] * by[1] + now[1] * by[0], now[0] = re;
+        }
+    }
+}
+
+/* Find the solutions with the multipliers of these numbers (none: -1) and add their shares to those of each lane. */
+INLINE void solutions(struct actors *a, const struct conservative *p, int64_t row, int64_t n, const double *first, vec turns,
+                      const int64_t *which, int64_t begin, int64_t *counts) {
+    vec g = all(0.0), phi = all(0.0), sum[2];
+    struct leader up[LEADING], down[LEADING];
+    int64_t m = 2 * n;
+    for (int64_t lane = 0; lane < LANES; lane++) {
+        memset(a->vector, 0, (size_t)(2 * m) * sizeof *a->vector);
+        if (which[lane] >= 0) {
+            g[lane] = a->growth[which[lane]][lane], phi[lane] = a->angle[which[lane]][lane];
+            for (int64_t i = 0; i < m * m; i++)
+                a->matrix[i] = a->kept[i % m * m + i / m][lane];
+            eigenvector(a->matrix, m, g[lane], phi[lane], which[lane], a->vector, a->factors, a->pivot);
+        }
+        for (int64_t i = 0; i < m; i++)
+            a->start[i].re[lane] = a->vector[2 * i], a->start[i].im[lane] = a->vector[2 * i + 1];
+    }
+    follow(a, p, n, first, turns, g, phi);
+    weigh(a, p, row, n, turns, g, phi, up, down, sum);
+    for (int64_t lane = 0; lane < LANES; lane++)
+        if (which[lane] >= 0)
+            counts[lane] = pair_parts(a->found + lane * a->most, counts[lane], n, lane, up, down, sum, begin + lane);
 }
 
 static int keep_shares(struct shares *kept, const struct share *found, int64_t count) {
@@ -307,43 +333,69 @@ static int keep_shares(struct shares *kept, const struct share *found, int64_t c
     return 0;
 }
 
+/* Angles and growth of the multipliers of LANES points, the first `count` of which are asked for; growth 0 where none is
+   looked for. Of a pair, its mirror images and its complex conjugates one is enough. */
+static void multipliers(struct actors *a, vec turns, int64_t count) {
+    struct room *room = &a->spectra->room;
+    int64_t n = a->n, m = 2 * n;
+    vec scale = propagate(&a->spectra->row, n, turns, room->x, room->work), largest = largest_entry(room->x, m * m);
+    vec noise = NOISE * larger(largest, all(1.0)), asked = all(0.0);
+    for (int64_t lane = 0; lane < count; lane++)
+        asked[lane] = scale[lane] == 0.0 && largest[lane] < LARGEST_MATRIX;
+    /* The reduction to rho destroys the matrix. */
+    memcpy(a->kept, room->x, (size_t)(m * m) * sizeof *a->kept);
+    general_traces(room->x, n, room->real, room->imaginary, room->work);
+    for (int64_t i = 0; i < n; i++) {
+        a->angle[i] = angle_of(room->real[i], room->imaginary[i], noise, &a->growth[i]);
+        a->growth[i] = choose((asked == 0.0) | (room->imaginary[i] < -noise), all(0.0), a->growth[i]);
+    }
+}
+
+/* The next multiplier off the circle of each lane after the one in `which`, -1 where there is none; whether there is any. */
+static int next_multipliers(const struct actors *a, int64_t *which) {
+    int found = 0;
+    for (int64_t lane = 0; lane < LANES; lane++) {
+        do
+            which[lane]++;
+        while (which[lane] < a->n && !(a->growth[which[lane]][lane] > 0.0));
+        found |= which[lane] < a->n;
+    }
+    return found;
+}
+
 /* The shares at points first..last-1, of rows in ascending order, see kernel.h. */
 static int shares(const struct conservative *exact, const struct conservative *coarse, const double *modes,
                   const double *turn, int64_t first, int64_t last, const int64_t *row, const double *cycle,
                   struct shares *kept) {
     struct actors a;
     int failed = actors_new(&a, exact, coarse);
-    int64_t n = exact->n, m = 2 * n, before = -1;
+    int64_t n = exact->n, before = -1;
     for (int64_t begin = first, end; !failed && begin < last; begin = end) {
-        int64_t own = row[begin];
+        int64_t own = row[begin], counts[LANES] = {0}, place[LANES], which[LANES];
         for (end = begin + 1; end < last && end < begin + LANES && row[end] == own; end++)
             ;
         if (own != before)
             row_set(&a.spectra->row, exact, own), set_row(&a, coarse, own);
         before = own;
         a.modes = (double *)modes + own * coarse->states * n * n;
-        struct room *room = &a.spectra->room;
-        vec period = exact->cycles * load_part(cycle + begin, 0, end - begin);
-        vec scale = propagate(&a.spectra->row, n, period, room->x, room->work), largest = largest_entry(room->x, m * m);
-        vec noise = NOISE * larger(largest, all(1.0));
-        /* The reduction to rho destroys the matrix. */
-        memcpy(a.kept, room->x, (size_t)(m * m) * sizeof *a.kept);
-        general_traces(room->x, n, room->real, room->imaginary, room->work);
-        for (int64_t lane = 0; !failed && lane < end - begin; lane++) {
-            int64_t count = 0;
-            for (int64_t i = 0; i < m * m; i++)
-                a.matrix[i] = a.kept[i % m * m + i / m][lane];
-            double length = TURN * period[lane];
-            for (int64_t i = 0; i < n && scale[lane] == 0.0 && largest[lane] < LARGEST_MATRIX; i++) {
-                vec growth, angle = angle_of(room->real[i], room->imaginary[i], noise, &growth);
-                if (!(growth[lane] > 0.0) || room->imaginary[i][lane] < -noise[lane])
-                    continue;
-#define SOLUTION(n) solution(&a, coarse, own, n, turn + own * (n) * (n), length, growth[lane], angle[lane], i, begin + lane, count)
-                count = n == 1 ? SOLUTION(1) : n == 2 ? SOLUTION(2) : n == 3 ? SOLUTION(3) : SOLUTION(n);
-#undef SOLUTION
+        vec turns = exact->cycles * load_part(cycle + begin, 0, end - begin);
+        multipliers(&a, turns, end - begin);
+        for (int64_t lane = 0; lane < LANES; lane++)
+            place[lane] = -1;
+        while (next_multipliers(&a, place)) {
+            for (int64_t lane = 0; lane < LANES; lane++)
+                which[lane] = place[lane] < n ? place[lane] : -1;
+#define SOLUTIONS(n) solutions(&a, coarse, own, n, turn + own * (n) * (n), turns, which, begin, counts)
+            switch (n) {
+            case 1: SOLUTIONS(1); break;
+            case 2: SOLUTIONS(2); break;
+            case 3: SOLUTIONS(3); break;
+            default: SOLUTIONS(n);
             }
-            failed = keep_shares(kept, a.found, count);
+#undef SOLUTIONS
         }
+        for (int64_t lane = 0; !failed && lane < end - begin; lane++)
+            failed = keep_shares(kept, a.found + lane * a.most, counts[lane]);
     }
     actors_free(&a);
     return failed;
