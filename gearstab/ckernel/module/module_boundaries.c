@@ -70,7 +70,7 @@ PyObject *py_shares(PyObject *self, PyObject *arguments) {
     failed = level->shares(&pattern, &coarse, b.view[8].buf, b.view[9].buf, first, last, b.view[10].buf, b.view[11].buf, &kept);
     Py_END_ALLOW_THREADS
     if (!failed)
-        result = PyBytes_FromStringAndSize((const char *)kept.share, (Py_ssize_t)kept.count * (Py_ssize_t)sizeof *kept.share);
+        result = PyByteArray_FromStringAndSize((const char *)kept.share, (Py_ssize_t)kept.count * (Py_ssize_t)sizeof *kept.share);
     free(kept.share);
     if (failed)
         return finish(&b, 1, failed);

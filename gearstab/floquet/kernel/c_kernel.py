@@ -236,12 +236,13 @@ def shares(pattern: Pattern, coarse: Pattern, turn: Array, row: Array, cycle: Ar
 
         def part(first: int, last: int, all_of: tuple[Any, ...] = (arguments, points), base: int = int(low)) -> None:
             raw = _library().shares(ckernel.simd(), *all_of[0], first, last, len(all_of[1][2]), *all_of[1])
-            own = np.frombuffer(raw, dtype=SHARE).copy()
+            own = np.frombuffer(raw, dtype=SHARE)
             own["point"] = order[own["point"] + base]
             found[base + first] = own
 
         _in_threads(part, int(high - low), SHARES_OF_A_POINT * _cost(coarse), limit)
-    return np.concatenate([np.empty(0, dtype=SHARE), *(found[k] for k in sorted(found))])
+    parts = [found[k] for k in sorted(found)]
+    return parts[0] if len(parts) == 1 else np.concatenate([np.empty(0, dtype=SHARE), *parts])
 
 
 def names(
