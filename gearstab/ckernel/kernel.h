@@ -64,6 +64,28 @@ struct shares {
     int64_t count, room;
 };
 
+/* A point of a pattern's rows, by its row and its mesh frequency. */
+struct point {
+    int64_t row, at;
+};
+
+struct points {
+    struct point *point; /* to be released with free */
+    int64_t count, room;
+};
+
+/* Where the points of a pattern's r rows stand in a result that has other rows too, and in which units. */
+struct result {
+    const double *omega;  /* (r, points) with a stride of points, or (points,) of all rows with a stride of 0 */
+    int64_t stride;
+    const double *rate;   /* (r,), what a pattern's frequencies and growths are divided by */
+    const double *shift;  /* (r,), uniform decay that was taken out, in units of rate */
+    const int64_t *place; /* (r,), which row of the result each one is */
+    int64_t rows;         /* of the result */
+    int8_t *stable;       /* (points, rows) */
+    double *growth;       /* (points, rows), growth rate */
+};
+
 /* The functions of one level; those that return int return 0, or -1 when there is no memory. */
 struct level {
     const char *name;
@@ -73,6 +95,10 @@ struct level {
        errors exceed those of a product. */
     int (*scan)(const struct conservative *pattern, int64_t first, int64_t last, int64_t points, const double *omega,
                 int8_t *verdict, double *growth, double *rho, double *magnified);
+    /* Rows first..last-1: flags and growth rates in their places in a result, 0 or 1 where the flag is not DOUBTFUL; kept:
+       the points in doubt, whose growth rate means nothing. */
+    int (*rates)(const struct conservative *pattern, int64_t first, int64_t last, int64_t points,
+                 const struct result *to, struct points *kept);
     /* Points first..last-1, each of a row of its own: monodromy matrix times exp(-scale), (points, 2n, 2n). */
     int (*monodromy)(const struct conservative *pattern, int64_t first, int64_t last, const int64_t *row,
                      const double *omega, double *matrix, double *scale);

@@ -24,6 +24,7 @@ PRAGMA_TARGET(TARGET)
 #include "traces.h"
 #include "stretches.h"
 #include "conservative.h"
+#include "rates.h"
 #include "moduli.h"
 #include "damped.h"
 #include "scattered.h"
@@ -34,9 +35,9 @@ PRAGMA_TARGET(TARGET)
 #include "actions.h"
 #include "symmetric.h"
 
-const struct level LEVEL = {LEVEL_NAME,   scan,        monodromy,      traces,     scan_damped, spectra_new,
-                            spectra_free, spectra_row, spectra_window, spectra_at, shares,      symmetric,
-                            moduli,       products,    radii,          magnus,     eigenvalues};
+const struct level LEVEL = {LEVEL_NAME,  scan,         rates,       monodromy,      traces,     scan_damped,
+                            spectra_new, spectra_free, spectra_row, spectra_window, spectra_at, shares,
+                            symmetric,   moduli,       products,    radii,          magnus,     eigenvalues};
 
 #if defined(TARGET) && defined(__clang__)
 #pragma clang attribute pop

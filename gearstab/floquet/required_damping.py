@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -91,7 +92,7 @@ def required_damping(
     levels = np.append(0.0, (largest or LARGEST[of]) * 0.5 ** np.arange(LEVELS - 1, -1, -1))
     for block in (_exact if system.piecewise_constant else _smooth)(unit(system, of), omega, levels[1]):
         index = block.pattern.rows
-        search = _Search(block, omega[index] / block.pattern.elastic.rate[:, None])
+        search = _Search(block, omega[index])
         found, flags = search.zeros(levels, tolerance)
         # NaN, nothing found, prevails.
         value[index] = np.maximum(value[index], found)
@@ -156,10 +157,15 @@ def unit(system: GearSystem, of: str) -> GearSystem:
 
 @dataclass(frozen=True)
 class _Search:
-    """A block with the damping C1, and its mesh frequencies ``(r, P)`` in its units."""
+    """A block with the damping C1, and its mesh frequencies ``(r, P)`` in the system's units."""
 
     block: Block
-    omega: Array
+    mesh_frequency: Array
+
+    @cached_property
+    def omega(self) -> Array:
+        """The mesh frequencies in the block's units."""
+        return np.asarray(self.mesh_frequency / self.block.pattern.elastic.rate[:, None])
 
     def zeros(self, levels: Array, tolerance: float) -> tuple[Array, Array]:
         """(largest zero, status) ``(r, P)`` from ascending levels of which the first is zero."""
@@ -190,7 +196,7 @@ class _Search:
         if not still and not self.block.constant:
             growth = growth_of(own, self.omega)
         else:
-            part = OperatingPoints(own, self.omega)
+            part = OperatingPoints(own, self.mesh_frequency)
             found = solved(part, replace(self.block, pattern=own), False)
             growth = found.growth_rate * part.period / pattern.elastic.rate[:, None]
             growth = np.where(found.stable == 1, np.minimum(growth, 0.0), growth)

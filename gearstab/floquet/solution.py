@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from gearstab.floquet.kernel import choice as kernel
 from gearstab.floquet.kernel import damped, decision, graded, numpy_kernel
-from gearstab.floquet.kernel.invariants import DOUBTFUL, STABLE
+from gearstab.floquet.kernel.invariants import STABLE
 from gearstab.floquet.segments.blocks import Block
 from gearstab.floquet.segments.pattern import Pattern
-from gearstab.floquet.stability import STATUS_FLAGS, FloquetStability
+from gearstab.floquet.stability import STATUS_FLAGS, FloquetStability, empty, mark_failed
 from gearstab.system import Array
 
 DAMPED_ON_CIRCLE = 1e-10
@@ -20,8 +21,6 @@ DAMPED_ON_CIRCLE = 1e-10
 than the decay of any damping ratio above 1e-10."""
 ENTRIES_AT_ONCE = 2**22
 """Entries of the monodromy matrices of points in doubt: 32 MB."""
-POINTS_IN_CACHE = 2**14
-"""Points that go through several passes together: arrays of 128 kB, which a processor's own cache holds."""
 GRADED_NORM = 30.0
 """Monodromy matrices larger than this have small multipliers that an eigenvalue solver would blur."""
 GRADED_SPREAD = np.log(100.0)
@@ -30,34 +29,53 @@ GRADED_SPREAD = np.log(100.0)
 
 @dataclass(frozen=True)
 class OperatingPoints:
-    """A pattern and its mesh frequencies ``(r, P)`` in the pattern's units."""
+    """A pattern and its mesh frequencies, ``(P,)`` of all rows or ``(r, P)``, in the system's own units."""
 
     pattern: Pattern
-    omega: Array
+    mesh_frequency: Array
+
+    @cached_property
+    def omega(self) -> Array:
+        """Mesh frequencies in the pattern's units, ``(r, P)``."""
+        return np.asarray(self.mesh_frequency / self.pattern.elastic.rate[:, None])
 
     @property
     def period(self) -> Array:
         """Common period, ``(r, P)``, units of 1/rate."""
         return 2 * np.pi * self.pattern.cycles / self.omega
 
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(r, P)."""
+        return len(self.pattern.rows), self.mesh_frequency.shape[-1]
+
     def status(self) -> Array:
         """Status bits that hold for whole rows."""
-        negative = np.any(self.pattern.stiffness_below_zero, axis=(1, 2))
-        status = np.zeros(self.omega.shape, dtype=np.int16)
-        status[negative] = STATUS_FLAGS["negative_stiffness"]
+        status = np.zeros(self.shape, dtype=np.int16)
+        status[self.negative] = STATUS_FLAGS["negative_stiffness"]
         return status
 
+    @property
+    def negative(self) -> Array:
+        """``(r,)`` bool, rows with a state of negative stiffness."""
+        return np.asarray(np.any(self.pattern.stiffness_below_zero, axis=(1, 2)))
 
-def solved(part: OperatingPoints, block: Block, exponents: bool) -> FloquetStability:
+
+def solved(
+    part: OperatingPoints, block: Block, exponents: bool, into: FloquetStability | None = None
+) -> FloquetStability:
     """A block ``(r, P)``, without its copies, in the system's own units of time; its exponents are the elastic ones.
 
     A constant one without stiffness along a mode is left to the general rules.
+
+    into: an empty result of all rows of the system. What is computed point by point is written to the block's rows of
+    it, and it is returned, with the exponents of the block.
     """
     damping = part.pattern.elastic.damping
     decided = damping is not None or bool(np.all(part.pattern.squared_frequency > 0))
     if block.constant and part.pattern.size and decided:
         return constant(part, exponents)
-    return conservative(part, exponents) if damping is None else with_damping(part, damping, exponents)
+    return conservative(part, exponents, into) if damping is None else with_damping(part, damping, exponents)
 
 
 def constant(part: OperatingPoints, exponents: bool) -> FloquetStability:
@@ -81,30 +99,30 @@ def constant(part: OperatingPoints, exponents: bool) -> FloquetStability:
     return FloquetStability(growth * rate, stable, part.status(), table)
 
 
-def conservative(part: OperatingPoints, exponents: bool) -> FloquetStability:
-    """A block without damping but a uniform one."""
-    pattern, omega = part.pattern, part.omega
-    verdict, growth = kernel.current().scan(pattern, omega)
-    status = part.status()
-    for rows, points in pieces(verdict == DOUBTFUL, pattern.size):
-        found = decide_doubtful(pattern, rows, omega[rows, points])
-        verdict[rows, points], growth[rows, points] = found[0], found[1]
-        status[rows, points] |= found[2]
-    shift, rate = pattern.elastic.shift[:, None], pattern.elastic.rate[:, None]
-    inside = verdict == STABLE
-    table = conservative_exponents(pattern, omega, inside) * rate[..., None] if exponents else None
-    uniform = bool(shift.any())
-    step = max(1, POINTS_IN_CACHE // max(1, omega.shape[1]))
-    for first in range(0, len(omega), step):
-        some = slice(first, first + step)
-        value = growth[some]
-        value /= 2 * np.pi * pattern.cycles / omega[some]
-        # Without damping the verdict decides; with uniform damping a growth below the decay is stable.
-        if uniform:
-            inside[some] = np.where(shift[some] == 0, inside[some], value <= shift[some])
-            value -= shift[some]
-        value *= rate[some]
-    return FloquetStability(growth, inside.view(np.int8), status, table)
+def conservative(part: OperatingPoints, exponents: bool, into: FloquetStability | None = None) -> FloquetStability:
+    """A block without damping but a uniform one; written to its rows of ``into``, where that is given."""
+    pattern, elastic = part.pattern, part.pattern.elastic
+    place = np.arange(len(pattern.rows)) if into is None else pattern.rows
+    result = empty(*part.shape) if into is None else into
+    rows, points = kernel.current().rates(pattern, part.mesh_frequency, place, result.stable, result.growth_rate)
+    if (negative := part.negative).any():
+        result.status[place[negative]] = STATUS_FLAGS["negative_stiffness"]
+    for row, point in pieces(rows, points, pattern.size):
+        rate, shift = elastic.rate[row], elastic.shift[row]
+        omega = np.broadcast_to(part.mesh_frequency, part.shape)[row, point] / rate
+        verdict, growth, bits = decide_doubtful(pattern, row, omega)
+        period, target = 2 * np.pi * pattern.cycles / omega, (place[row], point)
+        value, stable = numpy_kernel.in_units(growth, verdict == STABLE, period, shift, rate)
+        result.growth_rate[target], result.stable[target] = value, stable
+        result.status[target] |= bits
+        lost = ~np.isfinite(value)
+        mark_failed(result, (place[row[lost]], point[lost]))
+    if not exponents:
+        return result
+    # What grows by nothing before the decay is taken off is on the unit circle.
+    inside = result.growth_rate[place] == ((0.0 - elastic.shift) * elastic.rate)[:, None]
+    table = conservative_exponents(pattern, part.omega, inside) * elastic.rate[:, None, None]
+    return replace(result, exponents=table)
 
 
 def conservative_exponents(pattern: Pattern, omega: Array, stable: Array) -> Array:
@@ -115,9 +133,8 @@ def conservative_exponents(pattern: Pattern, omega: Array, stable: Array) -> Arr
     return logs / period[..., None] - pattern.elastic.shift[:, None, None]
 
 
-def pieces(chosen: Array, size: int) -> Iterator[tuple[Array, Array]]:
-    """(row, point) of all chosen points, in pieces whose monodromy matrices fit in memory."""
-    rows, points = np.unravel_index(np.flatnonzero(chosen), chosen.shape)
+def pieces(rows: Array, points: Array, size: int) -> Iterator[tuple[Array, Array]]:
+    """(row, point) of chosen points ``(Q,)``, in pieces whose monodromy matrices fit in memory."""
     step = max(1, ENTRIES_AT_ONCE // (2 * size) ** 2)
     for i in range(0, len(rows), step):
         yield rows[i : i + step], points[i : i + step]
@@ -131,8 +148,9 @@ def decide_doubtful(pattern: Pattern, rows: Array, omega: Array) -> tuple[Array,
     matrix = np.where(finite[:, None, None], matrix, 0.0)
     stable, growth, krein = decision.conservative(matrix)
     large = scale > 0
-    with np.errstate(divide="ignore"):
-        growth[large] = np.log(np.abs(np.linalg.eigvals(matrix[large])).max(axis=-1)) + scale[large]
+    if large.any():
+        with np.errstate(divide="ignore"):
+            growth[large] = np.log(np.abs(np.linalg.eigvals(matrix[large])).max(axis=-1)) + scale[large]
     status[krein & ~large] |= STATUS_FLAGS["krein"]
     status[large] |= STATUS_FLAGS["rescaled"]
     growth[~finite] = np.nan

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from gearstab.floquet.kernel import choice as kernel
 from gearstab.floquet.segments.blocks import Block, split, whole
 from gearstab.floquet.segments.pattern import prepare
 from gearstab.floquet.solution import DAMPED_ON_CIRCLE, OperatingPoints, solved
-from gearstab.floquet.stability import STATUS_FLAGS, FloquetStability, ordered
+from gearstab.floquet.stability import FloquetStability, empty, mark_failed, ordered
 from gearstab.system import Array, GearSystem
 
 TOLERANCE = 1e-9
@@ -52,46 +53,30 @@ def solve(
 
         kernel.record(kernel.name())
         return general.analyse(system, omega, exponents, tolerance)
-    growth, stable, status = (np.empty(omega.shape, dtype=kind) for kind in (float, np.int8, np.int16))
     error = None if system.piecewise_constant else np.zeros(omega.shape)
     table = _Exponents(omega.shape, 2 * system.size) if exponents else None
-    reached = np.zeros(len(omega), dtype=bool)
+    result = _Result(omega)
     with kernel.recorded() as ran:
-        for block, found in _solutions(system, omega, exponents, reduction, tolerance):
+        for block, found in _solutions(system, omega, exponents, reduction, tolerance, result):
+            result.add(block, found)
             index = block.pattern.rows
-            if reached[index].any():
-                growth[index] = np.maximum(growth[index], found.growth_rate)
-                stable[index] &= found.stable
-                status[index] |= found.status
-            else:
-                growth[index], stable[index], status[index] = found.growth_rate, found.stable, found.status
-                reached[index] = True
             if error is not None and found.error_estimate is not None:
                 error[index] = np.maximum(error[index], found.error_estimate)
-            # Rigid-body modes are left out of the search, but one that grows by itself decides.
-            by_itself = block.pattern.elastic.rigid_growth[:, None]
-            if (by_itself > -np.inf).any():
-                growth[index] = np.maximum(growth[index], by_itself)
-                still = by_itself * (2 * np.pi * block.pattern.cycles / omega[index]) <= DAMPED_ON_CIRCLE
-                stable[index] = np.minimum(stable[index], still)
             if table is not None and found.exponents is not None:
                 table.add(block, found.exponents)
-    growth[~reached], stable[~reached], status[~reached] = -np.inf, 1, 0
-    finite = np.isfinite(growth)
-    if not finite.all():
-        failed = ~finite
-        stable[failed] = -1
-        status[failed] |= STATUS_FLAGS["failed"]
-        growth[failed] = np.nan
-    return FloquetStability(
-        growth, stable, status, None if table is None else ordered(table.values), error, kernel.said(ran)
+    result.mark_failed()
+    return replace(
+        result.whole,
+        exponents=None if table is None else ordered(table.values),
+        error_estimate=error,
+        kernel=kernel.said(ran),
     )
 
 
 def _solutions(
-    system: GearSystem, omega: Array, exponents: bool, reduction: bool, tolerance: float
+    system: GearSystem, omega: Array, exponents: bool, reduction: bool, tolerance: float, result: _Result
 ) -> Iterator[tuple[Block, FloquetStability]]:
-    """Block by block."""
+    """Block by block; to rows that no block reached before, results may be written at once."""
     if not system.piecewise_constant:
         from gearstab.floquet import smooth as magnus
 
@@ -99,10 +84,49 @@ def _solutions(
         return
     for pattern in prepare(system):
         for block in split(pattern) if reduction else [whole(pattern)]:
+            rows = block.pattern.rows
             # All rows mostly share their mesh frequencies; dividing them is cheaper than copying them first.
-            own = omega[0] if omega.strides[0] == 0 else omega[block.pattern.rows]
-            part = OperatingPoints(block.pattern, own / block.pattern.elastic.rate[:, None])
-            yield block, solved(part, block, exponents)
+            part = OperatingPoints(block.pattern, omega[0] if omega.strides[0] == 0 else omega[rows])
+            yield block, solved(part, block, exponents, None if result.reached[rows].any() else result.whole)
+
+
+class _Result:
+    """The results of all rows, gathered block by block.
+
+    reached, sure: ``(rows,)``, whether a block gave anything for a row, and whether its failures are marked already.
+    """
+
+    def __init__(self, omega: Array) -> None:
+        self.omega, self.whole = omega, empty(*omega.shape)
+        self.reached, self.sure = np.zeros((2, len(omega)), dtype=bool)
+
+    def add(self, block: Block, found: FloquetStability) -> None:
+        """Take what was found of a block, unless it is in its place."""
+        index, result = block.pattern.rows, self.whole
+        growth, stable, status = result.growth_rate, result.stable, result.status
+        if found.growth_rate is growth:
+            self.sure[index] = True
+        elif self.reached[index].any():
+            growth[index] = np.maximum(growth[index], found.growth_rate)
+            stable[index] &= found.stable
+            status[index] |= found.status
+            self.sure[index] = False
+        else:
+            growth[index], stable[index], status[index] = found.growth_rate, found.stable, found.status
+        self.reached[index] = True
+        # Rigid-body modes are left out of the search, but one that grows by itself decides.
+        by_itself = block.pattern.elastic.rigid_growth[:, None]
+        if (by_itself > -np.inf).any():
+            growth[index] = np.maximum(growth[index], by_itself)
+            still = by_itself * (2 * np.pi * block.pattern.cycles / self.omega[index]) <= DAMPED_ON_CIRCLE
+            stable[index] = np.minimum(stable[index], still)
+
+    def mark_failed(self) -> None:
+        """Mark the points without a finite growth rate."""
+        result, missing = self.whole, ~self.reached
+        result.growth_rate[missing], result.stable[missing] = -np.inf, 1
+        if not self.sure.all():
+            mark_failed(result, ~np.isfinite(result.growth_rate))
 
 
 class _Exponents:

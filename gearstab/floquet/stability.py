@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -54,3 +55,18 @@ class FloquetStability:
     kernel: str | None = None
     interval: Array | None = None
     by_mesh: Array | None = None
+
+
+def empty(rows: int, points: int) -> FloquetStability:
+    """Return a result to be filled: no flag of ``status`` is set, nothing else has a value.
+
+    In memory the rows of a mesh frequency are neighbours, as in a result file whose first axis is the mesh frequency.
+    """
+    growth, stable = np.empty((points, rows)), np.empty((points, rows), dtype=np.int8)
+    return FloquetStability(growth.T, stable.T, np.zeros((points, rows), dtype=np.int16).T)
+
+
+def mark_failed(result: FloquetStability, points: Any) -> None:
+    """Mark points of a result, given as an index, as those that nothing could be computed of."""
+    result.growth_rate[points], result.stable[points] = np.nan, -1
+    result.status[points] |= STATUS_FLAGS["failed"]

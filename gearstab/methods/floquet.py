@@ -152,7 +152,7 @@ class Floquet(Restricted):
         # What is declared depends on the base system. Systems of other ratios, for which auto may choose another
         # strategy, have NaN for an estimate and for each mesh, and an interval of zero where they are exact.
         shape = found.growth_rate.shape
-        none = np.full(shape, np.nan)
+        none = np.broadcast_to(np.nan, shape)
         interval, by_mesh = found.interval, found.by_mesh
         of = [group.ratio for group in groups(self.part)]
         index = [of.index(mesh.frequency_ratio) for mesh in self.part.meshes]
@@ -277,7 +277,7 @@ class Orbits(Floquet):
         if not self.system.is_classical:
             return self._orbits(mesh_frequency)
         found = super().run(mesh_frequency)
-        nothing = np.full(found.values["growth_rate"].shape, np.nan)
+        nothing = np.broadcast_to(np.nan, found.values["growth_rate"].shape)
         return replace(found, values={**found.values, **{v.name: nothing for v in ORBITS}})
 
     def _orbits(self, mesh_frequency: Array) -> Outcome:

@@ -219,13 +219,14 @@ def _flags(layout: Layout, values: dict[str, Array]) -> dict[str, int]:
         if variable.name == "status" and GRID in variable.dims:
             names = str(variable.attributes.get("flag_meanings", "")).split()
             flags = dict(zip(names, variable.attributes.get("flag_masks", ()), strict=True))
-            return _counted(np.ravel(values["status"]), flags)
+            return _counted(np.ravel(values["status"], order="K"), flags)
     return {}
 
 
 def _counted(status: Array, flags: Mapping[str, int]) -> dict[str, int]:
     """How often each flag is set. Most are set nowhere or everywhere, which two passes tell."""
-    anywhere, everywhere = int(np.bitwise_or.reduce(status)), int(np.bitwise_and.reduce(status))
+    anywhere = int(np.bitwise_or.reduce(status))
+    everywhere = int(np.bitwise_and.reduce(status)) if anywhere else 0
     return {
         name: len(status) if everywhere & mask else int(np.count_nonzero(status & status.dtype.type(mask)))
         for name, mask in flags.items()

@@ -258,6 +258,9 @@ static PyMethodDef METHODS[] = {
     {"scan", py_scan, METH_VARARGS,
      "scan(level, (rows, segments, states, n, cycles, limits), squared, fractions, state, change, first, last, points, omega, "
      "verdict, growth, rho=, magnified=)"},
+    {"rates", py_rates, METH_VARARGS,
+     "rates(level, (rows, segments, states, n, cycles, limits), squared, fractions, state, change, first, last, points, all rows, "
+     "omega, rate, shift, place, stable, growth) -> bytes of the points in doubt"},
     {"monodromy", py_monodromy, METH_VARARGS,
      "monodromy(level, (rows, segments, states, n, cycles, limits), squared, fractions, state, change, first, last, points, row, "
      "omega, matrix, scale)"},

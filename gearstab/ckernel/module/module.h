@@ -11,6 +11,9 @@
 
 const struct level *level_named(const char *name);
 
+/* module_rates.c */
+PyObject *py_rates(PyObject *self, PyObject *arguments);
+
 /* module_boundaries.c */
 PyObject *py_edges(PyObject *self, PyObject *arguments);
 PyObject *py_shares(PyObject *self, PyObject *arguments);

@@ -45,6 +45,27 @@ def scan(pattern: Pattern, omega: Array, limit: int | None = None) -> tuple[Arra
     return _scan(pattern, omega, np.empty((len(omega), 0), dtype=complex), limit)
 
 
+def rates(
+    pattern: Pattern, mesh_frequency: Array, place: Array, stable: Array, growth: Array, limit: int | None = None
+) -> tuple[Array, Array]:
+    """Flags and growth rates of every point, put in their places in a result (rows, points)."""
+    omega, elastic, where = _contiguous(mesh_frequency), pattern.elastic, _whole(place)
+    points, every = omega.shape[-1], len(stable)
+    found: dict[int, Array] = {}
+    for rows in _portions(len(where), len(pattern.states), pattern.size):
+        given = pattern_arguments(pattern, rows)
+        of_rows = (_contiguous(elastic.rate[rows]), _contiguous(elastic.shift[rows]), where[rows])
+        own = (omega if omega.ndim == 1 else omega[rows], *of_rows, stable.T, growth.T)
+
+        def part(first: int, last: int, all_of: tuple[Any, ...] = (given, own), base: int = rows.start) -> None:
+            raw = _library().rates(ckernel.simd(), *all_of[0], first, last, points, every, *all_of[1])
+            found[base + first] = np.frombuffer(raw, dtype=np.int64).reshape(-1, 2) + np.array([base, 0])
+
+        _in_threads(part, rows.stop - rows.start, points * _cost(pattern), limit)
+    row, point = np.concatenate([found[first] for first in sorted(found)]).T
+    return row, point
+
+
 def scan_traces(
     pattern: Pattern, omega: Array, interpolate: bool = False, limit: int | None = None
 ) -> tuple[Array, Array, Array, Array]:

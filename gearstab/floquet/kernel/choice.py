@@ -5,6 +5,10 @@ frequencies ``(r, P)`` in units of the pattern's rate:
 
 * ``scan(pattern, omega) -> (verdict, growth)``: int8 of UNSTABLE, STABLE, DOUBTFUL and ln max |lambda| a common period
   of a conservative pattern, ``(r, P)`` each;
+* ``rates(pattern, mesh_frequency, place, stable, growth) -> (row, point)``: the same of mesh frequencies ``(P,)`` of
+  all rows or ``(r, P)`` in the units of the system, as flags (int8) and growth rates in these units, less the pattern's
+  uniform decay, written to the rows ``place`` ``(r,)`` of two arrays ``(rows, P)`` that are contiguous when transposed;
+  returns the points in doubt, where they mean nothing;
 * ``monodromy(pattern, row, omega) -> (matrix, scale)``: monodromy matrices ``(P, 2n, 2n)`` over exp(scale) at
   ``(P,)`` frequencies of one row or of a row each, for what ``scan`` leaves in doubt;
 * ``log_multipliers(pattern, omega, bound) -> ln lambda``, ``(r, P, 2n)``, imaginary parts in (-pi, pi]; NaN where an

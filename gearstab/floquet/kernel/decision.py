@@ -14,6 +14,8 @@ Rigid-body modes never come here (:mod:`gearstab.floquet.segments.reduction`).
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 
 from gearstab.system import Array
@@ -45,10 +47,12 @@ def conservative(m: Array) -> tuple[Array, Array, Array]:
     return stable, growth, open_case
 
 
+@cache
 def symplectic_form(n: int) -> Array:
     """J = [[0, I], [-I, 0]]."""
-    zero, one = np.zeros((n, n)), np.eye(n)
-    return np.block([[zero, one], [-one, zero]])
+    form = np.kron([[0.0, 1.0], [-1.0, 0.0]], np.eye(n)) + 0.0  # no negative zeros
+    form.flags.writeable = False
+    return form
 
 
 def _defect(m: Array) -> Array:

@@ -18,7 +18,7 @@ import numpy as np
 
 from gearstab.floquet.kernel import damped, lyapunov
 from gearstab.floquet.kernel.damped import Generators
-from gearstab.floquet.kernel.invariants import DOUBTFUL, UNSTABLE, classify, growth_of, roots
+from gearstab.floquet.kernel.invariants import DOUBTFUL, STABLE, UNSTABLE, classify, growth_of, roots
 from gearstab.floquet.segments.pattern import Pattern
 from gearstab.system import Array
 
@@ -263,6 +263,26 @@ def scan(pattern: Pattern, omega: Array) -> tuple[Array, Array]:
             growth[row, part][unstable] = growth_of(roots(s[:, unstable]))
             verdict[row, part] = found
     return verdict, growth
+
+
+def rates(pattern: Pattern, mesh_frequency: Array, place: Array, stable: Array, growth: Array) -> tuple[Array, Array]:
+    """Flags and growth rates of every point, put in their places in a result (rows, points)."""
+    shift, rate = pattern.elastic.shift[:, None], pattern.elastic.rate[:, None]
+    omega = mesh_frequency / rate
+    verdict, value = scan(pattern, omega)
+    growth[place], inside = in_units(value, verdict == STABLE, 2 * np.pi * pattern.cycles / omega, shift, rate)
+    stable[place] = inside
+    row, point = np.nonzero((verdict == DOUBTFUL) | ~np.isfinite(value))
+    return row, point
+
+
+def in_units(growth: Array, stable: Array, period: Array, shift: Array, rate: Array) -> tuple[Array, Array]:
+    """Growth a period as a growth rate less the uniform decay ``shift``, and whether it is stable.
+
+    Without damping the verdict decides; with uniform damping a growth below the decay is stable.
+    """
+    value = growth / period
+    return (value - shift) * rate, np.where(shift == 0, stable, value <= shift)
 
 
 def factors(pattern: Pattern, row: int, omega: Array) -> list[Array]:

@@ -45,9 +45,10 @@ def solutions(
         negative = _negative(division)
         coarse = split_pattern(division)
         for block in split(coarse) if reduction else [whole(coarse)]:
-            own = omega[block.pattern.rows] / block.pattern.elastic.rate[:, None]
+            part = OperatingPoints(block.pattern, omega[block.pattern.rows])
+            own = part.omega
             if block.constant or division.constant.all():
-                exact = solved(OperatingPoints(block.pattern, own), block, exponents)
+                exact = solved(part, block, exponents)
                 yield block, replace(exact, error_estimate=rounding(block.pattern, own))
                 continue
             found = _varying(within(division, block), own, exponents, tolerance)
@@ -157,8 +158,8 @@ def _at_resolutions(chosen: Ladder, found: Estimates, asked: Array) -> Iterator[
 
 def _settled(found: Estimates, status: Array, pattern: Pattern, rows: Array, points: Array, omega: Array) -> None:
     """Decide the points in doubt among those of a pattern."""
-    doubtful = found.verdict[rows[:, None], points] == DOUBTFUL
-    for row, column in pieces(doubtful, pattern.size):
+    some, places = np.nonzero(found.verdict[rows[:, None], points] == DOUBTFUL)
+    for row, column in pieces(some, places, pattern.size):
         target = rows[row], points[row, column]
         verdict, growth, bits = decide_doubtful(pattern, row, omega[target])
         found.verdict[target], found.growth[target] = verdict, growth
