@@ -126,9 +126,13 @@ def main(largest: int = LARGEST) -> None:
             begin = fastest(3, out, "--scheduler", address)
             away = fastest(LARGEST, out, "--scheduler", address)
         here = fastest(LARGEST, out, "-j", "2")
+        own = fastest(LARGEST, out, "--scheduler", "local", "-j", "2")
     beyond = (here.clock - start.clock) / (away.clock - begin.clock)
     print(f"10^{LARGEST} points: two threads {here.clock:.2f} s, two workers that wait {away.clock:.2f} s, throughput "
-          f"{here.clock / away.clock:.2f} of the threads', beyond the start of both commands {beyond:.2f}")  # fmt: skip
+          f"{here.clock / away.clock:.2f} of the threads', beyond the start of both commands {beyond:.2f}; "
+          f"--scheduler local, which starts its workers, {own.clock:.2f} s, throughput {here.clock / own.clock:.2f}; "
+          f"processor seconds of the commands {here.processors:.2f}, {away.processors:.2f} (without the workers'), "
+          f"{own.processors:.2f}")  # fmt: skip
 
 
 if __name__ == "__main__":
