@@ -237,16 +237,16 @@ static int64_t keep_share(struct share *found, int64_t count, struct share own) 
 }
 
 /* A leading part of a lane: its part of the action of its sign. */
-struct part {
+struct weighed {
     double share;
     int64_t mode, harmonic;
 };
 
-static int leading_parts(struct part *parts, int64_t n, int64_t lane, const struct leader *leaders, double sum) {
+static int leading_parts(struct weighed *parts, int64_t n, int64_t lane, const struct leader *leaders, double sum) {
     int count = 0;
     for (; count < LEADING && leaders[count].value[lane] > LEAST * sum; count++) {
         int64_t number = (int64_t)leaders[count].part[lane], mode = (number % n + n) % n;
-        parts[count] = (struct part){leaders[count].value[lane] / sum, mode, (number - mode) / n};
+        parts[count] = (struct weighed){leaders[count].value[lane] / sum, mode, (number - mode) / n};
     }
     return count;
 }
@@ -254,10 +254,10 @@ static int leading_parts(struct part *parts, int64_t n, int64_t lane, const stru
 /* Pair the leading parts of both signs in a lane; returns how many shares its point has then. */
 static int64_t pair_parts(struct share *found, int64_t count, int64_t n, int64_t lane, const struct leader *up,
                           const struct leader *down, const vec *sum, int64_t point) {
-    struct part plus[LEADING], minus[LEADING];
+    struct weighed plus[LEADING], minus[LEADING];
     int ups = leading_parts(plus, n, lane, up, sum[0][lane]), downs = leading_parts(minus, n, lane, down, sum[1][lane]);
-    for (struct part *x = plus; x < plus + ups; x++)
-        for (struct part *y = minus; y < minus + downs; y++) {
+    for (struct weighed *x = plus; x < plus + ups; x++)
+        for (struct weighed *y = minus; y < minus + downs; y++) {
             int64_t p = x->mode < y->mode ? x->mode : y->mode, q = x->mode < y->mode ? y->mode : x->mode;
             double share = x->share < y->share ? x->share : y->share;
             count = keep_share(found, count, (struct share){point, p, q, x->harmonic - y->harmonic, share});
