@@ -137,7 +137,7 @@ def test_names(ratio: str | int) -> None:
 
 
 def test_results_do_not_depend_on_threads_or_instructions(monkeypatch: pytest.MonkeyPatch) -> None:
-    epsilon = np.linspace(0.02, 0.5, 16)
+    epsilon = np.linspace(0.02, 0.5, 3 * c_kernel.RUN + 5)
     ((pattern, first, last),) = patterns(train(tooth_ratio="3/5", epsilon=(epsilon, epsilon)), 0.7, 7.0)
     edges, reach = c_kernel.edges(pattern, pattern, first, last, TOLERANCE, FLOOR, 1.0, limit=1)
     again, same = c_kernel.edges(pattern, pattern, first, last, TOLERANCE, FLOOR, 1.0, limit=3)
@@ -149,6 +149,22 @@ def test_results_do_not_depend_on_threads_or_instructions(monkeypatch: pytest.Mo
         # Rounding decides only what is narrower than the floor.
         monkeypatch.setenv("GEARSTAB_SIMD", level)
         assert check(compiled.search(pattern, first, last, TOLERANCE, FLOOR), known, len(first)) > 1000
+
+
+def test_regions_do_not_depend_on_the_rows_before() -> None:
+    """Points begin at the edges of the row before: rows in any order find what each finds alone."""
+    given = np.random.default_rng(5)
+    epsilon = np.concatenate([given.uniform(0.02, 0.5, 12), np.full(3, 0.3), np.linspace(0.3, 0.31, 6)])
+    ((pattern, first, last),) = patterns(train(tooth_ratio="3/5", epsilon=(epsilon, epsilon)), 0.7, 7.0)
+    together = compiled.search(pattern, first, last, TOLERANCE, FLOOR)
+    for row in range(len(epsilon)):
+        only = np.array([row])
+        found = compiled.search(pattern.subset(only), first[only], last[only], TOLERANCE, FLOOR)
+        own = together.intervals.row == row
+        assert len(found.intervals.row) == own.sum() > 30
+        for side in ("start", "stop"):
+            edges = getattr(together.intervals, side)[own]
+            np.testing.assert_allclose(edges, getattr(found.intervals, side), rtol=2 * TOLERANCE)
 
 
 @pytest.mark.parametrize("density", [0.6, 0.8, 1.3])

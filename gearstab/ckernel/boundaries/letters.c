@@ -120,6 +120,7 @@ static void add_off(struct sample *s, double angle, double before, double after,
 void sample_read(struct sample *s, int64_t n, double step, const double *angle, const double *growth, double size,
                  const double *later_angle, const double *later_growth, struct item *now, int *position) {
     struct item *later = now + n;
+    s->step = step;
     s->letters = s->offs = 0;
     s->indexed = 0;
     s->known = s->stable = size < LARGEST;

@@ -10,6 +10,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "neighbour.h"
 #include "search.h"
 #include "window.h"
 
@@ -97,7 +98,7 @@ static int repair_scan(struct window *w, int first, int count) {
             if (usable(s))
                 continue;
             int end = i == 0 || i == count - 1;
-            double nudge = end ? 1e-11 * s->cycle : 0.07 * w->spacing;
+            double nudge = end ? 1e-11 * s->cycle : 0.07 * (at(w, first + i + 1)->cycle - s->cycle);
             w->shorter[0] = 1.0;
             w->cycle[0] = s->cycle + (i == count - 1 ? -1 : 1) * attempt * nudge;
             int kept = w->samples;
@@ -113,15 +114,14 @@ static int repair_scan(struct window *w, int first, int count) {
     return 0;
 }
 
-/* Points uniform between two cycles and the brackets between them. */
+/* Points between two cycles and the brackets between them. */
 static int scan(struct window *w, double first, double last) {
-    int count = (int)ceil((last - first) / w->spacing - 1e-9) + 1;
-    count = count < 2 ? 2 : count;
     w->samples = w->opens = 0;
-    if (room_for_points(w, count) || room_for_brackets(w, count))
+    int count = foresee(w, first, last);
+    if (count < 0 || room_for_brackets(w, count))
         return -1;
     for (int i = 0; i < count; i++)
-        w->shorter[i] = 1.0, w->cycle[i] = i == count - 1 ? last : first + (last - first) * i / (count - 1);
+        w->shorter[i] = 1.0;
     if (evaluate(w, count))
         return -1;
     count_scan(w, 0, count);
@@ -300,6 +300,7 @@ static int search_row(struct window *w, int64_t row, double start, double stop, 
     w->row = row;
     w->spacing = (stop - start) / (ceil(expected) - 1.0);
     w->evaluations = 0;
+    int64_t begin = w->edges;
     for (double k = 0; k < windows; k++) {
         double first = k == 0 ? start : start + (stop - start) * (k / windows);
         double last = k == windows - 1 ? stop : start + (stop - start) * ((k + 1) / windows);
@@ -315,7 +316,7 @@ static int search_row(struct window *w, int64_t row, double start, double stop, 
             return -1;
     }
     reach->evaluations = w->evaluations;
-    return 0;
+    return learn(w, begin);
 }
 
 /* The edges of rows first..last-1; see kernel.h. */

@@ -41,7 +41,7 @@ struct off {
    not where M is too large or where signs are lost in rounding. index: N(0), the number of times that a multiplier has passed
    1; indexed: whether it is known. */
 struct sample {
-    double cycle, noise; /* noise: rounding errors of rho = lambda + 1/lambda */
+    double cycle, step, noise; /* step: to the second point; noise: rounding errors of rho = lambda + 1/lambda */
     int64_t index;
     int stable, known, indexed;
     int letters, offs;

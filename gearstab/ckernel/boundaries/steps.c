@@ -14,6 +14,7 @@
 #define BESIDE 0.45
 #define SAME_DEPTH 0.005 /* relative errors of F, and of its slope times the width, that confirm a cubic */
 #define SAME_SLOPE 0.02
+#define CURVED 0.25   /* of a slope: what the curvature may change */
 #define AT_ONCE 0.1 /* of the floor: events that are predicted this near to each other are taken for one */
 #define INSIDE 0.05 /* of the bracket: no proposal for an open one is nearer to its ends */
 
@@ -58,6 +59,10 @@ static double zero(const struct cubic *c) {
     return x;
 }
 
+/* The slope at an end from that of the chord to its second point and half the curvature: in narrow tongues the step is a good part
+   of the way to the other edge. Where a wide bracket says more than that, it knows nothing of the curvature. */
+static double at_the_end(double chord, double ahead) { return fabs(ahead) < CURVED * fabs(chord) ? chord - ahead : chord; }
+
 /* The ends of a bracket as the pair sees them that meets in it: F and its slope times the width. */
 struct cubic course(const struct sample *left, const struct sample *right, const struct finding *found) {
     double width = right->cycle - left->cycle, f, s, g, t;
@@ -69,7 +74,9 @@ struct cubic course(const struct sample *left, const struct sample *right, const
         g = right->gap[found->right].square, t = right->gap[found->right].slope;
     else
         g = right->off[found->right].square, t = right->off[found->right].slope;
-    return through(f, s * width, g, t * width);
+    struct cubic c = through(f, s * width, g, t * width);
+    double first = c.p * left->step / width, last = (c.p + 3.0 * c.q) * right->step / width;
+    return through(f, at_the_end(s * width, first), g, at_the_end(t * width, last));
 }
 
 /* The edge in an ENTRANCE or EXIT by Newton's step from the end that is nearer to it, and how far from that end it is. */

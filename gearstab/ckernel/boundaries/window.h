@@ -25,6 +25,14 @@ struct block {
     struct off *off;
 };
 
+/* An edge of the row before, its first and second differences from row to row, by how much the row before foresaw it wrongly, and
+   for how many rows it has been known. */
+struct guess {
+    double cycle, first, second, missed;
+    int64_t enters, passed[3];
+    int age;
+};
+
 /* The work on one window of a row. */
 struct window {
     const struct order *order;
@@ -45,6 +53,9 @@ struct window {
     double *phase;
     struct edge *edge;
     int64_t edges, edge_room;
+    struct guess *guess, *fresh; /* of the row before, by place; and of this one */
+    int64_t guess_room;
+    int guesses;
 };
 
 static struct sample *at(const struct window *w, int i) { return &w->block[i / BLOCK]->sample[i % BLOCK]; }
@@ -103,6 +114,7 @@ static void window_free(struct window *w) {
     free(w->block);
     free(w->open), free(w->next), free(w->found);
     free(w->cycle), free(w->angle), free(w->growth), free(w->size), free(w->shorter);
+    free(w->guess), free(w->fresh);
     free(w->items), free(w->position), free(w->phase);
     index_free(w->index);
     if (w->spectra)

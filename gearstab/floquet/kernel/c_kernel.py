@@ -185,6 +185,8 @@ def multipliers_damped(
 
 POINTS_OF_A_ROW = 500
 """Monodromy matrices that the boundaries of a row take, about."""
+RUN = 32
+"""Rows whose search follows the edges from one to the next; what is found must not hang on the number of threads."""
 SHARES_OF_A_POINT = 30
 """The shares of a point take so many times the operations of a monodromy matrix, about."""
 SHARE = np.dtype([("point", "i8"), ("p", "i8"), ("q", "i8"), ("cycles", "i8"), ("share", "f8")])
@@ -221,10 +223,20 @@ def edges(
         arguments = (*given, *other[0][1:3], *other[1:])
         options = (tolerance, floor, density, begin[rows], end[rows])
 
-        def part(low: int, high: int, all_of: tuple[Any, ...] = (arguments, options), base: int = rows.start) -> None:
-            found[base + low] = _library().edges(ckernel.simd(), *all_of[0], low, high, *all_of[1])
+        count = rows.stop - rows.start
 
-        _in_threads(part, rows.stop - rows.start, POINTS_OF_A_ROW * _cost(pattern), limit)
+        def part(
+            low: int,
+            high: int,
+            all_of: tuple[Any, ...] = (arguments, options),
+            base: int = rows.start,
+            count: int = count,
+        ) -> None:
+            for run in range(low * RUN, min(high * RUN, count), RUN):
+                end = min(run + RUN, count)
+                found[base + run] = _library().edges(ckernel.simd(), *all_of[0], run, end, *all_of[1])
+
+        _in_threads(part, -(-count // RUN), RUN * POINTS_OF_A_ROW * _cost(pattern), limit)
     known = np.empty(len(begin), dtype=REACH)
     every = [np.empty(0, dtype=EDGE)]
     for base, (of_edges, of_rows) in sorted(found.items()):
