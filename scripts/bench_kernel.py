@@ -271,7 +271,7 @@ def general_damping(rounds: int) -> None:
     ways = [
         Way("compiled", omega.size, lambda: c_kernel.scan_damped(pattern, generator, omega, 1)),
         Way("NumPy kernel", 1000, lambda: numpy_kernel.scan_damped(one, alone, omega[:1])),
-        Way("expm product", 20, lambda: expm_product(pattern, omega[0, ::50]), 1000),
+        Way("expm product", 20, lambda: expm_product(pattern, omega[0, ::50]), 1200),
     ]
     compare("n = 3, general damping, 4 segments", ways, rounds)
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from oracle import plain
 from oracle import solve as reference
-from systems import KINDS, patterns, system, two_stage
+from systems import KINDS, damped_patterns, patterns, system, two_stage
 
 from gearstab import ckernel
 from gearstab.floquet.kernel import c_kernel, numpy_kernel
@@ -114,3 +114,25 @@ def test_growth_too_large_for_polynomials(level: str) -> None:
         omega = np.linspace(0.01, 3, POINTS) / pattern.elastic.rate[:, None]
         compare(pattern, omega)
         assert c_kernel.scan(pattern, omega)[1].max() > 10
+
+
+FEW = 63
+"""Points of a row that are too few for polynomials."""
+
+
+@pytest.mark.parametrize("damping", [1e-7, 1e-3, 0.1, 3.0])
+@pytest.mark.parametrize("kind", ["generic", "rigid", "negative stiffness", "ratios"])
+@pytest.mark.parametrize("n", [2, 3])
+def test_damped_growth_is_that_of_propagation(level: str, n: int, kind: str, damping: float) -> None:
+    changed = []
+    for pattern, generator, omega in damped_patterns(system(n, kind, 24, damping), 1001):
+        growth, scale = c_kernel.scan_damped(pattern, generator, omega)
+        for first in range(0, 1001, FEW):
+            part = slice(first, first + FEW)
+            alone, taken = c_kernel.scan_damped(pattern, generator, omega[:, part])
+            # What both may be off before a point is left to QR, TRUSTED in moduli.h.
+            assert np.all(np.abs(growth[:, part] - alone) <= 4e-13 * np.maximum(1.0, np.abs(alone)))
+            assert np.abs(scale[:, part] - taken).max() < 2 * np.log(1e4)
+            changed.append(np.mean(growth[:, part] != alone))
+    # Heavy damping parts the multipliers too far for a polynomial, growing modes do not go in pairs.
+    assert kind == "negative stiffness" or damping > 0.1 or np.mean(changed) > 0.2

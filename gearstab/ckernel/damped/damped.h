@@ -6,6 +6,8 @@
 #ifndef GEARSTAB_DAMPED_H
 #define GEARSTAB_DAMPED_H
 
+#define MOST_SQUARE 5.0 /* size of matrices, squared: of larger ones too many points would be left to QR */
+
 /* What follows segment s of row r, (m, m). */
 INLINE const double *change_after(const struct damped *pattern, int64_t m, int64_t r, int64_t s) {
     return pattern->change + (r * pattern->changes + pattern->follows[s]) * m * m;
@@ -172,6 +174,78 @@ INLINE void describe(vec *x, int64_t m, struct spectrum *of, vec *scale) {
         of->square = squared_size(x, m);
     }
     characteristic_polynomial(x, m, of->e);
+    of->rounding = ROUNDING;
+}
+
+/* ---- e_1..e_(m-1) of M exp(rate T) at many mesh frequencies from those at few, see stretches.h; e_m is 1 for the rate that
+   makes the determinant 1. They are of exponential type sum over segments and pairs of |fraction frequency| and of how
+   much the decay differs from the mean. */
+
+struct fit {
+    struct cut cut;
+    struct stretch stretch;
+    double rate, square; /* of the size, the largest at the nodes */
+};
+
+INLINE void fit_cut(struct fit *of, const struct damped *pattern, int64_t m, int64_t r, int64_t points, const double *omega) {
+    of->cut.type = of->rate = 0.0;
+    for (int64_t s = 0; s < pattern->segments; s++) {
+        int64_t at = (r * pattern->states + pattern->state[s]) * m;
+        double fraction = TURN * pattern->fractions[r * pattern->segments + s], mean = 0.0;
+        for (int64_t i = 0; i < m; i++)
+            mean += pattern->decay[at + i] / (double)m;
+        of->rate -= fraction * mean;
+        for (int64_t i = 0; i < m; i++)
+            of->cut.type += 0.5 * fabs(fraction) * hypot(pattern->frequency[at + i], pattern->decay[at + i] - mean);
+    }
+    cut_points(&of->cut, m - 1, pattern->cycles, (double)(pattern->segments * (12 * m + m * m * (m + 2)) + m * m * m), points,
+               omega);
+}
+
+/* The polynomials of a part; 0 if they cannot be trusted. */
+INLINE int fit_set(struct fit *of, const struct damped *pattern, int64_t m, int64_t r, const struct part *part,
+                   const double *omega, vec *x, vec *work) {
+    double sample[MOST_FITTED][MOST_NODES], size = 1.0, left = 0.0;
+    struct stretch *stretch = &of->stretch;
+    double half, longest = stretch_over(stretch, part, pattern->cycles, omega, &half);
+    const double *table = table_of(part->which);
+    if (!table)
+        return 0;
+    of->square = 0.0;
+    for (int64_t i = 0; i < stretch->nodes; i += LANES) {
+        struct spectrum spectrum;
+        vec period = periods_of_nodes(stretch, table, half, i);
+        vec scale = propagate_damped(pattern, m, 1, r, period, x, work);
+        describe(x, m, &spectrum, &scale);
+        vec factor = exponential(scale + of->rate * period), power = factor, square = factor * factor * spectrum.square;
+        mask known = square < MOST_SQUARE;
+        for (int64_t j = 1; j < m; j++) {
+            vec value = spectrum.e[j] * power;
+            power = power * factor;
+            store(&sample[j - 1][i], value);
+            for (int64_t lane = 0; lane < LANES; lane++)
+                size = fabs(value[lane]) > size ? fabs(value[lane]) : size;
+        }
+        if (any(~known))
+            return 0;
+        for (int64_t lane = 0; lane < LANES; lane++)
+            of->square = square[lane] > of->square ? square[lane] : of->square;
+    }
+    for (int64_t j = 1; j < m; j++) {
+        double own = transform(sample[j - 1], table, stretch->nodes, stretch->even[j - 1], stretch->odd[j - 1]);
+        left = own > left ? own : left;
+    }
+    stretch->noise = ROUNDING * (2.0 + of->cut.type * longest / CLEAR_PHASE);
+    return left <= LAST_TERMS * size;
+}
+
+/* What is known of the matrices at LANES periods of a stretch, times exp(rate T). */
+INLINE void fit_at(const struct fit *of, int64_t m, vec period, struct spectrum *found, vec *scale) {
+    stretch_at(&of->stretch, m - 1, period, found->e + 1);
+    found->e[0] = found->e[m] = all(1.0);
+    found->square = all(of->square);
+    found->rounding = of->stretch.noise;
+    *scale = -of->rate * period;
 }
 
 /* ln max |lambda| of x (m, m), which is destroyed; work (4, m). */
@@ -226,20 +300,40 @@ static void multipliers_row(const struct damped *pattern, int64_t m, int64_t r, 
     }
 }
 
-/* A row; small: whether m is 4 or 6, a constant where this is inlined, and the rotations go two by two. x (m, m), of
-   BATCH such matrices if small, and work (m + 4, m). */
-INLINE void scan_damped_row(const struct damped *pattern, int64_t m, int small, int64_t r, int64_t points,
-                            const double *omega, double *growth, double *scale, struct queue *queue, vec *x, vec *work) {
+/* The matrices of lanes whose modulus is not sure go to QR; x (m, m), those of the points from `at` on. */
+INLINE void leave_to_qr(struct queue *queue, int64_t m, mask sure, int64_t at, int64_t end, const vec *x, double *growth,
+                        vec *work) {
+    for (int64_t lane = 0; lane < LANES && at + lane < end; lane++) {
+        COUNT(sure[lane] ? SQUARED : LEFT_TO_QR, 1);
+        if (sure[lane])
+            continue;
+        for (int64_t i = 0; i < m * m; i++)
+            queue->x[i][queue->length] = x[i][lane];
+        queue->point[queue->length++] = at + lane;
+        if (queue->length == LANES)
+            flush(queue, m, growth, work);
+    }
+}
+
+/* Points begin..end-1 of a row; small: whether m is 4 or 6, a constant where this is inlined, and the rotations go two by
+   two; fit: where these points are interpolated. x (m, m), of BATCH such matrices if small, and work (m + 4, m). */
+INLINE void scan_damped_points(const struct damped *pattern, int64_t m, int small, int64_t r, const struct fit *fit,
+                               int64_t begin, int64_t end, const double *omega, double *growth, double *scale,
+                               struct queue *queue, vec *x, vec *work) {
     struct spectrum spectrum[BATCH];
     const int64_t most = small ? BATCH : 1;
-    for (int64_t k = 0; k < points; k += most * LANES) {
-        int64_t left = (points - k + LANES - 1) / LANES, count = left < most ? left : most;
+    for (int64_t k = begin; k < end; k += most * LANES) {
+        int64_t left = (end - k + LANES - 1) / LANES, count = left < most ? left : most;
         for (int64_t c = 0; c < count; c++) {
-            vec period = pattern->cycles / load_part(omega, k + c * LANES, points);
-            vec taken = propagate_damped(pattern, m, small, r, period, x + c * m * m, work);
-            if (small)
-                describe(x + c * m * m, m, &spectrum[c], &taken);
-            store_part(scale, k + c * LANES, points, taken);
+            vec period = pattern->cycles / load_part(omega, k + c * LANES, end), taken;
+            if (fit) {
+                fit_at(fit, m, period, &spectrum[c], &taken);
+            } else {
+                taken = propagate_damped(pattern, m, small, r, period, x + c * m * m, work);
+                if (small)
+                    describe(x + c * m * m, m, &spectrum[c], &taken);
+            }
+            store_part(scale, k + c * LANES, end, taken);
         }
         if (small) {
             for (int64_t c = count; c % TOGETHER; c++)
@@ -250,25 +344,37 @@ INLINE void scan_damped_row(const struct damped *pattern, int64_t m, int small, 
         for (int64_t c = 0; c < count; c++) {
             mask sure = small ? refine(spectrum + c, m) : (mask){0};
             int64_t at = k + c * LANES;
-            vec value = choose(sure, spectrum[c].value, all(0.0));
-            store_part(growth, at, points, load_part(scale, at, points) + value);
-            if (!any(~sure)) {
-                COUNT(SQUARED, points - at < LANES ? points - at : LANES);
-                continue;
+            vec value = choose(sure, spectrum[c].value, all(0.0)), taken = load_part(scale, at, end);
+            if (fit && any(~sure)) { /* QR takes a matrix */
+                vec period = pattern->cycles / load_part(omega, at, end);
+                vec own = propagate_damped(pattern, m, small, r, period, x + c * m * m, work);
+                describe(x + c * m * m, m, &spectrum[c], &own);
+                taken = choose(sure, taken, own);
+                store_part(scale, at, end, taken);
             }
-            for (int64_t lane = 0; lane < LANES && at + lane < points; lane++) {
-                COUNT(sure[lane] ? SQUARED : LEFT_TO_QR, 1);
-                if (sure[lane])
-                    continue;
-                for (int64_t i = 0; i < m * m; i++)
-                    queue->x[i][queue->length] = x[c * m * m + i][lane];
-                queue->point[queue->length++] = at + lane;
-                if (queue->length == LANES)
-                    flush(queue, m, growth, work);
-            }
+            store_part(growth, at, end, taken + value);
+            if (any(~sure))
+                leave_to_qr(queue, m, sure, at, end, x + c * m * m, growth, work);
+            else
+                COUNT(SQUARED, end - at < LANES ? end - at : LANES);
         }
     }
     flush(queue, m, growth, work);
+}
+
+/* A row, in parts that are interpolated or not. */
+INLINE void scan_damped_row(const struct damped *pattern, int64_t m, int small, int64_t r, int64_t points,
+                            const double *omega, double *growth, double *scale, struct queue *queue, vec *x, vec *work) {
+    struct fit fit;
+    fit.cut.count = 1, fit.cut.part[0] = (struct part){0, points, -1};
+    if (small)
+        fit_cut(&fit, pattern, m, r, points, omega);
+    for (int64_t k = 0; k < fit.cut.count; k++) {
+        const struct part *part = fit.cut.part + k;
+        int fitted = small && part->which >= 0 && fit_set(&fit, pattern, m, r, part, omega, x, work);
+        scan_damped_points(pattern, m, small, r, fitted ? &fit : NULL, part->begin, part->end, omega, growth, scale, queue,
+                           x, work);
+    }
 }
 
 /* Whether all pairs of eigenvalues of a row begin at even places. */

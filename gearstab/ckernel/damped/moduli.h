@@ -155,6 +155,7 @@ INLINE vec log_of_pair(const vec *e, mask *real) {
    eigenvalues as a logarithm, at first an approximation. */
 struct spectrum {
     vec e[LARGEST_POWER + 1], square, value;
+    double rounding; /* of e_j over the j-th power of the size */
     mask real, sound; /* whether the largest eigenvalue is real; whether it is surely that one */
 };
 
@@ -284,7 +285,7 @@ INLINE mask refine(struct spectrum *of, int64_t m) {
             break;
         x = choose(near, x, x + 2.0 * sine * turn / size); /* with little damping g alone tells x badly */
     }
-    vec h = of->square * (inverse * inverse), noise = ROUNDING * (((1.5 * h + 2.0) * h + 2.0) * h + 0.5);
+    vec h = of->square * (inverse * inverse), noise = of->rounding * (((1.5 * h + 2.0) * h + 2.0) * h + 0.5);
     of->value = of->value - step;
     return of->sound & near & (noise * noise < TRUSTED * TRUSTED * size) & (magnitude(step) < AGREED);
 }

@@ -15,6 +15,7 @@
 #define GEARSTAB_STRETCHES_H
 
 #define MOST_NODES 128
+#define MOST_FITTED 5      /* functions of a stretch */
 #define CELL 16.0          /* rad, sigma times the length of a cell of a row */
 #define FURTHEST 1000.0    /* rad, sigma T from which on all is propagated: nodes are rounded, which adds 1e-13 there */
 #define CLEAR_PHASE 100.0  /* rad, sigma T at which that adds as much as propagation does, 1e-14 */
@@ -37,7 +38,7 @@ struct stretch {
     int64_t nodes;
     double middle, inverse; /* of the half length */
     double noise;           /* errors in units of those that propagation leaves on coefficients of one */
-    double even[3][MOST_NODES / 2], odd[3][MOST_NODES / 2];
+    double even[MOST_FITTED][MOST_NODES / 2], odd[MOST_FITTED][MOST_NODES / 2];
 };
 
 /* For a size: cosines of (2 i + 1) pi/(2 nodes), i < nodes/2, times 0, 2, 4.. and then times 1, 3, 5.., 2/nodes times (1/nodes
@@ -104,9 +105,9 @@ INLINE double transform(const double *sample, const double *table, int64_t nodes
 }
 
 /* The coefficients at LANES periods of a stretch. */
-INLINE void stretch_at(const struct stretch *of, int64_t n, vec period, vec s[3]) {
+INLINE void stretch_at(const struct stretch *of, int64_t n, vec period, vec *s) {
     vec x = (period - of->middle) * of->inverse, y = 2.0 * x * x - 1.0, twice = y + y;
-    vec before = all(1.0), t = y, even[3], odd[3];
+    vec before = all(1.0), t = y, even[MOST_FITTED], odd[MOST_FITTED];
     UNROLLED for (int64_t e = 0; e < n; e++) {
         even[e] = of->even[e][0] + of->even[e][1] * t;
         odd[e] = of->odd[e][0] + of->odd[e][1] * t;
@@ -190,41 +191,58 @@ INLINE void cut_cells(struct cut *of, int64_t n, int64_t cells, const int64_t *p
         put_before(of, (struct part){passed[last[c].begin], passed[c], last[c].which});
 }
 
-INLINE void cut_row(struct cut *of, const struct row *row, int64_t n, int64_t points, const double *omega) {
+/* A row of `fitted` functions of type of->type. */
+INLINE void cut_points(struct cut *of, int64_t fitted, double cycles, double propagation, int64_t points, const double *omega) {
     int64_t passed[MOST_CELLS + 1] = {0}, cells = 0;
     int grows = direction(points, omega);
-    of->type = 0.0, of->count = 1, of->part[0] = (struct part){0, points, -1};
-    for (int64_t k = 0; k < row->segments * n; k++)
-        of->type += row->modes[k].kind == FREE ? 0.0 : TURN * fabs(row->modes[k].phase);
+    of->count = 1, of->part[0] = (struct part){0, points, -1};
     if (!grows || of->type == 0.0)
         return;
-    double first = row->cycles / omega[grows > 0 ? points - 1 : 0], length = CELL / of->type;
+    double first = cycles / omega[grows > 0 ? points - 1 : 0], length = CELL / of->type;
     for (; passed[cells] < points && of->type * first + (double)(cells + 1) * CELL < FURTHEST; cells++)
-        passed[cells + 1] = above(points, omega, grows > 0, row->cycles / (first + (double)(cells + 1) * length));
-    /* Rotations, then columns, whose halves are turned before the basis changes. */
+        passed[cells + 1] = above(points, omega, grows > 0, cycles / (first + (double)(cells + 1) * length));
     of->part[0].begin = passed[cells], of->count = passed[cells] < points;
-    cut_cells(of, n, cells, passed, (double)(row->segments * (20 * n + 2 * n * (4 * n + 2 * n * n))));
+    cut_cells(of, fitted, cells, passed, propagation);
     for (int64_t k = 0; k < of->count && grows > 0; k++) /* the first of the periods come last */
         of->part[k] = (struct part){points - of->part[k].end, points - of->part[k].begin, of->part[k].which};
+}
+
+INLINE void cut_row(struct cut *of, const struct row *row, int64_t n, int64_t points, const double *omega) {
+    of->type = 0.0;
+    for (int64_t k = 0; k < row->segments * n; k++)
+        of->type += row->modes[k].kind == FREE ? 0.0 : TURN * fabs(row->modes[k].phase);
+    /* Rotations, then columns, whose halves are turned before the basis changes. */
+    cut_points(of, n, row->cycles, (double)(row->segments * (20 * n + 2 * n * (4 * n + 2 * n * n))), points, omega);
+}
+
+/* Begin a stretch over a part of a row: its interval of periods, whose longest is returned. */
+INLINE double stretch_over(struct stretch *of, const struct part *part, double cycles, const double *omega, double *half) {
+    double one = cycles / omega[part->begin], other = cycles / omega[part->end - 1];
+    double longest = one > other ? one : other, shortest = one > other ? other : one;
+    *half = 0.5 * (longest - shortest);
+    of->nodes = SIZES[part->which].nodes;
+    of->middle = 0.5 * (shortest + longest), of->inverse = 1.0 / *half;
+    return longest;
+}
+
+/* LANES periods of a stretch from node i on. */
+INLINE vec periods_of_nodes(const struct stretch *of, const double *table, double half, int64_t i) {
+    vec period;
+    for (int64_t lane = 0; lane < LANES; lane++)
+        period[lane] = of->middle + half * node(table, of->nodes, i + lane);
+    return period;
 }
 
 /* The polynomials of a part of a row; 0 if they cannot be trusted. */
 INLINE int stretch_set(struct stretch *of, const struct row *row, int64_t n, const struct cut *cut, const struct part *part,
                        const double *omega, vec *x, vec *work) {
     double sample[3][MOST_NODES], size = 1.0, left = 0.0;
-    double one = row->cycles / omega[part->begin], other = row->cycles / omega[part->end - 1];
-    double longest = one > other ? one : other, shortest = one > other ? other : one;
-    double half = 0.5 * (longest - shortest);
-    const int64_t nodes = SIZES[part->which].nodes;
+    double half, longest = stretch_over(of, part, row->cycles, omega, &half);
     const double *table = table_of(part->which);
     if (!table)
         return 0;
-    of->nodes = nodes;
-    of->middle = 0.5 * (shortest + longest), of->inverse = 1.0 / half;
-    for (int64_t i = 0; i < nodes; i += LANES) {
-        vec period, s[3];
-        for (int64_t lane = 0; lane < LANES; lane++)
-            period[lane] = of->middle + half * node(table, nodes, i + lane);
+    for (int64_t i = 0; i < of->nodes; i += LANES) {
+        vec s[3], period = periods_of_nodes(of, table, half, i);
         vec scale = propagate(row, n, period, x, work), largest = all(0.0);
         coefficients(x, n, s);
         mask known = scale == 0.0;
@@ -239,7 +257,7 @@ INLINE int stretch_set(struct stretch *of, const struct row *row, int64_t n, con
             size = largest[lane] > size ? largest[lane] : size;
     }
     for (int64_t e = 0; e < n; e++) {
-        double own = transform(sample[e], table, nodes, of->even[e], of->odd[e]);
+        double own = transform(sample[e], table, of->nodes, of->even[e], of->odd[e]);
         left = own > left ? own : left;
     }
     of->noise = size * (1.0 / 3.0) * (1.0 + cut->type * longest / CLEAR_PHASE);
