@@ -6,9 +6,7 @@
 #ifndef GEARSTAB_RATES_H
 #define GEARSTAB_RATES_H
 
-#define TILE 8192        /* points of a tile, 140 kB: 4096 to 16384 are alike */
-#define TILE_POINTS 4096 /* of them at most of one row, so that a few rows, which are neighbours in the result, are moved together */
-
+#define TILE 8192 /* points of a tile of whole rows, 140 kB: 4096 to 16384 are alike */
 #define TOGETHER_IN_PLACE 8 /* rows that are moved together: a line of the cache */
 
 struct tile {
@@ -38,7 +36,7 @@ static void in_units(const struct tile *tile, int64_t row, double cycles, double
     }
 }
 
-static int keep_doubts(const struct tile *tile, int64_t row, int64_t point, struct points *kept) {
+static int keep_doubts(const struct tile *tile, int64_t row, struct points *kept) {
     const int8_t *end = tile->verdict + tile->rows * tile->points, *next = tile->verdict;
     while (next < end && (next = memchr(next, DOUBTFUL, (size_t)(end - next)))) {
         if (kept->count == kept->room) {
@@ -49,18 +47,18 @@ static int keep_doubts(const struct tile *tile, int64_t row, int64_t point, stru
             kept->point = longer, kept->room = room;
         }
         int64_t k = next++ - tile->verdict;
-        kept->point[kept->count++] = (struct point){row + k / tile->points, point + k % tile->points};
+        kept->point[kept->count++] = (struct point){row + k / tile->points, k % tile->points};
     }
     return 0;
 }
 
 /* Some rows of a tile, neighbours in the result: a constant number where this is inlined, so that they are moved together. */
-INLINE void move_rows(const struct tile *tile, int64_t row, int64_t rows, int64_t place, int64_t point, const struct result *to) {
+INLINE void move_rows(const struct tile *tile, int64_t row, int64_t rows, int64_t place, const struct result *to) {
     const double *value = tile->growth + row * tile->points;
     const int8_t *code = tile->verdict + row * tile->points;
     for (int64_t k = 0; k < tile->points; k++) {
-        double *growth = to->growth + (point + k) * to->rows + place;
-        int8_t *stable = to->stable + (point + k) * to->rows + place;
+        double *growth = to->growth + k * to->rows + place;
+        int8_t *stable = to->stable + k * to->rows + place;
         UNROLLED for (int64_t r = 0; r < rows; r++) {
             growth[r] = value[r * tile->points + k];
             stable[r] = code[r * tile->points + k];
@@ -68,26 +66,26 @@ INLINE void move_rows(const struct tile *tile, int64_t row, int64_t rows, int64_
     }
 }
 
-static void move(const struct tile *tile, const int64_t *place, int64_t point, const struct result *to) {
+static void move(const struct tile *tile, const int64_t *place, const struct result *to) {
     for (int64_t r = 0; r < tile->rows;) {
         int64_t together = 1;
         while (together < TOGETHER_IN_PLACE && r + together < tile->rows && place[r + together] == place[r] + together)
             together++;
         if (together == TOGETHER_IN_PLACE)
-            move_rows(tile, r, TOGETHER_IN_PLACE, place[r], point, to);
+            move_rows(tile, r, TOGETHER_IN_PLACE, place[r], to);
         else
-            move_rows(tile, r, together, place[r], point, to);
+            move_rows(tile, r, together, place[r], to);
         r += together;
     }
 }
 
 static int rates(const struct conservative *pattern, int64_t first, int64_t last, int64_t points, const struct result *to,
                  struct points *kept) {
-    int64_t width = points < TILE_POINTS ? points : TILE_POINTS, height = width ? TILE / width : 0;
-    height = height < last - first ? height : last - first;
-    size_t room = (size_t)(width * height);
+    int64_t most = points ? last - first : 0, height = points < TILE ? TILE / (points ? points : 1) : 1;
+    height = height < most ? height : most;
+    size_t room = (size_t)(points * height);
     double *memory = room ? malloc(room * (2 * sizeof(double) + 1)) : NULL;
-    struct tile tile = {.omega = memory, .growth = memory + room, .verdict = (int8_t *)(memory + 2 * room)};
+    struct tile tile = {.points = points, .omega = memory, .growth = memory + room, .verdict = (int8_t *)(memory + 2 * room)};
     int failed = room && !memory;
     for (int64_t r = first; room && !failed && r < last; r += height) {
         struct conservative part = *pattern;
@@ -95,18 +93,15 @@ static int rates(const struct conservative *pattern, int64_t first, int64_t last
         part.squared += r * part.states * part.n;
         part.fractions += r * part.segments;
         part.change += r * part.segments * part.n * part.n;
-        for (int64_t k = 0; !failed && k < points; k += width) {
-            tile.points = points - k < width ? points - k : width;
-            for (int64_t i = 0; i < tile.rows; i++)
-                for (int64_t j = 0; j < tile.points; j++)
-                    tile.omega[i * tile.points + j] = to->omega[(r + i) * to->stride + k + j] / to->rate[r + i];
-            failed = scan(&part, 0, tile.rows, tile.points, tile.omega, tile.verdict, tile.growth, NULL, NULL);
-            for (int64_t i = 0; !failed && i < tile.rows; i++)
-                in_units(&tile, i, pattern->cycles, to->shift[r + i], to->rate[r + i]);
-            failed = failed || keep_doubts(&tile, r, k, kept);
-            if (!failed)
-                move(&tile, to->place + r, k, to);
-        }
+        for (int64_t i = 0; i < tile.rows; i++)
+            for (int64_t j = 0; j < points; j++)
+                tile.omega[i * points + j] = to->omega[(r + i) * to->stride + j] / to->rate[r + i];
+        failed = scan(&part, 0, tile.rows, points, tile.omega, tile.verdict, tile.growth, NULL, NULL);
+        for (int64_t i = 0; !failed && i < tile.rows; i++)
+            in_units(&tile, i, pattern->cycles, to->shift[r + i], to->rate[r + i]);
+        failed = failed || keep_doubts(&tile, r, kept);
+        if (!failed)
+            move(&tile, to->place + r, to);
     }
     free(memory);
     return failed ? -1 : 0;
