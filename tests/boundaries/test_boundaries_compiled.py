@@ -151,6 +151,15 @@ def test_results_do_not_depend_on_threads_or_instructions(monkeypatch: pytest.Mo
         assert check(compiled.search(pattern, first, last, TOLERANCE, FLOOR), known, len(first)) > 1000
 
 
+def test_rows_that_go_to_the_kernel_in_portions_keep_their_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
+    epsilon = np.linspace(0.02, 0.5, 23)
+    ((pattern, first, last),) = patterns(train(epsilon=(epsilon, epsilon)), 1.0, 7.0)
+    whole = compiled.search(pattern, first, last, TOLERANCE, FLOOR)
+    monkeypatch.setattr(c_kernel, "ENTRIES_AT_ONCE", 7 * len(pattern.states) * pattern.size**2)
+    portions = compiled.search(pattern, first, last, TOLERANCE, FLOOR)
+    assert check(portions, whole, len(first)) > 300
+
+
 def test_regions_do_not_depend_on_the_rows_before() -> None:
     """Points begin at the edges of the row before: rows in any order find what each finds alone."""
     given = np.random.default_rng(5)

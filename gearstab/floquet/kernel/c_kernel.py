@@ -215,7 +215,7 @@ def edges(
     coarse: the pattern that gives the rotation counts, of the same rows; density: points of the scan a collision.
     """
     begin, end = _contiguous(first), _contiguous(last)
-    found: dict[int, tuple[bytes, bytes]] = {}
+    found: dict[int, tuple[Array, bytes]] = {}
     segments = max(len(pattern.states), len(coarse.states))
     for rows in _portions(len(begin), segments, pattern.size):
         given = pattern_arguments(pattern, rows)
@@ -233,8 +233,10 @@ def edges(
             count: int = count,
         ) -> None:
             for run in range(low * RUN, min(high * RUN, count), RUN):
-                end = min(run + RUN, count)
-                found[base + run] = _library().edges(ckernel.simd(), *all_of[0], run, end, *all_of[1])
+                of_edges, of_rows = _library().edges(ckernel.simd(), *all_of[0], run, min(run + RUN, count), *all_of[1])
+                own = np.frombuffer(of_edges, dtype=EDGE).copy()
+                own["row"] += base
+                found[base + run] = own, of_rows
 
         _in_threads(part, -(-count // RUN), RUN * POINTS_OF_A_ROW * _cost(pattern), limit)
     known = np.empty(len(begin), dtype=REACH)
@@ -242,7 +244,7 @@ def edges(
     for base, (of_edges, of_rows) in sorted(found.items()):
         rows_of = np.frombuffer(of_rows, dtype=REACH)
         known[base : base + len(rows_of)] = rows_of
-        every.append(np.frombuffer(of_edges, dtype=EDGE))
+        every.append(of_edges)
     total = np.concatenate(every)
     return total[np.lexsort((total["cycle"], total["row"]))], known
 
