@@ -16,15 +16,6 @@
 #define LEAST 1e-3 /* unless they carry less than this of the action of their sign */
 #define LARGEST_MATRIX 1e6 /* entries of M above this leave too few digits, as in points.py */
 
-/* A complex number for each lane. */
-struct pair {
-    vec re, im;
-};
-
-INLINE struct pair times(struct pair a, struct pair b) {
-    return (struct pair){a.re * b.re - a.im * b.im, a.re * b.im + a.im * b.re};
-}
-
 /* Parts of the action of one sign: the largest ones, and which they are: harmonic times n plus mode. */
 struct leader {
     vec value, part;
@@ -43,12 +34,11 @@ struct actors {
     struct change *change; /* by states, */
     int64_t *changes;      /* (D + 1,), where those of a state begin */
     double *modes;     /* (D, n, n) of the row: from the modes of a state to the mean ones */
-    double *matrix;    /* (2n, 2n), row-major */
-    double *factors;   /* (2n, 2n, 2), of M - lambda */
-    double *vector;    /* (2n, 2), a solution's start */
     double *begins;    /* (S,), t/T */
     double *turn, *step; /* (S, 2), exp(-2 pi i k t/T), and what it changes by from one harmonic to the next */
     double highest;    /* of the frequencies of all states of the row */
+    struct pair *factors; /* (2n, 2n), of M - lambda, */
+    mask *exchanged;      /* (2n, 2n), and their rows */
     struct pair *start, *now, *next; /* (2n,), u and u' */
     struct pair *ends;  /* (S, 2n), u and u' in mean coordinates where a segment begins, without exp((g + i phi) t/T) */
     struct pair *jump;  /* (2, n), sums of boundary values of a state for two harmonics, k and -k, */
@@ -57,7 +47,6 @@ struct actors {
     vec *wave;          /* (3, n), cos, sin/w, -w sin of a segment */
     vec *kept;          /* (2n, 2n), the matrices by columns */
     struct share *found; /* (LANES, most) */
-    int64_t *pivot;
     void *memory, *plain;
 };
 
@@ -93,8 +82,8 @@ static int actors_new(struct actors *a, const struct conservative *exact, const 
     *a = (struct actors){.n = exact->n, .segments = coarse->segments, .states = coarse->states};
     a->most = LEADING * LEADING * exact->n;
     a->spectra = spectra_new(exact);
-    vec *room = vectors((int64_t)(2 * (2 * n * (5 + segments)) + 5 * n + 4 * n * n), &a->memory);
-    double *plain = malloc((4 * n * n + 8 * n * n + 4 * n + 5 * segments + 2 * n + states + 1) * sizeof *plain);
+    vec *room = vectors((int64_t)(2 * (2 * n * (5 + segments)) + 5 * n + 16 * n * n), &a->memory);
+    double *plain = malloc((5 * segments + states + 1) * sizeof *plain);
     a->plain = plain;
     a->found = malloc(LANES * (size_t)a->most * sizeof *a->found);
     a->change = malloc(segments * sizeof *a->change);
@@ -103,9 +92,9 @@ static int actors_new(struct actors *a, const struct conservative *exact, const 
     a->start = (struct pair *)room, a->now = a->start + 2 * n, a->next = a->now + 2 * n, a->ends = a->next + 2 * n;
     a->jump = a->ends + 2 * n * segments, a->total = a->jump + 2 * n;
     a->growth = (vec *)(a->total + 2 * n), a->angle = a->growth + n, a->wave = a->angle + n, a->kept = a->wave + 3 * n;
-    a->matrix = plain, a->factors = a->matrix + 4 * n * n, a->vector = a->factors + 8 * n * n;
-    a->begins = a->vector + 4 * n, a->turn = a->begins + segments, a->step = a->turn + 2 * segments;
-    a->pivot = (int64_t *)(a->step + 2 * segments), a->changes = a->pivot + 2 * n;
+    a->factors = (struct pair *)(a->kept + 4 * n * n), a->exchanged = (mask *)(a->factors + 4 * n * n);
+    a->begins = plain, a->turn = a->begins + segments, a->step = a->turn + 2 * segments;
+    a->changes = (int64_t *)(a->step + 2 * segments);
     order_changes(a, coarse);
     return 0;
 }
@@ -296,27 +285,19 @@ INLINE void weigh(struct actors *a, const struct conservative *p, int64_t row, i
     }
 }
 
-/* Find the solutions with the multipliers of these numbers (none: -1) and add their shares to those of each lane. */
+/* Find the solutions with the multipliers of these numbers and add their shares to those of each lane; of lanes that have no more,
+   numbers from n on, any solution is followed and left. */
 INLINE void solutions(struct actors *a, const struct conservative *p, int64_t row, int64_t n, const double *first, vec turns,
                       const int64_t *which, int64_t begin, int64_t *counts) {
     vec g = all(0.0), phi = all(0.0), sum[2];
     struct leader up[LEADING], down[LEADING];
-    int64_t m = 2 * n;
-    for (int64_t lane = 0; lane < LANES; lane++) {
-        memset(a->vector, 0, (size_t)(2 * m) * sizeof *a->vector);
-        if (which[lane] >= 0) {
-            g[lane] = a->growth[which[lane]][lane], phi[lane] = a->angle[which[lane]][lane];
-            for (int64_t i = 0; i < m * m; i++)
-                a->matrix[i] = a->kept[i % m * m + i / m][lane];
-            eigenvector(a->matrix, m, g[lane], phi[lane], which[lane], a->vector, a->factors, a->pivot);
-        }
-        for (int64_t i = 0; i < m; i++)
-            a->start[i].re[lane] = a->vector[2 * i], a->start[i].im[lane] = a->vector[2 * i + 1];
-    }
+    for (int64_t lane = 0; lane < LANES; lane++)
+        g[lane] = a->growth[which[lane] % n][lane], phi[lane] = a->angle[which[lane] % n][lane];
+    eigenvector(a->kept, 2 * n, g, phi, which, a->start, a->factors, a->exchanged);
     follow(a, p, n, first, turns, g, phi);
     weigh(a, p, row, n, turns, g, phi, up, down, sum);
     for (int64_t lane = 0; lane < LANES; lane++)
-        if (which[lane] >= 0)
+        if (which[lane] < n)
             counts[lane] = pair_parts(a->found + lane * a->most, counts[lane], n, lane, up, down, sum, begin + lane);
 }
 
@@ -339,19 +320,20 @@ static void multipliers(struct actors *a, vec turns, int64_t count) {
     struct room *room = &a->spectra->room;
     int64_t n = a->n, m = 2 * n;
     vec scale = propagate(&a->spectra->row, n, turns, room->x, room->work), largest = largest_entry(room->x, m * m);
-    vec noise = NOISE * larger(largest, all(1.0)), asked = all(0.0);
-    for (int64_t lane = 0; lane < count; lane++)
-        asked[lane] = scale[lane] == 0.0 && largest[lane] < LARGEST_MATRIX;
+    vec noise = NOISE * larger(largest, all(1.0));
+    mask asked = (scale == 0.0) & (largest < LARGEST_MATRIX);
+    for (int64_t lane = count; lane < LANES; lane++)
+        asked[lane] = 0;
     /* The reduction to rho destroys the matrix. */
     memcpy(a->kept, room->x, (size_t)(m * m) * sizeof *a->kept);
-    general_traces(room->x, n, room->real, room->imaginary, room->work);
+    traces_of(room->x, n, room->real, room->imaginary, room->work);
     for (int64_t i = 0; i < n; i++) {
         a->angle[i] = angle_of(room->real[i], room->imaginary[i], noise, &a->growth[i]);
-        a->growth[i] = choose((asked == 0.0) | (room->imaginary[i] < -noise), all(0.0), a->growth[i]);
+        a->growth[i] = choose(asked & (room->imaginary[i] >= -noise), a->growth[i], all(0.0));
     }
 }
 
-/* The next multiplier off the circle of each lane after the one in `which`, -1 where there is none; whether there is any. */
+/* The next multiplier off the circle of each lane after the one in `which`, n or more where there is none; whether there is any. */
 static int next_multipliers(const struct actors *a, int64_t *which) {
     int found = 0;
     for (int64_t lane = 0; lane < LANES; lane++) {
@@ -371,7 +353,7 @@ static int shares(const struct conservative *exact, const struct conservative *c
     int failed = actors_new(&a, exact, coarse);
     int64_t n = exact->n, before = -1;
     for (int64_t begin = first, end; !failed && begin < last; begin = end) {
-        int64_t own = row[begin], counts[LANES] = {0}, place[LANES], which[LANES];
+        int64_t own = row[begin], counts[LANES] = {0}, which[LANES];
         for (end = begin + 1; end < last && end < begin + LANES && row[end] == own; end++)
             ;
         if (own != before)
@@ -381,10 +363,8 @@ static int shares(const struct conservative *exact, const struct conservative *c
         vec turns = exact->cycles * load_part(cycle + begin, 0, end - begin);
         multipliers(&a, turns, end - begin);
         for (int64_t lane = 0; lane < LANES; lane++)
-            place[lane] = -1;
-        while (next_multipliers(&a, place)) {
-            for (int64_t lane = 0; lane < LANES; lane++)
-                which[lane] = place[lane] < n ? place[lane] : -1;
+            which[lane] = -1;
+        while (next_multipliers(&a, which)) {
 #define SOLUTIONS(n) solutions(&a, coarse, own, n, turn + own * (n) * (n), turns, which, begin, counts)
             switch (n) {
             case 1: SOLUTIONS(1); break;

@@ -1,97 +1,108 @@
-/* Eigenvectors of small real matrices by inverse iteration: complex numbers as pairs, matrices by rows. */
+/* Eigenvectors of small real matrices by inverse iteration, LANES of them at once. */
 
 #ifndef GEARSTAB_EIGENVECTOR_H
 #define GEARSTAB_EIGENVECTOR_H
 
-/* LU factors of M - lambda, with partial pivoting; a pivot that vanishes is put to the size of rounding. In place of the pivots
-   stand their inverses. m = 2n is a constant where this is inlined, as n is below. */
-INLINE void factorise(const double *matrix, int64_t m, double re, double im, double *f, int64_t *pivot) {
-    double size = 0.0;
-    for (int64_t i = 0; i < m * m; i++) {
-        int diagonal = i % (m + 1) == 0;
-        f[2 * i] = matrix[i] - (diagonal ? re : 0.0), f[2 * i + 1] = diagonal ? -im : 0.0;
-        size = fabs(matrix[i]) > size ? fabs(matrix[i]) : size;
+/* A complex number for each lane. */
+struct pair {
+    vec re, im;
+};
+
+INLINE struct pair times(struct pair a, struct pair b) {
+    return (struct pair){a.re * b.re - a.im * b.im, a.re * b.im + a.im * b.re};
+}
+
+INLINE struct pair less(struct pair a, struct pair b) { return (struct pair){a.re - b.re, a.im - b.im}; }
+
+INLINE vec square_of(struct pair a) { return a.re * a.re + a.im * a.im; }
+
+/* Exchange a and b in some lanes. */
+INLINE void exchange(mask where, struct pair *a, struct pair *b) {
+    struct pair kept = *a;
+    *a = (struct pair){choose(where, b->re, kept.re), choose(where, b->im, kept.im)};
+    *b = (struct pair){choose(where, kept.re, b->re), choose(where, kept.im, b->im)};
+}
+
+/* Bring the row with the largest entry of column k to its place, in each lane its own, by exchanges with later rows i: lanes
+   exchanged[k m + i]. Returns that entry's square. */
+INLINE vec choose_pivot(struct pair *f, int64_t m, int64_t k, mask *exchanged) {
+    vec best = square_of(f[k * m + k]);
+    for (int64_t i = k + 1; i < m; i++) {
+        vec own = square_of(f[i * m + k]);
+        mask here = exchanged[k * m + i] = own > best;
+        best = larger(own, best);
+        if (!any(here))
+            continue;
+        for (int64_t j = 0; j < m; j++)
+            exchange(here, f + k * m + j, f + i * m + j);
     }
-#define SQUARE(i, j) (f[2 * ((i) * m + (j))] * f[2 * ((i) * m + (j))] + f[2 * ((i) * m + (j)) + 1] * f[2 * ((i) * m + (j)) + 1])
+    return best;
+}
+
+/* LU factors f (m, m), by rows, of x - lambda, with partial pivoting; x by columns. A pivot that vanishes is put to the size of
+   rounding. In place of the pivots stand their inverses. m = 2n is a constant where this is inlined, as n is below. */
+INLINE void factorise(const vec *x, int64_t m, struct pair lambda, struct pair *f, mask *exchanged) {
+    vec least = DBL_EPSILON * largest_entry(x, m * m);
+    for (int64_t i = 0; i < m; i++)
+        for (int64_t j = 0; j < m; j++)
+            f[i * m + j] = (struct pair){x[j * m + i], all(0.0)};
+    for (int64_t i = 0; i < m; i++)
+        f[i * m + i] = less(f[i * m + i], lambda);
     for (int64_t k = 0; k < m; k++) {
-        int64_t best = k;
-        for (int64_t i = k + 1; i < m; i++)
-            best = SQUARE(i, k) > SQUARE(best, k) ? i : best;
-        pivot[k] = best;
-        for (int64_t j = 0; best != k && j < 2 * m; j++) {
-            double kept = f[2 * k * m + j];
-            f[2 * k * m + j] = f[2 * best * m + j], f[2 * best * m + j] = kept;
-        }
-        double *top = f + 2 * k * m, square = SQUARE(k, k);
-        if (!(square > DBL_EPSILON * DBL_EPSILON * size * size)) {
-            top[2 * k] = DBL_EPSILON * size, top[2 * k + 1] = 0.0;
-            square = top[2 * k] * top[2 * k];
-        }
-        top[2 * k] /= square, top[2 * k + 1] /= -square;
+        vec square = choose_pivot(f, m, k, exchanged);
+        mask fine = square > least * least;
+        struct pair *top = f + k * m, own = {choose(fine, top[k].re, least), choose(fine, top[k].im, all(0.0))};
+        vec over = 1.0 / larger(square_of(own), all(DBL_MIN));
+        top[k] = (struct pair){own.re * over, -(own.im * over)};
         for (int64_t i = k + 1; i < m; i++) {
-            double *line = f + 2 * i * m, x = line[2 * k], y = line[2 * k + 1];
-            if (x == 0.0 && y == 0.0)
-                continue;
-            double p = x * top[2 * k] - y * top[2 * k + 1], q = x * top[2 * k + 1] + y * top[2 * k];
-            line[2 * k] = p, line[2 * k + 1] = q;
-            for (int64_t j = k + 1; j < m; j++) {
-                line[2 * j] -= p * top[2 * j] - q * top[2 * j + 1];
-                line[2 * j + 1] -= p * top[2 * j + 1] + q * top[2 * j];
-            }
+            struct pair *line = f + i * m, factor = line[k] = times(line[k], top[k]);
+            for (int64_t j = k + 1; j < m; j++)
+                line[j] = less(line[j], times(factor, top[j]));
         }
     }
-#undef SQUARE
 }
 
 /* v <- L^-1 P v. */
-INLINE void forward(const double *f, const int64_t *pivot, int64_t m, double *v) {
-    for (int64_t k = 0; k < m; k++) {
-        int64_t other = pivot[k];
-        for (int64_t part = 0; part < 2; part++) {
-            double kept = v[2 * k + part];
-            v[2 * k + part] = v[2 * other + part], v[2 * other + part] = kept;
-        }
-    }
+INLINE void forward(const struct pair *f, const mask *exchanged, int64_t m, struct pair *v) {
+    for (int64_t k = 0; k < m; k++)
+        for (int64_t i = k + 1; i < m; i++)
+            exchange(exchanged[k * m + i], v + k, v + i);
     for (int64_t i = 0; i < m; i++)
-        for (int64_t j = 0; j < i; j++) {
-            const double *c = f + 2 * (i * m + j);
-            v[2 * i] -= c[0] * v[2 * j] - c[1] * v[2 * j + 1];
-            v[2 * i + 1] -= c[0] * v[2 * j + 1] + c[1] * v[2 * j];
-        }
+        for (int64_t j = 0; j < i; j++)
+            v[i] = less(v[i], times(f[i * m + j], v[j]));
 }
 
 /* v <- U^-1 v, scaled to a largest entry of 1. */
-INLINE void backward(const double *f, int64_t m, double *v) {
-    double largest = 0.0;
+INLINE void backward(const struct pair *f, int64_t m, struct pair *v) {
+    vec largest = all(DBL_MIN);
     for (int64_t i = m - 1; i >= 0; i--) {
-        for (int64_t j = i + 1; j < m; j++) {
-            const double *c = f + 2 * (i * m + j);
-            v[2 * i] -= c[0] * v[2 * j] - c[1] * v[2 * j + 1];
-            v[2 * i + 1] -= c[0] * v[2 * j + 1] + c[1] * v[2 * j];
-        }
-        const double *c = f + 2 * (i * m + i);
-        double x = v[2 * i], y = v[2 * i + 1];
-        v[2 * i] = x * c[0] - y * c[1], v[2 * i + 1] = x * c[1] + y * c[0];
-        largest = fabs(v[2 * i]) > largest ? fabs(v[2 * i]) : largest;
-        largest = fabs(v[2 * i + 1]) > largest ? fabs(v[2 * i + 1]) : largest;
+        for (int64_t j = i + 1; j < m; j++)
+            v[i] = less(v[i], times(f[i * m + j], v[j]));
+        v[i] = times(v[i], f[i * m + i]);
+        largest = larger(larger(magnitude(v[i].re), magnitude(v[i].im)), largest);
     }
-    for (int64_t i = 0; i < 2 * m; i++)
-        v[i] /= largest;
+    vec over = 1.0 / largest;
+    for (int64_t i = 0; i < m; i++)
+        v[i] = (struct pair){v[i].re * over, v[i].im * over};
 }
 
-/* The eigenvector (m, 2) of exp(g + i phi) by inverse iteration, of whose rounds each leaves as much of the others as the
+/* The eigenvectors v (m,) of exp(g + i phi) by inverse iteration, of whose rounds each leaves as much of the others as the
    multiplier is wrong by, over its distance from theirs; `which` makes those of equal multipliers differ. What is put in stands
-   for L^-1 P of something just as arbitrary (Wilkinson). Room for factors (m, m, 2) and m pivots. */
-INLINE void eigenvector(const double *matrix, int64_t m, double g, double phi, int64_t which, double *vector, double *factors,
-                        int64_t *pivot) {
-    factorise(matrix, m, exp(g) * cos(phi), exp(g) * sin(phi), factors, pivot);
+   for L^-1 P of something just as arbitrary (Wilkinson). Room for factors and exchanges (m, m). */
+INLINE void eigenvector(const vec *x, int64_t m, vec g, vec phi, const int64_t *which, struct pair *v, struct pair *factors,
+                        mask *exchanged) {
+    struct pair lambda;
+    vec size = exponential(g);
+    cosine_sine(phi, all(1.0 / TURN), &lambda.re, &lambda.im);
+    factorise(x, m, (struct pair){size * lambda.re, size * lambda.im}, factors, exchanged);
     for (int64_t i = 0; i < m; i++) {
-        vector[2 * i] = 1.0 + 0.37 * (double)((i * 5 + which * 3) % 7);
-        vector[2 * i + 1] = 0.0;
+        v[i] = (struct pair){all(0.0), all(0.0)};
+        for (int64_t lane = 0; lane < LANES; lane++)
+            v[i].re[lane] = 1.0 + 0.37 * (double)((i * 5 + which[lane] * 3) % 7);
     }
-    backward(factors, m, vector);
-    forward(factors, pivot, m, vector);
-    backward(factors, m, vector);
+    backward(factors, m, v);
+    forward(factors, exchanged, m, v);
+    backward(factors, m, v);
 }
 
 #endif

@@ -131,6 +131,16 @@ INLINE void few_traces(const vec *x, int64_t n, vec *real, vec *imaginary, vec *
         three_of(e, real, imaginary);
 }
 
+/* The same for any n. */
+static void traces_of(vec *x, int64_t n, vec *real, vec *imaginary, vec *work) {
+    switch (n) {
+    case 1: few_traces(x, 1, real, imaginary, work); break;
+    case 2: few_traces(x, 2, real, imaginary, work); break;
+    case 3: few_traces(x, 3, real, imaginary, work); break;
+    default: general_traces(x, n, real, imaginary, work);
+    }
+}
+
 /* A row and room for its points. */
 struct spectra {
     const struct conservative *pattern;
@@ -221,12 +231,7 @@ static void spectra_at(void *given, int64_t count, const double *cycle, double *
         if (!interpolate(&s->room.panels, n, period, x, &magnified))
             scale = propagate(&s->row, n, period, x, work);
         vec largest = largest_entry(x, 4 * n * n);
-        switch (n) {
-        case 1: few_traces(x, 1, real, imaginary, work); break;
-        case 2: few_traces(x, 2, real, imaginary, work); break;
-        case 3: few_traces(x, 3, real, imaginary, work); break;
-        default: general_traces(x, n, real, imaginary, work);
-        }
+        traces_of(x, n, real, imaginary, work);
         vec noise = NOISE * larger(largest, all(1.0));
         for (int64_t i = 0; i < n; i++) {
             vec own, phi = angle_of(real[i], imaginary[i], noise, &own);
