@@ -93,7 +93,7 @@ double highest(const struct cubic *c, double *place);
 double propose(const struct sample *left, const struct sample *right, const struct finding *found, double tolerance,
                double floor);
 int as_foreseen(const struct sample *left, const struct sample *right, const struct finding *found, const struct sample *between);
-double edge_between(const struct sample *left, const struct sample *right, const struct finding *found, double *distance);
+double edge_between(const struct sample *left, const struct sample *right, const struct finding *found, double *moved);
 double blurred(const struct sample *left, const struct sample *right, const struct finding *found);
 
 #endif

@@ -10,6 +10,8 @@
 
 #include "search.h"
 
+static const double PI = 3.141592653589793;
+
 #define CLOSED 0.4 /* a tongue predicted to be narrower than this part of the floor is enclosed between stable points */
 #define BESIDE 0.45
 #define SAME_DEPTH 0.005 /* relative errors of F, and of its slope times the width, that confirm a cubic */
@@ -79,15 +81,44 @@ struct cubic course(const struct sample *left, const struct sample *right, const
     return through(f, at_the_end(s * width, first), g, at_the_end(t * width, last));
 }
 
-/* The edge in an ENTRANCE or EXIT by Newton's step from the end that is nearer to it, and how far from that end it is. */
-double edge_between(const struct sample *left, const struct sample *right, const struct finding *found, double *distance) {
+/* In how much of the period others may come to where the pair is that meets, with this slope of F: the one around gap `own` of a
+   stable point, or off the circle as number `own` of an unstable one. A third multiplier comes at its speed, or the pair, whose
+   distance is the root of F, reaches it or, elsewhere than at +-1, its mirror image. */
+static double clearance(const struct sample *s, int own, double slope) {
+    double low = s->stable ? own ? s->letter[own - 1].angle : 0.0 : s->off[own].angle, least = INFINITY, fastest = 0.0;
+    double high = s->stable ? own < s->letters ? s->letter[own].angle : PI : low;
+    for (int k = 0; k < s->letters; k++)
+        if (!s->stable || (k != own - 1 && k != own)) {
+            double angle = s->letter[k].angle, distance = angle < low ? low - angle : angle - high;
+            least = distance < least ? distance : least;
+            fastest = s->letter[k].speed > fastest ? s->letter[k].speed : fastest;
+        }
+    for (int m = 0; m < s->offs; m++)
+        if (m != own && fabs(s->off[m].angle - low) < least)
+            least = fabs(s->off[m].angle - low);
+    double coming = fastest > 0.0 ? 0.5 * least / fastest : INFINITY;
+    if (low > 0.0 && high < PI)
+        least = fmin(least, fmin(low, PI - high));
+    return fmin(coming, least * least / slope);
+}
+
+/* The edge in an ENTRANCE or EXIT, the zero of the cubic, and how far it may be from where the tangent at the nearer end has its
+   own: by the square and cubic terms, even where they cancel each other, by what a third multiplier near that end bends, of which
+   the cubic knows nothing, and as the tangent is a chord of numbers that are rounded. Once that is little, the edge is wrong by
+   less. */
+double edge_between(const struct sample *left, const struct sample *right, const struct finding *found, double *moved) {
     struct cubic c = course(left, right, found);
     double width = right->cycle - left->cycle, g = c.f + c.s + c.p + c.q, t = c.s + 2.0 * c.p + 3.0 * c.q;
     double from_left = -c.f / c.s, from_right = g / t; /* both positive, and at most 1, where they mean something */
     from_left = from_left >= 0.0 && from_left < 1.0 ? from_left : 1.0;
     from_right = from_right >= 0.0 && from_right < 1.0 ? from_right : 1.0;
-    *distance = width * (from_left < from_right ? from_left : from_right);
-    return from_left < from_right ? left->cycle + width * from_left : right->cycle - width * from_right;
+    int near_left = from_left < from_right;
+    double x = near_left ? from_left : from_right, slope = fabs(near_left ? c.s : t);
+    double bend = (fabs(near_left ? c.p : c.p + 3.0 * c.q) + fabs(c.q)) / slope;
+    const struct sample *end = near_left ? left : right;
+    bend += width / clearance(end, near_left ? found->left : found->right, slope / width);
+    *moved = width * x * (bend * (x + end->step / width) + 4.0 * end->noise * width / (end->step * slope));
+    return left->cycle + width * zero(&c);
 }
 
 /* How far rounding errors may have moved an edge at 1 or -1: there F = 4 (2 -+ rho) but for higher terms, so that their share
