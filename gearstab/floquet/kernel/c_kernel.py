@@ -15,7 +15,7 @@ from gearstab import ckernel
 from gearstab.ckernel import threads
 from gearstab.floquet.kernel import invariants, lyapunov, numpy_kernel
 from gearstab.floquet.kernel.chain import Chain
-from gearstab.floquet.kernel.damped import Generators
+from gearstab.floquet.kernel.damped import Generators, real_modes
 from gearstab.floquet.segments.pattern import Pattern
 from gearstab.system import Array
 
@@ -25,6 +25,8 @@ CHUNKS_A_THREAD = 4
 """Rows are handed out in so many pieces at least, so that a thread whose rows are quick takes more of them."""
 LARGEST_PIECE = 2e7
 """Operations of a piece, if a row is not more: the milliseconds for which the last one may keep a thread alone."""
+LANES = 8
+"""Most points that go through the kernel side by side."""
 LIMITS = (
     invariants.EDGE_NOISE,
     invariants.DISCRIMINANT_NOISE,
@@ -358,6 +360,33 @@ def products(chain: Chain, row: Array, cycle: Array, limit: int | None = None) -
     if len(left):
         matrix[left], scale[left] = lyapunov.products(chain, row[left], cycle[left])
     return matrix, scale
+
+
+def chained(
+    cycles: float, fractions: Array, states: Array, values: Array, vectors: Array, inverse: Array, row: Array,
+    cycle: Array,
+) -> Array:  # fmt: skip
+    """Products of all segments ``(P, m, m)`` at points (row, 1/Omega) ``(P,)``, not scaled.
+
+    values ``(r, D, m)``, vectors and their inverse ``(r, D, m, m)``: of well-conditioned states. fractions ``(r, S)``,
+    states ``(S,)``: as of a pattern.
+    """
+    values, basis, inverse = real_modes(values, vectors, inverse)
+    count, following = values.shape[1], np.roll(states, -1)
+    pairs, index = np.unique(following * count + states, return_inverse=True)
+    change = inverse[:, pairs // count] @ basis[:, pairs % count]
+    given, where = _damped(cycles, values, fractions, states, change, index), (_whole(row), _contiguous(cycle))
+    m = values.shape[2]
+    matrix, scale = np.empty((len(row), m, m)), np.empty(len(row))
+
+    def part(first: int, last: int) -> None:
+        of_points = LANES * first, min(LANES * last, len(row)), len(row)
+        _library().products(ckernel.simd(), *given, *of_points, *where, matrix, scale)
+
+    # Points that go through the period side by side take no longer than one.
+    _in_threads(part, -(-len(row) // LANES), float(LANES * len(states) * m**3), None)
+    first = states[0]
+    return basis[row, first] @ (matrix * np.exp(scale)[:, None, None]) @ inverse[row, first]
 
 
 def radii(chain: Chain, row: Array, cycle: Array, growth: Array, limit: int | None = None) -> Array:
