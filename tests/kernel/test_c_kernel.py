@@ -16,7 +16,7 @@ from systems import KINDS, chain, damped_patterns, patterns, system, two_stage
 
 from gearstab import ckernel
 from gearstab.floquet import solve
-from gearstab.floquet.kernel import c_kernel, damped, invariants, numpy_kernel
+from gearstab.floquet.kernel import c_kernel, damped, invariants, numpy_kernel, threads
 from gearstab.floquet.kernel import choice as kernel
 from gearstab.floquet.kernel.invariants import DOUBTFUL, STABLE, UNSTABLE
 from gearstab.floquet.segments.pattern import prepare
@@ -340,7 +340,7 @@ def test_critical_damping_goes_the_way_of_numpy(level):
 
 @pytest.mark.parametrize("n", [2, 3, 5])
 def test_threads_change_nothing(level, n, monkeypatch):
-    monkeypatch.setattr(c_kernel, "WORTH_A_THREAD", 1.0)
+    monkeypatch.setattr(threads, "WORTH_A_THREAD", 1.0)
     ((pattern, omega), *_) = patterns(system(n, "one mesh", 11), POINTS)
     one = c_kernel.scan(pattern, omega, 1)
     for count in (2, 3, 8):

@@ -6,25 +6,21 @@ the C side leaves in doubt is the same that the NumPy kernel leaves, and for n >
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
 from gearstab import ckernel
-from gearstab.ckernel import threads
 from gearstab.floquet.kernel import invariants, lyapunov, numpy_kernel
 from gearstab.floquet.kernel.chain import Chain
-from gearstab.floquet.kernel.damped import Generators
+from gearstab.floquet.kernel.damped import Generators, real_modes
+from gearstab.floquet.kernel.threads import in_threads
 from gearstab.floquet.segments.pattern import Pattern
 from gearstab.system import Array
 
-WORTH_A_THREAD = 2e5
-"""Operations of a chunk of rows (segments times coordinates cubed) below which a thread costs more than it gains."""
-CHUNKS_A_THREAD = 4
-"""Rows are handed out in so many pieces at least, so that a thread whose rows are quick takes more of them."""
-LARGEST_PIECE = 2e7
-"""Operations of a piece, if a row is not more: the milliseconds for which the last one may keep a thread alone."""
+LANES = 8
+"""Most points that go through the kernel side by side."""
 LIMITS = (
     invariants.EDGE_NOISE,
     invariants.DISCRIMINANT_NOISE,
@@ -61,7 +57,7 @@ def rates(
             raw = _library().rates(ckernel.simd(), *all_of[0], first, last, points, every, *all_of[1])
             found[base + first] = np.frombuffer(raw, dtype=np.int64).reshape(-1, 2) + np.array([base, 0])
 
-        _in_threads(part, rows.stop - rows.start, points * _cost(pattern), limit)
+        in_threads(part, rows.stop - rows.start, points * _cost(pattern), limit)
     row, point = np.concatenate([found[first] for first in sorted(found)]).T
     return row, point
 
@@ -93,7 +89,7 @@ def _scan(
         def part(first: int, last: int, given: tuple[Any, ...] = (arguments, own)) -> None:
             _library().scan(ckernel.simd(), *given[0], first, last, *given[1])
 
-        _in_threads(part, rows.stop - rows.start, asked.shape[1] * _cost(pattern), limit)
+        in_threads(part, rows.stop - rows.start, asked.shape[1] * _cost(pattern), limit)
     return verdict, growth
 
 
@@ -130,7 +126,7 @@ def traces(pattern: Pattern, omega: Array, bound: float = np.inf, limit: int | N
         def part(first: int, last: int, given: tuple[Any, ...] = (arguments, own)) -> None:
             _library().traces(ckernel.simd(), *given[0], first, last, *given[1])
 
-        _in_threads(part, rows.stop - rows.start, asked.shape[1] * _cost(pattern), limit)
+        in_threads(part, rows.stop - rows.start, asked.shape[1] * _cost(pattern), limit)
     return rho
 
 
@@ -238,7 +234,7 @@ def edges(
                 own["row"] += base
                 found[base + run] = own, of_rows
 
-        _in_threads(part, -(-count // RUN), RUN * POINTS_OF_A_ROW * _cost(pattern), limit)
+        in_threads(part, -(-count // RUN), RUN * POINTS_OF_A_ROW * _cost(pattern), limit)
     known = np.empty(len(begin), dtype=REACH)
     every = [np.empty(0, dtype=EDGE)]
     for base, (of_edges, of_rows) in sorted(found.items()):
@@ -275,7 +271,7 @@ def shares(pattern: Pattern, coarse: Pattern, turn: Array, row: Array, cycle: Ar
             own["point"] = order[own["point"] + base]
             found[base + first] = own
 
-        _in_threads(part, int(high - low), SHARES_OF_A_POINT * _cost(coarse), limit)
+        in_threads(part, int(high - low), SHARES_OF_A_POINT * _cost(coarse), limit)
     parts = [found[k] for k in sorted(found)]
     return parts[0] if len(parts) == 1 else np.concatenate([np.empty(0, dtype=SHARE), *parts])
 
@@ -312,7 +308,7 @@ def _scan_modes(
     def part(first: int, last: int) -> None:
         _library().scan_damped(ckernel.simd(), *given, first, last, *own)
 
-    _in_threads(part, len(omega), omega.shape[1] * _cost(pattern), limit)
+    in_threads(part, len(omega), omega.shape[1] * _cost(pattern), limit)
     return growth, scale
 
 
@@ -338,7 +334,7 @@ def moduli(chain: Chain, row: Array, cycle: Array, limit: int | None = None) -> 
     def part(first: int, last: int) -> None:
         _library().moduli(ckernel.simd(), *given, first, last, len(row), *where, logs)
 
-    _in_threads(part, len(row), float(len(chain.states) * chain.size**3), limit)
+    in_threads(part, len(row), float(len(chain.states) * chain.size**3), limit)
     left = np.flatnonzero(np.isnan(logs).any(axis=1) | ~chain.sound[row])
     if len(left):
         logs[left] = lyapunov.moduli(chain, row[left], cycle[left])
@@ -353,11 +349,38 @@ def products(chain: Chain, row: Array, cycle: Array, limit: int | None = None) -
     def part(first: int, last: int) -> None:
         _library().products(ckernel.simd(), *given, first, last, len(row), *where, matrix, scale)
 
-    _in_threads(part, len(row), float(len(chain.states) * chain.size**3), limit)
+    in_threads(part, len(row), float(len(chain.states) * chain.size**3), limit)
     left = np.flatnonzero(~chain.sound[row])
     if len(left):
         matrix[left], scale[left] = lyapunov.products(chain, row[left], cycle[left])
     return matrix, scale
+
+
+def chained(
+    cycles: float, fractions: Array, states: Array, values: Array, vectors: Array, inverse: Array, row: Array,
+    cycle: Array,
+) -> Array:  # fmt: skip
+    """Products of all segments ``(P, m, m)`` at points (row, 1/Omega) ``(P,)``, not scaled.
+
+    values ``(r, D, m)``, vectors and their inverse ``(r, D, m, m)``: of well-conditioned states. fractions ``(r, S)``,
+    states ``(S,)``: as of a pattern.
+    """
+    values, basis, inverse = real_modes(values, vectors, inverse)
+    count, following = values.shape[1], np.roll(states, -1)
+    pairs, index = np.unique(following * count + states, return_inverse=True)
+    change = inverse[:, pairs // count] @ basis[:, pairs % count]
+    given, where = _damped(cycles, values, fractions, states, change, index), (_whole(row), _contiguous(cycle))
+    m = values.shape[2]
+    matrix, scale = np.empty((len(row), m, m)), np.empty(len(row))
+
+    def part(first: int, last: int) -> None:
+        of_points = LANES * first, min(LANES * last, len(row)), len(row)
+        _library().products(ckernel.simd(), *given, *of_points, *where, matrix, scale)
+
+    # Points that go through the period side by side take no longer than one.
+    in_threads(part, -(-len(row) // LANES), float(LANES * len(states) * m**3), None)
+    first = states[0]
+    return basis[row, first] @ (matrix * np.exp(scale)[:, None, None]) @ inverse[row, first]
 
 
 def radii(chain: Chain, row: Array, cycle: Array, growth: Array, limit: int | None = None) -> Array:
@@ -370,7 +393,7 @@ def radii(chain: Chain, row: Array, cycle: Array, growth: Array, limit: int | No
         _library().radii(ckernel.simd(), *given, first, last, len(row), *where, radius)
 
     # Roughly: it decides only from how many points on threads pay.
-    _in_threads(part, len(row), 10.0 * len(chain.states) * chain.size**3, limit)
+    in_threads(part, len(row), 10.0 * len(chain.states) * chain.size**3, limit)
     left = np.flatnonzero(np.isnan(radius).any(axis=1) | ~chain.sound[row])
     if len(left):
         radius[left] = lyapunov.radii(chain, row[left], cycle[left], growth[left])
@@ -409,17 +432,3 @@ def pattern_arguments(pattern: Pattern, rows: slice = slice(None)) -> tuple[Any,
 
 def _cost(pattern: Pattern) -> float:
     return float(len(pattern.states) * pattern.size**3)
-
-
-def _in_threads(part: Callable[[int, int], None], rows: int, cost_of_row: float, limit: int | None) -> None:
-    """Call part(first, last) on pieces of the rows, in as many threads as pay."""
-    workers = min(limit or threads(), rows, int(rows * cost_of_row / WORTH_A_THREAD))
-    if workers <= 1:
-        part(0, rows)
-        return
-    from concurrent.futures import ThreadPoolExecutor
-
-    pieces = min(rows, max(CHUNKS_A_THREAD * workers, int(rows * cost_of_row / LARGEST_PIECE)))
-    edges = [rows * k // pieces for k in range(pieces + 1)]
-    with ThreadPoolExecutor(workers) as pool:
-        list(pool.map(part, edges[:-1], edges[1:]))

@@ -58,28 +58,32 @@ class Generators:
 
     @property
     def real_modes(self) -> tuple[Array, Array, Array]:
-        """(values ``(r, D, m)`` complex, V, V^-1 real), real eigenvalues first.
-
-        A real eigenvalue has its eigenvector as a column of V, a pair a +- ib of eigenvectors u +- iv, the member of
-        positive imaginary part first, has the columns u, v: A_d u = a u - b v, A_d v = b u + a v.
-        """
-        values, vectors, inverse = self.eigen
-        if np.any(values.imag == 0):
-            # Then pairs begin at even places where m is even, as the fast path of the compiled kernel wants them.
-            order = np.argsort(values.imag != 0, axis=-1, kind="stable")
-            values = np.take_along_axis(values, order, axis=-1)
-            vectors = np.take_along_axis(vectors, order[..., None, :], axis=-1)
-            inverse = np.take_along_axis(inverse, order[..., None], axis=-2)
-        second = (values.imag < 0)[..., None, :]
-        basis = np.where(second, -vectors.imag, vectors.real)
-        inner = np.swapaxes(second, -1, -2)
-        paired = np.where((values.imag == 0)[..., None], inverse.real, 2 * inverse.real)
-        # With X^-1 x = (z, conj z) on a pair, x = 2 Re(z) u - 2 Im(z) v.
-        return values, basis, np.where(inner, 2 * inverse.imag, paired)
+        """What :func:`real_modes` makes of :attr:`eigen`."""
+        return real_modes(*self.eigen)
 
     def row(self, index: int) -> Generators:
         """One of the rows."""
         return Generators(self.matrix[index : index + 1])
+
+
+def real_modes(values: Array, vectors: Array, inverse: Array) -> tuple[Array, Array, Array]:
+    """(values ``(r, D, m)`` complex, V, V^-1 real), real eigenvalues first, from values, X and X^-1.
+
+    A real eigenvalue has its eigenvector as a column of V, a pair a +- ib of eigenvectors u +- iv, the member of
+    positive imaginary part first, has the columns u, v: A_d u = a u - b v, A_d v = b u + a v.
+    """
+    if np.any(values.imag == 0):
+        # Then pairs begin at even places where m is even, as the fast path of the compiled kernel wants them.
+        order = np.argsort(values.imag != 0, axis=-1, kind="stable")
+        values = np.take_along_axis(values, order, axis=-1)
+        vectors = np.take_along_axis(vectors, order[..., None, :], axis=-1)
+        inverse = np.take_along_axis(inverse, order[..., None], axis=-2)
+    second = (values.imag < 0)[..., None, :]
+    basis = np.where(second, -vectors.imag, vectors.real)
+    inner = np.swapaxes(second, -1, -2)
+    paired = np.where((values.imag == 0)[..., None], inverse.real, 2 * inverse.real)
+    # With X^-1 x = (z, conj z) on a pair, x = 2 Re(z) u - 2 Im(z) v.
+    return values, basis, np.where(inner, 2 * inverse.imag, paired)
 
 
 def _light(matrix: Array) -> tuple[Array, Array, Array, Array]:

@@ -51,23 +51,30 @@ class KernelAnswer:
     rounding: Array
 
 
-def rounding(pattern: Pattern, omega: Array) -> Array:
-    """``(r, P)``, the relative rounding error of a monodromy matrix."""
-    squared = pattern.squared_frequency  # ascending
-    highest = np.sqrt(np.maximum(np.abs(squared[..., 0]), np.abs(squared[..., -1]))).take(pattern.states, axis=1)
-    phase = 2 * np.pi * pattern.cycles * (highest * np.abs(pattern.fractions)).sum(axis=1)[:, None] / omega
+def rounding(pattern: Pattern, omega: Array, highest: Array | None = None) -> Array:
+    """``(r, P)``, the relative rounding error of a monodromy matrix.
+
+    highest: ``(r, D)``, the highest frequency of each state, where it is known.
+    """
+    if highest is None:
+        squared = pattern.squared_frequency  # ascending
+        highest = np.sqrt(np.maximum(np.abs(squared[..., 0]), np.abs(squared[..., -1])))
+    turns = highest.take(pattern.states, axis=1) * np.abs(pattern.fractions)
+    phase = 2 * np.pi * pattern.cycles * turns.sum(axis=1)[:, None] / omega
     count = len(pattern.states)
     return np.asarray(EPSILON * (DRIFT * (np.sqrt(count) + phase) + BIAS * count))
 
 
 def scan(pattern: Pattern, omega: Array, interpolate: bool = False) -> KernelAnswer:
     """All points of a pattern; interpolate: whether over mesh frequency, where that pays."""
-    noise = rounding(pattern, omega)
     if pattern.elastic.damping is None:
+        noise = rounding(pattern, omega)
         verdict, growth, rho, magnified = kernel.current().scan_traces(pattern, omega, interpolate)
         return KernelAnswer(growth, verdict, rho, np.zeros(omega.shape), noise * magnified)
     generator: Generators = damped.generators(pattern, pattern.elastic.damping)
     growth, scale, values = kernel.current().multipliers_damped(pattern, generator, omega)
+    # The modes without damping, which are not needed otherwise, would take as long as all the rest.
+    noise = rounding(pattern, omega, np.abs(generator.eigen[0]).max(axis=-1))
     return KernelAnswer(growth, None, values, scale, noise)
 
 

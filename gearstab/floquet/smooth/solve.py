@@ -11,7 +11,7 @@ from gearstab.floquet.kernel.invariants import DOUBTFUL, STABLE
 from gearstab.floquet.segments.blocks import Block, split, whole
 from gearstab.floquet.segments.pattern import Pattern
 from gearstab.floquet.smooth.compare import rounding
-from gearstab.floquet.smooth.control import Estimates, Ladder, estimates, first, rectangles
+from gearstab.floquet.smooth.control import PILOTS, Estimates, Ladder, estimates, first, rectangles
 from gearstab.floquet.smooth.schemes import CF4_2, CF6_5, Scheme
 from gearstab.floquet.smooth.steps import Division, divisions, portions
 from gearstab.floquet.solution import (
@@ -91,11 +91,11 @@ def ladder(division: Division, omega: Array, decay: Array, tolerance: float) -> 
     """The scheme that takes least, and the resolution ``(r, P)`` that each point is likely to need.
 
     Sixth order nearly always; where it does not get by with fewer than two steps between kinks, or for a low accuracy,
-    fourth order may do with less, which counts for large systems.
+    fourth order may do with less, which counts for large systems at many points.
     """
     best = Ladder(division, CF6_5)
     wanted, enough = first(best, omega, decay, tolerance)
-    if enough < WASTED and division.elastic.static.shape[-1] > SMALL:
+    if enough < WASTED and division.elastic.static.shape[-1] > SMALL and omega.shape[1] > PILOTS:
         other = Ladder(division, CF4_2)
         others, _ = first(other, omega, decay, tolerance)
         if _work(other, others) < _work(best, wanted):

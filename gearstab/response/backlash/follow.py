@@ -69,17 +69,19 @@ def follow(dynamics: Dynamics, x: Array, tolerance: float) -> Iterator[Stretch]:
     """
     motion = dynamics.motion
     edges, period = motion.points.edges[0], motion.period
-    exact = motion.drive.exact
+    # Every period asks for the same.
+    middles = dynamics.values(0.5 * (edges[:-1] + edges[1:])) if motion.drive.exact else None
+    intervals = occupied(motion.points)
     contact = dynamics.teeth.contact(dynamics.gauge @ dynamics.whole(x, 0.0))
     busiest, soon = BUSY + 10 * _fastest(dynamics), 0
     switched: int | None = None
     number = 0
     while True:
         events = 0
-        for q in occupied(motion.points):
+        for q in intervals:
             begin, end = float(edges[q] * period), float(edges[q + 1] * period)
             y = dynamics.whole(x, edges[q])
-            values = dynamics.values(np.array([0.5 * (edges[q] + edges[q + 1])]))[0] if exact else None
+            values = None if middles is None else middles[q]
             while end - begin > 1e-15 * period:  # else only rounding is left
                 longest = end - begin
                 if values is not None:

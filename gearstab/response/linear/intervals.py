@@ -77,13 +77,15 @@ class SteadyPoints:
 
     def inputs(self, values: Array) -> tuple[Array, Array, Array]:
         """A ``(X, r, m, m)``, and B = B_0 + Omega B_1, ``(X, r, m, L)`` and ``(r, m, L)``, for values ``(X, r, J)``."""
+        return self.basis.generator(self.excitation.split(values)[1]), *self.forces(values)
+
+    def forces(self, values: Array) -> tuple[Array, Array]:
+        """B_0 ``(X, r, m, L)`` and B_1 ``(r, m, L)`` for values ``(X, r, J)``."""
         excitation, rows = self.excitation, self.basis.rows
         every = np.zeros((len(values), len(excitation.schedule.edges), values.shape[-1]))
         every[:, rows] = values
-        force = excitation.force(every)[:, rows]
-        inner = excitation.split(values)[1]
         inlet = self.basis.inlet
-        return self.basis.generator(inner), inlet @ force, inlet @ excitation.force_of_rates[rows]
+        return inlet @ excitation.force(every)[:, rows], inlet @ excitation.force_of_rates[rows]
 
 
 class Exact:
@@ -94,7 +96,7 @@ class Exact:
         values = points.middles[q, None]
         a, constant, rates = points.inputs(values)
         at = points.at
-        self.points, self.a = points, a[0]
+        self.points, self.q, self.a = points, q, a[0]
         self.begin, self.length = begin[at], (end - begin)[at]
         self.duration = self.length * points.period
         self.drive = constant[0][at] + points.omega[:, None, None] * rates[at]
@@ -154,7 +156,7 @@ class Stepped:
     """The same where functions vary smoothly, in Magnus steps."""
 
     def __init__(self, points: SteadyPoints, q: int) -> None:
-        self.points = points
+        self.points, self.q = points, q
         self.begin, self.end = points.edges[:, q], points.edges[:, q + 1]
 
     def across(self) -> Map:

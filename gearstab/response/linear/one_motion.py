@@ -6,6 +6,9 @@ It follows a vector, where maps (:mod:`~gearstab.response.linear.intervals`) fol
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
+
 import numpy as np
 
 from gearstab.response.linear.intervals import SteadyPoints
@@ -17,22 +20,24 @@ INSIDE = 1e-9
 """How near to its edges an interval is looked at, as a part of its width: functions may jump there."""
 
 
+DEGREES = (16, 32, 64)
+"""Of polynomials that may stand for what varies in an interval, each tried where the one before is not enough."""
+RESOLVED = 1e-14
+"""Size of the last coefficients of such a polynomial, as a part of the largest."""
+
+
 def followed(points: SteadyPoints, q: int, x: Array, fractions: Array) -> tuple[Array, Array]:
     """The states ``(X, m)`` of one operating point at ascending fractions of interval ``q``, and that at its end, from
     x ``(m,)`` at its beginning; NaN where the motion outgrew double precision.
     """
-    begin, width = points.edges[0, q], points.edges[0, q + 1] - points.edges[0, q]
-    basis, drive, omega = points.basis, points.excitation, points.omega[0]
-    scale = float(width * points.period[0])
-    rates = omega * drive.force_of_rates
+    basis, momentary = points.basis, _quickly(_Momentary(points, q))
+    scale = float(np.diff(points.edges[0, q : q + 2])[0] * points.period[0])
+    generators = np.concatenate([basis.constant, basis.parts[0]]).reshape(-1, len(x))
+    count = 1 + basis.parts.shape[1]
 
     def slope(s: float, state: Array) -> Array:
-        tau = np.array([[begin + width * min(max(s, INSIDE), 1.0 - INSIDE)]])
-        values = drive.varying(tau)[:, 0]
-        force = ((drive.force(values) + rates) @ drive.z(tau)[0, 0])[0]
-        moved = basis.constant[0] @ state + basis.inlet[0] @ force
-        for value, part in zip(drive.split(values)[1][0], basis.parts[0], strict=True):
-            moved += value * (part @ state)
+        values = momentary(np.array([s]))[0]
+        moved = values[:count] @ (generators @ state).reshape(count, -1) + values[count:]
         return np.asarray(scale * moved)
 
     # SciPy's integrators take a third of a second to import.
@@ -48,3 +53,38 @@ def followed(points: SteadyPoints, q: int, x: Array, fractions: Array) -> tuple[
         if motion.success:
             found[len(asked) - 1 :] = motion.y[:, -1]
     return found[:-1], found[-1]
+
+
+@dataclass(frozen=True)
+class _Momentary:
+    """What varies in an interval: 1, the functions in A, then the force on x, ``(X, 1 + J + m)`` at fractions."""
+
+    points: SteadyPoints
+    q: int
+
+    def __call__(self, fractions: Array) -> Array:
+        points, drive = self.points, self.points.excitation
+        begin, end = points.edges[0, self.q : self.q + 2]
+        tau = begin + (end - begin) * np.clip(fractions, INSIDE, 1.0 - INSIDE)
+        values = drive.varying(tau[None])[0]
+        constant, rates = points.forces(values[:, None])
+        force = (constant[:, 0] + points.omega[0] * rates[0]) @ drive.z(tau)[..., None]
+        return np.concatenate([np.ones((len(tau), 1)), drive.split(values)[1], force[..., 0]], axis=1)
+
+
+def _quickly(momentary: _Momentary) -> Callable[[Array], Array]:
+    """The same by polynomials of Chebyshev, which take a fifth of the time, where these are as exact."""
+    for degree in DEGREES:
+        k = np.arange(degree)
+        angle = np.pi * (k + 0.5) / degree
+        values = momentary(0.5 + 0.5 * np.cos(angle))
+        coefficients = 2 / degree * np.cos(k[:, None] * angle) @ values
+        coefficients[0] /= 2
+        size = np.abs(coefficients).max(axis=0)
+        if np.all(np.abs(coefficients[-4:]) <= RESOLVED * size):
+            break
+    else:
+        return momentary
+    kept = coefficients[: 1 + int(np.flatnonzero(np.any(np.abs(coefficients) > RESOLVED * size, axis=1)).max())]
+    orders = np.arange(len(kept))
+    return lambda fractions: np.cos(orders * np.arccos(np.clip(2 * fractions[:, None] - 1, -1.0, 1.0))) @ kept

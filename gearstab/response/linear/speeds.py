@@ -100,17 +100,18 @@ def _measured(begin: SteadyStart, static: Array, pairs: Contact, samples_per_cyc
     cycles = np.array(begin.points.excitation.counts[:meshes])
     with np.errstate(over="ignore", invalid="ignore"):
         for piece in pieces(begin.points, begin.x, panels):
-            values = np.stack([piece.force, piece.deflection], axis=3)
+            values = np.stack([piece.force, piece.deflection], axis=4)
             if origin is None:
-                origin = values[0, 0]
+                origin = values[0, 0, 0]
             ends = piece.extremes()
-            least, greatest, off = (np.moveaxis(part, 1, 0) for part in ends)
-            low, high, doubt = np.minimum(low, least), np.maximum(high, greatest), np.maximum(doubt, off)
+            least, greatest, off = (np.moveaxis(part, 2, 0) for part in ends)
+            low, high = np.minimum(low, least.min(axis=1)), np.maximum(high, greatest.max(axis=1))
+            doubt = np.maximum(doubt, off.max(axis=1))
             # Pairs enter and leave between intervals, so that the middle of one tells.
-            few = pairs.fewest(0.5 * (piece.tau[0, 0] + piece.tau[-1, -1])[:, None] * cycles)
+            few = pairs.fewest(piece.middle[..., None] * cycles)
             largest = np.maximum(np.abs(least[0]), np.abs(greatest[0]))
-            fewest = np.maximum(fewest, np.where(few, largest, -np.inf))
-            more = np.maximum(more, np.where(few, -np.inf, largest))
+            fewest = np.maximum(fewest, np.where(few, largest, -np.inf).max(axis=0))
+            more = np.maximum(more, np.where(few, -np.inf, largest).max(axis=0))
             harmonic += 2 * piece.mean(np.exp(-2j * np.pi * piece.tau[..., None] * cycles) * piece.deflection)
             values = values - origin
             first += np.moveaxis(piece.mean(values), 1, 0)

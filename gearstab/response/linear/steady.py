@@ -20,8 +20,9 @@ import numpy as np
 from gearstab.errors import NotPossible
 from gearstab.linear.eigen import Eigen
 from gearstab.linear.first_order import Basis, bases
+from gearstab.response.linear.bundles import Bundle, bundles, monodromy
 from gearstab.response.linear.excitation import Excitation, excitation
-from gearstab.response.linear.intervals import SteadyPoints, intervals
+from gearstab.response.linear.intervals import SteadyPoints
 from gearstab.response.measures.panels import fastest
 from gearstab.system import Array, GearSystem
 
@@ -121,11 +122,16 @@ def amplification(matrix: Array, difference: Array) -> Array:
 def period_map(points: SteadyPoints) -> tuple[Array, Array]:
     """M ``(K, m, m)`` and b ``(K, m)``."""
     m, count = points.basis.size, len(points.at)
-    matrix, shift = np.broadcast_to(np.eye(m), (count, m, m)), np.zeros((count, m))
-    for interval in intervals(points):
-        p, push = interval.across()
-        matrix, shift = p @ matrix, np.einsum("kij,kj->ki", p, shift) + push
-    return matrix, shift
+    known = monodromy(points)
+    matrix, shift = np.tile(np.eye(m), (count, 1, 1)), np.zeros((count, m))
+    for part in bundles(points):
+        if isinstance(part, Bundle):
+            matrix = matrix if known is not None else part.across() @ matrix
+            shift = part.through(shift)[1]
+        else:
+            p, push = part.across()
+            matrix, shift = p @ matrix, np.einsum("kij,kj->ki", p, shift) + push
+    return matrix if known is None else known, shift
 
 
 def unbalanced(drive: Excitation, basis: Basis) -> Array:

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gearstab.response.linear.intervals import SteadyPoints, intervals, occupied
+from gearstab.response.linear.bundles import Bundle, Course, bundles
+from gearstab.response.linear.intervals import Interval, SteadyPoints, occupied
 from gearstab.response.measures.extremes import BETWEEN, HERMITE, NODES, RATES, extremes
 from gearstab.system import Array
 
@@ -23,10 +24,10 @@ COARSE = np.array([1 / 6, 0.0, 2 / 3, 0.0, 1 / 6])
 
 @dataclass(frozen=True)
 class PanelSamples:
-    """One interval of K points.
+    """Q intervals of K points, of equally many panels.
 
-    tau: ``(panels, 5, K)``, times in parts of the common period; length: ``(K,)``, of a panel.
-    force, deflection: ``(panels, 5, K, meshes)``, mesh forces and deflections; force_rate, deflection_rate: their
+    tau: ``(panels, 5, Q, K)``, times in parts of the common period; length: ``(Q, K)``, of a panel.
+    force, deflection: ``(panels, 5, Q, K, meshes)``, mesh forces and deflections; force_rate, deflection_rate: their
     derivatives with respect to tau.
     """
 
@@ -37,38 +38,82 @@ class PanelSamples:
     force_rate: Array
     deflection_rate: Array
 
+    @property
+    def middle(self) -> Array:
+        """``(Q, K)``, of each interval."""
+        return np.asarray(0.5 * (self.tau[0, 0] + self.tau[-1, -1]))
+
     def mean(self, values: Array, rule: Array = WEIGHTS) -> Array:
-        """The contribution ``(K, ...)`` of values ``(panels, 5, K, ...)`` to a mean over the common period."""
-        total = np.einsum("pjk...,j->k...", values, rule)
-        return np.asarray(total * self.length.reshape(-1, *(1,) * (total.ndim - 1)))
+        """The contribution ``(K, ...)`` of values ``(panels, 5, Q, K, ...)`` to a mean over the common period."""
+        total = np.einsum("pjqk...,j->qk...", values, rule)
+        return np.einsum("qk...,qk->k...", total, self.length)
 
     def extremes(self) -> tuple[Array, Array, Array]:
-        """Return least and greatest force and deflection, and what samples alone would miss, ``(K, 2, meshes)``."""
-        values = np.stack([self.force, self.deflection], axis=3)
-        rates = np.stack([self.force_rate, self.deflection_rate], axis=3) * self.length[:, None, None]
+        """Return least and greatest force and deflection, and what samples alone would miss, ``(Q, K, 2, meshes)``."""
+        values = np.stack([self.force, self.deflection], axis=4)
+        rates = np.stack([self.force_rate, self.deflection_rate], axis=4) * self.length[..., None, None]
         return extremes(values, rates)
 
 
 def pieces(points: SteadyPoints, x: Array, panels: float) -> Iterator[PanelSamples]:
     """The steady state that begins with x ``(K, m)``; about that many panels in a common period."""
-    basis, at = points.basis, points.at
+    gauges = _gauges(points)
+    for part in bundles(points):
+        if isinstance(part, Bundle):
+            course, x = part.through(x)
+            modal, counts = part.modal(gauges), _panels(part.length, panels)
+            for count in dict.fromkeys(counts.tolist()):  # the first sample comes first
+                yield _bundled(course.some(np.flatnonzero(counts == count)), modal, count)
+        else:
+            x, found = _alone(part, x, gauges, panels)
+            yield found
+
+
+def _gauges(points: SteadyPoints) -> Array:
+    """``(r, 2 meshes, m)``, mesh deflections and their derivatives with respect to time from x."""
+    basis = points.basis
     directions = points.excitation.directions[basis.rows]
-    turn = 2 * np.pi * points.excitation.cycles
-    gauge = np.einsum("rin,rnm->rim", directions, basis.outlet)[at]
-    gauge_rate = np.einsum("rin,rnm->rim", directions, basis.speed)[at] * (turn / points.omega)[:, None, None]
-    for q, interval in zip(occupied(points), intervals(points), strict=True):
-        begin, end = points.edges[at, q], points.edges[at, q + 1]
-        # A whole number of panels, but for rounding, takes no further one.
-        count = max(1, int(np.ceil((end - begin).max() * panels - 1e-9)))
-        flat = _fractions(count, NODES)
-        state = np.stack(list(interval.through(x, flat)))
-        x = state[-1]
-        tau = begin + flat[:, None] * (end - begin)
-        shape = (count, len(NODES), len(at), -1)
-        values = [np.einsum("kim,xkm->xki", part, state).reshape(shape) for part in (gauge, gauge_rate)]
-        length = (end - begin) / count
-        force, force_rate = _force(points, q, tau.reshape(shape[:3]), length, *values)
-        yield PanelSamples(tau.reshape(shape[:3]), length, force, values[0], force_rate, values[1])
+    return np.concatenate([directions @ basis.outlet, directions @ basis.speed], axis=1)
+
+
+def _deflections(points: SteadyPoints, seen: Array) -> tuple[Array, Array]:
+    """Mesh deflections ``(..., K, meshes)`` and their derivatives with respect to tau from what gauges show."""
+    deflection, rate = np.split(seen, 2, axis=-1)
+    period = 2 * np.pi * points.excitation.cycles / points.omega
+    return deflection, rate * period[:, None]
+
+
+def _panels(length: Array, panels: float) -> Array:
+    """``(Q,)``, how many panels each interval is divided into; a whole number, but for rounding, takes no further."""
+    return np.maximum(1, np.ceil(length.max(axis=1) * panels - 1e-9)).astype(int)
+
+
+def _bundled(course: Course, modal: Array, count: int) -> PanelSamples:
+    """The intervals of a course, of ``count`` panels each."""
+    bundle = course.bundle
+    deflection, rate = _deflections(bundle.points, course.seen(modal, count, NODES))
+    fractions = _fractions(count, NODES).reshape(count, -1, 1, 1)
+    tau = bundle.begin + fractions * bundle.length
+    errors, slopes = _errors(bundle.points)
+    z = bundle.points.excitation.z(tau)
+    force = bundle.stiffness * (deflection - np.einsum("kil,pjqkl->pjqki", errors, z))
+    force_rate = bundle.stiffness * (rate - np.einsum("kil,pjqkl->pjqki", slopes, z))
+    return PanelSamples(tau, bundle.length / count, force, deflection, force_rate, rate)
+
+
+def _alone(interval: Interval, x: Array, gauges: Array, panels: float) -> tuple[Array, PanelSamples]:
+    """One interval after x ``(K, m)``, and the state at its end."""
+    points, q = interval.points, interval.q
+    begin, end = points.edges[points.at, q], points.edges[points.at, q + 1]
+    count = int(_panels((end - begin)[None], panels)[0])
+    flat = _fractions(count, NODES)
+    state = np.stack(list(interval.through(x, flat)))
+    seen = np.einsum("kim,xkm->xki", gauges[points.at], state)
+    deflection, rate = _deflections(points, seen.reshape(count, len(NODES), *seen.shape[1:]))
+    tau, length = (begin + flat[:, None] * (end - begin)).reshape(deflection.shape[:3]), (end - begin) / count
+    force, force_rate = _force(points, q, tau, length, deflection, rate)
+    fields = (force, deflection, force_rate, rate)
+    return state[-1], PanelSamples(tau[:, :, None], length[None], *(field[:, :, None] for field in fields))
 
 
 def _fractions(count: int, nodes: Array) -> Array:
@@ -80,8 +125,7 @@ def _force(
     points: SteadyPoints, q: int, tau: Array, length: Array, deflection: Array, rate: Array
 ) -> tuple[Array, Array]:
     """Mesh forces k (d - e) and their derivatives ``(panels, 5, K, meshes)`` in interval q, from deflections d."""
-    drive, rows, at = points.excitation, points.basis.rows, points.at
-    errors, slopes = drive.errors[rows][at], 2 * np.pi * drive.cycles * drive.slopes[rows][at]
+    drive, (errors, slopes) = points.excitation, _errors(points)
     z, count = drive.z(tau), len(tau)
     stretch = deflection - np.einsum("kil,pjkl->pjki", errors, z)
     if drive.exact:
@@ -96,6 +140,12 @@ def _force(
     more = _stiffness(points, q, _fractions(count, BETWEEN)).reshape(stretch.shape) * stretch
     slope = np.einsum("fj,pjki->pfki", RATES, np.concatenate([force, more], axis=1))
     return force, slope / length[:, None]
+
+
+def _errors(points: SteadyPoints) -> tuple[Array, Array]:
+    """Transmission errors and their derivatives with respect to tau by z, ``(K, meshes, L)``."""
+    drive, rows, at = points.excitation, points.basis.rows, points.at
+    return drive.errors[rows][at], 2 * np.pi * drive.cycles * drive.slopes[rows][at]
 
 
 def _stiffness(points: SteadyPoints, q: int, fractions: Array) -> Array:
