@@ -3,6 +3,8 @@
 Encoding them here rather than in the HDF5 library lets the threads or processes that computed the values do it too
 (HDF5 runs under one lock), and lets a merge of any number of parts copy bytes. The filter shuffle is left out: with
 ISA-L, which encodes growth rates at 4 to 8 ns a value where zlib takes 50, it costs as much again as encoding.
+An encoder of ours that looks for whole numbers which recur took half of ISA-L's time, for files larger by 40 %: growth
+rates of mirrored parameters recur but for their last digits.
 """
 
 from __future__ import annotations
@@ -24,6 +26,8 @@ LEVEL = 1
 """The fastest that looks for repetitions, of ISA-L and of zlib: higher levels of ISA-L gain nothing."""
 FILTER = {"compression": "gzip", "compression_opts": LEVEL, "shuffle": False}
 """What says so to :meth:`h5py.Group.create_dataset`."""
+PROBE = 4093
+"""Distance of the bytes that are looked at first: a prime, so that they are no column of an array."""
 
 
 def encode(values: Array, chunk: tuple[int, ...]) -> bytes:
@@ -40,11 +44,18 @@ def encode(values: Array, chunk: tuple[int, ...]) -> bytes:
         full = np.zeros(chunk, dtype=values.dtype)
         full[tuple(slice(0, n) for n in values.shape)] = values
     octets = full.reshape(-1).view(np.uint8)
-    whole = octets.size // 8 * 8
-    if not octets[:whole].view(np.uint64).any() and not octets[whole:].any():
+    if _nothing(octets):
         return _zeros(octets.size)
     data = bytes(compress(octets.data, LEVEL))
     return data if len(data) < octets.size else zlib.compress(octets.data, 0)
+
+
+def _nothing(octets: Array) -> bool:
+    """Whether all bytes are zero. NumPy reads all of them even if the first is not: a few tell that sooner."""
+    if octets[::PROBE].any():
+        return False
+    whole = octets.size // 8 * 8
+    return not octets[:whole].view(np.uint64).any() and not octets[whole:].any()
 
 
 @lru_cache(maxsize=64)

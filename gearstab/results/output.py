@@ -230,17 +230,18 @@ def _temporary(place: Path) -> Path:
 
 
 def _new(path: Path) -> int:
-    """Create a file for a name, without it if it can be given later; never through a link that somebody put there.
+    """Create a file for a name, to write and to read, without it if it can be given later; never through a link that
+    somebody put there.
 
     Raises OSError.
     """
     if hasattr(os, "O_TMPFILE"):
         with suppress(OSError):
-            handle = os.open(path.parent, os.O_WRONLY | os.O_TMPFILE, 0o666)
+            handle = os.open(path.parent, os.O_RDWR | os.O_TMPFILE, 0o666)
             if os.path.lexists(_opened(handle)):
                 return handle
             os.close(handle)
-    return os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o666)
+    return os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o666)
 
 
 def _named(handle: int, path: Path) -> None:

@@ -2,60 +2,53 @@
 
 HDF5 pays no heed to what follows the end that its own header states, and cuts it off when it changes a file. So a file
 is one of three: sealed (every byte is as gearstab wrote it), broken (bytes were damaged), or without a seal (changed or
-written by another program). The checksum is BLAKE2b, computed at about 1 GB/s.
+written by another program).
+
+The checksum is to tell damage, not forgery, which no checksum without a secret could; CRC-32 misses one damage in
+4 * 10^9, and is computed at 16 GB/s by ISA-L, at 2 GB/s by zlib, where BLAKE2b and SHA-256 do 1 GB/s.
 """
 
 from __future__ import annotations
 
-import hashlib
+import io
 import os
 from pathlib import Path
-from typing import BinaryIO
 
-MARK = b"\ngearstab blake2b "
-DIGITS = 32
+try:
+    from isal.isal_zlib import crc32
+except ImportError:  # where it has no wheel
+    from zlib import crc32
+
+MARK = b"\ngearstab crc32 "
+DIGITS = 8
 LENGTH = len(MARK) + DIGITS + 1
 AT_ONCE = 1 << 20
 
 
-def seal(data: bytes | memoryview) -> bytes:
-    """Return the seal that is to follow ``data``."""
-    return _seal(_checksum(data))
+def seal_of(file: io.FileIO, size: int) -> bytes:
+    """Return the seal that is to follow the first ``size`` bytes of an open file. Raises OSError."""
+    total, buffer = 0, memoryview(bytearray(AT_ONCE))
+    file.seek(0)
+    while size > 0 and (count := file.readinto(buffer[:size])):
+        total = crc32(buffer[:count], total)
+        size -= count
+    return MARK + f"{total:0{DIGITS}x}\n".encode()
 
 
 def append_seal(path: Path) -> None:
-    """Append its seal to a file."""
-    with open(path, "rb") as file:
-        mark = _seal(_checksum_of(file, os.fstat(file.fileno()).st_size))
-    with open(path, "ab") as file:
+    """Append its seal to a file. Raises OSError."""
+    with io.FileIO(path, "r+") as file:
+        mark = seal_of(file, os.fstat(file.fileno()).st_size)
+        file.seek(0, os.SEEK_END)
         file.write(mark)
 
 
 def intact(path: str | Path) -> bool | None:
     """Return whether the seal of a file fits its contents, None where there is no seal. Raises OSError."""
-    with open(path, "rb") as file:
+    with io.FileIO(path) as file:
         size = os.fstat(file.fileno()).st_size - LENGTH
         if size < 0:
             return None
         file.seek(size)
         end = file.read(LENGTH)
-        if not end.startswith(MARK):
-            return None
-        file.seek(0)
-        return end == _seal(_checksum_of(file, size))
-
-
-def _checksum(data: bytes | memoryview = b"") -> hashlib.blake2b:
-    return hashlib.blake2b(data, digest_size=DIGITS // 2)
-
-
-def _checksum_of(file: BinaryIO, size: int) -> hashlib.blake2b:
-    total = _checksum()
-    while size > 0 and (data := file.read(min(size, AT_ONCE))):
-        total.update(data)
-        size -= len(data)
-    return total
-
-
-def _seal(total: hashlib.blake2b) -> bytes:
-    return MARK + total.hexdigest().encode() + b"\n"
+        return end == seal_of(file, size) if end.startswith(MARK) else None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -52,24 +52,11 @@ class Chunked:
 
     shape: of the whole; chunk: of every chunk, those at the upper ends filled up.
     pieces: gives (where the chunk begins, the chunk) once over; what no chunk covers is NaN, or 0 for integers.
-    size: number of encoded bytes.
     """
 
     shape: tuple[int, ...]
     chunk: tuple[int, ...]
     pieces: Callable[[], Iterator[tuple[Offset, Encoded]]]
-    size: int = 0
-
-
-@dataclass(frozen=True)
-class Gathered:
-    """Pieces that are known, and can go to another process."""
-
-    found: tuple[tuple[Offset, Encoded], ...]
-
-    def __call__(self) -> Iterator[tuple[Offset, Encoded]]:
-        """As of :class:`Chunked`."""
-        return iter(self.found)
 
 
 @dataclass(frozen=True)
@@ -90,12 +77,6 @@ class Field:
             raise TypeError(f"{self.variable.name} is made of chunks")
         return np.asarray(self.values, dtype=object if self.variable.dtype == TEXT else self.variable.dtype)
 
-    def gathered(self) -> Field:
-        """The same with its chunks gathered."""
-        if not isinstance(self.values, Chunked):
-            return self
-        return replace(self, values=replace(self.values, pieces=Gathered(tuple(self.values.pieces()))))
-
 
 @dataclass(frozen=True)
 class Group:
@@ -104,10 +85,6 @@ class Group:
     fields: tuple[Field, ...]
     attributes: Mapping[str, Any] = field(default_factory=dict)
 
-    def gathered(self) -> Group:
-        """The same with the chunks of its fields gathered."""
-        return replace(self, fields=tuple(item.gathered() for item in self.fields))
-
 
 @dataclass(frozen=True)
 class ResultTree:
@@ -115,19 +92,6 @@ class ResultTree:
 
     root: Group
     groups: Mapping[str, Group]
-
-    @property
-    def size(self) -> int:
-        """About how many bytes it takes in a file."""
-        total = 0
-        for group in (self.root, *self.groups.values()):
-            for item in group.fields:
-                total += item.values.size if isinstance(item.values, Chunked) else item.array().nbytes
-        return total
-
-    def gathered(self) -> ResultTree:
-        """The same with all chunks gathered, so that it can be pickled; those in files stay there."""
-        return ResultTree(self.root.gathered(), {name: group.gathered() for name, group in self.groups.items()})
 
 
 def fields_of(variables: Sequence[Variable], values: Mapping[str, Any]) -> tuple[Field, ...]:

@@ -1,12 +1,12 @@
 """Result files: netCDF-4/HDF5 with dimension scales and explicit types, complete from the moment they have their name.
 
-Everything goes into an HDF5 file in memory, which is then written in one go, so that a full disk is an ordinary OSError
-(inside the HDF5 library it can end in a crash). Results too large for that are written by :func:`write_on_disk` in a
-process of its own.
+HDF5 writes to the file through :mod:`gearstab.results.sink`, so that a full disk is an ordinary OSError (inside the
+HDF5 library it can end in a crash).
 """
 
 from __future__ import annotations
 
+import os
 import shutil
 from collections.abc import Mapping
 from math import prod
@@ -19,7 +19,8 @@ import numpy as np
 from gearstab.results.chunks import FILTER, decode
 from gearstab.results.guard import result_of
 from gearstab.results.output import Look, move, naming, sync, temporary_file, writing
-from gearstab.results.seal import append_seal, seal
+from gearstab.results.seal import append_seal, seal_of
+from gearstab.results.sink import Sink
 from gearstab.results.tree import FORMAT, NO_VARIABLE, Chunked, Field, Group, ResultTree, octets
 from gearstab.results.variables import TEXT
 
@@ -39,10 +40,12 @@ def write_result(path: Path, tree: ResultTree, look: Look | None = None) -> None
     Raises what it raises, and OSError with the name ``path``.
     """
     look = look or result_of(tree.root.attributes.get("command")).refuse
-    data = image(tree)
     with writing(path, look) as file:
-        file.write(data)
-        file.write(seal(data))
+        with naming(path), Sink(file.fileno()) as sink:
+            with sink.hdf5() as target:
+                fill(target, tree)
+            mark = seal_of(sink, sink.seek(0, os.SEEK_END))
+        file.write(mark)
 
 
 def image(tree: ResultTree) -> memoryview:
@@ -54,16 +57,6 @@ def image(tree: ResultTree) -> memoryview:
         fill(file, tree)
         file.flush()
         return memoryview(file.id.get_file_image())
-
-
-def write_on_disk(path: Path, tree: ResultTree) -> None:
-    """Write a result chunk by chunk straight to ``path``, which must be a temporary name, and have the disk keep it."""
-    import h5py
-
-    with h5py.File(path, "w", track_order=True) as file:
-        fill(file, tree)
-    append_seal(path)
-    sync(path)
 
 
 def rewrite_attributes(path: Path, attributes: Mapping[str, Any], look: Look | None = None) -> None:

@@ -258,9 +258,7 @@ def _finish(store: Store, out: Path, before: earlier.Identity | None) -> None:
     try:
         if free_bytes(out) < finished.size:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(out))
-        if finished.size >= merge.IN_MEMORY:
-            store.open_folder()
-        merge.write(finished, out, store.folder.path, lambda path: earlier.look_again(finished.plan, path, before))
+        merge.write(finished, out, lambda path: earlier.look_again(finished.plan, path, before))
     except OSError as error:
         raise _unwritable(error, store) from error
     except OutputError as error:

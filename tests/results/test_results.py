@@ -36,7 +36,7 @@ from gearstab.results import variables as table
 from gearstab.results.chunks import FILTER, decode, encode, holds
 from gearstab.results.output import write_bytes
 from gearstab.results.variables import responses
-from gearstab.results.write import write_on_disk
+from gearstab.results.write import image
 
 RNG = np.random.default_rng(1)
 GROWTH = RNG.normal(size=(2, 10))
@@ -182,7 +182,7 @@ def test_chunks_of_every_kind_keep_each_bit_and_hardly_grow(kind: str) -> None:
 
 
 def test_a_file_on_disk_is_the_same_as_one_from_memory(tmp_path: Path, path: Path) -> None:
-    write_on_disk(tmp_path / "d.h5", tree())
+    (tmp_path / "d.h5").write_bytes(image(tree()))
     with open_result(tmp_path / "d.h5") as one, open_result(path) as two:
         xr.testing.assert_identical(one.to_dataset(), two.to_dataset())
         for group in one.children:

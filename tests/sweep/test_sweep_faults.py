@@ -314,14 +314,11 @@ def test_a_folder_that_vanishes_during_the_sweep(scene: Scene, monkeypatch: pyte
         np.testing.assert_array_equal(found["floquet"]["growth_rate"], [value(k) for k in range(1, 9)])
 
 
-@pytest.mark.parametrize("large", [False, True])
-def test_a_disk_that_is_full_in_the_end(scene: Scene, monkeypatch: pytest.MonkeyPatch, large: bool) -> None:
+def test_a_disk_that_is_full_in_the_end(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
     def full(*args: object) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(scene.out))
 
-    if large:
-        monkeypatch.setattr(merge, "IN_MEMORY", 0)
-    monkeypatch.setattr(merge, "write_apart" if large else "write_result", full)
+    monkeypatch.setattr(merge, "write_result", full)
     with pytest.raises(SweepError, match="no space left on device; 8 finished blocks are kept"):
         scene.run()
     assert not scene.out.exists()
@@ -333,21 +330,19 @@ def test_a_disk_that_is_full_in_the_end(scene: Scene, monkeypatch: pytest.Monkey
     scene.check()
 
 
-def test_a_large_result_is_the_same_as_a_small_one(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(SCRIPT.parent), *sys.path]))
+def test_a_result_from_parts_is_the_same_as_one_from_memory(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(store, "MOST_SECONDS", 60.0)
     scene.run()
-    small = data_of(scene.out)
+    held = data_of(scene.out)
     scene.out.unlink()
-    monkeypatch.setattr(merge, "IN_MEMORY", 0)
+    monkeypatch.setattr(store, "MOST_SECONDS", 0.0)
     scene.run()
     scene.check()
-    assert data_of(scene.out) == small
+    assert data_of(scene.out) == held
 
 
-def test_a_large_result_that_does_not_fit_is_one_line(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_result_that_does_not_fit_is_one_line(scene: Scene) -> None:
     resource = pytest.importorskip("resource")
-    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(SCRIPT.parent), *sys.path]))
-    monkeypatch.setattr(merge, "IN_MEMORY", 0)
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     scene.run()
     whole = scene.out.stat().st_size
@@ -398,15 +393,12 @@ def test_an_interrupt_saves_what_was_in_memory_only(scene: Scene, monkeypatch: p
     assert len(scene.parts) == 3
 
 
-@pytest.mark.parametrize("large", [False, True])
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize("again", [False, True])
 def test_an_interrupt_after_the_result_has_its_name_is_too_late(
-    scene: Scene, monkeypatch: pytest.MonkeyPatch, number: int, large: bool, again: bool
+    scene: Scene, monkeypatch: pytest.MonkeyPatch, number: int, again: bool
 ) -> None:
     """Also where an older result had that name."""
-    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(SCRIPT.parent), *sys.path]))
-    monkeypatch.setattr(merge, "IN_MEMORY", 0 if large else merge.IN_MEMORY)
     if again:
         scene.run()
     rename = os.replace

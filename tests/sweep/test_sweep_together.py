@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
 import shutil
@@ -26,7 +25,15 @@ from gearstab.results import OutputError, open_result
 from gearstab.results.read import attributes
 from gearstab.sweep import Reporter, SweepError, run
 from gearstab.sweep.storage import store
-from gearstab.sweep.storage.parts import CHECKSUM, MAGIC, FinishedBlock, PartFolder, from_bytes, to_bytes
+from gearstab.sweep.storage.parts import (
+    CHECKSUM,
+    MAGIC,
+    FinishedBlock,
+    PartFolder,
+    checksum,
+    from_bytes,
+    head_of,
+)  # fmt: skip
 from gearstab.sweep.storage.store import Hold
 
 SCRIPT = ROOT / "tests" / "reference" / "sweep_faults.py"
@@ -279,7 +286,7 @@ def forged(data: bytes, change: Callable[[dict[str, Any], bytes], tuple[Any, byt
     header, chunks = change(json.loads(data[start:end]), data[end:-CHECKSUM])
     text = json.dumps(header).encode()
     body = MAGIC + len(text).to_bytes(8, "little") + text + chunks
-    return body + hashlib.sha256(body).digest()
+    return body + checksum(body)
 
 
 FORGERIES: dict[str, Callable[[dict[str, Any], bytes], tuple[Any, bytes]]] = {
@@ -326,13 +333,14 @@ KEYS = ("digest", "key", "tongues", "chunks", "points", "unstable", "failed", "f
 @given(key=st.sampled_from(KEYS), value=HEADER_VALUES, where=st.integers(0, 200), octet=st.integers(0, 255))
 def test_a_part_of_any_header_is_one_or_is_ignored(key: str, value: Any, where: int, octet: int) -> None:
     block = FinishedBlock("floquet-000000", (), {"x": [(0, 3)]}, 3, 1, 0, {"a": 1}, ("c",), held=b"abc")
-    data = to_bytes(block, "d" * 64)
+    head = head_of(block, "d" * 64)
+    data = head + block.held + checksum(head, block.held)
     path = Path("floquet-000000.part")
     assert from_bytes(data, path, "d" * 64) is not None
     made = forged(data, lambda header, chunks: (header | {key: value}, chunks))
     spoilt = bytearray(data[:-CHECKSUM])
     spoilt[where % len(spoilt)] = octet
-    for found in (made, bytes(spoilt) + hashlib.sha256(spoilt).digest(), data[: where % len(data)]):
+    for found in (made, bytes(spoilt) + checksum(spoilt), data[: where % len(data)]):
         part = from_bytes(found, path, "d" * 64)
         assert part is None or part.key == path.stem
 

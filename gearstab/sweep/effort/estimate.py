@@ -24,7 +24,7 @@ from gearstab.results.variables import GRID
 from gearstab.sweep.compute import compute
 from gearstab.sweep.effort.clock import within
 from gearstab.sweep.plan import GridBlock, Layout, Plan
-from gearstab.sweep.storage import merge
+from gearstab.sweep.storage import store
 from gearstab.systems import build
 
 BUDGET = 1.0
@@ -129,7 +129,7 @@ def estimate(plan: Plan, jobs: int | None = None, budget: float = BUDGET) -> Est
             share = Clock(clock.left / (len(plan.layouts) - k))
             methods.append(_method(plan, layout, workers, share))
     file_size = sum(m.file_size for m in methods)
-    memory = max(m.memory * min(workers, m.blocks) for m in methods) + min(file_size, merge.IN_MEMORY)
+    memory = max(m.memory * min(workers, m.blocks) for m in methods) + min(file_size, store.MOST_BYTES)
     return Estimate(tuple(methods), workers, sum(m.seconds for m in methods), file_size, memory)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -10,16 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from gearstab import interrupts
 from gearstab.config import Axis, Config
 from gearstab.config.sections.targets import INPUT_SPEED
 from gearstab.floquet.kernel import choice as kernel
 from gearstab.methods import Key
-from gearstab.results.apart import write_apart
 from gearstab.results.chunks import decode, encode
 from gearstab.results.display import FACTOR, OPERATING_RANGE, SPEEDS, typed
 from gearstab.results.guard import SWEEP
-from gearstab.results.output import Look, move
+from gearstab.results.output import Look
 from gearstab.results.provenance import modes_group, root_attributes
 from gearstab.results.tree import Chunked, Encoded, Field, Group, Offset, ResultTree, octets
 from gearstab.results.units import in_units_of
@@ -34,9 +31,6 @@ from gearstab.sweep.storage.store import Finished
 from gearstab.sweep.storage.taken import CHOSEN
 from gearstab.system import Array
 from gearstab.systems import model_of
-
-IN_MEMORY = 1 << 26
-"""Results of fewer bytes are built in memory, which takes twice as much, others by a process of its own."""
 
 
 def result_tree(finished: Finished, said: Mapping[str, str]) -> ResultTree:
@@ -120,7 +114,7 @@ def _over_points(layout: Layout, variable: Variable, parts: Mapping[str, Finishe
         for block in layout.blocks():
             yield block.start + (0,) * len(rest), parts[block.key].encoded(variable.name)[0]
 
-    return Chunked(layout.shape + rest, layout.chunk + rest, pieces, sum(p.size(variable.name) for p in parts.values()))
+    return Chunked(layout.shape + rest, layout.chunk + rest, pieces)
 
 
 def _places(
@@ -151,27 +145,15 @@ def _listed(
                     )
                 yield (int(k), *(0 for _ in sides), *block.start, *(0 for _ in rest)), data
 
-    size = sum(part.size(variable.name) for part in parts.values())
-    return Chunked((count, *sides, *layout.shape, *rest), shape, pieces, size)
+    return Chunked((count, *sides, *layout.shape, *rest), shape, pieces)
 
 
-def write(finished: Finished, out: Path, folder: Path, look: Look) -> None:
-    """Write the result to ``out``; ``folder`` holds the part files.
+def write(finished: Finished, out: Path, look: Look) -> None:
+    """Write the result to ``out``.
 
     look: raises where ``out`` must not be replaced any more. Raises OSError, whatever else is in the way.
     """
     said = origin(finished.plan.config, out)
     if finished.plan.taken is not None:
         said["extended_from"] = str(finished.plan.taken.path)
-    tree = result_tree(finished, said)
-    if tree.size < IN_MEMORY:
-        write_result(out, tree, look)
-        return
-    temporary = folder / f"result-{os.getpid()}.tmp"
-    interrupts.temporary.add(str(temporary))
-    try:
-        write_apart(tree, out, temporary)
-        move(temporary, out, look)
-    finally:
-        temporary.unlink(missing_ok=True)
-        interrupts.temporary.discard(str(temporary))
+    write_result(out, result_tree(finished, said), look)

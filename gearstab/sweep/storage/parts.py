@@ -3,12 +3,13 @@
 A part file is built in memory, written under a temporary name, synchronised with the disk and renamed, so that it is
 whole or not there; it carries the digest of its sweep, its own key and a checksum, and what does not agree is ignored:
 
-    MAGIC, length of the header (8 bytes), header (JSON), chunks of all variables, SHA-256 of everything before
+    MAGIC, length of the header (8 bytes), header (JSON), chunks of all variables, CRC-32 of everything before (4 bytes)
+
+The checksum tells damage. Whoever forges a part can compute it too: what a part says is looked at all the same.
 """
 
 from __future__ import annotations
 
-import hashlib
 import json
 import shutil
 import stat
@@ -24,11 +25,12 @@ from typing import Any
 from gearstab.errors import OutputError
 from gearstab.methods import Key
 from gearstab.perturbation import Tongue
-from gearstab.results.output import write_bytes
+from gearstab.results.output import writing
+from gearstab.results.seal import crc32
 from gearstab.results.tree import Encoded, InFile, octets
 
-MAGIC = b"gearstab part 3\n"
-CHECKSUM = 32
+MAGIC = b"gearstab part 4\n"
+CHECKSUM = 4
 
 
 @dataclass(frozen=True)
@@ -82,8 +84,8 @@ def places_of(lengths: Mapping[str, list[int]], offset: int = 0) -> dict[str, li
     return places
 
 
-def to_bytes(part: FinishedBlock, digest: str) -> bytes:
-    """The contents of a part file."""
+def head_of(part: FinishedBlock, digest: str) -> bytes:
+    """What stands in a part file before the chunks."""
     header = {
         "digest": digest, "key": part.key,
         "tongues": [[asdict(tongue), occurrence] for tongue, occurrence in part.tongues],
@@ -92,14 +94,21 @@ def to_bytes(part: FinishedBlock, digest: str) -> bytes:
         "kernels": part.kernels,
     }  # fmt: skip
     text = json.dumps(header).encode()
-    data = b"".join([MAGIC, len(text).to_bytes(8, "little"), text, part.held])
-    return data + hashlib.sha256(data).digest()
+    return MAGIC + len(text).to_bytes(8, "little") + text
+
+
+def checksum(*pieces: bytes | memoryview) -> bytes:
+    """What stands behind the pieces of a part file."""
+    total = 0
+    for piece in pieces:
+        total = crc32(piece, total)
+    return total.to_bytes(CHECKSUM, "little")
 
 
 def from_bytes(data: bytes, path: Path, digest: str) -> FinishedBlock | None:
     """A part file by its contents, or None where it is damaged, cut short, or of another sweep or block."""
     body = memoryview(data)[:-CHECKSUM]
-    if not data.startswith(MAGIC) or hashlib.sha256(body).digest() != data[-CHECKSUM:]:
+    if not data.startswith(MAGIC) or checksum(body) != data[-CHECKSUM:]:
         return None
     try:
         part = _from_body(body, path, digest)
@@ -160,14 +169,14 @@ class PartFolder:
     def write(self, part: FinishedBlock) -> FinishedBlock:
         """Write a part file. Raises OSError."""
         path = self.path / f"{part.key}.part"
-        data = to_bytes(part, self.digest)
+        head = head_of(part, self.digest)
         if path.is_symlink() or path.is_fifo():
             path.unlink()  # which nothing here made, and would be written through
-        write_bytes(path, data)
-        # The chunks are what stands before the checksum.
-        offset = len(data) - CHECKSUM - len(part.held)
+        with writing(path) as file:
+            for piece in (head, part.held, checksum(head, part.held)):
+                file.write(piece)
         lengths = {name: [length for _, length in places] for name, places in part.places.items()}
-        return replace(part, places=places_of(lengths, offset), held=b"", path=path)
+        return replace(part, places=places_of(lengths, len(head)), held=b"", path=path)
 
     def find(self, keys: set[str]) -> dict[str, FinishedBlock]:
         """All part files of these blocks that are valid."""
