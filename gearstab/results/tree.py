@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -43,7 +44,10 @@ def octets(chunk: Encoded) -> bytes:
         return chunk
     with open(chunk.path, "rb") as file:
         file.seek(chunk.start)
-        return file.read(chunk.length)
+        data = file.read(chunk.length)
+    if len(data) != chunk.length:
+        raise OSError(errno.EIO, "was cut short while it was used", str(chunk.path))
+    return data
 
 
 @dataclass(frozen=True)
