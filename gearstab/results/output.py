@@ -94,6 +94,9 @@ class Content:
 
 def prepare(out: Path) -> None:
     """See that files can be written where an output is to be that will take a while. Raises OutputError."""
+    place = Path(os.path.realpath(out))
+    if out.is_symlink() and not place.parent.is_dir():
+        raise OutputError(f"{out}: is a link into a folder that is not there; make {place.parent}, or remove the link")
     try:
         with _removed(_temporary(_standing_folder(out) / out.name)) as probe:
             os.close(_new(probe))

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from gearstab.errors import OutputError
 from gearstab.results.variables import TEXT, Variable
 
 Array = np.ndarray
@@ -38,12 +39,15 @@ Encoded = bytes | InFile
 
 
 def octets(chunk: Encoded) -> bytes:
-    """The bytes of a chunk. Raises OSError."""
+    """The bytes of a chunk. Raises OSError, and OutputError where its file has become shorter."""
     if isinstance(chunk, bytes):
         return chunk
     with open(chunk.path, "rb") as file:
         file.seek(chunk.start)
-        return file.read(chunk.length)
+        data = file.read(chunk.length)
+    if len(data) != chunk.length:
+        raise OutputError(f"{chunk.path}: was cut short while it was used")
+    return data
 
 
 @dataclass(frozen=True)

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import prod
 
 import numpy as np
 
 from gearstab.config import alike, parameters_at
 from gearstab.floquet.kernel import choice as kernel
 from gearstab.methods import POINTS, RANGE, Key, Outcome, SampledMethod
-from gearstab.results.chunks import encode, holds
+from gearstab.results.chunks import encode
 from gearstab.results.variables import GRID, ROWS, STRETCH, Variable
 from gearstab.sweep.plan import GridBlock, Layout, Plan
 from gearstab.sweep.sampled import run_sampled
@@ -210,10 +209,11 @@ def _encoded(
     unstable, failed = int(np.count_nonzero(stable == 0)), int(np.count_nonzero(stable < 0))
     places = places_of({name: [len(chunk) for chunk in pieces] for name, pieces in chunks.items()})
     held = b"".join(chunk for pieces in chunks.values() for chunk in pieces)
-    return FinishedBlock(block.key, tongues, places, block.points, unstable, failed, _flags(layout, values), held=held)
+    flags = flag_counts(layout, values)
+    return FinishedBlock(block.key, tongues, places, block.points, unstable, failed, flags, held=held)
 
 
-def _flags(layout: Layout, values: dict[str, Array]) -> dict[str, int]:
+def flag_counts(layout: Layout, values: dict[str, Array]) -> dict[str, int]:
     """How many points of a grid carry each flag of ``status``; nothing of flags that none carries."""
     for variable in layout.method.results:
         if variable.name == "status" and GRID in variable.dims:
@@ -232,21 +232,6 @@ def _counted(status: Array, flags: Mapping[str, int]) -> dict[str, int]:
         for name, mask in flags.items()
         if anywhere & mask
     }
-
-
-def fits(plan: Plan, block: GridBlock, part: FinishedBlock) -> bool:
-    """Whether a finished block from elsewhere has the variables and the sizes that this one must have."""
-    layout = plan.layout(block.method)
-    table = {variable.name: variable for variable in layout.method.results}
-    if part.points != block.points or set(part.variables) != set(table):
-        return False
-    for name, variable in table.items():
-        size = np.dtype(variable.dtype).itemsize * prod((*layout.chunk, *layout.inner(variable)))
-        pieces = part.pieces(name)
-        listed = len(part.tongues) if "tongue" in variable.dims else len(pieces) if STRETCH in variable.dims else 1
-        if len(pieces) != listed or not all(holds(data, size) for data in pieces):
-            return False
-    return True
 
 
 def _in_place(plan: Plan, layout: Layout, block: GridBlock, data: Array) -> Array:

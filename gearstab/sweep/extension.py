@@ -25,7 +25,7 @@ from gearstab.results.guard import SWEEP
 from gearstab.results.read import attributes, is_sealed
 from gearstab.results.tree import FORMAT
 from gearstab.sweep.plan import Layout, Plan
-from gearstab.sweep.storage.taken import CHOSEN, Taken, identity
+from gearstab.sweep.storage.taken import CHOSEN, Taken, identity, misshapen
 from gearstab.system import Array
 from gearstab.version import __version__
 
@@ -46,6 +46,8 @@ def extended(plan: Plan, path: Path) -> tuple[Plan, list[str]]:
     for layout in plan.layouts:
         name = layout.method.name
         found_places = _places(plan, layout, old)
+        if not isinstance(found_places, str):
+            _refuse_misshapen(path, layout, old)
         if isinstance(found_places, str):
             words.append(f"{name}: computed anew: {found_places}")
             continue
@@ -142,6 +144,17 @@ def _places(plan: Plan, layout: Layout, old: Config) -> tuple[Array, ...] | str:
         if not np.array_equal(place, np.arange(len(place))) or len(place) != known[layout.dims[inner]].size:
             return "values at one mesh frequency go on from those at others, which have changed"
     return found
+
+
+def _refuse_misshapen(path: Path, layout: Layout, old: Config) -> None:
+    """Raise ResultError where a method's variables are not those of its axes: a seal says nothing of who made it."""
+    sizes = {axis.name: axis.size for axis in old.axes}
+    try:
+        wrong = misshapen(path, layout.method.name, layout.method.results, [sizes[dim] for dim in layout.dims])
+    except OSError as error:
+        raise _refused(path, f"it is damaged ({' '.join(str(error).split())})") from None
+    if wrong:
+        raise _refused(path, f"{wrong} is not as a sweep writes it")
 
 
 def _indices(old: Axis, new: Axis) -> Array:

@@ -137,7 +137,7 @@ def _in_processes(plan: Plan, blocks: list[GridBlock], store: Store, jobs: int, 
             del pending[_key(result)]
             yield result
         # What the pool left undone was in a process that died, or waiting; what finished unseen is in its part file.
-        for part in store.collect(set(pending)):
+        for part in store.collect(pending.values()):
             del pending[part.key]
             yield part
         for key in [key for key in started if key in pending]:

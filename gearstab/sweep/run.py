@@ -91,8 +91,8 @@ def run(
     if others := folder.others():
         reporter.message(_others(folder, others))
     with closing(Store(plan, folder)) as store:
-        if not overwrite:
-            store.find()
+        if not overwrite and (useless := store.find()):
+            reporter.message(f"{folder.path}: {_damaged(useless)}")
         if store.finished.blocks:
             kept = f"{len(store.finished.blocks)} of {plan.blocks} blocks"
             reporter.message(f"going on with {kept} that are finished in {folder.every}")
@@ -102,6 +102,12 @@ def run(
             reporter.message(f"warning: {text}")
         work = Work(plan, store, jobs or ckernel.threads(), reporter, most_failures, scheduler)
         return _run(work, out, before)
+
+
+def _damaged(count: int) -> str:
+    """What is said of part files that are of no use."""
+    number = "1 finished block is" if count == 1 else f"{count} finished blocks are"
+    return f"{number} damaged, or not as this sweep writes them: computed again"
 
 
 def _remove_parts(plan: Plan, folder: PartFolder) -> None:
@@ -186,7 +192,7 @@ def _refresh(plan: Plan, out: Path, found: earlier.Earlier) -> None:
 
 def _others(folder: PartFolder, others: list[Path]) -> str:
     """What the user should know of finished blocks that nothing will use unless the configuration is changed back."""
-    size = sum(file.stat().st_size for path in others for file in path.rglob("*") if file.is_file())
+    size = sum(file.stat().st_size for path in others for file in path.glob("*.part") if file.is_file())
     number = f"{len(others)} earlier state{'s' * (len(others) > 1)}"
     return (
         f"note: {folder.every} also holds finished blocks of {number} of the configuration ({size / 1e6:.3g} MB); "

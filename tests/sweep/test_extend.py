@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from scenes import TRAIN, ran
 from gearstab.config import load
 from gearstab.errors import ResultError, SweepError
 from gearstab.results import open_result
+from gearstab.results.seal import append_seal
 from gearstab.results.write import rewrite_attributes
 from gearstab.sweep import Interrupted, Plan, compute, plan, run
 from gearstab.sweep.extension import extended
@@ -240,6 +242,49 @@ def test_results_computed_otherwise_are_refused(config: Path, tmp_path: Path) ->
         extended(more, old)
     with pytest.raises(ResultError, match="there is no such file"):
         extended(more, tmp_path / "nothing.h5")
+
+
+def without(file: h5py.File) -> None:
+    del file["floquet"]
+
+
+def transposed(file: h5py.File) -> None:
+    values = file["floquet/growth_rate"][()].T
+    del file["floquet/growth_rate"]
+    file["floquet/growth_rate"] = values
+
+
+def of_another_type(file: h5py.File) -> None:
+    del file["floquet/stable"]
+    file["floquet/stable"] = np.zeros((6, 3))
+
+
+def leading_nowhere(file: h5py.File) -> None:
+    del file["floquet/status"]
+    file["floquet/status"] = h5py.SoftLink("/nowhere")
+
+
+@pytest.mark.parametrize("change", [without, transposed, of_another_type, leading_nowhere])
+def test_a_result_that_somebody_sealed_anew_is_refused_in_one_line(
+    config: Path, tmp_path: Path, change: Callable[[h5py.File], None]
+) -> None:
+    old = result(planned(config, COARSE), tmp_path / "old.h5")
+    with h5py.File(old, "r+") as file:
+        change(file)
+    append_seal(old)
+    with pytest.raises(ResultError, match=r"cannot be extended: floquet/\w+ is not as a sweep writes it") as raised:
+        extended(planned(config, GROWN["finer and longer"]), old)
+    assert "\n" not in str(raised.value)
+
+
+def test_a_list_of_regions_that_somebody_cut_is_one_line(config: Path, tmp_path: Path) -> None:
+    old = result(planned(config, COARSE), tmp_path / "old.h5")
+    with h5py.File(old, "r+") as file:
+        del file["boundaries/mode_p"]
+    append_seal(old)
+    grown, _ = extended(planned(config, GROWN["finer and longer"]), old)
+    with pytest.raises(SweepError, match="boundaries in it is not as a sweep writes it"):
+        run(grown, tmp_path / "grown.h5", jobs=1)
 
 
 def test_files_that_a_system_is_made_of_must_not_have_changed(tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ The checksum tells damage. Whoever forges a part can compute it too: what a part
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import stat
 import time
@@ -31,6 +32,8 @@ from gearstab.results.tree import Encoded, InFile, octets
 
 MAGIC = b"gearstab part 4\n"
 CHECKSUM = 4
+MOST_BYTES = 1 << 30
+"""Of a part file: some ten times what the largest block of any method takes."""
 
 
 @dataclass(frozen=True)
@@ -142,11 +145,15 @@ def _tongue(entries: Mapping[str, Any]) -> Tongue:
 def read_part(path: Path, digest: str) -> FinishedBlock | None:
     """The part file at a path, None where there is no valid one; a link or a pipe is none."""
     try:
-        return from_bytes(path.read_bytes(), path, digest) if stat.S_ISREG(path.lstat().st_mode) else None
+        found = path.lstat()
+        sound = stat.S_ISREG(found.st_mode) and found.st_size <= MOST_BYTES
+        return from_bytes(path.read_bytes(), path, digest) if sound else None
     except OSError:
         return None
 
 
+LOCK = "lock"
+"""The file by which sweeps tell one another that they use a folder."""
 WAITS = (0.0, 0.1, 0.3, 0.6)
 """Seconds before each attempt to remove a folder; a worker looks for its parent every half second."""
 
@@ -160,18 +167,26 @@ class PartFolder:
         self.digest = digest
 
     def check(self) -> None:
-        """Raise OutputError if something that is no folder, or a link to one, has the name of the folder."""
+        """Raise OutputError if there is something in the way of the folder, or in it, that nobody can write over."""
         for path in (self.every, self.path):
             if path.is_symlink() or (path.exists() and not path.is_dir()):
                 what = "a link" if path.is_symlink() else "no folder"
                 raise OutputError(f"{path}: is {what}, but finished blocks go there; remove it or choose another -o")
+            if not _allowed(path):
+                allow = "allow it with chmod u+rwx, remove it or choose another -o"
+                raise OutputError(f"{path}: finished blocks go there, but it cannot be read and written; {allow}")
+        # An equal sweep may remove the folder at any moment.
+        with suppress(FileNotFoundError), os.scandir(self.path) as entries:
+            for found in entries:
+                if found.is_dir(follow_symlinks=False) or (found.name == LOCK and not _usable(found)):
+                    raise OutputError(f"{found.path}: is in the way of finished blocks; remove it or choose another -o")
 
     def write(self, part: FinishedBlock) -> FinishedBlock:
         """Write a part file. Raises OSError."""
         path = self.path / f"{part.key}.part"
         head = head_of(part, self.digest)
-        if path.is_symlink() or path.is_fifo():
-            path.unlink()  # which nothing here made, and would be written through
+        if path.is_symlink() or path.is_fifo() or (path.exists() and not os.access(path, os.R_OK)):
+            path.unlink()  # which nothing here made, and would be written through, or leave its mode to the new file
         with writing(path) as file:
             for piece in (head, part.held, checksum(head, part.held)):
                 file.write(piece)
@@ -205,4 +220,16 @@ class PartFolder:
         """The folders with parts of other sweeps of this output: of earlier states of its configuration, mostly."""
         if not self.every.is_dir():
             return []
-        return [path for path in sorted(self.every.iterdir()) if path.is_dir() and path != self.path]
+        found = [path for path in sorted(self.every.iterdir()) if path.is_dir() and not path.is_symlink()]
+        return [path for path in found if path != self.path]
+
+
+def _allowed(path: Path) -> bool:
+    """Whether a folder, if there is one, can be read and written."""
+    return os.access(path, os.R_OK | os.W_OK | os.X_OK) or not path.exists()
+
+
+def _usable(lock: os.DirEntry[str]) -> bool:
+    """Whether what has the name of the lock is one, or has gone: a link might lead anywhere."""
+    usable = lock.is_file(follow_symlinks=False) and os.access(lock, os.R_OK | os.W_OK)
+    return usable or not os.path.lexists(lock)

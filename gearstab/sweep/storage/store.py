@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections import Counter
+from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,9 +13,9 @@ from time import monotonic
 import numpy as np
 
 from gearstab.results.chunks import decode
-from gearstab.sweep.compute import fits
 from gearstab.sweep.plan import GridBlock, Layout, Plan
-from gearstab.sweep.storage.parts import FinishedBlock, PartFolder
+from gearstab.sweep.storage.parts import LOCK, FinishedBlock, PartFolder
+from gearstab.sweep.storage.verify import fits
 
 try:
     import fcntl
@@ -84,19 +85,21 @@ class Store:
         self._waiting: dict[str, FinishedBlock] = {}
         self._size = 0
 
-    def find(self) -> None:
-        """Take what an earlier run of the plan finished, and remove what it left half-written. Raises OSError."""
+    def find(self) -> int:
+        """Take what an earlier run of the plan finished, and remove what it left half-written.
+
+        Returns how many part files are of no use: damaged, or made by something else. Raises OSError.
+        """
         if not self.folder.path.is_dir():
-            return
+            return 0
         self._hold.take()
         if self._hold.alone():
             for path in self.folder.path.glob("*.tmp"):
                 path.unlink(missing_ok=True)
             self._hold.share()
+        there = self.folder.count()
         plan = self.finished.plan
-        blocks = {block.key: block for layout in plan.layouts for block in layout.blocks()}
-        found = self.folder.find(set(blocks))
-        self.finished.blocks.update({key: part for key, part in found.items() if fits(plan, blocks[key], part)})
+        return max(0, there - len(self.collect([block for layout in plan.layouts for block in layout.blocks()])))
 
     def take(self) -> None:
         """Make the folder, and keep others from removing it. Raises OSError."""
@@ -136,18 +139,19 @@ class Store:
         if self._hold.alone():
             self.folder.remove()
 
-    def collect(self, keys: set[str]) -> list[FinishedBlock]:
+    def collect(self, blocks: Iterable[GridBlock]) -> list[FinishedBlock]:
         """Take what other processes wrote to the folder of these blocks, seen or not."""
-        found = self.folder.find(keys)
-        self.finished.blocks.update(found)
-        return list(found.values())
+        wanted, plan = {block.key: block for block in blocks}, self.finished.plan
+        found = self.folder.find(set(wanted))
+        valid = {key: part for key, part in found.items() if fits(plan, wanted[key], part)}
+        self.finished.blocks.update(valid)
+        return list(valid.values())
 
     def close(self) -> None:
         """Leave the part files to other processes."""
         self._hold.drop()
 
 
-NAME = "lock"
 ATTEMPTS = 100
 
 
@@ -172,11 +176,11 @@ class Hold:
                 return
             # Another sweep may remove the folder at any moment up to the lock.
             with suppress(FileNotFoundError):
-                handle = os.open(self.folder / NAME, os.O_RDWR | os.O_CREAT, 0o666)
+                handle = os.open(self.folder / LOCK, os.O_RDWR | os.O_CREAT, 0o666)
                 with suppress(OSError):
                     fcntl.flock(handle, fcntl.LOCK_SH)
                 with suppress(FileNotFoundError):
-                    if os.path.samestat(os.fstat(handle), os.stat(self.folder / NAME)):
+                    if os.path.samestat(os.fstat(handle), os.stat(self.folder / LOCK)):
                         self._handle = handle
                         return
                 os.close(handle)

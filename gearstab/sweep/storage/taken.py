@@ -75,6 +75,40 @@ class Taken:
         except OSError:
             text = f"{self.path}: was changed while the sweep took its points over; run the command again"
             raise SweepError(text) from None
+        except (KeyError, ValueError, TypeError, IndexError, RuntimeError) as error:
+            # A seal that fits says nothing of who made it.
+            said = f"{type(error).__name__}: {' '.join(str(error).split())}"
+            text = f"{self.path}: {method} in it is not as a sweep writes it ({said}); compute it again"
+            raise SweepError(text) from error
+
+
+def misshapen(path: Path, method: str, variables: Sequence[Variable], shape: Sequence[int]) -> str:
+    """Name a variable of a method that a result lacks, or has in another type or shape; "" for none.
+
+    shape: of the axes of the method's results there. Raises OSError.
+    """
+    import h5py
+
+    with h5py.File(path, "r", locking=False) as file:
+        for variable in variables:
+            name = f"{method}/{variable.name}"
+            data = file.get(name) if _has(file, name) else None
+            lead = variable.dims.index(ROWS) if variable.listed else 0
+            if (
+                not isinstance(data, h5py.Dataset)
+                or data.dtype != variable.dtype
+                or data.shape[lead : lead + len(shape)] != tuple(shape)
+            ):
+                return name
+    return ""
+
+
+def _has(file: h5py.File, name: str) -> bool:
+    """Whether there is such an object, that can be opened."""
+    try:
+        return name in file and file[name] is not None
+    except (KeyError, RuntimeError):
+        return False
 
 
 def _over_points(data: h5py.Dataset, places: Sequence[Array], inner: int | None) -> Array:

@@ -1,0 +1,139 @@
+"""Whether a part file says what this sweep could have written: what shows without computing its block again.
+
+A checksum tells damage, not that somebody made the file. So that a result has its shape, its flags their meaning and
+no later step fails, everything is looked at but the values of floating-point numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import isfinite, prod
+
+import numpy as np
+
+from gearstab.ckernel import NAMES
+from gearstab.methods import Key
+from gearstab.perturbation import Tongue
+from gearstab.perturbation.tongues import kind_of, label_of
+from gearstab.results.chunks import decode, holds
+from gearstab.results.variables import GRID, STRETCH, Variable
+from gearstab.sweep.compute import flag_counts, inner_shape
+from gearstab.sweep.plan import GridBlock, Layout, Plan
+from gearstab.sweep.storage.parts import FinishedBlock
+from gearstab.system import Array
+
+MOST = np.iinfo(np.int32).max
+"""The largest number that a coordinate of regions holds."""
+OF_FORMULAS = "w0123456789+-*/() "
+"""Letters of labels."""
+
+
+def fits(plan: Plan, block: GridBlock, part: FinishedBlock) -> bool:
+    """Whether a finished block from elsewhere has the variables, sizes, regions and flags that this one may have."""
+    try:
+        return _fits(plan, block, part)
+    except OSError:
+        return False  # its file went meanwhile, or was cut
+
+
+def _fits(plan: Plan, block: GridBlock, part: FinishedBlock) -> bool:
+    layout = plan.layout(block.method)
+    table = {variable.name: variable for variable in layout.method.results}
+    if part.points != block.points or set(part.variables) != set(table):
+        return False
+    if not set(part.kernels) <= set(NAMES) or not _regions(plan, layout, part.tongues):
+        return False
+    return all(_sound(layout, block, variable, part) for variable in table.values()) and _counted(layout, block, part)
+
+
+def _regions(plan: Plan, layout: Layout, tongues: tuple[Key, ...]) -> bool:
+    """Whether a list of regions may be one of this method and system."""
+    if tongues and not layout.method.over_tongues:
+        return False
+    names = set("+".join(mesh.name for mesh in plan.base.meshes).split("+"))
+    return len(set(tongues)) == len(tongues) and all(_region(key, plan.base.size, names) for key in tongues)
+
+
+def _region(key: Key, modes: int, names: set[str]) -> bool:
+    tongue, occurrence = key
+    numbers = 1 <= tongue.mode_p <= tongue.mode_q <= modes and 0 <= tongue.harmonic <= MOST and 0 <= occurrence <= MOST
+    return numbers and isfinite(tongue.frequency_ratio) and set(tongue.mesh.split("+")) <= names and _named(tongue)
+
+
+def _named(tongue: Tongue) -> bool:
+    """Whether kind and label are those of the modes and the harmonic; without a harmonic as far as that shows."""
+    p, q, harmonic = tongue.mode_p, tongue.mode_q, tongue.harmonic
+    if tongue.kind == "self-excited":
+        return (p, harmonic, tongue.label) == (q, 0, f"mode {p} self-excited")
+    if harmonic:
+        own = label_of(p, q, harmonic)
+        label = tongue.label in (own, f"{own} ({tongue.mesh})")
+    else:
+        label = f"w{p}" in tongue.label and f"w{q}" in tongue.label and set(tongue.label) <= set(OF_FORMULAS)
+    return label and tongue.kind == kind_of(p, q, harmonic)
+
+
+def _sound(layout: Layout, block: GridBlock, variable: Variable, part: FinishedBlock) -> bool:
+    """Whether a variable has the pieces, of the size, and with the values that it can have."""
+    shape, octets = _shape(layout, variable), np.dtype(variable.dtype).itemsize
+    pieces = part.pieces(variable.name)
+    many = len(part.tongues) if "tongue" in variable.dims else max(1, len(pieces)) if STRETCH in variable.dims else 1
+    if len(pieces) != many:
+        return False
+    if not all(holds(data, octets * prod(shape)) for data in pieces):
+        return False
+    if STRETCH in variable.dims:
+        return _ascend(_inside(layout, block, variable, data) for data in pieces)
+    if variable.dtype.startswith("f"):
+        return True
+    return all(_allowed(variable, _inside(layout, block, variable, data), len(part.tongues)) for data in pieces)
+
+
+def _shape(layout: Layout, variable: Variable) -> tuple[int, ...]:
+    """The shape of a chunk, without the dimension that is listed."""
+    sides = (2,) if "side" in variable.dims else ()
+    return (*sides, *layout.chunk, *(inner_shape(layout, variable) if variable.listed else layout.inner(variable)))
+
+
+def _inside(layout: Layout, block: GridBlock, variable: Variable, data: bytes) -> Array:
+    """The values of a chunk without what it is filled up with."""
+    sides = (slice(None),) if "side" in variable.dims else ()
+    return decode(data, _shape(layout, variable), variable.dtype)[*sides, *(slice(0, size) for size in block.shape)]
+
+
+def _ascend(stretches: Iterator[Array]) -> bool:
+    """Whether stretches, lower and upper ends ``(2, ...)``, follow one another in every row, and the last is of some.
+
+    Else the dimension could be of any length, of the same few bytes again and again.
+    """
+    last = np.array(-np.inf)
+    for number, (lower, upper) in enumerate(stretches):
+        there = np.isfinite(lower)
+        if (number and not there.any()) or np.any((lower < last) | (upper < lower)):
+            return False
+        last = np.where(there, upper, last)
+    return True
+
+
+def _allowed(variable: Variable, values: Array, tongues: int) -> bool:
+    """Whether integers are among those that a variable can have: flags, positions in a list, and else numbers of."""
+    said = variable.attributes
+    if variable.index_of == "tongue":
+        return bool(((values >= -1) & (values < tongues)).all())
+    if "flag_masks" in said:
+        return not int(np.bitwise_or.reduce(values, axis=None)) & ~int(np.bitwise_or.reduce(said["flag_masks"]))
+    if "flag_values" in said:
+        return bool(np.isin(values, said["flag_values"]).all())
+    return bool((values >= 0).all())
+
+
+def _counted(layout: Layout, block: GridBlock, part: FinishedBlock) -> bool:
+    """Whether a part counts the unstable points, those that failed and the flags that it holds."""
+    over_points = {
+        variable.name: _inside(layout, block, variable, part.pieces(variable.name)[0])
+        for variable in layout.method.results
+        if GRID in variable.dims and variable.name in ("stable", "status")
+    }
+    stable = over_points.get("stable", np.zeros(0))
+    counts = int(np.count_nonzero(stable == 0)), int(np.count_nonzero(stable < 0))
+    return counts == (part.unstable, part.failed) and flag_counts(layout, over_points) == dict(part.flags)
