@@ -190,6 +190,19 @@ def test_regions_do_not_depend_on_the_density_of_the_scan(density: float, monkey
     assert check(reference.search(pattern, first, last, TOLERANCE, FLOOR), known, len(first)) > 4000
 
 
+@pytest.mark.parametrize("ratio", [1, "3/5", "5/7"])
+def test_no_edge_is_taken_too_early(ratio: int | str) -> None:
+    """An edge follows from a cubic where nothing bends it: no third multiplier near it, and no mirror image."""
+    epsilon = np.linspace(0.01, 0.9, 40)
+    item = train(contact_ratio=(1.5, 1.43), tooth_ratio=ratio, epsilon=(epsilon, epsilon))
+    ((pattern, first, last),) = patterns(item, 0.5, 7.0)
+    found = compiled.search(pattern, first, last, TOLERANCE, FLOOR).intervals
+    exact = compiled.search(pattern, first, last, 1e-13, FLOOR).intervals
+    assert len(found) == len(exact) > 900
+    for name in ("start", "stop"):
+        np.testing.assert_allclose(getattr(found, name), getattr(exact, name), rtol=TOLERANCE)
+
+
 def test_no_rows_and_no_regions() -> None:
     ((pattern, first, _),) = patterns(train(epsilon=(np.array([0.1]), np.array([0.1]))), 1.0, 7.0)
     edges, reach = c_kernel.edges(pattern, pattern, first, first * 1.0001, TOLERANCE, FLOOR, 1.0)
