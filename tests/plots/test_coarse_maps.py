@@ -138,6 +138,7 @@ def test_memory_does_not_grow_with_the_result(tmp_path: Path) -> None:
     commands = [
         ["sweep", str(config), "-o", str(out), "-j", "2"],
         ["plot", str(out), "-o", str(tmp_path / "map.png")],
+        ["plot", str(out), "-o", str(tmp_path / "curve.png"), "--select", "mesh_frequency=4"],
         ["export", str(out), "-o", str(tmp_path / "map.csv"), "--select", "mesh_frequency=4"],
     ]
     for words in commands:

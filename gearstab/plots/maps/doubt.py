@@ -59,8 +59,10 @@ def _masks(
         return {}
     bits = dict(zip(str(status.attrs.get("flag_meanings", "")).split(), np.ravel(status.attrs.get("flag_masks", ())),
                     strict=False))  # fmt: skip
+    # What is not drawn of a large result is not read.
+    status = status.isel({name: k for name, k in view.fixed.items() if name in status.dims and name not in dims})
     # Of all meshes that are not drawn one by one.
-    left = [dim for dim in map(str, status.dims) if dim not in (*dims, *view.fixed)]
+    left = [dim for dim in map(str, status.dims) if dim not in dims]
     found: dict[tuple[str, str], Array] = {}
     for name, words in known.items():
         if name not in bits:
