@@ -22,21 +22,22 @@ static int same_edge(const struct guess *a, const struct guess *b) {
 }
 
 static int by_cycle(const void *a, const void *b) {
-    double x = ((const struct guess *)a)->cycle, y = ((const struct guess *)b)->cycle;
+    double x = ((const struct edge *)a)->cycle, y = ((const struct edge *)b)->cycle;
     return (x > y) - (x < y);
 }
 
-/* Keep the edges of a row, those from number `begin` on, with their differences from those of the row before. */
+/* Sort the edges of a row, those from number `begin` on, and keep them with their differences from those of the row before. */
 static int learn(struct window *w, int64_t begin) {
     int count = (int)(w->edges - begin);
     int64_t room = w->guess_room;
     if (grow(&w->fresh, &room, count, sizeof *w->fresh) || grow(&w->guess, &w->guess_room, count, sizeof *w->guess))
         return -1;
+    if (count)
+        qsort(w->edge + begin, (size_t)count, sizeof *w->edge, by_cycle);
     for (int i = 0; i < count; i++) {
         const struct edge *e = &w->edge[begin + i];
         w->fresh[i] = (struct guess){.cycle = e->cycle, .enters = e->enters, .passed = {e->passed[0], e->passed[1], e->passed[2]}};
     }
-    qsort(w->fresh, (size_t)count, sizeof *w->fresh, by_cycle);
     for (int i = 0, j = 0; i < count; i++) {
         struct guess *own = &w->fresh[i];
         while (j < w->guesses && place_among(&w->guess[j]) < place_among(own))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -76,4 +77,5 @@ KINDS: dict[str, tuple[Any, ...]] = {
 def by_row(row: Array, count: int) -> list[Array]:
     """Positions of the entries of each of ``count`` rows, in their order."""
     order = np.argsort(row, kind="stable")
-    return np.split(order, np.searchsorted(row[order], np.arange(1, count)))
+    ends = np.searchsorted(row[order], np.arange(count + 1)).tolist()
+    return [order[begin:end] for begin, end in pairwise(ends)]

@@ -241,8 +241,7 @@ def edges(
         rows_of = np.frombuffer(of_rows, dtype=REACH)
         known[base : base + len(rows_of)] = rows_of
         every.append(of_edges)
-    total = np.concatenate(every)
-    return total[np.lexsort((total["cycle"], total["row"]))], known
+    return np.concatenate(every), known
 
 
 def shares(pattern: Pattern, coarse: Pattern, turn: Array, row: Array, cycle: Array, limit: int | None = None) -> Array:

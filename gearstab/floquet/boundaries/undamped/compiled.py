@@ -95,14 +95,11 @@ def _sharpen(pattern: Pattern, start: Array, stop: Array, meetings: Array, toler
 def _ends(edges: Array, reach: Array, first: Array, last: Array) -> Array:
     """The edges and, where a range begins or ends in a region, its ends, by row and place."""
     fields = [*c_kernel.EDGE.descr, ("cut", "i8")]
-    parts = [np.zeros(len(edges), dtype=fields)]
+    ends = np.zeros(len(edges), dtype=fields)
     for name in c_kernel.EDGE.names or ():
-        parts[0][name] = edges[name]
-    for side, cycle in enumerate((first, last)):
-        rows = np.flatnonzero(reach["stable"][:, side] == 0)
-        cut = np.zeros(len(rows), dtype=fields)
-        cut["row"], cut["cycle"], cut["passed"] = rows, cycle[rows], reach["passed"][rows, side]
-        cut["enters"], cut["cut"] = 1 - side, 1
-        parts.append(cut)
-    ends = np.concatenate(parts)
-    return ends[np.lexsort((ends["cycle"], ends["row"]))]
+        ends[name] = edges[name]
+    row, side = np.nonzero(reach["stable"] == 0)
+    cut = np.zeros(len(row), dtype=fields)
+    cut["row"], cut["cycle"], cut["passed"] = row, np.where(side == 0, first[row], last[row]), reach["passed"][row, side]
+    cut["enters"], cut["cut"] = 1 - side, 1
+    return np.insert(ends, np.searchsorted(ends["row"], row + side), cut)
