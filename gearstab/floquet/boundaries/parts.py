@@ -107,7 +107,7 @@ def united(regions: RegionEdges) -> RegionEdges:
     found = regions.ordered()
     lower, upper = found.edges.T
     rows = by_row(found.row, int(found.row.max(initial=-1)) + 1)
-    reach = np.concatenate([np.maximum.accumulate(upper[own]) for own in rows])
+    reach = np.concatenate([upper[:0], *(np.maximum.accumulate(upper[own]) for own in rows)])
     begin = np.append(True, (np.diff(found.row) > 0) | (lower[1:] >= reach[:-1]))[: len(lower)]
     first = np.flatnonzero(begin)
     several = np.diff(first, append=len(lower)) > 1
