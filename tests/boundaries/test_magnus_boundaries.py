@@ -153,6 +153,9 @@ def test_edges_beside_which_signs_are_lost_in_rounding():
     with using(kernel="numpy"):
         found = boundaries(item, 0.19, 1.6)
     assert np.all(found.tolerance < 1.2e-10)
+    # A stable gap of 1.3e-7, narrower than the floor, may be found or not.
+    wide = known.lower[1:] > known.upper[:-1] * (1 + known.width_floor)
+    assert len(wide) - wide.sum() <= 1
     # Each within 1e-10 of the truth, and so many times the tolerance as the steps' error is at most.
-    np.testing.assert_allclose(found.lower, known.lower, rtol=3e-10)
-    np.testing.assert_allclose(found.upper, known.upper, rtol=3e-10)
+    np.testing.assert_allclose(found.lower, known.lower[np.append(True, wide)], rtol=3e-10)
+    np.testing.assert_allclose(found.upper, known.upper[np.append(wide, True)], rtol=3e-10)
