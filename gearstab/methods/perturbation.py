@@ -100,7 +100,7 @@ class Perturbation(FirstOrder):
         return super().cost() * (1 if self.options.order == 1 else 10 * self.system.size)
 
     def check(self) -> None:
-        self.only_mesh_stiffness()
+        self.only_mesh_stiffness("use boundaries, which takes these too")
 
 
 class Uncoupled(FirstOrder):
