@@ -20,8 +20,8 @@ from gearstab.floquet.segments.pattern import Pattern
 from gearstab.system import Array
 
 DENSITY = 0.25
-"""Points of the scan per collision of multipliers; up to 1 small systems take the same time, and 59 coordinates a fifth more
-with 0.5."""
+"""Points of the scan per collision of multipliers; up to 1 small systems take the same time, and 59 coordinates a fifth
+more with 0.5."""
 
 BLURRED = 1.001
 """Bracket of an edge over the tolerance, beyond which it is that of rounding errors."""
@@ -101,6 +101,6 @@ def _ends(edges: Array, reach: Array, first: Array, last: Array) -> Array:
         ends[name] = edges[name]
     row, side = np.nonzero(reach["stable"] == 0)
     cut = np.zeros(len(row), dtype=fields)
-    cut["row"], cut["cycle"], cut["passed"] = row, np.where(side == 0, first[row], last[row]), reach["passed"][row, side]
-    cut["enters"], cut["cut"] = 1 - side, 1
+    cut["row"], cut["cycle"] = row, np.where(side == 0, first[row], last[row])
+    cut["enters"], cut["passed"], cut["cut"] = 1 - side, reach["passed"][row, side], 1
     return np.insert(ends, np.searchsorted(ends["row"], row + side), cut)
