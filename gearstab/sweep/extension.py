@@ -67,11 +67,13 @@ def _refused(path: Path, reason: str) -> ResultError:
 def _checked(path: Path, plan: Plan) -> dict[str, str]:
     """The attributes of an unchanged result of a sweep by this program."""
     whole = is_sealed(path)
+    if whole is False:  # not even opened, as HDF5 may read a damaged file for ever
+        raise _refused(path, "it is damaged")
     found = attributes(path)
     if found["command"] != SWEEP:
         raise _refused(path, f"it is a result of gearstab {found['command']}, not of a sweep")
     if not whole:
-        raise _refused(path, "it is damaged" if whole is False else "it was changed after it was written")
+        raise _refused(path, "it was changed after it was written")
     mine = {
         "format_version": str(FORMAT), "gearstab_version": __version__, "numpy_version": np.__version__,
         CHOSEN: plan.kernel,

@@ -235,13 +235,21 @@ def test_results_computed_otherwise_are_refused(config: Path, tmp_path: Path) ->
         rewrite_attributes(other, {name: value})
         with pytest.raises(ResultError, match=f"its {name.replace('_', ' ')} is {value}, and here"):
             extended(more, other)
+    with pytest.raises(ResultError, match="there is no such file"):
+        extended(more, tmp_path / "nothing.h5")
+
+
+def test_a_damaged_result_is_not_even_opened(config: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """HDF5 may go round in circles in it."""
+    old, more = result(planned(config, COARSE), tmp_path / "old.h5"), planned(config, GROWN["a part of it"])
     data = bytearray(old.read_bytes())
     data[len(data) // 2] ^= 1
     old.write_bytes(data)
+    opened: list[object] = []
+    monkeypatch.setattr(h5py, "File", lambda *given, **_: opened.extend(given))
     with pytest.raises(ResultError, match="damaged"):
         extended(more, old)
-    with pytest.raises(ResultError, match="there is no such file"):
-        extended(more, tmp_path / "nothing.h5")
+    assert not opened
 
 
 def without(file: h5py.File) -> None:
