@@ -6,6 +6,7 @@ the first error is kept, what comes after it goes nowhere, and it is raised when
 
 from __future__ import annotations
 
+import gc
 import io
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -35,12 +36,19 @@ class Sink(io.FileIO):
 
     @contextmanager
     def hdf5(self) -> Iterator[h5py.File]:
-        """Give an empty HDF5 file to fill. Raises what was kept, in place of whatever followed from it."""
+        """Give an empty HDF5 file to fill. Raises what was kept, in place of whatever followed from it.
+
+        No garbage is collected meanwhile: what h5py left in it would call HDF5 from inside one of its own calls.
+        """
         import h5py
 
+        collects = gc.isenabled()
+        gc.disable()
         try:
             with h5py.File(self, "w", track_order=True) as file:
                 yield file
         finally:
+            if collects:
+                gc.enable()
             if self.error is not None:
                 raise self.error
