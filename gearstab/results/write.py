@@ -42,10 +42,21 @@ def write_result(path: Path, tree: ResultTree, look: Look | None = None) -> None
     look = look or result_of(tree.root.attributes.get("command")).refuse
     with writing(path, look) as file:
         with naming(path), Sink(file.fileno()) as sink:
-            with sink.hdf5() as target:
-                fill(target, tree)
+            if in_memory(tree):
+                sink.write(image(tree))
+                if sink.error is not None:
+                    raise sink.error
+            else:
+                with sink.hdf5() as target:
+                    fill(target, tree)
             mark = seal_of(sink, sink.seek(0, os.SEEK_END))
         file.write(mark)
+
+
+def in_memory(tree: ResultTree) -> bool:
+    """Whether all values are there, as of every command but sweep: then HDF5 need not see the disk at all."""
+    fields = (item for group in (tree.root, *tree.groups.values()) for item in group.fields)
+    return not any(isinstance(item.values, Chunked) for item in fields)
 
 
 def image(tree: ResultTree) -> memoryview:
