@@ -1,6 +1,7 @@
 """Result files: netCDF-4/HDF5 with dimension scales and explicit types, complete from the moment they have their name.
 
-HDF5 writes to the file through :mod:`gearstab.results.sink`, so that a full disk is an ordinary OSError (inside the
+HDF5 writes to memory, or what comes as chunks to the file through :mod:`gearstab.results.sink`, so that a full
+disk is an ordinary OSError (inside the
 HDF5 library it can end in a crash).
 """
 
