@@ -117,6 +117,12 @@ struct level {
     double (*spectra_row)(void *spectra, int64_t row);
     void (*spectra_window)(void *spectra, double first, double last);
     void (*spectra_at)(void *spectra, int64_t count, const double *cycle, double *angle, double *growth, double *size);
+    /* Morse indices, see index.h. new: room for n coordinates, NULL when there is no memory; at: N(0) and N(pi) of a row at a
+       cycle. */
+    void *(*index_new)(int64_t n);
+    void (*index_free)(void *room);
+    void (*index_at)(void *room, const struct conservative *pattern, int64_t row, double cycle, int64_t *at_one,
+                     int64_t *at_minus_one);
     /* Points first..last-1, ordered by row: the shares of their unstable solutions. exact gives the matrices, coarse, of the same
        rows, the solutions in between; modes (r, D, n, n) of the coarse states in mean coordinates, turn (r, n, n) from
        the first modes of the exact to those of the coarse pattern. */

@@ -40,8 +40,9 @@ struct actors {
     struct pair *factors; /* (2n, 2n), of M - lambda, */
     mask *exchanged;      /* (2n, 2n), and their rows */
     struct pair *start, *now, *next; /* (2n,), u and u' */
-    struct pair *ends;  /* (S, 2n), u and u' in mean coordinates where a segment begins, without exp((g + i phi) t/T) */
-    struct pair *jump;  /* (2, n), sums of boundary values of a state for two harmonics, k and -k, */
+    struct pair *ends;  /* (S, 2, 2n), u and u' where a segment begins in the modes of its state and of the one before, without
+                           exp((g + i phi) t/T) */
+    struct pair *jump;  /* (2, n), sums of boundary values of a state for two harmonics, k and -k, in its modes */
     struct pair *total; /* (2, n), and what follows of all states */
     vec *growth, *angle; /* (n,), of the multipliers */
     vec *wave;          /* (3, n), cos, sin/w, -w sin of a segment */
@@ -82,7 +83,7 @@ static int actors_new(struct actors *a, const struct conservative *exact, const 
     *a = (struct actors){.n = exact->n, .segments = coarse->segments, .states = coarse->states};
     a->most = LEADING * LEADING * exact->n;
     a->spectra = spectra_new(exact);
-    vec *room = vectors((int64_t)(2 * (2 * n * (5 + segments)) + 5 * n + 16 * n * n), &a->memory);
+    vec *room = vectors((int64_t)(2 * (2 * n * (5 + 2 * segments)) + 5 * n + 16 * n * n), &a->memory);
     double *plain = malloc((5 * segments + states + 1) * sizeof *plain);
     a->plain = plain;
     a->found = malloc(LANES * (size_t)a->most * sizeof *a->found);
@@ -90,7 +91,7 @@ static int actors_new(struct actors *a, const struct conservative *exact, const 
     if (row_new(&a->row, coarse) || !a->spectra || !room || !plain || !a->found || !a->change)
         return -1;
     a->start = (struct pair *)room, a->now = a->start + 2 * n, a->next = a->now + 2 * n, a->ends = a->next + 2 * n;
-    a->jump = a->ends + 2 * n * segments, a->total = a->jump + 2 * n;
+    a->jump = a->ends + 4 * n * segments, a->total = a->jump + 2 * n;
     a->growth = (vec *)(a->total + 2 * n), a->angle = a->growth + n, a->wave = a->angle + n, a->kept = a->wave + 3 * n;
     a->factors = (struct pair *)(a->kept + 4 * n * n), a->exchanged = (mask *)(a->factors + 4 * n * n);
     a->begins = plain, a->turn = a->begins + segments, a->step = a->turn + 2 * segments;
@@ -123,6 +124,16 @@ INLINE void transformed(const double *b, int64_t n, const struct pair *from, str
     }
 }
 
+/* to (2n,) = exp(-(g + i phi) t/T) from, t/T = begin. */
+INLINE void faded(double begin, int64_t n, vec g, vec phi, const struct pair *from, struct pair *to) {
+    struct pair fade;
+    cosine_sine(all(begin), phi * (1.0 / TURN), &fade.re, &fade.im);
+    vec shrink = exponential(-begin * g);
+    fade = (struct pair){fade.re * shrink, -(fade.im * shrink)};
+    for (int64_t i = 0; i < 2 * n; i++)
+        to[i] = times(from[i], fade);
+}
+
 /* u and u' where the segments begin; the start stands in the modes of the first segment of the exact pattern. turns: the period
    in turns per unit frequency. */
 INLINE void follow(struct actors *a, const struct conservative *p, int64_t n, const double *first, vec turns, vec g, vec phi) {
@@ -131,15 +142,9 @@ INLINE void follow(struct actors *a, const struct conservative *p, int64_t n, co
     transformed(first, n, a->start, now);
     transformed(first, n, a->start + n, now + n);
     for (int64_t s = 0; s < p->segments; s++) {
-        struct pair *end = a->ends + 2 * n * s, fade;
-        const double *modes = a->modes + p->state[s] * n * n, *change = a->row.change + s * n * n;
-        cosine_sine(all(a->begins[s]), phi * (1.0 / TURN), &fade.re, &fade.im);
-        vec shrink = exponential(-a->begins[s] * g);
-        fade = (struct pair){fade.re * shrink, -(fade.im * shrink)};
-        transformed(modes, n, now, end);
-        transformed(modes, n, now + n, end + n);
-        for (int64_t i = 0; i < 2 * n; i++)
-            end[i] = times(end[i], fade);
+        const double *change = a->row.change + s * n * n;
+        int last = s + 1 == p->segments;
+        faded(a->begins[s], n, g, phi, now, a->ends + 4 * n * s);
         vec growth = rotation(a->row.modes + s * n, n, a->row.steady[s], turns, cosine, over, back);
         for (int64_t i = 0; !a->row.steady[s] && i < 3 * n; i++)
             cosine[i] = cosine[i] * exponential(growth); /* all three of each mode */
@@ -148,6 +153,7 @@ INLINE void follow(struct actors *a, const struct conservative *p, int64_t n, co
             next[j] = (struct pair){cosine[j] * u.re + over[j] * v.re, cosine[j] * u.im + over[j] * v.im};
             next[n + j] = (struct pair){back[j] * u.re + cosine[j] * v.re, back[j] * u.im + cosine[j] * v.im};
         }
+        faded(last ? 1.0 : a->begins[s + 1], n, g, phi, next, a->ends + 4 * n * (last ? 0 : s + 1) + 2 * n);
         transformed(change, n, next, now);
         transformed(change, n, next + n, now + n);
     }
@@ -161,8 +167,8 @@ INLINE void sum_jumps(struct actors *a, int64_t n, int64_t state, const struct p
             struct pair of_re = {all(0.0), all(0.0)}, of_im = of_re;
             for (int64_t k = a->changes[state]; k < a->changes[state + 1]; k++) {
                 struct change own = a->change[k];
-                const struct pair *left = a->ends + 2 * n * own.left + part * n + i;
-                const struct pair *entered = a->ends + 2 * n * own.entered + part * n + i;
+                const struct pair *left = a->ends + 4 * n * own.left + 2 * n + part * n + i;
+                const struct pair *entered = a->ends + 4 * n * own.entered + part * n + i;
                 const double *to = a->turn + 2 * own.left, *from = a->turn + 2 * own.entered;
                 of_re.re += to[0] * left->re, of_re.im += to[0] * left->im;
                 of_im.re += to[1] * left->re, of_im.im += to[1] * left->im;
@@ -188,16 +194,20 @@ INLINE void amplitudes(struct actors *a, const struct conservative *p, int64_t r
         const double *modes = a->modes + d * n * n, *squared = p->squared + (row * p->states + d) * n;
         sum_jumps(a, n, d, w);
         for (int side = 0; side < 2; side++) {
-            struct pair square = times(w[side], w[side]), *jump = a->jump + side * n, *total = a->total + side * n;
+            struct pair square = times(w[side], w[side]), *jump = a->jump + side * n;
             for (int64_t j = 0; j < n; j++) {
-                struct pair sum = {all(0.0), all(0.0)};
-                for (int64_t i = 0; i < n; i++)
-                    sum.re += modes[i * n + j] * jump[i].re, sum.im += modes[i * n + j] * jump[i].im;
                 vec x = square.re - squared[j], y = square.im, over = 1.0 / larger(x * x + y * y, all(DBL_MIN));
-                sum = times(sum, (struct pair){x * over, -y * over});
-                for (int64_t i = 0; i < n; i++)
-                    total[i].re += modes[i * n + j] * sum.re, total[i].im += modes[i * n + j] * sum.im;
+                jump[j] = times(jump[j], (struct pair){x * over, -y * over});
             }
+        }
+        for (int64_t i = 0; i < n; i++) {
+            struct pair plus = a->total[i], minus = a->total[n + i];
+            for (int64_t j = 0; j < n; j++) {
+                vec mode = all(modes[i * n + j]);
+                plus.re += mode * a->jump[j].re, plus.im += mode * a->jump[j].im;
+                minus.re += mode * a->jump[n + j].re, minus.im += mode * a->jump[n + j].im;
+            }
+            a->total[i] = plus, a->total[n + i] = minus;
         }
     }
 }

@@ -7,14 +7,6 @@
 
 #include "kernel.h"
 
-/* ---- index.c: Morse indices */
-
-struct index_room;
-struct index_room *index_new(int64_t n);
-void index_free(struct index_room *room);
-void index_at(struct index_room *room, const struct conservative *pattern, int64_t row, double cycle, int64_t *at_one,
-              int64_t *at_minus_one);
-
 /* ---- letters.c: one point of the search */
 
 /* A pair of multipliers exp(+-i angle) on the unit circle, 0 < angle < pi; sign: the Krein sign of exp(i angle), with which

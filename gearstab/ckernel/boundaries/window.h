@@ -36,8 +36,7 @@ struct guess {
 /* The work on one window of a row. */
 struct window {
     const struct order *order;
-    void *spectra;
-    struct index_room *index;
+    void *spectra, *index;
     int64_t n, row, evaluations;
     double step, spacing;
     struct block **block;
@@ -116,9 +115,8 @@ static void window_free(struct window *w) {
     free(w->cycle), free(w->angle), free(w->growth), free(w->size), free(w->shorter);
     free(w->guess), free(w->fresh);
     free(w->items), free(w->position), free(w->phase);
-    index_free(w->index);
-    if (w->spectra)
-        w->order->level->spectra_free(w->spectra);
+    w->order->level->index_free(w->index);
+    w->order->level->spectra_free(w->spectra);
 }
 
 static int window_new(struct window *w, const struct order *order) {
@@ -126,7 +124,7 @@ static int window_new(struct window *w, const struct order *order) {
     double limit = STEP_OF_FLOOR * order->floor;
     w->step = limit < STEP ? limit : STEP;
     w->spectra = order->level->spectra_new(order->exact);
-    w->index = index_new(w->n);
+    w->index = order->level->index_new(w->n);
     w->items = malloc(2 * (size_t)w->n * sizeof *w->items);
     w->position = malloc((size_t)w->n * sizeof *w->position);
     w->phase = malloc((size_t)w->n * sizeof *w->phase);

@@ -190,92 +190,115 @@ INLINE vec growth_of(const vec s[3], int64_t n) {
 
 /* ---- any n: Paige & Van Loan (1981), "A Schur decomposition for Hamiltonian matrices" */
 
-/* h <- P h P with P = I - beta v v^T on rows and columns k.., v (count,); columns before `from` are zero in these rows. */
-static void both_sides(vec *h, int64_t n, int64_t k, int64_t from, const vec *v, vec beta, vec *w) {
-    int64_t count = n - k;
-    for (int64_t c = from; c < n; c++)
-        w[c] = all(0.0);
+/* line <- line (I - beta v v^T), (count,). */
+INLINE void right_side(vec *line, int64_t count, const vec *v, vec beta) {
+    vec sum = all(0.0);
+    for (int64_t c = 0; c < count; c++)
+        sum += v[c] * line[c];
+    sum = sum * beta;
+    for (int64_t c = 0; c < count; c++)
+        line[c] -= sum * v[c];
+}
+
+/* Columns of e that a reflection runs down together: a strip stays in the first cache from the sums to the changes. */
+#define STRIP 8
+
+/* A strip (count, width) of rows of length n <- (I - beta v v^T) strip; width a constant where this is inlined. */
+INLINE void left_side(vec *strip, int64_t n, int64_t count, int64_t width, const vec *v, vec beta) {
+    vec sum[STRIP] = {0};
     for (int64_t i = 0; i < count; i++)
-        for (int64_t c = from; c < n; c++)
-            w[c] += v[i] * h[(k + i) * n + c];
+        UNROLLED for (int64_t j = 0; j < width; j++)
+            sum[j] += v[i] * strip[i * n + j];
     for (int64_t i = 0; i < count; i++) {
         vec scaled = beta * v[i];
-        for (int64_t c = from; c < n; c++)
-            h[(k + i) * n + c] -= scaled * w[c];
-    }
-    for (int64_t i = 0; i < n; i++) {
-        vec *line = h + i * n + k, sum = all(0.0);
-        for (int64_t c = 0; c < count; c++)
-            sum += v[c] * line[c];
-        sum = sum * beta;
-        for (int64_t c = 0; c < count; c++)
-            line[c] -= sum * v[c];
+        UNROLLED for (int64_t j = 0; j < width; j++)
+            strip[i * n + j] -= scaled * sum[j];
     }
 }
 
-/* The same for a skew g, with rows before `top` left out: P g P = g + v p^T - p v^T, p = beta g v. */
-static void both_sides_skew(vec *g, int64_t n, int64_t k, int64_t top, const vec *v, vec beta, vec *w) {
+/* e <- P e P with P = I - beta v v^T on rows and columns k.., v (count,); columns before `from` are zero in these rows. */
+static void both_sides(vec *e, int64_t n, int64_t k, int64_t from, const vec *v, vec beta) {
+    int64_t count = n - k, c = from;
+    for (; c + STRIP <= n; c += STRIP)
+        left_side(e + k * n + c, n, count, STRIP, v, beta);
+    if (c < n)
+        left_side(e + k * n + c, n, count, n - c, v, beta);
+    for (int64_t i = 0; i < n; i++)
+        right_side(e + i * n + k, count, v, beta);
+}
+
+/* The same for a skew g of which only what lies above the diagonal is kept, without rows before `top`:
+   P g P = g + v p^T - p v^T, p = beta g v. */
+static void both_sides_skew(vec *g, int64_t n, int64_t k, int64_t top, const vec *v, vec beta, vec *p) {
     int64_t count = n - k;
-    for (int64_t i = top; i < n; i++) {
-        vec sum = all(0.0);
-        for (int64_t c = 0; c < count; c++)
-            sum += g[i * n + k + c] * v[c];
-        w[i] = sum * beta;
-    }
-    for (int64_t i = top; i < n; i++)
-        for (int64_t c = 0; c < count; c++) {
-            vec change = w[i] * v[c];
-            g[i * n + k + c] -= i < k ? change : change - v[i - k] * w[k + c];
+    for (int64_t i = top; i < k; i++)
+        right_side(g + i * n + k, count, v, beta);
+    for (int64_t i = 0; i < count; i++)
+        p[i] = all(0.0);
+    for (int64_t i = 0; i < count; i++) {
+        const vec *line = g + (k + i) * n + k;
+        vec sum = p[i];
+        for (int64_t c = i + 1; c < count; c++) {
+            sum += line[c] * v[c];
+            p[c] -= line[c] * v[i];
         }
+        p[i] = beta * sum;
+    }
+    for (int64_t i = 0; i < count; i++) {
+        vec *line = g + (k + i) * n + k;
+        for (int64_t c = i + 1; c < count; c++)
+            line[c] += v[i] * p[c] - p[i] * v[c];
+    }
 }
 
-/* Rotate coordinates k and n + k so that g[k][j] vanishes against e[k][j]. */
-static void rotate_pair(vec *e, vec *f, vec *g, int64_t n, int64_t k, int64_t j) {
-    vec a = e[k * n + j], b = g[k * n + j], length = root(a * a + b * b);
+/* Rotate coordinates k and n + k so that g[k][j] vanishes against e[k][j], j = k - 1. */
+static void rotate_pair(vec *e, vec *f, vec *g, int64_t n, int64_t k) {
+    int64_t j = k - 1;
+    vec a = e[k * n + j], b = -g[j * n + k], length = root(a * a + b * b);
     mask acts = length > DBL_MIN;
     vec inverse = 1.0 / choose(acts, length, all(1.0));
     vec c = choose(acts, a * inverse, all(1.0)), s = choose(acts, b * inverse, all(0.0));
-    for (int64_t i = 0; i < n; i++) {
-        if (i == k)
-            continue;
-        vec *eik = e + i * n + k, *fik = f + i * n + k, *eki = e + k * n + i, *gki = g + k * n + i;
-        vec old = *eik;
+    for (int64_t i = 0; i < k; i++) {
+        vec *eik = e + i * n + k, *fik = f + i * n + k, old = *eik;
         *eik = c * old + s * *fik;
         *fik = c * *fik - s * old;
-        f[k * n + i] = -*fik;
-        if (i < j)
-            continue; /* zeros of the rows below */
+    }
+    for (int64_t i = k + 1; i < n; i++) {
+        vec *eik = e + i * n + k, *fki = f + k * n + i, old = *eik;
+        *eik = c * old - s * *fki;
+        *fki = c * *fki + s * old;
+        vec *eki = e + k * n + i, *gki = g + k * n + i;
         old = *eki;
         *eki = c * old + s * *gki;
         *gki = c * *gki - s * old;
-        g[i * n + k] = -*gki;
     }
+    e[k * n + j] = c * a + s * b;
+    g[j * n + k] = all(0.0);
 }
 
-/* Orthogonal symplectic reduction of [[e, f], [g, e^T]] to [[h, *], [0, h^T]], h Hessenberg, in place of e; work (2, n). */
+/* Orthogonal symplectic reduction of [[e, f], [g, e^T]] to [[h, *], [0, h^T]], h Hessenberg, in place of e; of the skew f and g
+   what lies above the diagonal is used; work (2, n). */
 static void paige_van_loan(vec *e, vec *f, vec *g, int64_t n, vec *work) {
-    vec *v = work, *w = work + n, beta;
-    for (int64_t j = 0; j + 1 < n; j++) {
-        int64_t k = j + 1;
+    vec *v = work, *p = work + n, beta;
+    for (int64_t k = 1; k < n; k++)
         for (int turn = 0; turn < 2; turn++) {
-            vec *column = (turn == 0 ? g : e) + k * n + j;
+            /* Column k - 1 of g, which is its row but for the sign, and of e. */
+            vec *column = turn == 0 ? g + (k - 1) * n + k : e + k * n + k - 1;
+            int64_t stride = turn == 0 ? 1 : n;
             if (k + 1 < n) {
-                vec end = reflector(column, n - k, n, &v[0], &beta);
+                vec end = reflector(column, n - k, stride, &v[0], &beta);
                 for (int64_t i = 1; i < n - k; i++)
-                    v[i] = column[i * n];
-                both_sides(e, n, k, turn == 0 ? j : k, v, beta, w);
-                both_sides_skew(f, n, k, 0, v, beta, w);
-                both_sides_skew(g, n, k, k, v, beta, w);
-                *column = end;
+                    v[i] = column[i * stride];
+                both_sides(e, n, k, turn == 0 ? k - 1 : k, v, beta);
+                both_sides_skew(f, n, k, 0, v, beta, p);
+                both_sides_skew(g, n, k, k, v, beta, p);
+                column[0] = end;
                 for (int64_t i = 1; i < n - k; i++)
-                    column[i * n] = all(0.0);
+                    column[i * stride] = all(0.0);
             }
-            if (turn == 0) {
-                /* By skewness the row j of g is minus its column; only the column was reduced. */
-                rotate_pair(e, f, g, n, k, j);
-            }
+            if (turn == 0)
+                rotate_pair(e, f, g, n, k);
         }
-    }
 }
 
 /* rho (n,) as real and imaginary parts from the monodromy matrix x (2n, 2n), which is destroyed; the largest entry of W is

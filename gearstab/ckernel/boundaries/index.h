@@ -3,12 +3,8 @@
    Whole numbers of the path of matrices over the period, which the monodromy matrix alone cannot give. They are asked for at
    a few points only (between two of them they follow from monotony, see letters.c), so that one point at a time does. */
 
-#include <float.h>
-#include <math.h>
-#include <stdlib.h>
-#include <string.h>
-
-#include "search.h"
+#ifndef GEARSTAB_INDEX_H
+#define GEARSTAB_INDEX_H
 
 #define LONGEST 300.0 /* hyperbolic angles are cut here, far beyond what the caller looks at and far from overflow */
 
@@ -18,7 +14,7 @@ struct index_room {
     void *memory;
 };
 
-struct index_room *index_new(int64_t n) {
+static void *index_new(int64_t n) {
     struct index_room *room = malloc(sizeof *room);
     size_t square = (size_t)(n * n);
     double *memory = malloc((4 * square + 4 * square + 2 * square + 2 * square + 3 * (size_t)n) * sizeof(double));
@@ -32,14 +28,15 @@ struct index_room *index_new(int64_t n) {
     return room;
 }
 
-void index_free(struct index_room *room) {
+static void index_free(void *given) {
+    struct index_room *room = given;
     if (room)
         free(room->memory);
     free(room);
 }
 
 /* left (n, n) is factorised, right (n, columns) becomes left^-1 right: elimination with partial pivoting. */
-static void solve(double *left, double *right, int64_t n, int64_t columns) {
+static void solve_for(double *left, double *right, int64_t n, int64_t columns) {
     for (int64_t k = 0; k < n; k++) {
         int64_t best = k;
         for (int64_t i = k + 1; i < n; i++)
@@ -81,21 +78,22 @@ static int64_t negative(double *a, int64_t n) {
     int64_t count = 0;
     for (int64_t i = 0; i < n; i++)
         for (int64_t j = 0; j < i; j++)
-            a[i * n + j] = 0.5 * (a[i * n + j] + a[j * n + i]);
+            a[j * n + i] = 0.5 * (a[i * n + j] + a[j * n + i]);
     for (int64_t k = 0; k < n; k++) {
-        double pivot = a[k * n + k] == 0.0 ? DBL_MIN : a[k * n + k];
+        const double *row = a + k * n;
+        double pivot = row[k] == 0.0 ? DBL_MIN : row[k];
         count += pivot < 0.0;
         for (int64_t i = k + 1; i < n; i++) {
-            double factor = a[i * n + k] / pivot;
-            for (int64_t j = k + 1; j <= i; j++)
-                a[i * n + j] -= factor * a[j * n + k];
+            double factor = row[i] / pivot;
+            for (int64_t j = i; j < n; j++)
+                a[i * n + j] -= factor * row[j];
         }
     }
     return count;
 }
 
 /* cos w t, sin(w t)/w, -w sin(w t) of a segment (3, n); returns the sum of floor(w t/pi). */
-static int64_t rotate(const double *squared, double duration, int64_t n, double *rotation) {
+static int64_t turn_by(const double *squared, double duration, int64_t n, double *rotation) {
     int64_t turns = 0;
     for (int64_t i = 0; i < n; i++) {
         double w = sqrt(fabs(squared[i])), angle = w * duration;
@@ -117,7 +115,7 @@ static int64_t rotate(const double *squared, double duration, int64_t n, double 
 }
 
 /* x (2n, 2n), row-major, advanced by a segment. */
-static void advance(struct index_room *room, const double *change) {
+static void carry(struct index_room *room, const double *change) {
     int64_t n = room->n, m = 2 * n;
     double *x = room->x, *old = room->old;
     const double *cosine = room->rotation, *over = cosine + n, *times = over + n;
@@ -153,7 +151,7 @@ static int64_t at_jump(struct index_room *room) {
             left[i * n + j] = room->x[j * m + n + i];
             right[i * n + j] = room->x[(n + j) * m + n + i];
         }
-    solve(left, right, n, n);
+    solve_for(left, right, n, n);
     for (int64_t i = 0; i < n; i++)
         right[i * n + i] += cosine[i] / over[i];
     return negative(right, n);
@@ -170,7 +168,7 @@ static void at_end(struct index_room *room, int64_t so_far, int64_t *at_one, int
             inverse[i * m + j] = i == j;
             inverse[i * m + n + j] = x[i * m + j];
         }
-    solve(b, inverse, n, m);
+    solve_for(b, inverse, n, m);
     for (int64_t i = 0; i < n; i++)
         for (int64_t j = 0; j < n; j++) {
             double sum = inverse[i * m + n + j];
@@ -188,18 +186,21 @@ static void at_end(struct index_room *room, int64_t so_far, int64_t *at_one, int
 }
 
 /* N(0) and N(pi) of a row at one cycle. */
-void index_at(struct index_room *room, const struct conservative *p, int64_t row, double cycle, int64_t *at_one,
-              int64_t *at_minus_one) {
+static void index_at(void *given, const struct conservative *p, int64_t row, double cycle, int64_t *at_one,
+                     int64_t *at_minus_one) {
+    struct index_room *room = given;
     int64_t n = p->n, count = 0;
     double period = 2.0 * M_PI * p->cycles * cycle;
     for (int64_t i = 0; i < 4 * n * n; i++)
         room->x[i] = i % (2 * n + 1) == 0;
     for (int64_t s = 0; s < p->segments; s++) {
         const double *squared = p->squared + (row * p->states + p->state[s]) * n;
-        count += rotate(squared, period * p->fractions[row * p->segments + s], n, room->rotation);
+        count += turn_by(squared, period * p->fractions[row * p->segments + s], n, room->rotation);
         if (s > 0)
             count += at_jump(room);
-        advance(room, p->segments > 1 ? p->change + (row * p->segments + s) * n * n : NULL);
+        carry(room, p->segments > 1 ? p->change + (row * p->segments + s) * n * n : NULL);
     }
     at_end(room, count, at_one, at_minus_one);
 }
+
+#endif
