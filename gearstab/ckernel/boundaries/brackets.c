@@ -24,8 +24,6 @@
 
 #include "search.h"
 
-static const double PI = 3.141592653589793;
-
 #define AROUND 0.25 /* part of the angles seen by which a quadruple may leave their range between two points */
 #define ALIKE 1e-3  /* relative difference of F of identical pairs */
 #define RISE 0.5    /* F of a quadruple that comes this near to 0 between two points, as part of the smaller end, may be back */

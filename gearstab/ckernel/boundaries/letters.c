@@ -12,8 +12,6 @@
 #define TIE 1e-12    /* of angles, in the count of collisions: a pair off the circle counts as met */
 #define MIRROR 1e-10 /* distance of several real pairs in that count */
 
-static const double PI = 3.141592653589793;
-
 enum what { ON, REAL_ONE, REAL_MINUS_ONE, COMPLEX, BROKEN };
 
 /* By angle, and of equal angles by growth, so that the two halves of a quadruple are neighbours. */

@@ -1,4 +1,4 @@
-/* What the parts of the search for instability boundaries agree on: index.c, letters.c, brackets.c, search.c. */
+/* What the parts of the search for instability boundaries agree on: letters.c, brackets.c, search.c. */
 
 #ifndef GEARSTAB_SEARCH_H
 #define GEARSTAB_SEARCH_H
@@ -6,6 +6,8 @@
 #include <stdint.h>
 
 #include "kernel.h"
+
+#define PI 3.141592653589793
 
 /* ---- letters.c: one point of the search */
 

@@ -10,8 +10,6 @@
 
 #include "search.h"
 
-static const double PI = 3.141592653589793;
-
 #define CLOSED 0.4 /* a tongue predicted to be narrower than this part of the floor is enclosed between stable points */
 #define BESIDE 0.45
 #define SAME_DEPTH 0.005 /* relative errors of F, and of its slope times the width, that confirm a cubic */
