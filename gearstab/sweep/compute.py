@@ -224,11 +224,12 @@ def flag_counts(layout: Layout, values: dict[str, Array]) -> dict[str, int]:
 
 
 def _counted(status: Array, flags: Mapping[str, int]) -> dict[str, int]:
-    """How often each flag is set. Most are set nowhere or everywhere, which two passes tell."""
+    """How often each flag is set. Most are set nowhere, or everywhere, and few points carry any."""
     anywhere = int(np.bitwise_or.reduce(status))
     everywhere = int(np.bitwise_and.reduce(status)) if anywhere else 0
+    marked = status[status != 0] if anywhere else status
     return {
-        name: len(status) if everywhere & mask else int(np.count_nonzero(status & status.dtype.type(mask)))
+        name: len(status) if everywhere & mask else int(np.count_nonzero(marked & status.dtype.type(mask)))
         for name, mask in flags.items()
         if anywhere & mask
     }
