@@ -23,35 +23,54 @@ INLINE vec reflector(vec *x, int64_t count, int64_t stride, vec *first, vec *bet
     return choose(product > DBL_MIN, -size, x[0]);
 }
 
-/* Orthogonal reduction of h (m, m), row-major, to Hessenberg form; work (2, m). */
+/* line <- line (I - beta v v^T), (count,). */
+INLINE void right_side(vec *line, int64_t count, const vec *v, vec beta) {
+    vec sum = all(0.0);
+    for (int64_t c = 0; c < count; c++)
+        sum += v[c] * line[c];
+    sum = sum * beta;
+    for (int64_t c = 0; c < count; c++)
+        line[c] -= sum * v[c];
+}
+
+/* Columns of e that a reflection runs down together: a strip stays in the first cache from the sums to the changes. */
+#define STRIP 8
+
+/* A strip (count, width) of rows of length n <- (I - beta v v^T) strip; width a constant where this is inlined. */
+INLINE void left_side(vec *strip, int64_t n, int64_t count, int64_t width, const vec *v, vec beta) {
+    vec sum[STRIP] = {0};
+    for (int64_t i = 0; i < count; i++)
+        UNROLLED for (int64_t j = 0; j < width; j++)
+            sum[j] += v[i] * strip[i * n + j];
+    for (int64_t i = 0; i < count; i++) {
+        vec scaled = beta * v[i];
+        UNROLLED for (int64_t j = 0; j < width; j++)
+            strip[i * n + j] -= scaled * sum[j];
+    }
+}
+
+/* h <- P h P with P = I - beta v v^T on rows and columns k.., v (count,); columns before `from` are zero in these rows. */
+static void both_sides(vec *h, int64_t n, int64_t k, int64_t from, const vec *v, vec beta) {
+    int64_t count = n - k, c = from;
+    for (; c + STRIP <= n; c += STRIP)
+        left_side(h + k * n + c, n, count, STRIP, v, beta);
+    if (c < n)
+        left_side(h + k * n + c, n, count, n - c, v, beta);
+    for (int64_t i = 0; i < n; i++)
+        right_side(h + i * n + k, count, v, beta);
+}
+
+/* Orthogonal reduction of h (m, m), row-major, to Hessenberg form; work (m,). */
 static void reduce_to_hessenberg(vec *h, int64_t m, vec *work) {
-    vec *v = work, *w = work + m, beta;
-    for (int64_t j = 0; j + 2 < m; j++) {
-        int64_t k = j + 1, count = m - k;
-        vec end = reflector(h + k * m + j, count, m, &v[0], &beta);
-        h[k * m + j] = end;
-        for (int64_t i = 1; i < count; i++) {
-            v[i] = h[(k + i) * m + j];
-            h[(k + i) * m + j] = all(0.0);
+    vec *v = work, beta;
+    for (int64_t k = 1; k + 1 < m; k++) {
+        vec *column = h + k * m + k - 1, end = reflector(column, m - k, m, &v[0], &beta);
+        for (int64_t i = 1; i < m - k; i++) {
+            v[i] = column[i * m];
+            column[i * m] = all(0.0);
         }
-        for (int64_t c = k; c < m; c++)
-            w[c] = all(0.0);
-        for (int64_t i = 0; i < count; i++)
-            for (int64_t c = k; c < m; c++)
-                w[c] += v[i] * h[(k + i) * m + c];
-        for (int64_t i = 0; i < count; i++) {
-            vec scaled = beta * v[i];
-            for (int64_t c = k; c < m; c++)
-                h[(k + i) * m + c] -= scaled * w[c];
-        }
-        for (int64_t i = 0; i < m; i++) {
-            vec *line = h + i * m + k, sum = v[0] * line[0];
-            for (int64_t c = 1; c < count; c++)
-                sum += v[c] * line[c];
-            sum = sum * beta;
-            for (int64_t c = 0; c < count; c++)
-                line[c] -= sum * v[c];
-        }
+        both_sides(h, m, k, k, v, beta);
+        column[0] = end;
     }
 }
 

@@ -190,44 +190,7 @@ INLINE vec growth_of(const vec s[3], int64_t n) {
 
 /* ---- any n: Paige & Van Loan (1981), "A Schur decomposition for Hamiltonian matrices" */
 
-/* line <- line (I - beta v v^T), (count,). */
-INLINE void right_side(vec *line, int64_t count, const vec *v, vec beta) {
-    vec sum = all(0.0);
-    for (int64_t c = 0; c < count; c++)
-        sum += v[c] * line[c];
-    sum = sum * beta;
-    for (int64_t c = 0; c < count; c++)
-        line[c] -= sum * v[c];
-}
-
-/* Columns of e that a reflection runs down together: a strip stays in the first cache from the sums to the changes. */
-#define STRIP 8
-
-/* A strip (count, width) of rows of length n <- (I - beta v v^T) strip; width a constant where this is inlined. */
-INLINE void left_side(vec *strip, int64_t n, int64_t count, int64_t width, const vec *v, vec beta) {
-    vec sum[STRIP] = {0};
-    for (int64_t i = 0; i < count; i++)
-        UNROLLED for (int64_t j = 0; j < width; j++)
-            sum[j] += v[i] * strip[i * n + j];
-    for (int64_t i = 0; i < count; i++) {
-        vec scaled = beta * v[i];
-        UNROLLED for (int64_t j = 0; j < width; j++)
-            strip[i * n + j] -= scaled * sum[j];
-    }
-}
-
-/* e <- P e P with P = I - beta v v^T on rows and columns k.., v (count,); columns before `from` are zero in these rows. */
-static void both_sides(vec *e, int64_t n, int64_t k, int64_t from, const vec *v, vec beta) {
-    int64_t count = n - k, c = from;
-    for (; c + STRIP <= n; c += STRIP)
-        left_side(e + k * n + c, n, count, STRIP, v, beta);
-    if (c < n)
-        left_side(e + k * n + c, n, count, n - c, v, beta);
-    for (int64_t i = 0; i < n; i++)
-        right_side(e + i * n + k, count, v, beta);
-}
-
-/* The same for a skew g of which only what lies above the diagonal is kept, without rows before `top`:
+/* g <- P g P, as both_sides, for a skew g of which only what lies above the diagonal is kept, without rows before `top`:
    P g P = g + v p^T - p v^T, p = beta g v. */
 static void both_sides_skew(vec *g, int64_t n, int64_t k, int64_t top, const vec *v, vec beta, vec *p) {
     int64_t count = n - k;
