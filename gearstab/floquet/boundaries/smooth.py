@@ -22,6 +22,7 @@ from gearstab.floquet.boundaries.counting.krein import evaluate
 from gearstab.floquet.boundaries.counting.points import Resolved, exact
 from gearstab.floquet.boundaries.damped.search import Limits, SearchResult
 from gearstab.floquet.boundaries.intervals import Intervals
+from gearstab.floquet.boundaries.parts import Part, separated
 from gearstab.floquet.boundaries.undamped.search import Search
 from gearstab.floquet.kernel import choice as kernel
 from gearstab.floquet.kernel.chain import ROUNDING, Chain, chain
@@ -29,6 +30,7 @@ from gearstab.floquet.segments.pattern import Pattern
 from gearstab.floquet.smooth.compare import difference, scan
 from gearstab.floquet.smooth.control import SAFETY, Ladder, first
 from gearstab.floquet.smooth.schemes import CF4_2, CF6_5
+from gearstab.floquet.smooth.solve import split_pattern, within
 from gearstab.floquet.smooth.steps import Division, portions
 from gearstab.system import Array, GearSystem
 
@@ -46,22 +48,26 @@ Verdict = Callable[[Pattern], Callable[[Array, Array], Array]]
 """For a pattern: which points (row, cycle) are stable."""
 
 
-def searched(system: GearSystem, limits: Limits) -> Iterator[tuple[Pattern, Search | tuple[Chain, SearchResult]]]:
-    """Patterns of all rows and what is found out about them; the edges' brackets contain the error of the steps."""
-    if system.damping is None:
-        for division in portions(system):
-            yield _conservative(division, limits)
-        return
-    free = list(portions(replace(system, damping=None)))
+def parts(system: GearSystem, reduction: bool) -> Iterator[tuple[Part, Division | None]]:
+    """The blocks of all rows, each with its period still to be cut into steps; with None where its pattern is exact.
+
+    A block's own pattern is the one by which blocks are told apart: of few steps, and no more than a place for rows,
+    units and modes. It is exact where the stiffness does not vary, or only by jumps.
+    """
     for division in portions(system):
-        moving = (division.elastic.shift != 0) | (division.elastic.damping is not None)
-        if not moving.all():
-            yield _conservative(division.subset(np.flatnonzero(~moving)), limits)
-        for other in free:
-            rows = np.intersect1d(division.rows[moving], other.rows)
-            if len(rows):
-                own, plain = (d.subset(np.searchsorted(d.rows, rows)) for d in (division, other))
-                yield _damped(own, plain, limits)
+        for part in separated(split_pattern(division), reduction):
+            still = part.pattern.constant or division.constant.all()
+            yield part, None if still else within(division, part.pattern)
+
+
+def searched(part: Part, division: Division, limits: Limits) -> tuple[Part, Search | tuple[Chain, SearchResult]]:
+    """Rows of a part, all damped or none, on the steps by which their regions are named, and what is found out about
+    them; the edges' brackets contain the error of the steps.
+    """
+    elastic = division.elastic
+    damped = bool(elastic.shift.any()) or elastic.damping is not None
+    pattern, found = (_damped if damped else _conservative)(division, limits)
+    return replace(part, pattern=pattern), found
 
 
 def _conservative(division: Division, limits: Limits) -> tuple[Pattern, Search]:
@@ -72,15 +78,15 @@ def _conservative(division: Division, limits: Limits) -> tuple[Pattern, Search]:
     return pattern, replace(found, intervals=widened(found.intervals, error))
 
 
-def _damped(division: Division, plain: Division, limits: Limits) -> tuple[Pattern, tuple[Chain, SearchResult]]:
-    """plain: the same rows without damping."""
+def _damped(division: Division, limits: Limits) -> tuple[Pattern, tuple[Chain, SearchResult]]:
+    free = division.without_damping()
 
     def stable(pattern: Pattern) -> Callable[[Array, Array], Array]:
         flow = chain(exact(pattern))
         return lambda row, cycle: kernel.current().moduli(flow, row, cycle)[:, 0] <= 0
 
     def guide(rows: Array) -> Pattern:
-        own = plain.subset(rows)
+        own = free.subset(rows)
         return _resolved(own, _resolution(own, limits), limits)
 
     def run(pattern: Pattern) -> SearchResult:
@@ -93,9 +99,12 @@ def _damped(division: Division, plain: Division, limits: Limits) -> tuple[Patter
 
 
 def patterns(system: GearSystem, limits: Limits) -> Iterator[Pattern]:
-    """Patterns of all rows, in steps as a search begins with."""
-    for division in portions(system):
-        yield _resolved(division, _resolution(division, limits), limits)
+    """Patterns of the blocks of all rows whose stiffness varies, in steps as a search begins with."""
+    for part, division in parts(system, reduction=True):
+        if division is not None:
+            yield _resolved(division, _resolution(division, limits), limits)
+        elif not part.pattern.constant:
+            yield part.pattern
 
 
 def _controlled(
@@ -106,10 +115,6 @@ def _controlled(
     stable: Verdict,
 ) -> tuple[Pattern, Result, Array]:
     """The pattern, what ``run`` finds on it, and the error of each interval's edges ``(I, 2)``, relative."""
-    if division.constant.all():
-        pattern = division.pattern(CF6_5, 0)
-        found = run(pattern)
-        return pattern, found, np.zeros((len(intervals(found)), 2))
     tolerance, resolution = limits.tolerance, _resolution(division, limits)
     for attempt in range(ATTEMPTS + 1):
         pattern = _resolved(division, resolution, limits)
@@ -130,8 +135,6 @@ def _pilots(division: Division, limits: Limits) -> Array:
 
 def _resolution(division: Division, limits: Limits) -> int:
     """That of CF6:5 at which the multipliers are likely to be right to pi times the tolerance."""
-    if division.constant.all():
-        return 2
     omega = _pilots(division, limits)
     return int(first(Ladder(division, CF6_5), omega, _decay(division, omega), np.pi * limits.tolerance)[0].max())
 
@@ -143,8 +146,6 @@ def _decay(division: Division, omega: Array) -> Array:
 
 def _resolved(division: Division, resolution: int, limits: Limits) -> Pattern:
     """Many segments for the matrices, few for the rest."""
-    if division.constant.all():
-        return division.pattern(CF6_5, 0)
     fine = division.pattern(CF6_5, resolution)
     omega = _pilots(division, limits)
     right, rough = scan(fine, omega), 0
