@@ -13,12 +13,13 @@ order of the scheme allows. If not, the steps are doubled and all is done again.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import replace
-from typing import Any, TypeVar
+from dataclasses import dataclass, fields, replace
+from functools import cached_property, partial
+from typing import TypeVar
 
 import numpy as np
 
-from gearstab.floquet.boundaries.counting.krein import evaluate
+from gearstab.floquet.boundaries.counting.krein import stable_at
 from gearstab.floquet.boundaries.counting.points import Resolved, exact
 from gearstab.floquet.boundaries.damped.search import Limits, SearchResult
 from gearstab.floquet.boundaries.intervals import Intervals
@@ -70,31 +71,79 @@ def searched(part: Part, division: Division, limits: Limits) -> tuple[Part, Sear
     return replace(part, pattern=pattern), found
 
 
-def _conservative(division: Division, limits: Limits) -> tuple[Pattern, Search]:
-    def stable(pattern: Pattern) -> Callable[[Array, Array], Array]:
-        return lambda row, cycle: evaluate(pattern, row, cycle).stable
+@dataclass(frozen=True)
+class Steps:
+    """A division's periods cut into steps: of sixth order for the matrices, of fourth for the rest; each cut and solved
+    once.
 
-    pattern, found, error = _controlled(division, limits, limits.undamped, lambda s: s.intervals, stable)
+    pilots: ``(r, PILOTS)``, mesh frequencies in the division's units at which the number of steps is chosen.
+    """
+
+    limits: Limits
+    pilots: Array
+    fine: Ladder
+    rough: Ladder
+
+    @classmethod
+    def of(cls, division: Division, limits: Limits) -> Steps:
+        """Nothing cut yet."""
+        low, high = limits.cycles(division)
+        pilots = 1 / np.geomspace(low, high, PILOTS, axis=1)
+        return cls(limits, pilots, Ladder(division, CF6_5), Ladder(division, CF4_2))
+
+    @cached_property
+    def resolution(self) -> int:
+        """That of CF6:5 at which the multipliers are likely to be right to pi times the tolerance."""
+        return int(first(self.fine, self.pilots, self._decay, np.pi * self.limits.tolerance)[0].max())
+
+    def pattern(self, resolution: int) -> Pattern:
+        """Many segments for the matrices, few for the rest."""
+        few = self._few
+        return Resolved(**{f.name: getattr(few, f.name) for f in fields(few)}, fine=self.fine.pattern(resolution))
+
+    @cached_property
+    def _few(self) -> Pattern:
+        known = self.fine.pattern(self.resolution)
+        right, rough = scan(known, self.pilots), 0
+        few = self.rough.pattern(rough)
+        while len(few.states) < len(known.states):
+            if np.all(difference(right, scan(few, self.pilots), self._decay)[0] < ROUGH):
+                break
+            rough += 1
+            few = self.rough.pattern(rough)
+        return few
+
+    @property
+    def _decay(self) -> Array:
+        """Uniform decay a period."""
+        division = self.fine.division
+        return np.asarray(division.elastic.shift[:, None] * (2 * np.pi * division.cycles / self.pilots))
+
+
+def _conservative(division: Division, limits: Limits) -> tuple[Pattern, Search]:
+    pattern, found, error = _controlled(
+        Steps.of(division, limits), limits.undamped, lambda s: s.intervals, lambda half: partial(stable_at, half)
+    )
     return pattern, replace(found, intervals=widened(found.intervals, error))
 
 
 def _damped(division: Division, limits: Limits) -> tuple[Pattern, tuple[Chain, SearchResult]]:
     free = division.without_damping()
 
-    def stable(pattern: Pattern) -> Callable[[Array, Array], Array]:
-        flow = chain(exact(pattern))
+    def stable(half: Pattern) -> Callable[[Array, Array], Array]:
+        flow = chain(half)
         return lambda row, cycle: kernel.current().moduli(flow, row, cycle)[:, 0] <= 0
 
     def guide(rows: Array) -> Pattern:
-        own = free.subset(rows)
-        return _resolved(own, _resolution(own, limits), limits)
+        own = Steps.of(free.subset(rows), limits)
+        return own.pattern(own.resolution)
 
     def run(pattern: Pattern) -> SearchResult:
         # A proof allows for what the steps may be wrong by.
         flow = replace(chain(exact(pattern)), rounding=max(ROUNDING, limits.tolerance))
         return limits.damped(flow, pattern, guide)
 
-    pattern, found, error = _controlled(division, limits, run, lambda f: f.intervals, stable)
+    pattern, found, error = _controlled(Steps.of(division, limits), run, lambda f: f.intervals, stable)
     return pattern, (chain(pattern), replace(found, intervals=widened(found.intervals, error)))
 
 
@@ -102,65 +151,25 @@ def patterns(system: GearSystem, limits: Limits) -> Iterator[Pattern]:
     """Patterns of the blocks of all rows whose stiffness varies, in steps as a search begins with."""
     for part, division in parts(system, reduction=True):
         if division is not None:
-            yield _resolved(division, _resolution(division, limits), limits)
+            steps = Steps.of(division, limits)
+            yield steps.pattern(steps.resolution)
         elif not part.pattern.constant:
             yield part.pattern
 
 
 def _controlled(
-    division: Division,
-    limits: Limits,
-    run: Callable[[Pattern], Result],
-    intervals: Callable[[Result], Intervals],
-    stable: Verdict,
+    steps: Steps, run: Callable[[Pattern], Result], intervals: Callable[[Result], Intervals], stable: Verdict
 ) -> tuple[Pattern, Result, Array]:
     """The pattern, what ``run`` finds on it, and the error of each interval's edges ``(I, 2)``, relative."""
-    tolerance, resolution = limits.tolerance, _resolution(division, limits)
+    tolerance, resolution = steps.limits.tolerance, steps.resolution
     for attempt in range(ATTEMPTS + 1):
-        pattern = _resolved(division, resolution, limits)
+        pattern = steps.pattern(resolution)
         found = run(pattern)
-        half = stable(_resolved(division, resolution - 2, limits))
-        error = edge_errors(intervals(found), half, tolerance)
+        error = edge_errors(intervals(found), stable(steps.fine.pattern(resolution - 2)), tolerance)
         if np.all(error <= tolerance) or attempt == ATTEMPTS:
             break
         resolution += 2
     return pattern, found, error
-
-
-def _pilots(division: Division, limits: Limits) -> Array:
-    """``(r, PILOTS)``, mesh frequencies in the division's units."""
-    low, high = limits.cycles(division.pattern(CF4_2, 0))
-    return 1 / np.geomspace(low, high, PILOTS, axis=1)
-
-
-def _resolution(division: Division, limits: Limits) -> int:
-    """That of CF6:5 at which the multipliers are likely to be right to pi times the tolerance."""
-    omega = _pilots(division, limits)
-    return int(first(Ladder(division, CF6_5), omega, _decay(division, omega), np.pi * limits.tolerance)[0].max())
-
-
-def _decay(division: Division, omega: Array) -> Array:
-    """Uniform decay a period."""
-    return division.elastic.shift[:, None] * (2 * np.pi * division.cycles / omega)
-
-
-def _resolved(division: Division, resolution: int, limits: Limits) -> Pattern:
-    """Many segments for the matrices, few for the rest."""
-    fine = division.pattern(CF6_5, resolution)
-    omega = _pilots(division, limits)
-    right, rough = scan(fine, omega), 0
-    few = division.pattern(CF4_2, rough)
-    while len(few.states) < len(fine.states):
-        if np.all(difference(right, scan(few, omega), _decay(division, omega))[0] < ROUGH):
-            break
-        rough += 1
-        few = division.pattern(CF4_2, rough)
-    return Resolved(**_fields_of(few), fine=fine)
-
-
-def _fields_of(pattern: Pattern) -> dict[str, Any]:
-    """The fields of a pattern."""
-    return {name: getattr(pattern, name) for name in Pattern.__dataclass_fields__}
 
 
 def edge_errors(intervals: Intervals, stable: Callable[[Array, Array], Array], tolerance: float) -> Array:
