@@ -1,4 +1,8 @@
-"""Boundaries of systems whose mesh stiffness is smooth somewhere: the same search on Magnus steps.
+"""Boundaries of systems whose mesh stiffness is smooth somewhere: the same search on Magnus steps, block by block.
+
+What the meshes do not couple (:mod:`~gearstab.floquet.boundaries.parts`) is told apart at a few times in a period; each
+block is then cut into as many steps as its own coordinates ask for, and searched by itself. A block whose stiffness
+does not vary needs none.
 
 The search asks for three things: monodromy matrices, which must be as right as the edges are to be; integers that
 count rotations, which any nearby path of matrices gives; and speeds, of which a few digits do. So a pattern of many
@@ -72,7 +76,7 @@ def searched(part: Part, division: Division, limits: Limits) -> tuple[Part, Sear
 
 
 @dataclass(frozen=True)
-class Steps:
+class SteppedPeriod:
     """A division's periods cut into steps: of sixth order for the matrices, of fourth for the rest; each cut and solved
     once.
 
@@ -85,7 +89,7 @@ class Steps:
     rough: Ladder
 
     @classmethod
-    def of(cls, division: Division, limits: Limits) -> Steps:
+    def of(cls, division: Division, limits: Limits) -> SteppedPeriod:
         """Nothing cut yet."""
         low, high = limits.cycles(division)
         pilots = 1 / np.geomspace(low, high, PILOTS, axis=1)
@@ -121,9 +125,11 @@ class Steps:
 
 
 def _conservative(division: Division, limits: Limits) -> tuple[Pattern, Search]:
-    pattern, found, error = _controlled(
-        Steps.of(division, limits), limits.undamped, lambda s: s.intervals, lambda half: partial(stable_at, half)
-    )
+    def stable(half: Pattern) -> Callable[[Array, Array], Array]:
+        return partial(stable_at, half)
+
+    steps = SteppedPeriod.of(division, limits)
+    pattern, found, error = _controlled(steps, limits.undamped, lambda s: s.intervals, stable)
     return pattern, replace(found, intervals=widened(found.intervals, error))
 
 
@@ -135,7 +141,7 @@ def _damped(division: Division, limits: Limits) -> tuple[Pattern, tuple[Chain, S
         return lambda row, cycle: kernel.current().moduli(flow, row, cycle)[:, 0] <= 0
 
     def guide(rows: Array) -> Pattern:
-        own = Steps.of(free.subset(rows), limits)
+        own = SteppedPeriod.of(free.subset(rows), limits)
         return own.pattern(own.resolution)
 
     def run(pattern: Pattern) -> SearchResult:
@@ -143,7 +149,7 @@ def _damped(division: Division, limits: Limits) -> tuple[Pattern, tuple[Chain, S
         flow = replace(chain(exact(pattern)), rounding=max(ROUNDING, limits.tolerance))
         return limits.damped(flow, pattern, guide)
 
-    pattern, found, error = _controlled(Steps.of(division, limits), run, lambda f: f.intervals, stable)
+    pattern, found, error = _controlled(SteppedPeriod.of(division, limits), run, lambda f: f.intervals, stable)
     return pattern, (chain(pattern), replace(found, intervals=widened(found.intervals, error)))
 
 
@@ -151,14 +157,14 @@ def patterns(system: GearSystem, limits: Limits) -> Iterator[Pattern]:
     """Patterns of the blocks of all rows whose stiffness varies, in steps as a search begins with."""
     for part, division in parts(system, reduction=True):
         if division is not None:
-            steps = Steps.of(division, limits)
+            steps = SteppedPeriod.of(division, limits)
             yield steps.pattern(steps.resolution)
         elif not part.pattern.constant:
             yield part.pattern
 
 
 def _controlled(
-    steps: Steps, run: Callable[[Pattern], Result], intervals: Callable[[Result], Intervals], stable: Verdict
+    steps: SteppedPeriod, run: Callable[[Pattern], Result], intervals: Callable[[Result], Intervals], stable: Verdict
 ) -> tuple[Pattern, Result, Array]:
     """The pattern, what ``run`` finds on it, and the error of each interval's edges ``(I, 2)``, relative."""
     tolerance, resolution = steps.limits.tolerance, steps.resolution

@@ -46,9 +46,9 @@ def boundaries(
     floating point, where the system is stable and where it is not, within a budget; the rest is scanned with a step
     set by damping (:mod:`~gearstab.floquet.boundaries.damped.search`). The result says what is proved and what is
     counted. Where negative damping makes a mode grow by itself, be it a rigid-body mode, it is named first
-    (``self-excited``). Where the mesh stiffness is smooth the tolerance of an edge contains the error of the Magnus
-    steps (:mod:`~gearstab.floquet.boundaries.smooth`). Otherwise parts that the meshes do not couple are searched one
-    by one and their regions united (:mod:`~gearstab.floquet.boundaries.parts`).
+    (``self-excited``). Parts that the meshes do not couple are searched one by one and their regions united
+    (:mod:`~gearstab.floquet.boundaries.parts`). Where the mesh stiffness is smooth each part is cut into Magnus steps
+    of its own, and the tolerance of an edge contains their error (:mod:`~gearstab.floquet.boundaries.smooth`).
 
     Parameters
     ----------
