@@ -126,7 +126,7 @@ def _smooth(system: GearSystem, omega: Array, level: float) -> Iterator[Block]:
             if block.pattern.size == 0:
                 continue
             still = block.constant or bool(division.constant.all())
-            yield block if still else replace(block, pattern=_resolved(within(division, block), omega, level))
+            yield block if still else replace(block, pattern=_resolved(within(division, block.pattern), omega, level))
 
 
 def _resolved(division: Division, omega: Array, level: float) -> Pattern:

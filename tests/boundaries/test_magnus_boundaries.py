@@ -17,7 +17,7 @@ from gearstab.floquet.boundaries import boundaries
 from gearstab.floquet.boundaries.counting.krein import evaluate
 from gearstab.floquet.boundaries.counting.points import exact
 from gearstab.floquet.boundaries.damped.search import Limits
-from gearstab.floquet.boundaries.smooth import _resolved
+from gearstab.floquet.boundaries.smooth import SteppedPeriod
 from gearstab.floquet.kernel.choice import using
 from gearstab.floquet.smooth.schemes import CF4_2
 from gearstab.floquet.smooth.steps import divisions
@@ -124,7 +124,7 @@ class TestIntegers:
         (division,) = divisions(smooth_train(WAVE, TRAPEZOID, 0.4))
 
         limits = Limits(0.8, 7.0, 1e-10, 1e-6, 0.0)
-        few = _resolved(division, 4, limits)
+        few = SteppedPeriod.of(division, limits).pattern(4)
         # Of positive durations, as the Morse index wants them, and far finer than the rough ones.
         many = division.pattern(CF4_2, 14)
         assert len(many.states) > 10 * len(few.states)

@@ -82,6 +82,45 @@ def test_what_is_not_lightly_damped_is_left_to_the_general_eigenproblem() -> Non
         assert_modes(twisted)
 
 
+@pytest.mark.parametrize("proportional", [0.0, 0.02])
+def test_identical_parts_are_found_without_it(proportional: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Modes of equal frequency and damping, in a basis in which rounding couples them."""
+    rng = np.random.default_rng(5)
+    basis = np.linalg.qr(rng.standard_normal((200, 5, 5)))[0]
+    back = np.swapaxes(basis, 1, 2)
+    stiffness = basis * np.array([1.0, 1.0, 2.5, 4.0, 4.0]) @ back
+    stiffness = 0.5 * (stiffness + np.swapaxes(stiffness, 1, 2))
+    damping = 0.01 * basis @ back + proportional * stiffness
+    damping = 0.5 * (damping + np.swapaxes(damping, 1, 2))
+    given: list[int] = []
+    general = np.linalg.eig
+    monkeypatch.setattr(np.linalg, "eig", lambda a: given.append(len(a)) or general(a))
+    with ckernel.using("c"):
+        assert_modes(generators(stiffness, damping))
+    assert given == []
+
+
+def test_nearly_identical_parts() -> None:
+    """Whatever the distance of two frequencies and what damping couples them by: inverse to what it can be."""
+    rng = np.random.default_rng(6)
+    count, n = 2000, 4
+    squared = rng.uniform(0.5, 5.0, (count, n))
+    squared[:, 1] = squared[:, 0] * (1 + 10.0 ** rng.uniform(-17, -4, count))
+    basis = np.linalg.qr(rng.standard_normal((count, n, n)))[0]
+    coupling = rng.standard_normal((count, n, n)) * 10.0 ** rng.uniform(-18, -3, (count, 1, 1))
+    stiffness, damping = basis * squared[:, None] @ np.swapaxes(basis, 1, 2), 0.02 * np.eye(n) + coupling
+    matrix = generators(*(0.5 * (part + np.swapaxes(part, 1, 2)) for part in (stiffness, damping)))
+    with ckernel.using("c"):
+        values, vectors, inverse, sound = (part[0] for part in Generators(matrix[None])._diagonal)
+    assert sound.mean() > 0.9
+    # Vectors of nearly equal multipliers are what the general eigenproblem leaves of them: some digits over eps.
+    np.testing.assert_allclose(
+        (inverse @ vectors)[sound], np.broadcast_to(np.eye(2 * n), vectors[sound].shape), atol=1e-10
+    )
+    again = ((vectors * values[:, None, :]) @ inverse)[sound]
+    np.testing.assert_allclose(again, matrix[sound], atol=1e-10)
+
+
 def test_growth_rates_are_those_of_the_general_eigenproblem() -> None:
     mesh = {"mean_stiffness": 1.0, "epsilon": 0.3, "contact_ratio": 1.5}
     p = {"kind": "two_stage", "inertias": [1.0, 0.3, 4.0], "input_shaft_stiffness": 0.5, "tooth_ratio": Fraction(1)}

@@ -18,6 +18,11 @@
 /* Most steps; the change in a step that is rounding, where errors fall to less than a fifth in each. */
 enum { STEPS = 30 };
 static const double SETTLED = 4e-15, FALLS = 0.2;
+/* Identical parts have modes of equal frequency and damping: twins, whose denominators are below the first part of their
+   squared frequency. Damping between them below the second part of the largest is that of rounding errors; divided by them it
+   would mix twins at random, and left eigenvectors would not be those of the inverse. How far they are is looked at in modes
+   nearer than the third part. */
+static const double TWINS = 1e-8, UNCOUPLED = 1e-14, NEAR = 1e-4, INVERSE = 1e-12;
 
 typedef struct {
     double re, im;
@@ -41,6 +46,9 @@ static inline number root(double k, number s) {
 
 /* Whether mode j of one state is found: l, v and the last C v; c: the damping in the modes of K. */
 static int mode(int64_t j, int64_t n, const double *k, const double *c, number *l, number *v, number *push) {
+    double drag = 0.0;
+    for (int64_t i = 0; i < n; i++)
+        drag = fmax(drag, fabs(c[i * n + i]));
     memset(v, 0, n * sizeof *v);
     v[j].re = 1.0;
     *l = (number){0.0, sqrt(k[j])};
@@ -61,7 +69,8 @@ static int mode(int64_t j, int64_t n, const double *k, const double *c, number *
             number rest = {own * v[i].re - push[i].re, own * v[i].im - push[i].im};
             number below = times(*l, (number){l->re + own, l->im});
             below.re += k[i];
-            number next = over(times(*l, rest), below);
+            int twin = size(below) < TWINS * k[j] && size(rest) < UNCOUPLED * drag;
+            number next = twin ? (number){0.0, 0.0} : over(times(*l, rest), below);
             double moved = size((number){next.re - v[i].re, next.im - v[i].im});
             change = moved > change || moved != moved ? moved : change;
             v[i] = next;
@@ -82,6 +91,23 @@ static int mode(int64_t j, int64_t n, const double *k, const double *c, number *
         for (int64_t q = 0; q < n; q++)
             push[i].re += c[i * n + q] * v[q].re, push[i].im += c[i * n + q] * v[q].im;
     }
+    return 1;
+}
+
+/* How far row r of y and column s of x are from those of inverse matrices, r and s different. */
+static double overlap(int64_t m, const number *y, const number *x, int64_t r, int64_t s) {
+    number sum = {0.0, 0.0};
+    for (int64_t i = 0; i < m; i++)
+        sum = plus(sum, times(y[r * m + i], x[i * m + s]));
+    return size(sum);
+}
+
+/* Whether the modes of nearly equal frequencies are inverse to each other. */
+static int apart(int64_t n, const double *k, const number *y, const number *x) {
+    for (int64_t j = 1; j < n; j++)
+        for (int64_t i = j - 1; i >= 0 && k[j] - k[i] < NEAR * k[j]; i--)
+            if (!(overlap(2 * n, y, x, 2 * i, 2 * j) < INVERSE && overlap(2 * n, y, x, 2 * j, 2 * i) < INVERSE))
+                return 0;
     return 1;
 }
 
@@ -130,6 +156,7 @@ int gearstab_light_modes(int64_t count, int64_t n, const double *squared, const 
                 y[2 * j * m + i] = line, y[(2 * j + 1) * m + i] = (number){line.re, -line.im};
             }
         }
+        found[b] = found[b] && apart(n, k, y, x);
     }
     free(v);
     return 0;

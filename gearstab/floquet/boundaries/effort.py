@@ -85,20 +85,26 @@ def effort(system: GearSystem, start: float, stop: float) -> Effort:
     if system.terms:
         return _periodic(system, limits)
     call, total, work = 0.0, 0.0, 0.0
-    for pattern in prepare(system) if system.piecewise_constant else smooth.patterns(system, limits):
-        blocks = [block.pattern for block in split(pattern) if not block.constant]
-        for own in [pattern] if isinstance(pattern, Resolved) else blocks:
-            if own.size:
-                low, high = limits.cycles(own)
-                count = float(collisions(own, low, high)[0])
-                moving = own.elastic.damping is not None or bool(own.elastic.shift[0])
-                work += _proof(chain(exact(own)), low, high) if moving else 0.0
-                # Names of few damped regions ask for the undamped ones.
-                if not moving or (count <= FEW_COLLISIONS and not isinstance(own, Resolved)):
-                    fixed, each = (_searched if in_use() else _evaluated)(own.without_damping(), low, high)
-                    call, work = call + fixed, work + count * each
-                total += count
+    for own in _patterns(system, limits):
+        low, high = limits.cycles(own)
+        count = float(collisions(own, low, high)[0])
+        moving = own.elastic.damping is not None or bool(own.elastic.shift[0])
+        work += _proof(chain(exact(own)), low, high) if moving else 0.0
+        # Names of few damped regions ask for the undamped ones.
+        if not moving or (count <= FEW_COLLISIONS and not isinstance(own, Resolved)):
+            fixed, each = (_searched if in_use() else _evaluated)(own.without_damping(), low, high)
+            call, work = call + fixed, work + count * each
+        total += count
     return Effort(call, total, work / total if total else 0.0)
+
+
+def _patterns(system: GearSystem, limits: Limits) -> list[Pattern]:
+    """The blocks that are searched."""
+    if system.piecewise_constant:
+        found = [block.pattern for pattern in prepare(system) for block in split(pattern) if not block.constant]
+    else:
+        found = list(smooth.patterns(system, limits))
+    return [pattern for pattern in found if pattern.size]
 
 
 def _periodic(system: GearSystem, limits: Limits) -> Effort:

@@ -1,4 +1,8 @@
-"""Boundaries of systems whose mesh stiffness is smooth somewhere: the same search on Magnus steps.
+"""Boundaries of systems whose mesh stiffness is smooth somewhere: the same search on Magnus steps, block by block.
+
+What the meshes do not couple (:mod:`~gearstab.floquet.boundaries.parts`) is told apart at a few times in a period; each
+block is then cut into as many steps as its own coordinates ask for, and searched by itself. A block whose stiffness
+does not vary needs none.
 
 The search asks for three things: monodromy matrices, which must be as right as the edges are to be; integers that
 count rotations, which any nearby path of matrices gives; and speeds, of which a few digits do. So a pattern of many
@@ -13,15 +17,17 @@ order of the scheme allows. If not, the steps are doubled and all is done again.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import replace
-from typing import Any, TypeVar
+from dataclasses import dataclass, fields, replace
+from functools import cached_property, partial
+from typing import TypeVar
 
 import numpy as np
 
-from gearstab.floquet.boundaries.counting.krein import evaluate
+from gearstab.floquet.boundaries.counting.krein import stable_at
 from gearstab.floquet.boundaries.counting.points import Resolved, exact
 from gearstab.floquet.boundaries.damped.search import Limits, SearchResult
 from gearstab.floquet.boundaries.intervals import Intervals
+from gearstab.floquet.boundaries.parts import Part, separated
 from gearstab.floquet.boundaries.undamped.search import Search
 from gearstab.floquet.kernel import choice as kernel
 from gearstab.floquet.kernel.chain import ROUNDING, Chain, chain
@@ -29,6 +35,7 @@ from gearstab.floquet.segments.pattern import Pattern
 from gearstab.floquet.smooth.compare import difference, scan
 from gearstab.floquet.smooth.control import SAFETY, Ladder, first
 from gearstab.floquet.smooth.schemes import CF4_2, CF6_5
+from gearstab.floquet.smooth.solve import split_pattern, within
 from gearstab.floquet.smooth.steps import Division, portions
 from gearstab.system import Array, GearSystem
 
@@ -46,120 +53,129 @@ Verdict = Callable[[Pattern], Callable[[Array, Array], Array]]
 """For a pattern: which points (row, cycle) are stable."""
 
 
-def searched(system: GearSystem, limits: Limits) -> Iterator[tuple[Pattern, Search | tuple[Chain, SearchResult]]]:
-    """Patterns of all rows and what is found out about them; the edges' brackets contain the error of the steps."""
-    if system.damping is None:
-        for division in portions(system):
-            yield _conservative(division, limits)
-        return
-    free = list(portions(replace(system, damping=None)))
+def parts(system: GearSystem, reduction: bool) -> Iterator[tuple[Part, Division | None]]:
+    """The blocks of all rows, each with its period still to be cut into steps; with None where its pattern is exact.
+
+    A block's own pattern is the one by which blocks are told apart: of few steps, and no more than a place for rows,
+    units and modes. It is exact where the stiffness does not vary, or only by jumps.
+    """
     for division in portions(system):
-        moving = (division.elastic.shift != 0) | (division.elastic.damping is not None)
-        if not moving.all():
-            yield _conservative(division.subset(np.flatnonzero(~moving)), limits)
-        for other in free:
-            rows = np.intersect1d(division.rows[moving], other.rows)
-            if len(rows):
-                own, plain = (d.subset(np.searchsorted(d.rows, rows)) for d in (division, other))
-                yield _damped(own, plain, limits)
+        for part in separated(split_pattern(division), reduction):
+            still = part.pattern.constant or division.constant.all()
+            yield part, None if still else within(division, part.pattern)
+
+
+def searched(part: Part, division: Division, limits: Limits) -> tuple[Part, Search | tuple[Chain, SearchResult]]:
+    """Rows of a part, all damped or none, on the steps by which their regions are named, and what is found out about
+    them; the edges' brackets contain the error of the steps.
+    """
+    elastic = division.elastic
+    damped = bool(elastic.shift.any()) or elastic.damping is not None
+    pattern, found = (_damped if damped else _conservative)(division, limits)
+    return replace(part, pattern=pattern), found
+
+
+@dataclass(frozen=True)
+class SteppedPeriod:
+    """A division's periods cut into steps: of sixth order for the matrices, of fourth for the rest; each cut and solved
+    once.
+
+    pilots: ``(r, PILOTS)``, mesh frequencies in the division's units at which the number of steps is chosen.
+    """
+
+    limits: Limits
+    pilots: Array
+    fine: Ladder
+    rough: Ladder
+
+    @classmethod
+    def of(cls, division: Division, limits: Limits) -> SteppedPeriod:
+        """Nothing cut yet."""
+        low, high = limits.cycles(division)
+        pilots = 1 / np.geomspace(low, high, PILOTS, axis=1)
+        return cls(limits, pilots, Ladder(division, CF6_5), Ladder(division, CF4_2))
+
+    @cached_property
+    def resolution(self) -> int:
+        """That of CF6:5 at which the multipliers are likely to be right to pi times the tolerance."""
+        return int(first(self.fine, self.pilots, self._decay, np.pi * self.limits.tolerance)[0].max())
+
+    def pattern(self, resolution: int) -> Pattern:
+        """Many segments for the matrices, few for the rest."""
+        few = self._few
+        return Resolved(**{f.name: getattr(few, f.name) for f in fields(few)}, fine=self.fine.pattern(resolution))
+
+    @cached_property
+    def _few(self) -> Pattern:
+        known = self.fine.pattern(self.resolution)
+        right, rough = scan(known, self.pilots), 0
+        few = self.rough.pattern(rough)
+        while len(few.states) < len(known.states):
+            if np.all(difference(right, scan(few, self.pilots), self._decay)[0] < ROUGH):
+                break
+            rough += 1
+            few = self.rough.pattern(rough)
+        return few
+
+    @property
+    def _decay(self) -> Array:
+        """Uniform decay a period."""
+        division = self.fine.division
+        return np.asarray(division.elastic.shift[:, None] * (2 * np.pi * division.cycles / self.pilots))
 
 
 def _conservative(division: Division, limits: Limits) -> tuple[Pattern, Search]:
-    def stable(pattern: Pattern) -> Callable[[Array, Array], Array]:
-        return lambda row, cycle: evaluate(pattern, row, cycle).stable
+    def stable(half: Pattern) -> Callable[[Array, Array], Array]:
+        return partial(stable_at, half)
 
-    pattern, found, error = _controlled(division, limits, limits.undamped, lambda s: s.intervals, stable)
+    steps = SteppedPeriod.of(division, limits)
+    pattern, found, error = _controlled(steps, limits.undamped, lambda s: s.intervals, stable)
     return pattern, replace(found, intervals=widened(found.intervals, error))
 
 
-def _damped(division: Division, plain: Division, limits: Limits) -> tuple[Pattern, tuple[Chain, SearchResult]]:
-    """plain: the same rows without damping."""
+def _damped(division: Division, limits: Limits) -> tuple[Pattern, tuple[Chain, SearchResult]]:
+    free = division.without_damping()
 
-    def stable(pattern: Pattern) -> Callable[[Array, Array], Array]:
-        flow = chain(exact(pattern))
+    def stable(half: Pattern) -> Callable[[Array, Array], Array]:
+        flow = chain(half)
         return lambda row, cycle: kernel.current().moduli(flow, row, cycle)[:, 0] <= 0
 
     def guide(rows: Array) -> Pattern:
-        own = plain.subset(rows)
-        return _resolved(own, _resolution(own, limits), limits)
+        own = SteppedPeriod.of(free.subset(rows), limits)
+        return own.pattern(own.resolution)
 
     def run(pattern: Pattern) -> SearchResult:
         # A proof allows for what the steps may be wrong by.
         flow = replace(chain(exact(pattern)), rounding=max(ROUNDING, limits.tolerance))
         return limits.damped(flow, pattern, guide)
 
-    pattern, found, error = _controlled(division, limits, run, lambda f: f.intervals, stable)
+    pattern, found, error = _controlled(SteppedPeriod.of(division, limits), run, lambda f: f.intervals, stable)
     return pattern, (chain(pattern), replace(found, intervals=widened(found.intervals, error)))
 
 
 def patterns(system: GearSystem, limits: Limits) -> Iterator[Pattern]:
-    """Patterns of all rows, in steps as a search begins with."""
-    for division in portions(system):
-        yield _resolved(division, _resolution(division, limits), limits)
+    """Patterns of the blocks of all rows whose stiffness varies, in steps as a search begins with."""
+    for part, division in parts(system, reduction=True):
+        if division is not None:
+            steps = SteppedPeriod.of(division, limits)
+            yield steps.pattern(steps.resolution)
+        elif not part.pattern.constant:
+            yield part.pattern
 
 
 def _controlled(
-    division: Division,
-    limits: Limits,
-    run: Callable[[Pattern], Result],
-    intervals: Callable[[Result], Intervals],
-    stable: Verdict,
+    steps: SteppedPeriod, run: Callable[[Pattern], Result], intervals: Callable[[Result], Intervals], stable: Verdict
 ) -> tuple[Pattern, Result, Array]:
     """The pattern, what ``run`` finds on it, and the error of each interval's edges ``(I, 2)``, relative."""
-    if division.constant.all():
-        pattern = division.pattern(CF6_5, 0)
-        found = run(pattern)
-        return pattern, found, np.zeros((len(intervals(found)), 2))
-    tolerance, resolution = limits.tolerance, _resolution(division, limits)
+    tolerance, resolution = steps.limits.tolerance, steps.resolution
     for attempt in range(ATTEMPTS + 1):
-        pattern = _resolved(division, resolution, limits)
+        pattern = steps.pattern(resolution)
         found = run(pattern)
-        half = stable(_resolved(division, resolution - 2, limits))
-        error = edge_errors(intervals(found), half, tolerance)
+        error = edge_errors(intervals(found), stable(steps.fine.pattern(resolution - 2)), tolerance)
         if np.all(error <= tolerance) or attempt == ATTEMPTS:
             break
         resolution += 2
     return pattern, found, error
-
-
-def _pilots(division: Division, limits: Limits) -> Array:
-    """``(r, PILOTS)``, mesh frequencies in the division's units."""
-    low, high = limits.cycles(division.pattern(CF4_2, 0))
-    return 1 / np.geomspace(low, high, PILOTS, axis=1)
-
-
-def _resolution(division: Division, limits: Limits) -> int:
-    """That of CF6:5 at which the multipliers are likely to be right to pi times the tolerance."""
-    if division.constant.all():
-        return 2
-    omega = _pilots(division, limits)
-    return int(first(Ladder(division, CF6_5), omega, _decay(division, omega), np.pi * limits.tolerance)[0].max())
-
-
-def _decay(division: Division, omega: Array) -> Array:
-    """Uniform decay a period."""
-    return division.elastic.shift[:, None] * (2 * np.pi * division.cycles / omega)
-
-
-def _resolved(division: Division, resolution: int, limits: Limits) -> Pattern:
-    """Many segments for the matrices, few for the rest."""
-    if division.constant.all():
-        return division.pattern(CF6_5, 0)
-    fine = division.pattern(CF6_5, resolution)
-    omega = _pilots(division, limits)
-    right, rough = scan(fine, omega), 0
-    few = division.pattern(CF4_2, rough)
-    while len(few.states) < len(fine.states):
-        if np.all(difference(right, scan(few, omega), _decay(division, omega))[0] < ROUGH):
-            break
-        rough += 1
-        few = division.pattern(CF4_2, rough)
-    return Resolved(**_fields_of(few), fine=fine)
-
-
-def _fields_of(pattern: Pattern) -> dict[str, Any]:
-    """The fields of a pattern."""
-    return {name: getattr(pattern, name) for name in Pattern.__dataclass_fields__}
 
 
 def edge_errors(intervals: Intervals, stable: Callable[[Array, Array], Array], tolerance: float) -> Array:

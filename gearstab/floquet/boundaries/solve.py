@@ -17,6 +17,7 @@ from gearstab.floquet.boundaries.regions import Boundaries
 from gearstab.floquet.boundaries.undamped.search import Search
 from gearstab.floquet.kernel.chain import Chain, chain
 from gearstab.floquet.segments.pattern import Pattern, prepare
+from gearstab.floquet.smooth.steps import Division
 from gearstab.modal import mean_modes
 from gearstab.perturbation.multiple_scales import EQUAL_FREQUENCY
 from gearstab.perturbation.tongues import ParametricExcitation, Tongue, self_excited, tongue
@@ -45,9 +46,9 @@ def boundaries(
     floating point, where the system is stable and where it is not, within a budget; the rest is scanned with a step
     set by damping (:mod:`~gearstab.floquet.boundaries.damped.search`). The result says what is proved and what is
     counted. Where negative damping makes a mode grow by itself, be it a rigid-body mode, it is named first
-    (``self-excited``). Where the mesh stiffness is smooth the tolerance of an edge contains the error of the Magnus
-    steps (:mod:`~gearstab.floquet.boundaries.smooth`). Otherwise parts that the meshes do not couple are searched one
-    by one and their regions united (:mod:`~gearstab.floquet.boundaries.parts`).
+    (``self-excited``). Parts that the meshes do not couple are searched one by one and their regions united
+    (:mod:`~gearstab.floquet.boundaries.parts`). Where the mesh stiffness is smooth each part is cut into Magnus steps
+    of its own, and the tolerance of an edge contains their error (:mod:`~gearstab.floquet.boundaries.smooth`).
 
     Parameters
     ----------
@@ -87,22 +88,29 @@ def _searched(
     system: GearSystem, limits: Limits, reduction: bool
 ) -> Iterator[tuple[Part, Search | tuple[Chain, SearchResult]]]:
     """Parts of all rows and what is found out about them."""
+    for part, division in _parts(system, reduction):
+        moving = (part.pattern.elastic.shift != 0) | (part.pattern.elastic.damping is not None)
+        for rows in (np.flatnonzero(~moving), np.flatnonzero(moving)):
+            if len(rows) == 0:
+                continue
+            own = part.subset(rows)
+            if division is not None:
+                yield smooth.searched(own, division.subset(rows), limits)
+            elif not moving[rows[0]]:
+                yield own, limits.undamped(own.pattern)
+            else:
+                flow = chain(own.pattern)
+                yield own, (flow, limits.damped(flow, own.pattern, _guide(own.pattern)))
+
+
+def _parts(system: GearSystem, reduction: bool) -> Iterator[tuple[Part, Division | None]]:
+    """All parts of all rows, with the period to be cut into steps where the stiffness varies smoothly."""
     if not system.piecewise_constant:
-        for pattern, found in smooth.searched(system, limits):
-            yield next(separated(pattern, False)), found
+        yield from smooth.parts(system, reduction)
         return
     for pattern in prepare(system):
         for part in separated(pattern, reduction):
-            moving = (part.pattern.elastic.shift != 0) | (part.pattern.elastic.damping is not None)
-            for rows in (np.flatnonzero(~moving), np.flatnonzero(moving)):
-                if len(rows) == 0:
-                    continue
-                own = part.subset(rows)
-                if not moving[rows[0]]:
-                    yield own, limits.undamped(own.pattern)
-                else:
-                    flow = chain(own.pattern)
-                    yield own, (flow, limits.damped(flow, own.pattern, _guide(own.pattern)))
+            yield part, None
 
 
 def _guide(pattern: Pattern) -> Guide:

@@ -97,7 +97,9 @@ def _light(matrix: Array) -> tuple[Array, Array, Array, Array]:
         nothing = np.zeros((count, m, m), dtype=complex)
         return np.zeros((count, m), dtype=complex), nothing, nothing.copy(), np.zeros(count, dtype=bool)
     squared, shapes = ckernel.symmetric_eigen(stiffness)
-    return ckernel.light_modes(squared, shapes, np.swapaxes(shapes, 1, 2) @ damping @ shapes)
+    turned = np.swapaxes(shapes, 1, 2) @ damping @ shapes
+    # Right and left eigenvectors come from one symmetric matrix.
+    return ckernel.light_modes(squared, shapes, 0.5 * (turned + np.swapaxes(turned, 1, 2)))
 
 
 def _symmetric(matrix: Array) -> bool:

@@ -59,7 +59,7 @@ class Block:
     @property
     def constant(self) -> bool:
         """Whether its stiffness does not vary: modes without mesh deflection."""
-        return self.pattern.stiffness.shape[1] == 1
+        return self.pattern.constant
 
 
 def split(pattern: Pattern) -> list[Block]:

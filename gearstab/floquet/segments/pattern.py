@@ -56,6 +56,11 @@ class Pattern:
         """n, the number of elastic coordinates."""
         return int(self.stiffness.shape[-1])
 
+    @property
+    def constant(self) -> bool:
+        """Whether there is a single state."""
+        return self.stiffness.shape[1] == 1
+
     @cached_property
     def _eigen(self) -> tuple[Array, Array]:
         return symmetric_eigen(self.stiffness)
@@ -129,7 +134,7 @@ class Pattern:
 
     def without_damping(self) -> Pattern:
         """The same rows and coordinates without any damping."""
-        free = replace(self.elastic, damping=None, rigid_damping=None, shift=np.zeros_like(self.elastic.shift))
+        free = self.elastic.without_damping()
         return replace(self, elastic=free, stiffness=free.stiffness_of(self.levels))
 
     def durations(self, row: int, omega: Array) -> Array:

@@ -71,6 +71,10 @@ class Elastic:
         values = {f.name: getattr(self, f.name) for f in fields(self)}
         return replace(self, **{name: v[index] for name, v in values.items() if v is not None})
 
+    def without_damping(self) -> Elastic:
+        """The same coordinates without any damping of the elastic ones."""
+        return replace(self, damping=None, rigid_damping=None, shift=np.zeros_like(self.shift))
+
     def stiffness_of(self, levels: Array) -> Array:
         """``(r, D, n, n)`` for mesh stiffnesses ``(r, D, meshes)``, in units of rate^2 and after the shift."""
         g = self.directions

@@ -51,7 +51,7 @@ def solutions(
                 exact = solved(part, block, exponents)
                 yield block, replace(exact, error_estimate=rounding(block.pattern, own))
                 continue
-            found = _varying(within(division, block), own, exponents, tolerance)
+            found = _varying(within(division, block.pattern), own, exponents, tolerance)
             rows = negative[np.searchsorted(division.rows, block.pattern.rows)]
             found.status[rows] |= STATUS_FLAGS["negative_stiffness"]
             yield block, found
@@ -70,10 +70,10 @@ def split_pattern(division: Division) -> Pattern:
     return replace(pattern, levels=levels, stiffness=pattern.elastic.stiffness_of(levels))
 
 
-def within(division: Division, block: Block) -> Division:
+def within(division: Division, block: Pattern) -> Division:
     """The division of a block's rows, in the block's coordinates."""
-    part = division.subset(np.searchsorted(division.rows, block.pattern.rows))
-    return replace(part, elastic=block.pattern.elastic)
+    part = division.subset(np.searchsorted(division.rows, block.rows))
+    return replace(part, elastic=block.elastic)
 
 
 def _negative(division: Division) -> Array:

@@ -19,6 +19,7 @@ from gearstab.floquet.segments.reduction import Elastic, reduce
 from gearstab.floquet.smooth.schemes import CF6_5, Scheme
 from gearstab.linear.grouping import equal_rows
 from gearstab.system import Array, GearSystem
+from gearstab.waveforms import Waveform
 
 BASE = 4
 """Steps a common period of the coarsest resolution, unless there are more pieces or steps fail to resolve K(t)."""
@@ -94,19 +95,26 @@ class Sampler:
         result = np.empty((*place.shape, len(self.system.meshes)))
         alike = len(place) == 1 or bool(np.all(place == place[:1]))
         means, amplitudes, lags, _ = self._rows
+        known: dict[tuple[int, float, bytes], Array] = {}
         for i, (mesh, turns) in enumerate(zip(self.system.meshes, self.turns, strict=True)):
             lag = lags[i][rows, None]
-            x = turns * place - lag
-            if mesh.waveform.batch == ():
-                # Often the same times and the same wave for all rows.
-                value = mesh.waveform.value(x[:1] if alike and np.all(lag == lag[0]) else x)
-            else:
-                every = np.zeros((place.shape[1], self.system.rows))
-                every[:, rows] = x.T
-                every = mesh.waveform.value(every.reshape(-1, *self.system.batch)).reshape(every.shape)
-                value = every[:, rows].T
-            result[..., i] = means[i][rows, None] + 2 * amplitudes[i][rows, None] * value
+            # Planets in phase have one wave among them.
+            key = id(mesh.waveform), turns, lag.tobytes()
+            if key not in known:
+                # Often the same times for all rows.
+                once = alike and bool(np.all(lag == lag[0]))
+                known[key] = self._wave(mesh.waveform, rows, turns * place - lag, once)
+            result[..., i] = means[i][rows, None] + 2 * amplitudes[i][rows, None] * known[key]
         return result
+
+    def _wave(self, waveform: Waveform, rows: Array, phase: Array, alike: bool) -> Array:
+        """``(r, Q)``, a wave at the phases ``(r, Q)``; ``(1, Q)`` where both are the same for all rows, ``alike``."""
+        if waveform.batch == ():
+            return waveform.value(phase[:1] if alike else phase)
+        every = np.zeros((phase.shape[1], self.system.rows))
+        every[:, rows] = phase.T
+        every = waveform.value(every.reshape(-1, *self.system.batch)).reshape(every.shape)
+        return every[:, rows].T
 
 
 @dataclass(frozen=True)
@@ -135,6 +143,10 @@ class Division:
     def subset(self, index: Array) -> Division:
         """Some of the rows, by position."""
         return replace(self, elastic=self.elastic.subset(index), start=self.start[index], length=self.length[index])
+
+    def without_damping(self) -> Division:
+        """The same rows and coordinates without any damping."""
+        return replace(self, elastic=self.elastic.without_damping())
 
     def counts(self, resolution: int) -> Array:
         """``(Q,)``: steps of each piece. Two resolutions further on there are twice as many."""

@@ -150,14 +150,25 @@ def opened(pattern: Pattern, row: Array, cycle: Array) -> tuple[Array, Array]:
     """delta and |b| ``(2, P)`` of the pair of each class that is off the circle, as :func:`evaluate` has them at
     unstable points, without anything else; NaN where there is none.
     """
-    matrix, scale = kernel.current().monodromy(exact(pattern), row, 1 / cycle)
-    finite = (scale == 0) & (np.abs(matrix).max(axis=(1, 2)) < LARGEST)
-    matrix = np.where(finite[:, None, None], matrix, np.eye(2 * pattern.size))
-    found = spectrum(matrix)
+    matrix, found, _ = _spectra(pattern, row, cycle)
     every = np.broadcast_to(np.arange(2 * pattern.size), found.values.shape)
     outside = found.off & (np.abs(found.values) > 1)
     detuning, coupling, _ = pairs.least_off(matrix, np.zeros_like(matrix), found, every, outside, np.arange(len(row)))
     return detuning, coupling
+
+
+def stable_at(pattern: Pattern, row: Array, cycle: Array) -> Array:
+    """Whether points are stable, as :func:`evaluate` has it, ``(P,)``, without anything else."""
+    _, found, finite = _spectra(pattern, row, cycle)
+    return np.asarray(finite & ~found.off.any(axis=1))
+
+
+def _spectra(pattern: Pattern, row: Array, cycle: Array) -> tuple[Array, KreinSpectrum, Array]:
+    """(monodromy matrix, its multipliers, whether it is small enough); the unit matrix where it is not."""
+    matrix, scale = kernel.current().monodromy(exact(pattern), row, 1 / cycle)
+    finite = (scale == 0) & (np.abs(matrix).max(axis=(1, 2)) < LARGEST)
+    matrix = np.where(finite[:, None, None], matrix, np.eye(2 * pattern.size))
+    return matrix, spectrum(matrix), finite
 
 
 def _times(

@@ -65,6 +65,12 @@ class Resolved(Pattern):
         vars(part)["fine"] = None if self.fine is None else self.fine.subset(index)
         return part
 
+    def without_damping(self) -> Pattern:
+        """The same rows and coordinates without any damping, of both."""
+        free = super().without_damping()
+        vars(free)["fine"] = None if self.fine is None else self.fine.without_damping()
+        return free
+
 
 def exact(pattern: Pattern) -> Pattern:
     """The pattern that gives the monodromy matrices."""

@@ -28,6 +28,7 @@ from gearstab.floquet.boundaries.undamped.search import Search
 from gearstab.floquet.kernel import damped as general
 from gearstab.floquet.kernel.chain import Chain
 from gearstab.floquet.segments.pattern import Pattern
+from gearstab.floquet.smooth.steps import Division
 from gearstab.system import Array
 
 COARSEST, FINEST = 200, 50_000
@@ -83,9 +84,9 @@ class Limits:
     floor: float
     budget: float
 
-    def cycles(self, pattern: Pattern) -> tuple[Array, Array]:
-        """1/Omega in the pattern's units ``(r,)``, from the highest to the lowest mesh frequency."""
-        return pattern.elastic.rate / self.stop, pattern.elastic.rate / self.start
+    def cycles(self, rows: Pattern | Division) -> tuple[Array, Array]:
+        """1/Omega in the units of the rows ``(r,)``, from the highest to the lowest mesh frequency."""
+        return rows.elastic.rate / self.stop, rows.elastic.rate / self.start
 
     def undamped(self, pattern: Pattern) -> Search:
         """The intervals of a conservative pattern."""
