@@ -28,6 +28,8 @@ PRAGMA_TARGET(TARGET)
 #include "moduli.h"
 #include "damped.h"
 #include "scattered.h"
+#include "periodic.h"
+#include "exponents.h"
 #include "lyapunov.h"
 #include "magnus.h"
 #include "spectra.h"
@@ -39,7 +41,7 @@ PRAGMA_TARGET(TARGET)
 const struct level LEVEL = {LEVEL_NAME,  scan,         rates,       monodromy,      traces,     scan_damped,
                             spectra_new, spectra_free, spectra_row, spectra_window, spectra_at, index_new,
                             index_free,  index_at,     shares,      symmetric,      moduli,     products,
-                            radii,       magnus,       eigenvalues};
+                            radii,       magnus,       eigenvalues, exponents,      graded};
 
 #if defined(TARGET) && defined(__clang__)
 #pragma clang attribute pop

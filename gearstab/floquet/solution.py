@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from gearstab.floquet.kernel import choice as kernel
-from gearstab.floquet.kernel import damped, decision, graded, numpy_kernel
+from gearstab.floquet.kernel import damped, decision, numpy_kernel
 from gearstab.floquet.kernel.invariants import STABLE
 from gearstab.floquet.segments.blocks import Block
 from gearstab.floquet.segments.pattern import Pattern
@@ -19,12 +19,8 @@ from gearstab.system import Array
 DAMPED_ON_CIRCLE = 1e-10
 """A damped system whose growth per period is below this is stable: the rounding error of a long product, and far less
 than the decay of any damping ratio above 1e-10."""
-ENTRIES_AT_ONCE = 2**22
-"""Entries of the monodromy matrices of points in doubt: 32 MB."""
 GRADED_NORM = 30.0
 """Monodromy matrices larger than this have small multipliers that an eigenvalue solver would blur."""
-GRADED_SPREAD = np.log(100.0)
-"""The same for damped ones, by the spread of ln |lambda|."""
 
 
 @dataclass(frozen=True)
@@ -135,7 +131,7 @@ def conservative_exponents(pattern: Pattern, omega: Array, stable: Array) -> Arr
 
 def pieces(rows: Array, points: Array, size: int) -> Iterator[tuple[Array, Array]]:
     """(row, point) of chosen points ``(Q,)``, in pieces whose monodromy matrices fit in memory."""
-    step = max(1, ENTRIES_AT_ONCE // (2 * size) ** 2)
+    step = max(1, numpy_kernel.ENTRIES_AT_ONCE // (2 * size) ** 2)
     for i in range(0, len(rows), step):
         yield rows[i : i + step], points[i : i + step]
 
@@ -160,18 +156,9 @@ def decide_doubtful(pattern: Pattern, rows: Array, omega: Array) -> tuple[Array,
 def conservative_logs(pattern: Pattern, omega: Array) -> Array:
     """ln lambda ``(r, P, 2n)``; the product is formed only where that costs no digits."""
     logs = kernel.current().log_multipliers(pattern, omega, GRADED_NORM)
-    for row, wide in _chains(np.isnan(logs).any(axis=2), pattern):
-        logs[row, wide] = graded.log_multipliers(numpy_kernel.factors(pattern, row, omega[row, wide]))
+    for row, wide in numpy_kernel.chains(np.isnan(logs).any(axis=2), pattern):
+        logs[row, wide] = kernel.current().graded(numpy_kernel.factors(pattern, row, omega[row, wide]))
     return logs
-
-
-def _chains(chosen: Array, pattern: Pattern) -> Iterator[tuple[int, Array]]:
-    """(row, points) of all chosen points ``(r, P)``, in pieces of which all factors of the product fit in memory."""
-    step = max(1, ENTRIES_AT_ONCE // (len(pattern.states) * (2 * pattern.size) ** 2))
-    for row in np.flatnonzero(chosen.any(axis=1)):
-        points = np.flatnonzero(chosen[row])
-        for i in range(0, len(points), step):
-            yield int(row), points[i : i + step]
 
 
 def with_damping(part: OperatingPoints, damping: Array, exponents: bool) -> FloquetStability:
@@ -193,12 +180,6 @@ def damped_exponents(pattern: Pattern, damping: Array, omega: Array) -> Array:
 
 
 def _damped_table(pattern: Pattern, generator: damped.Generators, omega: Array) -> Array:
-    """ln lambda over the period; the product is formed only where that costs no digits."""
-    _, scale, values = kernel.current().multipliers_damped(pattern, generator, omega)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        logs = np.log(values) + scale[..., None]
-        wide = logs.real.max(axis=-1) - logs.real.min(axis=-1) > GRADED_SPREAD
-    for row, points in _chains(wide, pattern):
-        chain, growing = damped.factors(generator, pattern, row, omega[row, points], spread=1.0)
-        logs[row, points] = graded.log_multipliers(chain) + growing[:, None]
+    """ln lambda over the period."""
+    logs = kernel.current().log_multipliers_damped(pattern, generator, omega)
     return np.asarray(logs / (2 * np.pi * pattern.cycles / omega)[..., None])

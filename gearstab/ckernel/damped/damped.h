@@ -16,12 +16,11 @@ INLINE const double *change_after(const struct damped *pattern, int64_t m, int64
 /* e^x for x <= 0, most often near 0: a scan at usual damping takes 7 % longer with the exponential everywhere. */
 INLINE vec decay_by(vec x) { return any(x < -0.34) ? exponential(x) : 1.0 + small_expm1(x); }
 
-/* e^{at} cos bt and e^{at} sin bt of the m coordinates of a segment, divided by exp(growth), which is returned. paired:
-   whether these go two by two, each two a pair of eigenvalues or both real. */
-INLINE vec decaying_rotation(const struct damped *pattern, int64_t m, int paired, int64_t r, int64_t s, vec period,
-                             vec *cosine, vec *sine) {
+/* e^{at} cos bt and e^{at} sin bt of the m coordinates in a fraction of the period spent in the state of segment s,
+   divided by exp(growth), which is returned. paired: whether they go two by two, a pair of eigenvalues or two real ones. */
+INLINE vec decaying_rotation(const struct damped *pattern, int64_t m, int paired, int64_t r, int64_t s, double fraction,
+                             vec period, vec *cosine, vec *sine) {
     int64_t at = (r * pattern->states + pattern->state[s]) * m;
-    double fraction = pattern->fractions[r * pattern->segments + s];
     const double *decay = pattern->decay + at, *frequency = pattern->frequency + at;
     double slowest = decay[0];
     UNROLLED for (int64_t i = 1; i < m; i++) /* in a segment that runs backwards: the fastest */
@@ -149,7 +148,8 @@ INLINE vec propagate_damped(const struct damped *pattern, int64_t m, int paired,
     for (int64_t s = 0; s < pattern->segments; s++) {
         const double *frequency = pattern->frequency + (r * pattern->states + pattern->state[s]) * m;
         const double *change = change_after(pattern, m, r, s);
-        scale += decaying_rotation(pattern, m, paired, r, s, period, cosine, sine);
+        double fraction = pattern->fractions[r * pattern->segments + s];
+        scale += decaying_rotation(pattern, m, paired, r, s, fraction, period, cosine, sine);
         if (s == 0 && paired) {
             first_blocks(change, m, cosine, sine, x);
         } else if (s == 0) {

@@ -280,6 +280,10 @@ static PyMethodDef METHODS[] = {
      "radii(level, (rows, segments, states, changes, m, cycles), decay, frequency, fractions, state, follows, change, "
      "weight, (part, longest, pieces, rounding, largest, least, negligible, bisections, doublings, unknowns), first, last, "
      "points, row, cycle, growth, radius)"},
+    {"exponents", py_exponents, METH_VARARGS,
+     "exponents(level, (rows, segments, states, changes, m, cycles), decay, frequency, fractions, state, follows, change, "
+     "first, last, points, omega, logs)"},
+    {"graded", py_graded, METH_VARARGS, "graded(level, count, m, first, last, points, factors, logs)"},
     {"light_modes", py_light_modes, METH_VARARGS,
      "light_modes(count, n, squared, shapes, damping, values, vectors, inverse, found)"},
     {"names", py_names, METH_VARARGS,

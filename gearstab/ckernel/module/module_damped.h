@@ -123,6 +123,49 @@ static PyObject *py_radii(PyObject *self, PyObject *arguments) {
     return finish(&b, fit, failed);
 }
 
+static PyObject *py_exponents(PyObject *self, PyObject *arguments) {
+    (void)self;
+    struct buffers b = {0};
+    PyObject *o[MOST_BUFFERS] = {0};
+    struct damped p;
+    const char *name;
+    Py_ssize_t rows, segments, states, changes, m, first, last, points;
+    const Py_buffer *view = b.view + 6;
+    if (!PyArg_ParseTuple(arguments, DAMPED "nnnOO", DAMPED_ARGUMENTS, &first, &last, &points, &o[6], &o[7]) ||
+        !take(&b, o, DAMPED_TYPES "dZ"))
+        return finish(&b, 1, 0);
+    const struct level *level = level_named(name);
+    int failed = 0, fit = level && set_damped(&p, rows, segments, states, changes, m, b.view) && first >= 0 &&
+                          FITS(&view[0], 8, rows, points) && FITS(&view[1], 16, rows, points, m) &&
+                          last <= rows * ((points + RUN_OF_POINTS - 1) / RUN_OF_POINTS);
+    if (fit) {
+        Py_BEGIN_ALLOW_THREADS
+        failed = level->exponents(&p, first, last, points, view[0].buf, view[1].buf);
+        Py_END_ALLOW_THREADS
+    }
+    return finish(&b, fit, failed);
+}
+
+static PyObject *py_graded(PyObject *self, PyObject *arguments) {
+    (void)self;
+    struct buffers b = {0};
+    PyObject *o[MOST_BUFFERS] = {0};
+    const char *name;
+    Py_ssize_t count, m, first, last, points;
+    if (!PyArg_ParseTuple(arguments, "snnnnnOO", &name, &count, &m, &first, &last, &points, &o[0], &o[1]) ||
+        !take(&b, o, "dZ"))
+        return finish(&b, 1, 0);
+    const struct level *level = level_named(name);
+    int failed = 0, fit = level && count > 0 && m > 0 && first >= 0 && last <= points &&
+                          FITS(&b.view[0], 8, count, points, m, m) && FITS(&b.view[1], 16, points, m);
+    if (fit) {
+        Py_BEGIN_ALLOW_THREADS
+        failed = level->graded(count, m, first, last, points, b.view[0].buf, b.view[1].buf);
+        Py_END_ALLOW_THREADS
+    }
+    return finish(&b, fit, failed);
+}
+
 static PyObject *py_light_modes(PyObject *self, PyObject *arguments) {
     (void)self;
     struct buffers b = {0};

@@ -6,7 +6,7 @@ the C side leaves in doubt is the same that the NumPy kernel leaves, and for n >
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -177,6 +177,42 @@ def multipliers_damped(
         found = numpy_kernel.multipliers_damped(pattern.row(row), generator.row(row), omega[row : row + 1])
         growth[row], scale[row], values[row] = (part[0] for part in found)
     return growth, scale, values
+
+
+def log_multipliers_damped(pattern: Pattern, generator: Generators, omega: Array, limit: int | None = None) -> Array:
+    """ln lambda ``(r, P, m)`` of a damped pattern, however far multipliers are apart, by the periodic QR algorithm."""
+    values, basis, inverse = generator.real_modes
+    given = _damped(pattern.cycles, values, pattern.fractions, pattern.states, *pattern.pairs(inverse, basis))
+    points, size = omega.shape[1], values.shape[2]
+    logs = np.empty((*omega.shape, size), dtype=complex)
+    asked = _contiguous(omega)
+
+    def part(first: int, last: int) -> None:
+        _library().exponents(ckernel.simd(), *given, first, last, points, asked, logs)
+
+    in_threads(part, len(omega) * -(-points // LANES), 10.0 * LANES * len(pattern.states) * size**3, limit)
+    for row in map(int, np.flatnonzero(~generator.well_conditioned | np.isnan(logs).any(axis=(1, 2)))):
+        left = np.isnan(logs[row]).any(axis=1) | ~generator.well_conditioned[row]
+        own = pattern.row(row), generator.row(row), omega[row, left][None]
+        logs[row, left] = numpy_kernel.log_multipliers_damped(*own, graded)[0]
+    return logs
+
+
+def graded(factors: Sequence[Array], limit: int | None = None) -> Array:
+    """What :func:`gearstab.floquet.kernel.graded.log_multipliers` says."""
+    given = _contiguous(np.stack(factors))
+    count, points, size = given.shape[:3]
+    logs = np.empty((points, size), dtype=complex)
+
+    def part(first: int, last: int) -> None:
+        of_points = LANES * first, min(LANES * last, points), points
+        _library().graded(ckernel.simd(), count, size, *of_points, given, logs)
+
+    in_threads(part, -(-points // LANES), 10.0 * LANES * count * size**3, limit)
+    left = np.flatnonzero(np.isnan(logs).any(axis=1))
+    if len(left):
+        logs[left] = numpy_kernel.graded([factor[left] for factor in factors])
+    return logs
 
 
 POINTS_OF_A_ROW = 500

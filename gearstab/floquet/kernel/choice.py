@@ -23,6 +23,10 @@ frequencies ``(r, P)`` in units of the pattern's rate:
   and the logarithm of the size of its monodromy matrix, ``(r, P)`` each;
 * ``multipliers_damped(pattern, generator, omega) -> (growth, scale, multipliers)``: the same and all multipliers over
   exp(scale), ``(r, P, m)``;
+* ``log_multipliers_damped(pattern, generator, omega) -> ln lambda``, ``(r, P, m)``, imaginary parts in (-pi, pi], right
+  to some 1e-14 times the spread of ln |lambda| however large that is;
+* ``graded(factors) -> ln lambda``, ``(P, m)``, the same of a product of factors ``(P, m, m)``, see
+  :mod:`gearstab.floquet.kernel.graded`;
 * ``products(chain, row, cycle)``, ``moduli(chain, row, cycle)``, ``radii(chain, row, cycle, growth)``: monodromy
   matrices, ln |lambda| of multipliers and radii of Lyapunov functions at single points of damped systems, see
   :mod:`gearstab.floquet.kernel.lyapunov`.

@@ -16,14 +16,17 @@ import numpy as np
 from gearstab.system import Array
 
 ROUNDS = 16
-GAP = np.log(1e17) / (ROUNDS - 2)
-"""Two levels are separate when their growths a round differ by this: the rounds then reduced their mixing to 1e-17.
-Closer levels stay in one block and lose at most a factor exp(GAP) = 16 a level."""
+"""At first. Two levels are separate when their growths a round differ by ln(1e17)/(ROUNDS - 2): the rounds then reduced
+their mixing to 1e-17. Closer levels stay in one block."""
+MOST_ROUNDS = 1024
+WIDEST = 5.0
+"""By how much the growths of a block may differ: its smallest multipliers lose a factor of exp(5) = 150. Points with a
+wider block take four times the rounds."""
 CLOSED = 1e-12
 """A split also needs the basis to return to itself: what is left below the split is convergence, not rotation."""
 
 
-def log_multipliers(factors: Sequence[Array]) -> Array:
+def log_multipliers(factors: Sequence[Array], rounds: int = ROUNDS) -> Array:
     """ln lambda of A_S ... A_2 A_1, ``(P, m)`` complex, imaginary part in (-pi, pi].
 
     factors: ``(P, m, m)`` each, A_1 first.
@@ -33,7 +36,7 @@ def log_multipliers(factors: Sequence[Array]) -> Array:
     """
     points, size = factors[0].shape[:2]
     basis = np.broadcast_to(_start(size), (points, size, size))
-    for _ in range(ROUNDS):
+    for _ in range(rounds):
         before, triangles = basis, []
         for factor in factors:
             basis, triangle = np.linalg.qr(factor @ basis)
@@ -41,13 +44,17 @@ def log_multipliers(factors: Sequence[Array]) -> Array:
     levels = sum(np.log(np.abs(np.diagonal(t, axis1=-2, axis2=-1)) + np.finfo(float).tiny) for t in triangles)
     closing = np.swapaxes(before, -1, -2) @ basis
     result = np.empty((points, size), dtype=complex)
-    splits = (np.diff(levels, axis=1) < -GAP) & (_below(closing) < CLOSED)
+    splits = (np.diff(levels, axis=1) < -np.log(1e17) / (rounds - 2)) & (_below(closing) < CLOSED)
+    wide = np.zeros(points, dtype=bool)
     for key in np.unique(splits, axis=0):
         members = np.flatnonzero(np.all(splits == key, axis=1))
         for block in np.split(np.arange(size), np.flatnonzero(key) + 1):
             part = slice(block[0], block[-1] + 1)
+            wide[members] |= np.ptp(levels[members, part], axis=1) > WIDEST
             chain = [t[members, part, part] for t in triangles]
             result[members, part] = _block(chain, closing[members, part, part])
+    if wide.any() and rounds < MOST_ROUNDS:
+        result[wide] = log_multipliers([factor[wide] for factor in factors], 4 * rounds)
     return result
 
 
@@ -58,8 +65,11 @@ def _start(size: int) -> Array:
 
 def _below(closing: Array) -> Array:
     """``(P, m - 1)``: the largest entry of ``closing`` below and left of each possible split."""
-    size = closing.shape[-1]
-    return np.stack([np.abs(closing[:, k:, :k]).max(axis=(1, 2)) for k in range(1, size)], axis=-1)
+    points, size = closing.shape[:2]
+    below = np.empty((points, size - 1))
+    for k in range(1, size):
+        below[:, k - 1] = np.abs(closing[:, k:, :k]).max(axis=(1, 2))
+    return below
 
 
 def _block(chain: list[Array], closing: Array) -> Array:

@@ -14,10 +14,13 @@ polynomials in E, F, G:
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator, Sequence
+
 import numpy as np
 
 from gearstab.floquet.kernel import damped, lyapunov
 from gearstab.floquet.kernel.damped import Generators
+from gearstab.floquet.kernel.graded import log_multipliers as graded
 from gearstab.floquet.kernel.invariants import DOUBTFUL, STABLE, UNSTABLE, classify, growth_of, roots
 from gearstab.floquet.segments.pattern import Pattern
 from gearstab.system import Array
@@ -26,6 +29,12 @@ CHUNK = 1024
 """Mesh frequencies treated at once: the 2n x 2n matrices of a chunk then stay in the processor's cache."""
 LARGE = 2.0**200
 """Entries above this are scaled down, so that a product of any length stays finite."""
+
+ENTRIES_AT_ONCE = 2**22
+"""Entries of all factors of a product, or of the monodromy matrices of points in doubt: 32 MB."""
+SPREAD = np.log(100.0)
+"""Damped monodromy matrices whose ln |lambda| differ by more have small multipliers that an eigenvalue solver would
+blur."""
 
 RESCALE_EVERY = 8
 """Segments without exponential growth; as in modal.h, so that both kernels round alike."""
@@ -216,6 +225,32 @@ def multipliers_damped(pattern: Pattern, generator: Generators, omega: Array) ->
             largest = np.log(np.abs(values[row]).max(axis=-1))
         growth[row] = np.where(finite, largest + scale[row], np.nan)
     return growth, scale, values
+
+
+def log_multipliers_damped(
+    pattern: Pattern, generator: Generators, omega: Array, of_factors: Callable[[Sequence[Array]], Array] = graded
+) -> Array:
+    """ln lambda ``(r, P, m)`` of a damped pattern; the product is formed only where that costs no digits.
+
+    of_factors: which ``graded`` serves elsewhere.
+    """
+    _, scale, values = multipliers_damped(pattern, generator, omega)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        logs = np.log(values) + scale[..., None]
+        wide = logs.real.max(axis=-1) - logs.real.min(axis=-1) > SPREAD
+    for row, points in chains(wide, pattern):
+        chain, growing = damped.factors(generator, pattern, row, omega[row, points], spread=1.0)
+        logs[row, points] = of_factors(chain) + growing[:, None]
+    return logs
+
+
+def chains(chosen: Array, pattern: Pattern) -> Iterator[tuple[int, Array]]:
+    """(row, points) of all chosen points ``(r, P)``, in pieces of which all factors of the product fit in memory."""
+    step = max(1, ENTRIES_AT_ONCE // (len(pattern.states) * (2 * pattern.size) ** 2))
+    for row in np.flatnonzero(chosen.any(axis=1)):
+        points = np.flatnonzero(chosen[row])
+        for i in range(0, len(points), step):
+            yield int(row), points[i : i + step]
 
 
 def scan_traces(pattern: Pattern, omega: Array, interpolate: bool = False) -> tuple[Array, Array, Array, Array]:
