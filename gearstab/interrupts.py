@@ -14,6 +14,7 @@ import os
 import signal
 import sys
 import time
+from _thread import start_new_thread
 from contextlib import contextmanager, suppress
 
 from gearstab.errors import INTERRUPTED
@@ -24,6 +25,9 @@ if TYPE_CHECKING:
     from typing import Any
 
 SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
+
+PAUSE = 0.01
+"""Seconds that Python is given to come out of what swallowed an interrupt."""
 
 temporary: set[str] = set()
 """Files that are being written and have no final name yet."""
@@ -94,13 +98,13 @@ def raised(late: Callable[[], bool]) -> Iterator[None]:
     """
     global _came
 
-    from threading import Timer, current_thread, get_ident, main_thread
+    from threading import current_thread, get_ident, main_thread
 
     if current_thread() is not main_thread():
         yield
         return
 
-    last, hook = signal.SIGINT, sys.unraisablehook
+    last, hook, inside, me = signal.SIGINT, sys.unraisablehook, False, get_ident()
     # To this thread itself, which may be waiting.
     send = getattr(signal, "pthread_kill", lambda _, number: signal.raise_signal(number))
 
@@ -114,10 +118,20 @@ def raised(late: Callable[[], bool]) -> Iterator[None]:
 
     def swallowed(lost: sys.UnraisableHookArgs) -> None:
         """Python swallows what is raised in a weak reference's callback: interrupt again when that is over."""
-        if issubclass(lost.exc_type, KeyboardInterrupt):
-            Timer(0.01, send, (get_ident(), last)).start()
-        else:
+        nonlocal inside
+        if not issubclass(lost.exc_type, KeyboardInterrupt):
             hook(lost)
+            return
+        inside = True
+        # No Timer: its start waits for its thread, and on a busy machine it fires meanwhile, to be swallowed in here.
+        start_new_thread(again, ())
+        inside = False
+
+    def again() -> None:
+        time.sleep(PAUSE)
+        while inside:
+            time.sleep(PAUSE)
+        send(me, last)
 
     before = {number: signal.getsignal(number) for number in SIGNALS}
     ours = {signal.SIGINT: (signal.default_int_handler, leave)}

@@ -6,8 +6,9 @@ from functools import partial
 from pathlib import Path
 
 from gearstab.errors import ResultError
+from gearstab.hdf5 import holds
 from gearstab.results.output import FIGURES, OTHERS, TABLES, Content
-from gearstab.results.read import attributes
+from gearstab.results.read import REMEDY, attributes, is_sealed
 
 SWEEP, RESPOND, BENCH, DESIGN = "sweep", "respond", "bench", "design"
 """The commands that write results; a result names its own in the attribute ``command``."""
@@ -17,11 +18,16 @@ INSTEAD = {".csv": "export", ".png": "plot", ".pdf": "plot", ".svg": "plot"}
 
 
 def fault(command: str | None, path: Path) -> str:
-    """Return what is wrong with a file that a result of ``command`` (None: of any) is to replace, "" for nothing."""
+    """Return what is wrong with a file that a result of ``command`` (None: of any) is to replace, "" for nothing.
+
+    A damaged one counts as a result of the command if this still stands in it.
+    """
     try:
+        if command is not None and is_sealed(path) is False and holds(path, command):
+            return ""
         found = attributes(path)
     except ResultError as error:
-        return str(error).removeprefix(f"{path}: ")
+        return str(error).removeprefix(f"{path}: ").removesuffix(REMEDY)
     other = found["command"]
     return f"is a result of gearstab {other}" if command not in (None, other) else ""
 

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import io
+import os
 import stat
+import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from functools import lru_cache
 from math import ceil, prod
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from gearstab.errors import ResultError, UserError
+from gearstab.hdf5 import endless
 from gearstab.results.seal import intact
 from gearstab.results.tree import FORMAT, NO_VARIABLE
 
@@ -20,6 +24,9 @@ if TYPE_CHECKING:
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
 
+REMEDY = "; compute it again or restore a copy"
+STILL = 2.0
+"""Seconds: a file that changed so recently may change again, without another time stamp."""
 MOST_COMPRESSED = 1100
 """No data are deflated by more: 1032 at best."""
 
@@ -35,8 +42,6 @@ def open_result(path: str | Path, chunks: Mapping[str, int] | Literal["auto"] | 
     Raises ResultError, with one line, for a file that is missing, no HDF5, cut short, damaged, of another version of
     the format, or written by another program.
     """
-    if is_sealed(path) is False:
-        raise ResultError(f"{path}: is damaged, it does not match its checksum; compute it again or restore a copy")
     found = attributes(path)
     if found["format_version"] != str(FORMAT):
         raise ResultError(
@@ -86,11 +91,39 @@ def reading(path: str | Path) -> Iterator[xr.DataTree]:
 
 def is_sealed(path: str | Path) -> bool | None:
     """Return whether the seal of an HDF5 file fits, None without one. Raises ResultError for what is no such file."""
+    return _looked_at(path)[0]
+
+
+def refuse_damaged(path: str | Path) -> None:
+    """Raise ResultError for a file that is damaged, or no HDF5 file: before HDF5 opens it, which may never return."""
+    sealed, circles = _looked_at(path)
+    if sealed is False:
+        raise ResultError(f"{path}: is damaged, it does not match its checksum{REMEDY}")
+    if circles:
+        raise ResultError(f"{path}: is damaged, a list in it has no end{REMEDY}")
+
+
+def _looked_at(path: str | Path) -> tuple[bool | None, bool]:
+    """Whether a seal fits, and whether HDF5 would never come to an end; what lies still is looked at once."""
     _refuse_other_files(path)
     try:
-        return intact(path)
+        found = os.stat(path)
+        changed = max(found.st_mtime, found.st_ctime)
+        if time.time() - changed > STILL:
+            return _seen(str(path), (found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns, found.st_ctime_ns))
+        return _look(path)
     except OSError as error:
         raise ResultError(f"{path}: cannot be read: {error.strerror}") from None
+
+
+@lru_cache(maxsize=16)
+def _seen(path: str, identity: tuple[int, ...]) -> tuple[bool | None, bool]:
+    return _look(path)
+
+
+def _look(path: str | Path) -> tuple[bool | None, bool]:
+    sealed = intact(path)
+    return sealed, sealed is not False and endless(path)
 
 
 def _refuse_other_files(path: str | Path) -> None:
@@ -111,11 +144,11 @@ def _refuse_other_files(path: str | Path) -> None:
 def attributes(path: str | Path) -> dict[str, str]:
     """Return the attributes of a result's root, as texts, ``command`` and ``format_version`` always among them.
 
-    The file may be a damaged one. Raises ResultError, where this does not show, as :func:`open_result` does.
+    Raises ResultError as :func:`open_result` does, but for a version of the format.
     """
     import h5py
 
-    _refuse_other_files(path)
+    refuse_damaged(path)
     try:
         with h5py.File(path, "r", locking=False) as file:
             found = {name: str(value) for name, value in file.attrs.items()}

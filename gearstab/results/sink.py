@@ -34,6 +34,11 @@ class Sink(io.FileIO):
             self.error = error
         return count
 
+    def settle(self) -> None:
+        """Raise what was kept, if anything."""
+        if self.error is not None:
+            raise self.error
+
     @contextmanager
     def hdf5(self) -> Iterator[h5py.File]:
         """Give an empty HDF5 file to fill. Raises what was kept, in place of whatever followed from it.
@@ -50,5 +55,4 @@ class Sink(io.FileIO):
         finally:
             if collects:
                 gc.enable()
-            if self.error is not None:
-                raise self.error
+            self.settle()

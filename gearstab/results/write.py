@@ -1,8 +1,7 @@
 """Result files: netCDF-4/HDF5 with dimension scales and explicit types, complete from the moment they have their name.
 
-HDF5 writes to memory, or what comes as chunks to the file through :mod:`gearstab.results.sink`, so that a full
-disk is an ordinary OSError (inside the
-HDF5 library it can end in a crash).
+HDF5 writes to memory, or what comes as chunks to the file through :mod:`gearstab.results.sink`, so that a full disk is
+an ordinary OSError (inside the HDF5 library it can end in a crash).
 """
 
 from __future__ import annotations
@@ -45,8 +44,7 @@ def write_result(path: Path, tree: ResultTree, look: Look | None = None) -> None
         with naming(path), Sink(file.fileno()) as sink:
             if in_memory(tree):
                 sink.write(image(tree))
-                if sink.error is not None:
-                    raise sink.error
+                sink.settle()
             else:
                 with sink.hdf5() as target:
                     fill(target, tree)

@@ -106,8 +106,7 @@ def run(
 
 def _damaged(count: int) -> str:
     """What is said of part files that are of no use."""
-    number = "1 finished block is" if count == 1 else f"{count} finished blocks are"
-    return f"{number} damaged, or not as this sweep writes them: computed again"
+    return f"{_blocks(count)} damaged, or not as this sweep writes them: computed again"
 
 
 def _remove_parts(plan: Plan, folder: PartFolder) -> None:
@@ -279,7 +278,16 @@ def _unwritable(error: OSError, store: Store) -> SweepError:
 
 def _kept(store: Store) -> str:
     """What is said of finished blocks after an error; nothing where they are not kept."""
-    return f"; {store.rescue()} finished blocks are kept in {store.folder.every}" if store.kept else ""
+    if not store.kept:
+        return ""
+    count = store.rescue()
+    if not count:
+        return "; no block was kept: the next call begins from the start"
+    return f"; {_blocks(count)} kept in {store.folder.every}"
+
+
+def _blocks(count: int) -> str:
+    return "1 finished block is" if count == 1 else f"{count} finished blocks are"
 
 
 def _interrupted(kept: int, total: int, folder: PartFolder) -> str:

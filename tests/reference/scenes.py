@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
@@ -31,6 +32,21 @@ system:
     - {name: second, mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5}
 """
 """Lin & Parker's two-stage train (2002, Table 1)."""
+
+
+@dataclass
+class SweepFolder:
+    """A folder with the output ``out.h5`` of a sweep, and what that keeps meanwhile."""
+
+    folder: Path
+
+    @property
+    def out(self) -> Path:
+        return self.folder / "out.h5"
+
+    @property
+    def parts(self) -> list[Path]:
+        return sorted((self.folder / "out.h5.parts").rglob("*.part"))
 
 
 def written(folder: Path, text: str | bytes, name: str = "case.yaml") -> Path:

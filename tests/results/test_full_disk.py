@@ -6,12 +6,16 @@ The limit of the size of a file stands for the end of the disk, as tests can set
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+import xarray as xr
 from scenes import TRAIN
+
+from gearstab.results import open_result
 
 resource = pytest.importorskip("resource")
 
@@ -93,3 +97,93 @@ def test_a_sweep_goes_on_when_there_is_room_again(folder: Path) -> None:
     done = call(folder, args)
     assert done.returncode == 0, done.stderr
     assert not (folder / "large.h5.parts").exists()
+
+
+def on_a_disk(folder: Path, size: str, script: str, *args: str) -> subprocess.CompletedProcess[str]:
+    """Run a script of the shell in the folder ``disk``: a disk of that size, in memory and of this process alone."""
+    (folder / "disk").mkdir(exist_ok=True)
+    mounted = f"mount -t tmpfs -o size={size} tmpfs disk && cd disk && {script}"
+    return subprocess.run(
+        ["unshare", "--map-root-user", "--mount", "sh", "-c", mounted, "sh", *args],
+        cwd=folder, capture_output=True, text=True, env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
+    )  # fmt: skip
+
+
+@pytest.fixture
+def disk(folder: Path) -> Path:
+    if shutil.which("unshare") is None or on_a_disk(folder, "64k", "true").returncode:
+        pytest.skip("no disk can be mounted here")
+    return folder
+
+
+FILLED = (
+    'cp ../*.yaml ../out.h5 . && cat ../old > "$out"; cat /dev/zero > filler 2> /dev/null; truncate -s -$left filler; '
+)
+LISTED = "find . -type f -exec cksum {} + | sort > ../"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("left", ["0", "8K"])
+@pytest.mark.parametrize("command", COMMANDS)
+def test_a_real_disk_that_is_full(disk: Path, command: str, left: str) -> None:
+    """All files on it are as they were, and no other."""
+    args = COMMANDS[command]
+    (disk / "old").write_bytes(OLD.get(command, b""))
+    given = f"left={left}; out={args[3]}; [ $out = out.h5 ] && out=none; "
+    script = given + FILLED + LISTED + 'before; "$@"; code=$?; ' + LISTED + "after; exit $code"
+    done = on_a_disk(disk, "2m", script, sys.executable, "-m", "gearstab", *args)
+    # A sweep asks first whether there is room.
+    assert done.returncode == (2 if command == "sweep" else 1), done.stderr
+    assert done.stderr.count("\n") == 1, done.stderr
+    assert ("GB are free" if command == "sweep" else f"{args[3]}: no space left on device\n") in done.stderr
+    before = (disk / "before").read_text()
+    assert before.count("filler") == 1
+    assert (disk / "after").read_text() == before
+
+
+RUN = """\
+import sys
+from gearstab.config import load
+from gearstab.sweep import SweepError, plan, run
+from gearstab.sweep.storage import store
+store.MOST_SECONDS = 0.0  # each block is written when it is finished
+sizes = ["sweep.epsilon.num=1500", "sweep.mesh_frequency.num=1500", "methods={floquet: {}, uncoupled: {}}"]
+try:
+    done = run(plan(load("train.yaml", sizes)), sys.argv[1], jobs=2)
+except SweepError as error:
+    sys.exit(str(error))
+print(done.reused)
+"""
+
+
+@pytest.mark.slow
+def test_a_sweep_on_a_real_disk_that_fills_up_goes_on_when_there_is_room(disk: Path) -> None:
+    """With all blocks, some or none of them kept; the data are those of a sweep with room enough."""
+    (disk / "run.py").write_text(RUN)
+    expected = subprocess.run([sys.executable, "run.py", "whole.h5"], cwd=disk, capture_output=True, text=True)
+    assert expected.stdout == "0\n", expected.stderr
+    size = (disk / "whole.h5").stat().st_size
+    counts = []
+    for share in (0.0, 0.2, 0.6, 1.1):
+        (disk / "old").write_bytes(b"")
+        python = f"{sys.executable} ../run.py small.h5"
+        script = (
+            f"left={int(share * size) // 1024}K; out=none; {FILLED} {python}; ls -A >&2; "
+            f"rm filler; {python} && ls -A >&2; cp small.h5 ../small.h5"
+        )
+        done = on_a_disk(disk, "64m", script)
+        said, *names = done.stderr.splitlines()
+        assert said.startswith("small.h5")
+        assert ": no space left on device; " in said
+        kept = int(done.stdout)
+        counts.append(kept)
+        if kept:
+            assert f"; {kept} finished block{'s are' if kept > 1 else ' is'} kept in small.h5.parts" in said
+        else:
+            assert said.endswith("; no block was kept: the next call begins from the start")
+        there = ["filler", "none", "other.yaml", "out.h5", "train.yaml"]
+        assert names == sorted([*there, *(["small.h5.parts"] if kept else [])]) + sorted([*there[1:], "small.h5"])
+        with open_result(disk / "small.h5") as found, open_result(disk / "whole.h5") as whole:
+            for name in ("floquet", "uncoupled"):
+                xr.testing.assert_identical(found[name].to_dataset(), whole[name].to_dataset())
+    assert counts[0] == 0 < counts[1] < counts[2] < counts[3]

@@ -14,7 +14,7 @@ from scenes import TRAIN, ran
 from gearstab.config import load
 from gearstab.errors import ResultError, SweepError
 from gearstab.results import open_result
-from gearstab.results.seal import append_seal
+from gearstab.results.seal import LENGTH, append_seal
 from gearstab.results.write import rewrite_attributes
 from gearstab.sweep import Interrupted, Plan, compute, plan, run
 from gearstab.sweep.extension import extended
@@ -205,6 +205,21 @@ def test_a_result_that_changes_meanwhile_ends_the_sweep(config: Path, tmp_path: 
     grown, _ = extended(planned(config, GROWN["finer and longer"]), old)
     result(planned(config, COARSE, METHODS, "epsilon=0.1"), old)
     with pytest.raises(SweepError, match="was changed while the sweep took its points over"):
+        run(grown, tmp_path / "grown.h5", jobs=1)
+
+
+def test_values_that_cannot_be_read_are_blamed_on_the_file(config: Path, tmp_path: Path) -> None:
+    """Where a seal was made anew over damaged values."""
+    long = {"mesh_frequency": np.linspace(0.6, 6.5, 4000).tolist(), "epsilon": [0.0, 0.3, 0.5]}
+    old = result(planned(config, long, "{floquet: {}}"), tmp_path / "old.h5")
+    with h5py.File(old) as file:
+        chunk = file["floquet/growth_rate"].id.get_chunk_info(0)
+    data = bytearray(old.read_bytes()[:-LENGTH])
+    data[chunk.byte_offset : chunk.byte_offset + 8] = b"\xff" * 8
+    old.write_bytes(data)
+    append_seal(old)
+    grown, _ = extended(planned(config, long | {"epsilon": [0.0, 0.3, 0.4, 0.5]}, "{floquet: {}}"), old)
+    with pytest.raises(SweepError, match=r"floquet in it cannot be read \(.*; compute it again"):
         run(grown, tmp_path / "grown.h5", jobs=1)
 
 

@@ -17,7 +17,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from scenes import TRAIN
+from scenes import TRAIN, SweepFolder
 
 from gearstab.config import load
 from gearstab.perturbation import Tongue
@@ -67,19 +67,10 @@ class Told(Reporter):
 
 
 @dataclass
-class Scene:
+class Scene(SweepFolder):
     """A sweep of which all is finished but the result."""
 
-    folder: Path
     planned: Plan
-
-    @property
-    def out(self) -> Path:
-        return self.folder / "out.h5"
-
-    @property
-    def parts(self) -> list[Path]:
-        return sorted((self.folder / "out.h5.parts").rglob("*.part"))
 
     def forge(self, victim: Path, how: Forgery) -> None:
         part = read_part(victim, self.planned.digest)

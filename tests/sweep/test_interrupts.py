@@ -271,7 +271,19 @@ def test_what_is_ignored_stays_so(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.filterwarnings("error")
-def test_an_interrupt_that_python_swallows_comes_again(capfd: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize("busy", [0.0, 0.1], ids=["at rest", "busy"])
+def test_an_interrupt_that_python_swallows_comes_again(
+    capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, busy: float
+) -> None:
+    """Also on a machine so busy that the main thread stands still when the signal is to come again."""
+    start = interrupts.start_new_thread
+
+    def slowly(function: Callable[[], None], given: tuple[()]) -> None:
+        start(function, given)
+        time.sleep(busy)
+
+    monkeypatch.setattr(interrupts, "start_new_thread", slowly)
+
     class Thing:
         pass
 

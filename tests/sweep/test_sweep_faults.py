@@ -17,7 +17,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from scenes import ROOT
+from scenes import ROOT, SweepFolder
 from sweep_faults import CONFIG, FOLDER, faulty, value
 
 from gearstab.results import OutputError, open_result
@@ -30,23 +30,14 @@ ROWS = [f"{k}" for k in range(1, 9)]
 
 
 @dataclass
-class Scene:
-    """A sweep in a folder of its own."""
+class Scene(SweepFolder):
+    """A sweep of the faulty method."""
 
-    folder: Path
     processes: list[subprocess.Popen[str]] = field(default_factory=list)
 
     @property
     def config(self) -> Path:
         return self.folder / "train.yaml"
-
-    @property
-    def out(self) -> Path:
-        return self.folder / "out.h5"
-
-    @property
-    def parts(self) -> list[Path]:
-        return sorted((self.folder / "out.h5.parts").rglob("*.part"))
 
     def tell(self, **files: object) -> None:
         for name, content in files.items():
@@ -276,22 +267,32 @@ def test_no_memory_is_one_line(scene: Scene) -> None:
     assert "\n" not in str(raised.value)
 
 
-def test_a_disk_that_fills_up_during_the_sweep(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    ("room", "said"),
+    [
+        (3, "3 finished blocks are kept in "), (1, "1 finished block is kept in "),
+        (0, "no block was kept: the next call begins from the start"),
+    ],
+)  # fmt: skip
+def test_a_disk_that_fills_up_during_the_sweep(
+    scene: Scene, monkeypatch: pytest.MonkeyPatch, room: int, said: str
+) -> None:
     write = PartFolder.write
 
     def full(self: PartFolder, part: object) -> object:
-        if len(scene.parts) == 3:
+        if len(scene.parts) == room:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "part")
         return write(self, part)  # type: ignore[arg-type]
 
     monkeypatch.setattr(PartFolder, "write", full)
-    with pytest.raises(SweepError, match="no space left on device; 3 finished blocks are kept"):
+    with pytest.raises(SweepError, match=f"no space left on device; {said}"):
         scene.run()
+    assert (scene.folder / "out.h5.parts").exists() is (room > 0)
     monkeypatch.undo()
     monkeypatch.setenv(FOLDER, str(scene.folder))
     scene.log()
     scene.run()
-    assert scene.log() == ["4", "5", "6", "7", "8"]
+    assert scene.log() == [str(k) for k in range(room + 1, 9)]
     scene.check()
 
 

@@ -121,6 +121,7 @@ def _hdf5(path: FilePath, names: Collection[str], most: int) -> dict[str, Any]:
                 if item.external or item.is_virtual:
                     raise DataFileError(f"{name} lies in other files", "save it in this one")
                 _checked(name, item.shape, most)
+                _real(name, item.dtype)  # before it is read: HDF5 trusts lists of any length, and may never return
                 item = item[()]
             found[name] = item
     # MATLAB's own HDF5 files hold the columns of a matrix as its rows.
@@ -172,13 +173,17 @@ def _checked(name: str, shape: Sequence[int], most: int) -> None:
         raise DataFileError(f"{name} has {described}", f"save one or two dimensions of at most {most:,} entries")
 
 
+def _real(name: str, kind: np.dtype[Any]) -> None:
+    if kind.kind not in "fiu":
+        raise DataFileError(f"{name} holds no real numbers but {kind}", "save real numbers")
+
+
 def numbers(name: str, values: Any) -> np.ndarray:
     """The array as floats. Raises DataFileError where it holds something else."""
     if hasattr(values, "toarray"):
         values = values.toarray()
     array = np.asarray(values)
-    if array.dtype.kind not in "fiu":
-        raise DataFileError(f"{name} holds no real numbers but {array.dtype}", "save real numbers")
+    _real(name, array.dtype)
     array = np.ascontiguousarray(array, dtype=float)
     endless = np.argwhere(~np.isfinite(array))
     if len(endless):

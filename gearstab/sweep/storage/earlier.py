@@ -13,6 +13,7 @@ from pathlib import Path
 
 from gearstab.config import Config
 from gearstab.errors import OutputError
+from gearstab.hdf5 import holds
 from gearstab.results.guard import SWEEP, result_of
 from gearstab.results.read import attributes, is_sealed
 from gearstab.results.tree import FORMAT
@@ -43,25 +44,33 @@ def look(plan: Plan, out: Path, overwrite: bool = False) -> Earlier:
     result_of(SWEEP).refuse(out, plan.config.source)
     if not out.exists() or not out.stat().st_size:
         return Earlier()
-    found = attributes(out)
-    same = found.get("config_digest") == plan.config.digest
-    if not same and not overwrite and not same_origin(found, plan.config, out):
-        origin = f", {found['config_file']}" if "config_file" in found else ""
-        raise OutputError(
-            f"{out}: is the result of another configuration{origin} ('{found.get('title', '')}'); "
-            "choose another output, or use --overwrite"
-        )
+    damaged, same = is_sealed(out) is False, _is_of(plan, out)
+    found = {} if damaged else attributes(out)
+    if not same and not overwrite and not (found and same_origin(found, plan.config, out)):
+        raise OutputError(f"{out}: {_other(found)}; choose another output, or use --overwrite")
     if overwrite:
         return Earlier()
     if not same:
         return Earlier(note="is of an earlier state of the configuration, and is replaced when the sweep is complete")
-    whole = is_sealed(out)
-    if not whole:
-        what = "is damaged" if whole is False else "was changed after it was written"
+    if not is_sealed(out):
+        what = "is damaged" if damaged else "was changed after it was written"
         return Earlier(note=f"{what}: it is computed again, and replaced when the sweep is complete")
     if (found["gearstab_version"], found["format_version"]) != (__version__, str(FORMAT)):
         return Earlier(note=f"was computed by gearstab {found['gearstab_version']}: it is computed again")
     return Earlier(complete=True, retitled=found.get("title") != plan.config.title)
+
+
+def _is_of(plan: Plan, out: Path) -> bool:
+    """Whether a result is of a configuration; of a damaged one, which HDF5 must not open, whether this stands in it."""
+    digest = plan.config.digest
+    return holds(out, digest) if is_sealed(out) is False else attributes(out).get("config_digest") == digest
+
+
+def _other(found: dict[str, str]) -> str:
+    if not found:
+        return "is a damaged result, of this or another configuration"
+    origin = f", {found['config_file']}" if "config_file" in found else ""
+    return f"is the result of another configuration{origin} ('{found.get('title', '')}')"
 
 
 def look_again(plan: Plan, out: Path, before: Identity | None) -> None:
@@ -73,7 +82,7 @@ def look_again(plan: Plan, out: Path, before: Identity | None) -> None:
     if now in (None, before):
         return
     result_of(SWEEP).refuse(out)
-    if attributes(out).get("config_digest") != plan.config.digest:
+    if not _is_of(plan, out):
         raise OutputError(f"{out}: meanwhile another sweep has put its result there; choose another output")
 
 

@@ -138,6 +138,7 @@ class Store:
         """Remove the part files, unless another process that computes the same plan needs them: it then will."""
         if self._hold.alone():
             self.folder.remove()
+            self._hold.drop()
 
     def collect(self, blocks: Iterable[GridBlock]) -> list[FinishedBlock]:
         """Take what other processes wrote to the folder of these blocks, seen or not."""
@@ -148,7 +149,9 @@ class Store:
         return list(valid.values())
 
     def close(self) -> None:
-        """Leave the part files to other processes."""
+        """Leave the part files to other processes; a folder without any goes."""
+        if self._hold.held() and not self.folder.count():
+            self.remove()
         self._hold.drop()
 
 
@@ -185,6 +188,10 @@ class Hold:
                         return
                 os.close(handle)
         raise FileNotFoundError(2, "is removed again and again by another process", str(self.folder))
+
+    def held(self) -> bool:
+        """Whether this process holds the folder, where the system has locks."""
+        return self._handle is not None
 
     def alone(self) -> bool:
         """Whether no other process holds the folder; if so none can until :meth:`drop` or :meth:`share`."""

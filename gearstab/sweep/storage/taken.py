@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from math import prod
 from pathlib import Path
@@ -60,7 +61,7 @@ class Taken:
         """Read the points at these indices of the axes, rows in the order of a block.
 
         inner: number of the axis that is the mesh frequency, if any. Raises SweepError if the file is no longer the one
-        it was.
+        it was, or cannot be read.
         """
         import h5py
 
@@ -72,14 +73,19 @@ class Taken:
                 if any(variable.listed for variable in variables):
                     return _listed(group, variables, places)
                 return Outcome({v.name: _over_points(group[v.name], places, inner) for v in variables})
-        except OSError:
-            text = f"{self.path}: was changed while the sweep took its points over; run the command again"
-            raise SweepError(text) from None
+        except OSError as error:
+            raise SweepError(f"{self.path}: {self._blame(method, error)}") from None
         except (KeyError, ValueError, TypeError, IndexError, RuntimeError) as error:
             # A seal that fits says nothing of who made it.
             said = f"{type(error).__name__}: {' '.join(str(error).split())}"
             text = f"{self.path}: {method} in it is not as a sweep writes it ({said}); compute it again"
             raise SweepError(text) from error
+
+    def _blame(self, method: str, error: OSError) -> str:
+        with suppress(OSError):
+            if identity(self.path) == self.identity:
+                return f"{method} in it cannot be read ({' '.join(str(error).split())}); compute it again"
+        return "was changed while the sweep took its points over; run the command again"
 
 
 def misshapen(path: Path, method: str, variables: Sequence[Variable], shape: Sequence[int]) -> str:
