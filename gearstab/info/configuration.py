@@ -22,6 +22,8 @@ def describe(config: Config, harmonics: int | None = None) -> dict[str, Any]:
 
     system = build(config.parameters)
     asked = config.methods.perturbation
+    # Order 2 knows no periodic terms.
+    theory = asked.order if asked and not system.terms else 1
     order = harmonics or (asked.harmonics if asked else HARMONICS)
     sweep = {axis.name: axis.size for axis in config.axes}
     orders = model_of(config.parameters).cycles_of_input(config.parameters)
@@ -42,10 +44,10 @@ def describe(config: Config, harmonics: int | None = None) -> dict[str, Any]:
         "reductions": _reductions(system),
         "terms": [term.name for term in system.terms],
         "design": None if config.design is None else _design(config.design),
-        "order": asked.order if asked else 1,
+        "order": theory,
         "harmonics": order,
         "dangerous": danger.facts(config, system, order),
-        **_existence(system, _tongues(system, asked.order if asked else 1, order)),
+        **_existence(system, _tongues(system, theory, order)),
     }
 
 
@@ -142,8 +144,8 @@ def _reductions(system: GearSystem) -> dict[str, Any]:
     }
 
 
-def _existence(system: GearSystem, tongues: list[dict[str, Any]]) -> dict[str, Any]:
-    """The tongues with the existence rule L z +- (T_p +- T_q) = j N, None for a system to which it does not apply.
+def _existence(system: GearSystem, found: dict[str, Any]) -> dict[str, Any]:
+    """What :func:`_tongues` found with the existence rule L z +- (T_p +- T_q) = j N, None where it does not apply.
 
     ``types`` of a tongue are the T of all modes that share its two frequencies; ``allowed`` whether the rule holds for
     any pair of them.
@@ -154,30 +156,31 @@ def _existence(system: GearSystem, tongues: list[dict[str, Any]]) -> dict[str, A
 
     step = phase_step(system)
     if step is None or system.symmetry is None:
-        return {"existence_rule": None, "tongues": tongues}
+        return {"existence_rule": None, **found}
     order = system.symmetry.order
     modes = oriented(system, mean_modes(system))
     turns = deflection_types(system, modes)
     ((_, groups),) = partitions(modes.natural_frequency[None])
     of = {p + 1: sorted({int(turns[k]) for k in group} - {-1}) for group in groups for p in group}
-    for tongue in tongues:
+    for tongue in found["tongues"]:
         first, second = of[tongue["mode_p"]], of[tongue["mode_q"]]
         tongue["types"] = [first, second]
         tongue["allowed"] = any(can_couple(order, step, tongue["harmonic"], a, b) for a in first for b in second)
-    return {"existence_rule": {"planets": order, "step": step}, "tongues": tongues}
+    return {"existence_rule": {"planets": order, "step": step}, **found}
 
 
-def _tongues(system: GearSystem, order_of_theory: int, harmonics: int) -> list[dict[str, Any]]:
+def _tongues(system: GearSystem, order_of_theory: int, harmonics: int) -> dict[str, Any]:
+    """The tongues, and the numbers of the modes that grow by themselves."""
     import numpy as np
 
     from gearstab.perturbation import PERTURBATION_FLAGS, first_order, second_order
-    from gearstab.perturbation.tongues import overlapping
+    from gearstab.perturbation.tongues import SELF_EXCITED, overlapping
 
     tongues = (first_order if order_of_theory == 1 else second_order)(system, harmonics)
     second, status = tongues.boundary_error is not None, np.asarray(tongues.status)
     overlap = overlapping(tongues)
     order = np.argsort(tongues.center_frequency, kind="stable")
-    return [
+    rows = [
         {
             "label": tongues.index[k].label,
             "kind": tongues.index[k].kind,
@@ -197,3 +200,4 @@ def _tongues(system: GearSystem, order_of_theory: int, harmonics: int) -> list[d
         for k in order
         if np.isfinite(tongues.center_frequency[k])
     ]
+    return {"tongues": rows, "self_excited": [t.mode_p for t in tongues.index if t.kind == SELF_EXCITED]}

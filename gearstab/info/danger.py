@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from gearstab.info.tables import table
@@ -135,8 +135,10 @@ def _excluding(system: GearSystem, region: RankedRegion, planets: int) -> list[i
 # ---- text
 
 
-def text(found: dict[str, Any]) -> str:
-    """The ranked regions as a table, or what is next to open."""
+def text(found: dict[str, Any], terms: Sequence[str] = ()) -> str:
+    """The ranked regions as a table, or what is next to open; terms: names of periodic terms, which the ranking leaves
+    out.
+    """
     unit, scale = found["unit"], found["scale"]
     within = "" if found["range"] is None else " from {:.6g} to {:.6g}".format(*found["range"])
     where = f"{found['axis']}{within} {unit}".strip()
@@ -156,6 +158,8 @@ def text(found: dict[str, Any]) -> str:
         lines += [_next(region, scale, unit) for region in found["closest"]]
     if count := found["number_closed_by_damping"]:
         lines.append(f"Damping closes {count} region{'s' * (count != 1)} centred there.")
+    if terms:
+        lines.append(f"These regions leave out {', '.join(terms)}; those of the tongues do not.")
     return "\n".join(lines)
 
 

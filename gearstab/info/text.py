@@ -21,7 +21,7 @@ def report(facts: dict[str, Any], every: bool = False) -> str:
     """The facts as readable text. every: list all tongues, however many."""
     parts = [_heading, *((_train,) if facts["train"] else ()), _mesh_table, _mode_table, _reduction_text]
     texts = [part(facts) for part in parts]
-    texts.append(danger.text(facts["dangerous"]))
+    texts.append(danger.text(facts["dangerous"], facts["terms"]))
     return "\n\n".join([*texts, _tongue_table(facts, every)])
 
 
@@ -203,12 +203,12 @@ def _tongue_table(facts: dict[str, Any], every: bool) -> str:
         row += [" ".join(map(str, types)) or "-" for types in tongue["types"]] if rule else []
         numbers = [tongue["center_frequency"], tongue["half_width"], *tongue["boundary_frequency"]]
         numbers += tongue["boundary_error"][:1] if second else []
-        rows.append([*row, *map(_text, over(numbers, one)), _remark(tongue)])
+        rows.append([*row, *map(_text, over(numbers, one)), _remark(tongue, bool(facts["terms"]))])
     text = "\n".join([title, "", table(header, rows)]) + _rule(facts)
     if any(tongue["overlaps"] for tongue in facts["tongues"]):
         text += "\nThe theory treats each tongue by itself: where tongues overlap, their boundaries are rough."
-    if facts["terms"]:
-        text += f"\nThese regions leave out {', '.join(facts['terms'])}: the theory knows mesh stiffness only."
+    for mode in facts["self_excited"]:
+        text += f"\nMode {mode} grows by itself, at any mesh frequency."
     return text
 
 
@@ -223,14 +223,16 @@ def _rule(facts: dict[str, Any]) -> str:
     )
 
 
-def _remark(tongue: dict[str, Any]) -> str:
-    """In a word or two, what is special about a tongue."""
+def _remark(tongue: dict[str, Any], terms: bool) -> str:
+    """In a word or two, what is special about a tongue; terms: whether the system has periodic terms."""
     if "coincident_tongues" in tongue.get("status", []):
         return "another resonance too near"
     if "not_converged" in tongue.get("status", []):
         return "rough: another resonance near"
     if tongue["half_width"] == "infinite":
-        return "no boundary: only one of the modes is damped"
+        return "no boundary" + ("" if terms else ": only one of the modes is damped")
+    if tongue["half_width"] is None:
+        return "not known: undamped modes of one frequency"
     if tongue["half_width"] == 0:
         if tongue.get("allowed") is False:
             return "excluded by the existence rule"

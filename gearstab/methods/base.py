@@ -185,11 +185,13 @@ class Method(ABC):
         """Return what the group in the result says of the options and of the system."""
         return flat(self.options.model_dump(exclude_none=True)) | dict(self.report())
 
-    def only_mesh_stiffness(self, remedy: str = "use floquet, which takes these too") -> None:
-        """Raise OptionError for a system with further periodic terms."""
+    def only_mesh_stiffness(
+        self, remedy: str = "use floquet, which takes these too", path: tuple[str, ...] = ()
+    ) -> None:
+        """Raise OptionError for a system with further periodic terms; path: of the option that does not take them."""
         if self.system.terms:
             names = ", ".join(term.name for term in self.system.terms)
-            raise OptionError((), f"supports only periodic mesh stiffness, and this system also has {names}", remedy)
+            raise OptionError(path, f"supports only periodic mesh stiffness, and this system also has {names}", remedy)
 
     def needs_common_period(self, remedy: str, path: tuple[str, ...] = (), without: str = "common period") -> None:
         """Raise OptionError for a system without one."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated
 
@@ -9,7 +10,7 @@ import numpy as np
 from pydantic import Field
 
 from gearstab.config.model.fields import Choice, Section, Whole
-from gearstab.methods.base import FEWEST, OptionError, Outcome, TongueMethod
+from gearstab.methods.base import FEWEST, Key, OptionError, Outcome, TongueMethod
 from gearstab.results.variables import FIRST_ORDER, SECOND_ORDER, TONGUE, Variable, flagged
 from gearstab.system import Array
 
@@ -30,9 +31,11 @@ class PerturbationOptions(Section):
         default=1,
         title="order",
         description="Order of the expansion in epsilon: 1 gives straight boundaries; 2 also shifts and curves them, "
-        "opens tongues by products of harmonics, and estimates the error.",
+        "opens tongues by products of harmonics, and estimates the error, but takes periodic mesh stiffness only.",
     )
-    harmonics: Harmonics = Field(default=3, title="harmonics", description="Up to which harmonic of each mesh.")
+    harmonics: Harmonics = Field(
+        default=3, title="harmonics", description="Up to which harmonic of each mesh, and of each periodic term."
+    )
 
 
 class UncoupledOptions(Section):
@@ -56,7 +59,8 @@ class FirstOrder(TongueMethod):
         return (*TONGUE, *FIRST_ORDER)
 
     def cost(self) -> float:
-        return 4.0 * self.system.size**2 * self.options.harmonics
+        # Differences besides sums, and both directions of every coupling.
+        return 4.0 * self.system.size**2 * self.options.harmonics * (4 if self.system.terms else 1)
 
     def outcome(self, found: Tongues) -> Outcome:
         """Return the results as variables."""
@@ -100,7 +104,17 @@ class Perturbation(FirstOrder):
         return super().cost() * (1 if self.options.order == 1 else 10 * self.system.size)
 
     def check(self) -> None:
-        self.only_mesh_stiffness("use boundaries, which takes these too")
+        if self.options.order > 1:
+            self.only_mesh_stiffness("choose order: 1, which takes these too", ("order",))
+
+    @staticmethod
+    def unite(indices: Iterable[Sequence[Key]]) -> tuple[Key, ...]:
+        # Which modes grow by themselves differs from block to block; all else is in every block.
+        from gearstab.perturbation.tongues import SELF_EXCITED
+
+        found = TongueMethod.unite(indices)
+        alone = {key for key in found if key[0].kind == SELF_EXCITED}
+        return (*(key for key in found if key not in alone), *sorted(alone, key=lambda key: key[0].mode_p))
 
 
 class Uncoupled(FirstOrder):

@@ -38,15 +38,34 @@ def single_pair(coupling: Array, mu_p: Array, mu_q: Array) -> tuple[Array, Array
 
     coupling: |G| >= 0. Returns (half_width, threshold); the threshold is the factor on G at which the tongue opens.
     """
-    product = mu_p * mu_q
+    return product_pair(0.25 * coupling**2 + 0j, mu_p, mu_q)[1:]
+
+
+def product_pair(product: Array, mu_p: Array, mu_q: Array) -> tuple[Array, Array, Array]:
+    """(shift, half_width, threshold) of one mode against one mode whose amplitude equations are, all ``(...)``,
+
+        a' = (-mu_p - i sigma/2) a + G b,    b' = H a + (-mu_q + i sigma/2) b.
+
+    product: G H, complex; it is |G|^2/4 of the module's text where the excitation is symmetric. The detuning sigma
+    enters the unstable range at ``shift - half_width`` and leaves it at ``shift + half_width``; threshold: the factor
+    on G and H at which there is such a range. See :mod:`gearstab.perturbation.unsymmetric` for the equations.
+    """
+    real, imag, size, both = product.real, product.imag, np.abs(product), mu_p * mu_q
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        damped = (mu_p + mu_q) * np.sqrt(np.maximum(coupling**2 / (4 * product) - 1, 0.0))
-        threshold = np.where(coupling > 0, 2 * np.sqrt(np.maximum(product, 0.0)) / coupling, np.inf)
-    width = np.where(product > 0, damped, np.where(coupling > 0, np.inf, 0.0))
-    free = (mu_p == 0) & (mu_q == 0)
-    width, threshold = np.where(free, coupling, width), np.where(free, 0.0, threshold)
-    negative = (mu_p < 0) | (mu_q < 0)
-    return np.where(negative, np.inf, width), np.where(negative, 0.0, threshold)
+        # |GH| + Re GH without the difference of equal numbers.
+        excess = np.where(real < 0, imag**2 / (size - real), size + real)
+        lean = 0.5 * imag / both
+        half = (mu_p + mu_q) * np.sqrt(np.maximum(lean**2 + real / both - 1, 0.0))
+        threshold = np.where(excess > 0, np.sqrt(np.maximum(2 * both, 0.0) / excess), np.inf)
+        shift = lean * (mu_p - mu_q)
+    damped, free = (mu_p > 0) & (mu_q > 0), (mu_p == 0) & (mu_q == 0)
+    shift = np.where(damped & (half > 0), shift, 0.0)
+    # Without damping of both there is growth at any detuning, on one side at least, unless GH is real.
+    half = np.where(damped, half, np.where(excess > 0, np.inf, 0.0))
+    half = np.where(free & (imag == 0), 2 * np.sqrt(np.maximum(real, 0.0)), half)
+    threshold = np.where(free & (size == 0), 0.0, threshold)
+    grows = (mu_p < 0) | (mu_q < 0)
+    return shift, np.where(grows, np.inf, half), np.where(grows, 0.0, threshold)
 
 
 def group_pair(coupling: Array, damping_p: Array, damping_q: Array) -> tuple[Array, Array]:
@@ -83,11 +102,21 @@ def _tiny(matrix: Array) -> Array:
 
 def growth(sigma: Array, coupling: Array, damping_p: Array, damping_q: Array) -> Array:
     """Largest real part of the eigenvalues of H + (i sigma/2) S, ``(rows,)``."""
-    p, q = coupling.shape[-2:]
-    sides = np.concatenate([-np.ones(p), np.ones(q)])
-    matrix = _hermitian(coupling, damping_p, damping_q) + 0.5j * sigma[:, None, None] * np.diag(sides)
-    rates: Array = np.linalg.eigvals(matrix).real
+    return largest_rate(sigma, _hermitian(coupling, damping_p, damping_q), coupling.shape[-2])
+
+
+def largest_rate(sigma: Array, matrix: Array, p: int) -> Array:
+    """Largest real part of the eigenvalues of A + (i sigma/2) S, ``(rows,)``, for any A ``(rows, n, n)``.
+
+    p: the size of the group P, whose amplitudes come first: S = diag(-1, ..., 1, ...).
+    """
+    rates: Array = np.linalg.eigvals(matrix + 0.5j * sigma[:, None, None] * np.diag(_sides(p, matrix))).real
     return rates.max(axis=-1)
+
+
+def _sides(p: int, matrix: Array) -> Array:
+    """The diagonal of S."""
+    return np.where(np.arange(matrix.shape[-1]) < p, -1.0, 1.0)
 
 
 def _hermitian(coupling: Array, damping_p: Array, damping_q: Array) -> Array:
@@ -98,7 +127,7 @@ def _hermitian(coupling: Array, damping_p: Array, damping_q: Array) -> Array:
 def _definite(coupling: Array, damping_p: Array, damping_q: Array) -> tuple[Array, Array]:
     """Both groups damped in every direction.
 
-    Between the detunings of :func:`_crossings` the sign of the growth cannot change; the outermost boundary is the
+    Between the detunings of :func:`crossings` the sign of the growth cannot change; the outermost boundary is the
     largest of them with an unstable interval below it, and is then refined by bisection across it.
     """
     left, right = (np.swapaxes(np.linalg.inv(np.linalg.cholesky(d)), -1, -2) for d in (damping_p, damping_q))
@@ -110,7 +139,8 @@ def _definite(coupling: Array, damping_p: Array, damping_q: Array) -> tuple[Arra
         return width, threshold
     parts = tuple(a[ratio > 1] for a in (coupling, damping_p, damping_q))
     # Beyond the last crossing all is stable: the sentinel makes "the interval above the last one" exist.
-    marks = _crossings(*parts)
+    # Keeping the complex ones as well only divides an interval once more; the spectrum is symmetric in sigma.
+    marks = np.sort(np.abs(crossings(_hermitian(*parts), coupling.shape[-2]).real), axis=-1)
     marks = np.concatenate([np.zeros((len(marks), 1)), marks, 2 * marks[:, -1:] + 1], axis=1)
     middles = 0.5 * (marks[:, 1:] + marks[:, :-1])
     unstable = np.stack([growth(middles[:, k], *parts) > 0 for k in range(middles.shape[1])], axis=1)
@@ -127,27 +157,25 @@ def _definite(coupling: Array, damping_p: Array, damping_q: Array) -> tuple[Arra
     return width, threshold
 
 
-def _crossings(coupling: Array, damping_p: Array, damping_q: Array) -> Array:
-    """Ascending detunings, ``(rows, 2 P Q)``, among which is every |sigma| with an imaginary eigenvalue.
+def crossings(matrix: Array, p: int) -> Array:
+    """Detunings, ``(rows, 2 P Q)`` complex, among which is every real sigma at which A + (i sigma/2) S has an imaginary
+    eigenvalue, for any A ``(rows, n, n)`` whose blocks on P x P and Q x Q have eigenvalues of negative real part.
 
-    If A(sigma) = H + (i sigma/2) S has an imaginary eigenvalue, then A x I + I x conj(A) = X + (i sigma/2) Y is
-    singular, with X = H x I + I x conj(H) and Y = S x I - I x S, zero on P x P and Q x Q where -X is positive
-    definite: eliminating those leaves an ordinary eigenproblem for sigma on P x Q and Q x P.
+    Then A(sigma) x I + I x conj(A(sigma)) = X + (i sigma/2) Y is singular, with X = A x I + I x conj(A) and Y = S x I -
+    I x S, zero on P x P and Q x Q where X is regular: eliminating those leaves an ordinary eigenproblem for sigma on
+    P x Q and Q x P.
     """
-    p, q = coupling.shape[-2:]
-    n = p + q
-    hermitian = _hermitian(coupling, damping_p, damping_q)
+    n = matrix.shape[-1]
     eye = np.eye(n)
-    total = np.einsum("rij,kl->rikjl", hermitian, eye) + np.einsum("ij,rkl->rikjl", eye, np.conj(hermitian))
+    total = np.einsum("rij,kl->rikjl", matrix, eye) + np.einsum("ij,rkl->rikjl", eye, np.conj(matrix))
     total = total.reshape(-1, n * n, n * n)
-    sides = np.concatenate([-np.ones(p), np.ones(q)])
+    sides = _sides(p, matrix)
     weight = (sides[:, None] - sides[None, :]).ravel()
     mixed, same = np.flatnonzero(weight), np.flatnonzero(weight == 0)
     inner = np.linalg.solve(total[:, same[:, None], same], total[:, same[:, None], mixed])
     reduced = total[:, mixed[:, None], mixed] - total[:, mixed[:, None], same] @ inner
-    sigma = np.linalg.eigvals(2j * reduced / weight[mixed][:, None])
-    # Keeping the complex ones as well only divides an interval once more.
-    return np.sort(np.abs(sigma.real), axis=-1)
+    found: Array = np.linalg.eigvals(2j * reduced / weight[mixed][:, None])
+    return found
 
 
 def _semidefinite(coupling: Array, damping_p: Array, damping_q: Array) -> tuple[float, float]:

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from gearstab.modal import mean_modes, significant_deflection
-from gearstab.perturbation.damped import group_pair, single_pair, undamped
-from gearstab.perturbation.tongues import ParametricExcitation, Tongues, excitations, tongue
+from gearstab.perturbation.damped import group_pair, product_pair, single_pair, undamped
+from gearstab.perturbation.modal_terms import ModalTerms, modal_terms
+from gearstab.perturbation.modal_terms import harmonics as harmonics_of_terms
+from gearstab.perturbation.tongues import ParametricExcitation, Tongues, excitations, self_excited, tongue
+from gearstab.perturbation.unsymmetric import decaying
+from gearstab.perturbation.unsymmetric import groups as unsymmetric_groups
 from gearstab.system import Array, GearSystem
 
 EQUAL_FREQUENCY = 1e-8
@@ -24,8 +28,27 @@ a tongue that vanishes exactly (an integer contact ratio, meshes that cancel) is
 Group = list[int]
 """Modes (numbers from 0) of equal natural frequency."""
 
-Weights = list[tuple[int, Array, Array]]
-"""For every mesh that contributes to an excitation: its number, epsilon k_g and z exp(-2 pi i s lag), ``(rows,)``."""
+
+@dataclass(frozen=True)
+class Source:
+    """A mesh or a term that contributes to an excitation: its part in B_pq is size left_p right_q wave.
+
+    left, right: ``(n, rows)``; size: ``(rows,)``, epsilon k_g of a mesh; wave: ``(rows,)``, z exp(-2 pi i s lag).
+    drag: ``(rows,)``, takes the place of ``wave`` in D_pq; None of a mesh.
+    """
+
+    left: Array
+    right: Array
+    size: Array
+    wave: Array
+    drag: Array | None = None
+
+
+Tried = tuple[Group, Group, bool, int]
+"""Two groups P and Q, whether their difference is meant, and the place of their tongue."""
+
+Found = tuple[Array, Array, Array, Array]
+"""Root, shift of the middle from it, half-width in nu and threshold, ``(places, rows)`` each, or ``(rows,)``."""
 
 
 def first_order(
@@ -44,13 +67,17 @@ def first_order(
     without damping; with damping the amplitude equations of :mod:`gearstab.perturbation.damped` are solved, with
     D = Phi^T C Phi/2 between modes of one group (its other entries have no effect in first order).
 
+    Periodic terms add their harmonics and means; those of :mod:`gearstab.perturbation.unsymmetric` are then the
+    amplitude equations, and differences of natural frequencies follow in the list after the sums, of every excitation,
+    and at its end modes that grow by themselves.
+
     A group of equal frequencies has one tongue, independent of the basis chosen for its modes: the first pair of its
     modes carries it, the other members are NaN. Groups may differ from row to row.
 
     Parameters
     ----------
     system: with any batch of rows.
-    harmonics: excitation frequencies up to this harmonic of each mesh.
+    harmonics: excitation frequencies up to this harmonic of each mesh and term.
     modes: numbers (from 1) of the modes to pair; default all that are not rigid-body modes in at least one row. Give
         them where several blocks of rows must have one list of tongues.
     further: excitation frequencies to add to those.
@@ -66,22 +93,42 @@ def first_order(
     modal = modal_rows(system)
     if modes is None:
         modes = [int(p) + 1 for p in np.flatnonzero(np.any(modal.frequency != 0, axis=0))]
-    pairs = [(p, q) for k, p in enumerate(modes) for q in modes[k:]]
+    pairs = [(p, q, False) for k, p in enumerate(modes) for q in modes[k:]]
+    pairs += [(p, q, True) for p, q, _ in pairs if p != q] if system.terms else []
     forces = (*excitations(system, harmonics), *further)
-    place = {(p - 1, q - 1): k for k, (p, q) in enumerate(pairs)}
-    center, width, threshold = np.full((3, len(forces), len(pairs), len(modal.frequency)), np.nan)
+    place = {(p - 1, q - 1, difference): k for k, (p, q, difference) in enumerate(pairs)}
+    center, middle, width, threshold = np.full((4, len(forces), len(pairs), len(modal.frequency)), np.nan)
+    growing = np.zeros((system.size, len(modal.frequency)), dtype=bool)
     for rows, groups in partitions(modal.frequency):
         part = modal.rows(rows)
-        wanted = [(P, Q, place[P[0], Q[0]]) for k, P in enumerate(groups) for Q in groups[k:] if (P[0], Q[0]) in place]
+        wanted = [
+            (P, Q, difference, place[P[0], Q[0], difference])
+            for k, P in enumerate(groups)
+            for Q in groups[k:]
+            for difference in (False, True)
+            if (P[0], Q[0], difference) in place
+        ]
         for e, force in enumerate(forces):
             ratio = float(force.ratio)
-            for k, total, half, opening in _solve(part, _weights(system, force, modal.batch, rows), wanted):
+            for k, root, shift, half, opening in _solve(part, _sources(system, force, part, rows), wanted):
                 where = np.ix_(np.array([e]), np.array(k), rows)
-                center[where], width[where], threshold[where] = total / ratio, half / ratio, opening
-    index = tuple(tongue(system, force, p, q) for force in forces for p, q in pairs)
-    full = (len(index), *modal.batch)
-    center, width, threshold = (a.reshape(full) for a in (center, width, threshold))
-    return Tongues(index, center, width, _boundaries(center, width, threshold), threshold)
+                center[where], middle[where] = root / ratio, (root + shift) / ratio
+                width[where], threshold[where] = half / ratio, opening
+        if part.terms is not None:
+            for P in groups:
+                growing[P[0], rows] = decaying(_mean(part, P, part.frequency[:, P].mean(axis=1))[0])[1]
+    index = [tongue(system, force, p, q, difference) for force in forces for p, q, difference in pairs]
+    center, middle, width, threshold = (a.reshape(-1, len(modal.frequency)) for a in (center, middle, width, threshold))
+    alone = [p for p in modes if growing[p - 1].any()]
+    index += [self_excited(system, p) for p in alone]
+    grows = growing[[p - 1 for p in alone]]
+    nowhere = np.full(grows.shape, np.nan)
+    center, middle = (np.concatenate([a, nowhere]) for a in (center, middle))
+    width = np.concatenate([width, np.where(grows, np.inf, 0.0)])
+    threshold = np.concatenate([threshold, np.where(grows, 0.0, np.inf)])
+    ends = _boundaries(middle, width, threshold)
+    whole = (a.reshape(*a.shape[:-1], *system.batch) for a in (center, width, ends, threshold))
+    return Tongues(tuple(index), *whole)
 
 
 def _boundaries(center: Array, width: Array, threshold: Array) -> Array:
@@ -96,7 +143,8 @@ class ModalQuantities:
     """Modal quantities of all rows, with the batch flattened.
 
     frequency ``(rows, n)``, 0 for rigid-body modes and NaN for negative stiffness, and its square, which is then
-    negative; deflection ``(rows, n, meshes)``; damping ``(rows, n, n)`` = Phi^T C Phi/2, or None.
+    negative; deflection ``(rows, n, meshes)``; damping ``(rows, n, n)`` = Phi^T C Phi/2, means of terms included, or
+    None; terms: None where there are none.
     """
 
     frequency: Array
@@ -104,11 +152,13 @@ class ModalQuantities:
     deflection: Array
     damping: Array | None
     batch: tuple[int, ...]
+    terms: ModalTerms | None = None
 
     def rows(self, rows: Array) -> ModalQuantities:
         damping = None if self.damping is None else self.damping[rows]
+        terms = None if self.terms is None else self.terms.rows(rows)
         return ModalQuantities(
-            self.frequency[rows], self.squared_frequency[rows], self.deflection[rows], damping, self.batch
+            self.frequency[rows], self.squared_frequency[rows], self.deflection[rows], damping, self.batch, terms
         )
 
 
@@ -116,13 +166,17 @@ def modal_rows(system: GearSystem) -> ModalQuantities:
     """See :class:`ModalQuantities`; mesh deflections and damping rates that are rounding are exactly zero."""
     modes = mean_modes(system)
     deflection = np.where(significant_deflection(modes), modes.mesh_deflection, 0.0)
+    terms = modal_terms(system, modes) if system.terms else None
     damping = None
     if system.damping is not None:
-        damping = 0.5 * np.swapaxes(modes.shapes, -1, -2) @ system.damping @ modes.shapes
+        damping = system.flat(0.5 * np.swapaxes(modes.shapes, -1, -2) @ system.damping @ modes.shapes, 2)
+    if terms is not None:
+        damping = 0.5 * terms.damping + (0.0 if damping is None else damping)
+    if damping is not None:
         largest = np.abs(damping).max(axis=(-2, -1), keepdims=True)
-        damping = system.flat(np.where(np.abs(damping) <= ROUNDING * largest, 0.0, damping), 2)
+        damping = np.where(np.abs(damping) <= ROUNDING * largest, 0.0, damping)
     frequency, squared = (system.flat(a, 1) for a in (modes.natural_frequency, modes.squared_frequency))
-    return ModalQuantities(frequency, squared, system.flat(deflection, 2), damping, system.batch)
+    return ModalQuantities(frequency, squared, system.flat(deflection, 2), damping, system.batch, terms)
 
 
 def partitions(frequency: Array) -> Iterator[tuple[Array, list[Group]]]:
@@ -156,66 +210,112 @@ def _groups_of(pattern: Array) -> list[Group]:
     return groups
 
 
-def _weights(system: GearSystem, force: ParametricExcitation, batch: tuple[int, ...], rows: Array) -> Weights:
-    """Strength and phase of every mesh that contributes to an excitation."""
-    weights = []
+def _sources(system: GearSystem, force: ParametricExcitation, modal: ModalQuantities, rows: Array) -> list[Source]:
+    """Everything that contributes to an excitation. modal: of these rows."""
+    found = []
     for i, s in force.parts:
         mesh = system.meshes[i]
         a, b = mesh.waveform.fourier(s)
         wave = (np.asarray(b) - 1j * np.asarray(a)) * np.exp(-2j * np.pi * s * np.asarray(mesh.lag))
-        amplitude, wave = (np.broadcast_to(v, batch).reshape(-1)[rows] for v in (mesh.amplitude, wave))
-        weights.append((i, amplitude, wave))
-    return weights
+        amplitude, wave = (np.broadcast_to(v, modal.batch).reshape(-1)[rows] for v in (mesh.amplitude, wave))
+        delta = modal.deflection[:, :, i].T
+        found.append(Source(delta, delta, amplitude, wave))
+    if modal.terms is not None:
+        for j, wave, drag in harmonics_of_terms(system, force.ratio, rows):
+            ends = (modal.terms.left[:, :, j].T, modal.terms.right[:, :, j].T)
+            found.append(Source(*ends, np.ones(len(rows)), wave, drag))
+    return found
 
 
-def _coupling(modal: ModalQuantities, weights: Weights, p: Group, q: Group) -> Array:
-    """B_pq for matching lists of modes, ``(len(p), rows)``, exactly zero where only rounding is left."""
+def _coupling(
+    modal: ModalQuantities, sources: list[Source], p: Group, q: Group, velocity: Array | None = None
+) -> Array:
+    """B_pq - i w_q D_pq for matching lists of modes, ``(len(p), rows)``, exactly zero where only rounding is left.
+
+    velocity: w_q ``(len(p), rows)``, negative where mode q stands with its difference; None where D is zero.
+    """
     total = np.zeros((len(p), len(modal.frequency)), dtype=complex)
     size = np.zeros(total.shape)
-    for i, amplitude, wave in weights:
-        delta = modal.deflection[:, :, i].T
-        product = amplitude * delta[p] * delta[q]
-        total += product * wave
-        size += np.abs(product)
+    for source in sources:
+        product = source.size * source.left[p] * source.right[q]
+        if source.drag is None or velocity is None:
+            total += product * source.wave
+            size += np.abs(product)
+        else:
+            total += product * (source.wave - 1j * velocity * source.drag)
+            size += np.abs(product) * (np.abs(source.wave) + np.abs(velocity * source.drag))
     total[np.abs(total) <= ROUNDING * size] = 0.0
     return total
 
 
 def _solve(
-    modal: ModalQuantities, weights: Weights, wanted: list[tuple[Group, Group, int]]
-) -> Iterator[tuple[list[int], Array, Array, Array]]:
-    """Yield (places, w_P + w_Q, half-width in nu, threshold) of the wanted pairs, ``(places, rows)`` each."""
-    single = [(P[0], Q[0], k) for P, Q, k in wanted if len(P) == len(Q) == 1]
-    if single:
-        p, q, k = (list(column) for column in zip(*single, strict=True))
-        yield k, *_single_pairs(modal, weights, p, q)
-    for P, Q, place in wanted:
-        if len(P) > 1 or len(Q) > 1:
-            total, width, threshold = _group_pair(modal, weights, P, Q)
-            yield [place], total[None], width[None], threshold[None]
+    modal: ModalQuantities, sources: list[Source], wanted: list[Tried]
+) -> Iterator[tuple[list[int], Array, Array, Array, Array]]:
+    """Yield places and what is found there: of all pairs of single modes at once, then of each other pair."""
+    for difference in (False, True):
+        single = [(P[0], Q[0], k) for P, Q, d, k in wanted if len(P) == len(Q) == 1 and d is difference]
+        if single:
+            p, q, k = (list(column) for column in zip(*single, strict=True))
+            if modal.terms is None:
+                yield k, *_single_pairs(modal, sources, p, q)
+            else:
+                yield k, *_unsymmetric_pairs(modal, sources, p, q, difference)
+    several = [one for one in wanted if len(one[0]) > 1 or len(one[1]) > 1]
+    if modal.terms is None:
+        for P, Q, _, place in several:
+            root, shift, half, threshold = (part[None] for part in _group_pair(modal, sources, P, Q))
+            yield [place], root, shift, half, threshold
+        return
+    for shape in dict.fromkeys((len(P), len(Q), difference) for P, Q, difference, _ in several):
+        alike = [one for one in several if (len(one[0]), len(one[1]), one[2]) == shape]
+        found = _unsymmetric_groups(modal, sources, [(P, Q) for P, Q, _, _ in alike], shape[2])
+        yield [place for *_, place in alike], *found
 
 
-def _single_pairs(modal: ModalQuantities, weights: Weights, p: Group, q: Group) -> tuple[Array, Array, Array]:
+def _single_pairs(modal: ModalQuantities, sources: list[Source], p: Group, q: Group) -> Found:
     """Tongues between modes of distinct frequency, all pairs at once."""
     w = modal.frequency.T
-    coupling = np.abs(_coupling(modal, weights, p, q)) / np.sqrt(w[p] * w[q])
+    coupling = np.abs(_coupling(modal, sources, p, q)) / np.sqrt(w[p] * w[q])
+    none = np.zeros_like(coupling)
     if modal.damping is None:
-        return w[p] + w[q], coupling, np.zeros_like(coupling)
+        return w[p] + w[q], none, coupling, none
     mu = np.diagonal(modal.damping, axis1=-2, axis2=-1).T
-    return w[p] + w[q], *single_pair(coupling, mu[p], mu[q])
+    return w[p] + w[q], none, *single_pair(coupling, mu[p], mu[q])
 
 
-def _block(modal: ModalQuantities, weights: Weights, P: Group, Q: Group) -> Array:
-    """G ``(rows, P, Q)`` of two groups."""
-    w_p, w_q = modal.frequency[:, P].mean(axis=1), modal.frequency[:, Q].mean(axis=1)
-    flat = _coupling(modal, weights, [p for p in P for _ in Q], [q for _ in P for q in Q])
-    return (flat / np.sqrt(w_p * w_q)).T.reshape(-1, len(P), len(Q))
+def _unsymmetric_pairs(modal: ModalQuantities, sources: list[Source], p: Group, q: Group, difference: bool) -> Found:
+    """The same with periodic terms, at sums or at differences of frequencies: w_q - w_p is that with -w_p for w_p."""
+    assert modal.terms is not None
+    assert modal.damping is not None
+    w, one = modal.frequency.T, (q, p) if difference else (p, q)
+    own, other = w[one[0]], -w[one[1]] if difference else w[one[1]]
+    forward = _coupling(modal, sources, *one, other) * 0.5j / own
+    backward = np.conj(_coupling(modal, sources, *one[::-1], own) * 0.5j / other)
+    product = forward * backward
+    product = np.where(np.abs(product.imag) <= ROUNDING * np.abs(product), product.real, product)
+    mu, mean = (np.diagonal(a, axis1=-2, axis2=-1).T for a in (modal.damping, modal.terms.stiffness))
+    shift, half, threshold = product_pair(product, mu[one[0]], mu[one[1]])
+    if difference:
+        threshold = np.where(product == 0, np.where(np.isinf(half), threshold, np.inf), threshold)
+    return own + other, shift + 0.5 * (mean[one[0]] / own + mean[one[1]] / other), half, threshold
+
+
+def _block(modal: ModalQuantities, sources: list[Source], P: Group, Q: Group, velocity: Array | None = None) -> Array:
+    """B[P, Q] of two groups, ``(rows, P, Q)``, see :func:`_coupling`; velocity: ``(rows,)``."""
+    flat = _coupling(modal, sources, [p for p in P for _ in Q], [q for _ in P for q in Q], velocity)
+    return flat.T.reshape(-1, len(P), len(Q))
+
+
+def _scale(*frequencies: Array) -> Array:
+    """sqrt(w_P w_Q), to divide blocks by."""
+    return np.sqrt(np.prod(frequencies, axis=0))[:, None, None]
 
 
 def block(modal: ModalQuantities, system: GearSystem, force: ParametricExcitation, P: Group, Q: Group) -> Array:
-    """Return G = B[P, Q]/sqrt(w_P w_Q) of an excitation, ``(rows, P, Q)``. modal: of the same system."""
-    rows = np.arange(len(modal.frequency))
-    return _block(modal, _weights(system, force, modal.batch, rows), P, Q)
+    """Return G = B[P, Q]/sqrt(w_P w_Q) of an excitation by meshes, ``(rows, P, Q)``. modal: of the same system."""
+    alone = replace(modal, terms=None)
+    sources = _sources(system, force, alone, np.arange(len(modal.frequency)))
+    return _block(alone, sources, P, Q) / _scale(*(modal.frequency[:, group].mean(axis=1) for group in (P, Q)))
 
 
 def group_of(modal: ModalQuantities, mode: int) -> Group:
@@ -224,11 +324,51 @@ def group_of(modal: ModalQuantities, mode: int) -> Group:
     return next(group for group in groups if mode in group)
 
 
-def _group_pair(modal: ModalQuantities, weights: Weights, P: Group, Q: Group) -> tuple[Array, Array, Array]:
+def _group_pair(modal: ModalQuantities, sources: list[Source], P: Group, Q: Group) -> Found:
     """The tongue of two groups of which at least one has several modes."""
-    w_p, w_q = modal.frequency[:, P].mean(axis=1), modal.frequency[:, Q].mean(axis=1)
-    matrix = _block(modal, weights, P, Q)
+    w_p, w_q = (modal.frequency[:, group].mean(axis=1) for group in (P, Q))
+    matrix = _block(modal, sources, P, Q) / _scale(w_p, w_q)
+    none = np.zeros(len(matrix))
     if modal.damping is None:
-        return w_p + w_q, undamped(matrix), np.zeros(len(matrix))
+        return w_p + w_q, none, undamped(matrix), none
     blocks = (modal.damping[:, np.array(G)[:, None], G] for G in (P, Q))
-    return w_p + w_q, *group_pair(matrix, *blocks)
+    return w_p + w_q, none, *group_pair(matrix, *blocks)
+
+
+def _unsymmetric_groups(
+    modal: ModalQuantities, sources: list[Source], pairs: list[tuple[Group, Group]], difference: bool
+) -> Found:
+    """The same of pairs of groups of the same sizes with periodic terms, at sums or differences of frequencies."""
+    sign, rows = -1.0 if difference else 1.0, len(modal.frequency)
+    parts, roots, shifts = [], [], []
+    for P, Q in [pair[::-1] for pair in pairs] if difference else pairs:
+        own, other = (modal.frequency[:, group].mean(axis=1) for group in (P, Q))
+        # In the scaling in which amplitudes are actions, G is the adjoint of H where the excitation is symmetric.
+        scale = _scale(own, other)
+        forward = _block(modal, sources, P, Q, sign * other) * 0.5j / scale
+        backward = np.conj(_block(modal, sources, Q, P, own) * 0.5j / (sign * scale))
+        (mean_p, shift_p), (mean_q, shift_q) = _mean(modal, P, own), _mean(modal, Q, -sign * other)
+        parts.append((forward, backward, mean_p, mean_q))
+        roots.append(own + sign * other)
+        shifts.append(shift_p - shift_q)
+    every = [np.concatenate(part) for part in zip(*parts, strict=True)]
+    shift, half, threshold = (a.reshape(-1, rows) for a in unsymmetric_groups(*every))
+    if difference:
+        still = ~every[0].any(axis=(-2, -1)).reshape(-1, rows) & np.isfinite(half)
+        threshold = np.where(still, np.inf, threshold)
+    return np.array(roots), shift + np.array(shifts), half, threshold
+
+
+def _mean(modal: ModalQuantities, group: Group, frequency: Array) -> tuple[Array, Array]:
+    """(-D + i E without the part of E that all modes have in common ``(rows, P, P)``, that part ``(rows,)``).
+
+    E = S[P, P]/(2 w_P). frequency: w_P ``(rows,)``, negative for conjugate amplitudes.
+    """
+    assert modal.terms is not None
+    assert modal.damping is not None
+    damping, static = (a[:, np.array(group)[:, None], group] for a in (modal.damping, modal.terms.stiffness))
+    moved = static / (2 * frequency[:, None, None])
+    common = np.trace(moved, axis1=-2, axis2=-1) / len(group)
+    own = moved - common[:, None, None] * np.eye(len(group))
+    largest = np.abs(moved).max(axis=(-2, -1), keepdims=True)
+    return -damping + 1j * np.where(np.abs(own) <= ROUNDING * largest, 0.0, own), common

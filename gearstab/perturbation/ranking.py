@@ -54,10 +54,11 @@ class Ranking:
 
 
 def rank(system: GearSystem, low: float, high: float, harmonics: int, most: int = 12, nearest: int = 3) -> Ranking:
-    """Rank the first-order regions of a single system between two mesh frequencies.
+    """Rank the first-order regions of a single system between two mesh frequencies, its periodic terms left out.
 
     harmonics: at least; more are looked at as far as MOST_TONGUES allows. most, nearest: lengths of the two lists.
     """
+    system = replace(system, terms=())
     modes = _excited(system)
     pairs = max(len(modes) * (len(modes) + 1) // 2 * len(set(system.frequency_ratios)), 1)
     harmonics = max(harmonics, min(HIGHEST, MOST_TONGUES // pairs))

@@ -70,9 +70,13 @@ def second_order(system: GearSystem, harmonics: int, modes: Sequence[int] | None
     mix most with the two in resonance, or half-width over natural frequency; to which is added the change of the
     nearest resonance's contribution across the tongue. It has the size of the third-order terms, but is no bound.
 
+    Raises ValueError for a system with periodic terms besides its meshes.
+
     Source: the method is the elimination known as Lyapunov-Schmidt reduction; the terms of first order are those of
     :func:`first_order`.
     """
+    if system.terms:
+        raise ValueError("periodic terms beside the mesh stiffness are not supported here")
     more = products(system, harmonics)
     first = first_order(system, harmonics, modes, more)
     modal = modal_rows(system)

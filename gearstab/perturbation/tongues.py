@@ -1,8 +1,9 @@
 """Instability tongues: which ones exist, what they are called, and the arrays that describe them.
 
 A tongue is one instability region, rooted at epsilon = 0 where an excitation frequency nu meets the sum of two natural
-frequencies. The list of tongues depends on the structure of a system only (its modes and the ratios of its
-mesh frequencies), never on the numbers of a row, so that every row of a sweep has the same one.
+frequencies; with periodic terms that are not symmetric also where it meets their difference. The list of tongues
+depends on the structure of a system only (its modes and the ratios of its mesh frequencies), never on the numbers of a
+row, so that every row of a sweep has the same one; only modes that grow by themselves are listed where there are some.
 """
 
 from __future__ import annotations
@@ -19,8 +20,9 @@ from gearstab.system import Array, GearSystem
 class ParametricExcitation:
     """One frequency of parametric excitation, nu = ratio * Omega, and all the mesh harmonics that share it.
 
-    parts: pairs (mesh number from 0, harmonic s_i) with s_i r_i = ratio, in the order of the meshes; none for sums and
-        differences of harmonics of different meshes, which act in second and higher order of epsilon only.
+    parts: pairs (mesh number from 0, harmonic s_i) with s_i r_i = ratio, in the order of the meshes; none for
+        frequencies that only periodic terms have, and for sums and differences of harmonics of different meshes, which
+        act in second and higher order of epsilon only.
     """
 
     ratio: Fraction | float
@@ -29,7 +31,7 @@ class ParametricExcitation:
 
 @dataclass(frozen=True)
 class Tongue:
-    """Identity of a tongue: nu = frequency_ratio * Omega near w_p + w_q.
+    """Identity of a tongue: nu = frequency_ratio * Omega near w_p + w_q, or near w_q - w_p where ``difference``.
 
     mode_p, mode_q: mode numbers from 1, by ascending natural frequency; p <= q.
     harmonic: s of the first contributing mesh; 0 where no mesh has a harmonic of that frequency.
@@ -46,22 +48,37 @@ class Tongue:
     label: str
     frequency_ratio: float
 
+    @property
+    def difference(self) -> bool:
+        """Whether it is rooted at a difference of natural frequencies."""
+        return self.kind in DIFFERENCES
+
+
+DIFFERENCES = ("difference", "higher difference")
+"""The kinds of tongues at differences of natural frequencies: harmonic 1, and all others."""
+SELF_EXCITED = "self-excited"
+"""The kind of a mode that grows by itself."""
+
 
 @dataclass(frozen=True)
 class Tongues:
     """Predicted instability regions in terms of Omega, where mesh i runs at r_i Omega (the first at Omega itself).
 
     index: the tongues; their attributes are also at hand as tuples (``mode_p``, ``label``, ...).
-    center_frequency: ``(tongue, ...)``, Omega at the root of the tongue; NaN where it does not exist in a row: one of
-        its modes is a rigid-body mode or has negative stiffness there, or it belongs to a degenerate group whose tongue
-        is carried by the first pair of modes of that group.
+    center_frequency: ``(tongue, ...)``, Omega at the root of the tongue, by the natural frequencies without what
+        damping and the means of periodic terms do to them; NaN where it does not exist in a row: one of its modes is a
+        rigid-body mode or has negative stiffness there, or it belongs to a degenerate group whose tongue is carried by
+        the first pair of modes of that group; and of a mode that grows by itself.
     half_width: ``(tongue, ...)``, half of the unstable range of Omega; 0 where there is none; infinite where
         first-order theory has no boundary because only one of the two modes is damped (see
-        :mod:`gearstab.perturbation.damped`).
+        :mod:`gearstab.perturbation.damped`) or grows by itself. With periodic terms see
+        :mod:`gearstab.perturbation.unsymmetric`; NaN where it is not known: of modes of one frequency without damping.
     boundary_frequency: ``(tongue, 2, ...)``, the lower and upper end; NaN where damping closes the tongue and where
-        ``half_width`` is infinite. An undamped tongue of width zero has both ends at its centre.
-    threshold: ``(tongue, ...)``, the factor on every epsilon (at constant mean stiffness) at which the tongue opens: 0
-        for undamped modes, above 1 where the tongue is closed, infinite where damped modes are not excited at all.
+        ``half_width`` is infinite or NaN. An undamped tongue of width zero has both ends at its centre. Periodic terms
+        shift both from the root.
+    threshold: ``(tongue, ...)``, the factor on every epsilon (at constant mean stiffness), and on whatever else varies
+        about its mean, at which the tongue opens: 0 for undamped modes, above 1 where the tongue is closed, infinite
+        where damped modes are not excited at all.
 
     Of second order only, else None:
 
@@ -101,13 +118,12 @@ def overlapping(tongues: Tongues) -> Array:
 
 
 def excitations(system: GearSystem, harmonics: int) -> tuple[ParametricExcitation, ...]:
-    """Every nu = s r_i Omega with s <= ``harmonics`` for some mesh i, each once, with *all* its mesh harmonics.
+    """Every nu = s r_i Omega with s <= ``harmonics`` for some mesh or term i, each once, with *all* its mesh harmonics.
 
     A mesh whose own harmonic number exceeds ``harmonics`` still contributes to a frequency that another mesh
     brings in: leaving it out would give that tongue a wrong width.
     """
-    ratios = [mesh.frequency_ratio for mesh in system.meshes]
-    found = dict.fromkeys(s * r for r in ratios for s in range(1, harmonics + 1))
+    found = dict.fromkeys(s * r for r in system.frequency_ratios for s in range(1, harmonics + 1))
     return tuple(ParametricExcitation(nu, sharing(system, nu)) for nu in found)
 
 
@@ -130,35 +146,50 @@ def products(system: GearSystem, harmonics: int) -> tuple[ParametricExcitation, 
 
 def sharing(system: GearSystem, ratio: Fraction | float) -> tuple[tuple[int, int], ...]:
     """Pairs (mesh from 0, harmonic s) of all meshes that have a harmonic at the frequency ratio * Omega."""
-    order = [(i, mesh.frequency_ratio, round(ratio / mesh.frequency_ratio)) for i, mesh in enumerate(system.meshes)]
-    return tuple((i, s) for i, r, s in order if s > 0 and s * r == ratio)
+    order = [(i, harmonic_at(ratio, mesh.frequency_ratio)) for i, mesh in enumerate(system.meshes)]
+    return tuple((i, s) for i, s in order if s)
 
 
-def kind_of(p: int, q: int, harmonic: int) -> str:
-    """Name the kind: primary (Omega near 2 w_p), secondary (w_p), combination (w_p + w_q) or higher.
+def harmonic_at(ratio: Fraction | float, own: Fraction | float) -> int:
+    """Return s with s * own = ratio, of what varies with the frequency own * Omega; 0 where there is none."""
+    s = round(ratio / own)
+    return s if s > 0 and s * own == ratio else 0
 
-    Beyond these: ``higher`` (p = q, s >= 3) and ``higher combination`` (p != q, s >= 2). Source: Lin & Parker 2002,
-    section 3, which has no names for the last two.
+
+def kind_of(p: int, q: int, harmonic: int, difference: bool = False) -> str:
+    """Name the kind: primary (Omega near 2 w_p), secondary (w_p), combination (w_p + w_q), difference or higher.
+
+    Beyond these: ``higher`` (p = q, s >= 3), ``higher combination`` and ``higher difference`` (p != q, s >= 2). Source:
+    Lin & Parker 2002, section 3, which has no names for the last two, and no differences.
     """
+    if difference:
+        return DIFFERENCES[harmonic != 1]
     if p == q:
         return {1: "primary", 2: "secondary"}.get(harmonic, "higher")
     return "combination" if harmonic == 1 else "higher combination"
 
 
-def label_of(p: int, q: int, harmonic: int) -> str:
-    """The mesh frequency at the root of a tongue: ``2w3``, ``w3``, ``2w3/3``, ``w2+w3``, ``(w2+w3)/2``."""
+def label_of(p: int, q: int, harmonic: int, difference: bool = False) -> str:
+    """The mesh frequency at the root of a tongue: ``2w3``, ``w3``, ``2w3/3``, ``w2+w3``, ``(w2+w3)/2``, ``w3-w2``."""
     if p != q:
-        total = f"w{p}+w{q}"
+        total = _total(p, q, difference)
         return total if harmonic == 1 else f"({total})/{harmonic}"
     factor = Fraction(2, harmonic)
     times = f"{factor.numerator}w{p}" if factor.numerator > 1 else f"w{p}"
     return times if factor.denominator == 1 else f"{times}/{factor.denominator}"
 
 
-def _label_at(p: int, q: int, ratio: Fraction) -> str:
-    """Omega at the root: ``3(w1+w2)/2``, ``6w2/5``."""
-    times = (2 if p == q else 1) / ratio
-    total = f"w{p}" if p == q else f"(w{p}+w{q})"
+def _total(p: int, q: int, difference: bool) -> str:
+    return f"w{q}-w{p}" if difference else f"w{p}+w{q}"
+
+
+def _label_at(p: int, q: int, ratio: Fraction | float, difference: bool) -> str:
+    """Omega at the root: ``3(w1+w2)/2``, ``6w2/5``, ``2w3/0.618034``."""
+    total = f"w{p}" if p == q else f"({_total(p, q, difference)})"
+    times = Fraction(2 if p == q else 1)
+    if not isinstance(ratio, Fraction):
+        return f"{'2' * (p == q)}{total}/{ratio:.6g}"
+    times /= ratio
     factor = "" if times.numerator == 1 else str(times.numerator)
     return f"{factor}{total}" + ("" if times.denominator == 1 else f"/{times.denominator}")
 
@@ -166,10 +197,10 @@ def _label_at(p: int, q: int, ratio: Fraction) -> str:
 def self_excited(system: GearSystem, p: int) -> Tongue:
     """Return the tongue of a mode (from 1) that negative damping makes grow at any mesh frequency, without a root."""
     everything = "+".join(mesh.name for mesh in system.meshes)
-    return Tongue(p, p, 0, everything, "self-excited", f"mode {p} self-excited", 0.0)
+    return Tongue(p, p, 0, everything, SELF_EXCITED, f"mode {p} self-excited", 0.0)
 
 
-def tongue(system: GearSystem, excitation: ParametricExcitation, p: int, q: int) -> Tongue:
+def tongue(system: GearSystem, excitation: ParametricExcitation, p: int, q: int, difference: bool = False) -> Tongue:
     """The tongue of modes p <= q (from 1) under one excitation.
 
     Its harmonic, kind and label refer to the first contributing mesh. Where that mesh runs at another frequency than
@@ -178,11 +209,11 @@ def tongue(system: GearSystem, excitation: ParametricExcitation, p: int, q: int)
     """
     if not excitation.parts:
         everything = "+".join(mesh.name for mesh in system.meshes)
-        label = _label_at(p, q, Fraction(excitation.ratio))
-        return Tongue(p, q, 0, everything, kind_of(p, q, 0), label, float(excitation.ratio))
+        label = _label_at(p, q, excitation.ratio, difference)
+        return Tongue(p, q, 0, everything, kind_of(p, q, 0, difference), label, float(excitation.ratio))
     first, harmonic = excitation.parts[0]
     mesh = "+".join(system.meshes[i].name for i, _ in excitation.parts)
-    label = label_of(p, q, harmonic)
+    label = label_of(p, q, harmonic, difference)
     if system.meshes[first].frequency_ratio != system.meshes[0].frequency_ratio:
         label += f" ({mesh})"
-    return Tongue(p, q, harmonic, mesh, kind_of(p, q, harmonic), label, float(excitation.ratio))
+    return Tongue(p, q, harmonic, mesh, kind_of(p, q, harmonic, difference), label, float(excitation.ratio))

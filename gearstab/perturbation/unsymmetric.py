@@ -1,4 +1,4 @@
-"""First-order boundaries with periodic terms that need not be symmetric: friction, mesh damping that varies.
+"""First-order amplitude equations with periodic terms that need not be symmetric: friction, mesh damping that varies.
 
 With the harmonics B exp(i nu t) + c.c. of the modal stiffness Phi^T K(t) Phi, and D of the damping, the amplitudes of
 two modes near nu = w_p + w_q + sigma follow
@@ -6,79 +6,192 @@ two modes near nu = w_p + w_q + sigma follow
     A_p' = (-mu_p - i sigma/2) A_p + G conj(A_q),    G = (B_pq - i w_q D_pq) i/(2 w_p),
     conj(A_q)' = H A_p + (-mu_q + i sigma/2) conj(A_q),    conj(H) = (B_qp - i w_p D_qp) i/(2 w_q).
 
-Where B and D are symmetric G H is real and positive. In general an eigenvalue is imaginary at the two detunings
+An eigenvalue is imaginary at the two detunings
 
     sigma = [Im(GH) (mu_p - mu_q) +- (mu_p + mu_q) sqrt(Im(GH)^2 + 4 mu_p mu_q Re(GH) - 4 mu_p^2 mu_q^2)]/(2 mu_p mu_q),
 
-which contains :func:`gearstab.perturbation.damped.single_pair`: terms that are not symmetric shift a tongue of
-unequally damped modes to one side. The means of the terms, small as they are, add to the damping and shift w_p by
-S_pp/(2 w_p). Derived as Lin & Parker 2002, (13)-(16).
+and there is growth between them (:func:`gearstab.perturbation.damped.product_pair`). The root is positive, and the
+tongue open, where |GH| + Re(GH) > 2 mu_p mu_q. Where B is symmetric and D zero, or where p = q and both are symmetric,
+GH is |G|^2, real and positive. In general it is not: the tongue of unequally damped modes is shifted to one side, and
+
+* *differences* of frequencies become resonant. Near nu = w_p - w_q + sigma, w_p > w_q, the equations are the same with
+  -w_q in place of w_q, and A_q in place of its conjugate. With B symmetric and D zero GH is then -|B_pq|^2/(4 w_p w_q),
+  and the tongue never opens; it does, above the damping, where B_pq and B_qp have different signs or phases, or D is
+  large enough. (With B antisymmetric, sums and differences exchange their parts.)
+* where no mode is damped and GH is not real, or where one mode is not and GH is not real and negative, there is growth
+  on both sides or on one as far as the theory reaches, and no boundary: the half-width is infinite.
+* the means of the terms, small as they are, add to the damping and shift w_p by S_pp/(2 w_p). Of a group of modes of
+  equal frequency they are a matrix, E = S[P, P]/(2 w_P). A mode, or a combination of modes of a group, that -D + i E
+  makes grow by itself is *self-excited* at any mesh frequency; its tongues have no boundaries then.
+
+Groups P and Q of several modes have matrices in place of the scalars, and edges at some of the detunings of
+:func:`gearstab.perturbation.damped.crossings`. Derived as Lin & Parker 2002, (13)-(16).
 """
 
 from __future__ import annotations
 
-from fractions import Fraction
-
 import numpy as np
 
-from gearstab.modal import mean_modes
-from gearstab.system import Array, GearSystem
-from gearstab.waveforms import Profile
+from gearstab.perturbation.damped import BISECTIONS, crossings, group_pair, largest_rate
+from gearstab.system import Array
 
-NODES = 24
-"""Gauss-Legendre nodes of a piece of a profile, for each harmonic that it is asked for."""
+ROUNDING = 1e-12
+"""Parts of a matrix below this part of its largest entry are rounding."""
+DEFECT = 1e-7
+"""What a rounding error may do, relative, to the eigenvalues of a matrix of two that coincide: its square root."""
+LARGEST = 2.0**20
+"""Factors on the coupling beyond which a tongue of groups counts as one that never opens."""
+HALVINGS = 30
+"""Of the factor, in its logarithm: the threshold of groups has nine digits."""
 
 
-def first_order_edges(system: GearSystem, p: int, q: int, ratio: Fraction | int = 1) -> tuple[float, float]:
-    """Return the lower and the upper mesh frequency of the tongue of two modes at ratio * Omega = w_p + w_q.
+def decaying(mean: Array) -> tuple[Array, Array]:
+    """(whether all of a group decays, whether some of it grows by itself), ``(rows,)`` each.
 
-    system: a single one. p, q: modes of the mean system of mass, stiffness and meshes, from 1, of distinct frequencies.
-    NaN where the tongue is closed, or where a mode is not damped: then first order has no boundary in general.
+    mean: -D + i E of a group, ``(rows, P, P)``.
     """
-    modes = mean_modes(system)
-    shapes, frequency = modes.shapes, np.sqrt(np.maximum(modes.squared_frequency, 0.0))
-    b, d, static, mean = _harmonics(system, shapes, Fraction(ratio))
-    i, j = p - 1, q - 1
-    one, two = frequency[i], frequency[j]
-    center = one + two + static[i, i].real / (2 * one) + static[j, j].real / (2 * two)
-    mu_p, mu_q = 0.5 * mean[i, i].real, 0.5 * mean[j, j].real
-    forward = (b[i, j] - 1j * two * d[i, j]) * 1j / (2 * one)
-    backward = np.conj((b[j, i] - 1j * one * d[j, i]) * 1j / (2 * two))
-    product, both = complex(forward * backward), mu_p * mu_q
-    square = product.imag**2 + 4 * both * product.real - 4 * both**2
-    if not (mu_p > 0 and mu_q > 0 and square >= 0):
-        return np.nan, np.nan
-    sigma = product.imag * (mu_p - mu_q) + (mu_p + mu_q) * np.sqrt(square) * np.array([-1.0, 1.0])
-    lower, upper = (center + sigma / (2 * both)) / float(ratio)
-    return float(lower), float(upper)
+    rates = np.linalg.eigvals(mean).real.max(axis=-1)
+    damping, shift = (np.abs(part).max(axis=(-2, -1)) for part in (mean.real, mean.imag))
+    tiny = ROUNDING * damping + (DEFECT * shift if mean.shape[-1] > 1 else 0.0)
+    return rates < -tiny, rates > tiny
 
 
-def _harmonics(system: GearSystem, shapes: Array, ratio: Fraction) -> tuple[Array, Array, Array, Array]:
-    """B and D at ratio * Omega, the mean stiffness of the terms, the mean damping, all ``(n, n)`` in modes."""
-    b, d, static = (np.zeros(shapes.shape, dtype=complex) for _ in range(3))
-    mean = np.zeros(shapes.shape) if system.damping is None else shapes.T @ system.damping @ shapes
-    for mesh in system.meshes:
-        g = shapes.T @ mesh.direction
-        wave = 2 * mesh.amplitude * _coefficient(mesh.waveform, ratio / mesh.frequency_ratio, mesh.lag)
-        b += wave * np.outer(g, g)
-    for term in system.terms:
-        both, own = np.outer(shapes.T @ term.left, shapes.T @ term.right), ratio / term.frequency_ratio
-        if term.stiffness is not None:
-            b += _coefficient(term.stiffness, own, term.lag) * both
-            static += _coefficient(term.stiffness, Fraction(0), term.lag) * both
-        if term.damping is not None:
-            d += _coefficient(term.damping, own, term.lag) * both
-            mean = mean + _coefficient(term.damping, Fraction(0), term.lag).real * both
-    return b, d, static, mean
+def _passive(mean: Array) -> Array:
+    """Whether no motion of a group gains energy, even for a moment: the Hermitian part is not positive."""
+    hermitian = 0.5 * (mean + np.conj(np.swapaxes(mean, -1, -2)))
+    largest = np.linalg.eigvalsh(hermitian)[:, -1]
+    return np.asarray(largest <= ROUNDING * np.abs(mean).max(axis=(-2, -1)))
 
 
-def _coefficient(profile: Profile, harmonic: Fraction | float, lag: Array | float) -> complex:
-    """c of c exp(2 pi i s x), x counted from the beginning of the period; 0 where s is no whole number."""
-    s = round(harmonic)
-    if s != harmonic:
-        return 0j
-    edges = np.unique(np.concatenate([[0.0, 1.0], np.ravel(profile.breakpoints())]))
-    x, w = np.polynomial.legendre.leggauss(NODES * (1 + s))
-    at = edges[:-1, None] + np.diff(edges)[:, None] * 0.5 * (1 + x)
-    parts = (0.5 * np.diff(edges)[:, None] * w) * profile.value(at) * np.exp(-2j * np.pi * s * at)
-    return complex(parts.sum() * np.exp(-2j * np.pi * s * np.asarray(lag)))
+def groups(forward: Array, backward: Array, mean_p: Array, mean_q: Array) -> tuple[Array, Array, Array]:
+    """(shift, half_width, threshold) of two groups, ``(rows,)`` each, as of :func:`damped.product_pair`.
+
+        a' = (M_P - i sigma/2) a + G b,    b' = H a + (M_Q + i sigma/2) b.
+
+    forward: G ``(rows, P, Q)``; backward: H ``(rows, Q, P)``; mean_p, mean_q: M_P and M_Q, the shifts that all modes of
+    a group have in common left out, in the scaling in which H is the adjoint of G where the excitation is symmetric.
+
+    Of several unstable ranges of sigma the outermost ends count. NaN where some motion of a group is not damped and the
+    equations are not symmetric: then whether there is a boundary is not decided here.
+    """
+    shift, half, threshold = np.zeros(len(forward)), np.full(len(forward), np.nan), np.full(len(forward), np.nan)
+    (damped_p, grows_p), (damped_q, grows_q) = decaying(mean_p), decaying(mean_q)
+    size = np.maximum(np.abs(forward).max(axis=(-2, -1)), np.abs(backward).max(axis=(-2, -1)))
+    adjoint = np.conj(np.swapaxes(forward, -1, -2))
+    # Coupling in one direction only, and coupling that keeps the sum of the squared amplitudes, make nothing grow.
+    still = ~forward.any(axis=(-2, -1)) | ~backward.any(axis=(-2, -1))
+    keeps = np.abs(backward + adjoint).max(axis=(-2, -1)) <= ROUNDING * size
+    still |= keeps & _passive(mean_p) & _passive(mean_q)
+    symmetric = np.abs(backward - adjoint).max(axis=(-2, -1)) <= ROUNDING * size
+    for mean in (mean_p, mean_q):
+        symmetric &= ~mean.imag.any(axis=(-2, -1))
+        odd = np.abs(mean.real - np.swapaxes(mean.real, -1, -2)).max(axis=(-2, -1))
+        symmetric &= odd <= ROUNDING * np.abs(mean.real).max(axis=(-2, -1))
+    if symmetric.any():
+        half[symmetric], threshold[symmetric] = group_pair(
+            -2j * forward[symmetric], -mean_p[symmetric].real, -mean_q[symmetric].real
+        )
+    left = ~symmetric
+    half[left & still], threshold[left & still] = 0.0, np.inf
+    grows = left & (grows_p | grows_q)
+    half[grows], threshold[grows] = np.inf, 0.0
+    rows = np.flatnonzero(left & ~still & damped_p & damped_q)
+    if len(rows):
+        problem = _Damped(mean_p[rows], mean_q[rows], forward[rows], backward[rows])
+        threshold[rows] = problem.thresholds()
+        half[rows] = 0.0
+        open_ = threshold[rows] < 1
+        if open_.any():
+            lower, upper = problem.subset(open_).edges()
+            shift[rows[open_]], half[rows[open_]] = 0.5 * (lower + upper), 0.5 * (upper - lower)
+    return shift, half, threshold
+
+
+class _Damped:
+    """Two groups whose motions all decay without excitation."""
+
+    def __init__(self, mean_p: Array, mean_q: Array, forward: Array, backward: Array) -> None:
+        self.parts, self.p = (mean_p, mean_q, forward, backward), forward.shape[-2]
+
+    def subset(self, rows: Array) -> _Damped:
+        """Those of some rows."""
+        return _Damped(*(part[rows] for part in self.parts))
+
+    def matrix(self, factor: Array) -> Array:
+        """A with G and H times a factor ``(rows,)``."""
+        mean_p, mean_q, forward, backward = self.parts
+        times = factor[:, None, None]
+        return np.block([[mean_p, times * forward], [times * backward, mean_q]])
+
+    def unstable(self, factor: Array) -> tuple[Array, Array]:
+        """(detunings ascending, one between any two neighbours where the sign of the growth may change, and one below
+        and above all of those ``(rows, K)``; whether there is growth there).
+        """
+        matrix = self.matrix(factor)
+        marks = np.sort(crossings(matrix, self.p).real, axis=-1)
+        size = np.abs(matrix).max(axis=(-2, -1))
+        reach = np.abs(marks).max(axis=-1) + size
+        marks = np.concatenate([marks[:, :1] - reach[:, None], marks, marks[:, -1:] + reach[:, None]], axis=1)
+        middles = 0.5 * (marks[:, 1:] + marks[:, :-1])
+        every = np.repeat(matrix, middles.shape[1], axis=0)
+        rates = largest_rate(middles.ravel(), every, self.p).reshape(middles.shape)
+        return middles, rates > ROUNDING * size[:, None]
+
+    def edges(self) -> tuple[Array, Array]:
+        """The outermost detunings of growth, of rows in which there is some."""
+        matrix = self.matrix(np.ones(len(self.parts[0])))
+        middles, unstable = self.unstable(np.ones(len(matrix)))
+        each, last = np.arange(len(matrix)), unstable.shape[1] - 1
+        first, final = np.argmax(unstable, axis=1), last - np.argmax(unstable[:, ::-1], axis=1)
+        found = []
+        for inner, outer in ((first, np.maximum(first - 1, 0)), (final, np.minimum(final + 1, last))):
+            inside, outside = middles[each, inner], middles[each, outer]
+            for _ in range(BISECTIONS):
+                half = 0.5 * (inside + outside)
+                grows = largest_rate(half, matrix, self.p) > 0
+                inside, outside = np.where(grows, half, inside), np.where(grows, outside, half)
+            found.append(0.5 * (inside + outside))
+        return found[0], found[1]
+
+    def thresholds(self) -> Array:
+        """The factor on G and H at which growth at some detuning begins, below 1 where there is some without a factor.
+
+        Infinite where none up to LARGEST has any.
+        """
+        low, one = self._safe(), np.ones(len(self.parts[0]))
+        opened = self._opens(one)
+        low, high = np.where(opened, np.minimum(low, 1.0), np.maximum(low, 1.0)), one
+        while True:
+            rows = ~opened & (high < LARGEST)
+            if not rows.any():
+                break
+            high = np.where(rows, np.minimum(4 * high, LARGEST), high)
+            opened[rows] = self.subset(rows)._opens(high[rows])
+            low = np.where(rows & ~opened, np.maximum(low, high), low)
+        result = np.full(len(low), np.inf)
+        own, low, high = self.subset(opened), low[opened], high[opened]
+        for _ in range(HALVINGS if opened.any() else 0):
+            middle = np.sqrt(low * high)
+            grows = own._opens(middle)
+            low, high = np.where(grows, low, middle), np.where(grows, middle, high)
+        result[opened] = high
+        return result
+
+    def _opens(self, factor: Array) -> Array:
+        """Whether there is growth at some detuning."""
+        return np.asarray(self.unstable(factor)[1].any(axis=1))
+
+    def _safe(self) -> Array:
+        """A factor below which energy decays: the Hermitian part of A is negative definite, whatever sigma."""
+        mean_p, mean_q, forward, backward = self.parts
+        zero = np.zeros_like
+        means = np.block([[mean_p, zero(forward)], [zero(backward), mean_q]])
+        damping = -0.5 * (means + np.conj(np.swapaxes(means, -1, -2)))
+        both = self.matrix(np.ones(len(means))) - means
+        both = 0.5 * (both + np.conj(np.swapaxes(both, -1, -2)))
+        definite = np.linalg.eigvalsh(damping)[:, 0] > 0
+        factor = np.full(len(means), 1 / LARGEST)
+        root = np.linalg.inv(np.linalg.cholesky(damping[definite]))
+        strength = np.linalg.eigvalsh(root @ both[definite] @ np.conj(np.swapaxes(root, -1, -2)))[:, -1]
+        factor[definite] = 1 / np.maximum(strength, 1 / LARGEST)
+        return factor

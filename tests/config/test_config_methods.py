@@ -44,8 +44,8 @@ CASES = [
      "are not defined without a common period (lyapunov was chosen) (got true); remove it")),
     (IRRATIONAL, "boundaries: {}", said(11, "boundaries",
      "mesh frequencies of irrational ratio have no common period; remove it, or give exact ratios")),
-    (TERM, "perturbation:\n    harmonics: 2", said(12, "perturbation",
-     f"{ONLY}; use boundaries, which takes these too")),
+    (TERM, "perturbation:\n    order: 2", said(13, "perturbation.order",
+     f"{ONLY} (got 2); choose order: 1, which takes these too")),
     (SMOOTH, "uncoupled: {}", said(11, "uncoupled",
      "averages the contact ratios of rectangular waves, which b does not have; use floquet instead")),
     (TERM, "required_damping: {}", said(12, "required_damping",
@@ -61,8 +61,8 @@ CASES = [
      "no mesh has backlash (got 30); remove it, or give a mesh backlash")),
     (LOADED.replace("lag: 0}", "lag: 0, backlash: 0.1}"), "response: {cycles: 30, discard: 40}",
      said(13, "response.discard", "leaves nothing of 30 cycles (got 40); discard less, or give more cycles")),
-    (TERM, "{perturbation: {}, required_damping: {}}", said(12, "perturbation",
-     f"{ONLY}; use boundaries, which takes these too")
+    (TERM, "{perturbation: {order: 2}, required_damping: {}}", said(12, "perturbation.order",
+     f"{ONLY} (got 2); choose order: 1, which takes these too")
      + said(12, "required_damping",
      f"{ONLY}; sweep the damping with floquet instead")),
 ]  # fmt: skip

@@ -18,6 +18,7 @@ import numpy as np
 
 from gearstab.modal import mean_modes, significant_deflection
 from gearstab.perturbation import Tongue
+from gearstab.perturbation.tongues import SELF_EXCITED
 from gearstab.symmetry import can_couple, deflection_types, oriented, phase_step
 from gearstab.system import GearSystem
 from gearstab.waveforms import Rectangular
@@ -71,7 +72,7 @@ def driven(system: GearSystem, tongues: Sequence[Tongue]) -> list[DrivenRegion]:
 
 def explanation(system: GearSystem, tongues: Sequence[Tongue]) -> list[str]:
     """Return sentences on the regions of a single system, given those of interest."""
-    unique = {(t.mode_p, t.mode_q, t.frequency_ratio): t for t in tongues if t.kind != "self-excited"}
+    unique = {(t.mode_p, t.mode_q, t.frequency_ratio): t for t in tongues if t.kind != SELF_EXCITED}
     known = driven(system, list(unique.values()))
     rules = (_existence, _pairs, _missing, _many)
     return list(dict.fromkeys(text for rule in rules for text in rule(system, known)))

@@ -9,6 +9,7 @@ import xarray as xr
 from scipy.optimize import linear_sum_assignment
 
 from gearstab.errors import PlotError
+from gearstab.perturbation.tongues import DIFFERENCES
 from gearstab.plots.axes import FigureAxis, group_of, texts
 from gearstab.plots.view import View
 
@@ -96,7 +97,7 @@ def read_regions(tree: xr.DataTree, view: View, parameter: FigureAxis | None, mo
     found, known, exact = list[Region](), set[str](), False
     for group in ("boundaries", "perturbation"):
         data = group_of(tree, group)
-        if not {"mode_p", "mode_q", "frequency_ratio", "harmonic", "label"} <= set(data.coords):
+        if not {"mode_p", "mode_q", "frequency_ratio", "harmonic", "label", "kind"} <= set(data.coords):
             continue
         if not {"boundary_frequency", *own} <= {*data.data_vars, *map(str, data.sizes)}:
             continue
@@ -110,10 +111,12 @@ def read_regions(tree: xr.DataTree, view: View, parameter: FigureAxis | None, mo
         elif "half_width" in data:
             endless = np.isinf(view.cut(data["half_width"], "tongue", *own).reshape(len(edges), -1))
             edges = np.where(endless[:, None], np.array([-np.inf, np.inf])[:, None], edges)
-        labels = texts(data.coords["label"].values)
+        labels, kinds = (texts(data.coords[name].values) for name in ("label", "kind"))
         for k, label in enumerate(labels):
             ratio, harmonic = float(data["frequency_ratio"].values[k]), int(data["harmonic"].values[k])
             hidden = np.any(merged[k] >= 0) and not np.isfinite(edges[k]).any()
+            # At a difference of frequencies an order of a mesh passes neither mode's.
+            hidden |= kinds[k] in DIFFERENCES
             if ratio > 0 and label not in known and view.tongue in (None, label) and not hidden:
                 p, q = (int(data[name].values[k]) - 1 for name in ("mode_p", "mode_q"))
                 found.append(Region(label, p, q, ratio, harmonic, edges[k, 0], edges[k, 1]))
@@ -125,9 +128,10 @@ def read_regions(tree: xr.DataTree, view: View, parameter: FigureAxis | None, mo
 
 
 def _check(data: xr.Dataset, centres: Array, modes: Array) -> None:
-    """Raise PlotError where regions are not rooted at sums of these natural frequencies."""
+    """Raise PlotError where regions are not rooted at sums or differences of these natural frequencies."""
     p, q = (data[name].values.astype(int) - 1 for name in ("mode_p", "mode_q"))
-    sums, own = (modes[:, p] + modes[:, q]).T, centres * data["frequency_ratio"].values[:, None]
+    sign = np.where([kind in DIFFERENCES for kind in texts(data.coords["kind"].values)], -1.0, 1.0)
+    sums, own = (sign * modes[:, p] + modes[:, q]).T, centres * data["frequency_ratio"].values[:, None]
     if np.any(np.abs(sums - own) > SAME * np.abs(own)):
         raise PlotError(
             f"natural frequencies change over the axes, and this result holds those of one system: {REMEDY}"

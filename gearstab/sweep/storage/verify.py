@@ -14,7 +14,7 @@ import numpy as np
 from gearstab.ckernel import NAMES
 from gearstab.methods import Key
 from gearstab.perturbation import Tongue
-from gearstab.perturbation.tongues import kind_of, label_of
+from gearstab.perturbation.tongues import SELF_EXCITED, kind_of, label_of
 from gearstab.results.chunks import decode, holds
 from gearstab.results.variables import GRID, STRETCH, Variable
 from gearstab.sweep.compute import flag_counts, inner_shape
@@ -24,7 +24,7 @@ from gearstab.system import Array
 
 MOST = np.iinfo(np.int32).max
 """The largest number that a coordinate of regions holds."""
-OF_FORMULAS = "w0123456789+-*/() "
+OF_FORMULAS = "w0123456789+-*/.() "
 """Letters of labels."""
 
 
@@ -63,14 +63,14 @@ def _region(key: Key, modes: int, names: set[str]) -> bool:
 def _named(tongue: Tongue) -> bool:
     """Whether kind and label are those of the modes and the harmonic; without a harmonic as far as that shows."""
     p, q, harmonic = tongue.mode_p, tongue.mode_q, tongue.harmonic
-    if tongue.kind == "self-excited":
+    if tongue.kind == SELF_EXCITED:
         return (p, harmonic, tongue.label) == (q, 0, f"mode {p} self-excited")
     if harmonic:
-        own = label_of(p, q, harmonic)
+        own = label_of(p, q, harmonic, tongue.difference)
         label = tongue.label in (own, f"{own} ({tongue.mesh})")
     else:
         label = f"w{p}" in tongue.label and f"w{q}" in tongue.label and set(tongue.label) <= set(OF_FORMULAS)
-    return label and tongue.kind == kind_of(p, q, harmonic)
+    return label and not (tongue.difference and p == q) and tongue.kind == kind_of(p, q, harmonic, tongue.difference)
 
 
 def _sound(layout: Layout, block: GridBlock, variable: Variable, part: FinishedBlock) -> bool:
