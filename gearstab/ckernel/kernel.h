@@ -74,6 +74,53 @@ struct points {
     int64_t count, room;
 };
 
+/* A motion whose teeth may part, of D = size numbers: a state and `width` harmonics of what drives it, whose equations stand
+   in gearstab/response/backlash/dynamics.py. A cell is a part of the common period in which all J functions are smooth. */
+struct motion {
+    int64_t size, width, meshes, functions, cells, order, degree, nodes, known;
+    int64_t busiest, most_at_once, fine, most_sweeps, most_halvings;
+    double period, rate, tolerance;
+    double reach, shorter, penetration, rounding, grazing, at_once, largest, smallest;
+    const double *span;     /* (cells, 2), begin and end */
+    const double *wave;     /* (cells, order, J), Chebyshev coefficients of the functions; order 1: constants */
+    const double *start;    /* (cells, width), the harmonics at the beginning */
+    const double *gauge;    /* (meshes, D), deflections */
+    const double *limit;    /* (meshes, 2), of the play; the same number twice without any */
+    const int64_t *contact; /* (known, meshes), contacts with known matrices: 1, 0 or -1 */
+    const double *matrices; /* (known, 1 + J, D, D), of a contact what is always there, then what comes with each function;
+                               by columns */
+    const double *point, *waves, *integral, *powers; /* (nodes,) and (nodes, nodes): the tables of dynamics.py */
+};
+
+/* Where a motion is: number of the common period, cell, time in the period, state, contact; the mesh whose contact has just
+   changed, or -1; events in this period, and those that came close together. */
+struct where {
+    int64_t period, cell, switched, events, soon, *contact; /* (meshes,) */
+    double begin, *y;                                       /* (D,) */
+};
+
+enum { NUMBERS = 3, LABELS = 5 };
+
+/* Pieces of a motion between changes, up to `room` of them. */
+struct run {
+    int64_t count, room;
+    double *powers;   /* (room, degree + 1, D), coefficients of powers of u = 0...1 */
+    double *number;   /* (room, NUMBERS): time of the beginning in the common period, length, speed of the mesh that changes */
+    int64_t *label;   /* (room, LABELS): period, cell, mesh that changes or -1, its contact afterwards, whether it is grazing */
+    int64_t *contact; /* (room, meshes) */
+};
+
+/* Why a run ends: no more room; a contact without known matrices; too many events; beyond double precision; functions too
+   rough for the tolerance. */
+enum { FULL, UNKNOWN, CHATTERS, OUTGROWN, ROUGH };
+
+/* Polynomials of degree `degree` on [0, 1]: (count, degree + 1, size), coefficients of powers; the first `kept` of each
+   group of `size` are of interest. */
+struct polynomials {
+    int64_t count, degree, size, kept;
+    const double *powers;
+};
+
 /* Where the points of a pattern's r rows stand in a result that has other rows too, and in which units. */
 struct result {
     const double *omega;  /* (r, points) with a stride of points, or (points,) of all rows with a stride of 0 */
@@ -158,6 +205,12 @@ struct level {
        eigenvalues (points, m, 2); NaN where they are not found. */
     int (*graded)(int64_t count, int64_t m, int64_t first, int64_t last, int64_t points, const double *factors,
                   double *logs);
+    /* A motion from where it is on, to where a run ends; returns why. */
+    int (*follow)(const struct motion *motion, struct where *at, struct run *run);
+    /* Values of the kept polynomials of group s at u[first[s]..first[s + 1] - 1]: state (places, kept). */
+    void (*sampled)(const struct polynomials *all, const int64_t *first, const double *u, double *state);
+    /* Least and greatest values (count, size) by equally spaced points and the parabolas through three of them. */
+    void (*extremes)(const struct polynomials *all, int64_t points, double *low, double *high);
 };
 
 #define RUN_OF_POINTS 8 /* what a thread takes of a row at least: LANES at most, so that results do not hang on threads */
@@ -222,7 +275,7 @@ extern int64_t gearstab_paths[PATHS];
 #define COUNT(path, points) ((void)0)
 #endif
 
-/* Moved traces and their condition, see nearest.c. */
+/* Moved traces and their condition, see undamped/nearest.c. */
 void gearstab_trace_change(int64_t count, int64_t n, double weight, const double *fine, const double *coarse,
                            double *change, double *largest);
 void gearstab_trace_condition(int64_t count, int64_t n, const double *rho, const double *least, double *moved,

@@ -19,7 +19,12 @@ PyObject *py_edges(PyObject *self, PyObject *arguments);
 PyObject *py_shares(PyObject *self, PyObject *arguments);
 PyObject *py_names(PyObject *self, PyObject *arguments);
 
-enum { MOST_BUFFERS = 12 };
+/* module_backlash.c */
+PyObject *py_follow(PyObject *self, PyObject *arguments);
+PyObject *py_sampled(PyObject *self, PyObject *arguments);
+PyObject *py_extremes(PyObject *self, PyObject *arguments);
+
+enum { MOST_BUFFERS = 18 };
 
 struct buffers {
     Py_buffer view[MOST_BUFFERS];

@@ -89,16 +89,18 @@ class Dynamics:
         """``(X, J)``, the varying functions at the times ``(X,)`` within the common period."""
         return np.asarray(self.motion.drive.varying(tau[None])[0])
 
-    def generator(self, values: Array, contact: Array) -> Array:
-        """G ``(X, D, D)``."""
+    def generators(self, contact: Array) -> tuple[Array, Array]:
+        """What G consists of with a contact ``(meshes,)``: what is always there, and ``(J, D, D)`` by the functions."""
         closed = contact != APART
         acts = np.where(self.carriers >= 0, closed[self.carriers], True)
-        found = self.fixed + np.tensordot(values * acts, self.parts, axes=1)
-        for i in np.flatnonzero(~closed):
-            found += self.drags[i]
-        force = values[:, : len(closed)] * (closed * self.teeth.offset(contact))
-        found[:, : self.size, self.size] += force @ self.pushes
-        return found
+        parts = self.parts * acts[:, None, None]
+        parts[: len(closed), : self.size, self.size] += (closed * self.teeth.offset(contact))[:, None] * self.pushes
+        return self.fixed + self.drags[~closed].sum(axis=0), parts
+
+    def generator(self, values: Array, contact: Array) -> Array:
+        """G ``(X, D, D)``."""
+        constant, parts = self.generators(contact)
+        return np.asarray(constant + np.tensordot(values, parts, axes=1))
 
     def constant(self, values: Array, contact: Array, y: Array, longest: float) -> PolynomialPiece:
         """A piece while all functions keep their ``values (J,)``, not longer than ``longest``."""
@@ -118,7 +120,7 @@ class Dynamics:
         """
         length, period = longest, self.motion.period
         for _ in range(MOST_HALVINGS):
-            at = (begin + length * _POINTS) / period
+            at = (begin + length * POINTS) / period
             generator = self.generator(self.values(at), contact) * length
             size = float(np.abs(generator).sum(axis=2).max())
             if size > SHORTER:
@@ -126,13 +128,18 @@ class Dynamics:
                 length *= max(0.9 * SHORTER / size, 1e-3)
                 continue
             y_at = _picard(generator, y)
-            waves = _WAVES @ y_at
+            waves = WAVES @ y_at
             if np.abs(waves[-2:]).max() <= tolerance * np.abs(waves).max():
-                powers = _POWERS @ waves
+                powers = POWERS @ waves
                 powers[0] = y
                 return PolynomialPiece(length, powers)
             length *= 0.5
-        raise NotPossible(f"mesh stiffness too rough for the tolerance {tolerance:g} of motion with backlash")
+        raise too_rough(tolerance)
+
+
+def too_rough(tolerance: float) -> NotPossible:
+    """What is said where no piece is short enough."""
+    return NotPossible(f"mesh stiffness too rough for the tolerance {tolerance:g} of motion with backlash")
 
 
 def dynamics(system: GearSystem, motion: Driven, teeth: Play) -> Dynamics:
@@ -140,15 +147,15 @@ def dynamics(system: GearSystem, motion: Driven, teeth: Play) -> Dynamics:
     drive, basis, points = motion.drive, motion.basis, motion.points
     m, width, count = basis.size, drive.width, len(system.meshes)
     rate, omega = float(basis.rate[0]), float(points.omega[0])
-    kinds = drive.schedule.found
-    probes = np.concatenate([np.zeros((1, len(kinds))), np.eye(len(kinds))])
+    # Just before the edges, where a function that jumps there still has the value of the interval.
+    usual = np.abs(drive.varying(drive.schedule.edges[:1] * (1 - 1e-12))[0]).max(axis=0)
+    # Probes of that size: what belongs to a stiffness of 1 would drown in what is always there, were it 1e8.
+    probes = np.concatenate([np.zeros((1, len(usual))), np.diag(np.where(usual > 0, usual, 1.0))])
     generators, constant, rates = points.inputs(probes[:, None])
     a, b = generators[:, 0] * rate, (constant[:, 0] + omega * rates[0]) * rate
     directions = drive.directions[0]
     pushes = (basis.inlet[0] @ directions.T).T * rate
-    # Just before the edges, where a function that jumps there still has the value of the interval.
-    usual = np.abs(drive.varying(drive.schedule.edges[:1] * (1 - 1e-12))[0]).max(axis=0)
-    force = np.abs(b[0]).max() + usual @ np.abs(b[1:] - b[0]).max(axis=(1, 2), initial=0.0)
+    force = np.abs(b[0]).max() + np.abs(b[1:] - b[0]).max(axis=(1, 2), initial=0.0).sum()
     force += usual[:count] @ (np.abs(pushes).max(axis=1) * np.abs([teeth.low, teeth.high]).max(axis=0))
     scale = float(force) / rate or 1.0
     whole = np.zeros((len(probes), m + width, m + width))
@@ -163,10 +170,10 @@ def dynamics(system: GearSystem, motion: Driven, teeth: Play) -> Dynamics:
     deflection = np.concatenate([directions @ basis.outlet[0], np.zeros((count, width))], axis=1)
     gauge = deflection.copy()
     gauge[:, m:] = -drive.errors[0] / scale
+    parts = (whole[1:] - whole[0]) / probes.sum(axis=1)[1:, None, None]
     return Dynamics(
-        motion, teeth, whole[0], whole[1:] - whole[0], pushes / scale, drags, _carriers(system, len(kinds)), gauge,
-        deflection, scale,
-    )  # fmt: skip
+        motion, teeth, whole[0], parts, pushes / scale, drags, _carriers(system, len(usual)), gauge, deflection, scale
+    )
 
 
 def _carriers(system: GearSystem, count: int) -> Array:
@@ -196,7 +203,7 @@ def _picard(generator: Array, y: Array) -> Array:
     """y at the nodes ``(NODES, D)``: the fixed point of y + int G y, G ``(NODES, D, D)`` already times the length."""
     found = np.broadcast_to(y, (NODES, len(y)))
     for _ in range(MOST_SWEEPS):
-        following = y + _INTEGRAL @ np.einsum("xij,xj->xi", generator, found)
+        following = y + INTEGRAL @ np.einsum("xij,xj->xi", generator, found)
         change = np.abs(following - found).max()
         found = following
         # No more than a rounding error of the largest entry.
@@ -225,4 +232,5 @@ def _chebyshev() -> tuple[Array, Array, Array, Array]:
     return 0.5 + 0.5 * np.cos(angle), waves, integral @ waves, powers
 
 
-_POINTS, _WAVES, _INTEGRAL, _POWERS = _chebyshev()
+POINTS, WAVES, INTEGRAL, POWERS = map(np.ascontiguousarray, _chebyshev())
+"""Nodes, and ``(NODES, NODES)``: Chebyshev coefficients from values, integrals, powers from Chebyshev coefficients."""

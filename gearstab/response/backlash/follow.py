@@ -42,7 +42,7 @@ class Event:
 class Stretch:
     """A piece of the motion between events.
 
-    period: number of the common period, from 0; begin: time in it; interval: position of the interval between edges.
+    period: number of the common period, from 0; begin: time in it.
     contact: ``(meshes,)``; values: ``(J,)``, the varying functions, None where they vary smoothly.
     event: what ends it; grazing: whether a flank is hardly touched, or hardly missed.
     """
@@ -50,7 +50,6 @@ class Stretch:
     piece: PolynomialPiece
     period: int
     begin: float
-    interval: int
     contact: Array
     values: Array | None
     event: Event | None
@@ -73,7 +72,7 @@ def follow(dynamics: Dynamics, x: Array, tolerance: float) -> Iterator[Stretch]:
     middles = dynamics.values(0.5 * (edges[:-1] + edges[1:])) if motion.drive.exact else None
     intervals = occupied(motion.points)
     contact = dynamics.teeth.contact(dynamics.gauge @ dynamics.whole(x, 0.0))
-    busiest, soon = BUSY + 10 * _fastest(dynamics), 0
+    most, soon = busiest(dynamics), 0
     switched: int | None = None
     number = 0
     while True:
@@ -101,8 +100,8 @@ def follow(dynamics: Dynamics, x: Array, tolerance: float) -> Iterator[Stretch]:
                     event = Event(float(time), mesh, dynamics.teeth.kind(mesh, following), speed)
                     grazing |= abs(speed) < GRAZING * float(motion.basis.rate[0]) * dynamics.teeth.width[mesh]
                     events, soon = events + 1, soon + 1 if piece.length < AT_ONCE * period else 0
-                yield Stretch(piece, number, begin, q, before, values, event, bool(grazing))
-                if events > busiest or soon > MOST_AT_ONCE:
+                yield Stretch(piece, number, begin, before, values, event, bool(grazing))
+                if events > most or soon > MOST_AT_ONCE:
                     raise Chatter
                 y = piece.end
                 if not np.abs(y).max() < LARGEST:
@@ -113,13 +112,13 @@ def follow(dynamics: Dynamics, x: Array, tolerance: float) -> Iterator[Stretch]:
         number += 1
 
 
-def _fastest(dynamics: Dynamics) -> float:
-    """Vibrations of the fastest mode in a common period."""
+def busiest(dynamics: Dynamics) -> float:
+    """How many events a common period may have: by the vibrations of the fastest mode in it."""
     motion = dynamics.motion
     middle = dynamics.values(np.array([0.5 * float(motion.points.edges[0][:2].sum())]))
     closed = dynamics.generator(middle, np.full(len(dynamics.teeth.has), UPPER))[0]
     m = dynamics.size
-    return float(np.abs(np.linalg.eigvals(closed[:m, :m])).max() * motion.period / (2 * np.pi))
+    return BUSY + 10 * float(np.abs(np.linalg.eigvals(closed[:m, :m])).max() * motion.period / (2 * np.pi))
 
 
 def _rate(piece: PolynomialPiece, dynamics: Dynamics, values: Array | None, begin: float, contact: Array) -> Array:

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
 from typing import ClassVar
 
 import numpy as np
 
+from gearstab import ckernel
 from gearstab.linear.first_order import bases
+from gearstab.response.backlash import compiled
 from gearstab.response.backlash.contact import APART, Play, play, resting
 from gearstab.response.backlash.dynamics import Dynamics, dynamics
-from gearstab.response.backlash.follow import Chatter, Event, Stretch, follow
+from gearstab.response.backlash.follow import Chatter, Event, follow
 from gearstab.response.backlash.measure import LimitCycle, Meter
+from gearstab.response.backlash.polynomials import sampled
+from gearstab.response.backlash.track import Track, gathered
 from gearstab.response.linear.driven import ON_A_JUMP, driven
 from gearstab.response.linear.history import RESPONSE_FLAGS, Response, assembled, checked, samples_until
 from gearstab.response.linear.steady import unbalanced
@@ -101,6 +105,12 @@ def backlash_response(
     return _assembled(system, run, start)
 
 
+def tracks(model: Dynamics, x: Array, tolerance: float) -> Iterator[Track]:
+    """The motion from the state x at t = 0 on, without end, by the kernel in use; raises what ``follow`` does."""
+    table = compiled.timetable(model) if ckernel.in_use() else None
+    return gathered(follow(model, x, tolerance)) if table is None else compiled.follow(model, x, tolerance, table)
+
+
 class Recording:
     """A motion on its way: samples, events, meter."""
 
@@ -116,13 +126,8 @@ class Recording:
         """Follow the motion from the state x until all samples are known, or to where it ends."""
         try:
             with np.errstate(over="ignore", invalid="ignore"):
-                for stretch in follow(self.model, x, tolerance):
-                    self.meter.add(stretch)
-                    self._sample(stretch)
-                    if stretch.event is not None:
-                        self.events.append(stretch.event)
-                    self.flags |= BACKLASH_FLAGS["grazing"] * stretch.grazing
-                    self.flags |= BACKLASH_FLAGS["separation"] * bool(np.any(stretch.contact == APART))
+                for track in tracks(self.model, x, tolerance):
+                    self._add(track)
                     if self.known >= self.wanted:
                         break
         except Chatter:
@@ -130,17 +135,26 @@ class Recording:
         except OverflowError:
             self.flags |= BACKLASH_FLAGS["overflow"]
 
-    def _sample(self, stretch: Stretch) -> None:
-        step = self.model.motion.period / self.grid
-        begin = stretch.period * self.grid
-        until = begin + int(np.ceil((stretch.begin + stretch.piece.length) / step - ON_A_JUMP))
-        inside = np.arange(self.known, min(until, self.wanted))
-        if not len(inside):
-            return
-        u = ((inside - begin) * step - stretch.begin) / (stretch.piece.length or 1.0)
-        self.x[inside] = stretch.piece.at(np.clip(u, 0.0, 1.0))[:, : self.model.size]
-        self.contact[inside] = stretch.contact
-        self.known = int(inside[-1]) + 1
+    def _add(self, track: Track) -> None:
+        """Add a track, up to the stretch with the last sample."""
+        period = self.model.motion.period
+        step, first = period / self.grid, track.period * self.grid
+        until = first + np.ceil((track.begin + track.length) / step - ON_A_JUMP).astype(np.int64)
+        known = np.maximum.accumulate(np.concatenate([[self.known], np.minimum(until, self.wanted)]))
+        used = int(np.searchsorted(known[1:], self.wanted)) + 1
+        track, first, known = track[:used], first[:used], known[: used + 1]
+        inside, at = slice(known[0], known[-1]), np.repeat(np.arange(len(first)), np.diff(known))
+        length = np.where(track.length > 0, track.length, 1.0)
+        u = ((np.arange(known[0], known[-1]) - first[at]) * step - track.begin[at]) / length[at]
+        self.x[inside] = sampled(track.powers, known - known[0], np.clip(u, 0.0, 1.0), self.model.size)
+        self.contact[inside] = track.contact[at]
+        self.known = int(known[-1])
+        self.meter.add(track)
+        ends = track[track.mesh >= 0]
+        time = ends.period * period + ends.begin + ends.length
+        self.events += map(Event, *(part.tolist() for part in (time, ends.mesh, ends.kind, ends.speed)))
+        self.flags |= BACKLASH_FLAGS["grazing"] * bool(track.grazing.any())
+        self.flags |= BACKLASH_FLAGS["separation"] * bool(np.any(track.contact == APART))
 
 
 def _assembled(system: GearSystem, run: Recording, start: tuple[Array, Array]) -> BacklashResponse:

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 
 from gearstab.linear.first_order import UNDAMPED
 from gearstab.response.backlash.contact import APART
 from gearstab.response.backlash.dynamics import Dynamics
-from gearstab.response.backlash.follow import Stretch
+from gearstab.response.backlash.polynomials import FINE, extremes, extremes_of
+from gearstab.response.backlash.track import Track
 from gearstab.system import Array
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
 _NODES, _WEIGHTS = 0.5 + 0.5 * _NODES, 0.5 * _WEIGHTS
-_FINE = np.linspace(0.0, 1.0, 129)
 LONGEST_CYCLE = 32
 """Common periods after which a motion may repeat itself to be called periodic."""
 SETTLED = 1e-6
@@ -44,6 +44,20 @@ class LimitCycle:
     difference: float
 
 
+class PerPeriod(NamedTuple):
+    """Of P common periods, or parts of them.
+
+    period: ``(P,)``, their numbers;  low, high, force: ``(P, meshes)``, least and greatest deflection, largest force.
+    integrals: ``(P, 3, meshes)``, of the deflection, its square and the lack of contact.
+    """
+
+    period: Array
+    low: Array
+    high: Array
+    force: Array
+    integrals: Array
+
+
 class Meter:
     """Collects extremes and integrals of every common period, and the states at the beginnings.
 
@@ -57,61 +71,70 @@ class Meter:
         self.first = int(np.ceil(since / period - 1e-9))
         self.whole = self.first < int(np.floor(until / period * (1 + 1e-12)))
         self.begin = self.end = self.first * period
-        self.low: list[Array] = []
-        self.high: list[Array] = []
-        self.force: list[Array] = []
-        self.integrals: list[Array] = []
+        self.periods = 0
         self.sections: list[Array] = []
+        self.parts: list[PerPeriod] = []
+        # Whether the force goes by the deflection itself: there is no transmission error.
+        self.same = np.array_equal(dynamics.gauge, dynamics.deflection)
 
-    def add(self, stretch: Stretch) -> None:
-        """A stretch of the motion, in the order of time."""
-        dynamics, count = self.dynamics, len(self.dynamics.gauge)
-        if stretch.period == len(self.sections):
-            self.sections.append(stretch.piece.powers[0, : dynamics.size])
-            self.low.append(np.full(count, np.inf))
-            self.high.append(np.full(count, -np.inf))
-            self.force.append(np.zeros(count))
-            self.integrals.append(np.zeros((3, count)))
-        time = stretch.period * dynamics.motion.period + stretch.begin
-        left_out = stretch.period < self.first if self.whole else time < self.since
-        if stretch.piece.length == 0 or left_out:
+    def add(self, track: Track) -> None:
+        """More of the motion, in the order of time."""
+        begins = np.flatnonzero(np.diff(track.period, prepend=self.periods - 1))
+        self.sections.append(track.powers[begins, 0, : self.dynamics.size])
+        self.periods += len(begins)
+        time = track.period * self.dynamics.motion.period + track.begin
+        left_out = track.period < self.first if self.whole else time < self.since
+        counts = (track.length > 0) & ~left_out
+        if not counts.any():
             return
         if not self.whole:
-            self.begin, self.end = min(self.begin, time), time + stretch.piece.length
-        count, degree = len(dynamics.gauge), len(stretch.piece.powers) - 1
-        x, e = (stretch.piece.powers @ row.T for row in (dynamics.deflection, dynamics.gauge))
-        force = self._stiffness(stretch) * (_powers("fine", degree) @ e - dynamics.teeth.offset(stretch.contact))
-        force *= stretch.contact != APART
-        low, high = extremes(np.concatenate([_powers("fine", degree) @ x, force], axis=1))
-        k = stretch.period
-        self.low[k], self.high[k] = np.minimum(self.low[k], low[:count]), np.maximum(self.high[k], high[:count])
-        self.force[k] = np.maximum(self.force[k], np.maximum(-low[count:], high[count:]))
-        nodes = _powers("nodes", degree) @ x
-        parts = np.stack([_WEIGHTS @ nodes, _WEIGHTS @ nodes**2, (stretch.contact == APART).astype(float)])
-        self.integrals[k] += parts * stretch.piece.length
+            first, last = np.flatnonzero(counts)[[0, -1]]
+            self.begin, self.end = min(self.begin, float(time[first])), float(time[last] + track.length[last])
+        self._add(track if counts.all() else track[counts])
 
-    def _stiffness(self, stretch: Stretch) -> Array:
-        """``(1 or X, meshes)``, of the meshes at the fine points."""
-        count = len(self.dynamics.gauge)
-        if stretch.values is not None:
-            return stretch.values[None, :count]
+    def _add(self, track: Track) -> None:
+        x, apart = track.powers @ self.dynamics.deflection.T, track.contact == APART
+        low, high = extremes_of(x)
+        force = np.where(apart, 0.0, self._largest_force(track, low, high))
+        nodes = np.tensordot(np.vander(_NODES, x.shape[1], increasing=True), x, axes=(1, 1))
+        integrals = np.stack([np.tensordot(_WEIGHTS, nodes, 1), np.tensordot(_WEIGHTS, nodes**2, 1), apart], axis=1)
+        first = np.flatnonzero(np.diff(track.period, prepend=-1))
+        self.parts.append(PerPeriod(
+            track.period[first], np.minimum.reduceat(low, first), np.maximum.reduceat(high, first),
+            np.maximum.reduceat(force, first), np.add.reduceat(integrals * track.length[:, None, None], first),
+        ))  # fmt: skip
+
+    def _largest_force(self, track: Track, low: Array, high: Array) -> Array:
+        """``(S, meshes)``, as if the teeth touched; low, high: of the deflections."""
+        dynamics = self.dynamics
+        count, offset = len(dynamics.gauge), dynamics.teeth.offset(track.contact)
+        if track.values is not None:
+            if not self.same:
+                low, high = extremes_of(track.powers @ dynamics.gauge.T)
+            return np.asarray(np.abs(track.values[:, :count]) * np.maximum(np.abs(low - offset), np.abs(high - offset)))
         # Just inside, where a jump ends the piece.
-        time = stretch.begin + np.clip(_FINE, 1e-9, 1 - 1e-9) * stretch.piece.length
-        return self.dynamics.values(time / self.dynamics.motion.period)[:, :count]
+        time = track.begin + np.clip(FINE, 1e-9, 1 - 1e-9)[:, None] * track.length
+        stiffness = dynamics.values(time.ravel() / dynamics.motion.period)[:, :count]
+        powers = np.vander(FINE, track.powers.shape[1], increasing=True)
+        fine = np.tensordot(powers, track.powers @ dynamics.gauge.T, axes=(1, 1)) - offset
+        return np.asarray(np.abs(extremes(stiffness.reshape(fine.shape) * fine)).max(axis=0))
 
     def summary(self, complete: int) -> LimitCycle | None:
         """Summarise the settled part, if that many common periods are complete; None if nothing is left."""
-        first, last = (self.first, complete) if self.whole else (0, len(self.sections))
+        first, last = (self.first, complete) if self.whole else (0, self.periods)
         begin, end = self.begin, last * self.dynamics.motion.period if self.whole else self.end
         if last <= first or end <= begin:
             return None
-        low, high = np.min(self.low[first:last], axis=0), np.max(self.high[first:last], axis=0)
-        mean, square, apart = np.sum(self.integrals[first:last], axis=0) / (end - begin)
-        sections = np.array(self.sections[first : last + 1] if self.whole else self.sections[:1])
+        found = PerPeriod(*(np.concatenate(part) for part in zip(*self.parts, strict=True)))
+        counts = (first <= found.period) & (found.period < last)
+        low, high, force, integrals = (part[counts] for part in found[1:])
+        mean, square, apart = integrals.sum(axis=0) / (end - begin)
+        sections = np.concatenate(self.sections)[first : last + 1 if self.whole else 1]
         period, difference = _repetition(self._elastic(sections))
         return LimitCycle(
-            begin=begin, end=end, peak_to_peak=high - low, rms=np.sqrt(np.maximum(square - mean**2, 0.0)),
-            force_peak=np.max(self.force[first:last], axis=0), contact_loss=np.clip(apart, 0.0, 1.0), period=period,
+            begin=begin, end=end, peak_to_peak=high.max(axis=0) - low.min(axis=0),
+            rms=np.sqrt(np.maximum(square - mean**2, 0.0)),
+            force_peak=force.max(axis=0), contact_loss=np.clip(apart, 0.0, 1.0), period=period,
             difference=difference,
         )  # fmt: skip
 
@@ -125,29 +148,6 @@ class Meter:
         drag = np.abs(self.dynamics.fixed[n : 2 * n, n : 2 * n]).max(axis=0, initial=0.0)
         held = drag > UNDAMPED * drag.max(initial=0.0)
         return np.asarray(sections[:, np.concatenate([~free, ~free | held])])
-
-
-def extremes(fine: Array) -> tuple[Array, Array]:
-    """Least and greatest value ``(C,)`` of functions given at equally spaced points ``(X, C)``.
-
-    The extremes of the parabolas through the largest value and its two neighbours.
-    """
-    found = []
-    columns = np.arange(fine.shape[1])
-    for f in (-fine, fine):
-        at = np.minimum(np.maximum(f.argmax(axis=0), 1), len(f) - 2)
-        before, here, after = f[at - 1, columns], f[at, columns], f[at + 1, columns]
-        bend, slope = 2 * here - before - after, 0.5 * (after - before)
-        inside = (bend > 0) & (np.abs(slope) <= bend)
-        rise = np.where(inside, 0.5 * slope**2 / np.where(inside, bend, 1.0), 0.0)
-        found.append(np.maximum(f.max(axis=0), here + rise))
-    return -found[0], found[1]
-
-
-@cache
-def _powers(kind: str, degree: int) -> Array:
-    """``(X, degree + 1)``, u^k at the points of a kind."""
-    return np.vander(_NODES if kind == "nodes" else _FINE, degree + 1, increasing=True)
 
 
 def _repetition(sections: Array) -> tuple[int, float]:

@@ -1,0 +1,113 @@
+/* Motions whose teeth may part as Python functions, see module.c and gearstab/response/backlash/compiled.py. */
+
+#include "module.h"
+
+enum { MOST_DEGREE = 31, MOST_POINTS = 512 }; /* what backlash/crossing.h and polynomials.h have room for */
+
+/* Where the motion is: marks (5 + meshes,) of integers, state (1 + D,). */
+static void enter(struct where *at, int64_t *marks, double *state) {
+    at->period = marks[0], at->cell = marks[1], at->switched = marks[2], at->events = marks[3], at->soon = marks[4];
+    at->contact = marks + 5;
+    at->begin = state[0], at->y = state + 1;
+}
+
+static void leave(const struct where *at, int64_t *marks, double *state) {
+    marks[0] = at->period, marks[1] = at->cell, marks[2] = at->switched, marks[3] = at->events, marks[4] = at->soon;
+    state[0] = at->begin;
+}
+
+PyObject *py_follow(PyObject *self, PyObject *arguments) {
+    (void)self;
+    struct buffers b = {0};
+    PyObject *o[MOST_BUFFERS] = {0};
+    struct motion m;
+    const char *name;
+    const Py_buffer *view = b.view;
+    Py_ssize_t room, n[14];
+    if (!PyArg_ParseTuple(arguments, "s(nnnnnnnnnnnnnn)(ddddddddddd)OOOOOOOOOOOnOOOOOO", &name, &n[0], &n[1], &n[2], &n[3],
+                          &n[4], &n[5], &n[6], &n[7], &n[8], &n[9], &n[10], &n[11], &n[12], &n[13], &m.period, &m.rate,
+                          &m.tolerance, &m.reach, &m.shorter, &m.penetration, &m.rounding, &m.grazing, &m.at_once,
+                          &m.largest, &m.smallest, &o[0], &o[1], &o[2], &o[3], &o[4], &o[5], &o[6], &o[7], &o[8], &o[9],
+                          &o[10], &room, &o[11], &o[12], &o[13], &o[14], &o[15], &o[16]) ||
+        !take(&b, o, "dddddidddddIDDDII"))
+        return finish(&b, 1, 0);
+    m.size = n[0], m.width = n[1], m.meshes = n[2], m.functions = n[3], m.cells = n[4], m.order = n[5], m.degree = n[6];
+    m.nodes = n[7], m.known = n[8], m.busiest = n[9], m.most_at_once = n[10], m.fine = n[11], m.most_sweeps = n[12];
+    m.most_halvings = n[13];
+    m.span = view[0].buf, m.wave = view[1].buf, m.start = view[2].buf, m.gauge = view[3].buf, m.limit = view[4].buf;
+    m.contact = view[5].buf, m.matrices = view[6].buf, m.point = view[7].buf, m.waves = view[8].buf;
+    m.integral = view[9].buf, m.powers = view[10].buf;
+    const struct level *level = level_named(name);
+    int fit = level && n[1] > 0 && n[0] > n[1] && n[2] > 0 && n[4] > 0 && n[5] > 0 && n[6] > 0 && n[6] <= MOST_DEGREE &&
+              n[7] > 1 && (n[5] == 1 || n[6] == n[7] - 1) && n[11] > 0 && room > 0 && FITS(&view[0], 8, n[4], 2) &&
+              FITS(&view[1], 8, n[4], n[5], n[3]) && FITS(&view[2], 8, n[4], n[1]) && FITS(&view[3], 8, n[2], n[0]) &&
+              FITS(&view[4], 8, n[2], 2) && FITS(&view[5], 8, n[8], n[2]) &&
+              FITS(&view[6], 8, n[8], 1 + n[3], n[0], n[0]) && FITS(&view[7], 8, n[7]) && FITS(&view[8], 8, n[7], n[7]) &&
+              FITS(&view[9], 8, n[7], n[7]) && FITS(&view[10], 8, n[7], n[7]) && FITS(&view[11], 8, 5 + n[2]) &&
+              FITS(&view[12], 8, 1 + n[0]) && FITS(&view[13], 8, room, n[6] + 1, n[0]) &&
+              FITS(&view[14], 8, room, NUMBERS) && FITS(&view[15], 8, room, LABELS) && FITS(&view[16], 8, room, n[2]);
+    struct where at;
+    struct run run = {.room = room, .powers = view[13].buf, .number = view[14].buf, .label = view[15].buf,
+                      .contact = view[16].buf};
+    if (fit) {
+        enter(&at, view[11].buf, view[12].buf);
+        fit = at.cell >= 0 && at.cell < m.cells;
+    }
+    int how = 0;
+    if (fit) {
+        Py_BEGIN_ALLOW_THREADS
+        how = level->follow(&m, &at, &run);
+        Py_END_ALLOW_THREADS
+        leave(&at, view[11].buf, view[12].buf);
+    }
+    if (!fit || how < 0)
+        return finish(&b, fit, how < 0);
+    release(&b);
+    return Py_BuildValue("in", how, (Py_ssize_t)run.count);
+}
+
+PyObject *py_sampled(PyObject *self, PyObject *arguments) {
+    (void)self;
+    struct buffers b = {0};
+    PyObject *o[MOST_BUFFERS] = {0};
+    const char *name;
+    const Py_buffer *view = b.view;
+    Py_ssize_t count, degree, size, kept, places;
+    if (!PyArg_ParseTuple(arguments, "snnnnOOnOO", &name, &count, &degree, &size, &kept, &o[0], &o[1], &places, &o[2],
+                          &o[3]) ||
+        !take(&b, o, "didD"))
+        return finish(&b, 1, 0);
+    const struct level *level = level_named(name);
+    int fit = level && degree >= 0 && kept >= 0 && kept <= size && FITS(&view[0], 8, count, degree + 1, size) &&
+              FITS(&view[1], 8, count + 1) && FITS(&view[2], 8, places) && FITS(&view[3], 8, places, kept) &&
+              indices_within(&view[1], count + 1, (int64_t)places + 1);
+    if (fit) {
+        struct polynomials all = {.count = count, .degree = degree, .size = size, .kept = kept, .powers = view[0].buf};
+        Py_BEGIN_ALLOW_THREADS
+        level->sampled(&all, view[1].buf, view[2].buf, view[3].buf);
+        Py_END_ALLOW_THREADS
+    }
+    return finish(&b, fit, 0);
+}
+
+PyObject *py_extremes(PyObject *self, PyObject *arguments) {
+    (void)self;
+    struct buffers b = {0};
+    PyObject *o[MOST_BUFFERS] = {0};
+    const char *name;
+    const Py_buffer *view = b.view;
+    Py_ssize_t count, degree, size, points;
+    if (!PyArg_ParseTuple(arguments, "snnnOnOO", &name, &count, &degree, &size, &o[0], &points, &o[1], &o[2]) ||
+        !take(&b, o, "dDD"))
+        return finish(&b, 1, 0);
+    const struct level *level = level_named(name);
+    int fit = level && degree >= 0 && points > 2 && points <= MOST_POINTS && FITS(&view[0], 8, count, degree + 1, size) &&
+              FITS(&view[1], 8, count, size) && FITS(&view[2], 8, count, size);
+    if (fit) {
+        struct polynomials all = {.count = count, .degree = degree, .size = size, .kept = size, .powers = view[0].buf};
+        Py_BEGIN_ALLOW_THREADS
+        level->extremes(&all, points, view[1].buf, view[2].buf);
+        Py_END_ALLOW_THREADS
+    }
+    return finish(&b, fit, 0);
+}

@@ -1,0 +1,163 @@
+"""The same as :mod:`gearstab.response.backlash.follow` by the compiled kernel, many pieces a call.
+
+The kernel is given what a generator G is made of for every contact that occurs, and the functions as Chebyshev series
+on cells of the common period: constants on its intervals, or series short enough for pieces of a motion to begin and
+end anywhere within.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from gearstab import ckernel
+from gearstab.response.backlash import dynamics as d
+from gearstab.response.backlash import follow as f
+from gearstab.response.backlash.contact import APART
+from gearstab.response.backlash.crossing import SMALLEST
+from gearstab.response.backlash.track import Track
+from gearstab.response.linear.intervals import occupied
+from gearstab.system import Array
+
+FULL, UNKNOWN, CHATTERS, OUTGROWN, ROUGH = range(5)
+"""Why a call ends, see ckernel/kernel.h."""
+
+FIRST, MOST, ENTRIES = 32, 1024, 2**20
+"""Pieces of the first call, and of a later one at most; numbers in their polynomials at most."""
+SERIES = 1e-14
+"""Last coefficients of a series, relative to the largest value of its function."""
+MOST_CELLS = 4096
+MOST_KEPT = 2**24
+"""Numbers in the matrices of contacts that are kept for further use."""
+
+
+@dataclass(frozen=True)
+class Timetable:
+    """What varies when: C cells of the common period.
+
+    span: ``(C, 2)``, begin and end;  waves: ``(C, order, J)``, Chebyshev coefficients of the varying functions.
+    start: ``(C, L)``, S z at the beginning.
+    """
+
+    span: Array
+    waves: Array
+    start: Array
+
+    @property
+    def order(self) -> int:
+        """1 where all functions are constant."""
+        return self.waves.shape[1]
+
+
+def timetable(dynamics: d.Dynamics) -> Timetable | None:
+    """Divide the common period; None where that takes too many series."""
+    motion = dynamics.motion
+    edges = motion.points.edges[0]
+    spans = np.stack([edges[:-1], edges[1:]], axis=1)[occupied(motion.points)]
+    if motion.drive.exact:
+        waves = dynamics.values(spans.mean(axis=1))[:, None]
+    else:
+        divided = _series(dynamics, spans)
+        if divided is None:
+            return None
+        spans, waves = divided
+    return Timetable(spans * motion.period, waves, dynamics.scale * motion.drive.z(spans[:, 0]))
+
+
+def _series(dynamics: d.Dynamics, spans: Array) -> tuple[Array, Array] | None:
+    """Halve spans of tau until all their series end; in order of time."""
+    known: list[tuple[Array, Array]] = []
+    while len(spans):
+        at = spans[:, :1] + d.POINTS * np.diff(spans)
+        values = dynamics.values(at.ravel()).reshape(*at.shape, -1)
+        waves = d.WAVES @ values
+        ends = np.abs(waves[:, -2:]).max(axis=1) <= SERIES * np.abs(values).max(axis=1)
+        done = ends.all(axis=1)
+        known.append((spans[done], waves[done]))
+        low, high = spans[~done].T
+        if 2 * len(low) + sum(len(part) for part, _ in known) > MOST_CELLS:
+            return None
+        middle = 0.5 * (low + high)
+        spans = np.concatenate([np.stack([low, middle], axis=1), np.stack([middle, high], axis=1)])
+    found, series = (np.concatenate(parts) for parts in zip(*known, strict=True))
+    order = np.argsort(found[:, 0], kind="stable")
+    return found[order], series[order]
+
+
+class Contacts:
+    """What generators are made of, for the contacts ``(count, meshes)`` that have occurred."""
+
+    def __init__(self, dynamics: d.Dynamics) -> None:
+        self.dynamics, self.count = dynamics, 0
+        self.contacts = np.empty((1, len(dynamics.gauge)), dtype=np.int64)
+        self.matrices = np.empty((1, 1 + len(dynamics.parts), *dynamics.fixed.shape))
+
+    @property
+    def known(self) -> tuple[Array, Array]:
+        """The contacts, and what is always there and what comes with the functions, ``(1 + J, D, D)`` by columns."""
+        return self.contacts[: self.count], self.matrices[: self.count]
+
+    def learn(self, contact: Array) -> None:
+        """Add a contact ``(meshes,)``; where they have become too many, all others are forgotten."""
+        if self.count == len(self.contacts):
+            if 2 * self.matrices.size > MOST_KEPT:
+                self.count = 0
+            else:
+                self.contacts, self.matrices = (
+                    np.concatenate([a, np.empty_like(a)]) for a in (self.contacts, self.matrices)
+                )
+        constant, parts = self.dynamics.generators(contact)
+        self.contacts[self.count] = contact
+        self.matrices[self.count, 0], self.matrices[self.count, 1:] = constant.T, np.swapaxes(parts, 1, 2)
+        self.count += 1
+
+
+def follow(dynamics: d.Dynamics, x: Array, tolerance: float, table: Timetable) -> Iterator[Track]:
+    """The motion from the state x at t = 0 on, without end; what is raised stands with the other ``follow``."""
+    assert ckernel.library is not None
+    motion, teeth = dynamics.motion, dynamics.teeth
+    functions, meshes, size = table.waves.shape[2], len(teeth.has), len(dynamics.fixed)
+    degree = d.DEGREE if table.order == 1 else d.NODES - 1
+    contacts = Contacts(dynamics)
+    y = np.concatenate([x, table.start[0]])
+    marks = np.concatenate([[0, 0, -1, 0, 0], teeth.contact(dynamics.gauge @ y)]).astype(np.int64)
+    state = np.concatenate([table.span[:1, 0], y])
+    limits = np.where(teeth.has, [teeth.low, teeth.high], 0.0).T.copy()
+    busiest = int(min(f.busiest(dynamics), 2.0**62))
+    settings = (
+        motion.period, float(motion.basis.rate[0]), tolerance, d.REACH, d.SHORTER, f.PENETRATION, f.ROUNDING, f.GRAZING,
+        f.AT_ONCE, f.LARGEST, SMALLEST,
+    )  # fmt: skip
+    tables = d.POINTS, d.WAVES, d.INTEGRAL, d.POWERS
+    given = [np.ascontiguousarray(part) for part in (table.span, table.waves, table.start, dynamics.gauge, limits)]
+    most = max(min(MOST, ENTRIES // ((degree + 1) * size)), 1)
+    room, why = min(FIRST, most), FULL
+    while True:
+        numbers = (
+            size, size - dynamics.size, meshes, functions, len(table.span), table.order, degree, d.NODES,
+            contacts.count, busiest, f.MOST_AT_ONCE, f.FINE, d.MOST_SWEEPS, d.MOST_HALVINGS,
+        )  # fmt: skip
+        powers, number = np.empty((room, degree + 1, size)), np.empty((room, 3))
+        label, contact = np.empty((room, 5), dtype=np.int64), np.empty((room, meshes), dtype=np.int64)
+        why, count = ckernel.library.follow(
+            ckernel.simd(), numbers, settings, *given, *contacts.known, *tables, room, marks, state,
+            powers, number, label, contact,
+        )  # fmt: skip
+        if count:
+            period, cell, mesh, following, grazing = label[:count].T
+            values = table.waves[cell, 0] if table.order == 1 else None
+            begin, length, speed = number[:count].T
+            kind = np.where(following == APART, 0, np.where(following == teeth.drive[mesh], 1, 2))
+            yield Track(powers[:count], length, begin, period, contact[:count], values, mesh, kind, speed, grazing > 0)
+        if why == UNKNOWN:
+            contacts.learn(marks[5:])
+        elif why == CHATTERS:
+            raise f.Chatter
+        elif why == OUTGROWN:
+            raise OverflowError
+        elif why == ROUGH:
+            raise d.too_rough(tolerance)
+        elif room < most:
+            room = min(2 * room, most)
