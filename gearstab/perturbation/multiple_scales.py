@@ -30,7 +30,7 @@ Group = list[int]
 
 
 @dataclass(frozen=True)
-class Source:
+class Exciter:
     """A mesh or a term that contributes to an excitation: its part in B_pq is size left_p right_q wave.
 
     left, right: ``(n, rows)``; size: ``(rows,)``, epsilon k_g of a mesh; wave: ``(rows,)``, z exp(-2 pi i s lag).
@@ -110,7 +110,7 @@ def first_order(
         ]
         for e, force in enumerate(forces):
             ratio = float(force.ratio)
-            for k, root, shift, half, opening in _solve(part, _sources(system, force, part, rows), wanted):
+            for k, root, shift, half, opening in _solve(part, _exciters(system, force, part, rows), wanted):
                 where = np.ix_(np.array([e]), np.array(k), rows)
                 center[where], middle[where] = root / ratio, (root + shift) / ratio
                 width[where], threshold[where] = half / ratio, opening
@@ -210,7 +210,7 @@ def _groups_of(pattern: Array) -> list[Group]:
     return groups
 
 
-def _sources(system: GearSystem, force: ParametricExcitation, modal: ModalQuantities, rows: Array) -> list[Source]:
+def _exciters(system: GearSystem, force: ParametricExcitation, modal: ModalQuantities, rows: Array) -> list[Exciter]:
     """Everything that contributes to an excitation. modal: of these rows."""
     found = []
     for i, s in force.parts:
@@ -219,37 +219,38 @@ def _sources(system: GearSystem, force: ParametricExcitation, modal: ModalQuanti
         wave = (np.asarray(b) - 1j * np.asarray(a)) * np.exp(-2j * np.pi * s * np.asarray(mesh.lag))
         amplitude, wave = (np.broadcast_to(v, modal.batch).reshape(-1)[rows] for v in (mesh.amplitude, wave))
         delta = modal.deflection[:, :, i].T
-        found.append(Source(delta, delta, amplitude, wave))
+        found.append(Exciter(delta, delta, amplitude, wave))
     if modal.terms is not None:
         for j, wave, drag in harmonics_of_terms(system, force.ratio, rows):
             ends = (modal.terms.left[:, :, j].T, modal.terms.right[:, :, j].T)
-            found.append(Source(*ends, np.ones(len(rows)), wave, drag))
+            found.append(Exciter(*ends, np.ones(len(rows)), wave, drag))
     return found
 
 
 def _coupling(
-    modal: ModalQuantities, sources: list[Source], p: Group, q: Group, velocity: Array | None = None
-) -> Array:
-    """B_pq - i w_q D_pq for matching lists of modes, ``(len(p), rows)``, exactly zero where only rounding is left.
+    modal: ModalQuantities, exciters: list[Exciter], p: Group, q: Group, velocity: Array | None = None
+) -> tuple[Array, Array]:
+    """B_pq - i w_q D_pq for matching lists of modes, exactly zero where only rounding is left, and the sum of the sizes
+    of its parts, ``(len(p), rows)`` each.
 
     velocity: w_q ``(len(p), rows)``, negative where mode q stands with its difference; None where D is zero.
     """
     total = np.zeros((len(p), len(modal.frequency)), dtype=complex)
     size = np.zeros(total.shape)
-    for source in sources:
-        product = source.size * source.left[p] * source.right[q]
-        if source.drag is None or velocity is None:
-            total += product * source.wave
+    for own in exciters:
+        product = own.size * own.left[p] * own.right[q]
+        if own.drag is None or velocity is None:
+            total += product * own.wave
             size += np.abs(product)
         else:
-            total += product * (source.wave - 1j * velocity * source.drag)
-            size += np.abs(product) * (np.abs(source.wave) + np.abs(velocity * source.drag))
+            total += product * (own.wave - 1j * velocity * own.drag)
+            size += np.abs(product) * (np.abs(own.wave) + np.abs(velocity * own.drag))
     total[np.abs(total) <= ROUNDING * size] = 0.0
-    return total
+    return total, size
 
 
 def _solve(
-    modal: ModalQuantities, sources: list[Source], wanted: list[Tried]
+    modal: ModalQuantities, exciters: list[Exciter], wanted: list[Tried]
 ) -> Iterator[tuple[list[int], Array, Array, Array, Array]]:
     """Yield places and what is found there: of all pairs of single modes at once, then of each other pair."""
     for difference in (False, True):
@@ -257,25 +258,25 @@ def _solve(
         if single:
             p, q, k = (list(column) for column in zip(*single, strict=True))
             if modal.terms is None:
-                yield k, *_single_pairs(modal, sources, p, q)
+                yield k, *_single_pairs(modal, exciters, p, q)
             else:
-                yield k, *_unsymmetric_pairs(modal, sources, p, q, difference)
+                yield k, *_unsymmetric_pairs(modal, exciters, p, q, difference)
     several = [one for one in wanted if len(one[0]) > 1 or len(one[1]) > 1]
     if modal.terms is None:
         for P, Q, _, place in several:
-            root, shift, half, threshold = (part[None] for part in _group_pair(modal, sources, P, Q))
+            root, shift, half, threshold = (part[None] for part in _group_pair(modal, exciters, P, Q))
             yield [place], root, shift, half, threshold
         return
     for shape in dict.fromkeys((len(P), len(Q), difference) for P, Q, difference, _ in several):
         alike = [one for one in several if (len(one[0]), len(one[1]), one[2]) == shape]
-        found = _unsymmetric_groups(modal, sources, [(P, Q) for P, Q, _, _ in alike], shape[2])
+        found = _unsymmetric_groups(modal, exciters, [(P, Q) for P, Q, _, _ in alike], shape[2])
         yield [place for *_, place in alike], *found
 
 
-def _single_pairs(modal: ModalQuantities, sources: list[Source], p: Group, q: Group) -> Found:
+def _single_pairs(modal: ModalQuantities, exciters: list[Exciter], p: Group, q: Group) -> Found:
     """Tongues between modes of distinct frequency, all pairs at once."""
     w = modal.frequency.T
-    coupling = np.abs(_coupling(modal, sources, p, q)) / np.sqrt(w[p] * w[q])
+    coupling = np.abs(_coupling(modal, exciters, p, q)[0]) / np.sqrt(w[p] * w[q])
     none = np.zeros_like(coupling)
     if modal.damping is None:
         return w[p] + w[q], none, coupling, none
@@ -283,16 +284,18 @@ def _single_pairs(modal: ModalQuantities, sources: list[Source], p: Group, q: Gr
     return w[p] + w[q], none, *single_pair(coupling, mu[p], mu[q])
 
 
-def _unsymmetric_pairs(modal: ModalQuantities, sources: list[Source], p: Group, q: Group, difference: bool) -> Found:
+def _unsymmetric_pairs(modal: ModalQuantities, exciters: list[Exciter], p: Group, q: Group, difference: bool) -> Found:
     """The same with periodic terms, at sums or at differences of frequencies: w_q - w_p is that with -w_p for w_p."""
     assert modal.terms is not None
     assert modal.damping is not None
     w, one = modal.frequency.T, (q, p) if difference else (p, q)
     own, other = w[one[0]], -w[one[1]] if difference else w[one[1]]
-    forward = _coupling(modal, sources, *one, other) * 0.5j / own
-    backward = np.conj(_coupling(modal, sources, *one[::-1], own) * 0.5j / other)
-    product = forward * backward
-    product = np.where(np.abs(product.imag) <= ROUNDING * np.abs(product), product.real, product)
+    there, size = _coupling(modal, exciters, *one, other)
+    back, size_back = _coupling(modal, exciters, *one[::-1], own)
+    product = 0.25 * there * np.conj(back) / (own * other)
+    # Of parts that cancel more than the last digits are rounding.
+    noise = ROUNDING * (np.abs(there) * size_back + np.abs(back) * size) / np.abs(4 * own * other)
+    product = np.where(np.abs(product.imag) <= noise, product.real, product)
     mu, mean = (np.diagonal(a, axis1=-2, axis2=-1).T for a in (modal.damping, modal.terms.stiffness))
     shift, half, threshold = product_pair(product, mu[one[0]], mu[one[1]])
     if difference:
@@ -300,10 +303,13 @@ def _unsymmetric_pairs(modal: ModalQuantities, sources: list[Source], p: Group, 
     return own + other, shift + 0.5 * (mean[one[0]] / own + mean[one[1]] / other), half, threshold
 
 
-def _block(modal: ModalQuantities, sources: list[Source], P: Group, Q: Group, velocity: Array | None = None) -> Array:
-    """B[P, Q] of two groups, ``(rows, P, Q)``, see :func:`_coupling`; velocity: ``(rows,)``."""
-    flat = _coupling(modal, sources, [p for p in P for _ in Q], [q for _ in P for q in Q], velocity)
-    return flat.T.reshape(-1, len(P), len(Q))
+def _block(
+    modal: ModalQuantities, exciters: list[Exciter], P: Group, Q: Group, velocity: Array | None = None
+) -> tuple[Array, Array]:
+    """B[P, Q] of two groups and the sizes of its parts ``(rows, P, Q)``, see :func:`_coupling`."""
+    flat = _coupling(modal, exciters, [p for p in P for _ in Q], [q for _ in P for q in Q], velocity)
+    total, size = (part.T.reshape(-1, len(P), len(Q)) for part in flat)
+    return total, size
 
 
 def _scale(*frequencies: Array) -> Array:
@@ -314,8 +320,8 @@ def _scale(*frequencies: Array) -> Array:
 def block(modal: ModalQuantities, system: GearSystem, force: ParametricExcitation, P: Group, Q: Group) -> Array:
     """Return G = B[P, Q]/sqrt(w_P w_Q) of an excitation by meshes, ``(rows, P, Q)``. modal: of the same system."""
     alone = replace(modal, terms=None)
-    sources = _sources(system, force, alone, np.arange(len(modal.frequency)))
-    return _block(alone, sources, P, Q) / _scale(*(modal.frequency[:, group].mean(axis=1) for group in (P, Q)))
+    exciters = _exciters(system, force, alone, np.arange(len(modal.frequency)))
+    return _block(alone, exciters, P, Q)[0] / _scale(*(modal.frequency[:, group].mean(axis=1) for group in (P, Q)))
 
 
 def group_of(modal: ModalQuantities, mode: int) -> Group:
@@ -324,10 +330,10 @@ def group_of(modal: ModalQuantities, mode: int) -> Group:
     return next(group for group in groups if mode in group)
 
 
-def _group_pair(modal: ModalQuantities, sources: list[Source], P: Group, Q: Group) -> Found:
+def _group_pair(modal: ModalQuantities, exciters: list[Exciter], P: Group, Q: Group) -> Found:
     """The tongue of two groups of which at least one has several modes."""
     w_p, w_q = (modal.frequency[:, group].mean(axis=1) for group in (P, Q))
-    matrix = _block(modal, sources, P, Q) / _scale(w_p, w_q)
+    matrix = _block(modal, exciters, P, Q)[0] / _scale(w_p, w_q)
     none = np.zeros(len(matrix))
     if modal.damping is None:
         return w_p + w_q, none, undamped(matrix), none
@@ -336,7 +342,7 @@ def _group_pair(modal: ModalQuantities, sources: list[Source], P: Group, Q: Grou
 
 
 def _unsymmetric_groups(
-    modal: ModalQuantities, sources: list[Source], pairs: list[tuple[Group, Group]], difference: bool
+    modal: ModalQuantities, exciters: list[Exciter], pairs: list[tuple[Group, Group]], difference: bool
 ) -> Found:
     """The same of pairs of groups of the same sizes with periodic terms, at sums or differences of frequencies."""
     sign, rows = -1.0 if difference else 1.0, len(modal.frequency)
@@ -345,10 +351,13 @@ def _unsymmetric_groups(
         own, other = (modal.frequency[:, group].mean(axis=1) for group in (P, Q))
         # In the scaling in which amplitudes are actions, G is the adjoint of H where the excitation is symmetric.
         scale = _scale(own, other)
-        forward = _block(modal, sources, P, Q, sign * other) * 0.5j / scale
-        backward = np.conj(_block(modal, sources, Q, P, own) * 0.5j / (sign * scale))
+        (there, size), (back, size_back) = (
+            _block(modal, exciters, P, Q, sign * other), _block(modal, exciters, Q, P, own)
+        )  # fmt: skip
+        forward, backward = there * 0.5j / scale, np.conj(back * 0.5j / (sign * scale))
+        noise = ROUNDING * np.maximum(size.max(axis=(-2, -1)), size_back.max(axis=(-2, -1))) / scale[:, 0, 0]
         (mean_p, shift_p), (mean_q, shift_q) = _mean(modal, P, own), _mean(modal, Q, -sign * other)
-        parts.append((forward, backward, mean_p, mean_q))
+        parts.append((forward, backward, mean_p, mean_q, noise))
         roots.append(own + sign * other)
         shifts.append(shift_p - shift_q)
     every = [np.concatenate(part) for part in zip(*parts, strict=True)]

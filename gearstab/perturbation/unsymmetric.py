@@ -12,7 +12,7 @@ An eigenvalue is imaginary at the two detunings
 
 and there is growth between them (:func:`gearstab.perturbation.damped.product_pair`). The root is positive, and the
 tongue open, where |GH| + Re(GH) > 2 mu_p mu_q. Where B is symmetric and D zero, or where p = q and both are symmetric,
-GH is |G|^2, real and positive. In general it is not: the tongue of unequally damped modes is shifted to one side, and
+GH is real and positive. In general it is not: the tongue of unequally damped modes is shifted to one side, and
 
 * *differences* of frequencies become resonant. Near nu = w_p - w_q + sigma, w_p > w_q, the equations are the same with
   -w_q in place of w_q, and A_q in place of its conjugate. With B symmetric and D zero GH is then -|B_pq|^2/(4 w_p w_q),
@@ -63,13 +63,16 @@ def _passive(mean: Array) -> Array:
     return np.asarray(largest <= ROUNDING * np.abs(mean).max(axis=(-2, -1)))
 
 
-def groups(forward: Array, backward: Array, mean_p: Array, mean_q: Array) -> tuple[Array, Array, Array]:
+def groups(
+    forward: Array, backward: Array, mean_p: Array, mean_q: Array, noise: Array | float = 0.0
+) -> tuple[Array, Array, Array]:
     """(shift, half_width, threshold) of two groups, ``(rows,)`` each, as of :func:`damped.product_pair`.
 
         a' = (M_P - i sigma/2) a + G b,    b' = H a + (M_Q + i sigma/2) b.
 
     forward: G ``(rows, P, Q)``; backward: H ``(rows, Q, P)``; mean_p, mean_q: M_P and M_Q, the shifts that all modes of
     a group have in common left out, in the scaling in which H is the adjoint of G where the excitation is symmetric.
+    noise: ``(rows,)``, what is rounding in the entries of G and H.
 
     Of several unstable ranges of sigma the outermost ends count. NaN where some motion of a group is not damped and the
     equations are not symmetric: then whether there is a boundary is not decided here.
@@ -80,9 +83,9 @@ def groups(forward: Array, backward: Array, mean_p: Array, mean_q: Array) -> tup
     adjoint = np.conj(np.swapaxes(forward, -1, -2))
     # Coupling in one direction only, and coupling that keeps the sum of the squared amplitudes, make nothing grow.
     still = ~forward.any(axis=(-2, -1)) | ~backward.any(axis=(-2, -1))
-    keeps = np.abs(backward + adjoint).max(axis=(-2, -1)) <= ROUNDING * size
+    keeps = np.abs(backward + adjoint).max(axis=(-2, -1)) <= ROUNDING * size + noise
     still |= keeps & _passive(mean_p) & _passive(mean_q)
-    symmetric = np.abs(backward - adjoint).max(axis=(-2, -1)) <= ROUNDING * size
+    symmetric = np.abs(backward - adjoint).max(axis=(-2, -1)) <= ROUNDING * size + noise
     for mean in (mean_p, mean_q):
         symmetric &= ~mean.imag.any(axis=(-2, -1))
         odd = np.abs(mean.real - np.swapaxes(mean.real, -1, -2)).max(axis=(-2, -1))

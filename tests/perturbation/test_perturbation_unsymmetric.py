@@ -260,6 +260,24 @@ def test_symmetric_terms_are_meshes(damped: str) -> None:
         assert (np.isinf(found.threshold[here]) | open_).all()
 
 
+@pytest.mark.parametrize("twin", [False, True])
+def test_meshes_that_all_but_cancel_stay_symmetric(twin: bool) -> None:
+    """Of two meshes 1e-9 of B is left, and its last seven digits are rounding: GH must be real all the same."""
+    sides = ([0.7, 0.31, 0.2], [0.7, -0.31, 0.2])
+    meshes = tuple(
+        Mesh(name, np.array(g), np.ones(()), np.array(0.1 * part), WAVE, lag=0.13)
+        for name, g, part in zip("ab", sides, (1.0, 1.0 + 1e-9), strict=True)
+    )
+    means = sum(np.outer(g, g) for g in np.array(sides))
+    stiffness = np.diag([1.3, 4.1, 1.3 if twin else 7.7]) - means
+    plain = GearSystem(np.eye(3), stiffness, meshes)
+    quiet = PeriodicTerm("quiet", np.eye(3)[2], np.eye(3)[2], Constant(0.0))
+    known, found = first_order(plain, 1), first_order(replace(plain, terms=(quiet,)), 1)
+    k = known.label.index("w1+w3" if twin else "w1+w2")
+    assert known.half_width[k] > 0
+    np.testing.assert_allclose(found.half_width[: len(known.index)], known.half_width, rtol=1e-5)
+
+
 def undamped(friction: float, antisymmetric: bool) -> GearSystem:
     """Modes of w = 1 and 2.3, B_12 = b and B_21 = +-b, or with friction of another phase."""
     wave = Rectangular(1.5)
