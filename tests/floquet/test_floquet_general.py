@@ -14,10 +14,12 @@ from systems import DAMPING, G2, MASS, SHAFT, WITH_TERMS, Smooth, friction, with
 from gearstab.cli import group
 from gearstab.floquet import STATUS_FLAGS, solve
 from gearstab.floquet.general import analyse
+from gearstab.floquet.kernel import choice as kernel
 from gearstab.floquet.report import reduction
 from gearstab.floquet.truncation import modes_basis, neglected, restricted
 from gearstab.linear.magnus import expm
-from gearstab.system import PeriodicTerm
+from gearstab.modal import modal_damping_matrix
+from gearstab.system import GearSystem, Mesh, PeriodicTerm
 from gearstab.waveforms import Constant, Rectangular, Scaled
 
 OMEGA = np.linspace(0.35, 7.0, 23)[None]
@@ -202,3 +204,52 @@ def test_commands_take_terms_beside_rectangular_waves(tmp_path, text, command):
     assert result.exit_code == 0, result.output
     if command == "info":
         assert "regions leave out" in result.output
+
+
+class TestStrongDamping:
+    """Multipliers e^-50 to e^-750 of the largest, of which a product in double precision knows nothing."""
+
+    @pytest.fixture(params=kernel.available(), autouse=True)
+    def way(self, request):
+        with kernel.using(request.param):
+            yield
+
+    @pytest.mark.parametrize(("ratio", "omega"), [(0.3, 0.1), (0.9, 0.5), (0.9, 0.1)])
+    def test_damping_written_as_a_term(self, ratio, omega):
+        """A constant symmetric term is damping, of which exponents are found state by state."""
+        system, direction = with_terms(), np.array([0.3, -0.1, 0.2])
+        modal = modal_damping_matrix(system.mass, system.mean_stiffness_matrix(), np.full(3, ratio))
+        term = PeriodicTerm("damping", direction, direction, None, Constant(0.2))
+        ours = solve(replace(system, damping=modal, terms=(term,)), np.array([omega]), exponents=True)
+        added = modal + 0.2 * np.outer(direction, direction)
+        exact = solve(replace(system, damping=added), np.array([omega]), exponents=True)
+        period = 10 * np.pi / omega
+        assert np.ptp(exact.exponents.real) * period > 100
+        by_size = [np.sort(found.exponents.real, axis=None) for found in (ours, exact)]
+        np.testing.assert_allclose(*by_size, rtol=0, atol=1e-11 / period)
+
+    @pytest.mark.parametrize("profile", [Scaled(Rectangular(1.3), 0.05, 0.4), Smooth(0.1, 0.2)])
+    def test_exponents_of_friction_add_up_to_the_trace(self, profile):
+        """Liouville: the sum is -tr M^-1 C, as friction on positions has no part in it."""
+        system = with_terms(terms=[friction(profile)])
+        modal = modal_damping_matrix(system.mass, system.mean_stiffness_matrix(), np.full(3, 0.5))
+        found = solve(replace(system, damping=modal), np.array([0.2, 0.7]), exponents=True)
+        trace = -np.trace(np.linalg.solve(system.mass, modal))
+        np.testing.assert_allclose(found.exponents.sum(axis=-1), trace, rtol=1e-12)
+
+    @pytest.mark.parametrize("omega", [0.03, 0.4])
+    def test_a_single_coordinate_against_50_digits(self, omega):
+        """An overdamped pair whose damping follows its stiffness, with friction: two states of half a period each."""
+        wave = Rectangular(1.5)
+        mesh = Mesh("mesh", np.ones(1), np.array(1.0), np.array(0.3), wave)
+        drag = PeriodicTerm("drag", np.ones(1), np.ones(1), Scaled(wave, 0.05, 0.4), Scaled(wave, 0.5, 1.0))
+        system = GearSystem(np.eye(1), np.zeros((1, 1)), (mesh,), 6 * np.eye(1), terms=(drag,))
+        (found,) = solve(system, np.array([omega]), exponents=True).exponents.reshape(1, 2)
+        with mp.workdps(50 + int(40 / omega)):
+            product, period = mp.eye(2), 2 * mp.pi / mp.mpf(omega)
+            for half in (mp.mpf(1) / 2, -mp.mpf(1) / 2):
+                stiffness = 1 + 2 * mp.mpf(0.3) * half + mp.mpf(0.05) + mp.mpf(0.4) * half
+                product = mp.expm(mp.matrix([[0, 1], [-stiffness, -6.5 - half]]) * period / 2) * product
+            expected = sorted(float(mp.log(mp.re(value)) / period) for value in mp.eig(product)[0])
+        assert (expected[1] - expected[0]) * 2 * np.pi / omega > 80
+        np.testing.assert_allclose(np.sort(found.real), expected, rtol=1e-13)

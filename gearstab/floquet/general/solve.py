@@ -4,14 +4,16 @@ Piecewise constant A: exact products of exponentials. Otherwise sixth-order Magn
 and kinks; every point is computed with some number of steps and with twice as many, and the difference is its error
 estimate; points whose estimate exceeds the tolerance are computed again with more.
 
-Nothing here is symplectic: a multiplier on the unit circle is there within rounding only. What the small multipliers of
-a strongly damped period are is known to eps times the largest one.
+Nothing here is symplectic: a multiplier on the unit circle is there within rounding only. Eigenvalues of the product
+tell the small multipliers of a strongly damped period to eps times the largest one; where all exponents are wanted they
+are found from factors of the product (:mod:`gearstab.floquet.kernel.graded`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -35,6 +37,10 @@ ON_CIRCLE = 1e-7
 known to the square root of the rounding error."""
 DAMPED_ON_CIRCLE = 1e-10
 """The same for a damped system, whose multipliers lie inside."""
+SPREAD = np.log(100.0)
+"""Spread of ln |lambda| up to which the eigenvalues of the product tell all exponents."""
+WIDTH = 3.0
+"""By how much growth and decay may differ in a factor: its small part loses a factor of exp(3) = 20."""
 SLIVER = 1e-13
 """Part of the common period below which an interval is a rounding error: nothing varies in it."""
 ENTRIES_AT_ONCE = 2**21
@@ -57,14 +63,13 @@ def analyse(
     """
     plan, rows = schedule(system), generators(system)
     cycles = float(system.common_period()[0])
-    multipliers, scale, error = _multipliers(plan, rows, cycles, np.asarray(mesh_frequency, dtype=float), tolerance)
+    omega = np.asarray(mesh_frequency, dtype=float)
+    found, error = _log_multipliers(plan, rows, cycles, omega, tolerance, exponents)
     growth = np.full(error.shape, np.nan)
     table = np.full((*error.shape, 2 * system.size), np.nan, dtype=complex) if exponents else None
     stable = np.full(error.shape, -1, dtype=np.int8)
     for r, row in enumerate(rows):
-        period = 2 * np.pi * cycles / np.asarray(mesh_frequency)[r]
-        with np.errstate(divide="ignore"):
-            logs = np.log(multipliers[r]) + scale[r][:, None]
+        period, logs = 2 * np.pi * cycles / omega[r], found[r]
         largest = np.maximum(logs.real.max(axis=-1, initial=-np.inf), row.rigid_growth * period)
         known = np.isfinite(error[r])
         growth[r, known] = (largest / period)[known]
@@ -108,6 +113,17 @@ class _Division:
             matrices = row.constant + np.einsum("xkj,jab->xkab", values, row.parts)
             yield MagnusSteps(polynomial(matrices), np.concatenate(length))
 
+    def cut(self, row: Generator, index: int, longest: float) -> _Division:
+        """The same with intervals in which nothing varies, exact in any steps, in steps no wider than WIDTH."""
+        constant = np.flatnonzero(self.steps == 1)
+        if not len(constant):
+            return self
+        values = np.stack([self.values[s][index, 0, 0] for s in constant])
+        rates = row.constant + np.einsum("sj,jab->sab", values, row.parts)
+        width, steps = _widths(rates, self.plan.lengths[index, constant] * longest), self.steps.copy()
+        steps[constant] = np.maximum(1, np.ceil(width / WIDTH))
+        return _Division.of(self.plan, steps)
+
     def _runs(self, at_once: int) -> Iterator[list[tuple[int, slice]]]:
         """Consecutive steps in groups of up to so many: intervals, and which steps of each."""
         run: list[tuple[int, slice]] = []
@@ -126,14 +142,13 @@ class _Division:
             yield run
 
 
-def _multipliers(
-    plan: Schedule, rows: list[Generator], cycles: float, omega: Array, tolerance: float
-) -> tuple[list[Array], list[Array], Array]:
-    """Multipliers over exp(scale), of each row ``(P, m)`` and ``(P,)``, and the error estimates ``(rows, P)``."""
+def _log_multipliers(
+    plan: Schedule, rows: list[Generator], cycles: float, omega: Array, tolerance: float, exponents: bool
+) -> tuple[list[Array], Array]:
+    """ln lambda of each row ``(P, m)`` and the error estimates ``(rows, P)``; exponents: whether all are wanted."""
     varies = varying(plan)
     points = omega.shape[1]
-    values = [np.full((points, len(row.constant)), np.nan, dtype=complex) for row in rows]
-    scale = [np.zeros(points) for _ in rows]
+    logs = [np.full((points, len(row.constant)), np.nan, dtype=complex) for row in rows]
     error = np.full(omega.shape, np.nan)
     level = _first_levels(rows, plan, cycles, omega) if varies.any() else np.zeros(omega.shape, dtype=int)
     pending = np.ones(omega.shape, dtype=bool)
@@ -146,11 +161,18 @@ def _multipliers(
         both = first, _Division.of(plan, np.where(varies, 2 * coarse, 1)) if varies.any() else first
         for r in np.flatnonzero(chosen.any(axis=1)):
             members = np.flatnonzero(chosen[r])
-            found = _compared(rows[r], int(r), both, 2 * np.pi * cycles / omega[r, members])
-            values[r][members], scale[r][members], error[r, members] = found
-            more = (current < level[r, members] + FINEST) & (found[2] > 4 * ROUNDING * both[1].steps.sum())
-            pending[r, members] = (found[2] > tolerance) & more
-    return values, scale, error
+            period = 2 * np.pi * cycles / omega[r, members]
+            values, scale, own = _compared(rows[r], int(r), both, period)
+            more = (current < level[r, members] + FINEST) & (own > 4 * ROUNDING * both[1].steps.sum())
+            pending[r, members] = (own > tolerance) & more
+            with np.errstate(divide="ignore"):
+                logs[r][members], error[r, members] = np.log(values) + scale[:, None], own
+            if exponents:
+                apart = np.ptp(logs[r].real[members], axis=1) if values.shape[1] else np.zeros(len(members))
+                wide = np.isfinite(own) & ~pending[r, members] & (apart > SPREAD)
+                if wide.any():
+                    logs[r][members[wide]] = _graded(both[1], rows[r], int(r), period[wide])
+    return logs, error
 
 
 def _first_levels(rows: list[Generator], plan: Schedule, cycles: float, omega: Array) -> Array:
@@ -225,3 +247,45 @@ def _product(division: _Division, row: Generator, index: int, period: Array) -> 
     for steps in division.pieces(row, index):
         product, scale = propagated(steps, period, product, scale)
     return product, scale
+
+
+def _graded(division: _Division, row: Generator, index: int, period: Array) -> Array:
+    """ln lambda ``(P, m)``, the small ones as right as the large, from factors no wider than WIDTH."""
+    time, size = period * row.rate, len(row.constant)
+    division = division.cut(row, index, float(time.max()))
+    at_once = max(1, ENTRIES_AT_ONCE // (int(division.steps.sum()) * size * size))
+    logs = np.empty((len(time), size), dtype=complex)
+    for begin in range(0, len(time), at_once):
+        part, count, more = slice(begin, begin + at_once), 0, SPREAD
+        while True:
+            factors, scale = _factors(division.pieces(row, index), time[part], more)
+            logs[part] = kernel.current().graded(factors) + scale[:, None]
+            widest = float(np.ptp(logs[part].real, axis=1).max())
+            # Multipliers may be further apart than the states tell, as those of instabilities are.
+            if len(factors) == count or not widest > 1.5 * WIDTH * len(factors):
+                break
+            count, more = len(factors), 2 * widest
+    return logs
+
+
+def _factors(pieces: Iterator[MagnusSteps], time: Array, more: float) -> tuple[list[Array], Array]:
+    """Factors ``(P, m, m)`` each, and the logarithm ``(P,)`` of what was taken out of all.
+
+    more: what is added to the width of the steps over the whole period, in parts as long as they are.
+    """
+    factors, scale = [], np.zeros(len(time))
+    for piece in pieces:
+        size = piece.coefficients.shape[-1]
+        width = _widths(piece.coefficients[:, 0], piece.length * float(time.max())) + more * piece.length
+        starts = np.flatnonzero(np.diff(np.floor(np.cumsum(width) / WIDTH))) + 1
+        for begin, end in pairwise([0, *starts, len(width)]):
+            steps = MagnusSteps(piece.coefficients[begin:end], piece.length[begin:end])
+            unit = np.broadcast_to(np.eye(size), (len(time), size, size))
+            factor, scale = propagated(steps, time, unit, scale)
+            factors.append(factor)
+    return factors, scale
+
+
+def _widths(rates: Array, time: Array) -> Array:
+    """By how much growth and decay of x' = A x differ after some times, ``(S,)`` of ``(S, m, m)`` and ``(S,)``."""
+    return np.asarray(np.ptp(np.linalg.eigvals(rates).real, axis=-1) * time)
