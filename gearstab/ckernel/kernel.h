@@ -77,19 +77,18 @@ struct points {
 /* A motion whose teeth may part, of D = size numbers: a state and `width` harmonics of what drives it, whose equations stand
    in gearstab/response/backlash/dynamics.py. A cell is a part of the common period in which all J functions are smooth. */
 struct motion {
-    int64_t size, width, meshes, functions, cells, order, degree, nodes, known;
-    int64_t busiest, most_at_once, fine, most_sweeps, most_halvings;
+    int64_t size, width, meshes, functions, cells, order, degree, known;
+    int64_t busiest, most_at_once, fine, most_halvings;
     double period, rate, tolerance;
-    double reach, shorter, penetration, rounding, grazing, at_once, largest, smallest;
+    double reach, penetration, rounding, grazing, at_once, largest, smallest;
     const double *span;     /* (cells, 2), begin and end */
-    const double *wave;     /* (cells, order, J), Chebyshev coefficients of the functions; order 1: constants */
+    const double *shape;    /* (cells, order, J), the functions as powers of the part of the cell that has passed */
     const double *start;    /* (cells, width), the harmonics at the beginning */
     const double *gauge;    /* (meshes, D), deflections */
     const double *limit;    /* (meshes, 2), of the play; the same number twice without any */
     const int64_t *contact; /* (known, meshes), contacts with known matrices: 1, 0 or -1 */
     const double *matrices; /* (known, 1 + J, D, D), of a contact what is always there, then what comes with each function;
                                by columns */
-    const double *point, *waves, *integral, *powers; /* (nodes,) and (nodes, nodes): the tables of dynamics.py */
 };
 
 /* Where a motion is: number of the common period, cell, time in the period, state, contact; the mesh whose contact has just
@@ -105,6 +104,7 @@ enum { NUMBERS = 3, LABELS = 5 };
 struct run {
     int64_t count, room;
     double *powers;   /* (room, degree + 1, D), coefficients of powers of u = 0...1 */
+    double *shape;    /* (room, order, J), those of the functions */
     double *number;   /* (room, NUMBERS): time of the beginning in the common period, length, speed of the mesh that changes */
     int64_t *label;   /* (room, LABELS): period, cell, mesh that changes or -1, its contact afterwards, whether it is grazing */
     int64_t *contact; /* (room, meshes) */

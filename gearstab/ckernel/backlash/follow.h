@@ -99,13 +99,13 @@ static int follow_pieces(const struct motion *motion, struct pieces *p, struct w
             if (k < 0)
                 return UNKNOWN;
             matrices = motion->matrices + k * (1 + motion->functions) * size * size;
-            if (constant)
-                generator_of(motion, matrices, motion->wave + at->cell * motion->functions, p->generator);
+            prepare(motion, p, matrices, at->cell);
             fresh = 0;
         }
         double *powers = run->powers + run->count * (degree + 1) * size, *number = run->number + run->count * NUMBERS;
         int64_t *label = run->label + run->count * LABELS, *contact = run->contact + run->count * meshes;
-        double length = constant ? constant_piece(motion, p, at->y, longest, powers)
+        p->shape = run->shape + run->count * motion->order * motion->functions;
+        double length = constant ? constant_piece(motion, p, at->cell, at->y, longest, powers)
                                  : varying_piece(motion, p, matrices, at->cell, at->begin, at->y, longest, powers);
         if (length < 0)
             return ROUGH;
@@ -116,6 +116,7 @@ static int follow_pieces(const struct motion *motion, struct pieces *p, struct w
         if (change.u >= 0) {
             double scale = 1.0, width = motion->limit[2 * change.mesh + 1] - motion->limit[2 * change.mesh];
             speed = change.slope / length;
+            shorten(motion, change.u, p->shape);
             for (int64_t k = 0; k <= degree; k++, scale *= change.u)
                 for (int64_t i = 0; i < size; i++)
                     powers[k * size + i] *= scale;
@@ -144,13 +145,14 @@ static int follow_pieces(const struct motion *motion, struct pieces *p, struct w
 
 /* See kernel.h. */
 static int follow_motion(const struct motion *motion, struct where *at, struct run *run) {
-    const int64_t size = motion->size, nodes = motion->order == 1 ? 1 : motion->nodes;
-    double *memory = malloc((size_t)(nodes * (size * size + motion->functions + 3 * size)) * sizeof *memory);
+    const int64_t size = motion->size, functions = motion->functions;
+    const int64_t matrix = motion->order == 1 ? size * size : 0, sums = motion->order == 1 ? 0 : (1 + functions) * size;
+    const int64_t applied = motion->order == 1 ? 0 : functions * motion->degree * size;
+    double *memory = malloc((size_t)(matrix + sums + applied + size) * sizeof *memory);
     if (!memory)
         return -1;
     struct pieces p = {.generator = memory};
-    p.value = p.generator + nodes * size * size, p.state = p.value + nodes * motion->functions;
-    p.rate = p.state + nodes * size, p.next = p.rate + nodes * size;
+    p.sums = p.generator + matrix, p.applied = p.sums + sums, p.row = p.applied + applied;
     int how = follow_pieces(motion, &p, at, run);
     free(memory);
     return how;

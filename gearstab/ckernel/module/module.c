@@ -295,10 +295,10 @@ static PyMethodDef METHODS[] = {
      "magnus(level, count, m, coefficients, length, growth, first, last, points, period, matrix, scale)"},
     {"eigenvalues", py_eigenvalues, METH_VARARGS, "eigenvalues(level, count, m, first, last, matrix, values)"},
     {"follow", py_follow, METH_VARARGS,
-     "follow(level, (size, width, meshes, functions, cells, order, degree, nodes, known, busiest, most_at_once, fine, most_sweeps, "
-     "most_halvings), (period, rate, tolerance, reach, shorter, penetration, rounding, grazing, at_once, largest, smallest), "
-     "span, wave, start, gauge, limit, contact, matrices, point, waves, integral, powers, room, marks, state, pieces, numbers, "
-     "labels, contacts) -> why the run ends, pieces"},
+     "follow(level, (size, width, meshes, functions, cells, order, degree, known, busiest, most_at_once, fine, most_halvings), "
+     "(period, rate, tolerance, reach, penetration, rounding, grazing, at_once, largest, smallest), "
+     "span, shape, start, gauge, limit, contact, matrices, room, marks, state, pieces, "
+     "shapes, numbers, labels, contacts) -> why the run ends, pieces"},
     {"sampled", py_sampled, METH_VARARGS, "sampled(level, count, degree, size, kept, powers, first, places, u, state)"},
     {"extremes", py_extremes, METH_VARARGS, "extremes(level, count, degree, size, powers, points, low, high)"},
     {"edges", py_edges, METH_VARARGS,

@@ -24,7 +24,7 @@ PyObject *py_follow(PyObject *self, PyObject *arguments);
 PyObject *py_sampled(PyObject *self, PyObject *arguments);
 PyObject *py_extremes(PyObject *self, PyObject *arguments);
 
-enum { MOST_BUFFERS = 18 };
+enum { MOST_BUFFERS = 14 };
 
 struct buffers {
     Py_buffer view[MOST_BUFFERS];

@@ -23,34 +23,31 @@ PyObject *py_follow(PyObject *self, PyObject *arguments) {
     struct motion m;
     const char *name;
     const Py_buffer *view = b.view;
-    Py_ssize_t room, n[14];
-    if (!PyArg_ParseTuple(arguments, "s(nnnnnnnnnnnnnn)(ddddddddddd)OOOOOOOOOOOnOOOOOO", &name, &n[0], &n[1], &n[2], &n[3],
-                          &n[4], &n[5], &n[6], &n[7], &n[8], &n[9], &n[10], &n[11], &n[12], &n[13], &m.period, &m.rate,
-                          &m.tolerance, &m.reach, &m.shorter, &m.penetration, &m.rounding, &m.grazing, &m.at_once,
-                          &m.largest, &m.smallest, &o[0], &o[1], &o[2], &o[3], &o[4], &o[5], &o[6], &o[7], &o[8], &o[9],
-                          &o[10], &room, &o[11], &o[12], &o[13], &o[14], &o[15], &o[16]) ||
-        !take(&b, o, "dddddidddddIDDDII"))
+    Py_ssize_t room, n[12];
+    if (!PyArg_ParseTuple(arguments, "s(nnnnnnnnnnnn)(dddddddddd)OOOOOOOnOOOOOOO", &name, &n[0], &n[1], &n[2], &n[3], &n[4],
+                          &n[5], &n[6], &n[7], &n[8], &n[9], &n[10], &n[11], &m.period, &m.rate, &m.tolerance, &m.reach,
+                          &m.penetration, &m.rounding, &m.grazing, &m.at_once, &m.largest, &m.smallest, &o[0], &o[1],
+                          &o[2], &o[3], &o[4], &o[5], &o[6], &room, &o[7], &o[8], &o[9], &o[10], &o[11], &o[12],
+                          &o[13]) ||
+        !take(&b, o, "dddddidIDDDDII"))
         return finish(&b, 1, 0);
     m.size = n[0], m.width = n[1], m.meshes = n[2], m.functions = n[3], m.cells = n[4], m.order = n[5], m.degree = n[6];
-    m.nodes = n[7], m.known = n[8], m.busiest = n[9], m.most_at_once = n[10], m.fine = n[11], m.most_sweeps = n[12];
-    m.most_halvings = n[13];
-    m.span = view[0].buf, m.wave = view[1].buf, m.start = view[2].buf, m.gauge = view[3].buf, m.limit = view[4].buf;
-    m.contact = view[5].buf, m.matrices = view[6].buf, m.point = view[7].buf, m.waves = view[8].buf;
-    m.integral = view[9].buf, m.powers = view[10].buf;
+    m.known = n[7], m.busiest = n[8], m.most_at_once = n[9], m.fine = n[10], m.most_halvings = n[11];
+    m.span = view[0].buf, m.shape = view[1].buf, m.start = view[2].buf, m.gauge = view[3].buf, m.limit = view[4].buf;
+    m.contact = view[5].buf, m.matrices = view[6].buf;
     const struct level *level = level_named(name);
-    int fit = level && n[1] > 0 && n[0] > n[1] && n[2] > 0 && n[4] > 0 && n[5] > 0 && n[6] > 0 && n[6] <= MOST_DEGREE &&
-              n[7] > 1 && (n[5] == 1 || n[6] == n[7] - 1) && n[11] > 0 && room > 0 && FITS(&view[0], 8, n[4], 2) &&
-              FITS(&view[1], 8, n[4], n[5], n[3]) && FITS(&view[2], 8, n[4], n[1]) && FITS(&view[3], 8, n[2], n[0]) &&
-              FITS(&view[4], 8, n[2], 2) && FITS(&view[5], 8, n[8], n[2]) &&
-              FITS(&view[6], 8, n[8], 1 + n[3], n[0], n[0]) && FITS(&view[7], 8, n[7]) && FITS(&view[8], 8, n[7], n[7]) &&
-              FITS(&view[9], 8, n[7], n[7]) && FITS(&view[10], 8, n[7], n[7]) && FITS(&view[11], 8, 5 + n[2]) &&
-              FITS(&view[12], 8, 1 + n[0]) && FITS(&view[13], 8, room, n[6] + 1, n[0]) &&
-              FITS(&view[14], 8, room, NUMBERS) && FITS(&view[15], 8, room, LABELS) && FITS(&view[16], 8, room, n[2]);
+    int fit = level && n[1] > 0 && n[0] > n[1] && n[2] > 0 && n[4] > 0 && n[5] > 0 && n[6] > 1 && n[6] <= MOST_DEGREE &&
+              n[10] > 0 && room > 0 && FITS(&view[0], 8, n[4], 2) && FITS(&view[1], 8, n[4], n[5], n[3]) &&
+              FITS(&view[2], 8, n[4], n[1]) && FITS(&view[3], 8, n[2], n[0]) && FITS(&view[4], 8, n[2], 2) &&
+              FITS(&view[5], 8, n[7], n[2]) && FITS(&view[6], 8, n[7], 1 + n[3], n[0], n[0]) &&
+              FITS(&view[7], 8, 5 + n[2]) && FITS(&view[8], 8, 1 + n[0]) && FITS(&view[9], 8, room, n[6] + 1, n[0]) &&
+              FITS(&view[10], 8, room, n[5], n[3]) && FITS(&view[11], 8, room, NUMBERS) &&
+              FITS(&view[12], 8, room, LABELS) && FITS(&view[13], 8, room, n[2]);
     struct where at;
-    struct run run = {.room = room, .powers = view[13].buf, .number = view[14].buf, .label = view[15].buf,
-                      .contact = view[16].buf};
+    struct run run = {.room = room, .powers = view[9].buf, .shape = view[10].buf, .number = view[11].buf,
+                      .label = view[12].buf, .contact = view[13].buf};
     if (fit) {
-        enter(&at, view[11].buf, view[12].buf);
+        enter(&at, view[7].buf, view[8].buf);
         fit = at.cell >= 0 && at.cell < m.cells;
     }
     int how = 0;
@@ -58,7 +55,7 @@ PyObject *py_follow(PyObject *self, PyObject *arguments) {
         Py_BEGIN_ALLOW_THREADS
         how = level->follow(&m, &at, &run);
         Py_END_ALLOW_THREADS
-        leave(&at, view[11].buf, view[12].buf);
+        leave(&at, view[7].buf, view[8].buf);
     }
     if (!fit || how < 0)
         return finish(&b, fit, how < 0);

@@ -1,8 +1,9 @@
 """The same as :mod:`gearstab.response.backlash.follow` by the compiled kernel, many pieces a call.
 
-The kernel is given what a generator G is made of for every contact that occurs, and the functions as Chebyshev series
-on cells of the common period: constants on its intervals, or series short enough for pieces of a motion to begin and
-end anywhere within.
+The kernel is given what a generator G is made of for every contact that occurs, and varying functions as polynomials
+on cells of the common period: constants between edges, or parts of Chebyshev series so short that they end. On either a
+piece of the motion is its Taylor series, of which smooth functions make a recurrence: with G = sum_i u^i G_i,
+(k + 1) y_(k+1) = length sum_i G_i y_(k-i).
 """
 
 from __future__ import annotations
@@ -26,8 +27,8 @@ FULL, UNKNOWN, CHATTERS, OUTGROWN, ROUGH = range(5)
 
 FIRST, MOST, ENTRIES = 32, 1024, 2**20
 """Pieces of the first call, and of a later one at most; numbers in their polynomials at most."""
-SERIES = 1e-14
-"""Last coefficients of a series, relative to the largest value of its function."""
+SERIES, ROUNDED = 1e-15, 1e-12
+"""Last coefficients of a series, relative to the largest value of its function; the latter where they are rounding."""
 MOST_CELLS = 4096
 MOST_KEPT = 2**24
 """Numbers in the matrices of contacts that are kept for further use."""
@@ -37,18 +38,19 @@ MOST_KEPT = 2**24
 class Timetable:
     """What varies when: C cells of the common period.
 
-    span: ``(C, 2)``, begin and end;  waves: ``(C, order, J)``, Chebyshev coefficients of the varying functions.
+    span: ``(C, 2)``, begin and end;  shapes: ``(C, order, J)``, the varying functions as powers of the part
+        of the cell that has passed.
     start: ``(C, L)``, S z at the beginning.
     """
 
     span: Array
-    waves: Array
+    shapes: Array
     start: Array
 
     @property
     def order(self) -> int:
         """1 where all functions are constant."""
-        return self.waves.shape[1]
+        return self.shapes.shape[1]
 
 
 def timetable(dynamics: d.Dynamics) -> Timetable | None:
@@ -57,29 +59,31 @@ def timetable(dynamics: d.Dynamics) -> Timetable | None:
     edges = motion.points.edges[0]
     spans = np.stack([edges[:-1], edges[1:]], axis=1)[occupied(motion.points)]
     if motion.drive.exact:
-        waves = dynamics.values(spans.mean(axis=1))[:, None]
+        shapes = dynamics.values(spans.mean(axis=1))[:, None]
     else:
         divided = _series(dynamics, spans)
         if divided is None:
             return None
-        spans, waves = divided
-    return Timetable(spans * motion.period, waves, dynamics.scale * motion.drive.z(spans[:, 0]))
+        spans, shapes = divided[0], d.POWERS @ divided[1]
+    return Timetable(spans * motion.period, shapes, dynamics.scale * motion.drive.z(spans[:, 0]))
 
 
 def _series(dynamics: d.Dynamics, spans: Array) -> tuple[Array, Array] | None:
-    """Halve spans of tau until all their series end; in order of time."""
+    """Halve spans of tau until all their Chebyshev series end; in order of time."""
     known: list[tuple[Array, Array]] = []
+    before = np.full((len(spans), dynamics.parts.shape[0]), np.inf)
     while len(spans):
         at = spans[:, :1] + d.POINTS * np.diff(spans)
         values = dynamics.values(at.ravel()).reshape(*at.shape, -1)
         waves = d.WAVES @ values
-        ends = np.abs(waves[:, -2:]).max(axis=1) <= SERIES * np.abs(values).max(axis=1)
-        done = ends.all(axis=1)
+        rest = np.abs(waves[:, -2:]).max(axis=1) / np.maximum(np.abs(values).max(axis=1), np.finfo(float).tiny)
+        # What halving does not make smaller is the rounding of the functions themselves.
+        done = ((rest <= SERIES) | ((rest <= ROUNDED) & (rest > 0.1 * before))).all(axis=1)
         known.append((spans[done], waves[done]))
         low, high = spans[~done].T
         if 2 * len(low) + sum(len(part) for part, _ in known) > MOST_CELLS:
             return None
-        middle = 0.5 * (low + high)
+        middle, before = 0.5 * (low + high), np.concatenate([rest[~done]] * 2)
         spans = np.concatenate([np.stack([low, middle], axis=1), np.stack([middle, high], axis=1)])
     found, series = (np.concatenate(parts) for parts in zip(*known, strict=True))
     order = np.argsort(found[:, 0], kind="stable")
@@ -118,8 +122,7 @@ def follow(dynamics: d.Dynamics, x: Array, tolerance: float, table: Timetable) -
     """The motion from the state x at t = 0 on, without end; what is raised stands with the other ``follow``."""
     assert ckernel.library is not None
     motion, teeth = dynamics.motion, dynamics.teeth
-    functions, meshes, size = table.waves.shape[2], len(teeth.has), len(dynamics.fixed)
-    degree = d.DEGREE if table.order == 1 else d.NODES - 1
+    functions, meshes, size = table.shapes.shape[2], len(teeth.has), len(dynamics.fixed)
     contacts = Contacts(dynamics)
     y = np.concatenate([x, table.start[0]])
     marks = np.concatenate([[0, 0, -1, 0, 0], teeth.contact(dynamics.gauge @ y)]).astype(np.int64)
@@ -127,30 +130,31 @@ def follow(dynamics: d.Dynamics, x: Array, tolerance: float, table: Timetable) -
     limits = np.where(teeth.has, [teeth.low, teeth.high], 0.0).T.copy()
     busiest = int(min(f.busiest(dynamics), 2.0**62))
     settings = (
-        motion.period, float(motion.basis.rate[0]), tolerance, d.REACH, d.SHORTER, f.PENETRATION, f.ROUNDING, f.GRAZING,
+        motion.period, float(motion.basis.rate[0]), tolerance, d.REACH, f.PENETRATION, f.ROUNDING, f.GRAZING,
         f.AT_ONCE, f.LARGEST, SMALLEST,
     )  # fmt: skip
-    tables = d.POINTS, d.WAVES, d.INTEGRAL, d.POWERS
-    given = [np.ascontiguousarray(part) for part in (table.span, table.waves, table.start, dynamics.gauge, limits)]
-    most = max(min(MOST, ENTRIES // ((degree + 1) * size)), 1)
+    given = [np.ascontiguousarray(part) for part in (table.span, table.shapes, table.start, dynamics.gauge, limits)]
+    most = max(min(MOST, ENTRIES // ((d.DEGREE + 1) * size)), 1)
     room, why = min(FIRST, most), FULL
     while True:
         numbers = (
-            size, size - dynamics.size, meshes, functions, len(table.span), table.order, degree, d.NODES,
-            contacts.count, busiest, f.MOST_AT_ONCE, f.FINE, d.MOST_SWEEPS, d.MOST_HALVINGS,
+            size, size - dynamics.size, meshes, functions, len(table.span), table.order, d.DEGREE, contacts.count,
+            busiest, f.MOST_AT_ONCE, f.FINE, d.MOST_HALVINGS,
         )  # fmt: skip
-        powers, number = np.empty((room, degree + 1, size)), np.empty((room, 3))
+        powers, number = np.empty((room, d.DEGREE + 1, size)), np.empty((room, 3))
+        values = np.empty((room, table.order, functions))
         label, contact = np.empty((room, 5), dtype=np.int64), np.empty((room, meshes), dtype=np.int64)
         why, count = ckernel.library.follow(
-            ckernel.simd(), numbers, settings, *given, *contacts.known, *tables, room, marks, state,
-            powers, number, label, contact,
+            ckernel.simd(), numbers, settings, *given, *contacts.known, room, marks, state, powers, values, number,
+            label, contact,
         )  # fmt: skip
         if count:
-            period, cell, mesh, following, grazing = label[:count].T
-            values = table.waves[cell, 0] if table.order == 1 else None
+            period, _, mesh, following, grazing = label[:count].T
             begin, length, speed = number[:count].T
             kind = np.where(following == APART, 0, np.where(following == teeth.drive[mesh], 1, 2))
-            yield Track(powers[:count], length, begin, period, contact[:count], values, mesh, kind, speed, grazing > 0)
+            yield Track(
+                powers[:count], length, begin, period, contact[:count], values[:count], mesh, kind, speed, grazing > 0
+            )
         if why == UNKNOWN:
             contacts.learn(marks[5:])
         elif why == CHATTERS:

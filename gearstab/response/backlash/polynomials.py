@@ -30,6 +30,15 @@ def sampled(powers: Array, first: Array, u: Array, kept: int) -> Array:
     return found
 
 
+def product(one: Array, other: Array) -> Array:
+    """``(S, m + n + 1, C)``, coefficients of products of polynomials ``(S, m + 1, C)`` and ``(S, n + 1, C)``."""
+    terms = other.shape[1]
+    found = np.zeros((len(one), one.shape[1] + terms - 1, one.shape[2]))
+    for i in range(one.shape[1]):
+        found[:, i : i + terms] += one[:, i, None] * other
+    return found
+
+
 def extremes_of(powers: Array) -> tuple[Array, Array]:
     """Least and greatest value ``(S, C)`` on [0, 1] of the polynomials with the coefficients ``(S, degree + 1, C)``."""
     count, terms, size = powers.shape

@@ -19,7 +19,8 @@ class Track:
     """S stretches, one after the other, see :class:`~gearstab.response.backlash.follow.Stretch`.
 
     powers: ``(S, degree + 1, D)``;  length, begin: ``(S,)``;  period: ``(S,)``, integers.
-    contact: ``(S, meshes)``;  values: ``(S, J)``, None where functions vary smoothly.
+    contact: ``(S, meshes)``;  values: ``(S, order, J)``, the varying functions as powers of u, None where they
+        are not known as such.
     mesh, kind, speed: ``(S,)``, of the event at the end; where there is none mesh is -1.  grazing: ``(S,)`` bool.
     """
 
@@ -64,7 +65,7 @@ def _track(kept: list[Stretch]) -> Track:
         begin=np.array([stretch.begin for stretch in kept]),
         period=np.array([stretch.period for stretch in kept]),
         contact=np.stack([stretch.contact for stretch in kept]),
-        values=np.stack(values) if values else None,
+        values=np.stack(values)[:, None] if values else None,
         mesh=np.array([-1 if event is None else event.mesh for event in events]),
         kind=np.array([0 if event is None else event.kind for event in events]),
         speed=np.array([np.nan if event is None else event.speed for event in events]),

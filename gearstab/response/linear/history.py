@@ -158,10 +158,11 @@ def assembled(
     with np.errstate(over="ignore", invalid="ignore"):
         deflection = np.stack([q @ np.asarray(mesh.direction) for mesh in system.meshes], axis=-1)
         force = stiffness * (deflection - errors)
-        energy = 0.5 * (np.sum((v @ system.mass) * v, axis=1) + np.sum((q @ system.stiffness) * q, axis=1))
-        energy += 0.5 * np.sum(force * (deflection - errors), axis=1)
-    finite = np.isfinite(q).all(axis=1) & np.isfinite(v).all(axis=1) & np.isfinite(energy)
-    kept = len(q) if finite.all() else int(np.argmin(finite))
+        energy = np.einsum("si,si->s", v @ system.mass, v) + np.einsum("si,si->s", q @ system.stiffness, q)
+        energy = 0.5 * (energy + np.einsum("si,si->s", force, deflection - errors))
+    kept = len(q)
+    if not all(np.isfinite(part).all() for part in (q, v, energy)):
+        kept = int(np.argmin(np.isfinite(q).all(axis=1) & np.isfinite(v).all(axis=1) & np.isfinite(energy)))
     growth = float(np.ravel(solve(at_rest(system), np.array([omega])).growth_rate)[0])
     flags = RESPONSE_FLAGS["overflow"] * (kept < len(q)) | RESPONSE_FLAGS["unstable"] * (growth > 0)
     flags |= RESPONSE_FLAGS["separation"] * bool(np.any(separated(force[:kept], static_mesh_force(system))))
