@@ -164,3 +164,21 @@ def test_small_waves_on_a_slow_history_do_not_make_it_a_solid_block():
     figure, artists = draw(xr.DataTree.from_dict({"/": tree.to_dataset(), "/response": history}), "response")
     np.testing.assert_array_equal(artists["lines"][0].get_ydata(), slow)
     assert figure.axes[0].get_ylim()[0] > 3  # zero is far from all of it
+
+
+@pytest.mark.parametrize("size", [3e305, float("inf")])
+def test_a_history_beyond_the_limits_of_a_panel_is_refused(size):
+    tree = made.response()
+    data = tree["response"].to_dataset()
+    data["displacement"][-1, 0] = size
+    with pytest.raises(PlotError, match="displacement has values beyond 1e\\+200"):
+        draw(xr.DataTree.from_dict({"/": tree.to_dataset(), "/response": data}), "response")
+
+
+def test_a_history_that_grows_beyond_what_a_response_can_is_drawn():
+    """A response ends where its square would be infinite, at some 1e155."""
+    tree = made.response()
+    data = tree["response"].to_dataset()
+    data["displacement"][-1, 0] = 1e199
+    figure, _ = draw(xr.DataTree.from_dict({"/": tree.to_dataset(), "/response": data}), "response")
+    assert 1e199 < figure.axes[0].get_ylim()[1] < np.inf

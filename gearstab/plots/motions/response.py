@@ -25,6 +25,8 @@ Array = np.ndarray
 Artists = dict[str, Any]
 
 MOST_PANELS = 12
+LARGEST = 1e200
+"""Of a history, which ends at 1e155 where it grows: the limits of a panel, which lie beyond in decades, are finite."""
 GROWN = 1000
 """A history that outgrows its first twentieth by this factor is drawn over asinh, which shows its beginning too."""
 
@@ -143,9 +145,11 @@ def label_of(data: xr.DataArray, element: str) -> str:
 
 
 def draw_history(ax: Axes, label: str, data: xr.DataArray, colour: str) -> Any:
-    """One history over time with a thin line at zero, unless all of it lies far from there."""
+    """One history over time with a thin line at zero, unless all of it lies far from there. Raises PlotError."""
     time = data.coords["time"].values if "time" in data.coords else np.arange(data.sizes["time"])
     values = np.asarray(data.values, dtype=float)
+    if (np.abs(values) > LARGEST).any():
+        raise PlotError(f"{data.name} has values beyond {LARGEST:g}, which no figure can show")
     low, high = np.nanmin(values), np.nanmax(values)
     if np.nanmin(np.abs(values)) <= NEAR * (high - low):
         ax.axhline(0.0, color="#8a8a8a", linewidth=0.4, zorder=0.5)
