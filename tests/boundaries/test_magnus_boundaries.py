@@ -60,6 +60,13 @@ class TestMathieu:
                 # scipy's characteristic values are right to some 1e-14.
                 assert abs(edge - known) <= (tolerance + 1e-13) * known
 
+    def test_edges_of_too_few_steps_are_followed_to_where_more_have_them(self, monkeypatch):
+        # Wrong by some 1e-8 at first, which is far below the width floor: nothing is searched twice.
+        monkeypatch.setattr(SteppedPeriod, "resolution", 2)
+        found = boundaries(oscillator(COSINE, 0.3), 1.3, 4.0, 1e-11, 1e-5)
+        np.testing.assert_allclose((found.lower[0], found.upper[0]), mathieu_edges(0.3, 1), rtol=2e-11)
+        assert found.tolerance[0] < 2e-11
+
     def test_a_coarse_tolerance_is_kept_too(self):
         found = boundaries(oscillator(COSINE, 0.3), 1.3, 4.0, 1e-5)
         (lower, upper), known = (found.lower[0], found.upper[0]), mathieu_edges(0.3, 1)

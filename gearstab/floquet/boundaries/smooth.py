@@ -11,7 +11,8 @@ segments gives the matrices and one of few the rest (:class:`~gearstab.floquet.b
 A collision of multipliers is passed at 2 pi k, k >= 1, in the sum of two phases that grow with the period: an error
 of the multipliers moves an edge by at most 1/pi of it, relatively. Whether the number of steps was enough is found out
 at the edges themselves: with half of the steps each must be where it was but for so many times the tolerance as the
-order of the scheme allows. If not, the steps are doubled and all is done again.
+order of the scheme allows. If not, the steps are doubled: without damping the edges concerned are followed to where
+they are then, with damping, whose proofs need the same accuracy, all is done again.
 """
 
 from __future__ import annotations
@@ -47,6 +48,10 @@ ATTEMPTS = 3
 """Doublings of the steps after the first choice."""
 WIDENINGS = 12
 """Powers of four of the tolerance up to which an edge is looked for with half of the steps."""
+SHARE = SAFETY / (2**CF6_5.order - 1)
+"""Error of an edge over its distance from where half of the steps have it, with some safety."""
+SURE = 0.1
+"""Part of the width floor: steps that have all edges to that find all regions, and finer ones only follow edges."""
 
 Result = TypeVar("Result")
 Verdict = Callable[[Pattern], Callable[[Array, Array], Array]]
@@ -128,9 +133,15 @@ def _conservative(division: Division, limits: Limits) -> tuple[Pattern, Search]:
     def stable(half: Pattern) -> Callable[[Array, Array], Array]:
         return partial(stable_at, half)
 
-    steps = SteppedPeriod.of(division, limits)
-    pattern, found, error = _controlled(steps, limits.undamped, lambda s: s.intervals, stable)
-    return pattern, replace(found, intervals=widened(found.intervals, error))
+    steps, tolerance = SteppedPeriod.of(division, limits), limits.tolerance
+    enough = max(tolerance, SURE * limits.floor)
+    pattern, found, resolution, error = _controlled(steps, enough, limits.undamped, lambda s: s.intervals, stable)
+    intervals = found.intervals
+    for finer in range(resolution + 2, resolution + 2 * ATTEMPTS + 1, 2):
+        if np.all(error <= tolerance):
+            break
+        intervals, error = followed(intervals, error, stable(steps.fine.pattern(finer)), tolerance)
+    return pattern, replace(found, intervals=widened(intervals, error))
 
 
 def _damped(division: Division, limits: Limits) -> tuple[Pattern, tuple[Chain, SearchResult]]:
@@ -149,7 +160,8 @@ def _damped(division: Division, limits: Limits) -> tuple[Pattern, tuple[Chain, S
         flow = replace(chain(exact(pattern)), rounding=max(ROUNDING, limits.tolerance))
         return limits.damped(flow, pattern, guide)
 
-    pattern, found, error = _controlled(SteppedPeriod.of(division, limits), run, lambda f: f.intervals, stable)
+    steps = SteppedPeriod.of(division, limits)
+    pattern, found, _, error = _controlled(steps, limits.tolerance, run, lambda f: f.intervals, stable)
     return pattern, (chain(pattern), replace(found, intervals=widened(found.intervals, error)))
 
 
@@ -164,18 +176,25 @@ def patterns(system: GearSystem, limits: Limits) -> Iterator[Pattern]:
 
 
 def _controlled(
-    steps: SteppedPeriod, run: Callable[[Pattern], Result], intervals: Callable[[Result], Intervals], stable: Verdict
-) -> tuple[Pattern, Result, Array]:
-    """The pattern, what ``run`` finds on it, and the error of each interval's edges ``(I, 2)``, relative."""
-    tolerance, resolution = steps.limits.tolerance, steps.resolution
+    steps: SteppedPeriod,
+    enough: float,
+    run: Callable[[Pattern], Result],
+    intervals: Callable[[Result], Intervals],
+    stable: Verdict,
+) -> tuple[Pattern, Result, int, Array]:
+    """The pattern, what ``run`` finds on it, its resolution, and the error of each interval's edges ``(I, 2)``,
+    relative; as many steps as keep that below ``enough``.
+    """
+    resolution = steps.resolution
     for attempt in range(ATTEMPTS + 1):
         pattern = steps.pattern(resolution)
         found = run(pattern)
-        error = edge_errors(intervals(found), stable(steps.fine.pattern(resolution - 2)), tolerance)
-        if np.all(error <= tolerance) or attempt == ATTEMPTS:
+        half = stable(steps.fine.pattern(resolution - 2))
+        error = edge_errors(intervals(found), half, steps.limits.tolerance)
+        if np.all(error <= enough) or attempt == ATTEMPTS:
             break
         resolution += 2
-    return pattern, found, error
+    return pattern, found, resolution, error
 
 
 def edge_errors(intervals: Intervals, stable: Callable[[Array, Array], Array], tolerance: float) -> Array:
@@ -183,23 +202,60 @@ def edge_errors(intervals: Intervals, stable: Callable[[Array, Array], Array], t
     the ends of the range.
     """
     error = np.zeros((len(intervals), 2))
-    index, side = np.nonzero(~intervals.cut)
-    ends = np.stack([intervals.start, intervals.stop], axis=1)
-    edge, row = ends[index, side], intervals.row[index]
-    # The window stays on its side of the middle, where the other edge is farther.
-    outwards, room = 2.0 * side - 1, 0.4 * np.ptp(ends, axis=1)[index] / edge
-    distance = np.full(len(edge), np.inf)
+    error[~intervals.cut] = SHARE * _reach(intervals, ~intervals.cut, stable, tolerance)
+    return error
+
+
+def followed(
+    intervals: Intervals, error: Array, stable: Callable[[Array, Array], Array], tolerance: float
+) -> tuple[Intervals, Array]:
+    """Edges whose error is above the tolerance, where twice the steps have them, and the errors ``(I, 2)`` then.
+
+    An edge that is further off than its error is one where rounding tells stable from unstable: it stays where it was.
+    """
+    late = error > tolerance
+    ends, row = np.stack([intervals.start, intervals.stop], axis=1), intervals.row[np.nonzero(late)[0]]
+    edge, reach = ends[late], _reach(intervals, late, stable, tolerance)
+    beyond, inside = _beside(intervals, late, np.where(np.isfinite(reach), reach, 0.0))
+    for _ in range(2 * WIDENINGS):
+        wide = np.flatnonzero(np.abs(beyond - inside) > tolerance * edge)
+        if len(wide) == 0:
+            break
+        middle = 0.5 * (beyond + inside)[wide]
+        outer = stable(row[wide], middle)
+        beyond[wide[outer]], inside[wide[~outer]] = middle[outer], middle[~outer]
+    place, width, error = 0.5 * (beyond + inside), intervals.error.copy(), error.copy()
+    moved = np.abs(place / edge - 1)
+    good = np.isfinite(reach) & (moved <= error[late])
+    ends[late] = np.where(good, place, edge)
+    width[late] = np.where(good, np.maximum(width[late], np.abs(beyond - inside)), width[late])
+    error[late] = np.where(good, SHARE * (moved + tolerance), error[late])
+    return replace(intervals, start=ends[:, 0], stop=ends[:, 1], error=width), error
+
+
+def _reach(intervals: Intervals, chosen: Array, stable: Callable[[Array, Array], Array], tolerance: float) -> Array:
+    """Within what distance ``(E,)``, relative, other steps have the ``chosen`` (I, 2) edges; infinite if not near."""
+    row = intervals.row[np.nonzero(chosen)[0]]
+    distance = np.full(len(row), np.inf)
     for power in range(WIDENINGS):
         left = np.flatnonzero(np.isinf(distance))
         if len(left) == 0:
             break
         reach = tolerance * 4.0**power
-        beyond = edge[left] * (1 + outwards[left] * reach)
-        inside = edge[left] * (1 - outwards[left] * np.minimum(reach, room[left]))
-        both = stable(np.concatenate([row[left]] * 2), np.concatenate([beyond, inside])).reshape(2, -1)
+        places = np.concatenate([place[left] for place in _beside(intervals, chosen, reach)])
+        both = stable(np.concatenate([row[left]] * 2), places).reshape(2, -1)
         distance[left[both[0] & ~both[1]]] = reach
-    error[index, side] = SAFETY / (2**CF6_5.order - 1) * distance
-    return error
+    return distance
+
+
+def _beside(intervals: Intervals, chosen: Array, distance: float | Array) -> tuple[Array, Array]:
+    """Cycles ``(E,)`` outside of the chosen edges and inside."""
+    index, side = np.nonzero(chosen)
+    ends = np.stack([intervals.start, intervals.stop], axis=1)
+    edge, outwards = ends[index, side], 2.0 * side - 1
+    # The window stays on its side of the middle, where the other edge is farther.
+    room = 0.4 * np.ptp(ends, axis=1)[index] / edge
+    return edge * (1 + outwards * distance), edge * (1 - outwards * np.minimum(distance, room))
 
 
 def widened(intervals: Intervals, error: Array) -> Intervals:
