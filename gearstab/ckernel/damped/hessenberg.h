@@ -23,37 +23,55 @@ INLINE vec reflector(vec *x, int64_t count, int64_t stride, vec *first, vec *bet
     return choose(product > DBL_MIN, -size, x[0]);
 }
 
-/* Orthogonal reduction of h (m, m), row-major, to Hessenberg form; work (2, m). */
-static void reduce_to_hessenberg(vec *h, int64_t m, vec *work) {
-    vec *v = work, *w = work + m, beta;
-    for (int64_t j = 0; j + 2 < m; j++) {
-        int64_t k = j + 1, count = m - k;
-        vec end = reflector(h + k * m + j, count, m, &v[0], &beta);
-        h[k * m + j] = end;
-        for (int64_t i = 1; i < count; i++) {
-            v[i] = h[(k + i) * m + j];
-            h[(k + i) * m + j] = all(0.0);
-        }
-        for (int64_t c = k; c < m; c++)
-            w[c] = all(0.0);
-        for (int64_t i = 0; i < count; i++)
-            for (int64_t c = k; c < m; c++)
-                w[c] += v[i] * h[(k + i) * m + c];
-        for (int64_t i = 0; i < count; i++) {
-            vec scaled = beta * v[i];
-            for (int64_t c = k; c < m; c++)
-                h[(k + i) * m + c] -= scaled * w[c];
-        }
-        for (int64_t i = 0; i < m; i++) {
-            vec *line = h + i * m + k, sum = v[0] * line[0];
-            for (int64_t c = 1; c < count; c++)
-                sum += v[c] * line[c];
-            sum = sum * beta;
-            for (int64_t c = 0; c < count; c++)
-                line[c] -= sum * v[c];
-        }
+/* Rows k..k+count-1 of a (m, m), columns from..m-1, turned by I - v beta v^T; sums (m,). */
+INLINE void reflect_rows(vec *a, int64_t m, int64_t k, int64_t count, int64_t from, const vec *v, vec beta, vec *sums) {
+    for (int64_t c = from; c < m; c++)
+        sums[c] = all(0.0);
+    for (int64_t i = 0; i < count; i++)
+        for (int64_t c = from; c < m; c++)
+            sums[c] += v[i] * a[(k + i) * m + c];
+    for (int64_t i = 0; i < count; i++) {
+        vec scaled = beta * v[i];
+        for (int64_t c = from; c < m; c++)
+            a[(k + i) * m + c] -= scaled * sums[c];
     }
 }
+
+/* Columns k..k+count-1 of a (m, m), all rows. */
+INLINE void reflect_columns(vec *a, int64_t m, int64_t k, int64_t count, const vec *v, vec beta) {
+    for (int64_t i = 0; i < m; i++) {
+        vec *line = a + i * m + k, sum = v[0] * line[0];
+        for (int64_t c = 1; c < count; c++)
+            sum += v[c] * line[c];
+        sum = sum * beta;
+        for (int64_t c = 0; c < count; c++)
+            line[c] -= sum * v[c];
+    }
+}
+
+/* Orthogonal reduction of a product of `count` factors x (count, m, m), row-major, the first one acting first: all
+   become upper triangular but the last, which becomes Hessenberg. work (2, m). */
+static void reduce_factors(vec *x, int64_t count, int64_t m, vec *work) {
+    vec *v = work, *sums = work + m, beta;
+    for (int64_t j = 0; j + 1 < m; j++)
+        for (int64_t s = 0; s < count; s++) {
+            int64_t k = s + 1 < count ? j : j + 1, rows = m - k;
+            if (rows < 2)
+                continue;
+            vec *a = x + s * m * m, *next = s + 1 < count ? a + m * m : x;
+            vec end = reflector(a + k * m + j, rows, m, &v[0], &beta);
+            a[k * m + j] = end;
+            for (int64_t i = 1; i < rows; i++) {
+                v[i] = a[(k + i) * m + j];
+                a[(k + i) * m + j] = all(0.0);
+            }
+            reflect_rows(a, m, k, rows, j + 1, v, beta, sums);
+            reflect_columns(next, m, k, rows, v, beta);
+        }
+}
+
+/* The same of a single matrix. */
+static void reduce_to_hessenberg(vec *h, int64_t m, vec *work) { reduce_factors(h, 1, m, work); }
 
 /* Eigenvalues of [[a, b], [c, d]] as (real, imaginary) in first and second. */
 static void two_by_two(double a, double b, double c, double d, double first[2], double second[2]) {
