@@ -276,6 +276,19 @@ def general_damping(rounds: int) -> None:
     compare("n = 3, general damping, 4 segments", ways, rounds)
 
 
+def strong_damping(rounds: int) -> None:
+    """n = 3, 30 % of critical damping: all exponents, the smallest multipliers lost in an explicit product."""
+    (pattern,) = prepare(train("1", 1, {"damping_ratio": 0.3}))
+    assert pattern.elastic.damping is not None
+    generator = damped.generators(pattern, pattern.elastic.damping)
+    omega = np.geomspace(0.35, 7, 1600)[None] / pattern.elastic.rate[:, None]
+    ways = [
+        Way("compiled", omega.size, lambda: c_kernel.log_multipliers_damped(pattern, generator, omega, 1)),
+        Way("NumPy kernel", 100, lambda: numpy_kernel.log_multipliers_damped(pattern, generator, omega[:, ::16])),
+    ]
+    compare("n = 3, strong damping, all exponents", ways, rounds)
+
+
 def many_coordinates(rounds: int) -> None:
     """n = 33, all multipliers."""
     (pattern,) = prepare(gearbox())
@@ -323,6 +336,7 @@ def main() -> None:
         closed_form("3/5", (75, None, None), rounds)
         preparation(rounds)
         general_damping(rounds)
+        strong_damping(rounds)
         many_coordinates(rounds)
         whole_map(rounds)
         moved_traces(rounds)

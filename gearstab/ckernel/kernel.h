@@ -197,11 +197,11 @@ struct level {
     /* Matrices first..last-1 of (count, m, m), of entries of about one: eigenvalues (count, m, 2), NaN where they are not
        found or a matrix is not finite. */
     int (*eigenvalues)(int64_t first, int64_t last, int64_t m, const double *matrix, double *values);
-    /* Runs first..last-1 of RUN_OF_POINTS points of a row, one row after the other: omega (r, points) -> ln lambda of all
+    /* Runs first..last-1 of RUN_OF_POINTS points of a row, row by row: omega (r, points) -> ln lambda of all
        multipliers (r, points, m, 2), however far they are apart; NaN where they are not found. */
     int (*exponents)(const struct damped *pattern, int64_t first, int64_t last, int64_t points, const double *omega,
                      double *logs);
-    /* Points first..last-1 of products of given factors (count, points, m, m), the first one acting first: ln lambda of all
+    /* Points first..last-1 of products of factors (count, points, m, m), the first one acting first: ln lambda of all
        eigenvalues (points, m, 2); NaN where they are not found. */
     int (*graded)(int64_t count, int64_t m, int64_t first, int64_t last, int64_t points, const double *factors,
                   double *logs);
@@ -213,7 +213,7 @@ struct level {
     void (*extremes)(const struct polynomials *all, int64_t points, double *low, double *high);
 };
 
-#define RUN_OF_POINTS 8 /* what a thread takes of a row at least: LANES at most, so that results do not hang on threads */
+#define RUN_OF_POINTS 8 /* a thread takes so many of a row, LANES at most: results do not hang on how many there are */
 
 /* An edge of an instability region of a row: where (in 1/omega) and how precisely; enters: from stable to unstable as the
    period grows; passed: collisions before it, or after an exit, at 1, at -1 and elsewhere. */

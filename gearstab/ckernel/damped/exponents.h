@@ -1,13 +1,14 @@
 /* ln lambda of all multipliers of damped patterns and of given factors, none lost to rounding, see periodic.h.
 
-   A period is cut into as few factors as may be, each the explicit product of the segments, or parts of segments, in which
-   growth and decay differ by little. One factor is the usual case, and the QR algorithm the usual one. Where multipliers
-   turn out to be further apart than damping alone tells, as those of instabilities over long periods, it is cut again. */
+   A period is cut into as few factors as may be, each the explicit product of the segments, or parts of segments, in
+   which growth and decay differ by little. One factor is the usual case, and the QR algorithm the usual one. Where
+   multipliers turn out to be further apart than damping alone tells, as those of instabilities over long periods, it is
+   cut again. */
 
 #ifndef GEARSTAB_EXPONENTS_H
 #define GEARSTAB_EXPONENTS_H
 
-#define FACTOR_SPREAD 3.0 /* growth and decay in a factor differ by e^3 at most, which costs little more than one digit */
+#define FACTOR_SPREAD 3.0 /* growth and decay in a factor differ by e^3 at most, which costs one digit and a little */
 #define ALLOWANCE 1.5     /* for multipliers that are further apart than the growth and decay of the states */
 #define SLIVER 1e-9       /* of a factor: a shorter rest goes with it */
 #define MOST_VECTORS (INT64_C(1) << 22) /* in all factors, 256 MB; points that need more have no result here */
@@ -60,8 +61,8 @@ static double spread_of(const struct damped *pattern, int64_t r, double *spread)
 }
 
 /* The periods of LANES points of a row as up to `count` factors, by equal shares of the weight (S,) of the segments;
-   returns how many, and where the first of them is. Columns are stored as rows, so that these are the transposed factors, the
-   last first, of the same multipliers. */
+   returns how many, and where the first of them is. Columns are stored as rows, so that these are the transposed
+   factors, the last first, of the same multipliers. */
 INLINE int64_t damped_factors(const struct damped *pattern, int64_t m, int64_t r, const double *weight, int64_t count,
                               vec period, const struct factor_room *room, vec **first, vec *scale) {
     vec *cosine = room->work, *sine = cosine + m, *q = sine + m, *x = room->x + (count - 1) * m * m;
@@ -155,7 +156,8 @@ static int exponents_of(const struct damped *pattern, int64_t m, int64_t r, doub
     }
 }
 
-/* Runs first..last-1 of RUN_OF_POINTS points of a row, one row after the other: omega (r, points) -> logs (r, points, m, 2). */
+/* Runs first..last-1 of RUN_OF_POINTS points of a row, one row after the other: omega (r, points) -> logs (r, points,
+   m, 2). */
 static int exponents(const struct damped *pattern, int64_t first, int64_t last, int64_t points, const double *omega,
                      double *logs) {
     const int64_t m = pattern->m, runs = (points + RUN_OF_POINTS - 1) / RUN_OF_POINTS;

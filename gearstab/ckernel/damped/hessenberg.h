@@ -24,7 +24,7 @@ INLINE vec reflector(vec *x, int64_t count, int64_t stride, vec *first, vec *bet
 }
 
 /* line <- line (I - beta v v^T), (count,). */
-INLINE void right_side(vec *line, int64_t count, const vec *v, vec beta) {
+INLINE void reflect_line(vec *line, int64_t count, const vec *v, vec beta) {
     vec sum = all(0.0);
     for (int64_t c = 0; c < count; c++)
         sum += v[c] * line[c];
@@ -33,46 +33,60 @@ INLINE void right_side(vec *line, int64_t count, const vec *v, vec beta) {
         line[c] -= sum * v[c];
 }
 
-/* Columns of e that a reflection runs down together: a strip stays in the first cache from the sums to the changes. */
+/* Columns k..k+count-1 of a (m, m), all rows. */
+INLINE void reflect_columns(vec *a, int64_t m, int64_t k, int64_t count, const vec *v, vec beta) {
+    for (int64_t i = 0; i < m; i++)
+        reflect_line(a + i * m + k, count, v, beta);
+}
+
+/* Columns that a reflection runs down together: a strip stays in the first cache from the sums to the changes. */
 #define STRIP 8
 
-/* A strip (count, width) of rows of length n <- (I - beta v v^T) strip; width a constant where this is inlined. */
-INLINE void left_side(vec *strip, int64_t n, int64_t count, int64_t width, const vec *v, vec beta) {
+/* A strip (count, width) of rows of length m <- (I - beta v v^T) strip; width a constant where this is inlined. */
+INLINE void reflect_strip(vec *strip, int64_t m, int64_t count, int64_t width, const vec *v, vec beta) {
     vec sum[STRIP] = {0};
     for (int64_t i = 0; i < count; i++)
         UNROLLED for (int64_t j = 0; j < width; j++)
-            sum[j] += v[i] * strip[i * n + j];
+            sum[j] += v[i] * strip[i * m + j];
     for (int64_t i = 0; i < count; i++) {
         vec scaled = beta * v[i];
         UNROLLED for (int64_t j = 0; j < width; j++)
-            strip[i * n + j] -= scaled * sum[j];
+            strip[i * m + j] -= scaled * sum[j];
     }
 }
 
-/* h <- P h P with P = I - beta v v^T on rows and columns k.., v (count,); columns before `from` are zero in these rows. */
-static void both_sides(vec *h, int64_t n, int64_t k, int64_t from, const vec *v, vec beta) {
-    int64_t count = n - k, c = from;
-    for (; c + STRIP <= n; c += STRIP)
-        left_side(h + k * n + c, n, count, STRIP, v, beta);
-    if (c < n)
-        left_side(h + k * n + c, n, count, n - c, v, beta);
-    for (int64_t i = 0; i < n; i++)
-        right_side(h + i * n + k, count, v, beta);
+/* Rows k..k+count-1 of a (m, m), columns from..m-1. */
+static void reflect_rows(vec *a, int64_t m, int64_t k, int64_t count, int64_t from, const vec *v, vec beta) {
+    int64_t c = from;
+    for (; c + STRIP <= m; c += STRIP)
+        reflect_strip(a + k * m + c, m, count, STRIP, v, beta);
+    if (c < m)
+        reflect_strip(a + k * m + c, m, count, m - c, v, beta);
 }
 
-/* Orthogonal reduction of h (m, m), row-major, to Hessenberg form; work (m,). */
-static void reduce_to_hessenberg(vec *h, int64_t m, vec *work) {
+/* Orthogonal reduction of a product of `count` factors x (count, m, m), row-major, the first one acting first: all
+   become upper triangular but the last, which becomes Hessenberg. work (m,). */
+static void reduce_factors(vec *x, int64_t count, int64_t m, vec *work) {
     vec *v = work, beta;
-    for (int64_t k = 1; k + 1 < m; k++) {
-        vec *column = h + k * m + k - 1, end = reflector(column, m - k, m, &v[0], &beta);
-        for (int64_t i = 1; i < m - k; i++) {
-            v[i] = column[i * m];
-            column[i * m] = all(0.0);
+    for (int64_t j = 0; j + 1 < m; j++)
+        for (int64_t s = 0; s < count; s++) {
+            int64_t k = s + 1 < count ? j : j + 1, rows = m - k;
+            if (rows < 2)
+                continue;
+            vec *a = x + s * m * m, *next = s + 1 < count ? a + m * m : x;
+            vec end = reflector(a + k * m + j, rows, m, &v[0], &beta);
+            a[k * m + j] = end;
+            for (int64_t i = 1; i < rows; i++) {
+                v[i] = a[(k + i) * m + j];
+                a[(k + i) * m + j] = all(0.0);
+            }
+            reflect_rows(a, m, k, rows, j + 1, v, beta);
+            reflect_columns(next, m, k, rows, v, beta);
         }
-        both_sides(h, m, k, k, v, beta);
-        column[0] = end;
-    }
 }
+
+/* The same of a single matrix. */
+static void reduce_to_hessenberg(vec *h, int64_t m, vec *work) { reduce_factors(h, 1, m, work); }
 
 /* Eigenvalues of [[a, b], [c, d]] as (real, imaginary) in first and second. */
 static void two_by_two(double a, double b, double c, double d, double first[2], double second[2]) {

@@ -1,67 +1,21 @@
 /* Multipliers of a long product A_(F-1) ... A_1 A_0 that is never formed, LANES products in lockstep.
 
-   The periodic QR algorithm (Bojanczyk, Golub & Van Dooren 1992; Kressner 2005, ch. 4): orthogonal changes of basis between
-   the factors make all of them upper triangular but the last, which becomes Hessenberg; the double-shift sweeps of
-   hessenberg.h then run around the whole period, and a bulge passes from each factor to the next. Multipliers are products
-   of the factors' diagonal entries or, in pairs, of their 2 x 2 blocks. What rounding does to each factor is eps times its
-   own size, so that the smallest multiplier is as right as the largest one, however far they are apart, as long as no single
-   factor is ill-conditioned.
+   The periodic QR algorithm (Bojanczyk, Golub & Van Dooren 1992; Kressner 2005, ch. 4): orthogonal changes of basis
+   between the factors make all of them upper triangular but the last, which becomes Hessenberg; the double-shift sweeps
+   of hessenberg.h then run around the whole period, and a bulge passes from each factor to the next. Multipliers are
+   products of the factors' diagonal entries or, in pairs, of their 2 x 2 blocks. What rounding does to each factor is
+   eps times its own size, so that the smallest multiplier is as right as the largest one, however far they are apart,
+   as long as no single factor is ill-conditioned.
 
-   Factors are row-major and of entries of about one; factor s of `count` lies at x + s m m. As in hessenberg.h only what lies in a
-   lane's active block has to be right. */
+   Factors are row-major and of entries of about one; factor s of `count` lies at x + s m m. As in hessenberg.h only
+   what lies in a lane's active block has to be right. */
 
 #ifndef GEARSTAB_PERIODIC_H
 #define GEARSTAB_PERIODIC_H
 
-/* Part of the product's first entries below which its last ones do not serve as a shift, and the other way round. Without one
-   levels part in at most 36/ln(1/FAINT) = 2 sweeps for each multiplier of the block. */
+/* Part of the product's first entries below which its last ones do not serve as a shift, and the other way round.
+   Without one levels part in at most 36/ln(1/FAINT) = 2 sweeps for each multiplier of the block. */
 #define FAINT 1e-8
-
-/* Rows k..k+count-1 of a (m, m), columns from..m-1, turned by I - v beta v^T; sums (m,). */
-INLINE void reflect_rows(vec *a, int64_t m, int64_t k, int64_t count, int64_t from, const vec *v, vec beta, vec *sums) {
-    for (int64_t c = from; c < m; c++)
-        sums[c] = all(0.0);
-    for (int64_t i = 0; i < count; i++)
-        for (int64_t c = from; c < m; c++)
-            sums[c] += v[i] * a[(k + i) * m + c];
-    for (int64_t i = 0; i < count; i++) {
-        vec scaled = beta * v[i];
-        for (int64_t c = from; c < m; c++)
-            a[(k + i) * m + c] -= scaled * sums[c];
-    }
-}
-
-/* Columns k..k+count-1 of a (m, m), all rows. */
-INLINE void reflect_columns(vec *a, int64_t m, int64_t k, int64_t count, const vec *v, vec beta) {
-    for (int64_t i = 0; i < m; i++) {
-        vec *line = a + i * m + k, sum = v[0] * line[0];
-        for (int64_t c = 1; c < count; c++)
-            sum += v[c] * line[c];
-        sum = sum * beta;
-        for (int64_t c = 0; c < count; c++)
-            line[c] -= sum * v[c];
-    }
-}
-
-/* Orthogonal reduction: all factors upper triangular, the last one Hessenberg; work (2, m). */
-static void reduce_factors(vec *x, int64_t count, int64_t m, vec *work) {
-    vec *v = work, *sums = work + m, beta;
-    for (int64_t j = 0; j + 1 < m; j++)
-        for (int64_t s = 0; s < count; s++) {
-            int64_t k = s + 1 < count ? j : j + 1, rows = m - k;
-            if (rows < 2)
-                continue;
-            vec *a = x + s * m * m, *next = s + 1 < count ? a + m * m : x;
-            vec end = reflector(a + k * m + j, rows, m, &v[0], &beta);
-            a[k * m + j] = end;
-            for (int64_t i = 1; i < rows; i++) {
-                v[i] = a[(k + i) * m + j];
-                a[(k + i) * m + j] = all(0.0);
-            }
-            reflect_rows(a, m, k, rows, j + 1, v, beta, sums);
-            reflect_columns(next, m, k, rows, v, beta);
-        }
-}
 
 /* A reflection I - (1, y, z)^T (a, b, c) of three neighbouring coordinates. */
 struct turn {
@@ -109,8 +63,8 @@ struct turns {
     int both;
 };
 
-/* A reflection goes on through all triangular factors: each one whose columns it mixes is made triangular again by one or two
-   reflections of its rows, which the next factor meets as columns. */
+/* A reflection goes on through all triangular factors: each one whose columns it mixes is made triangular again by one
+   or two reflections of its rows, which the next factor meets as columns. */
 INLINE struct turns pass_triangles(vec *x, int64_t count, int64_t m, int64_t k, int three, int64_t bottom, int64_t top,
                                    struct turn turn) {
     struct turns by = {turn, {{0}, {0}, {0}, {0}, {0}}, 0};
@@ -177,8 +131,8 @@ static void sweep_factors(vec *x, int64_t count, int64_t m, const struct range *
     }
 }
 
-/* One sweep without a shift, H = Q R and the product turned by Q. Each reflection is that of two entries of H, before its
-   columns are turned: nothing is told by a bulge, which would wash out where rows differ by many powers of ten. */
+/* One sweep without a shift, H = Q R and the product turned by Q. Each reflection is that of two entries of H, before
+   its columns are turned: nothing is told by a bulge, which would wash out where rows differ by many powers of ten. */
 static void sweep_unshifted(vec *x, int64_t count, int64_t m, const struct range *range) {
     const int64_t bottom = range->bottom, top = range->top;
     vec *h = x + (count - 1) * m * m;
@@ -241,9 +195,10 @@ static void single_multiplier(const vec *x, int64_t count, int64_t m, int64_t i,
     put(value, log(fabs(d.value[0])) + LOG_TWO * d.exponent, d.value[0] < 0 ? 0.5 * TURN : 0.0);
 }
 
-/* ln lambda of the pair at i and i + 1: the larger of two real ones, or both complex ones, from the product of the 2 x 2
-   blocks, the other one from the product of their determinants, which loses nothing. */
-static void pair_of_multipliers(const vec *x, int64_t count, int64_t m, int64_t i, int lane, double *first, double *second) {
+/* ln lambda of the pair at i and i + 1: the larger of two real ones, or the angle of complex ones, from the product of
+   the 2 x 2 blocks, the rest from the product of their determinants, which loses nothing. */
+static void pair_of_multipliers(const vec *x, int64_t count, int64_t m, int64_t i, int lane, double *first,
+                                double *second) {
     const int64_t end = count - 1;
     struct scaled d = {{1.0}, 0}, u = block_product(x, count, m, i, lane);
     double h00 = A(end, i, i), h01 = A(end, i, i + 1), h10 = A(end, i + 1, i), h11 = A(end, i + 1, i + 1);
@@ -253,7 +208,8 @@ static void pair_of_multipliers(const vec *x, int64_t count, int64_t m, int64_t 
     }
     d.value[0] *= h00 * h11 - h01 * h10;
     double a = u.value[0] * h00 + u.value[1] * h10, b = u.value[0] * h01 + u.value[1] * h11, c = u.value[2] * h10;
-    double far = u.value[2] * h11, half = 0.5 * (a + far), apart = 0.5 * (a - far), discriminant = apart * apart + b * c;
+    double d11 = u.value[2] * h11, half = 0.5 * (a + d11), apart = 0.5 * (a - d11);
+    double discriminant = apart * apart + b * c;
     double both = log(fabs(d.value[0])) + LOG_TWO * d.exponent;
     if (discriminant < 0 && d.value[0] > 0) {
         double angle = atan2(sqrt(-discriminant), half);
@@ -293,8 +249,8 @@ static int deflate_factors(const vec *x, int64_t count, int64_t m, int lane, str
 }
 
 /* The first column of (P - x)(P - y) of one lane, up to a factor, P the product of all active blocks, x and y the
-   eigenvalues of that of the last 2 x 2 blocks; returns 0 where these are so far from the first entries that a shift by them
-   would be lost on the way. */
+   eigenvalues of that of the last 2 x 2 blocks; returns 0 where these are so far from the first entries that a shift by
+   them would be lost on the way. */
 static int first_column_of_product(const vec *x, int64_t count, int64_t m, const struct blocks *block, int lane,
                                     vec column[3]) {
     const int64_t end = count - 1, low = block->lowest[lane], high = block->highest[lane];
@@ -308,14 +264,16 @@ static int first_column_of_product(const vec *x, int64_t count, int64_t m, const
         keep_in_range(&w, 2);
     }
     struct scaled u = block_product(x, count, m, high - 1, lane);
-    double h00 = A(end, high - 1, high - 1), h01 = A(end, high - 1, high), h10 = A(end, high, high - 1), h11 = A(end, high, high);
+    double h00 = A(end, high - 1, high - 1), h01 = A(end, high - 1, high);
+    double h10 = A(end, high, high - 1), h11 = A(end, high, high);
     if (block->sweeps[lane] % 10 == 9) { /* an exceptional shift breaks a cycle */
         double s = fabs(h10) + fabs(A(end, high - 1, high - 2));
         h00 = h11 = h11 + 0.75 * s;
         h01 = -0.4375 * s, h10 = s;
     }
     double first = fabs(axis.value[0]) * (fabs(A(end, low, low)) + fabs(A(end, low + 1, low)));
-    double last = fabs(u.value[0]) * (fabs(h00) + fabs(h01)) + (fabs(u.value[1]) + fabs(u.value[2])) * (fabs(h10) + fabs(h11));
+    double last = fabs(u.value[0]) * (fabs(h00) + fabs(h01));
+    last += (fabs(u.value[1]) + fabs(u.value[2])) * (fabs(h10) + fabs(h11));
     last = ldexp(last, u.exponent - axis.exponent);
     if (!(last > FAINT * first && first > FAINT * last))
         return 0;
@@ -334,8 +292,8 @@ static int first_column_of_product(const vec *x, int64_t count, int64_t m, const
 
 #undef A
 
-/* ln lambda of all multipliers, logs (LANES, m, 2) real and imaginary parts, of x (count, m, m), destroyed; work (2, m).
-   NaN in lanes that do not converge. */
+/* ln lambda of all multipliers, logs (LANES, m, 2) real and imaginary parts, of x (count, m, m), which is destroyed;
+   work (2, m). NaN in lanes that do not converge. */
 static void periodic_qr(vec *x, int64_t count, int64_t m, vec *work, double *logs) {
     struct blocks block;
     reduce_factors(x, count, m, work);

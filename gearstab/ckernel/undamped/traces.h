@@ -190,12 +190,12 @@ INLINE vec growth_of(const vec s[3], int64_t n) {
 
 /* ---- any n: Paige & Van Loan (1981), "A Schur decomposition for Hamiltonian matrices" */
 
-/* g <- P g P, as both_sides, for a skew g of which only what lies above the diagonal is kept, without rows before `top`:
-   P g P = g + v p^T - p v^T, p = beta g v. */
+/* g <- P g P = g + v p^T - p v^T, p = beta g v, with P = I - beta v v^T on rows and columns k.., v (n - k,), for a skew g of
+   which only what lies above the diagonal is kept, without rows before `top`. */
 static void both_sides_skew(vec *g, int64_t n, int64_t k, int64_t top, const vec *v, vec beta, vec *p) {
     int64_t count = n - k;
     for (int64_t i = top; i < k; i++)
-        right_side(g + i * n + k, count, v, beta);
+        reflect_line(g + i * n + k, count, v, beta);
     for (int64_t i = 0; i < count; i++)
         p[i] = all(0.0);
     for (int64_t i = 0; i < count; i++) {
@@ -252,7 +252,8 @@ static void paige_van_loan(vec *e, vec *f, vec *g, int64_t n, vec *work) {
                 vec end = reflector(column, n - k, stride, &v[0], &beta);
                 for (int64_t i = 1; i < n - k; i++)
                     v[i] = column[i * stride];
-                both_sides(e, n, k, turn == 0 ? k - 1 : k, v, beta);
+                reflect_rows(e, n, k, n - k, turn == 0 ? k - 1 : k, v, beta);
+                reflect_columns(e, n, k, n - k, v, beta);
                 both_sides_skew(f, n, k, 0, v, beta, p);
                 both_sides_skew(g, n, k, k, v, beta, p);
                 column[0] = end;

@@ -19,14 +19,14 @@ ROUNDS = 16
 """At first. Two levels are separate when their growths a round differ by ln(1e17)/(ROUNDS - 2): the rounds then reduced
 their mixing to 1e-17. Closer levels stay in one block."""
 MOST_ROUNDS = 1024
-WIDEST = 5.0
-"""By how much the growths of a block may differ: its smallest multipliers lose a factor of exp(5) = 150. Points with a
-wider block take four times the rounds."""
+WIDEST = 7.0
+"""By how much the growths of a block may differ: its smallest multipliers lose a factor of exp(7) = 1,100. Points with
+a wider block take twice the rounds."""
 CLOSED = 1e-12
 """A split also needs the basis to return to itself: what is left below the split is convergence, not rotation."""
 
 
-def log_multipliers(factors: Sequence[Array], rounds: int = ROUNDS) -> Array:
+def log_multipliers(factors: Sequence[Array]) -> Array:
     """ln lambda of A_S ... A_2 A_1, ``(P, m)`` complex, imaginary part in (-pi, pi].
 
     factors: ``(P, m, m)`` each, A_1 first.
@@ -35,8 +35,13 @@ def log_multipliers(factors: Sequence[Array], rounds: int = ROUNDS) -> Array:
     absolute error of some 1e-14 times the number of factors, however far the multipliers spread.
     """
     points, size = factors[0].shape[:2]
-    basis = np.broadcast_to(_start(size), (points, size, size))
-    for _ in range(rounds):
+    return _iterated(factors, np.broadcast_to(_start(size), (points, size, size)), 0, ROUNDS)
+
+
+def _iterated(factors: Sequence[Array], basis: Array, done: int, rounds: int) -> Array:
+    """The same with a basis ``(P, m, m)`` of so many rounds, after that many at least."""
+    points, size = basis.shape[:2]
+    for _ in range(rounds - done):
         before, triangles = basis, []
         for factor in factors:
             basis, triangle = np.linalg.qr(factor @ basis)
@@ -54,7 +59,7 @@ def log_multipliers(factors: Sequence[Array], rounds: int = ROUNDS) -> Array:
             chain = [t[members, part, part] for t in triangles]
             result[members, part] = _block(chain, closing[members, part, part])
     if wide.any() and rounds < MOST_ROUNDS:
-        result[wide] = log_multipliers([factor[wide] for factor in factors], 4 * rounds)
+        result[wide] = _iterated([factor[wide] for factor in factors], basis[wide], rounds, 2 * rounds)
     return result
 
 
