@@ -57,7 +57,7 @@ test-portable: $(VENV)/.installed ## the fast tests as on other processors (CORE
 # The C kernel with checks of every access and every operation whose result C leaves open; the normal one is not touched.
 SANITIZED := build/sanitized
 SANITIZE := -fsanitize=address,undefined,float-cast-overflow
-SANITIZED_TESTS := tests/kernel tests/boundaries/test_boundaries_compiled.py \
+SANITIZED_TESTS := tests/kernel tests/boundaries/test_boundaries_compiled.py tests/response/test_backlash_kernels.py \
   $(addprefix tests/floquet/,test_floquet.py test_blocks.py damping/test_required_damping.py)
 RUN_SANITIZED := import sys, pytest; from gearstab import ckernel; assert "/$(SANITIZED)/" in ckernel.library.__file__; \
                  sys.exit(pytest.main(sys.argv[1:]))

@@ -35,7 +35,7 @@ def command(config: Path, output: Path | None, overrides: tuple[str, ...], quiet
     prepare(out)
     if not quiet:
         warn(loaded)
-    found = respond(loaded, out)
+    found = respond(loaded, out, None if quiet else lambda text: tell(f"note: {text}"))
     if not quiet:
         tell(summary(found, out))
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from math import tau
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -12,7 +12,7 @@ from gearstab.config import ConfigError
 from gearstab.config.document.codes import Code
 from gearstab.errors import NotPossible
 from gearstab.floquet.kernel import choice as kernel
-from gearstab.respond import ramp, tooth_loads
+from gearstab.respond import effort, ramp, tooth_loads
 from gearstab.response import (
     RESPONSE_FLAGS,
     backlash,
@@ -48,14 +48,19 @@ MOST_HARMONICS = 4000
 HISTORIES = ("time", "displacement", "velocity", "mesh_deflection", "mesh_force", "energy")
 
 
-def response(config: Config, wanted: Respond) -> tuple[Response | RampResponse, ResultTree]:
-    """Compute the response, and the result to be written; raises ConfigError."""
+def response(
+    config: Config, wanted: Respond, say: Callable[[str], None] | None = None
+) -> tuple[Response | RampResponse, ResultTree]:
+    """Compute the response, and the result to be written; say: is told what takes long. Raises ConfigError."""
     system = build(config.parameters)
     try:
         _affordable(config, wanted, system)
         if wanted.ramp is not None:
             return ramp.response(config, wanted, system)
         if backlash.has_backlash(system):
+            long = effort.motion_with_backlash(system, _duration(wanted, system))
+            if long is not None and say is not None:
+                say(long)
             parting = _parting(wanted, system)
             return parting, _backlash_result(config, wanted, system, parting)
         with kernel.recorded() as ran:

@@ -19,6 +19,7 @@ from gearstab.config import ConfigError, load
 from gearstab.errors import PlotError
 from gearstab.floquet import solve
 from gearstab.plots import draw
+from gearstab.respond import effort
 from gearstab.response.backlash import BACKLASH_FLAGS, BacklashResponse, backlash_response
 from gearstab.response.backlash.crossing import bernstein, first_below
 from gearstab.response.backlash.measure import extremes
@@ -275,6 +276,26 @@ def test_the_file_holds_events_and_the_limit_cycle(tmp_path: Path) -> None:
         for flag in ("unstable", "separation"):
             assert found["status"].values & BACKLASH_FLAGS[flag]
         assert "chatter" in found["status"].attrs["flag_meanings"]
+
+
+def test_what_takes_long_is_said_beforehand(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A shaft ten thousand times as stiff makes a mode a hundred times as fast, and pieces as short."""
+    monkeypatch.setattr(effort, "LONG", 1e-3)
+    source = ROOT / "configs" / "response" / "backlash_point_a.yaml"
+
+    def said(*options: str) -> str:
+        out = str(tmp_path / "out.h5")
+        options = ("respond.cycles=1", "respond.samples_per_cycle=4", *options)
+        done = CliRunner().invoke(
+            group, ["respond", str(source), "-o", out, *(p for o in options for p in ("--set", o))]
+        )
+        assert done.exit_code == 0, done.output
+        return done.stderr
+
+    assert "note: this takes" not in said()
+    # w = sqrt(5e7) for 2 pi/4.2.
+    told = said("system.input_shaft_stiffness=5e7")
+    assert told.startswith("note: this takes some 0 seconds: the fastest mode vibrates 1.7e+03 times meanwhile\n")
 
 
 def test_the_figure_shows_the_orbit_and_where_it_is_once_a_period(tmp_path: Path) -> None:

@@ -37,6 +37,9 @@ static struct contact_change next_change(const struct motion *motion, const doub
             /* A mesh that has just come to this limit is on it; one that came to the other limit is a width away. */
             if (mesh == switched && fabs(distance[0]) <= 0.25 * width)
                 distance[0] = 0.0;
+            /* No power of u is larger than 1. */
+            if (distance[0] - (sum - fabs(deflection[0])) >= motion->grazing * width)
+                continue;
             bernstein(distance, n, found);
             if (least_of(found, n + 1) >= motion->grazing * width)
                 continue;

@@ -36,18 +36,25 @@ static void sampled(const struct polynomials *all, const int64_t *first, const d
     }
 }
 
-/* The greatest value of a function that is given at equally spaced points, times sign: of the parabola through the largest one
-   and its two neighbours. */
-static double greatest(const double *f, int64_t points, double sign) {
-    int64_t at = 0;
-    for (int64_t i = 1; i < points; i++)
-        at = sign * f[i] > sign * f[at] ? i : at;
-    double most = sign * f[at];
-    at = at < 1 ? 1 : at > points - 2 ? points - 2 : at;
-    double before = sign * f[at - 1], here = sign * f[at], after = sign * f[at + 1];
-    double bend = 2 * here - before - after, slope = 0.5 * (after - before);
+/* The greatest value of a function that is given at equally spaced points: of the parabola through the largest one and its two
+   neighbours. */
+static double greatest(const double *f, int64_t points) {
+    vec most = load(f);
+    int64_t i = LANES;
+    for (; i + LANES <= points; i += LANES)
+        most = larger(most, load(f + i));
+    double largest = most[0];
+    for (int lane = 1; lane < LANES; lane++)
+        largest = most[lane] > largest ? most[lane] : largest;
+    for (; i < points; i++)
+        largest = f[i] > largest ? f[i] : largest;
+    int64_t at = 1;
+    if (f[0] != largest)
+        while (at < points - 2 && f[at] != largest)
+            at++;
+    double bend = 2 * f[at] - f[at - 1] - f[at + 1], slope = 0.5 * (f[at + 1] - f[at - 1]);
     double rise = bend > 0 && fabs(slope) <= bend ? 0.5 * slope * slope / bend : 0.0;
-    return here + rise > most ? here + rise : most;
+    return f[at] + rise > largest ? f[at] + rise : largest;
 }
 
 static void extremes(const struct polynomials *all, int64_t points, double *low, double *high) {
@@ -60,8 +67,10 @@ static void extremes(const struct polynomials *all, int64_t points, double *low,
             const double *powers = all->powers + s * (all->degree + 1) * all->size + i;
             for (int64_t k = 0; k < points; k += BLOCK)
                 side_by_side(powers, all->size, all->degree, u + k, value + k);
-            low[s * all->size + i] = -greatest(value, points, -1.0);
-            high[s * all->size + i] = greatest(value, points, 1.0);
+            high[s * all->size + i] = greatest(value, points);
+            for (int64_t k = 0; k < points; k++)
+                value[k] = -value[k];
+            low[s * all->size + i] = -greatest(value, points);
         }
 }
 
