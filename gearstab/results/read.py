@@ -168,9 +168,10 @@ def _command(file: h5py.File) -> str:
 
 
 def _refuse_hollow(path: str | Path) -> None:
-    """Raise ResultError if a variable is declared far larger than what is stored of it.
+    """Raise ResultError if a variable is declared far larger than what is stored of it, or consists of lists.
 
-    To read one would take memory that no value needs, terabytes perhaps.
+    To read one would take memory that no value needs, terabytes perhaps. No result has lists, but where the bytes of a
+    type are damaged numbers are taken for some, and HDF5 crashes.
     """
     import h5py
 
@@ -179,6 +180,8 @@ def _refuse_hollow(path: str | Path) -> None:
     def look(name: str, item: Any) -> None:
         if not isinstance(item, h5py.Dataset) or NO_VARIABLE in str(item.attrs.get("NAME", "")):
             return
+        if item.id.get_type().detect_class(h5py.h5t.VLEN):  # texts are no lists to it
+            hollow.append(f"{name} consists of lists, as no variable does")
         declared = item.size * item.id.get_type().get_size() if item.size else 0
         stored = item.id.get_storage_size()
         if declared > MOST_COMPRESSED * stored * _blocks(item):

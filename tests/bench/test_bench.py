@@ -10,7 +10,7 @@ import pytest
 import systems
 from click.testing import CliRunner
 
-from gearstab.bench import Scene, measure, reference
+from gearstab.bench import Scene, measure, reference, work_precision
 from gearstab.bench.methods import METHODS, Entry
 from gearstab.cli import group
 from gearstab.floquet import solve
@@ -124,6 +124,15 @@ def test_mass_proportional_damping_is_measured_by_every_method():
     scene = Scene(replace(system, damping=0.02 * system.mass), 0.5, 7.0)
     names = {m.method for m in measure(scene, points=2, budget=0.0) if m.error < 1e-6}
     assert "NumPy products + eigvals" in names
+
+
+def test_a_run_shorter_than_a_tick_of_the_clock_is_repeated(monkeypatch: pytest.MonkeyPatch):
+    ticks = iter([5.0, 5.0, 5.0, 5.0, 5.5])
+    monkeypatch.setattr(work_precision, "process_time", lambda: next(ticks))
+    runs = []
+    entry = replace(METHODS[0], run=lambda *given: runs.append(given))
+    assert work_precision._timed(entry, None, np.zeros(1), 0.0) == 0.5 / 4
+    assert len(runs) == 4
 
 
 def test_command(tmp_path):

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from planetary_gears import SUPPORTS, parameters, with_epsilon
 from systems import two_stage
 
 from gearstab.bench import without_rigid_modes
@@ -30,6 +31,23 @@ def test_stability_is_that_of_the_whole_system(damping: dict[str, float]) -> Non
     np.testing.assert_allclose(solve(elastic, omega).growth_rate, solve(whole, omega).growth_rate, atol=1e-12)
     frequency = mean_modes(whole).natural_frequency
     np.testing.assert_allclose(mean_modes(elastic).natural_frequency, frequency[1:], rtol=1e-13)
+
+
+def test_a_planetary_gear_keeps_its_symmetry() -> None:
+    """A turn of the planets takes the elastic modes into one another: it is an isometry of their energies."""
+    supports = SUPPORTS | {"carrier_rotation": 0.0, "sun_rotation": 0.0}
+    whole = build(with_epsilon(parameters(harmonics=1, supports=supports), 0.2))
+    elastic = without_rigid_modes(whole)
+    assert elastic.size < whole.size
+    assert elastic.symmetry is not None
+    turn = elastic.symmetry.turn
+    for matrix in (elastic.mass, elastic.stiffness_matrix([mesh.mean_stiffness for mesh in elastic.meshes])):
+        np.testing.assert_allclose(turn.T @ matrix @ turn, matrix, atol=1e-10 * np.abs(matrix).max())
+    np.testing.assert_allclose(np.linalg.matrix_power(turn, elastic.symmetry.order), np.eye(elastic.size), atol=1e-10)
+    omega = np.linspace(0.3, 2.0, 40) * mean_modes(elastic).natural_frequency[-1]
+    found = solve(elastic, omega).growth_rate
+    assert found.max() > 0
+    np.testing.assert_allclose(found, solve(whole, omega).growth_rate, atol=1e-10 * found.max())
 
 
 def test_a_system_without_rigid_modes_stays_as_it_is() -> None:

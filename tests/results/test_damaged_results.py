@@ -194,6 +194,21 @@ def test_a_variable_of_terabytes_is_not_read(
     assert f"{name} declares" in refused(capsys, command, path.name)
 
 
+@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize("sealed", [False, True])
+def test_numbers_that_are_taken_for_lists_are_not_read(
+    folder: Path, capsys: pytest.CaptureFixture[str], command: str, sealed: bool
+) -> None:
+    """What HDF5 takes for lengths and addresses is anything: it crashes."""
+    path = folder / "sweep.h5"
+    with h5py.File(path, "r+") as file:
+        del file["modes/mode"]
+        file.create_dataset("modes/mode", (3,), dtype=h5py.vlen_dtype("f8"))
+    if sealed:
+        append_seal(path)
+    assert "modes/mode consists of lists" in refused(capsys, command, path.name)
+
+
 def datasets(file: h5py.File) -> list[str]:
     found: list[str] = []
     file.visititems(lambda name, item: found.append(name) if isinstance(item, h5py.Dataset) else None)
