@@ -12,7 +12,7 @@ from gearstab.modal import mean_modes
 from gearstab.response.linear.driven import driven
 from gearstab.response.linear.history import RESPONSE_FLAGS, Response, assembled
 from gearstab.response.linear.steady import starts
-from gearstab.response.measures.panels import fastest, pieces
+from gearstab.response.measures.panels import WEIGHTS, fastest, pieces
 from gearstab.system import Array, GearSystem
 
 MOST_PANELS = 2**14
@@ -93,6 +93,27 @@ def balanced(system: GearSystem, basis: Basis) -> GearSystem:
     return replace(system, load=system.load - np.asarray(system.mass) @ rigid @ (rigid.T @ system.load))
 
 
+AT_ONCE = 2**11
+"""Places at which functions are transformed at once."""
+
+
+def _transformed(tau: Array, values: Array, order: int) -> Array:
+    """sum_x exp(-2 pi i h tau_x) values_x for h = 0...order: ``(2, order + 1, meshes)`` from values ``(2, X, meshes)``.
+
+    With h = w a + b the exponential is a product of two, of which there are far fewer.
+    """
+    count = order + 1
+    width = int(np.ceil(np.sqrt(count)))
+    found = np.zeros((2, values.shape[2], width, width), dtype=complex)
+    for i in range(0, len(tau), AT_ONCE):
+        part = slice(i, i + AT_ONCE)
+        fine = np.exp(-2j * np.pi * tau[part, None] * np.arange(width))
+        coarse = np.exp(-2j * np.pi * tau[part, None] * (width * np.arange(width)))
+        for k, mesh in np.ndindex(*found.shape[:2]):
+            found[k, mesh] += coarse.T @ (fine * values[k, part, mesh, None])
+    return np.swapaxes(found.reshape(*found.shape[:2], -1)[..., :count], 1, 2)
+
+
 def harmonics(system: GearSystem, mesh_frequency: float, order: int, tolerance: float = 1e-9) -> Harmonics:
     """The Fourier coefficients of the steady state up to the given harmonic of the common period.
 
@@ -107,9 +128,9 @@ def harmonics(system: GearSystem, mesh_frequency: float, order: int, tolerance: 
     else:
         panels = min(2 * np.pi * max(order, fastest(begin.points)), MOST_PANELS)
         for piece in pieces(begin.points, begin.x, panels):
-            turn = np.exp(-2j * np.pi * piece.tau[..., None] * multiples)
-            for k, values in enumerate((piece.force, piece.deflection)):
-                table[k] += piece.mean(turn[..., None] * values[..., None, :])[0]
+            weight = np.broadcast_to(WEIGHTS[:, None, None] * piece.length, piece.tau.shape).reshape(-1, 1)
+            seen = [weight * values.reshape(len(weight), -1) for values in (piece.force, piece.deflection)]
+            table += _transformed(piece.tau.ravel(), np.stack(seen), order)
     table[:, 1:] *= 2
     frequency = multiples * mesh_frequency / begin.points.excitation.cycles
     return Harmonics(frequency, table[0], table[1])
