@@ -72,7 +72,7 @@ class Tolerance:
 
 
 LEFT_OUT = (
-    "modes/mode_shape", "modes/mesh_deflection",
+    "modes/mode_shape", "modes/mesh_deflection", "natural_frequencies/mode_shape",
     "boundaries/tolerance", "boundaries/evaluations", "boundaries/contacts", "response/mean_velocity",
 )  # fmt: skip
 """The basis of modes of equal frequency is free, and the sign of all; how a search went is its own, and differs between
