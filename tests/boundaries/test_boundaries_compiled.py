@@ -17,7 +17,7 @@ from gearstab.floquet.boundaries.parts import separated
 from gearstab.floquet.boundaries.undamped import compiled
 from gearstab.floquet.boundaries.undamped import search as reference
 from gearstab.floquet.boundaries.undamped.search import Search
-from gearstab.floquet.kernel import c_kernel
+from gearstab.floquet.kernel import c_boundaries, c_kernel
 from gearstab.floquet.kernel.choice import using
 from gearstab.floquet.segments.pattern import Pattern, prepare
 from gearstab.system import GearSystem, Mesh
@@ -137,10 +137,10 @@ def test_names(ratio: str | int) -> None:
 
 
 def test_results_do_not_depend_on_threads_or_instructions(monkeypatch: pytest.MonkeyPatch) -> None:
-    epsilon = np.linspace(0.02, 0.5, 3 * c_kernel.RUN + 5)
+    epsilon = np.linspace(0.02, 0.5, 3 * c_boundaries.RUN + 5)
     ((pattern, first, last),) = patterns(train(tooth_ratio="3/5", epsilon=(epsilon, epsilon)), 0.7, 7.0)
-    edges, reach = c_kernel.edges(pattern, pattern, first, last, TOLERANCE, FLOOR, 1.0, limit=1)
-    again, same = c_kernel.edges(pattern, pattern, first, last, TOLERANCE, FLOOR, 1.0, limit=3)
+    edges, reach = c_boundaries.edges(pattern, pattern, first, last, TOLERANCE, FLOOR, 1.0, limit=1)
+    again, same = c_boundaries.edges(pattern, pattern, first, last, TOLERANCE, FLOOR, 1.0, limit=3)
     np.testing.assert_array_equal(edges, again)
     np.testing.assert_array_equal(reach, same)
     assert library is not None
@@ -205,10 +205,10 @@ def test_no_edge_is_taken_too_early(ratio: int | str) -> None:
 
 def test_no_rows_and_no_regions() -> None:
     ((pattern, first, _),) = patterns(train(epsilon=(np.array([0.1]), np.array([0.1]))), 1.0, 7.0)
-    edges, reach = c_kernel.edges(pattern, pattern, first, first * 1.0001, TOLERANCE, FLOOR, 1.0)
+    edges, reach = c_boundaries.edges(pattern, pattern, first, first * 1.0001, TOLERANCE, FLOOR, 1.0)
     assert len(edges) == 0
     assert reach["evaluations"][0] > 0
-    assert len(c_kernel.shares(pattern, pattern, np.eye(3)[None], np.zeros(0, dtype=int), np.zeros(0))) == 0
+    assert len(c_boundaries.shares(pattern, pattern, np.eye(3)[None], np.zeros(0, dtype=int), np.zeros(0))) == 0
 
 
 def test_names_of_a_row_with_very_many_regions() -> None:
@@ -221,10 +221,10 @@ def test_names_of_a_row_with_very_many_regions() -> None:
     odd = (number % 2).astype(bool)
     passed = np.stack([(number - 1) // 2, number // 2, 0 * number], axis=1)
     meetings = np.stack([~odd, odd, 0 * odd], axis=1).astype(np.int64)
-    found = np.zeros(count, dtype=c_kernel.SHARE)
+    found = np.zeros(count, dtype=c_boundaries.SHARE)
     found["point"], found["cycles"], found["share"] = np.arange(count), number, 0.4
     row = np.zeros(count, dtype=np.int64)
-    names = c_kernel.names(np.ones((1, 1)), 1.0, row, 0.5 * number, passed, meetings, found)
+    names = c_boundaries.names(np.ones((1, 1)), 1.0, row, 0.5 * number, passed, meetings, found)
     assert names["region"].tolist() == list(range(count))
     assert names["cycles"].tolist() == number.tolist()
 

@@ -45,19 +45,19 @@ def rates(
     pattern: Pattern, mesh_frequency: Array, place: Array, stable: Array, growth: Array, limit: int | None = None
 ) -> tuple[Array, Array]:
     """Flags and growth rates of every point, put in their places in a result (rows, points)."""
-    omega, elastic, where = _contiguous(mesh_frequency), pattern.elastic, _whole(place)
+    omega, elastic, where = contiguous(mesh_frequency), pattern.elastic, _whole(place)
     points, every = omega.shape[-1], len(stable)
     found: dict[int, Array] = {}
-    for rows in _portions(len(where), len(pattern.states), pattern.size):
+    for rows in portions(len(where), len(pattern.states), pattern.size):
         given = pattern_arguments(pattern, rows)
-        of_rows = (_contiguous(elastic.rate[rows]), _contiguous(elastic.shift[rows]), where[rows])
+        of_rows = (contiguous(elastic.rate[rows]), contiguous(elastic.shift[rows]), where[rows])
         own = (omega if omega.ndim == 1 else omega[rows], *of_rows, stable.T, growth.T)
 
         def part(first: int, last: int, all_of: tuple[Any, ...] = (given, own), base: int = rows.start) -> None:
-            raw = _library().rates(ckernel.simd(), *all_of[0], first, last, points, every, *all_of[1])
+            raw = library().rates(ckernel.simd(), *all_of[0], first, last, points, every, *all_of[1])
             found[base + first] = np.frombuffer(raw, dtype=np.int64).reshape(-1, 2) + np.array([base, 0])
 
-        in_threads(part, rows.stop - rows.start, points * _cost(pattern), limit)
+        in_threads(part, rows.stop - rows.start, points * cost(pattern), limit)
     row, point = np.concatenate([found[first] for first in sorted(found)]).T
     return row, point
 
@@ -78,35 +78,35 @@ def scan_traces(
 def _scan(
     pattern: Pattern, omega: Array, rho: Array, limit: int | None, magnified: Array | None = None
 ) -> tuple[Array, Array]:
-    asked = _contiguous(omega)
+    asked = contiguous(omega)
     verdict, growth = np.empty(asked.shape, dtype=np.int8), np.empty(asked.shape)
-    for rows in _portions(len(asked), len(pattern.states), pattern.size):
+    for rows in portions(len(asked), len(pattern.states), pattern.size):
         arguments = pattern_arguments(pattern, rows)
         own = [asked.shape[1], asked[rows], verdict[rows], growth[rows], rho[rows]]
         if magnified is not None:
             own.append(magnified[rows])
 
         def part(first: int, last: int, given: tuple[Any, ...] = (arguments, own)) -> None:
-            _library().scan(ckernel.simd(), *given[0], first, last, *given[1])
+            library().scan(ckernel.simd(), *given[0], first, last, *given[1])
 
-        in_threads(part, rows.stop - rows.start, asked.shape[1] * _cost(pattern), limit)
+        in_threads(part, rows.stop - rows.start, asked.shape[1] * cost(pattern), limit)
     return verdict, growth
 
 
 def monodromy(pattern: Pattern, row: int | Array, omega: Array) -> tuple[Array, Array]:
     """(M exp(-scale) as ``(P, 2n, 2n)``, scale ``(P,)``) at ``(P,)`` frequencies of one row or of a row each."""
-    asked = _contiguous(omega)
+    asked = contiguous(omega)
     index = np.ascontiguousarray(np.broadcast_to(row, asked.shape), dtype=np.int64)
     size = 2 * pattern.size
     matrix, scale = np.empty((len(asked), size, size)), np.empty(len(asked))
-    for rows in _portions(len(pattern.rows), len(pattern.states), pattern.size):
+    for rows in portions(len(pattern.rows), len(pattern.states), pattern.size):
         members = np.flatnonzero((index >= rows.start) & (index < rows.stop))
         if len(members) == 0:
             continue
         points, arguments = len(members), pattern_arguments(pattern, rows)
         found, size_of = np.empty((points, size, size)), np.empty(points)
         own = (index[members] - rows.start, asked[members], found, size_of)
-        _library().monodromy(ckernel.simd(), *arguments, 0, points, points, *own)
+        library().monodromy(ckernel.simd(), *arguments, 0, points, points, *own)
         matrix[members], scale[members] = found, size_of
     return matrix, scale
 
@@ -117,16 +117,16 @@ def traces(pattern: Pattern, omega: Array, bound: float = np.inf, limit: int | N
     From the Paige-Van Loan reduction of M + M^-1, right to eps times the largest entry of M; NaN where that exceeds
     the bound or the product had to be scaled down.
     """
-    asked = _contiguous(omega)
+    asked = contiguous(omega)
     rho = np.empty((*asked.shape, pattern.size), dtype=complex)
-    for rows in _portions(len(asked), len(pattern.states), pattern.size):
+    for rows in portions(len(asked), len(pattern.states), pattern.size):
         arguments = pattern_arguments(pattern, rows)
         own = (asked.shape[1], float(bound), asked[rows], rho[rows])
 
         def part(first: int, last: int, given: tuple[Any, ...] = (arguments, own)) -> None:
-            _library().traces(ckernel.simd(), *given[0], first, last, *given[1])
+            library().traces(ckernel.simd(), *given[0], first, last, *given[1])
 
-        in_threads(part, rows.stop - rows.start, asked.shape[1] * _cost(pattern), limit)
+        in_threads(part, rows.stop - rows.start, asked.shape[1] * cost(pattern), limit)
     return rho
 
 
@@ -134,15 +134,15 @@ def trace_change(rho: Array, other: Array, weight: float) -> tuple[Array, Array]
     """(change, largest) of traces, as of the NumPy kernel."""
     fine, coarse = np.ascontiguousarray(rho), np.ascontiguousarray(other)
     change, largest = np.empty(rho.shape[:-1]), np.empty(rho.shape[:-1])
-    _library().trace_change(change.size, rho.shape[-1], weight, fine, coarse, change, largest)
+    library().trace_change(change.size, rho.shape[-1], weight, fine, coarse, change, largest)
     return change, largest
 
 
 def trace_condition(rho: Array, least: Array) -> tuple[Array, Array]:
     """(moved, apart) of traces, as of the NumPy kernel."""
-    given, noise = np.ascontiguousarray(rho, dtype=complex), _contiguous(least)
+    given, noise = np.ascontiguousarray(rho, dtype=complex), contiguous(least)
     moved, apart = np.empty(noise.shape), np.empty(noise.shape)
-    _library().trace_condition(noise.size, rho.shape[-1], given, noise, moved, apart)
+    library().trace_condition(noise.size, rho.shape[-1], given, noise, moved, apart)
     return moved, apart
 
 
@@ -160,7 +160,7 @@ def scan_damped(pattern: Pattern, generator: Generators, omega: Array, limit: in
 
     Rows with a state that cannot be diagonalised safely go the way of the NumPy kernel.
     """
-    growth, scale = _scan_modes(pattern, generator, _contiguous(omega), np.empty((len(omega), 0), dtype=complex), limit)
+    growth, scale = _scan_modes(pattern, generator, contiguous(omega), np.empty((len(omega), 0), dtype=complex), limit)
     for row in _left_over(generator, growth):
         found = numpy_kernel.scan_damped(pattern.row(row), generator.row(row), omega[row : row + 1])
         growth[row], scale[row] = found[0][0], found[1][0]
@@ -172,7 +172,7 @@ def multipliers_damped(
 ) -> tuple[Array, Array, Array]:
     """:func:`scan_damped` and all multipliers over exp(scale), ``(r, P, m)`` complex."""
     values = np.empty((*omega.shape, generator.matrix.shape[-1]), dtype=complex)
-    growth, scale = _scan_modes(pattern, generator, _contiguous(omega), values, limit)
+    growth, scale = _scan_modes(pattern, generator, contiguous(omega), values, limit)
     for row in _left_over(generator, growth):
         found = numpy_kernel.multipliers_damped(pattern.row(row), generator.row(row), omega[row : row + 1])
         growth[row], scale[row], values[row] = (part[0] for part in found)
@@ -181,14 +181,13 @@ def multipliers_damped(
 
 def log_multipliers_damped(pattern: Pattern, generator: Generators, omega: Array, limit: int | None = None) -> Array:
     """ln lambda ``(r, P, m)`` of a damped pattern, however far multipliers are apart, by the periodic QR algorithm."""
-    values, basis, inverse = generator.real_modes
-    given = _damped(pattern.cycles, values, pattern.fractions, pattern.states, *pattern.pairs(inverse, basis))
-    points, size = omega.shape[1], values.shape[2]
+    given = _of_modes(pattern, generator)
+    points, size = omega.shape[1], generator.matrix.shape[-1]
     logs = np.empty((*omega.shape, size), dtype=complex)
-    asked = _contiguous(omega)
+    asked = contiguous(omega)
 
     def part(first: int, last: int) -> None:
-        _library().exponents(ckernel.simd(), *given, first, last, points, asked, logs)
+        library().exponents(ckernel.simd(), *given, first, last, points, asked, logs)
 
     in_threads(part, len(omega) * -(-points // LANES), 10.0 * LANES * len(pattern.states) * size**3, limit)
     for row in map(int, np.flatnonzero(~generator.well_conditioned | np.isnan(logs).any(axis=(1, 2)))):
@@ -200,130 +199,19 @@ def log_multipliers_damped(pattern: Pattern, generator: Generators, omega: Array
 
 def graded(factors: Sequence[Array], limit: int | None = None) -> Array:
     """What :func:`gearstab.floquet.kernel.graded.log_multipliers` says."""
-    given = _contiguous(np.stack(factors))
+    given = contiguous(np.stack(factors))
     count, points, size = given.shape[:3]
     logs = np.empty((points, size), dtype=complex)
 
     def part(first: int, last: int) -> None:
         of_points = LANES * first, min(LANES * last, points), points
-        _library().graded(ckernel.simd(), count, size, *of_points, given, logs)
+        library().graded(ckernel.simd(), count, size, *of_points, given, logs)
 
     in_threads(part, -(-points // LANES), 10.0 * LANES * count * size**3, limit)
     left = np.flatnonzero(np.isnan(logs).any(axis=1))
     if len(left):
         logs[left] = numpy_kernel.graded([factor[left] for factor in factors])
     return logs
-
-
-POINTS_OF_A_ROW = 500
-"""Monodromy matrices that the boundaries of a row take, about."""
-RUN = 32
-"""Rows whose search follows the edges from one to the next; what is found must not hang on the number of threads."""
-SHARES_OF_A_POINT = 30
-"""The shares of a point take so many times the operations of a monodromy matrix, about."""
-SHARE = np.dtype([("point", "i8"), ("p", "i8"), ("q", "i8"), ("cycles", "i8"), ("share", "f8")])
-"""``struct share`` of kernel.h."""
-NAME = np.dtype([("region", "i8"), ("p", "i8"), ("q", "i8"), ("cycles", "i8")])
-"""``struct name`` of kernel.h."""
-EDGE = np.dtype([("row", "i8"), ("cycle", "f8"), ("error", "f8"), ("enters", "i8"), ("passed", "i8", 3)])
-"""``struct edge`` of kernel.h."""
-REACH = np.dtype([("evaluations", "i8"), ("stable", "i8", 2), ("passed", "i8", (2, 3))])
-"""``struct reach`` of kernel.h."""
-
-
-def edges(
-    pattern: Pattern,
-    coarse: Pattern,
-    first: Array,
-    last: Array,
-    tolerance: float,
-    floor: float,
-    density: float,
-    limit: int | None = None,
-) -> tuple[Array, Array]:
-    """Edges of instability regions (EDGE, by row and place) between two cycles ``(r,)``, and what is known of the rows
-    (REACH, ``(r,)``).
-
-    coarse: the pattern that gives the rotation counts, of the same rows; density: points of the scan a collision.
-    """
-    begin, end = _contiguous(first), _contiguous(last)
-    found: dict[int, tuple[Array, bytes]] = {}
-    segments = max(len(pattern.states), len(coarse.states))
-    for rows in _portions(len(begin), segments, pattern.size):
-        given = pattern_arguments(pattern, rows)
-        other = given if coarse is pattern else pattern_arguments(coarse, rows)
-        arguments = (*given, *other[0][1:3], *other[1:])
-        options = (tolerance, floor, density, begin[rows], end[rows])
-
-        count = rows.stop - rows.start
-
-        def part(
-            low: int,
-            high: int,
-            all_of: tuple[Any, ...] = (arguments, options),
-            base: int = rows.start,
-            count: int = count,
-        ) -> None:
-            for run in range(low * RUN, min(high * RUN, count), RUN):
-                of_edges, of_rows = _library().edges(ckernel.simd(), *all_of[0], run, min(run + RUN, count), *all_of[1])
-                own = np.frombuffer(of_edges, dtype=EDGE).copy()
-                own["row"] += base
-                found[base + run] = own, of_rows
-
-        in_threads(part, -(-count // RUN), RUN * POINTS_OF_A_ROW * _cost(pattern), limit)
-    known = np.empty(len(begin), dtype=REACH)
-    every = [np.empty(0, dtype=EDGE)]
-    for base, (of_edges, of_rows) in sorted(found.items()):
-        rows_of = np.frombuffer(of_rows, dtype=REACH)
-        known[base : base + len(rows_of)] = rows_of
-        every.append(of_edges)
-    return np.concatenate(every), known
-
-
-def shares(pattern: Pattern, coarse: Pattern, turn: Array, row: Array, cycle: Array, limit: int | None = None) -> Array:
-    """Shares of roots (SHARE) in the unstable solutions at points (row, cycle) ``(P,)``, see labels.py.
-
-    coarse: the pattern that gives the solutions between the ends of the period; turn: ``(r, n, n)``, from the first
-    modes of the pattern to those of the coarse one.
-    """
-    order = np.argsort(row, kind="stable")
-    index, place = np.ascontiguousarray(row[order], dtype=np.int64), _contiguous(cycle[order])
-    found: dict[int, Array] = {}
-    segments = max(len(pattern.states), len(coarse.states))
-    for rows in _portions(len(pattern.rows), segments, pattern.size):
-        low, high = np.searchsorted(index, (rows.start, rows.stop))
-        if low == high:
-            continue
-        given = pattern_arguments(pattern, rows)
-        other = given if coarse is pattern else pattern_arguments(coarse, rows)
-        arguments = (*given, *other[0][1:3], *other[1:])
-        bases = _contiguous(coarse.modes[rows]), _contiguous(turn[rows])
-        points = (*bases, index[low:high] - rows.start, place[low:high])
-
-        def part(first: int, last: int, all_of: tuple[Any, ...] = (arguments, points), base: int = int(low)) -> None:
-            raw = _library().shares(ckernel.simd(), *all_of[0], first, last, len(all_of[1][2]), *all_of[1])
-            own = np.frombuffer(raw, dtype=SHARE)
-            own["point"] = order[own["point"] + base]
-            found[base + first] = own
-
-        in_threads(part, int(high - low), SHARES_OF_A_POINT * _cost(coarse), limit)
-    parts = [found[k] for k in sorted(found)]
-    return parts[0] if len(parts) == 1 else np.concatenate([np.empty(0, dtype=SHARE), *parts])
-
-
-def names(
-    frequency: Array, cycles: float, row: Array, cycle: Array, passed: Array, meetings: Array, found: Array
-) -> Array:
-    """The roots (NAME) of R regions that are ordered by row, each region's leading one first, see labels.py.
-
-    frequency: ``(r, n)``, of the mean systems in the units of 1/cycle; passed, meetings: ``(R, 3)``; found: shares
-    (SHARE) whose points are numbers of regions, in their order.
-    """
-    count, (rows, n) = len(row), frequency.shape
-    whole = (np.ascontiguousarray(part, dtype=np.int64) for part in (passed, meetings))
-    index, known = np.ascontiguousarray(row, dtype=np.int64), np.ascontiguousarray(found).view(np.int8)
-    given = (_contiguous(frequency), index, _contiguous(cycle), *whole, known)
-    return np.frombuffer(_library().names(count, rows, n, float(cycles), *given), dtype=NAME)
 
 
 def _left_over(generator: Generators, growth: Array) -> list[int]:
@@ -335,15 +223,14 @@ def _scan_modes(
     pattern: Pattern, generator: Generators, omega: Array, multipliers: Array, limit: int | None
 ) -> tuple[Array, Array]:
     """:func:`scan_damped` in the real modal coordinates of the states, meaningless where they are ill-conditioned."""
-    values, basis, inverse = generator.real_modes
-    given = _damped(pattern.cycles, values, pattern.fractions, pattern.states, *pattern.pairs(inverse, basis))
+    given = _of_modes(pattern, generator)
     growth, scale = np.empty(omega.shape), np.empty(omega.shape)
     own = (omega.shape[1], omega, growth, scale, multipliers)
 
     def part(first: int, last: int) -> None:
-        _library().scan_damped(ckernel.simd(), *given, first, last, *own)
+        library().scan_damped(ckernel.simd(), *given, first, last, *own)
 
-    in_threads(part, len(omega), omega.shape[1] * _cost(pattern), limit)
+    in_threads(part, len(omega), omega.shape[1] * cost(pattern), limit)
     return growth, scale
 
 
@@ -354,7 +241,13 @@ def _damped(
     rows, count, size = values.shape
     numbers = (rows, len(states), count, change.shape[1], size, float(cycles))
     indices = (np.ascontiguousarray(part, dtype=np.int64) for part in (states, index))
-    return (numbers, *map(_contiguous, (values.real, values.imag, fractions)), *indices, _contiguous(change))
+    return (numbers, *map(contiguous, (values.real, values.imag, fractions)), *indices, contiguous(change))
+
+
+def _of_modes(pattern: Pattern, generator: Generators) -> tuple[Any, ...]:
+    """A damped pattern in the real modes of its states."""
+    values, basis, inverse = generator.real_modes
+    return _damped(pattern.cycles, values, pattern.fractions, pattern.states, *pattern.pairs(inverse, basis))
 
 
 def _of_chain(chain: Chain) -> tuple[Any, ...]:
@@ -364,10 +257,10 @@ def _of_chain(chain: Chain) -> tuple[Any, ...]:
 def moduli(chain: Chain, row: Array, cycle: Array, limit: int | None = None) -> Array:
     """What :func:`gearstab.floquet.kernel.lyapunov.moduli` says."""
     logs = np.empty((len(row), chain.size))
-    given, where = _of_chain(chain), (_whole(row), _contiguous(cycle))
+    given, where = _of_chain(chain), (_whole(row), contiguous(cycle))
 
     def part(first: int, last: int) -> None:
-        _library().moduli(ckernel.simd(), *given, first, last, len(row), *where, logs)
+        library().moduli(ckernel.simd(), *given, first, last, len(row), *where, logs)
 
     in_threads(part, len(row), float(len(chain.states) * chain.size**3), limit)
     left = np.flatnonzero(np.isnan(logs).any(axis=1) | ~chain.sound[row])
@@ -379,10 +272,10 @@ def moduli(chain: Chain, row: Array, cycle: Array, limit: int | None = None) -> 
 def products(chain: Chain, row: Array, cycle: Array, limit: int | None = None) -> tuple[Array, Array]:
     """What :func:`gearstab.floquet.kernel.lyapunov.products` says."""
     matrix, scale = np.empty((len(row), chain.size, chain.size)), np.empty(len(row))
-    given, where = _of_chain(chain), (_whole(row), _contiguous(cycle))
+    given, where = _of_chain(chain), (_whole(row), contiguous(cycle))
 
     def part(first: int, last: int) -> None:
-        _library().products(ckernel.simd(), *given, first, last, len(row), *where, matrix, scale)
+        library().products(ckernel.simd(), *given, first, last, len(row), *where, matrix, scale)
 
     in_threads(part, len(row), float(len(chain.states) * chain.size**3), limit)
     left = np.flatnonzero(~chain.sound[row])
@@ -404,13 +297,13 @@ def chained(
     count, following = values.shape[1], np.roll(states, -1)
     pairs, index = np.unique(following * count + states, return_inverse=True)
     change = inverse[:, pairs // count] @ basis[:, pairs % count]
-    given, where = _damped(cycles, values, fractions, states, change, index), (_whole(row), _contiguous(cycle))
+    given, where = _damped(cycles, values, fractions, states, change, index), (_whole(row), contiguous(cycle))
     m = values.shape[2]
     matrix, scale = np.empty((len(row), m, m)), np.empty(len(row))
 
     def part(first: int, last: int) -> None:
         of_points = LANES * first, min(LANES * last, len(row)), len(row)
-        _library().products(ckernel.simd(), *given, *of_points, *where, matrix, scale)
+        library().products(ckernel.simd(), *given, *of_points, *where, matrix, scale)
 
     # Points that go through the period side by side take no longer than one.
     in_threads(part, -(-len(row) // LANES), float(LANES * len(states) * m**3), None)
@@ -421,11 +314,11 @@ def chained(
 def radii(chain: Chain, row: Array, cycle: Array, growth: Array, limit: int | None = None) -> Array:
     """What :func:`gearstab.floquet.kernel.lyapunov.radii` says."""
     radius = np.empty((len(row), 2))
-    given = (*_of_chain(chain), _contiguous(chain.weight), lyapunov.settings(chain))
-    where = (_whole(row), _contiguous(cycle), _contiguous(growth))
+    given = (*_of_chain(chain), contiguous(chain.weight), lyapunov.settings(chain))
+    where = (_whole(row), contiguous(cycle), contiguous(growth))
 
     def part(first: int, last: int) -> None:
-        _library().radii(ckernel.simd(), *given, first, last, len(row), *where, radius)
+        library().radii(ckernel.simd(), *given, first, last, len(row), *where, radius)
 
     # Roughly: it decides only from how many points on threads pay.
     in_threads(part, len(row), 10.0 * len(chain.states) * chain.size**3, limit)
@@ -439,17 +332,19 @@ def _whole(values: Array) -> Array:
     return np.ascontiguousarray(values, dtype=np.int64)
 
 
-def _library() -> Any:
+def library() -> Any:
+    """The compiled kernel. Raises ValueError where there is none."""
     if ckernel.library is None:
         raise ValueError("the compiled kernel was not built")
     return ckernel.library
 
 
-def _contiguous(values: Array) -> Array:
+def contiguous(values: Array) -> Array:
+    """As the C functions take numbers."""
     return np.ascontiguousarray(values, dtype=float)
 
 
-def _portions(rows: int, segments: int, size: int) -> Iterator[slice]:
+def portions(rows: int, segments: int, size: int) -> Iterator[slice]:
     """Rows in pieces whose changes of modes fit in memory."""
     step = max(1, ENTRIES_AT_ONCE // (segments * size**2)) if size else max(1, rows)
     for first in range(0, rows, step):
@@ -461,9 +356,10 @@ def pattern_arguments(pattern: Pattern, rows: slice = slice(None)) -> tuple[Any,
     squared = pattern.squared_frequency[rows]
     numbers = (len(squared), len(pattern.states), *squared.shape[1:], float(pattern.cycles), LIMITS)
     state = np.ascontiguousarray(pattern.states, dtype=np.int64)
-    change = _contiguous(pattern.changes(rows))
-    return numbers, _contiguous(squared), _contiguous(pattern.fractions[rows]), state, change
+    change = contiguous(pattern.changes(rows))
+    return numbers, contiguous(squared), contiguous(pattern.fractions[rows]), state, change
 
 
-def _cost(pattern: Pattern) -> float:
+def cost(pattern: Pattern) -> float:
+    """Operations of a monodromy matrix, about."""
     return float(len(pattern.states) * pattern.size**3)

@@ -14,7 +14,7 @@ from gearstab.floquet.boundaries.counting.points import exact, first_modes
 from gearstab.floquet.boundaries.intervals import Intervals, by_row
 from gearstab.floquet.boundaries.names import labels
 from gearstab.floquet.boundaries.names.labels import Root, Shares, Unnamed
-from gearstab.floquet.kernel import c_kernel
+from gearstab.floquet.kernel import c_boundaries
 from gearstab.floquet.segments.pattern import Pattern
 from gearstab.system import Array
 
@@ -86,9 +86,9 @@ def _points(intervals: Intervals) -> tuple[Array, Array, Array]:
 
 
 def _records(pattern: Pattern, row: Array, cycle: Array) -> Array:
-    """Shares (:data:`gearstab.floquet.c_kernel.SHARE`) in the order of the points, which are ordered by row."""
+    """Shares (:data:`~gearstab.floquet.kernel.c_boundaries.SHARE`) in the order of the points, ordered by row."""
     turn = first_modes(pattern, np.arange(len(pattern.rows)))
-    return c_kernel.shares(exact(pattern), pattern, turn, row, cycle)
+    return c_boundaries.shares(exact(pattern), pattern, turn, row, cycle)
 
 
 def _compiled(
@@ -98,7 +98,7 @@ def _compiled(
     found["point"] = owner[found["point"]]
     middle = 0.5 * (intervals.start + intervals.stop)
     given = intervals.row, middle, intervals.passed, _meetings(intervals)
-    known = c_kernel.names(frequency, pattern.cycles, *given, found)
+    known = c_boundaries.names(frequency, pattern.cycles, *given, found)
     return Names(known["region"], np.stack([known[name] for name in ("p", "q", "cycles")], axis=1))
 
 

@@ -15,7 +15,7 @@ from gearstab.floquet.boundaries.counting.pairs import COMBINATION, SELF
 from gearstab.floquet.boundaries.counting.points import exact
 from gearstab.floquet.boundaries.intervals import Intervals
 from gearstab.floquet.boundaries.undamped.search import Search
-from gearstab.floquet.kernel import c_kernel
+from gearstab.floquet.kernel import c_boundaries
 from gearstab.floquet.segments.pattern import Pattern
 from gearstab.system import Array
 
@@ -44,7 +44,7 @@ def search(pattern: Pattern, first: Array, last: Array, tolerance: float, floor:
     if len(pattern.states) == 1 and np.all(pattern.squared_frequency > 0):
         # Constant stiffness: multipliers only pass through each other.
         return Search(Intervals.of([]), *np.zeros((2, len(first)), dtype=np.int64))
-    edges, reach = c_kernel.edges(exact(pattern), pattern, first, last, tolerance, floor, DENSITY)
+    edges, reach = c_boundaries.edges(exact(pattern), pattern, first, last, tolerance, floor, DENSITY)
     ends = _ends(edges, reach, first, last)
     begin = np.flatnonzero((ends["enters"][:-1] == 1) & (ends["enters"][1:] == 0) & (np.diff(ends["row"]) == 0))
     begin = begin[ends["cycle"][begin + 1] - ends["cycle"][begin] > floor * ends["cycle"][begin]]
@@ -95,9 +95,9 @@ def _sharpen(pattern: Pattern, start: Array, stop: Array, meetings: Array, toler
 
 def _ends(edges: Array, reach: Array, first: Array, last: Array) -> Array:
     """The edges and, where a range begins or ends in a region, its ends, by row and place."""
-    fields = [*c_kernel.EDGE.descr, ("cut", "i8")]
+    fields = [*c_boundaries.EDGE.descr, ("cut", "i8")]
     ends = np.zeros(len(edges), dtype=fields)
-    for name in c_kernel.EDGE.names or ():
+    for name in c_boundaries.EDGE.names or ():
         ends[name] = edges[name]
     row, side = np.nonzero(reach["stable"] == 0)
     cut = np.zeros(len(row), dtype=fields)
