@@ -44,26 +44,32 @@ def look(plan: Plan, out: Path, overwrite: bool = False) -> Earlier:
     result_of(SWEEP).refuse(out, plan.config.source)
     if not out.exists() or not out.stat().st_size:
         return Earlier()
-    damaged, same = is_sealed(out) is False, _is_of(plan, out)
-    found = {} if damaged else attributes(out)
+    sealed, found = _read(out)
+    same = _is_of(plan, out, found)
     if not same and not overwrite and not (found and same_origin(found, plan.config, out)):
         raise OutputError(f"{out}: {_other(found)}; choose another output, or use --overwrite")
     if overwrite:
         return Earlier()
     if not same:
         return Earlier(note="is of an earlier state of the configuration, and is replaced when the sweep is complete")
-    if not is_sealed(out):
-        what = "is damaged" if damaged else "was changed after it was written"
+    if not sealed:
+        what = "is damaged" if sealed is False else "was changed after it was written"
         return Earlier(note=f"{what}: it is computed again, and replaced when the sweep is complete")
     if (found["gearstab_version"], found["format_version"]) != (__version__, str(FORMAT)):
         return Earlier(note=f"was computed by gearstab {found['gearstab_version']}: it is computed again")
     return Earlier(complete=True, retitled=found.get("title") != plan.config.title)
 
 
-def _is_of(plan: Plan, out: Path) -> bool:
-    """Whether a result is of a configuration; of a damaged one, which HDF5 must not open, whether this stands in it."""
+def _read(out: Path) -> tuple[bool | None, dict[str, str]]:
+    """Whether the seal of a result fits, and its attributes: none of a damaged one, which HDF5 must not open."""
+    sealed = is_sealed(out)
+    return sealed, {} if sealed is False else attributes(out)
+
+
+def _is_of(plan: Plan, out: Path, found: dict[str, str]) -> bool:
+    """Whether a result with these attributes is of a configuration; a damaged one, whether this stands in it."""
     digest = plan.config.digest
-    return holds(out, digest) if is_sealed(out) is False else attributes(out).get("config_digest") == digest
+    return found.get("config_digest") == digest if found else holds(out, digest)
 
 
 def _other(found: dict[str, str]) -> str:
@@ -82,7 +88,7 @@ def look_again(plan: Plan, out: Path, before: Identity | None) -> None:
     if now in (None, before):
         return
     result_of(SWEEP).refuse(out)
-    if not _is_of(plan, out):
+    if not _is_of(plan, out, _read(out)[1]):
         raise OutputError(f"{out}: meanwhile another sweep has put its result there; choose another output")
 
 
