@@ -100,6 +100,9 @@ struct where {
 
 enum { NUMBERS = 3, LABELS = 5 };
 
+/* What there is room for: degrees of polynomials, and points at which their extremes are looked for. */
+enum { MOST_DEGREE = 31, MOST_POINTS = 512 };
+
 /* Pieces of a motion between changes, up to `room` of them. */
 struct run {
     int64_t count, room;

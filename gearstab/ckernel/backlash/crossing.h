@@ -4,7 +4,7 @@
 #ifndef GEARSTAB_CROSSING_H
 #define GEARSTAB_CROSSING_H
 
-enum { MOST_COEFFICIENTS = 32, MOST_WAITING = 64, MOST_NEWTON = 100 };
+enum { MOST_COEFFICIENTS = MOST_DEGREE + 1, MOST_WAITING = 64, MOST_NEWTON = 100 };
 
 /* Of a polynomial on [0, 1] of degree n, from its coefficients of powers: b_j = sum_k binomial(j, k) a_k/binomial(n, k),
    the sums as in Pascal's triangle. */

@@ -3,7 +3,7 @@
 #ifndef GEARSTAB_POLYNOMIALS_H
 #define GEARSTAB_POLYNOMIALS_H
 
-enum { SIDE_BY_SIDE = 4, MOST_POINTS = 512 };
+enum { SIDE_BY_SIDE = 4 };
 
 /* Values at SIDE_BY_SIDE vectors of places; coefficients are stride apart. */
 INLINE void side_by_side(const double *powers, int64_t stride, int64_t degree, const double *u, double *value) {

@@ -293,7 +293,7 @@ static int first_column_of_product(const vec *x, int64_t count, int64_t m, const
 #undef A
 
 /* ln lambda of all multipliers, logs (LANES, m, 2) real and imaginary parts, of x (count, m, m), which is destroyed;
-   work (2, m). NaN in lanes that do not converge. */
+   work (m,). NaN in lanes that do not converge. */
 static void periodic_qr(vec *x, int64_t count, int64_t m, vec *work, double *logs) {
     struct blocks block;
     reduce_factors(x, count, m, work);

@@ -1,8 +1,8 @@
 /* gearstab.ckernel._kernel: the compiled kernel as Python functions over contiguous buffers.
 
-   Shapes and meanings stand in kernel.h, the Python side in c_kernel.py and c_boundaries.py of gearstab/floquet/kernel. Every function checks that its
-   buffers have the sizes that its numbers promise, releases the interpreter's lock while it computes, and runs
-   at the level of vector instructions whose name it is given (see levels()). */
+   Shapes and meanings stand in kernel.h, the Python side in c_kernel.py and c_boundaries.py of gearstab/floquet/kernel.
+   Every function checks that its buffers have the sizes that its numbers promise, releases the interpreter's lock while it
+   computes, and runs at the level of vector instructions whose name it is given (see levels()). */
 
 #include "module.h"
 

@@ -2,8 +2,7 @@
 
 #include "module.h"
 
-/* What backlash/crossing.h and polynomials.h have room for; no fewer points than a vector has numbers. */
-enum { MOST_DEGREE = 31, MOST_POINTS = 512, FEWEST_POINTS = 16 };
+enum { FEWEST_POINTS = 16 }; /* of extremes: no fewer than a vector has numbers */
 
 /* Where the motion is: marks (5 + meshes,) of integers, state (1 + D,). */
 static void enter(struct where *at, int64_t *marks, double *state) {
@@ -99,8 +98,8 @@ PyObject *py_extremes(PyObject *self, PyObject *arguments) {
         !take(&b, o, "dDD"))
         return finish(&b, 1, 0);
     const struct level *level = level_named(name);
-    int fit = level && degree >= 0 && points >= FEWEST_POINTS && points <= MOST_POINTS && FITS(&view[0], 8, count, degree + 1, size) &&
-              FITS(&view[1], 8, count, size) && FITS(&view[2], 8, count, size);
+    int fit = level && degree >= 0 && points >= FEWEST_POINTS && points <= MOST_POINTS &&
+              FITS(&view[0], 8, count, degree + 1, size) && FITS(&view[1], 8, count, size) && FITS(&view[2], 8, count, size);
     if (fit) {
         struct polynomials all = {.count = count, .degree = degree, .size = size, .kept = size, .powers = view[0].buf};
         Py_BEGIN_ALLOW_THREADS

@@ -15,6 +15,8 @@ from gearstab.response.linear.steady import starts
 from gearstab.response.measures.panels import WEIGHTS, fastest, pieces
 from gearstab.system import Array, GearSystem
 
+AT_ONCE = 2**11
+"""Places at which functions are transformed at once."""
 MOST_PANELS = 2**14
 """Most panels of a common period."""
 
@@ -91,10 +93,6 @@ def balanced(system: GearSystem, basis: Basis) -> GearSystem:
         return system
     rigid = basis.undamped_rigid[0]
     return replace(system, load=system.load - np.asarray(system.mass) @ rigid @ (rigid.T @ system.load))
-
-
-AT_ONCE = 2**11
-"""Places at which functions are transformed at once."""
 
 
 def _transformed(tau: Array, values: Array, order: int) -> Array:
