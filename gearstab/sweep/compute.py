@@ -206,7 +206,7 @@ def _encoded(
             apart = data.reshape(*data.shape[:lead], *block.shape, *rest)[:, None]
             chunks[variable.name] = [encode(item, item.shape[:lead] + layout.chunk + rest) for item in apart]
     stable = values.get("stable", np.zeros(0))
-    unstable, failed = int(np.count_nonzero(stable == 0)), int(np.count_nonzero(stable < 0))
+    unstable, failed = stable.size - int(np.count_nonzero(stable)), int(np.count_nonzero(stable < 0))
     places = places_of({name: [len(chunk) for chunk in pieces] for name, pieces in chunks.items()})
     held = b"".join(chunk for pieces in chunks.values() for chunk in pieces)
     flags = flag_counts(layout, values)

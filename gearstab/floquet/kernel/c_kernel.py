@@ -96,16 +96,14 @@ def _scan(
 def monodromy(pattern: Pattern, row: int | Array, omega: Array) -> tuple[Array, Array]:
     """(M exp(-scale) as ``(P, 2n, 2n)``, scale ``(P,)``) at ``(P,)`` frequencies of one row or of a row each."""
     asked = contiguous(omega)
-    index = np.ascontiguousarray(np.broadcast_to(row, asked.shape), dtype=np.int64)
+    needed, index = np.unique(np.broadcast_to(row, asked.shape), return_inverse=True)
     size = 2 * pattern.size
     matrix, scale = np.empty((len(asked), size, size)), np.empty(len(asked))
-    for rows in portions(len(pattern.rows), len(pattern.states), pattern.size):
+    for rows in portions(len(needed), len(pattern.states), pattern.size):
         members = np.flatnonzero((index >= rows.start) & (index < rows.stop))
-        if len(members) == 0:
-            continue
-        points, arguments = len(members), pattern_arguments(pattern, rows)
+        points, arguments = len(members), pattern_arguments(pattern, needed[rows])
         found, size_of = np.empty((points, size, size)), np.empty(points)
-        own = (index[members] - rows.start, asked[members], found, size_of)
+        own = (_whole(index[members] - rows.start), asked[members], found, size_of)
         library().monodromy(ckernel.simd(), *arguments, 0, points, points, *own)
         matrix[members], scale[members] = found, size_of
     return matrix, scale
@@ -351,8 +349,8 @@ def portions(rows: int, segments: int, size: int) -> Iterator[slice]:
         yield slice(first, min(rows, first + step))
 
 
-def pattern_arguments(pattern: Pattern, rows: slice = slice(None)) -> tuple[Any, ...]:
-    """Rows of a conservative pattern as the C functions take it."""
+def pattern_arguments(pattern: Pattern, rows: slice | Array = slice(None)) -> tuple[Any, ...]:
+    """Some rows of a conservative pattern as the C functions take it."""
     squared = pattern.squared_frequency[rows]
     numbers = (len(squared), len(pattern.states), *squared.shape[1:], float(pattern.cycles), LIMITS)
     state = np.ascontiguousarray(pattern.states, dtype=np.int64)

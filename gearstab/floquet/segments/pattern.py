@@ -113,7 +113,7 @@ class Pattern:
         distinct, index = self._turns
         return distinct[:, index[segment]]
 
-    def changes(self, rows: slice = slice(None)) -> Array:
+    def changes(self, rows: slice | Array = slice(None)) -> Array:
         """``(r, S, n, n)``, :meth:`change` of all segments, for some of the rows."""
         distinct, index = self._turns
         if np.array_equal(index, np.arange(distinct.shape[1])):
