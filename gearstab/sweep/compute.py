@@ -110,7 +110,7 @@ def run_rows(plan: Plan, layout: Layout, rows: dict[str, Array], count: int, col
         return run_singly(plan, layout, rows, count, columns)
     if isinstance(layout.method, SampledMethod):
         return run_sampled(plan, layout.method, rows, count, columns)
-    system = build(parameters_at(plan.config, rows))
+    system = build(parameters_at(plan.config, varied(rows)))
     frequency = np.zeros(0)
     if layout.method.frequency == POINTS:
         frequency = plan.mesh_frequency(rows, columns)
@@ -120,6 +120,11 @@ def run_rows(plan: Plan, layout: Layout, rows: dict[str, Array], count: int, col
     elif layout.method.frequency == RANGE:
         frequency = np.array(plan.mesh_frequency_range)
     return layout.method.of(system).run(frequency)
+
+
+def varied(rows: Mapping[str, Array]) -> dict[str, Array]:
+    """The same rows with one index for all where they do not differ: what depends on it only is then computed once."""
+    return {name: index[0] if len(index) > 1 and (index == index[0]).all() else index for name, index in rows.items()}
 
 
 def run_singly(plan: Plan, layout: Layout, rows: dict[str, Array], count: int, columns: Array) -> Outcome:

@@ -96,7 +96,8 @@ def reduce(system: GearSystem) -> Iterator[Elastic]:
     rigid = rigid_modes(squared, deflection)
     rate = np.sqrt(np.maximum(np.mean(np.abs(squared), axis=-1), np.finfo(float).tiny))
     drag = None if system.damping is None else _damping(shapes, system.flat(system.damping, 2), rigid)
-    static = _modal(shapes, system.flat(system.stiffness, 2))
+    # Before the rows are laid out: they may share it.
+    static = system.flat(_modal(modes.shapes, system.stiffness), 2)
     turn = None if system.symmetry is None else _modal(shapes, system.flat(system.mass @ system.symmetry.turn, 2))
     for members, key in equal_rows(_kinds(rigid, drag)):
         elastic = np.nonzero(~rigid[members])[1].reshape(len(members), -1)
