@@ -11,7 +11,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,6 +26,7 @@ from gearstab.config import load, parameters_at
 from gearstab.floquet.kernel import c_kernel
 from gearstab.floquet.segments.blocks import split
 from gearstab.floquet.segments.pattern import prepare
+from gearstab.floquet.stability import empty
 from gearstab.sweep.cluster import SETTINGS
 from gearstab.systems import build
 
@@ -59,23 +60,37 @@ def changes(power: int) -> list[str]:
     return [f"sweep={{{text}}}", "methods={floquet: {}}"]
 
 
-def kernel_rate() -> float:
-    """Nanoseconds a point of the kernel alone on one core, over a block of a million points of the grid."""
+def kernel_rate() -> tuple[float, float]:
+    """Nanoseconds per point of the kernel alone on one core, over a block of a million points of the grid: for verdicts
+    and growths per period, and for flags and growth rates in their places in a result, as a sweep calls it.
+    """
     config = load(CONFIG, changes(6))
     axes = [axis for axis in config.axes if axis.name != "mesh_frequency"]
     index = np.unravel_index(np.arange(1000), [axis.size for axis in axes])
     rows = {axis.name: np.asarray(part) for axis, part in zip(axes, index, strict=True)}
     omega = np.linspace(0.35, 7.0, 1000)
-    parts = []
-    for pattern in prepare(build(parameters_at(config, rows))):
-        parts += [(part.pattern, omega / part.pattern.elastic.rate[:, None]) for part in split(pattern)]
-    points = len(index[0]) * len(omega)
+    patterns = [block.pattern for whole in prepare(build(parameters_at(config, rows))) for block in split(whole)]
+    own = [omega / pattern.elastic.rate[:, None] for pattern in patterns]
+    into = empty(len(index[0]), len(omega))
+
+    def scan() -> None:
+        for pattern, frequencies in zip(patterns, own, strict=True):
+            c_kernel.scan(pattern, frequencies, 1)
+
+    def rates() -> None:
+        for pattern in patterns:
+            c_kernel.rates(pattern, omega, pattern.rows, into.stable, into.growth_rate, 1)
+
+    return seconds(scan) * 1e9 / into.stable.size, seconds(rates) * 1e9 / into.stable.size
+
+
+def seconds(call: Callable[[], None]) -> float:
+    """Of processor time, the least of some calls."""
     found = []
     for _ in range(ROUNDS):
         start = time.process_time()
-        for pattern, frequencies in parts:
-            c_kernel.scan(pattern, frequencies, 1)
-        found.append((time.process_time() - start) * 1e9 / points)
+        call()
+        found.append(time.process_time() - start)
     return min(found)
 
 
@@ -108,9 +123,10 @@ def workers() -> Iterator[str]:
 
 def main(largest: int = LARGEST) -> None:
     """Print both tables."""
-    alone = kernel_rate()
-    table = Table(title=f"Whole sweeps on two threads; the kernel alone: {alone:.1f} ns a point on one core")
-    for heading in ("points", "clock s", "processors s", "ns a point beyond start", "kernel / whole", "memory MB"):
+    alone, placed = kernel_rate()
+    ways = f"{alone:.1f} ns per point on one core, {placed:.1f} with growth rates in their places"
+    table = Table(title=f"Whole sweeps on two threads; the kernel alone: {ways}")
+    for heading in ("points", "clock s", "processors s", "ns per point beyond start", "kernel / whole", "memory MB"):
         table.add_column(heading, justify="right")
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "out.h5"
@@ -120,7 +136,7 @@ def main(largest: int = LARGEST) -> None:
             each = (cost.processors - start.processors) * 1e9 / 10**power
             whole = cost.processors * 1e9 / 10**power
             table.add_row(f"10^{power}", f"{cost.clock:.2f}", f"{cost.processors:.2f}", f"{each:.1f}",
-                          f"{alone / whole:.2f}", f"{cost.memory / 1e6:.0f}")  # fmt: skip
+                          f"{alone / whole:.2f} ({placed / whole:.2f})", f"{cost.memory / 1e6:.0f}")  # fmt: skip
         Console(width=110).print(table)
         with workers() as address:
             begin = fastest(3, out, "--scheduler", address)
