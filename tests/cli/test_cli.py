@@ -14,7 +14,7 @@ from scenes import ROOT, TRAIN, code, written
 from gearstab import __version__
 from gearstab.cli import COMMANDS, group, main
 from gearstab.cli.terminal import errors
-from gearstab.sweep.effort.words import duration, quantity
+from gearstab.sweep.effort.words import duration, octets, quantity
 
 HEAVY = {"numpy", "scipy", "pydantic", "h5py", "xarray", "matplotlib", "rich", "pint", "joblib", "ruamel", "h5netcdf"}
 
@@ -130,6 +130,7 @@ def test_numbers_as_people_read_them() -> None:
     assert [quantity(v) for v in (0, 12.34, 999.6, 1234, 999_600, 45.6e6, 2e9)] == [
         "0", "12.3", "1 k", "1.23 k", "1 M", "45.6 M", "2 G",
     ]  # fmt: skip
+    assert [octets(v) for v in (0, 999, 8192, 1.3e7, 2e9)] == ["0 B", "999 B", "8.19 kB", "13 MB", "2 GB"]
     assert [duration(v) for v in (0.0123, 9.96, 59.4, 60, 200, 3599.7, 18720, 183_600)] == [
         "0.012 s", "10 s", "59 s", "1 min", "3 min 20 s", "1 h", "5 h 12 min", "2 d 3 h",
     ]  # fmt: skip
