@@ -280,18 +280,25 @@ class _Spectral:
 
     def _push(self, steps: Steps, state: Array, growth: Array) -> Array:
         """What the excitation adds to y in every step, ``(S, m)``."""
-        assert self.eigen is not None
-        inverse = self.eigen.inverse[state]
         duration = steps.duration * float(self.moving.basis.rate[0])
         if self.moving.pushed_evenly:
             even = self.moving.push(self.values[state], steps.begin)
-            whole = np.einsum("sij,sj->si", inverse, even) * duration[:, None]
+            whole = self._modal(state, even) * duration[:, None]
             return np.asarray(whole * divided_exponential(growth, np.zeros_like(growth)))
         result = np.zeros(growth.shape, dtype=complex)
         for node, weight, at in zip(NODES, WEIGHTS, steps.nodes().T, strict=True):
-            force = np.einsum("sij,sj->si", inverse, self.moving.push(self.values[state], at))
+            force = self._modal(state, self.moving.push(self.values[state], at))
             result += weight * duration[:, None] * np.exp((1 - node) * growth) * force
         return result
+
+    def _modal(self, state: Array, push: Array) -> Array:
+        """A push ``(S, m)`` on x as one on y, state by state: the matrices of all steps would take a gigabyte."""
+        assert self.eigen is not None
+        found = np.empty(push.shape, dtype=complex)
+        order = np.argsort(state, kind="stable")
+        for own in np.split(order, np.flatnonzero(np.diff(state[order])) + 1):
+            found[own] = push[own] @ self.eigen.inverse[state[own[0]]].T
+        return found
 
 
 def _by_magnus(moving: Moving, steps: Steps, x: Array) -> Array:
