@@ -150,7 +150,7 @@ def ramp_response(
     moving = Moving(excitation(system), next(bases(system)), path)
     ratio = float(system.meshes[0].frequency_ratio)
     step = tau / (path.range[1] * ratio * samples_per_cycle)
-    steps = path.time[-1] * (1 / step + 1 / _longest(moving))
+    steps = path.time[-1] * (1 / step + 1 / longest_step(moving))
     if steps > MOST_STEPS:
         remedy = "raise the rate, or narrow the range of speeds"
         raise NotPossible(f"the ramp takes {steps:.2g} steps of integration, more than {MOST_STEPS:.2g}", remedy)
@@ -202,7 +202,7 @@ def _steps(moving: Moving, time: Array) -> Iterator[Steps]:
     path, edges = moving.path, moving.drive.schedule.edges[0]
     edges = np.append(edges[:-1][np.diff(edges) > 0], 1.0)
     each = len(edges) - 1
-    longest = _longest(moving)
+    longest = longest_step(moving)
     ends = path.phase_at(time) / moving.period
     # So many samples at once that there are about AT_ONCE steps.
     jumps = each * (ends[-1] - ends[0]) / max(1, len(time) - 1)
@@ -230,8 +230,8 @@ def _steps(moving: Moving, time: Array) -> Iterator[Steps]:
         yield Steps(begin, duration, middle - np.floor(middle), kept)
 
 
-def _longest(moving: Moving) -> float:
-    """The longest step, in time."""
+def longest_step(moving: Moving) -> float:
+    """Return the longest step, in time; infinite where none is too long."""
     if moving.pushed_evenly:
         return np.inf
     rate = float(moving.basis.rate[0])
