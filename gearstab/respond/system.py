@@ -55,12 +55,12 @@ def response(
     system = build(config.parameters)
     try:
         _affordable(config, wanted, system)
+        long = None if say is None else _effort(config, wanted, system)
+        if long is not None and say is not None:
+            say(long)
         if wanted.ramp is not None:
             return ramp.response(config, wanted, system)
         if backlash.has_backlash(system):
-            long = effort.motion_with_backlash(system, _duration(wanted, system))
-            if long is not None and say is not None:
-                say(long)
             parting = _parting(wanted, system)
             return parting, _backlash_result(config, wanted, system, parting)
         with kernel.recorded() as ran:
@@ -68,6 +68,25 @@ def response(
     except NotPossible as error:
         _refuse(config, ("respond",), "impossible", error.message, error.remedy)
     return found, _linear_result(config, wanted, system, found, kernel.said(ran))
+
+
+def _effort(config: Config, wanted: Respond, system: GearSystem) -> str | None:
+    """Say how long it takes, and why, where that is long."""
+    if wanted.ramp is not None:
+        return effort.run_up(system, ramp.path_of(wanted), ramp.samples(wanted, system))
+    duration = _duration(wanted, system)
+    if backlash.has_backlash(system):
+        return effort.motion_with_backlash(system, duration)
+    order = teeth = 0
+    if wanted.steady_state:
+        order = _order(round(duration / _period(wanted, system) * wanted.samples_per_cycle))
+        teeth = 0 if system.load is None else len(tooth_loads.teeth(config))
+    return effort.linear_motion(system, wanted.mesh_frequency, duration, wanted.samples_per_cycle, order, teeth)
+
+
+def _order(samples: int) -> int:
+    """The highest harmonic that is stored of a steady state of so many samples."""
+    return max(1, min(samples // HARMONICS, MOST_HARMONICS))
 
 
 def _steady(wanted: Respond, system: GearSystem) -> Response:
@@ -206,8 +225,8 @@ def _spectral(wanted: Respond, system: GearSystem, found: Response) -> dict[str,
         return {} if spectra is None else _named(spectra, "density", system)
     if found.status == "failed":
         return {}
-    order = max(1, min((len(found.time) - 1) // HARMONICS, MOST_HARMONICS))
-    return _named(amplitudes(harmonics(system, found.mesh_frequency, order)), "amplitude", system)
+    coefficients = harmonics(system, found.mesh_frequency, _order(len(found.time) - 1))
+    return _named(amplitudes(coefficients), "amplitude", system)
 
 
 def _named(spectra: Spectra, what: str, system: GearSystem) -> dict[str, Any]:

@@ -311,7 +311,9 @@ def naming(out: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        reason = "nobody reads from this pipe" if error.errno == errno.ENXIO and out.is_fifo() else error.strerror
+        reason = error.strerror or " ".join(str(error).split())  # of HDF5, which names no number
+        if error.errno == errno.ENXIO and out.is_fifo():
+            reason = "nobody reads from this pipe"
         raise OSError(error.errno, reason, str(out)) from error
 
 

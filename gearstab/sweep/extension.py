@@ -22,7 +22,7 @@ from gearstab.config.document.tree import mapping
 from gearstab.errors import ResultError
 from gearstab.methods import RANGE
 from gearstab.results.guard import SWEEP
-from gearstab.results.read import attributes, is_sealed
+from gearstab.results.read import attributes, is_sealed, one_line, refuse_hollow
 from gearstab.results.tree import FORMAT
 from gearstab.sweep.plan import Layout, Plan
 from gearstab.sweep.storage.taken import CHOSEN, Taken, identity, misshapen
@@ -82,6 +82,7 @@ def _checked(path: Path, plan: Plan) -> dict[str, str]:
         if found.get(name) != value:
             what = name.replace("_", " ")
             raise _refused(path, f"its {what} is {found.get(name, 'unknown')}, and here it is {value}")
+    refuse_hollow(path)
     return found
 
 
@@ -153,8 +154,8 @@ def _refuse_misshapen(path: Path, layout: Layout, old: Config) -> None:
     sizes = {axis.name: axis.size for axis in old.axes}
     try:
         wrong = misshapen(path, layout.method.name, layout.method.results, [sizes[dim] for dim in layout.dims])
-    except OSError as error:
-        raise _refused(path, f"it is damaged ({' '.join(str(error).split())})") from None
+    except (OSError, RuntimeError, KeyError, TypeError, ValueError) as error:  # h5py's, for what cannot be
+        raise _refused(path, f"it is damaged ({one_line(error)})") from None
     if wrong:
         raise _refused(path, f"{wrong} is not as a sweep writes it")
 

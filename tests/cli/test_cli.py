@@ -14,7 +14,7 @@ from scenes import ROOT, TRAIN, code, written
 from gearstab import __version__
 from gearstab.cli import COMMANDS, group, main
 from gearstab.cli.terminal import errors
-from gearstab.sweep.effort.words import duration, quantity
+from gearstab.sweep.effort.words import duration, octets, quantity
 
 HEAVY = {"numpy", "scipy", "pydantic", "h5py", "xarray", "matplotlib", "rich", "pint", "joblib", "ruamel", "h5netcdf"}
 
@@ -103,6 +103,13 @@ def test_our_own_errors_keep_their_traceback(monkeypatch: pytest.MonkeyPatch) ->
         main(["check"])
 
 
+def wrapped() -> RuntimeError:
+    """What Python 3.11 makes of a lack of memory where a class is made."""
+    error = RuntimeError("Error calling __set_name__ on 'property' instance")
+    error.__cause__ = MemoryError()
+    return error
+
+
 def expected() -> list[tuple[Exception, int]]:
     from gearstab.config import ConfigError, Problem
     from gearstab.errors import PlotError
@@ -115,6 +122,8 @@ def expected() -> list[tuple[Exception, int]]:
         (SweepError("killed"), 1), (Interrupted("stopped"), 130),
         (PermissionError(errno.EACCES, "Permission denied", "f"), 2),
         (OSError(errno.ENOSPC, "No space left on device", "f"), 1),
+        (MemoryError(), 1), (wrapped(), 1), (RuntimeError("can't start new thread"), 1),
+        (ImportError("libhdf5.so: failed to map segment from shared object"), 1),
     ]  # fmt: skip
 
 
@@ -126,10 +135,32 @@ def test_expected_errors_are_a_line_and_a_code(error: Exception, code: int, caps
     assert capsys.readouterr().err.count("\n") == 1
 
 
+def test_other_errors_of_those_kinds_keep_their_traceback() -> None:
+    for error in (RuntimeError("Error calling __set_name__"), ImportError("no module named numpy")):
+        with pytest.raises(type(error)), errors.user_errors():
+            raise error
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="limits are those of Linux")
+@pytest.mark.parametrize("megabytes", range(50, 220, 10))
+def test_a_lack_of_memory_is_a_line(tmp_path: Path, megabytes: int) -> None:
+    """Wherever it comes, among the imports as well; what OpenBLAS prints it prints by itself."""
+    source = ROOT / "configs" / "lin_parker_2002" / "fig5.yaml"
+    own = "import resource, sys; resource.setrlimit(resource.RLIMIT_AS, (int(sys.argv.pop(1)) << 20,) * 2); "
+    command = [sys.executable, "-c", own + "from gearstab.__main__ import main; main()", str(megabytes)]
+    words = ["sweep", str(source), "-o", str(tmp_path / "out.h5"), "-q", "--set", "sweep.mesh_frequency.num=20"]
+    done = subprocess.run([*command, *words], capture_output=True, text=True, timeout=120)
+    assert done.returncode in (0, 1)
+    assert "Traceback" not in done.stderr
+    assert done.stderr.count("\n") == done.returncode
+
+
 def test_numbers_as_people_read_them() -> None:
     assert [quantity(v) for v in (0, 12.34, 999.6, 1234, 999_600, 45.6e6, 2e9)] == [
         "0", "12.3", "1 k", "1.23 k", "1 M", "45.6 M", "2 G",
     ]  # fmt: skip
+    assert [octets(v) for v in (0, 999, 8192, 1.3e7, 2e9)] == ["0 B", "999 B", "8.19 kB", "13 MB", "2 GB"]
     assert [duration(v) for v in (0.0123, 9.96, 59.4, 60, 200, 3599.7, 18720, 183_600)] == [
         "0.012 s", "10 s", "59 s", "1 min", "3 min 20 s", "1 h", "5 h 12 min", "2 d 3 h",
     ]  # fmt: skip

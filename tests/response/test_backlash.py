@@ -7,9 +7,11 @@ from fractions import Fraction
 from functools import cache
 from typing import Any
 
+import mpmath
 import numpy as np
 import pytest
 from driven import ERROR, FORCE, PULSES, SMOOTH, integrated_with_backlash, pair, train, with_waves
+from systems import train as shafted
 
 from gearstab import ckernel
 from gearstab.response import driven_response
@@ -250,6 +252,42 @@ def test_the_flank_that_carries_the_load_is_the_drive_side(sign: float) -> None:
     np.testing.assert_allclose(resting(loose(system, 0.4), play(loose(system, 0.4))), [0.7 * sign])
     found = backlash_response(system, 3.0, 5.0, (np.array([0.0]), np.array([-3.0 * sign])), 50)
     assert KINDS[found.events[0].kind] == ("separation" if found.contact[0] else "coast_side_contact")
+
+
+@pytest.mark.parametrize("shaft", [1e-6, 0.5, 5e7, 5e9])
+@pytest.mark.parametrize("load", [[0.3, 0.0, 1.0], [-2.0, 0.7, 0.2], [900.0, -1.0, 40.0]])
+def test_the_equilibrium_is_right_beside_any_stiffness(shaft: float, load: list[float]) -> None:
+    """K q = f in 50 digits, with the contacts that the solution has; some rounding errors of each entry are left."""
+    system = replace(loose(shafted(shaft=shaft), 0.01, 5.0), load=np.array(load))
+    teeth = play(system)
+    found = resting(system, teeth)
+    directions = np.stack([mesh.direction for mesh in system.meshes])
+    contact = teeth.contact(directions @ found)
+    with mpmath.workdps(50):
+        matrix, force = mpmath.matrix(system.stiffness.tolist()), mpmath.matrix(load)
+        for mesh, closed, offset in zip(system.meshes, contact != 0, teeth.offset(contact), strict=True):
+            if closed:
+                g, k = mpmath.matrix(mesh.direction.tolist()), mpmath.mpf(float(mesh.mean_stiffness))
+                matrix, force = matrix + k * g * g.T, force + k * float(offset) * g
+        exact = mpmath.lu_solve(matrix, force)
+        deflections = mpmath.matrix(directions.tolist()) * exact
+    np.testing.assert_array_equal(teeth.contact(np.array([float(x) for x in deflections])), contact)
+    np.testing.assert_allclose(found, [float(q) for q in exact], rtol=1e-13)
+
+
+@pytest.mark.parametrize("load", [[0.4, 0.0, 0.0], [0.0, -0.7, 0.0], [-0.8, 0.0, 0.0], [0.9, 0.1, 0.0]])
+@pytest.mark.parametrize("widths", [(0.3, 0.3), (0.0, 0.01), (5.0, 0.3)])
+def test_rounding_does_not_choose_the_flank_of_a_mesh_without_load(load: list[float], widths: list[float]) -> None:
+    """Stiffnesses in their last digits, which move the equilibrium by no more; nor is there a drive side then."""
+    found = []
+    for first, second in ((0, 0), (1, -2), (-3, 1), (2, 5), (-1, -4)):
+        system = replace(loose(shafted(), *widths), load=np.array(load))
+        meshes = [replace(m, mean_stiffness=1 + 2e-16 * k) for m, k in zip(system.meshes, (first, second), strict=True)]
+        system = replace(system, meshes=tuple(meshes))
+        found.append(resting(system, play(system)))
+        np.testing.assert_allclose(found[-1], found[0], rtol=0, atol=1e-13)
+        with pytest.raises(ValueError, match="second carries no load" if widths[0] == 0 else "carries no load"):
+            play(loose(system, *widths, zero="drive_side"))
 
 
 def test_without_load_there_is_no_drive_side() -> None:

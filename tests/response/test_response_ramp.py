@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from itertools import pairwise
 
 import numpy as np
 import pytest
 from driven import CASES, breaks, force_and_matrices, train
+from scenes import ROOT
 from scipy.integrate import solve_ivp
 
+from gearstab.config import load
 from gearstab.errors import NotPossible
 from gearstab.linear.path import Path
+from gearstab.respond.ramp import path_of
 from gearstab.response import RESPONSE_FLAGS, driven_response, harmonics, ramp_response
 from gearstab.response.linear import ramp as rooms
 from gearstab.response.linear.equilibrium import static_equilibrium
 from gearstab.response.measures.waterfall import waterfall
 from gearstab.system import GearSystem, Mesh
+from gearstab.systems import build
+from gearstab.systems.parts.respond import Respond
 from gearstab.waveforms import Rectangular
 
 Array = np.ndarray
@@ -153,3 +159,16 @@ def test_the_harmonics_of_a_slow_run_up_are_those_of_steady_states() -> None:
 def test_a_run_of_a_few_samples_has_no_spectrogram() -> None:
     system = train()
     assert waterfall(system, ramp_response(system, Path(np.array([0.0, 3.0]), np.array([2.0, 2.2])), 12)) is None
+
+
+def test_a_run_up_of_a_large_gearbox_takes_little_memory() -> None:
+    """No matrix for each of its steps: 16384 at once, of 64 x 64 complex numbers, would be 1074 MB."""
+    config = load(ROOT / "configs" / "design" / "gearbox_run_up.yaml", needs=("respond",))
+    assert isinstance(config.respond, Respond)
+    system = build(config.parameters)
+    tracemalloc.start()
+    found = ramp_response(system, path_of(config.respond), config.respond.samples_per_cycle)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert len(found.time) > 2**14
+    assert peak < 300e6

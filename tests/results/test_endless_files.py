@@ -1,7 +1,8 @@
-"""Files in which HDF5 would never come to an end: refused before it opens them, whoever opens them."""
+"""Files in which HDF5 would never come to an end, or take all memory: refused before it opens them, whoever does."""
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -14,7 +15,7 @@ from scenes import TRAIN, code
 
 from gearstab import hdf5
 from gearstab.config.document.files import DataFileError, arrays
-from gearstab.hdf5 import endless, holds
+from gearstab.hdf5 import endless, holds, overlong
 from gearstab.results import ResultError, open_result, read
 from gearstab.results.seal import LENGTH, append_seal
 
@@ -176,6 +177,57 @@ def test_heaps_that_hold_hdf5_are_those_that_are_told(tmp_path: Path, number: in
     assert ended is not circles
 
 
+def lengths(data: bytes) -> list[int]:
+    """Where the lengths of texts and lists stand: before the address of a heap and the number of an object in it."""
+    heaps = [hit.start().to_bytes(8, "little") for hit in re.finditer(b"GCOL", data)]
+    places = sorted(hit.start() - 4 for heap in heaps for hit in re.finditer(re.escape(heap), data))
+    return [place for place in places if 0 < int.from_bytes(data[place + 12 : place + 16], "little") < 1000]
+
+
+def with_length(data: bytes, place: int, length: int) -> bytes:
+    return data[:place] + length.to_bytes(4, "little") + data[place + 4 :]
+
+
+@pytest.mark.parametrize("seal", ["none", "right"])
+def test_no_text_is_longer_than_its_file(folder: Path, seal: str) -> None:
+    """HDF5 makes room for the length that it reads, and looks for the text then."""
+    path = folder / "out.h5"
+    data = path.read_bytes()[:-LENGTH]
+    places = lengths(data)
+    assert len(places) > 50
+    # Of attributes and of variables, one at a time.
+    for place in places:
+        path.write_bytes(with_length(data, place, 3_000_000_000))
+        SEALS[seal](path)
+        with pytest.raises(ResultError, match="longer than the file"):
+            open_result(path)
+    path.write_bytes(data)
+    SEALS[seal](path)
+    with open_result(path) as tree:
+        assert "floquet" in tree.children
+
+
+@pytest.mark.parametrize("libver", ["earliest", "latest"])
+@pytest.mark.parametrize("kind", ["text", "octets", "texts", "references"])
+def test_lists_of_every_kind_are_followed(tmp_path: Path, libver: str, kind: str) -> None:
+    path = tmp_path / "attribute.h5"
+    with h5py.File(path, "w", libver=libver) as file:
+        scale = file.create_dataset("x", (7,), "f8")
+        if kind == "references":
+            scale.make_scale()
+            file.create_dataset("y", (7,), "f8").dims[0].attach_scale(scale)
+        else:
+            file.attrs["a"] = {"text": "eine Zeile", "octets": b"octets", "texts": ["a", "bc"]}[kind]
+    data = path.read_bytes()
+    assert not overlong(path)
+    places = lengths(data)
+    assert places
+    for place in places:
+        for length, told in ((len(data), False), (len(data) + 1, True), (2**32 - 1, True)):
+            path.write_bytes(with_length(data, place, length))
+            assert overlong(path) is told
+
+
 @pytest.mark.parametrize("at_once", [1, 3, 7, 64])
 def test_texts_are_found_wherever_pieces_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, at_once: int) -> None:
     monkeypatch.setattr(hdf5, "AT_ONCE", at_once)
@@ -187,6 +239,7 @@ def test_texts_are_found_wherever_pieces_end(tmp_path: Path, monkeypatch: pytest
         assert not holds(path, "swee")
         assert not holds(path, "weep")
         assert [*hdf5._places(path, b"sw")] == [before + 8]
+        assert [*hdf5._places(path, b"sw", b"ed")] == [before + 8]
 
 
 def test_what_lies_still_is_looked_at_once(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -135,7 +135,8 @@ def test_a_real_disk_that_is_full(disk: Path, command: str, left: str) -> None:
     # A sweep asks first whether there is room.
     assert done.returncode == (2 if command == "sweep" else 1), done.stderr
     assert done.stderr.count("\n") == 1, done.stderr
-    assert ("GB are free" if command == "sweep" else f"{args[3]}: no space left on device\n") in done.stderr
+    room = {"0": "0 B", "8K": "8.19 kB"}[left]
+    assert (f" {room} are free" if command == "sweep" else f"{args[3]}: no space left on device\n") in done.stderr
     before = (disk / "before").read_text()
     assert before.count("filler") == 1
     assert (disk / "after").read_text() == before

@@ -219,8 +219,13 @@ def test_values_that_cannot_be_read_are_blamed_on_the_file(config: Path, tmp_pat
     old.write_bytes(data)
     append_seal(old)
     grown, _ = extended(planned(config, long | {"epsilon": [0.0, 0.3, 0.4, 0.5]}, "{floquet: {}}"), old)
-    with pytest.raises(SweepError, match=r"floquet in it cannot be read \(.*; compute it again"):
+    with pytest.raises(ResultError, match=r"floquet in it cannot be read \(.*; compute it again"):
         run(grown, tmp_path / "grown.h5", jobs=1)
+    axes = ("--set", f"sweep={long | {'epsilon': [0.0, 0.3, 0.4, 0.5]}}", "--set", "methods={floquet: {}}")
+    found = ran("sweep", config, "-o", tmp_path / "new.h5", "--extend", old, "-q", *axes)
+    assert found.exit_code == 2
+    assert len(found.stderr.splitlines()) == 1
+    assert not (tmp_path / "new.h5").exists()
 
 
 REFUSED = {
@@ -306,7 +311,7 @@ def test_a_list_of_regions_that_somebody_cut_is_one_line(config: Path, tmp_path:
         del file["boundaries/mode_p"]
     append_seal(old)
     grown, _ = extended(planned(config, GROWN["finer and longer"]), old)
-    with pytest.raises(SweepError, match="boundaries in it is not as a sweep writes it"):
+    with pytest.raises(ResultError, match="boundaries in it is not as a sweep writes it"):
         run(grown, tmp_path / "grown.h5", jobs=1)
 
 

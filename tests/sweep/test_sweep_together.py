@@ -142,6 +142,39 @@ def test_the_first_of_two_equal_sweeps_leaves_the_parts_to_the_other(
 
 
 @stops
+def test_a_short_sweep_leaves_the_parts_of_one_begun_later(
+    folder: Path, processes: list[subprocess.Popen[str]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It has no part files of its own, and so has told nobody that it is there."""
+    monkeypatch.setattr(store, "MOST_SECONDS", 1e9)
+
+    class Overtaken(Told):
+        """Begins an equal sweep after the first block, which stops when it has written some."""
+
+        def advance(self, points: int, unstable: int, failed: int) -> None:
+            if not points or processes:
+                return
+            (folder / "hold").write_text("3")
+            later = start(folder, "train.yaml")
+            processes.append(later)
+            assert later.stdout is not None
+            for _ in range(2):
+                assert later.stdout.readline() == "block\n"
+            later.send_signal(signal.SIGSTOP)
+            (folder / "hold").unlink()
+
+    run(faulty(folder / "train.yaml"), folder / "out.h5", 1, progress=Overtaken())
+    check(folder)
+    assert len(parts(folder)) == 2
+    (later,) = processes
+    later.send_signal(signal.SIGCONT)
+    _, said = later.communicate(timeout=60)
+    assert later.returncode == 0, said
+    check(folder)
+    assert not (folder / "out.h5.parts").exists()
+
+
+@stops
 def test_of_two_different_sweeps_the_later_says_so_and_keeps_its_parts(
     folder: Path, processes: list[subprocess.Popen[str]]
 ) -> None:

@@ -181,8 +181,7 @@ def extent(axis: Axis) -> str:
 
 
 def size(count: float) -> str:
-    """A number of bytes."""
-    from gearstab.sweep.effort.words import quantity
+    """A number of bytes, as little as is worth telling."""
+    from gearstab.sweep.effort.words import octets
 
-    text = quantity(max(count, 1000.0))
-    return f"{text}B"
+    return octets(max(count, 1000.0))

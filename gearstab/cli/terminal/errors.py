@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 FAILURES = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EPIPE)
 """What may happen to an output however right the input is."""
 
+STARVED = ("failed to map segment", "cannot allocate memory", "can't start new thread")
+"""What the system says where there is no memory to load a library or to start a thread."""
+
 
 @contextmanager
 def user_errors() -> Iterator[None]:
@@ -41,18 +44,27 @@ def exit_code(error: Exception) -> int | None:
         return error.exit_code
     if isinstance(error, OSError) and error.filename is not None:
         return FAILED if error.errno in FAILURES else WRONG_INPUT
-    if isinstance(error, MemoryError):
-        return FAILED
-    return None
+    return FAILED if _shortage(error) else None
 
 
 def text(error: Exception) -> str:
     """Return the text of an error for the user."""
     if isinstance(error, OSError) and error.filename is not None:
         return f"{error.filename}: {(error.strerror or 'cannot be used').lower()}"
-    if isinstance(error, MemoryError):
-        return f"not enough memory{': ' if str(error) else ''}{error}"
+    if not isinstance(error, UserError) and (short := _shortage(error)):
+        said = " ".join(str(short).split())
+        return f"not enough memory{': ' if said else ''}{said}"
     return str(error)
+
+
+def _shortage(error: BaseException | None) -> BaseException | None:
+    """What says that memory was lacking: an error, or what caused it, as imports make other errors of one."""
+    found = None
+    while error is not None:
+        told = isinstance(error, ImportError | RuntimeError) and any(text in str(error).lower() for text in STARVED)
+        found = error if told or isinstance(error, MemoryError) else found
+        error = error.__cause__
+    return found
 
 
 def warn(config: Config) -> None:

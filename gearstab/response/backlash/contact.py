@@ -8,7 +8,7 @@ import numpy as np
 
 from gearstab.errors import NotPossible
 from gearstab.modal import mean_modes
-from gearstab.response.linear.equilibrium import static_equilibrium, static_mesh_force
+from gearstab.response.linear.equilibrium import static_equilibrium
 from gearstab.system import Array, GearSystem
 
 UPPER, APART, LOWER = 1, 0, -1
@@ -21,6 +21,10 @@ MOST_STATES = 200
 """Combinations of contacts that a static equilibrium is sought in."""
 BALANCED = 1e-9
 """Part of the largest load: a smaller one is none, and a smaller imbalance of an equilibrium is rounding."""
+ROUNDING = 1e-13
+"""Part of the terms of a deflection: a smaller one is some rounding errors of theirs, 2e-16 each."""
+FREE = 1e-12
+"""Part of the largest stiffness, of modes in units of their own: motions of a smaller one are free but for rounding."""
 
 
 @dataclass(frozen=True)
@@ -48,6 +52,11 @@ class Play:
         state = np.where(x > self.high, UPPER, np.where(x < self.low, LOWER, APART))
         return np.where(self.has, state, UPPER)
 
+    def touching(self, x: Array, contact: Array, near: Array) -> Array:
+        """Whether deflections ``(meshes,)`` are as near as that to a flank that bounds their contact."""
+        upper, lower = np.abs(x - self.high) <= near, np.abs(x - self.low) <= near
+        return np.where(contact == APART, upper | lower, np.where(contact == UPPER, upper, lower))
+
     def offset(self, contact: Array) -> Array:
         """The deflection ``(..., meshes)`` at which the force of a mesh in contact is zero."""
         return np.where(contact == LOWER, self.low, self.high)
@@ -60,9 +69,7 @@ class Play:
 def play(system: GearSystem) -> Play:
     """The play of a single system. Raises NotPossible where the drive side of a mesh is needed and not known."""
     width = np.array([float(np.asarray(mesh.backlash)) for mesh in system.meshes])
-    load = static_mesh_force(system)
-    largest = np.max(np.abs(load), initial=0.0)
-    side = np.where(np.abs(load) > BALANCED * largest, np.sign(load), 0).astype(int)
+    side = _sides(system)
     low, high = -0.5 * width, 0.5 * width
     for i, mesh in enumerate(system.meshes):
         if width[i] > 0 and mesh.backlash_zero == "drive_side":
@@ -72,6 +79,16 @@ def play(system: GearSystem) -> Play:
                 )
             low[i], high[i] = (-width[i], 0.0) if side[i] > 0 else (0.0, width[i])
     return Play(low, high, width > 0, np.where(side < 0, LOWER, UPPER))
+
+
+def _sides(system: GearSystem) -> Array:
+    """The flank ``(meshes,)`` that the static load presses on; APART where it does not, but for rounding."""
+    q = static_equilibrium(system)
+    directions = np.stack([np.asarray(mesh.direction, dtype=float) for mesh in system.meshes])
+    x = directions @ q
+    load = np.array([float(mesh.mean_stiffness) for mesh in system.meshes]) * x
+    loaded = np.abs(load) > BALANCED * np.max(np.abs(load), initial=0.0)
+    return np.where(loaded & (np.abs(x) > ROUNDING * (np.abs(directions) @ np.abs(q))), np.sign(x), APART).astype(int)
 
 
 def resting(system: GearSystem, teeth: Play) -> Array:
@@ -88,20 +105,37 @@ def resting(system: GearSystem, teeth: Play) -> Array:
     directions = np.stack([np.asarray(mesh.direction, dtype=float) for mesh in system.meshes])
     k = np.array([float(mesh.mean_stiffness) for mesh in system.meshes])
     load = np.zeros(system.size) if system.load is None else np.asarray(system.load, dtype=float)
-    linear = directions @ static_equilibrium(system)
-    contact = np.where(teeth.has, np.sign(np.where(np.abs(linear) > 0, linear, 0)).astype(int), UPPER)
-    gauge = directions @ shapes
+    contact = np.where(teeth.has, _sides(system), UPPER)
+    # Modes in units of their own stiffness: beside a stiff one a soft one would drown in rounding errors.
+    scale = 1 / np.sqrt(np.abs(modes.squared_frequency[~modes.rigid]))
+    gauge, pull = directions @ shapes * scale, shapes.T @ load * scale
+    constant = shapes.T @ system.stiffness @ shapes * scale * scale[:, None]
     for _ in range(MOST_STATES):
         closed = contact != APART
-        matrix = shapes.T @ system.stiffness @ shapes + (gauge[closed].T * k[closed]) @ gauge[closed]
-        force = shapes.T @ load + gauge[closed].T @ (k * teeth.offset(contact))[closed]
+        matrix = constant + (gauge[closed].T * k[closed]) @ gauge[closed]
+        force = pull + gauge[closed].T @ (k * teeth.offset(contact))[closed]
+        amplitudes, free = _solved(matrix, force)
         # Teeth that are apart may leave motions free; of all equilibria this is the smallest.
-        amplitudes = np.linalg.lstsq(matrix, force, rcond=1e-12)[0]
-        following = teeth.contact(gauge @ amplitudes)
+        free *= scale[:, None]
+        found = scale * amplitudes - free @ np.linalg.lstsq(free, scale * amplitudes)[0]
+        # Teeth that just touch carry nothing: which side of the flank they are on is for rounding to say.
+        x, terms = gauge @ (found / scale), np.abs(gauge) @ np.abs(found / scale)
+        following = np.where(teeth.touching(x, contact, ROUNDING * terms), contact, teeth.contact(x))
         if np.array_equal(following, contact):
-            size = max(np.abs(force).max(initial=0.0), np.abs(shapes.T @ load).max(initial=0.0))
+            size = max(np.abs(force).max(initial=0.0), np.abs(pull).max(initial=0.0))
             if np.abs(matrix @ amplitudes - force).max(initial=0.0) <= BALANCED * size:
-                return np.asarray(shapes @ amplitudes)
+                return np.asarray(shapes @ found)
             break
         contact = following
     raise NotPossible("no static equilibrium on the flanks of the teeth was found: give respond.initial")
+
+
+def _solved(matrix: Array, force: Array) -> tuple[Array, Array]:
+    """The smallest solution ``(m,)`` of least squares for a symmetric matrix, and the motions that are free ``(m, f)``.
+
+    In the units of :func:`resting` stiffnesses are about 1, so that what is far below is a rounding error.
+    """
+    values, vectors = np.linalg.eigh(matrix)
+    free = np.abs(values) <= FREE * np.abs(values).max(initial=0.0)
+    bound = vectors[:, ~free]
+    return bound @ (bound.T @ force / values[~free]), vectors[:, free]

@@ -150,7 +150,7 @@ def ramp_response(
     moving = Moving(excitation(system), next(bases(system)), path)
     ratio = float(system.meshes[0].frequency_ratio)
     step = tau / (path.range[1] * ratio * samples_per_cycle)
-    steps = path.time[-1] * (1 / step + 1 / _longest(moving))
+    steps = path.time[-1] * (1 / step + 1 / longest_step(moving))
     if steps > MOST_STEPS:
         remedy = "raise the rate, or narrow the range of speeds"
         raise NotPossible(f"the ramp takes {steps:.2g} steps of integration, more than {MOST_STEPS:.2g}", remedy)
@@ -202,7 +202,7 @@ def _steps(moving: Moving, time: Array) -> Iterator[Steps]:
     path, edges = moving.path, moving.drive.schedule.edges[0]
     edges = np.append(edges[:-1][np.diff(edges) > 0], 1.0)
     each = len(edges) - 1
-    longest = _longest(moving)
+    longest = longest_step(moving)
     ends = path.phase_at(time) / moving.period
     # So many samples at once that there are about AT_ONCE steps.
     jumps = each * (ends[-1] - ends[0]) / max(1, len(time) - 1)
@@ -230,8 +230,8 @@ def _steps(moving: Moving, time: Array) -> Iterator[Steps]:
         yield Steps(begin, duration, middle - np.floor(middle), kept)
 
 
-def _longest(moving: Moving) -> float:
-    """The longest step, in time."""
+def longest_step(moving: Moving) -> float:
+    """Return the longest step, in time; infinite where none is too long."""
     if moving.pushed_evenly:
         return np.inf
     rate = float(moving.basis.rate[0])
@@ -280,18 +280,25 @@ class _Spectral:
 
     def _push(self, steps: Steps, state: Array, growth: Array) -> Array:
         """What the excitation adds to y in every step, ``(S, m)``."""
-        assert self.eigen is not None
-        inverse = self.eigen.inverse[state]
         duration = steps.duration * float(self.moving.basis.rate[0])
         if self.moving.pushed_evenly:
             even = self.moving.push(self.values[state], steps.begin)
-            whole = np.einsum("sij,sj->si", inverse, even) * duration[:, None]
+            whole = self._modal(state, even) * duration[:, None]
             return np.asarray(whole * divided_exponential(growth, np.zeros_like(growth)))
         result = np.zeros(growth.shape, dtype=complex)
         for node, weight, at in zip(NODES, WEIGHTS, steps.nodes().T, strict=True):
-            force = np.einsum("sij,sj->si", inverse, self.moving.push(self.values[state], at))
+            force = self._modal(state, self.moving.push(self.values[state], at))
             result += weight * duration[:, None] * np.exp((1 - node) * growth) * force
         return result
+
+    def _modal(self, state: Array, push: Array) -> Array:
+        """A push ``(S, m)`` on x as one on y, state by state: the matrices of all steps would take a gigabyte."""
+        assert self.eigen is not None
+        found = np.empty(push.shape, dtype=complex)
+        order = np.argsort(state, kind="stable")
+        for own in np.split(order, np.flatnonzero(np.diff(state[order])) + 1):
+            found[own] = push[own] @ self.eigen.inverse[state[own[0]]].T
+        return found
 
 
 def _by_magnus(moving: Moving, steps: Steps, x: Array) -> Array:

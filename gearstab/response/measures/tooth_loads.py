@@ -18,6 +18,8 @@ from gearstab.system import Array, GearSystem
 
 MOST_POINTS = 100
 """Parts of the contact in which the largest value is sought."""
+AT_ONCE = 4096
+"""Samples whose load is shared out at once: each takes integrals over two or more teeth, 2 kB apiece."""
 AFTER = 1e-9
 """Of a cycle: a history has the mesh force just after a jump where a sample falls on one."""
 
@@ -80,13 +82,15 @@ def tooth_loads(teeth: LoadedTeeth, phase: Array, force: Array, static: float, p
     if ratio < 1:
         none, both = np.full(points, np.nan), np.full((points, 2), np.nan)
         return ToothLoads(none, none, both, both)
-    _, share = load_shares(pair, phase, model)
-    # Pairs from the youngest: each has travelled the phase and whole cycles.
-    travelled = (phase - np.floor(phase))[:, None] + np.arange(share.shape[1])
-    touching = travelled < ratio
-    part = np.minimum((travelled[touching] / ratio * points).astype(int), points - 1)
     load = np.full(points, -np.inf)
-    np.maximum.at(load, part, (force[:, None] * share)[touching])
+    for i in range(0, len(phase), AT_ONCE):
+        own = phase[i : i + AT_ONCE]
+        _, share = load_shares(pair, own, model)
+        # Pairs from the youngest: each has travelled the phase and whole cycles.
+        travelled = (own - np.floor(own))[:, None] + np.arange(share.shape[1])
+        touching = travelled < ratio
+        part = np.minimum((travelled[touching] / ratio * points).astype(int), points - 1)
+        np.maximum.at(load, part, (force[i : i + AT_ONCE, None] * share)[touching])
     load = np.where(np.isfinite(load), load, np.nan)
     middle = positions(points) * ratio
     _, own = load_shares(pair, middle, model)

@@ -12,6 +12,7 @@ from gearstab.errors import RequestError
 from gearstab.methods import RANGE
 from gearstab.results.output import free_bytes
 from gearstab.sweep.effort.estimate import LONG, Estimate, by_effort, estimate
+from gearstab.sweep.effort.words import octets
 from gearstab.sweep.plan import Layout, Plan
 from gearstab.sweep.storage.parts import PartFolder
 
@@ -45,8 +46,8 @@ def refuse(plan: Plan, out: Path, jobs: int | None, confirmed: bool, confirm: st
     needed = 2 * found.file_size - _kept(plan, out)
     if needed > free:
         raise RequestError(
-            f"{out}: the sweep needs about {_gigabytes(needed)} of disk for finished blocks and the result, and "
-            f"{_gigabytes(free)} are free; make room or choose an output on another disk"
+            f"{out}: the sweep needs about {octets(needed)} of disk for finished blocks and the result, and "
+            f"{octets(free)} are free; make room or choose an output on another disk"
         )
     if not confirmed and (reasons := large(plan, found)):
         costly = [m.name for m in found.methods if m.seconds > LONG]
@@ -80,7 +81,7 @@ def large(plan: Plan, found: Estimate) -> list[str]:
     if found.seconds > MOST_SECONDS:
         reasons.append(f"about {found.seconds / 3600:.3g} hours on {found.jobs} processors")
     if found.file_size > MOST_BYTES:
-        reasons.append(f"a result of about {_gigabytes(found.file_size)}")
+        reasons.append(f"a result of about {octets(found.file_size)}")
     return reasons
 
 
@@ -97,7 +98,3 @@ def _kept(plan: Plan, out: Path) -> int:
     """Bytes of finished blocks of an earlier run."""
     folder = PartFolder(out, plan.digest).path
     return sum(path.stat().st_size for path in folder.glob("*.part")) if folder.is_dir() else 0
-
-
-def _gigabytes(size: float) -> str:
-    return f"{size / 1e9:.3g} GB"

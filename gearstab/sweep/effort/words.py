@@ -11,6 +11,12 @@ def quantity(value: float) -> str:
     return f"{value:.3g}"
 
 
+def octets(count: float) -> str:
+    """A number of bytes: ``0 B``, ``999 B``, ``1.23 kB``, ``45.6 GB``."""
+    text = quantity(count)
+    return f"{text}B" if " " in text else f"{text} B"
+
+
 def duration(seconds: float) -> str:
     """Seconds in words: ``0.42 s``, ``12 s``, ``3 min 20 s``, ``5 h 12 min``, ``2 d 3 h``."""
     if seconds < 59.5:

@@ -92,7 +92,6 @@ class Store:
         """
         if not self.folder.path.is_dir():
             return 0
-        self._hold.take()
         if self._hold.alone():
             for path in self.folder.path.glob("*.tmp"):
                 path.unlink(missing_ok=True)
@@ -135,10 +134,14 @@ class Store:
         return self.folder.count()
 
     def remove(self) -> None:
-        """Remove the part files, unless another process that computes the same plan needs them: it then will."""
-        if self._hold.alone():
-            self.folder.remove()
-            self._hold.drop()
+        """Remove the part files, unless another process that computes the same plan needs them: it then will.
+
+        A sweep that wrote none may find those of an equal one that began later. What cannot be held stays.
+        """
+        with suppress(OSError):
+            if self.folder.path.is_dir() and self._hold.alone():
+                self.folder.remove()
+                self._hold.drop()
 
     def collect(self, blocks: Iterable[GridBlock]) -> list[FinishedBlock]:
         """Take what other processes wrote to the folder of these blocks, seen or not."""
@@ -194,7 +197,11 @@ class Hold:
         return self._handle is not None
 
     def alone(self) -> bool:
-        """Whether no other process holds the folder; if so none can until :meth:`drop` or :meth:`share`."""
+        """Take hold of the folder: whether no other process does; if so none can until :meth:`drop` or :meth:`share`.
+
+        Raises OSError as :meth:`take` does.
+        """
+        self.take()
         if self._handle is None:
             return True
         try:

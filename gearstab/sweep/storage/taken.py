@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gearstab.errors import SweepError
+from gearstab.errors import ResultError, SweepError
 from gearstab.methods import Key, Outcome
 from gearstab.perturbation import Tongue
 from gearstab.results.variables import OCCURRENCE, ROWS, STRETCH, TEXT, TONGUE, Variable
@@ -61,7 +61,7 @@ class Taken:
         """Read the points at these indices of the axes, rows in the order of a block.
 
         inner: number of the axis that is the mesh frequency, if any. Raises SweepError if the file is no longer the one
-        it was, or cannot be read.
+        it was, ResultError if it cannot be read: damaged, and then sealed anew.
         """
         import h5py
 
@@ -74,18 +74,19 @@ class Taken:
                     return _listed(group, variables, places)
                 return Outcome({v.name: _over_points(group[v.name], places, inner) for v in variables})
         except OSError as error:
-            raise SweepError(f"{self.path}: {self._blame(method, error)}") from None
+            raise self._blame(method, error) from None
         except (KeyError, ValueError, TypeError, IndexError, RuntimeError) as error:
             # A seal that fits says nothing of who made it.
             said = f"{type(error).__name__}: {' '.join(str(error).split())}"
             text = f"{self.path}: {method} in it is not as a sweep writes it ({said}); compute it again"
-            raise SweepError(text) from error
+            raise ResultError(text) from error
 
-    def _blame(self, method: str, error: OSError) -> str:
+    def _blame(self, method: str, error: OSError) -> ResultError | SweepError:
         with suppress(OSError):
             if identity(self.path) == self.identity:
-                return f"{method} in it cannot be read ({' '.join(str(error).split())}); compute it again"
-        return "was changed while the sweep took its points over; run the command again"
+                said = " ".join(str(error).split())
+                return ResultError(f"{self.path}: {method} in it cannot be read ({said}); compute it again")
+        return SweepError(f"{self.path}: was changed while the sweep took its points over; run the command again")
 
 
 def misshapen(path: Path, method: str, variables: Sequence[Variable], shape: Sequence[int]) -> str:

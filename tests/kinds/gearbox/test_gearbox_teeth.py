@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from gearstab.gears.mesh_stiffness import StiffnessModel
 from gearstab.gears.pair import Pair
 from gearstab.gears.stress import mesh_root_stress, root_stress
 from gearstab.plots import draw
+from gearstab.response.measures import tooth_loads as measure
 from gearstab.response.measures.tooth_loads import LoadedTeeth, positions, tooth_loads
 from gearstab.results import open_result
 
@@ -123,3 +125,18 @@ def test_stored_cycles_belong_to_steady_states(tmp_path: Path) -> None:
     path.write_text(CONFIG.replace("steady_state: true", "cycles: 3"))
     with pytest.raises(ValueError, match="belongs to a steady state"):
         load(path)
+
+
+def test_a_long_history_is_shared_out_in_parts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of no effect on the loads; the integrals over the teeth of all samples at once would take 200 MB."""
+    phase = np.linspace(0.0, 97.3, 30_000)
+    force, teeth = 500.0 + 50.0 * np.sin(phase), LoadedTeeth(PAIR, PLAIN, ("a", "b"))
+    tracemalloc.start()
+    found = tooth_loads(teeth, phase, force, 500.0)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 50e6
+    monkeypatch.setattr(measure, "AT_ONCE", len(phase))
+    whole = tooth_loads(teeth, phase, force, 500.0)
+    np.testing.assert_array_equal(found.load, whole.load)
+    np.testing.assert_array_equal(found.stress, whole.stress)
