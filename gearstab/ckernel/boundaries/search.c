@@ -156,8 +156,8 @@ static int add_edge(struct window *w, const struct bracket *b, const struct find
     if (grow(&w->edge, &w->edge_room, w->edges + 1, sizeof *w->edge))
         return -1;
     struct edge *edge = &w->edge[w->edges++];
-    double blur = 2.0 * blurred(left, right, found);
-    error = blur > error ? blur : error;
+    /* Verdicts at the ends of the bracket are wrong by as much. */
+    error += 2.0 * blurred(left, right, found);
     *edge = (struct edge){.row = w->row, .cycle = cycle, .error = error, .enters = left->stable};
     collisions_of(left->stable ? left : right, w->n, 1, w->phase, edge->passed);
     return 0;

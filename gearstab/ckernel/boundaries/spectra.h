@@ -14,6 +14,8 @@
 /* Operations S (4n + 6) a column from which interpolation beats propagation: 32 nodes, 4n^2 entries. Without any a search takes
    8 to 11 % longer for tooth ratios of 9/10 and 19/20, and as long for 3/5 and 4/5; the number itself hardly matters. */
 #define PAYS_FROM 200
+#define SMALL_PART 0x1p-20    /* imaginary parts above this are no rounding errors */
+#define BESIDE_OTHERS 0.1     /* of the distance to another group: imaginary parts are below this */
 
 /* s -> arctan s for 0 <= s <= 1. */
 INLINE vec arctangent(vec s) {
@@ -141,6 +143,27 @@ static void traces_of(vec *x, int64_t n, vec *real, vec *imaginary, vec *work) {
     }
 }
 
+/* Take back what rounding errors have parted several equal rho by, as identical parts have them. Each of two such groups that are
+   coupled and lie apart by d has a condition of 1/d, so that errors of size `noise` become noise/d: an imaginary part of that
+   size, small beside d, is one of real rho. That of a quadruple, or of several, has no other group beside it. Two groups have
+   at least four members. */
+static void settle_equals(int64_t n, const vec *real, vec *imaginary, vec noise) {
+    for (int64_t i = 0; n > 3 && i < n; i++) {
+        vec size = magnitude(imaginary[i]), apart = all(1.0);
+        mask doubtful = (size > noise) & (size < SMALL_PART);
+        if (!any(doubtful))
+            continue;
+        for (int64_t j = 0; j < n; j++) {
+            vec distance = magnitude(real[j] - real[i]);
+            apart = choose(distance * BESIDE_OTHERS >= size, smaller(apart, distance), apart);
+        }
+        mask equal = doubtful & (size * apart <= noise);
+        /* The conjugate has the same neighbours, and the same answer. */
+        for (int64_t j = 0; any(equal) && j < n; j++)
+            imaginary[j] = choose(equal & (real[j] == real[i]) & (magnitude(imaginary[j]) == size), all(0.0), imaginary[j]);
+    }
+}
+
 /* A row and room for its points. */
 struct spectra {
     const struct conservative *pattern;
@@ -226,13 +249,16 @@ static void spectra_at(void *given, int64_t count, const double *cycle, double *
     int64_t n = s->row.n;
     vec *x = s->room.x, *real = s->room.real, *imaginary = s->room.imaginary, *work = s->room.work;
     for (int64_t k = 0; k < count; k += LANES) {
-        vec period = s->row.cycles * load_part(cycle, k, count), magnified;
+        vec period = s->row.cycles * load_part(cycle, k, count), magnified = all(1.0);
         vec scale = all(0.0);
-        if (!interpolate(&s->room.panels, n, period, x, &magnified))
+        if (!interpolate(&s->room.panels, n, period, x, &magnified)) {
             scale = propagate(&s->row, n, period, x, work);
-        vec largest = largest_entry(x, 4 * n * n);
+            rescale(s->unit, n, x);
+        }
+        vec largest = magnified * larger(largest_entry(x, 4 * n * n), all(1.0));
         traces_of(x, n, real, imaginary, work);
-        vec noise = NOISE * larger(largest, all(1.0));
+        vec noise = NOISE * largest;
+        settle_equals(n, real, imaginary, noise);
         for (int64_t i = 0; i < n; i++) {
             vec own, phi = angle_of(real[i], imaginary[i], noise, &own);
             for (int64_t lane = 0; lane < LANES && k + lane < count; lane++) {

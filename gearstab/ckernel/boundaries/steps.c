@@ -7,6 +7,7 @@
    a tongue from far away. */
 
 #include <math.h>
+#include <stddef.h>
 
 #include "search.h"
 
@@ -15,11 +16,20 @@
 #define SAME_DEPTH 0.005 /* relative errors of F, and of its slope times the width, that confirm a cubic */
 #define SAME_SLOPE 0.02
 #define CURVED 0.25   /* of a slope: what the curvature may change */
+#define UNSURE 0.5    /* of a slope: where that much is in doubt it tells no edge */
+#define NARROW_BRACKET 0.05 /* step to the second point over the width of a bracket so narrow that its cubic is exact */
 #define AT_ONCE 0.1 /* of the floor: events that are predicted this near to each other are taken for one */
 #define INSIDE 0.05 /* of the bracket: no proposal for an open one is nearer to its ends */
 
 static struct cubic through(double f, double s, double g, double t) {
     return (struct cubic){f, s, 3.0 * (g - f) - 2.0 * s - t, s + t - 2.0 * (g - f)};
+}
+
+/* The same with slopes s and t of the chords from 0 to h and from 1 to 1 + k. */
+static struct cubic through_chords(double f, double s, double g, double t, double h, double k) {
+    double low = (g - f - s) / (1.0 - h), high = (t - (g - f)) / (1.0 + k), q = (high - low) / (1.0 + k - h);
+    double p = low - q * (1.0 + h);
+    return (struct cubic){f, g - f - p - q, p, q};
 }
 
 static double value(const struct cubic *c, double x) { return c->f + x * (c->s + x * (c->p + x * c->q)); }
@@ -74,8 +84,11 @@ struct cubic course(const struct sample *left, const struct sample *right, const
         g = right->gap[found->right].square, t = right->gap[found->right].slope;
     else
         g = right->off[found->right].square, t = right->off[found->right].slope;
+    double h = left->step / width, k = right->step / width;
+    if (h > NARROW_BRACKET && fabs(1.0 - h) > NARROW_BRACKET)
+        return through_chords(f, s * width, g, t * width, h, k);
     struct cubic c = through(f, s * width, g, t * width);
-    double first = c.p * left->step / width, last = (c.p + 3.0 * c.q) * right->step / width;
+    double first = c.p * h, last = (c.p + 3.0 * c.q) * k;
     return through(f, at_the_end(s * width, first), g, at_the_end(t * width, last));
 }
 
@@ -115,20 +128,62 @@ double edge_between(const struct sample *left, const struct sample *right, const
     double bend = (fabs(near_left ? c.p : c.p + 3.0 * c.q) + fabs(c.q)) / slope;
     const struct sample *end = near_left ? left : right;
     bend += width / clearance(end, near_left ? found->left : found->right, slope / width);
-    *moved = width * x * (bend * (x + end->step / width) + 4.0 * end->noise * width / (end->step * slope));
+    /* What all this may change the slope by, over the slope: the edge is nearer or farther by as much. */
+    double doubt = bend * (x + end->step / width) + 4.0 * end->noise * width / (end->step * slope);
+    *moved = doubt < UNSURE ? width * x * doubt / (1.0 - doubt) : INFINITY;
     return left->cycle + width * zero(&c);
 }
 
-/* How far rounding errors may have moved an edge at 1 or -1: there F = 4 (2 -+ rho) but for higher terms, so that their share
-   in it does not fall with F, as elsewhere, while its slope is that of a narrow tongue. */
+/* The pair off the circle that will be back on it, or was on it, within the least time; NULL if there is none. */
+static const struct off *nearest_edge(const struct sample *out) {
+    const struct off *best = NULL;
+    for (int m = 0; m < out->offs; m++) {
+        const struct off *own = out->off + m;
+        if (!best || fabs(own->square * best->slope) < fabs(best->square * own->slope))
+            best = own;
+    }
+    return best;
+}
+
+/* The sine of the angle at which a pair leaves the circle; at 1 or -1 of the nearest angle at which another pair is. */
+static double sine_of(const struct sample *in, const struct sample *out, const struct off *off) {
+    double first = 1.0, second = 1.0; /* the nearest of the stable point is the pair itself */
+    if (off->place == ELSEWHERE)
+        return sin(off->angle);
+    for (int k = 0; k < in->letters; k++)
+        if (fabs(in->letter[k].angle - off->angle) < 0.5 * PI) {
+            double own = sin(in->letter[k].angle);
+            second = fmin(second, fmax(own, first));
+            first = fmin(first, own);
+        }
+    for (int m = 0; m < out->offs; m++)
+        if (out->off + m != off && fabs(out->off[m].angle - off->angle) < 0.5 * PI)
+            second = fmin(second, sin(out->off[m].angle));
+    return second;
+}
+
+/* How far rounding errors may have moved an edge, in cycles. All rho are wrong by `noise`, and by three times that where
+   angle_of puts them on the rim; near an edge at 1 or -1 F = 4 (2 -+ rho), so that this share of it does not fall with F. Two
+   rho of pairs that are coupled are eigenvalues of a 2 x 2 block with entries ~ 2 sin(angle) sqrt(-F) inside the tongue, which
+   is wrong by noise: that moves the edge by noise/sin(angle) over the speed at which the two approach, at least a turn in a
+   cycle; and the block says nothing at all of an imaginary part below noise, F = -(noise/sin(angle))^2. Where the angle is so
+   small that this would be more, rho tells by being beyond 2, as of a single pair. No error of F moves an edge by more than its
+   root over that speed, F being a parabola. */
 double blurred(const struct sample *left, const struct sample *right, const struct finding *found) {
-    if (found->left < 0 || found->right < 0)
-        return 0.0;
-    const struct off *off = left->stable ? right->off + found->right : left->off + found->left;
-    const struct gap *gap = left->stable ? left->gap + found->left : right->gap + found->right;
-    int outside = fabs(gap->square * off->slope) < fabs(off->square * gap->slope); /* the nearer end, by F over its slope */
-    double slope = fabs(outside ? gap->slope : off->slope);
-    return off->place == ELSEWHERE ? 0.0 : 4.0 * (left->stable ? left : right)->noise / slope;
+    const struct sample *in = left->stable ? left : right, *out = left->stable ? right : left;
+    int known = found->left >= 0 && found->right >= 0;
+    double noise = in->noise, turn = left->cycle / (2.0 * PI), moved = noise * turn;
+    const struct off *off = known ? out->off + (left->stable ? found->right : found->left) : nearest_edge(out);
+    if (!off)
+        return moved;
+    double slope = fabs(off->slope), sine = sine_of(in, out, off), square = sine * sine;
+    if (known) {
+        const struct gap *gap = in->gap + (left->stable ? found->left : found->right);
+        /* The nearer end, by F over its slope. */
+        slope = fabs(gap->square) * slope < fabs(off->square * gap->slope) ? fabs(gap->slope) : slope;
+    }
+    double most = 12.0 * (noise + square), least = off->place == ELSEWHERE ? noise * noise / square : 12.0 * noise;
+    return moved + fmin(fmin(most / slope, sqrt(most) * turn), moved / sine + fmin(least / slope, sqrt(least) * turn));
 }
 
 /* A bracket with one tongue between stable points: its middle, or beside it where it is likely to be closed. */
@@ -234,7 +289,7 @@ static double through_gap(const struct sample *left, const struct sample *right,
 /* Whether the cubic through both ends, unstable, has foretold what was found between them. Two tongues with a gap between
    them do not look like one from inside: neither the depth nor the slope fits. */
 int as_foreseen(const struct sample *left, const struct sample *right, const struct finding *found, const struct sample *between) {
-    if (found->left < 0 || between->stable)
+    if (found->left < 0 || left->stable || right->stable || between->stable)
         return 0;
     struct cubic c = course(left, right, found);
     double width = right->cycle - left->cycle, x = (between->cycle - left->cycle) / width;

@@ -23,7 +23,7 @@ DENSITY = 0.25
 """Points of the scan per collision of multipliers; up to 1 small systems take the same time, and 59 coordinates a fifth
 more with 0.5."""
 
-BLURRED = 1.001
+BLURRED = 1.05
 """Bracket of an edge over the tolerance, beyond which it is that of rounding errors."""
 SHARP = 0.2
 """The bracket of an edge from inside, over the tolerance."""
@@ -35,6 +35,8 @@ STEPS = 4
 """Steps of Newton's method from where the edges seem to be."""
 TRUSTED = 0.25
 """Half-widths by which rounding may have moved an edge, at most."""
+FARTHEST = 4
+"""The same over its bracket: products of hundreds of steps round more than the estimate of it says."""
 
 
 def search(pattern: Pattern, first: Array, last: Array, tolerance: float, floor: float) -> Search:
@@ -87,7 +89,9 @@ def _sharpen(pattern: Pattern, start: Array, stop: Array, meetings: Array, toler
             for c in cubic:
                 value, slope = value * u + c, slope * u + value
             u = u - value / slope
-        good = which & (np.abs(u - side) < TRUSTED)  # not where a point is stable and u is NaN
+        # Not where a point is stable and u is NaN, nor where a third multiplier bends the parabola.
+        moved = half * np.abs(u - side)
+        good = which & (moved < TRUSTED * half) & (moved <= FARTHEST * end["error"][chosen])
         end["cycle"][chosen[good]] = (middle + half * u)[good]
         end["error"][chosen[good]] = SHARP * tolerance * (middle + half * u)[good]
     return count * np.bincount(row, minlength=len(pattern.rows))

@@ -48,6 +48,8 @@ WITHIN = 0.4
 ATTEMPTS = 4
 """Points tried where signs are lost in rounding, before a bracket is left as it is."""
 ROUNDS = 200
+ROUNDED = 2.0**-46
+"""Relative error of where a verdict changes, 64 eps: phases of some ten turns are right to a few eps each."""
 
 
 @dataclass
@@ -340,7 +342,8 @@ def _intervals(
     samples: Samples, a: Array, b: Array, places: Array, own: Array, row: int, floor: float
 ) -> list[Interval]:
     """Pair entrances with exits; a region that reaches an end of the range is cut there."""
-    where, error = 0.5 * (places[0] + places[1]), places[1] - places[0]
+    where = 0.5 * (places[0] + places[1])
+    error = places[1] - places[0] + 2 * ROUNDED * where
     result: list[Interval] = []
     lowest, highest = own[np.argmin(samples.cycle[own])], own[np.argmax(samples.cycle[own])]
     start = None if samples.stable[lowest] else (samples.cycle[lowest], lowest, 0.0)
