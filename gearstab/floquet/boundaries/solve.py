@@ -55,7 +55,8 @@ def boundaries(
     system: any batch shape; rows of the result are those of the flattened batch.
     start, stop: range of Omega, rad per unit time, 0 < start < stop.
     tolerance, width_floor: of the edges and of a region, relative to Omega. Below 1e-13 rounding has the last word.
-    reduction: False to search every system as a whole (slower, for comparison).
+    reduction: False to search every system as a whole (slower, for comparison). Multipliers of three or more equal
+        parts then coincide but for rounding, and edges may be off by 2e-8 whatever tolerance they state.
     budget: multiplications for the proof of a damped row, and as many again for its scan.
 
     Raises
