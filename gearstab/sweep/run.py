@@ -17,6 +17,7 @@ from gearstab.results.guard import SWEEP, result_of
 from gearstab.results.output import free_bytes, prepare
 from gearstab.results.write import image, rewrite_attributes
 from gearstab.sweep.effort.estimate import long_runs
+from gearstab.sweep.effort.words import octets
 from gearstab.sweep.plan import Layout, Plan
 from gearstab.sweep.pool import Executor, Failure, run_blocks
 from gearstab.sweep.reporter import Reporter
@@ -194,7 +195,7 @@ def _others(folder: PartFolder, others: list[Path]) -> str:
     size = sum(file.stat().st_size for path in others for file in path.glob("*.part") if file.is_file())
     number = f"{len(others)} earlier state{'s' * (len(others) > 1)}"
     return (
-        f"note: {folder.every} also holds finished blocks of {number} of the configuration ({size / 1e6:.3g} MB); "
+        f"note: {folder.every} also holds finished blocks of {number} of the configuration ({octets(size)}); "
         "remove the folder if you do not go back to them"
     )
 
