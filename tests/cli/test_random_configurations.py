@@ -76,6 +76,11 @@ BARELY: Document = {
                 "waveform": {"kind": "trapezoidal", "ramp": 5e-324}}],
 }  # fmt: skip
 
+UNDAMPED: Document = {
+    "kind": "matrices", "mass": [[1, 0], [0, 1]], "stiffness": [[0, 0], [0, 0]], "damping_ratio": 2.3e-308,
+    "meshes": [{"name": "mesh", "direction": [0, 1], "mean_stiffness": 1, "epsilon": 0.3, "contact_ratio": 1.5}],
+}  # fmt: skip
+
 
 @pytest.mark.parametrize(
     ("system", "methods"),
@@ -83,8 +88,9 @@ BARELY: Document = {
         (TWO_MESHES, {"floquet": {"exponents": True}, "required_damping": {}}),
         (IRRATIONAL, {"floquet": {"lyapunov": {"cycles": 20}}}),
         (BARELY, {"floquet": {}, "perturbation": {"order": 2}, "boundaries": {}}),
+        (UNDAMPED, {"floquet": {}, "boundaries": {}}),
     ],
-    ids=["a constant mesh beside a smooth one", "irrational and smooth", "all but zero"],
+    ids=["a constant mesh beside a smooth one", "irrational and smooth", "all but zero", "damped by next to nothing"],
 )
 def test_what_has_failed(system: Document, methods: Document, tmp_path: Path) -> None:
     sweep = {"mesh_frequency": {"start": 0.5, "stop": 4.0, "num": 6}}

@@ -126,7 +126,8 @@ def _proof(flow: Chain, low: np.ndarray, high: np.ndarray) -> float:
     kernel.current().radii(flow, row, np.exp(x), growth)
     each = (time.process_time() - begin) / TRIED
     step = FIRST * float(damping_ratio(flow)[0])
-    first = max((x[-1] - x[0]) / step if step > 0 else np.inf, FEWEST)
+    # Python's numbers: a step may be so small that this is infinite, of which NumPy warns.
+    first = max(float(x[-1] - x[0]) / step if step > 0 else np.inf, FEWEST)
     most = 2 * BUDGET / (flow.size**3 * len(flow.states) * (MODULI + PROOF))
     return each * min(POINTS * first, max(most, COARSEST))
 
