@@ -65,6 +65,11 @@ class Interrupted(UserError, RuntimeError):
     exit_code = INTERRUPTED
 
 
+def one_line(error: object) -> str:
+    """Return the text of an exception without line breaks."""
+    return " ".join(str(error).split())
+
+
 def listed(names: Iterable[str], most: int = 12) -> str:
     """Return ``a, b, c`` for a message; long lists are cut and counted, so that it stays one line."""
     items = [str(name) for name in names]

@@ -55,8 +55,7 @@ def response(
     system = build(config.parameters)
     try:
         _affordable(config, wanted, system)
-        long = None if say is None else _effort(config, wanted, system)
-        if long is not None and say is not None:
+        if say is not None and (long := _effort(config, wanted, system)) is not None:
             say(long)
         if wanted.ramp is not None:
             return ramp.response(config, wanted, system)

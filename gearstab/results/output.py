@@ -23,7 +23,7 @@ from pathlib import Path
 from uuid import uuid4
 
 from gearstab import interrupts
-from gearstab.errors import OutputError
+from gearstab.errors import OutputError, one_line
 
 DESCRIPTOR = re.compile(r"/dev/(?:stdout|stderr|fd/(\d+))|/proc/self/fd/(\d+)")
 """Names of files that this process has open; opened anew they would be written from their beginning."""
@@ -311,7 +311,7 @@ def naming(out: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        reason = error.strerror or " ".join(str(error).split())  # of HDF5, which names no number
+        reason = error.strerror or one_line(error)  # of HDF5, which names no number
         if error.errno == errno.ENXIO and out.is_fifo():
             reason = "nobody reads from this pipe"
         raise OSError(error.errno, reason, str(out)) from error

@@ -13,7 +13,7 @@ from math import ceil, prod
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from gearstab.errors import ResultError, UserError
+from gearstab.errors import ResultError, UserError, one_line
 from gearstab.hdf5 import REFERENCE, endless, exceeds, overlong
 from gearstab.results.seal import intact
 from gearstab.results.tree import FORMAT, NO_VARIABLE
@@ -209,8 +209,3 @@ def _blocks(item: h5py.Dataset) -> int:
     if item.chunks is None or item.ndim < 2 or item.chunks[0] != 1:
         return 1
     return max(1, prod(ceil(n / c) for n, c in zip(item.shape[1:], item.chunks[1:], strict=True)))
-
-
-def one_line(error: Exception) -> str:
-    """Return an exception's text without line breaks."""
-    return " ".join(str(error).split())

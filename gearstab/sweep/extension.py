@@ -19,10 +19,10 @@ import numpy as np
 from gearstab.config import Axis, Config, ConfigError, load
 from gearstab.config.configuration import without_files
 from gearstab.config.document.tree import mapping
-from gearstab.errors import ResultError
+from gearstab.errors import ResultError, one_line
 from gearstab.methods import RANGE
 from gearstab.results.guard import SWEEP
-from gearstab.results.read import attributes, is_sealed, one_line, refuse_hollow
+from gearstab.results.read import attributes, is_sealed, refuse_hollow
 from gearstab.results.tree import FORMAT
 from gearstab.sweep.plan import Layout, Plan
 from gearstab.sweep.storage.taken import CHOSEN, Taken, identity, misshapen

@@ -94,6 +94,19 @@ def start(folder: Path, name: str) -> subprocess.Popen[str]:
     return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
+def held(folder: Path, processes: list[subprocess.Popen[str]], name: str, blocks: int) -> subprocess.Popen[str]:
+    """A sweep in a process of its own, one more of those, stopped after so many blocks."""
+    (folder / "hold").write_text(str(blocks + 1))
+    process = start(folder, name)
+    processes.append(process)
+    assert process.stdout is not None
+    for _ in range(blocks):
+        assert process.stdout.readline() == "block\n"
+    process.send_signal(signal.SIGSTOP)
+    (folder / "hold").unlink()
+    return process
+
+
 @pytest.fixture
 def processes() -> Iterator[list[subprocess.Popen[str]]]:
     found: list[subprocess.Popen[str]] = []
@@ -122,14 +135,7 @@ def test_two_equal_sweeps_at_once_end_well(folder: Path, processes: list[subproc
 def test_the_first_of_two_equal_sweeps_leaves_the_parts_to_the_other(
     folder: Path, processes: list[subprocess.Popen[str]]
 ) -> None:
-    (folder / "hold").write_text("3")
-    slow = start(folder, "train.yaml")
-    processes.append(slow)
-    assert slow.stdout is not None
-    for _ in range(2):
-        assert slow.stdout.readline() == "block\n"
-    slow.send_signal(signal.SIGSTOP)
-    (folder / "hold").unlink()
+    slow = held(folder, processes, "train.yaml", 2)
     assert "going on with" in swept(folder)[0]
     check(folder)
     # Nothing of what the slower one needs is gone.
@@ -154,14 +160,7 @@ def test_a_short_sweep_leaves_the_parts_of_one_begun_later(
         def advance(self, points: int, unstable: int, failed: int) -> None:
             if not points or processes:
                 return
-            (folder / "hold").write_text("3")
-            later = start(folder, "train.yaml")
-            processes.append(later)
-            assert later.stdout is not None
-            for _ in range(2):
-                assert later.stdout.readline() == "block\n"
-            later.send_signal(signal.SIGSTOP)
-            (folder / "hold").unlink()
+            held(folder, processes, "train.yaml", 2)
 
     run(faulty(folder / "train.yaml"), folder / "out.h5", 1, progress=Overtaken())
     check(folder)
@@ -178,13 +177,7 @@ def test_a_short_sweep_leaves_the_parts_of_one_begun_later(
 def test_of_two_different_sweeps_the_later_says_so_and_keeps_its_parts(
     folder: Path, processes: list[subprocess.Popen[str]]
 ) -> None:
-    (folder / "hold").write_text("2")
-    slow = start(folder, "other.yaml")
-    processes.append(slow)
-    assert slow.stdout is not None
-    assert slow.stdout.readline() == "block\n"
-    slow.send_signal(signal.SIGSTOP)
-    (folder / "hold").unlink()
+    slow = held(folder, processes, "other.yaml", 1)
     swept(folder)
     check(folder)
     slow.send_signal(signal.SIGCONT)

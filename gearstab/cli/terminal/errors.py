@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from gearstab.cli.terminal.console import STANDARD_OUTPUT, lost, tell
-from gearstab.errors import FAILED, WRONG_INPUT, UserError
+from gearstab.errors import FAILED, WRONG_INPUT, UserError, one_line
 
 if TYPE_CHECKING:
     from gearstab.config import Config
@@ -52,7 +52,7 @@ def text(error: Exception) -> str:
     if isinstance(error, OSError) and error.filename is not None:
         return f"{error.filename}: {(error.strerror or 'cannot be used').lower()}"
     if not isinstance(error, UserError) and (short := _shortage(error)):
-        said = " ".join(str(short).split())
+        said = one_line(short)
         return f"not enough memory{': ' if said else ''}{said}"
     return str(error)
 

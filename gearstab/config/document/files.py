@@ -14,6 +14,8 @@ from typing import Any
 
 import numpy as np
 
+from gearstab.errors import one_line
+
 LARGEST_TEXT = 4_000_000
 """Bytes of a file that is read as text; 1 MB of YAML takes some seconds."""
 
@@ -79,7 +81,7 @@ def arrays(path: FilePath, names: Collection[str], most: int) -> dict[str, Any]:
 
 
 def _broken(error: Exception) -> DataFileError:
-    reason = " ".join(str(error).split()) or type(error).__name__
+    reason = one_line(error) or type(error).__name__
     return DataFileError(f"cannot be read: {reason}", "save the data again")
 
 

@@ -81,14 +81,19 @@ def play(system: GearSystem) -> Play:
     return Play(low, high, width > 0, np.where(side < 0, LOWER, UPPER))
 
 
+def directions(system: GearSystem) -> Array:
+    """g ``(meshes, n)``, which makes deflections of coordinates."""
+    return np.stack([np.asarray(mesh.direction, dtype=float) for mesh in system.meshes])
+
+
 def _sides(system: GearSystem) -> Array:
     """The flank ``(meshes,)`` that the static load presses on; APART where it does not, but for rounding."""
     q = static_equilibrium(system)
-    directions = np.stack([np.asarray(mesh.direction, dtype=float) for mesh in system.meshes])
-    x = directions @ q
+    g = directions(system)
+    x = g @ q
     load = np.array([float(mesh.mean_stiffness) for mesh in system.meshes]) * x
     loaded = np.abs(load) > BALANCED * np.max(np.abs(load), initial=0.0)
-    return np.where(loaded & (np.abs(x) > ROUNDING * (np.abs(directions) @ np.abs(q))), np.sign(x), APART).astype(int)
+    return np.where(loaded & (np.abs(x) > ROUNDING * (np.abs(g) @ np.abs(q))), np.sign(x), APART).astype(int)
 
 
 def resting(system: GearSystem, teeth: Play) -> Array:
@@ -102,13 +107,12 @@ def resting(system: GearSystem, teeth: Play) -> Array:
     """
     modes = mean_modes(system)
     shapes = modes.shapes[:, ~modes.rigid]
-    directions = np.stack([np.asarray(mesh.direction, dtype=float) for mesh in system.meshes])
     k = np.array([float(mesh.mean_stiffness) for mesh in system.meshes])
     load = np.zeros(system.size) if system.load is None else np.asarray(system.load, dtype=float)
     contact = np.where(teeth.has, _sides(system), UPPER)
     # Modes in units of their own stiffness: beside a stiff one a soft one would drown in rounding errors.
     scale = 1 / np.sqrt(np.abs(modes.squared_frequency[~modes.rigid]))
-    gauge, pull = directions @ shapes * scale, shapes.T @ load * scale
+    gauge, pull = directions(system) @ shapes * scale, shapes.T @ load * scale
     constant = shapes.T @ system.stiffness @ shapes * scale * scale[:, None]
     for _ in range(MOST_STATES):
         closed = contact != APART

@@ -11,7 +11,7 @@ import numpy as np
 from gearstab import ckernel
 from gearstab.linear.first_order import bases
 from gearstab.response.backlash import compiled
-from gearstab.response.backlash.contact import APART, Play, play, resting
+from gearstab.response.backlash.contact import APART, Play, directions, play, resting
 from gearstab.response.backlash.dynamics import Dynamics, dynamics
 from gearstab.response.backlash.follow import Chatter, Event, follow
 from gearstab.response.backlash.measure import LimitCycle, Meter
@@ -163,7 +163,6 @@ def _assembled(system: GearSystem, run: Recording, start: tuple[Array, Array]) -
     q[0], v[0] = start
     contact = run.contact[:samples]
     linear = assembled(system, motion, (q, v), run.grid, (contact != APART, teeth.offset(contact)))
-    directions = np.stack([np.asarray(mesh.direction, dtype=float) for mesh in system.meshes])
     pushed = bool(unbalanced(motion.drive, next(bases(system)))[0])
     flags = (linear.flags & ~RESPONSE_FLAGS["separation"]) | run.flags | RESPONSE_FLAGS["unbalanced"] * pushed
     kept = len(linear.time)
@@ -173,7 +172,7 @@ def _assembled(system: GearSystem, run: Recording, start: tuple[Array, Array]) -
     return BacklashResponse(
         **shared,
         flags=flags,
-        mesh_velocity=v[:kept] @ directions.T,
+        mesh_velocity=v[:kept] @ directions(system).T,
         contact=contact[:kept],
         events=tuple(event for event in run.events if event.time <= linear.time[-1]),
         cycle=run.meter.summary((kept - 1) // run.grid),

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gearstab.errors import ResultError, SweepError
+from gearstab.errors import ResultError, SweepError, one_line
 from gearstab.methods import Key, Outcome
 from gearstab.perturbation import Tongue
 from gearstab.results.variables import OCCURRENCE, ROWS, STRETCH, TEXT, TONGUE, Variable
@@ -77,15 +77,15 @@ class Taken:
             raise self._blame(method, error) from None
         except (KeyError, ValueError, TypeError, IndexError, RuntimeError) as error:
             # A seal that fits says nothing of who made it.
-            said = f"{type(error).__name__}: {' '.join(str(error).split())}"
+            said = f"{type(error).__name__}: {one_line(error)}"
             text = f"{self.path}: {method} in it is not as a sweep writes it ({said}); compute it again"
             raise ResultError(text) from error
 
     def _blame(self, method: str, error: OSError) -> ResultError | SweepError:
         with suppress(OSError):
             if identity(self.path) == self.identity:
-                said = " ".join(str(error).split())
-                return ResultError(f"{self.path}: {method} in it cannot be read ({said}); compute it again")
+                text = f"{self.path}: {method} in it cannot be read ({one_line(error)}); compute it again"
+                return ResultError(text)
         return SweepError(f"{self.path}: was changed while the sweep took its points over; run the command again")
 
 

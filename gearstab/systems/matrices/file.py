@@ -10,6 +10,7 @@ from pydantic import Field, StrictStr
 from gearstab.config.document.files import DataFileError, arrays, numbers, present, usable
 from gearstab.config.model.axes import Array
 from gearstab.config.model.fields import Section
+from gearstab.errors import one_line
 
 REQUIRED = ("mass", "stiffness")
 OPTIONAL = ("damping",)
@@ -38,7 +39,7 @@ def read_market(path: FilePath) -> Array:
         rows, columns, _, _, kind, _ = mminfo(path)
         held = mmread(path) if max(rows, columns) <= MOST_COORDINATES and kind != "pattern" else None
     except Exception as error:  # whatever a broken file makes the reader raise
-        raise DataFileError(f"cannot be read: {' '.join(str(error).split())}", "save the matrix again") from None
+        raise DataFileError(f"cannot be read: {one_line(error)}", "save the matrix again") from None
     if rows != columns or not 0 < rows <= MOST_COORDINATES:
         hint = f"save a square matrix of at most {MOST_COORDINATES} rows"
         raise DataFileError(f"holds a matrix of the shape {(rows, columns)}", hint)
