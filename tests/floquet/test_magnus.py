@@ -268,6 +268,47 @@ def _edge(curve, epsilon):
     return a
 
 
+class TestStrongGrowth:
+    """Beyond 2^200 a period the matrix is scaled: growth is compared, and right, as elsewhere."""
+
+    def test_growth_is_within_the_estimate(self):
+        # x'' + (1 + 2 cos(Omega t)) x = 0: growth of e^311 and more. At 0.0051 the largest multiplier is a small part
+        # of the matrix, which rounding errors grow by.
+        system, omega = oscillator(replace(COSINE, cos=np.array([0.5])), 2.0), np.array([0.005, 0.0051])
+        found = solve(system, omega)
+        assert np.all(found.status & STATUS_FLAGS["rescaled"])
+        # By reference.multipliers in 4,000 steps.
+        expected = [0.2590220806922838, 0.2528016852124215]
+        error = np.abs(found.growth_rate[0] - expected) * 2 * np.pi / omega
+        assert np.all(error <= found.error_estimate[0])
+        assert found.error_estimate[0, 0] < 1e-9
+        assert found.error_estimate[0, 1] < 1e-7
+        # 10,000 steps of fourth order leave 5e-8.
+        assert reference.growth_rate(system, omega[0], 10_000) == pytest.approx(expected[0], abs=1e-10)
+
+    def test_too_few_steps_are_not_taken_for_convergence(self):
+        # 4,519 cycles of a mesh in a common period take more exponentials than there may be.
+        system = smooth_train(COSINE, COSINE, 0.45, Fraction(4519, 3))
+        found = solve(system, np.array([0.0013]))
+        assert found.growth_rate[0, 0] * 2 * np.pi * 3 / 0.0013 > 140
+        assert found.status[0, 0] & STATUS_FLAGS["not_converged"]
+
+    @pytest.mark.parametrize("using", sorted(kernel.KERNELS))
+    def test_every_kernel(self, using):
+        if using not in kernel.available():
+            pytest.skip("not built")
+        # Growth all the time: few steps do.
+        system, omega, tolerance = oscillator(replace(COSINE, cos=np.array([0.5])), -0.5, -1.0), 0.04, 1e-5
+        with kernel.using(using):
+            found = solve(system, np.array([omega]), tolerance=tolerance)
+        period, growth = 2 * np.pi / omega, found.growth_rate[0, 0]
+        assert growth * period > 150
+        assert found.error_estimate[0, 0] <= tolerance
+        # 4,000 steps of fourth order leave 3e-10.
+        error = np.abs(growth - reference.growth_rate(system, omega, 4_000)) * period
+        assert error <= found.error_estimate[0, 0] + 1e-9
+
+
 class TestDivision:
     """The period is cut where it should be."""
 

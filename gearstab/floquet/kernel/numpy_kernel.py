@@ -278,7 +278,7 @@ def _traces(matrix: Array) -> Array:
         result[:, k] = left[:, 0]
         kept = np.ones(left.shape, dtype=bool)
         kept[:, 0] = kept[each, twin] = False
-        left = left[kept].reshape(len(matrix), -1)
+        left = left[kept].reshape(len(matrix), left.shape[1] - 2)
     return result
 
 

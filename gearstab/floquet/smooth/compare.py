@@ -16,7 +16,10 @@ import numpy as np
 from gearstab.floquet.kernel import choice as kernel
 from gearstab.floquet.kernel import damped
 from gearstab.floquet.kernel.damped import Generators
+from gearstab.floquet.kernel.invariants import DOUBTFUL, growth_of
 from gearstab.floquet.segments.pattern import Pattern
+from gearstab.floquet.solution import pieces
+from gearstab.linear.products import eigenvalues
 from gearstab.system import Array
 
 EPSILON = float(np.finfo(float).eps)
@@ -70,12 +73,30 @@ def scan(pattern: Pattern, omega: Array, interpolate: bool = False) -> KernelAns
     if pattern.elastic.damping is None:
         noise = rounding(pattern, omega)
         verdict, growth, rho, magnified = kernel.current().scan_traces(pattern, omega, interpolate)
+        _complete(pattern, omega, verdict, growth, rho, magnified)
         return KernelAnswer(growth, verdict, rho, np.zeros(omega.shape), noise * magnified)
     generator: Generators = damped.generators(pattern, pattern.elastic.damping)
     growth, scale, values = kernel.current().multipliers_damped(pattern, generator, omega)
     # The modes without damping, which are not needed otherwise, would take as long as all the rest.
     noise = rounding(pattern, omega, np.abs(generator.eigen[0]).max(axis=-1))
     return KernelAnswer(growth, None, values, scale, noise)
+
+
+def _complete(pattern: Pattern, omega: Array, verdict: Array, growth: Array, rho: Array, magnified: Array) -> None:
+    """Write the growth that a kernel leaves open, in place, with the rounding errors of the largest multiplier.
+
+    Where there are no traces, beyond a growth of ln LARGE a period, it comes from the scaled matrix.
+    """
+    known = np.isfinite(rho).all(axis=-1)
+    open_growth = known & (verdict == DOUBTFUL)
+    growth[open_growth] = growth_of(rho[open_growth].T)
+    rows, points = np.nonzero(~known)
+    for row, point in pieces(rows, points, pattern.size):
+        matrix, scale = kernel.current().monodromy(pattern, row, omega[row, point])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            largest = np.abs(eigenvalues(matrix)).max(axis=-1)
+            growth[row, point] = np.log(largest) + scale
+            magnified[row, point] = np.abs(matrix).max(axis=(1, 2)) / largest
 
 
 def difference(fine: KernelAnswer, coarse: KernelAnswer, decay: Array) -> tuple[Array, Array]:
@@ -88,7 +109,7 @@ def difference(fine: KernelAnswer, coarse: KernelAnswer, decay: Array) -> tuple[
     found, noise = _difference_conservative(fine, coarse)
     size = np.exp(np.minimum(fine.growth - decay, 0.0))
     lost = ~np.isfinite(found)
-    # Growth beyond 2^200 a period: only the logarithm of the largest multiplier is at hand.
+    # Growth beyond ln LARGE a period: only the logarithm of the largest multiplier is at hand.
     found[lost] = np.abs(fine.growth - coarse.growth)[lost]
     noise[lost] = fine.rounding[lost]
     return found * size, noise * size
