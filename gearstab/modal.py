@@ -13,6 +13,8 @@ RIGID_TOLERANCE = 1e-11
 """A mode is rigid when its squared frequency is below this part of the largest one: an eigensolver in double
 precision leaves n eps ~ 1e-14 of the largest on an exact zero, while real gear trains stay above 1e-9."""
 
+CANCELLED = 1e-2
+"""A squared frequency below this part of the stiffness that cancels in it tells little of how fast the mode moves."""
 
 SMALL = 12
 """Largest order for which Jacobi rotations on many matrices at once are faster than LAPACK on one after the other."""
@@ -87,24 +89,40 @@ def eigenmodes(mass: Array, stiffness: Array) -> tuple[Array, Array]:
     return values, factor @ vectors
 
 
-def _rigid_at_zero(values: Array) -> Array:
-    """Squared frequencies with those of rigid-body modes, rounding errors, set to exactly 0."""
-    largest = np.max(np.abs(values), axis=-1, keepdims=True)
-    return np.where(np.abs(values) <= RIGID_TOLERANCE * largest, 0.0, values)
+def rounded(squared: Array, magnitude: Array | float = 0.0) -> Array:
+    """Return squared frequencies ``(..., n)`` with those that are rounding errors set to exactly 0.
+
+    magnitude: ``(..., n)``, the stiffness that cancels in each, see :class:`Modes`.
+    """
+    size = np.abs(squared)
+    largest = np.max(np.maximum(size, magnitude), axis=-1, keepdims=True)
+    return np.where(size <= RIGID_TOLERANCE * largest, 0.0, squared)
+
+
+def natural_scale(squared: Array, magnitude: Array) -> Array:
+    """Return the squared frequency ``(..., n)`` that the motion along each mode goes with: |w_p^2|, or the magnitude of
+    what cancels in it; 0 for rigid-body modes.
+    """
+    size = np.abs(squared)
+    magnitude = rounded(magnitude)
+    return np.where(size < CANCELLED * magnitude, magnitude, size)
 
 
 @dataclass(frozen=True)
 class Modes:
     """Modes of the mean system: (K0 + sum_i k_gi g_i g_i^T) phi_p = w_p^2 M phi_p, Phi^T M Phi = I.
 
-    squared_frequency: ``(..., n)``, w_p^2 ascending; exactly 0 for rigid-body modes.
+    squared_frequency: ``(..., n)``, w_p^2 ascending; exactly 0 for rigid-body modes, and where stiffnesses cancel.
     shapes: ``(..., n, n)``, column p is phi_p; the largest entry of a column is positive.
     mesh_deflection: ``(..., n, meshes)``, delta_ip = g_i^T phi_p.
+    magnitude: ``(..., n)``, |phi_p^T K0 phi_p| + sum_i (|k_gi| + |k_ai|) delta_ip^2, which may be far above w_p^2 where
+        stiffnesses are negative.
     """
 
     squared_frequency: Array
     shapes: Array
     mesh_deflection: Array
+    magnitude: Array
 
     @property
     def natural_frequency(self) -> Array:
@@ -113,31 +131,71 @@ class Modes:
 
     @property
     def rigid(self) -> Array:
-        """``(..., n)``, True for rigid-body modes."""
-        return self.squared_frequency == 0
+        """``(..., n)``, True for rigid-body modes: of zero frequency and without mesh deflection."""
+        return (self.squared_frequency == 0) & _undeflected(self.mesh_deflection)
+
+    @property
+    def natural_scale(self) -> Array:
+        """``(..., n)``, what :func:`natural_scale` makes of the squared frequencies."""
+        return natural_scale(self.squared_frequency, self.magnitude)
+
+    @property
+    def rate(self) -> Array:
+        """``(...)``, the frequency of all modes together, the unit of 1/time in computations."""
+        mean = np.mean(self.natural_scale, axis=-1)
+        return np.asarray(np.sqrt(np.where(mean > 0, mean, 1.0)))
 
 
 def mean_modes(system: GearSystem) -> Modes:
     """The modes of the mean system, see :class:`Modes`. Source: Lin & Parker 2002, (5)."""
     values, shapes = eigenmodes(system.mass, system.mean_stiffness_matrix())
-    values = _rigid_at_zero(values)
+    deflection = _deflections(system, shapes)
+    magnitude = _magnitude(system, shapes, deflection)
+    values = rounded(values, magnitude)
+    mixed = (values == 0) & ~_undeflected(deflection)
+    if np.any(mixed & (np.sum(values == 0, axis=-1, keepdims=True) > 1)):
+        shapes = _rigid_apart(values == 0, shapes, deflection)
+        deflection = _deflections(system, shapes)
+        magnitude = _magnitude(system, shapes, deflection)
     leading = np.take_along_axis(shapes, np.argmax(np.abs(shapes), axis=-2)[..., None, :], axis=-2)
-    shapes = shapes * np.where(leading < 0, -1.0, 1.0)
-    deflection = np.stack([mesh_deflection(shapes, mesh.direction) for mesh in system.meshes], axis=-1)
-    return Modes(values, shapes, deflection)
+    sign = np.where(leading < 0, -1.0, 1.0)
+    return Modes(values, shapes * sign, deflection * np.swapaxes(sign, -1, -2), magnitude)
 
 
-def rigid_modes(squared: Array, deflection: Array) -> Array:
-    """Return ``(r, n)`` bool: modes of zero mean frequency that deflect no mesh.
+def _deflections(system: GearSystem, shapes: Array) -> Array:
+    return np.stack([mesh_deflection(shapes, mesh.direction) for mesh in system.meshes], axis=-1)
 
-    With negative stiffness a zero frequency may be chance.
 
-    squared: ``(r, n)``; deflection: ``(r, meshes, n)``.
+def _magnitude(system: GearSystem, shapes: Array, deflection: Array) -> Array:
+    total = np.abs(np.einsum("...ip,...ij,...jp->...p", shapes, system.stiffness, shapes))
+    for i, mesh in enumerate(system.meshes):
+        level = np.abs(mesh.mean_stiffness) + np.abs(mesh.amplitude)
+        total = total + level[..., None] * deflection[..., i] ** 2
+    return np.asarray(total)
+
+
+def _rigid_apart(zero: Array, shapes: Array, deflection: Array) -> Array:
+    """Turn modes of zero frequency, ``zero`` (..., n), so that as few of them as possible deflect a mesh; the others,
+    of rigid bodies, come first.
     """
-    size = np.max(np.abs(deflection), axis=(1, 2), keepdims=True)
-    # Eigenvectors of rigid-body modes deflect meshes by the square root of eps at most, and elastic ones by far more.
-    still = np.all(np.abs(deflection) <= 1e-7 * size, axis=1)
-    return np.asarray((squared == 0) & still)
+    shape = np.broadcast_shapes(zero.shape, shapes.shape[:-1])
+    zero, shapes = np.broadcast_to(zero, shape), np.broadcast_to(shapes, (*shape, shape[-1])).copy()
+    deflection = np.broadcast_to(deflection, (*shape, deflection.shape[-1]))
+    for row in np.ndindex(shape[:-1]):
+        at = np.flatnonzero(zero[row])
+        size = np.abs(deflection[row]).max(axis=0)
+        turn = np.linalg.svd(deflection[row][at] / np.where(size > 0, size, 1.0))[0]
+        shapes[row][:, at] = shapes[row][:, at] @ turn[:, ::-1]
+    return shapes
+
+
+def _undeflected(deflection: Array) -> Array:
+    """``(..., n)``: modes that deflect no mesh, of deflections ``(..., n, meshes)``.
+
+    Eigenvectors of rigid-body modes deflect meshes by the square root of eps at most, and elastic ones by far more.
+    """
+    size = np.max(np.abs(deflection), axis=(-1, -2), keepdims=True)
+    return np.asarray(np.all(np.abs(deflection) <= 1e-7 * size, axis=-1))
 
 
 def mesh_deflection(shapes: Array, direction: Array) -> Array:
@@ -145,7 +203,7 @@ def mesh_deflection(shapes: Array, direction: Array) -> Array:
     return np.einsum("...ip,...i->...p", shapes, direction)
 
 
-MODE_TYPES = ("elastic", "rigid-body", "no mesh deflection", "negative stiffness")
+MODE_TYPES = ("elastic", "rigid-body", "no mesh deflection", "negative stiffness", "no mean stiffness")
 """What :func:`mode_types` tells apart; a mode without mesh deflection is elastic, and no mesh excites it."""
 
 NO_DEFLECTION = 1e-12
@@ -176,8 +234,8 @@ def significant_deflection(modes: Modes) -> Array:
 def mode_types(modes: Modes) -> Array:
     """``(..., n)``, one of MODE_TYPES for every mode."""
     still = ~np.any(significant_deflection(modes), axis=-1)
-    conditions = [modes.squared_frequency < 0, modes.rigid, still]
-    return np.select(conditions, [MODE_TYPES[k] for k in (3, 1, 2)], MODE_TYPES[0])
+    conditions = [modes.squared_frequency < 0, modes.rigid, modes.squared_frequency == 0, still]
+    return np.select(conditions, [MODE_TYPES[k] for k in (3, 1, 4, 2)], MODE_TYPES[0])
 
 
 def mesh_energy_shares(system: GearSystem, modes: Modes) -> Array:
@@ -207,5 +265,5 @@ def modal_damping_matrix(mass: Array, mean_stiffness: Array, ratios: Array) -> A
     values, shapes = eigenmodes(mass, mean_stiffness)
     weighted = mass @ shapes
     # The square root would turn a rounding error of 1e-17 in a rigid mode into a damping of 1e-9.
-    rate = 2 * np.asarray(ratios) * np.sqrt(np.maximum(_rigid_at_zero(values), 0.0))
+    rate = 2 * np.asarray(ratios) * np.sqrt(np.maximum(rounded(values), 0.0))
     return (weighted * rate[..., None, :]) @ np.swapaxes(weighted, -1, -2)

@@ -9,7 +9,7 @@ import numpy as np
 from gearstab.floquet.frequencies.choice import sample, segments_a_cycle
 from gearstab.floquet.general.coordinates import free_rotations
 from gearstab.floquet.segments.blocks import Block, split
-from gearstab.modal import mean_modes, rigid_modes
+from gearstab.modal import mean_modes
 from gearstab.system import GearSystem
 
 SHARE = 1e-9
@@ -73,7 +73,7 @@ def reduction(system: GearSystem) -> Reduction:
     if system.terms:
         return _with_terms(system)
     modes = mean_modes(system)
-    rigid = rigid_modes(modes.squared_frequency[None], modes.mesh_deflection.T[None])[0]
+    rigid = modes.rigid
     elastic = np.flatnonzero(~rigid) + 1
     pattern = sample(system)
     blocks = [block for block in split(pattern) if block.pattern.size]

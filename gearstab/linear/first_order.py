@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gearstab.linear.grouping import equal_rows
-from gearstab.modal import mean_modes, rigid_modes
+from gearstab.modal import mean_modes
 from gearstab.system import Array, GearSystem
 
 UNDAMPED = 1e-11
@@ -48,10 +48,10 @@ class ModalMatrices:
     def of(cls, system: GearSystem) -> ModalMatrices:
         """Compute those of all rows of the flattened batch."""
         modes = mean_modes(system)
-        shapes, squared = system.flat(modes.shapes, 2), system.flat(modes.squared_frequency, 1)
+        shapes, squared = system.flat(modes.shapes, 2), system.flat(modes.natural_scale, 1)
         deflection = np.swapaxes(system.flat(modes.mesh_deflection, 2), -1, -2)
         back = np.swapaxes(shapes, -1, -2)
-        rate = np.sqrt(np.maximum(np.abs(squared).mean(axis=-1), np.finfo(float).tiny))
+        rate, rigid = system.flat(modes.rate), system.flat(modes.rigid, 1) == 1
         damping = np.zeros(shapes.shape)
         if system.damping is not None:
             damping = back @ system.flat(system.damping, 2) @ shapes
@@ -61,7 +61,7 @@ class ModalMatrices:
             kinds = [on for on, profile in enumerate((term.stiffness, term.damping)) if profile is not None]
             parts += [(bool(on), u[:, :, None] * v[:, None, :]) for on in kinds]
         static = back @ system.flat(system.stiffness, 2) @ shapes
-        return cls(shapes, squared, rate, rigid_modes(squared, deflection), static, damping, parts)
+        return cls(shapes, squared, rate, rigid, static, damping, parts)
 
     def subset(self, index: Array) -> ModalMatrices:
         """Some of the rows, by position."""
@@ -158,7 +158,7 @@ def _basis(modal: ModalMatrices, rows: Array, damped: Array) -> Basis:
     elastic = np.flatnonzero(~rigid)
     moving = np.concatenate([elastic, np.flatnonzero(damped)])
     n, m = len(elastic), len(elastic) + len(moving)
-    frequency = np.sqrt(np.abs(modal.squared[:, elastic])) / modal.rate[:, None]
+    frequency = np.sqrt(modal.squared[:, elastic]) / modal.rate[:, None]
     weight = np.where(np.isinf(frequency), 1.0, np.maximum(frequency, SLOWEST))
     constant, parts = modal.generator(elastic, np.flatnonzero(damped), weight)
     inlet, outlet = np.zeros((len(rows), m, shapes.shape[1])), np.zeros((len(rows), shapes.shape[1], m))

@@ -75,7 +75,7 @@ def test_blocks_hang_on_no_rounding(monkeypatch: pytest.MonkeyPatch, scene: str,
     system, expected = SCENES[scene]
     for pattern in perturbed(monkeypatch, system if declared else replace(system, symmetry=None)):
         assert sizes(pattern) == expected
-        values, family, backward = blocks._family(pattern)
+        values, _, family, backward = blocks._family(pattern)
         none = tolerance(values, family, backward)
         assert DISCARDED <= none[0] <= 20 * DISCARDED
         _, coupling = adapted(values, family, none, pattern.elastic.turn)

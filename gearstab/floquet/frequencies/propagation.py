@@ -128,7 +128,7 @@ def state_size(pattern: Pattern) -> int:
 
 def weights(pattern: Pattern) -> Array:
     """``(m,)``, W: |W x| is the square root of twice the energy of x in the springs of the mean state, about."""
-    stiffness = np.einsum("dii->di", pattern.stiffness[0]).mean(axis=0)
+    stiffness = np.abs(np.einsum("dii->di", pattern.stiffness[0])).mean(axis=0)
     result = np.ones(state_size(pattern))
     result[: pattern.size] = np.sqrt(np.maximum(stiffness, SOFTEST * max(float(np.abs(stiffness).max()), 1e-300)))
     return result

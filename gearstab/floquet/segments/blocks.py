@@ -34,6 +34,7 @@ from gearstab.floquet.segments.decouple import (
 from gearstab.floquet.segments.pattern import Pattern, merged
 from gearstab.floquet.segments.reduction import Elastic
 from gearstab.linear.grouping import equal_rows
+from gearstab.modal import natural_scale, rounded
 from gearstab.system import Array
 
 SMALLEST = 1e-6
@@ -67,7 +68,7 @@ def split(pattern: Pattern) -> list[Block]:
     rows, n = len(pattern.rows), pattern.size
     if n < 2:
         return [whole(pattern)]
-    values, family, backward = _family(pattern)
+    values, scale, family, backward = _family(pattern)
     open_rows = close(values, SURE).any(axis=1) | components(np.abs(family).max(axis=1) > SURE).any(axis=1)
     if not open_rows.any():
         return [whole(pattern)]
@@ -82,7 +83,6 @@ def split(pattern: Pattern) -> list[Block]:
     back = np.swapaxes(basis, -1, -2)
     turned = back[:, None] @ family @ basis[:, None]
     label = _still_together(label, turned[:, : pattern.stiffness.shape[1]], none)
-    scale = _scale(values)
     mean = (back * values[:, None, :]) @ basis / (scale[:, :, None] * scale[:, None, :])
     turned = np.concatenate([turned, mean[:, None]], axis=1)
     found: list[Block] = []
@@ -108,9 +108,10 @@ def _rows(pattern: Pattern, index: Array) -> Pattern:
     return replace(pattern, elastic=pattern.elastic.subset(index), **own)
 
 
-def _family(pattern: Pattern) -> tuple[Array, Array, Array]:
-    """Squared mean frequencies ``(r, n)``, all that couples modes ``(r, F, n, n)``: the variation of each state and the
-    damping; and the backward error ``(r,)`` of the modes, the largest entry of the mean stiffness beside its diagonal.
+def _family(pattern: Pattern) -> tuple[Array, Array, Array, Array]:
+    """Squared mean frequencies and natural frequencies to compare with ``(r, n)``; all that couples modes ``(r, F, n,
+    n)``: the variation of each state and the damping; and the backward error ``(r,)`` of the modes, the largest entry
+    of the mean stiffness beside its diagonal.
 
     The entry pq of a stiffness is relative to w_p w_q, damping to its largest entry.
     """
@@ -121,13 +122,15 @@ def _family(pattern: Pattern) -> tuple[Array, Array, Array]:
     variation = (pattern.levels - mean[:, None]) @ outer
     n = pattern.size
     total = elastic.static + (mean[:, None] @ outer).reshape(-1, n, n)
-    values = np.einsum("rii->ri", total).copy()
-    scale = _scale(values)
+    values, magnitude = np.einsum("rii->ri", total), np.abs(np.einsum("rii->ri", elastic.static))
+    magnitude = magnitude + np.max(np.abs(pattern.levels) @ g**2, axis=1)
+    values = rounded(values, magnitude)
+    scale = _scale(values, magnitude)
     size = scale[:, :, None] * scale[:, None, :]
     backward = (np.abs(total) / size * ~np.eye(n, dtype=bool)).max(axis=(1, 2))
     variation = variation.reshape(*variation.shape[:2], n, n) / size[:, None]
     if elastic.damping is None:
-        return values, variation, backward
+        return values, scale, variation, backward
     damping = elastic.damping
     largest = np.abs(damping).max(axis=(1, 2))
     drag = [damping]
@@ -136,12 +139,14 @@ def _family(pattern: Pattern) -> tuple[Array, Array, Array]:
         largest = np.maximum(largest, np.abs(elastic.rigid_damping).max(axis=(1, 2)))
         drag.append(np.swapaxes(to_rigid, -1, -2) @ to_rigid / largest[:, None, None])
     family = np.concatenate([variation, np.stack(drag, axis=1) / largest[:, None, None, None]], axis=1)
-    return values, family, backward
+    return values, scale, family, backward
 
 
-def _scale(values: Array) -> Array:
+def _scale(values: Array, magnitude: Array) -> Array:
     """``(r, n)``, natural frequencies; the same for close ones, whose basis is turned, and not zero."""
-    scale = np.sqrt(np.abs(np.take_along_axis(values, cluster_start(values), axis=1)))
+    start, largest = cluster_start(values), np.zeros_like(magnitude)
+    np.maximum.at(largest, (np.arange(len(values))[:, None], start), magnitude)
+    scale = np.sqrt(np.take_along_axis(natural_scale(values, largest), start, axis=1))
     return np.maximum(scale, SMALLEST * scale.max(axis=1, keepdims=True))
 
 

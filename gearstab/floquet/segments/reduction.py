@@ -15,7 +15,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from gearstab.linear.grouping import equal_rows
-from gearstab.modal import mean_modes, rigid_modes
+from gearstab.modal import mean_modes
 from gearstab.system import Array, GearSystem
 
 UNIFORM = 4e-15
@@ -91,10 +91,9 @@ class Elastic:
 def reduce(system: GearSystem) -> Iterator[Elastic]:
     """Group the rows by number of rigid-body modes and kind of damping; each row comes once."""
     n, modes = system.size, mean_modes(system)
-    shapes, squared = system.flat(modes.shapes, 2), system.flat(modes.squared_frequency, 1)
+    shapes, rate = system.flat(modes.shapes, 2), system.flat(modes.rate)
     deflection = np.swapaxes(system.flat(modes.mesh_deflection, 2), -1, -2)
-    rigid = rigid_modes(squared, deflection)
-    rate = np.sqrt(np.maximum(np.mean(np.abs(squared), axis=-1), np.finfo(float).tiny))
+    rigid = system.flat(modes.rigid, 1) == 1
     drag = None if system.damping is None else _damping(shapes, system.flat(system.damping, 2), rigid)
     # Before the rows are laid out: they may share it.
     static = system.flat(_modal(modes.shapes, system.stiffness), 2)

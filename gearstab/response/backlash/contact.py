@@ -111,7 +111,7 @@ def resting(system: GearSystem, teeth: Play) -> Array:
     load = np.zeros(system.size) if system.load is None else np.asarray(system.load, dtype=float)
     contact = np.where(teeth.has, _sides(system), UPPER)
     # Modes in units of their own stiffness: beside a stiff one a soft one would drown in rounding errors.
-    scale = 1 / np.sqrt(np.abs(modes.squared_frequency[~modes.rigid]))
+    scale = 1 / np.sqrt(modes.natural_scale[~modes.rigid])
     gauge, pull = directions(system) @ shapes * scale, shapes.T @ load * scale
     constant = shapes.T @ system.stiffness @ shapes * scale * scale[:, None]
     for _ in range(MOST_STATES):

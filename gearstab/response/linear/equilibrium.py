@@ -12,14 +12,14 @@ def static_equilibrium(system: GearSystem) -> Array:
     """q ``(..., n)`` with (K0 + sum k_gi g_i g_i^T) q = f0, the part of f0 that rigid-body modes take up left out.
 
     Terms of K(t) besides the meshes (friction) and mean forces of other shapes play no part. NaN where the mean
-    stiffness is negative along a mode.
+    stiffness is negative or zero along a mode.
     """
     if system.load is None:
         return np.zeros((*system.batch, system.size))
     modes = mean_modes(system)
     force = np.einsum("...np,...n->...p", modes.shapes, system.load)
     squared = modes.squared_frequency
-    inverse = np.where(squared > 0, 1 / np.where(squared > 0, squared, 1.0), np.where(squared == 0, 0.0, np.nan))
+    inverse = np.where(squared > 0, 1 / np.where(squared > 0, squared, 1.0), np.where(modes.rigid, 0.0, np.nan))
     return np.einsum("...np,...p->...n", modes.shapes, inverse * force)
 
 
