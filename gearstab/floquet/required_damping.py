@@ -199,7 +199,6 @@ class _Search:
             part = OperatingPoints(own, self.mesh_frequency)
             found = solved(part, replace(self.block, pattern=own), False)
             growth = found.growth_rate * part.period / pattern.elastic.rate[:, None]
-            growth = np.where(found.stable == 1, np.minimum(growth, 0.0), growth)
         return growth if still else np.maximum(growth, level * pattern.elastic.rigid_growth[:, None])
 
     def refined(self, row: Array, omega: Array, ends: Array, values: Array, tolerance: float) -> Array:

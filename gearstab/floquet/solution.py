@@ -13,7 +13,7 @@ from gearstab.floquet.kernel import damped, decision, numpy_kernel
 from gearstab.floquet.kernel.invariants import STABLE
 from gearstab.floquet.segments.blocks import Block
 from gearstab.floquet.segments.pattern import Pattern
-from gearstab.floquet.stability import STATUS_FLAGS, FloquetStability, empty, mark_failed
+from gearstab.floquet.stability import STATUS_FLAGS, FloquetStability, decided, empty, mark_failed
 from gearstab.system import Array
 
 DAMPED_ON_CIRCLE = 1e-10
@@ -85,7 +85,7 @@ def constant(part: OperatingPoints, exponents: bool) -> FloquetStability:
     else:
         values = damped.generators(pattern, pattern.elastic.damping).eigen[0][:, 0]
     growth = np.repeat(values.real.max(axis=1, initial=-np.inf)[:, None], part.omega.shape[1], axis=1)
-    stable = (growth * part.period <= DAMPED_ON_CIRCLE).astype(np.int8)
+    growth, stable = decided(growth * part.period, part.period, DAMPED_ON_CIRCLE)
     table = None
     if exponents:
         turns = values.imag[:, None, :] * part.period[..., None] / (2 * np.pi)
@@ -168,10 +168,10 @@ def with_damping(part: OperatingPoints, damping: Array, exponents: bool) -> Floq
     growth, scale = kernel.current().scan_damped(pattern, generator, omega)
     status = part.status()
     status[np.abs(scale) > np.log(numpy_kernel.LARGE)] |= STATUS_FLAGS["rescaled"]
-    stable = (growth <= DAMPED_ON_CIRCLE).astype(np.int8)
+    growth, stable = decided(growth, part.period, DAMPED_ON_CIRCLE)
     rate = pattern.elastic.rate[:, None]
     table = _damped_table(pattern, generator, omega) * rate[..., None] if exponents else None
-    return FloquetStability(growth / part.period * rate, stable, status, table)
+    return FloquetStability(growth * rate, stable, status, table)
 
 
 def damped_exponents(pattern: Pattern, damping: Array, omega: Array) -> Array:

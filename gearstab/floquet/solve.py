@@ -11,7 +11,7 @@ from gearstab.floquet.kernel import choice as kernel
 from gearstab.floquet.segments.blocks import Block, split, whole
 from gearstab.floquet.segments.pattern import prepare
 from gearstab.floquet.solution import DAMPED_ON_CIRCLE, OperatingPoints, solved
-from gearstab.floquet.stability import FloquetStability, empty, mark_failed, ordered
+from gearstab.floquet.stability import FloquetStability, empty, mark_failed, settled
 from gearstab.system import Array, GearSystem
 
 TOLERANCE = 1e-9
@@ -67,7 +67,7 @@ def solve(
     result.mark_failed()
     return replace(
         result.whole,
-        exponents=None if table is None else ordered(table.values),
+        exponents=None if table is None else settled(table.values, result.whole.stable),
         error_estimate=error,
         kernel=kernel.said(ran),
     )
@@ -117,9 +117,10 @@ class _Result:
         # Rigid-body modes are left out of the search, but one that grows by itself decides.
         by_itself = block.pattern.elastic.rigid_growth[:, None]
         if (by_itself > -np.inf).any():
-            growth[index] = np.maximum(growth[index], by_itself)
-            still = by_itself * (2 * np.pi * block.pattern.cycles / self.omega[index]) <= DAMPED_ON_CIRCLE
-            stable[index] = np.minimum(stable[index], still)
+            period = 2 * np.pi * block.pattern.cycles / self.omega[index]
+            driven = by_itself * period > DAMPED_ON_CIRCLE
+            growth[index] = np.where(driven, np.maximum(growth[index], by_itself), growth[index])
+            stable[index] = np.minimum(stable[index], ~driven)
 
     def mark_failed(self) -> None:
         """Mark the points without a finite growth rate."""

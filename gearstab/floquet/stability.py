@@ -19,18 +19,12 @@ exceeds the tolerance; one mesh frequency at a time, the others averaged; an est
 confidence interval contains zero; so near to a boundary that the error of the multipliers may decide the verdict."""
 
 
-def ordered(exponents: Array) -> Array:
-    """Characteristic exponents ``(..., m)`` by descending real and imaginary part."""
-    order = np.lexsort((-exponents.imag, -exponents.real), axis=-1)
-    return np.take_along_axis(exponents, order, axis=-1)
-
-
 @dataclass(frozen=True)
 class FloquetStability:
     """Stability of rows at mesh frequencies, ``(rows, P)``.
 
     growth_rate: the largest real part of the characteristic exponents, 1/time, without rigid-body modes that do not
-        grow; exactly 0 where a conservative system is stable.
+        grow; positive where and only where a point is unstable, exactly 0 where a conservative system is stable.
     stable: int8: 1, 0, or -1 where nothing could be computed.
     status: int16, bits of STATUS_FLAGS.
 
@@ -64,6 +58,26 @@ def empty(rows: int, points: int) -> FloquetStability:
     """
     growth, stable = np.empty((points, rows)), np.empty((points, rows), dtype=np.int8)
     return FloquetStability(growth.T, stable.T, np.zeros((points, rows), dtype=np.int16).T)
+
+
+def decided(growth: Array, period: Array, threshold: Array | float) -> tuple[Array, Array]:
+    """Return (growth rate, stable as int8) of growths per period of which rounding, or another error, leaves up to a
+    threshold.
+
+    A growth within the threshold is none: a stable point has no positive growth rate, an unstable one has.
+    """
+    stable = growth <= threshold
+    return np.where(stable, np.minimum(growth, 0.0), growth) / period, stable.astype(np.int8)
+
+
+def settled(exponents: Array, stable: Array) -> Array:
+    """Return characteristic exponents ``(..., m)`` ordered by descending real and imaginary part; of a stable point
+    none has a positive real part, which could be rounding only.
+    """
+    found = exponents.copy()
+    np.minimum(found.real, 0.0, out=found.real, where=(stable == 1)[..., None])
+    order = np.lexsort((-found.imag, -found.real), axis=-1)
+    return np.take_along_axis(found, order, axis=-1)
 
 
 def mark_failed(result: FloquetStability, points: Any) -> None:

@@ -20,7 +20,7 @@ import numpy as np
 from gearstab.floquet.general.coordinates import Generator, generators
 from gearstab.floquet.kernel import choice as kernel
 from gearstab.floquet.segments.pattern import CONSTANT, PROBES
-from gearstab.floquet.stability import STATUS_FLAGS, FloquetStability, ordered
+from gearstab.floquet.stability import STATUS_FLAGS, FloquetStability, decided, settled
 from gearstab.linear.magnus import NODES, ORDER, polynomial
 from gearstab.linear.products import MagnusSteps, eigenvalues, propagated
 from gearstab.linear.schedule import Schedule, schedule
@@ -72,12 +72,11 @@ def analyse(
         period, logs = 2 * np.pi * cycles / omega[r], found[r]
         largest = np.maximum(logs.real.max(axis=-1, initial=-np.inf), row.rigid_growth * period)
         known = np.isfinite(error[r])
-        growth[r, known] = (largest / period)[known]
         threshold = np.maximum(DAMPED_ON_CIRCLE if row.damped else ON_CIRCLE, error[r])
-        stable[r, known] = (largest <= threshold)[known]
+        growth[r, known], stable[r, known] = (part[known] for part in decided(largest, period, threshold))
         if table is not None:
             rigid = np.broadcast_to(row.rigid_exponents.astype(complex), (len(logs), len(row.rigid_exponents)))
-            table[r] = ordered(np.concatenate([logs / period[:, None], rigid], axis=1))
+            table[r] = settled(np.concatenate([logs / period[:, None], rigid], axis=1), stable[r])
     status = np.where(error <= tolerance, 0, STATUS_FLAGS["not_converged"]).astype(np.int16)
     status[stable < 0] |= STATUS_FLAGS["failed"]
     return FloquetStability(growth, stable, status, table, error, kernel.name())

@@ -23,7 +23,7 @@ from gearstab.floquet.solution import (
     pieces,
     solved,
 )
-from gearstab.floquet.stability import STATUS_FLAGS, FloquetStability
+from gearstab.floquet.stability import STATUS_FLAGS, FloquetStability, decided
 from gearstab.system import Array, GearSystem
 
 WASTED = -1.0
@@ -131,18 +131,20 @@ def _varying(division: Division, omega: Array, exponents: bool, tolerance: float
             else:
                 table[rows[:, None], points] = damped_exponents(pattern, elastic.damping[rows], own)
     growth = found.growth - decay
+    value, stable = decided(growth, period, DAMPED_ON_CIRCLE)
     if elastic.damping is None:
-        stable = np.where(decay == 0, found.verdict == STABLE, growth <= 0)
-        near = np.where(decay == 0, found.changed | (~stable & (growth <= found.error)), np.abs(growth) <= found.error)
+        value, stable = growth / period, np.where(decay == 0, found.verdict == STABLE, growth <= 0).astype(np.int8)
+        near = np.where(
+            decay == 0, found.changed | ((stable == 0) & (growth <= found.error)), np.abs(growth) <= found.error
+        )
     else:
-        stable = growth <= DAMPED_ON_CIRCLE
         near = np.abs(growth) <= found.error
     status[near] |= STATUS_FLAGS["near_boundary"]
     status[~(found.error <= tolerance)] |= STATUS_FLAGS["not_converged"]
     rate = elastic.rate[:, None]
     return FloquetStability(
-        growth / period * rate,
-        stable.astype(np.int8),
+        value * rate,
+        stable,
         status,
         None if table is None else table * rate[..., None],
         found.error,
