@@ -56,7 +56,7 @@ class PlanetSet:
         halves = 4 * planet.profile_shift * tan(alpha)
         halves += z * (2 * involute(alpha) - involute(at_sun) - involute(at_ring))
         lag = (z - 1) / 2 - halves / (2 * pi)
-        return round(-lag if self.sun.wheel_drives else lag, DIGITS) % 1
+        return _of_period(-lag if self.sun.wheel_drives else lag)
 
     @property
     def entry_lag(self) -> float:
@@ -64,7 +64,12 @@ class PlanetSet:
 
         gamma_sr + (q_s - q_r)/p_b, with the lengths q from entry to pitch point along the lines of action.
         """
-        return round(self.pitch_lag + self.sun.pitch_phase - self.ring.pitch_phase, DIGITS) % 1
+        return _of_period(self.pitch_lag + self.sun.pitch_phase - self.ring.pitch_phase)
+
+
+def _of_period(lag: float) -> float:
+    """The lag from 0 up to 1, to DIGITS."""
+    return round(lag % 1, DIGITS) % 1
 
 
 def halfway(module: float, sun: int, ring: int) -> float:

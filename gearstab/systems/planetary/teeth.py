@@ -21,6 +21,7 @@ from gearstab.config.model.introspection import as_parameters
 from gearstab.config.model.validation import validate
 from gearstab.errors import NotPossible
 from gearstab.systems.gearbox.sections import Teeth
+from gearstab.systems.planetary.feasibility import shifted_too_far
 from gearstab.systems.planetary.meshes import ToothNumbers
 from gearstab.systems.planetary.phasing import Motion
 
@@ -67,7 +68,7 @@ def fill(document: Document, raw: dict[str, Any]) -> None:
             "add teeth: {sun: .., planet: .., ring: ..}",
         )
     numbers = _as_numbers(teeth) if whole and set(NEEDED) <= set(shared) else None
-    if numbers is None:
+    if numbers is None or shifted_too_far(counts["sun"], counts["planet"], counts["ring"]):
         _stand_in(document, raw)
         return
     try:
@@ -164,10 +165,13 @@ def _fill_lag(document: Document, raw: dict[str, Any], pairs: dict[str, Pair], m
 
     planet = PlanetSet(*(replace(pairs[name], wheel_drives=not moving.sun_drives) for name in ("sun", "ring")))
     phases = mapping(raw.get("phases"))
+    rule = phases.get("rule") or "entry"
     if phases.get("sun_ring") is None:
-        rule = phases.get("rule") or "entry"
         lag = planet.pitch_lag if rule == "pitch_point" else planet.entry_lag
         _put(document, ("phases",), {"rule": rule, "sun_ring": lag})
+    elif "rule" in phases:
+        path, remedy = ("system", "phases", "rule"), "keep one of sun_ring and rule"
+        document.report(path, "already_given", "sun_ring is given already", remedy, at_key=True)
 
 
 def _measured(document: Document, name: str, section: dict[str, Any]) -> dict[str, Any]:

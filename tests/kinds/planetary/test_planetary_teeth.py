@@ -141,12 +141,14 @@ def test_the_resolved_configuration_holds_numbers(gear: Config, tmp_path: Path) 
         ("{single_pair_stiffness: 3.0e8}", "{amplitude: 1.0e8}", "system.meshes.ring", "impossible"),
         ("stiffness: 3.0e8", "stiffness: 3 m", "system.meshes.ring.single_pair_stiffness", "wrong_dimension"),
         ("sun: 28, planet: 20", "sun: 4, planet: 32", "system.meshes.sun", "impossible"),
+        ("ring: 68", "ring: 76", "system.teeth.ring", "inconsistent"),
+        (MESHES, MESHES + "  phases: {rule: entry, sun_ring: 0.2}\n", "system.phases.rule", "already_given"),
         ("ring: 68", "ring: 68, centre_distance: 40 mm", "system.gears", "impossible"),
         ("ring: 68", "ring: 68, centre_distance: 48 kg", "system.teeth.centre_distance", "wrong_dimension"),
         ("ring: 68", "ring: 68, profile_shift: {sun: 0.4, planet: 0.4}, centre_distance: 48 mm", "system.gears",
          "impossible"),
     ],
-    ids=range(12),
+    ids=range(14),
 )  # fmt: skip
 def test_a_mistake_in_the_teeth_is_one_line(tmp_path: Path, old: str, new: str, path: str, code: str) -> None:
     assert old in TEXT
