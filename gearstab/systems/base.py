@@ -157,6 +157,11 @@ class System(Section):
         return {}
 
     @classmethod
+    def doubts(cls, p: dict[str, Any]) -> Iterator[tuple[Path, str, str]]:
+        """Yield what is right and hardly meant: path, message and remedy; beside numbers that are far from usual."""
+        yield from ()
+
+    @classmethod
     def follow_speed(cls, raw: dict[str, Any]) -> list[Path]:
         """Numbers of the system that are the speed of the input too."""
         return []

@@ -75,6 +75,8 @@ OUT_OF_PROPORTION = 1e3
 def doubts(document: Document, config: Config, system: GearSystem) -> list[Problem]:
     """What in a valid configuration is hardly meant as it stands. system: that of the base values."""
     found = [*_axes(document, config)]
+    for path, message, hint in model_of(config.parameters).doubts(config.parameters):
+        found.append(document.problem(("system", *path), "unusual", message, hint))
     known = {*ALWAYS} if not _in_si(document, config, system) else None
     found += _numbers(document, config, known)
     if known is None and not found and (train := train_of(config.parameters)) is not None:

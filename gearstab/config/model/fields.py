@@ -61,7 +61,7 @@ class Quantity:
     """A finite number; where it is dimensional also a text with a unit, converted to SI, else one with per cent.
 
     unit: the SI unit, "1" for a dimensionless number. others: further units that it has in other coordinates.
-    turns: whether it is a fraction of a turn, which may be given as an angle.
+    turns: whether it is a fraction of a turn, which may be given as an angle or as a text such as "1/3".
     entry: whether it is one of many, which may be no more than the rounding error of another program.
     advice: what to give instead of a quantity of the wrong dimension.
     """
@@ -80,7 +80,7 @@ class Quantity:
     ) -> dict[str, Any]:
         start = r"^\s*[-+]?[0-9.]"
         pattern = start if self.units or self.turns else rf"{start}.*({'|'.join(PER_CENT)})\s*$"
-        example = "90 deg" if self.turns else "5 %" if self.unit == "1" else f"2 {self.unit}"
+        example = '90 deg" or "1/3' if self.turns else "5 %" if self.unit == "1" else f"2 {self.unit}"
         text = {"type": "string", "pattern": pattern, "description": f'a number and a unit, such as "{example}"'}
         return {"anyOf": [handler(schema), text]}
 

@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     import pint
 
 NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*\Z", re.DOTALL | re.ASCII)
+FRACTION = re.compile(r"\s*([-+]?\d{1,12})\s*/\s*(\d{1,12})\s*\Z", re.ASCII)
+"""A ratio of two whole numbers, such as "1/3"."""
 COMMAS = re.compile(r"\s*([-+]?)(\d[\d.]*|),(\d[\d.,]*)(.*)", re.DOTALL)
 """A number with a comma: sign, what stands before and behind the comma, and the rest."""
 NEWTON_METRE = re.compile(r"\b([kM]?N)m\b")
@@ -76,11 +78,13 @@ def to_si(text: str, units: tuple[str, ...], turns: bool = False) -> float:
     """The number of a text such as ``"25 mm"`` in the first of ``units`` that fits.
 
     units: SI units a field accepts, none for a dimensionless one, which takes per cent. turns: whether it is a fraction
-    of a turn and takes angles too. A frequency in Hz counts cycles: for a field in rad/s it is multiplied by 2 pi, as
-    rpm are by 2 pi/60; 1/s and 1/min say neither, and are refused. Raises UnitError.
+    of a turn and takes angles and "1/3" too, the double nearest to it. A frequency in Hz counts cycles: for a field in
+    rad/s it is multiplied by 2 pi, as rpm are by 2 pi/60; 1/s and 1/min say neither, and are refused. Raises UnitError.
     """
     if found := COMMAS.match(text):
         raise _comma(*found.groups())
+    if turns and (found := FRACTION.match(text)) and int(found[2]):
+        return int(found[1]) / int(found[2])
     found = NUMBER.match(text)
     if not found:
         with_unit = f', or one with a unit such as "0.5 {units[0]}"' if units else ""
@@ -138,7 +142,7 @@ def _dimensionless(value: float, unit: str, turns: bool) -> float:
     """A number in per cent or, where it is a fraction of a turn, an angle."""
     if unit in PER_CENT:
         return value / 100
-    allowed = "a plain number, or per cent, or an angle" if turns else "a plain number, or per cent"
+    allowed = 'a plain number, "1/3", per cent, or an angle' if turns else "a plain number, or per cent"
     hint = f"write {allowed}{', of which 360 deg are 1' if turns else ''}"
     quantity = _quantity(value, unit, hint)
     if turns and quantity.is_compatible_with("rad") and _says_angles(quantity, "rad"):

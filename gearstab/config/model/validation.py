@@ -13,6 +13,7 @@ from gearstab.config.document.yaml import Document
 from gearstab.config.model.conflicts import right_name
 from gearstab.config.model.fields import Section
 from gearstab.config.model.introspection import bare, field_types, is_model, number_kind, type_at
+from gearstab.config.model.not_modelled import not_modelled
 
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -85,6 +86,10 @@ def _report_one(document: Document, detail: Any, model: Any, path: Path) -> None
         document.report(here, "missing", "is missing", f"add {loc[-1]}: {description.rstrip('.')}")
     elif detail["type"] == "extra_forbidden":
         key = str(loc[-1])
+        if here[0] == "system" and (absent := not_modelled(key, document.get(("system", "kind")))):
+            if absent[0] not in [problem.message for problem in document.problems]:
+                document.report(here, "unavailable", *absent, at_key=True)
+            return
         # In braces a comma begins the next entry: {start: 0,35} has the keys start and 35.
         comma = key.isdecimal() and detail["input"] is None
         hint = "write a decimal point if this follows a decimal comma" if comma else _right_key(key, parent)

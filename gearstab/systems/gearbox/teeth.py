@@ -29,7 +29,7 @@ from gearstab.waveforms.tooth import Piecewise, stacked
 Numbers = dict[tuple[str, str], float]
 
 OF_GEAR = {"module": None, "pressure_angle": None, "face_width": None, "profile_shift": 0.0, "addendum": 1.0,
-           "dedendum": 1.25, "bore_radius": None}  # fmt: skip
+           "dedendum": 1.25, "bore_radius": None, "tip_shortening": 0.0}  # fmt: skip
 OF_MATERIAL = ("young", "poisson", "density")
 
 

@@ -6,6 +6,7 @@ from collections import deque
 from dataclasses import dataclass
 from fractions import Fraction
 
+from gearstab.config.model.not_modelled import CARRIER, INSTEAD_OF_CARRIER
 from gearstab.errors import NotPossible
 
 
@@ -56,7 +57,9 @@ def speeds(rotors: int, links: list[Link], start: int) -> list[Fraction]:
     if len(found) < rotors:
         lost = next(r for r in range(rotors) if r not in found)
         raise TrainError(
-            ("rotors", lost), "is not connected to the input by shafts and meshes", "add a shaft or a mesh to it"
+            ("rotors", lost),
+            "is not connected to the input by shafts and meshes",
+            f"add a shaft or a mesh to it; {CARRIER}: {INSTEAD_OF_CARRIER}",
         )
     return [found[r] for r in range(rotors)]
 

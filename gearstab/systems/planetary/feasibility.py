@@ -14,6 +14,9 @@ from gearstab.config.model.conflicts import Conflict, plain_number
 from gearstab.systems.planetary.angles import ASSEMBLE, misfit
 
 MOST_PLANETS = 30
+MOST_SHIFTED = 6
+"""Teeth of the ring beyond or below z_s + 2 z_p. Each two of them put the centre distances of standard teeth a module
+apart, which profile shifts must make up for; teeth become pointed or undercut where they add up to some 3 modules."""
 OF_ASSEMBLY = ("teeth", "planets", "angles")
 """Keys that decide it."""
 MOST_ASSEMBLIES = 100_000
@@ -44,13 +47,10 @@ def check_assembly(document: Document, grid: Grid) -> None:
 
 def assembly(sun: int, planet: int, ring: int, planets: Any, angles: Sequence[Any] | None = None) -> Iterator[Conflict]:
     """Yield what keeps teeth from fitting into each other, and planets at equal or given angles between them."""
-    if ring != sun + 2 * planet:
-        yield (
-            ("teeth", "ring"),
-            "inconsistent",
-            f"must be z_s + 2 z_p = {sun + 2 * planet}",
-            f"give {sun + 2 * planet} teeth",
-        )
+    if shifted_too_far(sun, planet, ring):
+        standard = sun + 2 * planet
+        message = f"is more than {MOST_SHIFTED} teeth from z_s + 2 z_p = {standard}, too many for profile shifts"
+        yield ("teeth", "ring"), "inconsistent", message, f"give {standard} teeth, or a number close to it"
     elif angles is not None:
         if number := misfit(sun, ring, angles):
             step = 360 / (sun + ring)
@@ -70,14 +70,20 @@ def assembly(sun: int, planet: int, ring: int, planets: Any, angles: Sequence[An
         yield ("teeth",), "inconsistent", f"{message} is no integer", remedy
 
 
-def clear_of_each_other(sun: int, planet: int, angles: Sequence[Any]) -> bool:
+def shifted_too_far(sun: int, planet: int, ring: int) -> bool:
+    """Whether no profile shifts let the planets mesh with both."""
+    return abs(ring - sun - 2 * planet) > MOST_SHIFTED
+
+
+def clear_of_each_other(sun: int, planet: int, ring: int, angles: Sequence[Any]) -> bool:
     """Whether the tips of neighbouring planets stay apart, with an addendum of one module.
 
-    (z_s + z_p) sin(gap/2) > z_p + 2, the gap between neighbours being 2 pi/N where they are equally spaced.
+    (z_s + z_r)/2 sin(gap/2) > z_p + 2, the gap between neighbours being 2 pi/N where they are equally spaced; the
+    centre distance is (z_s + z_r)/4 modules.
     """
     psi = np.sort(np.array([float(angle) for angle in angles]))
     gaps = np.diff([*psi, psi[0] + 2 * np.pi])
-    return bool((sun + planet) * np.sin(min(gaps) / 2) > planet + 2)
+    return bool((sun + ring) / 2 * np.sin(min(gaps) / 2) > planet + 2)
 
 
 def whole(value: Any, low: int, high: int) -> bool:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from typing import Annotated, Any, ClassVar, cast
 
-from pydantic import Field
+from pydantic import BeforeValidator, Field, WithJsonSchema
 
-from gearstab.config.model.fields import NonNegative, Quantity, Section, Stiffness, ToothCount, Turns
+from gearstab.config.model.fields import NUMBER, Choice, NonNegative, Quantity, Section, Stiffness, ToothCount, Turns
 from gearstab.systems.parts.mesh import ToothMesh
+from gearstab.systems.planetary.phasing import DRIVES, RULES
 
 
 class PlanetaryMesh(ToothMesh):
@@ -57,18 +58,69 @@ class Phases(Section):
         title="phase of the ring's meshes",
         description="gamma_sr: the ring's mesh of a planet lags its sun's mesh by this (1); 0 or from teeth without.",
     )
+    rule: Annotated[str, Choice("rule", tuple(RULES))] | None = Field(
+        default=None,
+        title="rule of the ring's lag",
+        description="With teeth: gamma_sr from entry to entry, the default with gears, or from pitch_point to "
+        "pitch_point, without.",
+    )
+    drives: Annotated[str, Choice("driving gear", DRIVES)] | None = Field(
+        default=None,
+        title="driving gear",
+        description="With teeth: which gear drives in the sun's meshes; it follows from input and fixed without.",
+    )
 
 
 Teeth = Annotated[ToothCount, Field(ge=4)]
+Shift = Annotated[float, BeforeValidator(Quantity().number), WithJsonSchema(NUMBER)]
+"""A profile shift that no axis sets."""
+FixedLength = Annotated[float, BeforeValidator(Quantity("m").number), Field(gt=0), WithJsonSchema(NUMBER)]
+"""A length that no axis sets."""
+
+
+class ProfileShifts(Section):
+    """Profile shifts, in modules; positive ones push the flanks outwards, on the ring too."""
+
+    sun: Shift | None = Field(default=None, title="profile shift of the sun", description="x_s (1).")
+    planet: Shift | None = Field(default=None, title="profile shift of a planet", description="x_p (1).")
+    ring: Shift | None = Field(
+        default=None,
+        title="profile shift of the ring",
+        description="x_r; gear programs often print its negative (1).",
+    )
+
+
+class TipRadii(Section):
+    """Radii of the tips."""
+
+    sun: FixedLength | None = Field(default=None, title="tip radius of the sun", description="r_as (m).")
+    planet: FixedLength | None = Field(default=None, title="tip radius of a planet", description="r_ap (m).")
+    ring: FixedLength | None = Field(default=None, title="tip radius of the ring", description="r_ar, inside (m).")
 
 
 class ToothNumbers(Section):
-    """Tooth numbers, from which the mesh phases follow."""
+    """Tooth numbers, from which the mesh phases follow; with gears, what else the teeth depend on."""
 
     sun: Teeth = Field(title="teeth of the sun", description="z_s.")
     planet: Teeth = Field(title="teeth of a planet", description="z_p.")
     ring: Teeth = Field(
         default=cast(Any, None),  # from the others
         title="teeth of the ring",
-        description="z_r = z_s + 2 z_p, without too; (z_s + z_r)/planets is an integer for equal angles.",
+        description="z_r, z_s + 2 z_p without; others by profile shift. (z_s + z_r)/planets is whole for equal angles.",
+    )
+    centre_distance: FixedLength | None = Field(
+        default=None,
+        title="centre distance",
+        description="a, with gears: of planet and axis (m); that of the profile shifts of sun and planet, else "
+        "m (z_s + z_r)/4 without.",
+    )
+    profile_shift: ProfileShifts | None = Field(
+        default=None,
+        title="profile shifts",
+        description="With gears (1); such as close the backlash at the centre distance without.",
+    )
+    tip_radius: TipRadii | None = Field(
+        default=None,
+        title="tip radii",
+        description="With gears (m); of addendum and profile shift without, on sun and planets cut back for clearance.",
     )

@@ -1,15 +1,57 @@
-"""Mesh phases of a planetary gear: given, or from its tooth numbers."""
+"""Mesh phases of a planetary gear, given or from its teeth, and how its members turn."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from fractions import Fraction
 from math import tau
 from typing import Any
 
 import numpy as np
 
+from gearstab.config.document.tree import mapping
 from gearstab.system import Array
 from gearstab.systems.planetary.angles import angles_of
+
+SENSES = ("counter-clockwise", "clockwise")
+RULES = {"entry": "from entry to entry", "pitch_point": "from pitch point to pitch point"}
+"""Between what the ring's mesh of a planet lags its sun's mesh."""
+DRIVES = ("sun", "planet")
+"""Which of both gears drives in the sun's meshes."""
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Speeds over that of the input, and where the power goes.
+
+    cycles: teeth that mesh in a turn of the input. planets_turn: 1 where planets turn counter-clockwise on the carrier,
+    -1 clockwise. sun_drives: whether power goes from the sun to the planets, seen from the carrier. torque: sign of
+    the torque on the sun, counter-clockwise positive.
+
+    Source: Willis' equation, z_s (w_s - w_c) = -z_p (w_p - w_c) = -z_r (w_r - w_c), and virtual work, which makes the
+    torques on sun, ring and carrier go as z_s : z_r : -(z_s + z_r).
+    """
+
+    cycles: Fraction
+    planets_turn: int
+    sun_drives: bool
+    torque: int
+
+    @classmethod
+    def of(cls, p: dict[str, Any], z_s: float, z_r: float) -> Motion | None:
+        """Return the motion of a section ``system``; None where its ``input`` and ``fixed`` are not two bodies."""
+        shares = {"sun": Fraction(z_s), "ring": Fraction(z_r), "carrier": -Fraction(z_s) - Fraction(z_r)}
+        driving, held = p.get("input") or "sun", p.get("fixed") or "ring"
+        if driving == held or not all(body in list(shares) for body in (driving, held)):
+            return None
+        other = next(body for body in shares if body not in (driving, held))
+        # The shares times the speeds add up to nothing: Willis' equation.
+        speed = {driving: Fraction(1), held: Fraction(0), other: -shares[driving] / shares[other]}
+        ahead = speed["sun"] - speed["carrier"]
+        relative = (-1 if p.get("sense") == SENSES[1] else 1) * (1 if ahead > 0 else -1)
+        given = mapping(p.get("phases")).get("drives")
+        sun_drives = given == "sun" if given in DRIVES else (ahead > 0) == (shares[driving] > 0)
+        return cls(abs(shares["sun"] * ahead), -relative, sun_drives, relative if sun_drives else -relative)
 
 
 def lags(p: dict[str, Any], planets: int) -> dict[str, list[Array]]:
@@ -20,45 +62,33 @@ def lags(p: dict[str, Any], planets: int) -> dict[str, list[Array]]:
     """
     phases = p.get("phases") or {}
     sun, sun_ring = phases.get("sun"), phases.get("sun_ring")
-    if p.get("teeth") is not None:
-        found, lag = phases_of(p["teeth"], planets)
+    if (teeth := p.get("teeth")) is not None:
+        moving = Motion.of(p, int(teeth["sun"]), int(teeth["ring"]))
+        turn = -1 if moving is None else moving.planets_turn
+        found, lag = phases_of(teeth, planets, turn)
         sun, sun_ring = list(map(float, found)), float(lag) if sun_ring is None else sun_ring
         if p.get("angles") is not None:
-            psi, z_s, places = angles_of(p), int(p["teeth"]["sun"]), int(p["teeth"]["sun"] + p["teeth"]["ring"])
-            sun = [z_s * np.rint((angle - psi[0]) * places / tau) % places / places for angle in psi]
+            psi, z_s, places = angles_of(p), int(teeth["sun"]), int(teeth["sun"] + teeth["ring"])
+            sun = [-turn * z_s * np.rint((angle - psi[0]) * places / tau) % places / places for angle in psi]
     first = [np.asarray(value, dtype=float) for value in (sun or [0.0] * planets)]
     between = np.asarray(0.0 if sun_ring is None else sun_ring, dtype=float)
     return {"sun": first, "ring": [value + between for value in first]}
 
 
-def phases_of(teeth: dict[str, int], planets: int) -> tuple[list[Fraction], Fraction]:
+def phases_of(teeth: dict[str, int], planets: int, planets_turn: int = -1) -> tuple[list[Fraction], Fraction]:
     """gamma_s1..gamma_sN and gamma_sr from the tooth numbers.
 
-        gamma_sn = (n - 1) z_s/N (mod 1),   gamma_sr = 0 for odd z_p, 1/2 for even z_p
+        gamma_sn = -sigma (n - 1) z_s/N (mod 1),   gamma_sr = 0 for odd z_p, 1/2 for even z_p
 
-    of equally spaced planets; gamma_sn = z_s psi_n/2 pi of one at the angle psi_n from the first. It holds for planets
-    that turn clockwise while numbered counterclockwise. gamma_sr is the lag between the passages of the pitch points: a
-    planet touches the sun and the ring with opposite flanks half a turn apart, z_p/2 pitches, and the flanks of a tooth
-    as thick as its gap are half a pitch apart. It is that between the stiffness waves if contact begins equally long
-    before the pitch point on both meshes (else give ``phases.sun_ring``).
+    of equally spaced planets; gamma_sn = -sigma z_s psi_n/2 pi of one at the angle psi_n from the first. planets_turn:
+    sigma, 1 for planets that turn counter-clockwise on the carrier, as they are numbered, -1 for clockwise. gamma_sr is
+    the lag between the passages of the pitch points of standard teeth: a planet touches the sun and the ring with
+    opposite flanks half a turn apart, z_p/2 pitches, and the flanks of a tooth as thick as its gap are half a pitch
+    apart. Waves begin at the entry of teeth: :class:`gearstab.gears.planet_set.PlanetSet` has that lag, and that of
+    profile-shifted teeth.
 
     Source: Parker 2009, "Parametric instabilities for in-phase meshes", for gamma_sn; Parker & Lin 2004 (J. Mech. Des.
     126, 365-370) for the definitions; gamma_sr derived here for standard teeth.
     """
-    sun = [Fraction(n * teeth["sun"], planets) % 1 for n in range(planets)]
+    sun = [Fraction(-planets_turn * n * teeth["sun"], planets) % 1 for n in range(planets)]
     return sun, Fraction(teeth["planet"] + 1, 2) % 1
-
-
-def cycles(driving: str, fixed: str, z_s: float, z_r: float) -> float:
-    """Return how many teeth mesh in a turn of the driving body, where one of sun, carrier and ring is fixed.
-
-    Relative to the carrier the gears turn as in an ordinary train, and the mesh frequency is
-
-        Omega = z_s |w_s - w_c| = z_r |w_r - w_c|,    z_s (w_s - w_c) = -z_r (w_r - w_c)
-
-    Source: Willis' equation; Parker & Lin 2004 (J. Mech. Des. 126, 365-370).
-    """
-    if "carrier" in (driving, fixed):
-        # Sun against carrier: the sun's teeth; ring against carrier: the ring's.
-        return z_r if "ring" in (driving, fixed) else z_s
-    return z_s * z_r / (z_s + z_r)

@@ -10,6 +10,7 @@ import numpy as np
 from pydantic import Field
 
 from gearstab.config.document.problems import Path
+from gearstab.config.document.tree import mapping
 from gearstab.config.document.yaml import Document
 from gearstab.config.model.conflicts import Conflict, within, wrong_length
 from gearstab.config.model.fields import Choice, Count, Quantity, also
@@ -31,7 +32,7 @@ from gearstab.systems.planetary.bodies import (
 from gearstab.systems.planetary.build import build, coordinates
 from gearstab.systems.planetary.feasibility import MOST_PLANETS, assembly, check_assembly, clear_of_each_other, whole
 from gearstab.systems.planetary.meshes import Meshes, Phases, ToothNumbers
-from gearstab.systems.planetary.phasing import cycles
+from gearstab.systems.planetary.phasing import RULES, SENSES, Motion, lags
 
 if TYPE_CHECKING:
     from gearstab.config.model.axes import Grid
@@ -119,6 +120,12 @@ class Planetary(System):
         description="The body that does not turn: it tells how fast the teeth mesh at an input_speed.",
     )
 
+    sense: Annotated[str, Choice("sense", SENSES)] = Field(
+        default="counter-clockwise",
+        title="sense of rotation",
+        description="Of the input, seen along z, where teeth are given; planets are numbered counter-clockwise.",
+    )
+
     gears: gearbox.Teeth | None = Field(
         default=None,
         title="gears",
@@ -134,11 +141,12 @@ class Planetary(System):
 
     @classmethod
     def cycles_of_input(cls, raw: dict[str, Any]) -> float | None:
-        """Cycles of the meshes, which all have one frequency, in a turn of the input: see :func:`.phasing.cycles`."""
-        teeth = raw.get("teeth") or {}
-        z_s, z_r = (first_number([teeth.get(key)]) for key in ("sun", "ring"))
-        driving, held = raw.get("input", "sun"), raw.get("fixed", "ring")
-        return None if z_s is None or z_r is None else cycles(str(driving), str(held), z_s, z_r)
+        """Cycles of the meshes, which all have one frequency, in a turn of the input: see :class:`.phasing.Motion`."""
+        z_s, z_r = (first_number([mapping(raw.get("teeth")).get(key)]) for key in ("sun", "ring"))
+        if z_s is None or z_r is None:
+            return None
+        moving = Motion.of(raw, z_s, z_r)
+        return 1.0 if moving is None else float(moving.cycles)  # what is wrong with input or fixed is reported
 
     @classmethod
     def summary(cls, p: dict[str, Any]) -> dict[str, str]:
@@ -147,8 +155,7 @@ class Planetary(System):
         equal = "" if p.get("angles") is not None else ", equally spaced"
         said = {"planets": f"{len(psi)} at {', '.join(f'{angle:.6g}' for angle in psi)} deg{equal}"}
         if p.get("teeth"):
-            z_s, z_p, z_r = (int(p["teeth"][body]) for body in ("sun", "planet", "ring"))
-            said["teeth"] = f"sun {z_s}, planet {z_p}, ring {z_r} = z_s + 2 z_p"
+            said |= {"teeth": _teeth(p["teeth"]), "phases": _phasing(p)}
             held = p.get("fixed", "ring")
             turning = "ring_tangential" if held == "ring" and p["ring"]["kind"] == "elastic" else f"{held}_rotation"
             keys = {turning, "ring_tangential"} if held == "ring" else {turning}
@@ -157,6 +164,15 @@ class Planetary(System):
                     f"{held}, by the speeds alone: no stiffness keeps it from turning; give supports.{turning}"
                 )
         return said
+
+    @classmethod
+    def doubts(cls, p: dict[str, Any]) -> Iterator[tuple[Path, str, str]]:
+        """Yield the ring's lag of profile-shifted teeth of which nothing but their numbers is known."""
+        if p.get("teeth") and (p.get("phases") or {}).get("sun_ring") is None and (extra := _shifted(p["teeth"])):
+            lag = float(lags(p, 1)["ring"][0])
+            message = f"is {abs(extra)} {'more' if extra > 0 else 'less'} than z_s + 2 z_p, by profile shifts: "
+            message += f"the lag of the ring's meshes depends on them, and that of standard teeth, {lag:g}, is taken"
+            yield ("teeth", "ring"), message, "give phases.sun_ring, or gears and teeth.profile_shift"
 
     @classmethod
     def build(cls, p: dict[str, Any]) -> GearSystem:
@@ -185,7 +201,7 @@ class Planetary(System):
             return True
         sun, planet, ring, planets = (int(v) for v in (teeth["sun"], teeth["planet"], teeth["ring"], p["planets"]))
         fits = not any(True for _ in assembly(sun, planet, ring, planets, p.get("angles")))
-        return fits and clear_of_each_other(sun, planet, angles_of(p))
+        return fits and clear_of_each_other(sun, planet, ring, angles_of(p))
 
     @classmethod
     def size(cls, raw: dict[str, Any]) -> int | None:
@@ -234,6 +250,37 @@ class Planetary(System):
             )
 
 
+def _shifted(teeth: dict[str, Any]) -> int:
+    """Teeth of the ring beyond z_s + 2 z_p."""
+    return int(teeth["ring"] - teeth["sun"] - 2 * teeth["planet"])
+
+
+def _teeth(teeth: dict[str, Any]) -> str:
+    """Numbers of teeth, and the geometry that gears were computed with."""
+    extra = _shifted(teeth)
+    said = f"sun {teeth['sun']}, planet {teeth['planet']}, ring {teeth['ring']} = z_s + 2 z_p" + (
+        f" {'+' if extra > 0 else '-'} {abs(extra)}" if extra else ""
+    )
+    if teeth.get("centre_distance") is not None:
+        said += f"; centre distance {teeth['centre_distance']:.6g} m"
+    if shifts := teeth.get("profile_shift"):
+        said += ", profile shifts " + ", ".join(f"{body} {value:.4g}" for body, value in shifts.items())
+    return said
+
+
+def _phasing(p: dict[str, Any]) -> str:
+    """How planets turn, and by which rule the ring's meshes lag the sun's."""
+    phases, moving = p.get("phases") or {}, Motion.of(p, int(p["teeth"]["sun"]), int(p["teeth"]["ring"]))
+    rule = phases.get("rule") or ("as given" if phases.get("sun_ring") is not None else "pitch_point")
+    lag = float(lags(p, 1)["ring"][0])
+    said = f"the ring's mesh lags the sun's by {lag:.6g}, {RULES.get(rule, rule)}"
+    if moving is None:
+        return said
+    driver = "sun" if moving.sun_drives else "planet"
+    way = SENSES[moving.planets_turn < 0]
+    return f"{said}; planets turn {way} on the carrier, the {driver} drives in the sun's meshes"
+
+
 def _phases(raw: dict[str, Any]) -> Iterator[Conflict]:
     phases, teeth, planets = raw.get("phases"), raw.get("teeth"), raw.get("planets")
     if phases is None and teeth is None:
@@ -243,6 +290,12 @@ def _phases(raw: dict[str, Any]) -> Iterator[Conflict]:
             "phases or teeth are missing",
             "add phases: {sun: [one lag per planet], sun_ring: ..}, or teeth",
         )
+    for key in ("rule", "drives") if teeth is None else ():
+        if (phases or {}).get(key) is not None:
+            yield ("phases", key), "not_applicable", "is of teeth, and none are given", "add teeth, or remove it"
+    if (phases or {}).get("rule") == "entry" and (phases or {}).get("sun_ring") is None and teeth is not None:
+        hint = "add gears: {module, pressure_angle, face_width}, or take pitch_point"
+        yield ("phases", "rule"), "needs_other", "needs the radii of the teeth", hint
     sun = (phases or {}).get("sun")
     if sun is not None and teeth is not None:
         yield ("phases", "sun"), "already_given", "the phases follow from teeth already", "keep phases.sun or teeth"

@@ -75,6 +75,38 @@ def test_contact_ratios_are_those_of_involutes(gear: Config) -> None:
     assert gear.parameters["pressure_angles"] == pytest.approx({"sun": ALPHA, "ring": ALPHA}, rel=1e-10)
 
 
+LAG = 0.1855771347643117
+"""Of 30/24/78 teeth from entry to entry, computed by another program."""
+
+
+def lag_of(config: Config) -> float:
+    """The lag of the ring's meshes behind the sun's."""
+    lags = {mesh.name: float(mesh.lag) for mesh in build(config.parameters).meshes}
+    differences = {round((lags[f"ring{n}"] - lags[f"sun{n}"]) % 1, 9) for n in (1, 2, 3, 4)}
+    assert len(differences) == 1
+    return differences.pop()
+
+
+@pytest.mark.parametrize(
+    ("lines", "lag", "said"),
+    [
+        ("", LAG, "from entry to entry"),
+        ("phases: {rule: entry}", LAG, "from entry to entry"),
+        ("phases: {rule: pitch_point}", 0.5, "from pitch point to pitch point"),
+        ("phases: {sun_ring: 0.3}", 0.3, "as given"),
+        # What enters leaves in time backwards: c_s - c_r less the lag of power from the sun.
+        ("phases: {drives: planet}", (1.627708394200191 - 1.916325772733108 - LAG) % 1, "the planet drives"),
+        ("input: carrier", (1.627708394200191 - 1.916325772733108 - LAG) % 1, "the planet drives"),
+    ],
+)  # fmt: skip
+def test_the_ring_lags_by_the_rule_asked_for(tmp_path: Path, lines: str, lag: float, said: str) -> None:
+    text = TEXT.replace("sun: 28, planet: 20, ring: 68", "sun: 30, planet: 24, ring: 78")
+    config = read(tmp_path, text.replace("  planets: 4\n", f"  planets: 4\n  {lines}\n"))
+    assert lag_of(config) == pytest.approx(lag, abs=1e-8)
+    assert said in Planetary.summary(config.parameters)["phases"]
+    assert lag_of(read(tmp_path, config.resolved)) == pytest.approx(lag, abs=1e-8)
+
+
 def test_the_stiffness_is_that_of_the_same_teeth_in_a_gearbox(gear: Config, tmp_path: Path) -> None:
     mesh, same = build(gear.parameters).meshes[0], build(read(tmp_path, PAIR).parameters).meshes[0]
     assert mesh.mean_stiffness == pytest.approx(float(same.mean_stiffness), rel=1e-12)
@@ -109,8 +141,14 @@ def test_the_resolved_configuration_holds_numbers(gear: Config, tmp_path: Path) 
         ("{single_pair_stiffness: 3.0e8}", "{amplitude: 1.0e8}", "system.meshes.ring", "impossible"),
         ("stiffness: 3.0e8", "stiffness: 3 m", "system.meshes.ring.single_pair_stiffness", "wrong_dimension"),
         ("sun: 28, planet: 20", "sun: 4, planet: 32", "system.meshes.sun", "impossible"),
+        ("ring: 68", "ring: 76", "system.teeth.ring", "inconsistent"),
+        (MESHES, MESHES + "  phases: {rule: entry, sun_ring: 0.2}\n", "system.phases.rule", "already_given"),
+        ("ring: 68", "ring: 68, centre_distance: 40 mm", "system.gears", "impossible"),
+        ("ring: 68", "ring: 68, centre_distance: 48 kg", "system.teeth.centre_distance", "wrong_dimension"),
+        ("ring: 68", "ring: 68, profile_shift: {sun: 0.4, planet: 0.4}, centre_distance: 48 mm", "system.gears",
+         "impossible"),
     ],
-    ids=range(9),
+    ids=range(14),
 )  # fmt: skip
 def test_a_mistake_in_the_teeth_is_one_line(tmp_path: Path, old: str, new: str, path: str, code: str) -> None:
     assert old in TEXT

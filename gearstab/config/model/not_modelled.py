@@ -1,0 +1,32 @@
+"""Keys of what other programs model and this one does not, and what to give instead."""
+
+from __future__ import annotations
+
+CARRIER = "planets on a turning carrier are modelled by kind: planetary alone"
+INSTEAD_OF_CARRIER = "take kind: planetary for a single stage, or kind: matrices for a train of stages"
+
+HELICAL = (
+    "helical teeth are not modelled yet: all gears are spur gears",
+    "give module and pressure angle of the transverse section, and each mesh its mean_stiffness, epsilon and "
+    "contact_ratio",
+)
+BEVEL = ("bevel, hypoid and worm gears are not modelled: axes are parallel", "take kind: matrices")
+MODIFIED = (
+    "modifications of the flanks are not modelled yet: they are involutes",
+    "give the stiffness that they leave as waveform: {kind: sampled, ..}",
+)
+NOT_MODELLED = {
+    **dict.fromkeys(("helix_angle", "helix", "hand", "overlap_ratio"), HELICAL),
+    **dict.fromkeys(("cone_angle", "pitch_cone_angle", "shaft_angle", "spiral_angle", "lead_angle"), BEVEL),
+    **dict.fromkeys(("relief", "tip_relief", "root_relief", "crowning", "profile_modification"), MODIFIED),
+}
+"""Key -> message and remedy, in every section of a system."""
+PLANETARY = ("planets", "planet", "carrier", "planetary", "stages")
+"""Keys of stages with a carrier, in kinds that have none."""
+
+
+def not_modelled(key: str, kind: object) -> tuple[str, str] | None:
+    """Return message and remedy of an unknown key in a system of a kind; None where it means nothing in particular."""
+    if key in PLANETARY and kind != "planetary":
+        return CARRIER, INSTEAD_OF_CARRIER
+    return NOT_MODELLED.get(key)
