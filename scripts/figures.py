@@ -30,13 +30,6 @@ ROOT = Path(__file__).parent.parent
 CONFIGS, GEARSTAB = ROOT / "configs", ROOT / "gearstab"
 
 POINT_A = ("--mark", "A=4.2,0.3")
-DEFLECTION = (
-    "--title", "Transmission error (Kuria & Kihiu 2008, Figs. 4(a), 5(a))", "--variable", "mesh_deflection", "--select",
-)  # fmt: skip
-AMPLITUDE = (
-    "--title", "Spectrum of the transmission error (Kuria & Kihiu 2008, Figs. 4(b), 5(b))",
-    "--variable", "mesh_deflection_amplitude", "--select",
-)  # fmt: skip
 PICTURES: dict[str, dict[str, Sequence[str]]] = {
     "campbell/planetary": {
         "": ("--kind", "campbell", "--x", "supports.planet", "--select", "mesh_frequency=3 kHz", "--size", "double"),
@@ -54,14 +47,6 @@ PICTURES: dict[str, dict[str, Sequence[str]]] = {
     "response/run_up": {"": (), "_orders": ("--kind", "orders")},
     "kuria_kihiu_2008/steady": {
         "": ("--kind", "teeth", "--title", "Loads of a tooth (Kuria & Kihiu 2008, Fig. 6)"),
-        **{
-            f"_fig{number}a": ("--kind", "response", *DEFLECTION, f"mesh={mesh}", "--size", "double")
-            for number, mesh in ((4, "I"), (5, "II"))
-        },
-        **{
-            f"_fig{number}b": ("--kind", "spectrum", *AMPLITUDE, f"mesh={mesh}")
-            for number, mesh in ((4, "I"), (5, "II"))
-        },
         "_fig7": (
             "--kind",
             "teeth",
@@ -81,15 +66,9 @@ PICTURES: dict[str, dict[str, Sequence[str]]] = {
         }
         for name in ("m30", "m25", "m20", "a25")
     },
-    "kuria_kihiu_2008/friction": {
-        "": (
-            "--kind",
-            "response",
-            "--variable",
-            "mesh_deflection",
-            "--title",
-            "Transmission error of stage I with friction",
-        )
+    **{
+        f"kuria_kihiu_2008/{name}": {"": ("--kind", "response", "--variable", "mesh_deflection")}
+        for name in ("friction", "friction_none")
     },
     "parker_2009/table1": {"": ("--kind", "modes")},
     "lin_parker_1999/modes": {"": ("--kind", "modes")},
@@ -202,7 +181,7 @@ def make(figure: Figure) -> tuple[float, float]:
             picture.parent.mkdir(parents=True, exist_ok=True)
             drawn += run(["plot", str(figure.result), "-o", str(picture), *options])
     for picture, overlay in figure.overlays.items():
-        others = [replace(figure, name=name) for name in overlay.curves]
+        others = [replace(figure, name=name) for name in overlay.results]
         for other in others[1:]:
             make(other)
         if not picture.exists() or picture.stat().st_mtime < newest([*sources, *(other.result for other in others)]):

@@ -32,6 +32,10 @@ HEAD = """\
 their result files. All numbers under "here" are computed; the tests make the page again and compare it. "First order"
 is the perturbation theory of this program, "Floquet" its exact boundaries: two independent ways. `2w3` names the region
 at twice the third natural frequency, and so on; a star marks a width of a region that has merged with another one.
+
+Every verdict is computed from the numbers under "here" by the rule under "agrees if". "In part" is said only where that
+rule names a second bound; all else differs. The overlap of a region is what first order and Floquet theory both call
+unstable, over what either does: 1 where they coincide, 0 where they have nothing in common.
 """
 
 VERDICT = {True: "agrees", False: "**differs**", None: "*in part*"}
@@ -39,7 +43,8 @@ VERDICT = {True: "agrees", False: "**differs**", None: "*in part*"}
 
 def row(statement: Statement) -> str:
     """One line of the table."""
-    cells = [statement.place, statement.claim, statement.ours, VERDICT[statement.agrees], statement.why]
+    verdict = VERDICT[statement.agrees]
+    cells = [statement.place, statement.claim, statement.ours, verdict, statement.rule, statement.why]
     return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
 
 
@@ -54,8 +59,8 @@ def part(paper: Paper, runs: Runs) -> str:
     for title, statements in found.items():
         text += [
             f"\n### {title}\n",
-            "| place | the paper | here | | why |",
-            "| --- | --- | --- | --- | --- |",
+            "| place | the paper | here | | agrees if | why |",
+            "| --- | --- | --- | --- | --- | --- |",
             *map(row, statements),
         ]
     return "\n".join(text) + "\n"

@@ -27,7 +27,8 @@ class Statement:
     """One statement of a paper, and what comes out here.
 
     place: where the paper says so. claim: what it says. ours: what was computed.
-    agrees: True, False, or None for "in part".
+    agrees: True, False, or None for "in part": a comparison of the numbers in ``ours``, never a constant.
+    rule: that comparison in words: when the statement agrees and, after "in part", when it does in part.
     why: what explains a disagreement, or what the agreement means.
     """
 
@@ -35,7 +36,15 @@ class Statement:
     claim: str
     ours: str
     agrees: bool | None
+    rule: str
     why: str = ""
+
+
+SAME_TO_ROUNDING = "equal to 1e-9"
+EVERY = "so for every number here"
+EVERY_OR_SOME = "so for every number here; in part: for some"
+AS_PRINTED = "as printed"
+OVERLAP_RULE = "all overlaps at least 0.8; in part: at least 0.5"
 
 
 @dataclass(frozen=True)
@@ -145,6 +154,21 @@ def measured(tree: xr.DataTree, label: str, **selection: object) -> str:
 def width(values: xr.DataArray) -> xr.DataArray:
     """Upper less lower edge, 0 where there is no region."""
     return (values.isel(side=1, drop=True) - values.isel(side=0, drop=True)).fillna(0.0)
+
+
+def overlap(tree: xr.DataTree, label: str) -> xr.DataArray:
+    """What a region by first order and by Floquet theory have in common, over what either covers."""
+    first, exact = predicted(tree, label), edges(tree, label)
+    lower, upper = (pick(first, exact) for pick in (np.maximum, np.minimum))
+    both = xr.concat([lower.isel(side=0, drop=True), upper.isel(side=1, drop=True)], first["side"])
+    common = width(both).clip(min=0.0)
+    return common / (width(first) + width(exact) - common)
+
+
+def well(overlaps: Iterable[object]) -> bool | None:
+    """Whether boundaries agree well by their overlaps: OVERLAP_RULE."""
+    least = min(float(np.min(values)) for values in map(np.asarray, overlaps))
+    return sort_of(least >= 0.8, least >= 0.5)
 
 
 def center(values: xr.DataArray) -> xr.DataArray:

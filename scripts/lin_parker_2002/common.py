@@ -12,8 +12,6 @@ PRIMARY = ["2w1", "2w2", "2w3"]
 COMBINATION = ["w1+w2", "w1+w3", "w2+w3"]
 FIRST_ORDER = {"perturbation": {"order": 1, "harmonics": 4}}
 BOTH = {"perturbation": {"order": 1, "harmonics": 2}, "boundaries": {}}
-CLOSE = 0.1
-"""Edges whose Omega agrees to this can hardly be told apart in the paper's figures, whose axes must reach Omega = 6."""
 
 
 class Modes:

@@ -9,7 +9,7 @@ import xarray as xr
 
 from parker_2009.common import CONTACT_RATIOS, GAMMA_SR, SEQUENTIAL, Gear, gear, pair_label, restricted, table_1
 from parker_2009.figures import half_width
-from statements import Runs, Statement, at_most, numbers
+from statements import SAME_TO_ROUNDING, Runs, Statement, at_most, numbers, sort_of
 
 Array = np.ndarray
 
@@ -49,6 +49,7 @@ def distinct_degenerate(runs: Runs) -> Iterator[Statement]:
         "closed form of the widths of a distinct mode with a pair of degenerate ones",
         f"sequential phasing, L = 1, 2, {count} instabilities that exist: {at_most(worst)}",
         worst < 1e-9,
+        SAME_TO_ROUNDING,
     )
 
 
@@ -76,6 +77,7 @@ def five_planets(runs: Runs) -> Iterator[Statement]:
             f"closed form of the widths of {claim}",
             f"N = 5, omega_{', omega_'.join(map(str, first))}: {at_most(worst[place[:4]])}",
             worst[place[:4]] < 1e-8,
+            "equal to 1e-8",
             "In the basis in which the second mode of a pair does not deflect the first sun mesh; no other will do.",
         )
 
@@ -119,7 +121,11 @@ def what_widths_depend_on(runs: Runs) -> Iterator[Statement]:
         "the width for two distinct modes is proportional to the number of planets N and inversely to L^2",
         f"second rotational mode alone: half-width/eps for N = 3, 4, 5, 6: {numbers(list(sizes.values()))}; L^2 times "
         f"that of L = 2 over that of L = 1: {numbers(list(times.values()))}",
-        None if abs(ratio - 2) > 0.1 or max(abs(t - 1) for t in times.values()) > 0.1 else True,
+        sort_of(
+            abs(ratio - 2) < 0.1 and max(abs(t - 1) for t in times.values()) < 0.1,
+            list(sizes.values()) == sorted(sizes.values()) and all(0.5 < t < 2 for t in times.values()),
+        ),
+        "within 10 % of proportional; in part: rises with N, L^2 within a factor of 2",
         "As factors of (38); but the mesh deflections of normalised modes fall as N rises, and sin L pi c depends on "
         "L.",
     )

@@ -63,6 +63,7 @@ def rules(runs: Runs) -> Iterator[Statement]:
         "combination instabilities exist for T_p = T_q and vanish for T_p != T_q, whatever L",
         verdict(wrong, len(in_phase)),
         not wrong,
+        "none contradicts",
     )
     mixed = [(p, q) for p in (1, 5) for q in (3, 4, 7, 9)]
     largest = max(in_phase[min(p, q), max(p, q), s] for p, q in mixed for s in (1, 2, 3, 4))
@@ -71,6 +72,7 @@ def rules(runs: Runs) -> Iterator[Statement]:
         "all distinct-degenerate instabilities vanish",
         f"largest half-width/eps of the translational modes with omega_3, omega_4, omega_7, omega_9: {number(largest)}",
         largest < NONE,
+        "0 to rounding",
     )
     for teeth, phases in ((1, SEQUENTIAL), (2, [0.0, 0.5, 0.0, 0.5]), (3, [0.0, 0.75, 0.5, 0.25])):
         computed = widths(runs, found, phases)
@@ -80,6 +82,7 @@ def rules(runs: Runs) -> Iterator[Statement]:
             f"instabilities exist only where L z_s + (+-T_p +- T_q) is a multiple of N: z_s mod 4 = {teeth}",
             verdict(wrong, len(computed)),
             not wrong,
+            "none contradicts",
             "" if teeth == 1 else f"gamma_sn = {', '.join(f'{g:g}' for g in phases)}.",
         )
     ring = max(width for (p, q, _), width in in_phase.items() if 8 in (p, q))
@@ -88,6 +91,7 @@ def rules(runs: Runs) -> Iterator[Statement]:
         "instabilities of purely ring modes always vanish",
         f"largest half-width/eps of a tongue with omega_8: {number(ring)}",
         ring < NONE,
+        "0 to rounding",
     )
 
 
@@ -102,6 +106,7 @@ def integer_contact_ratios(runs: Runs) -> Iterator[Statement]:
         "when L c_s and L c_r are integers all instabilities of the L-th harmonic vanish",
         "largest half-width/eps: " + "; ".join(f"{name}: {number(size)}" for name, size in sizes.items()),
         max(sizes.values()) < NONE,
+        "0 to rounding",
     )
 
 
@@ -120,6 +125,7 @@ def no_difference_type(runs: Runs) -> Iterator[Statement]:
         f"largest growth rate by Floquet theory at eps = 0.01 within {NEAR} of "
         + ", ".join(f"{name}: {number(rate)}" for name, rate in grown.items()),
         max(grown.values()) == 0,
+        "no growth",
     )
 
 
@@ -146,6 +152,7 @@ def minima(runs: Runs) -> Iterator[Statement]:
         + ", ".join(f"{gamma:g}" for gamma, _ in single.values())
         + "; smallest over largest width: " + ", ".join(number(part, 2) for _, part in single.values()),
         all(abs(gamma - BEST) < 1e-9 for gamma, _ in single.values()),
+        f"all are {BEST}, where the cosine is -1",
         "There c_r + 2 gamma_sr - c_s = 1: the same for every mode, since deflections enter (38) and (47) squared.",
     )  # fmt: skip
     yield Statement(
@@ -156,6 +163,7 @@ def minima(runs: Runs) -> Iterator[Statement]:
         + ", ".join(f"{label}: {number(part, 2)}" for label, part in combined.items())
         + "; with integer contact ratios 0 (below (39))",
         all(part < 1 for part in [*combined.values(), *(part for _, part in single.values())]),
+        "all ratios are below 1",
         "Each by itself: where 2w1 is smallest, w3+w7 is largest.",
     )  # fmt: skip
     yield Statement(
@@ -166,6 +174,7 @@ def minima(runs: Runs) -> Iterator[Statement]:
             for label, ((gamma, part), same) in both.items()
         ),
         all(abs(gamma - (BEST if same else WORST)) < 1e-9 for (gamma, _), same in both.values()),
+        f"{BEST} for +, {WORST} for -",
     )
 
 

@@ -59,7 +59,7 @@ def test_the_gear_of_parker_2009_is_that_of_table_1() -> None:
     for path in paths:
         p = load(path).parameters
         assert p["masses"] == {"ring": 6.35, "carrier": 5.43, "sun": 0.4, "planet": 4.0}, path
-        assert p["inertias"] == {"ring": 7.681, "carrier": 6.0, "sun": 2.5, "planet": 2.0}, path
+        assert p["inertias"] == {"carrier": 6.0, "sun": 2.5, "planet": 2.0}, path
         stiff = {"carrier", "sun", "planet", "sun_rotation"}
         assert {name for name, k in p["supports"].items() if k == 5e11} == stiff, path
         assert p["supports"]["carrier_rotation"] == 1e11, path
