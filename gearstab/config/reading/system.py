@@ -76,7 +76,7 @@ def read_system(document: Document, model: type[System], source: FilePath) -> Sy
     if "damping" in contents:
         from_file["damping"] = {"matrix": contents["damping"]}
     meant = as_meant(raw | from_file, model)
-    samples = _read_samples(document, meant, source)
+    samples = _read_samples(document, model, meant, source)
     context = sweep.Context(document, model, meant)
     layouts = sweep.layouts(context) if "sweep" in document.data else []
     variables: list[sweep.UnresolvedAxis] = []
@@ -120,7 +120,9 @@ def _name_meshes(document: Document, model: type[System]) -> None:
         document.fill(("system", "meshes", i, "name"), name, document.where(("system", "meshes", i)))
 
 
-def _read_samples(document: Document, section: dict[str, Any], source: FilePath) -> dict[Path, Array]:
+def _read_samples(
+    document: Document, model: type[System], section: dict[str, Any], source: FilePath
+) -> dict[Path, Array]:
     """What the files of waveforms hold, by the place of the waveform below ``system``; problems are reported."""
     from gearstab.config.checks.samples import waveforms
     from gearstab.waveforms.section import wave_of
@@ -132,10 +134,12 @@ def _read_samples(document: Document, section: dict[str, Any], source: FilePath)
             continue
         from gearstab.config.checks.sample_file import read_samples
         from gearstab.config.document.files import DataFileError
+        from gearstab.config.sections.dimensions import quantity_at
 
         interpolation = waveform.get("interpolation") or "linear"
         try:
-            found[path] = read_samples(source.parent / name, wave, str(interpolation))
+            columns = {key: quantity_at(model, section, (*path, key), kind) for key, kind in wave.columns.items()}
+            found[path] = read_samples(source.parent / name, wave, str(interpolation), columns)
         except DataFileError as error:
             document.report(("system", *path, "file"), "file", str(error), error.hint, value=name)
     return found
