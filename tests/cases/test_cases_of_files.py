@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scenes import ROOT
+from scipy.io import savemat
 
 import gearstab as gs
 from gearstab.config import ConfigError
@@ -71,3 +72,29 @@ def test_a_header_of_other_columns_is_one_line(tmp_path: Path) -> None:
     assert problem.path == "system.meshes.0.waveform.file"
     assert 'the header "angle_rad, k_N_per_m" names no column phase and stiffness' in problem.message
     assert "a phase is a fraction of the mesh period" in problem.hint
+
+
+def test_two_rotors_on_journal_bearings(tmp_path: Path) -> None:
+    size = 40
+    mass, stiffness = np.diag(np.r_[np.full(20, 2.0), np.full(20, 5.0)]), np.zeros((size, size))
+    for start, value in ((0, 2e8), (20, 4e8)):
+        for k in range(start, start + 18):
+            stiffness[np.ix_([k, k + 2], [k, k + 2])] += value * np.array([[1, -1], [-1, 1]])
+    damping = 1e-5 * stiffness
+    for k in range(0, size, 2):
+        damping[k, k + 1], damping[k + 1, k] = damping[k, k + 1] + 3.0, damping[k + 1, k] - 3.0
+    for k in (2, 16, 22, 36):
+        stiffness[k : k + 2, k : k + 2] += [[8e7, 4e7], [-6e7, 1.2e8]]
+        damping[k : k + 2, k : k + 2] += [[2e4, 3e3], [3e3, 3e4]]
+    savemat(tmp_path / "rotor.mat", {"M": mass, "C": damping, "K": stiffness})
+    system = gs.build(case(tmp_path, "d3_mat_file"), {"meshes.mesh.epsilon": [0.0]})
+    g = np.zeros(size)
+    g[[8, 9, 28, 29]] = 0.342, 0.940, -0.342, -0.940
+    # At constant stiffness the growth is that of the whole unsymmetric matrices, by another solver.
+    inverse = np.diag(1 / np.diag(mass))
+    whole = stiffness + 3e8 * np.outer(g, g)
+    state = np.block([[np.zeros((size, size)), np.eye(size)], [-inverse @ whole, -inverse @ damping]])
+    found = gs.floquet(system, 2 * np.pi * 500.0).growth_rate
+    assert system.size == size
+    assert len(system.terms) == 48
+    assert float(np.ravel(found)[0]) == pytest.approx(np.linalg.eigvals(state).real.max(), rel=1e-6)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
-from gearstab.config.document.problems import Path, dotted, nearest
+from gearstab.config.document.problems import Path, Problem, dotted, nearest
 from gearstab.config.document.tree import sequence
 from gearstab.config.document.yaml import Document, value_at
 from gearstab.config.model.axes import Array, Axis
@@ -23,6 +23,7 @@ class SystemSections:
     """``system``, ``sweep`` and ``design``. plain: ``system`` as plain data; specs: ``sweep``, resolved.
 
     context, uncertain: what the names of uncertain parameters refer to, and stand for.
+    doubts: overrides without effect.
     """
 
     plain: dict[str, Any]
@@ -33,6 +34,7 @@ class SystemSections:
     context: Context
     uncertain: dict[str, list[Target]]
     design: Design | None
+    doubts: list[Problem]
 
 
 def find_model(document: Document) -> type[System] | None:
@@ -79,6 +81,7 @@ def read_system(document: Document, model: type[System], source: FilePath) -> Sy
     samples = _read_samples(document, model, meant, source)
     context = sweep.Context(document, model, meant)
     layouts = sweep.layouts(context) if "sweep" in document.data else []
+    doubts = list(sweep.without_effect(document, layouts))
     variables: list[sweep.UnresolvedAxis] = []
     if "design" in document.data:
         from gearstab.config.sections import design
@@ -110,7 +113,7 @@ def read_system(document: Document, model: type[System], source: FilePath) -> Sy
     check_torques(document, parameters, axes)
     contents |= {dotted(where): values for where, values in samples.items()}
     specs = {name: item[1] for name, item in built if item}
-    return SystemSections(plain, parameters, contents, axes, specs, context, targets, wanted)
+    return SystemSections(plain, parameters, contents, axes, specs, context, targets, wanted, doubts)
 
 
 def _name_meshes(document: Document, model: type[System]) -> None:
