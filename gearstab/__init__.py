@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from gearstab.api.configurations import build, info, load
     from gearstab.api.runs import design, plot, respond, sweep
     from gearstab.api.stability import boundaries, floquet, perturbation
-    from gearstab.exchange.files import export_matrices, from_matrices
+    from gearstab.exchange.files import dump, export_matrices, from_matrices
     from gearstab.exchange.rotor import from_ross
     from gearstab.exchange.torsion import from_opentorsion
 
@@ -33,7 +33,7 @@ ROOMS = {
     "api.configurations": ("build", "info", "load"),
     "api.runs": ("design", "plot", "respond", "sweep"),
     "api.stability": ("boundaries", "floquet", "perturbation"),
-    "exchange.files": ("export_matrices", "from_matrices"),
+    "exchange.files": ("dump", "export_matrices", "from_matrices"),
     "exchange.rotor": ("from_ross",),
     "exchange.torsion": ("from_opentorsion",),
 }
@@ -41,8 +41,8 @@ ROOMS = {
 PLACES = {name: f"gearstab.{module}" for module, names in ROOMS.items() for name in names}
 
 __all__ = [
-    "boundaries", "build", "design", "export_matrices", "floquet", "from_matrices", "from_opentorsion", "from_ross",
-    "info", "load", "perturbation", "plot", "respond", "sweep",
+    "boundaries", "build", "design", "dump", "export_matrices", "floquet", "from_matrices", "from_opentorsion",
+    "from_ross", "info", "load", "perturbation", "plot", "respond", "sweep",
 ]  # fmt: skip
 
 

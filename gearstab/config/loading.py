@@ -82,7 +82,7 @@ def load(
     config = replace(_config(document, source, system, methods, respond), overrides=tuple(overrides))
     from gearstab.config.checks import feasibility
 
-    doubts = feasibility.check(document, config)
+    doubts = [*system.doubts, *feasibility.check(document, config)]
     if document.problems:
         raise ConfigError(document.problems)
     if uncertainties is not None:

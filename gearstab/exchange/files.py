@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from gearstab.api.configurations import Source, as_system
+from gearstab.api.configurations import Source, as_config, as_system
 from gearstab.config.document.files import DataFileError, arrays, numbers
 from gearstab.errors import NotPossible, OutputError
 from gearstab.exchange.model import Model, merged, model
@@ -165,10 +165,33 @@ def export_matrices(system: GearSystem | Source, path: str | Path) -> None:
     write_bytes(out, file.getvalue(), CONTENT.refuse)
 
 
-CONTENT = Content(
-    "a model", ".mat or .npz", lambda path: "" if path.suffix.lower() in MODELS else "is no model", TABLES + RESULTS
-    + tuple(ending for ending in OTHERS if ending not in MODELS), streams=False,
-)  # fmt: skip
+def dump(source: Source, path: str | Path) -> None:
+    """Write a configuration, as run, to a YAML file.
+
+    source: a configuration, or the section ``system`` alone, such as a model of :func:`from_matrices`.
+    Raises ConfigError, NotPossible for names of files that are relative to another folder, and OutputError where
+    something else is at the path.
+    """
+    out, config = Path(path), as_config(source)
+    if config.contents and out.parent.resolve() != config.source.parent.resolve():
+        message = f"the configuration names files relative to {config.source.parent}"
+        raise NotPossible(message, "write it into this folder")
+    CONFIGURATION.refuse(out, config.source)
+    write_bytes(out, config.resolved.encode(), CONFIGURATION.refuse)
+
+
+def _content(name: str, *endings: str) -> Content:
+    """Return a content that takes the place of files of the same endings alone."""
+
+    def fault(path: Path) -> str:
+        return "" if path.suffix.lower() in endings else f"is not {name}"
+
+    wrong = tuple(ending for ending in TABLES + RESULTS + OTHERS if ending not in endings)
+    return Content(name, " or ".join(endings), fault, wrong, streams=False)
+
+
+CONTENT = _content("a model", *MODELS)
+CONFIGURATION = _content("a configuration", ".yaml", ".yml")
 
 
 def _contents(system: GearSystem) -> dict[str, Array]:

@@ -12,9 +12,7 @@ from gearstab.floquet.truncation import modes_basis, restricted
 from gearstab.modal import mean_modes
 from gearstab.system import Array, GearSystem
 from gearstab.systems import build
-
-SKEW = 1e-12
-"""An antisymmetric part below this part of the largest entry of a matrix is rounding."""
+from gearstab.systems.parts.terms import antisymmetric_terms, symmetric
 
 
 class Model(dict[str, Any]):
@@ -48,11 +46,11 @@ def model(
 
     Raises NotPossible for a number of modes that the model does not have, and ConfigError for what is wrong otherwise.
     """
-    found = Model(kind="matrices", mass=_symmetric(mass), stiffness=_symmetric(stiffness), **more)
+    found = Model(kind="matrices", mass=symmetric(mass), stiffness=symmetric(stiffness), **more)
     if damping is not None and np.any(damping):
-        found["damping"] = {"matrix": _symmetric(damping)}
-    terms = [*_skew("circulatory", "stiffness", stiffness)]
-    terms += _skew("gyroscopic", "damping", damping) if damping is not None else []
+        found["damping"] = {"matrix": symmetric(damping)}
+    terms = [*antisymmetric_terms("circulatory", "stiffness", stiffness)]
+    terms += antisymmetric_terms("gyroscopic", "damping", damping) if damping is not None else []
     found |= {"terms": terms} if terms else {}
     found["meshes"] = [dict(mesh) for mesh in meshes]
     return found if modes is None else reduced(found, modes)
@@ -96,23 +94,6 @@ def _note(system: GearSystem, basis: Array) -> str:
         f"{size} of {system.size} modes are kept, up to {frequency[size - 1]:.6g} rad/s; the next one is at "
         f"{frequency[size]:.6g} rad/s; neglected of the compliance of the meshes: {listed}"
     )
-
-
-def _symmetric(matrix: Array) -> Array:
-    dense = np.asarray(matrix, dtype=float)
-    return 0.5 * (dense + dense.T)
-
-
-def _skew(name: str, part: str, matrix: Array) -> list[dict[str, Any]]:
-    """The antisymmetric part of a matrix as terms s u v^T, from its singular values."""
-    skew = 0.5 * (np.asarray(matrix, dtype=float) - np.asarray(matrix, dtype=float).T)
-    if np.abs(skew).max(initial=0.0) <= SKEW * np.abs(matrix).max(initial=0.0):
-        return []
-    left, sizes, right = np.linalg.svd(skew)
-    return [
-        {"name": f"{name} {k + 1}", "left": left[:, k], "right": right[k], part: {"mean": sizes[k]}}
-        for k in np.flatnonzero(sizes > SKEW * sizes[0])
-    ]
 
 
 def merged(

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, PrivateAttr, model_validator
 
-from gearstab.config.document.columns import columns_of
 from gearstab.config.document.files import DataFileError, text, usable
 from gearstab.config.model.axes import SPEEDS
+from gearstab.config.model.columns import columns_of
 from gearstab.config.model.fields import Flag, Quantity, Section, wrong
 from gearstab.config.model.validation import validate
 from gearstab.methods.base import RANGE, EffortEstimate, Key, Method, Outcome, Tolerance
@@ -65,7 +65,7 @@ def _path(knots: list[tuple[float, float]]) -> list[tuple[float, float]]:
 def _table(path: FilePath) -> list[list[float]]:
     """Return time and speed of each line of a text file of two columns. Raises DataFileError, with the line."""
     usable(path, ".csv", (".csv", ".txt"))
-    _, (time, speed) = columns_of(text(path), ("time", "speed"))
+    _, (time, speed) = columns_of(text(path), {"time": Quantity("s"), "speed": Quantity("rad/s")})
     return [list(knot) for knot in zip(time, speed, strict=True)]
 
 
@@ -90,7 +90,9 @@ class PassageOptions(Section):
         "between.",
     )
     table: str | None = Field(
-        default=None, title="table", description="A CSV file with such a path, two columns, in SI units."
+        default=None,
+        title="table",
+        description="A CSV file with such a path, columns time and speed, in SI units or with a unit in brackets.",
     )
     amplification: Annotated[float, Field(gt=1, le=1e12), Quantity()] = Field(
         default=10.0, title="amplification", description="Of the amplitude that is admitted, for the slowest rate (1)."

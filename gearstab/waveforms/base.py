@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, ClassVar, Protocol, Self
 
 import numpy as np
 
 from gearstab.config.document.codes import Code
 from gearstab.config.model.conflicts import Conflict
-from gearstab.config.model.fields import Section
+from gearstab.config.model.fields import Quantity, Section
 
 Array = np.ndarray
+
+POSITION = Quantity(turns=True)
+"""A fraction of the mesh period."""
+SAMPLED = Quantity("N/m", ("N m",))
+"""A stiffness of samples."""
 
 WrongSample = tuple[int | None, Code, str, str]
 """Index of the first wrong sample, None where it is all of them; code, message, remedy."""
@@ -65,8 +70,8 @@ class Waveform:
     """Keys that must be given."""
     sources: ClassVar[tuple[str, ...]] = ()
     """Keys of which exactly one says where the wave comes from."""
-    columns: ClassVar[tuple[str, ...]] = ("phase", "stiffness")
-    """What a file of samples holds, for waves that take one."""
+    columns: ClassVar[Mapping[str, Quantity]] = {"phase": POSITION, "stiffness": SAMPLED}
+    """Columns of a file of samples, and what each may be, for waves that take one."""
     has_contact_ratio: ClassVar[bool] = True
     """Whether the mesh gives a contact ratio."""
     own_variation: ClassVar[bool] = False

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated, Any, ClassVar, Self
@@ -14,7 +14,7 @@ from gearstab.config.model.arrays import vector
 from gearstab.config.model.conflicts import Conflict, exactly_one
 from gearstab.config.model.fields import Quantity
 from gearstab.errors import NotPossible
-from gearstab.waveforms.base import Array, Keys, WrongSample, as_array
+from gearstab.waveforms.base import Array, Keys, Waveform, WrongSample, as_array
 from gearstab.waveforms.phase import wrapped
 from gearstab.waveforms.samples import (
     FileKeys,
@@ -26,6 +26,8 @@ from gearstab.waveforms.samples import (
 )
 from gearstab.waveforms.splines import FEWEST, Pieces, interpolate
 from gearstab.waveforms.stiffness import OfStiffness
+
+TORQUE = Quantity("N m")
 
 
 @dataclass(frozen=True)
@@ -121,7 +123,7 @@ class Sampled(OfStiffness):
 class TableKeys(FileKeys):
     """The file, and at which of its torques the mesh runs."""
 
-    torque: Annotated[float, Quantity("N m")] | None = Field(
+    torque: Annotated[float, TORQUE] | None = Field(
         default=None,
         title="torque",
         description="table: at which the mesh runs, within those of the file (N m).",
@@ -139,7 +141,7 @@ class TorqueTable(Sampled):
     keys: ClassVar[type[Keys]] = TableKeys
     required: ClassVar[tuple[str, ...]] = ("file", "torque")
     sources: ClassVar[tuple[str, ...]] = ()
-    columns: ClassVar[tuple[str, ...]] = ("torque", "phase", "stiffness")
+    columns: ClassVar[Mapping[str, Quantity]] = {"torque": TORQUE, **Waveform.columns}
 
     @classmethod
     def build(cls, spec: dict[str, Any], contact_ratio: Any = None) -> Self:

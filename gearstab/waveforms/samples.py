@@ -9,15 +9,14 @@ from pydantic import BeforeValidator, Field, StrictStr
 from pydantic_core import PydanticCustomError
 
 from gearstab.config.model.conflicts import Conflict
-from gearstab.config.model.fields import Choice, Quantity
-from gearstab.waveforms.base import Keys, Waveform, WrongSample
+from gearstab.config.model.fields import Choice
+from gearstab.waveforms.base import POSITION, SAMPLED, Keys, Waveform, WrongSample
 
 MOST_SAMPLES = 10_000
 """Far more than a cycle of a mesh needs, and each is a kink that the integration must stop at."""
 NARROWEST = 1e-9
 """Distance of two samples; closer ones make slopes that double precision cannot hold."""
 
-POSITION = Quantity(turns=True)
 Position = Annotated[float, BeforeValidator(POSITION.number)]
 """A fraction of a turn that no axis sets."""
 
@@ -47,7 +46,7 @@ class SampleKeys(FileKeys):
         title="phases of the samples",
         description="sampled: in [0, 1), ascending; pair: from 0 to 1 along the contact of one pair (1).",
     )
-    stiffness: list[Annotated[float, Quantity("N/m", ("N m",))]] | None = Field(
+    stiffness: list[Annotated[float, SAMPLED]] | None = Field(
         default=None, title="sampled stiffness", description="sampled, pair: one value per phase (N/m)."
     )
 

@@ -208,16 +208,21 @@ def test_hdf5_of_matlab_is_transposed(tmp_path: Path) -> None:
 
 BAD_FILES = {
     "no such file": (None, "there is no such file", "relative to the folder"),
-    "no stiffness": ({"mass": MASS, "K": STIFFNESS}, "holds no stiffness", "holds K, mass"),
+    "no stiffness": ({"mass": MASS, "k": STIFFNESS}, "holds no stiffness", "holds k, mass"),
     "not square": ({"mass": MASS[:1], "stiffness": STIFFNESS}, "mass has the shape (1, 2)", "square"),
     "sizes": ({"mass": np.eye(3), "stiffness": STIFFNESS}, "stiffness has the shape (2, 2), mass (3, 3)", "equal"),
     "complex": ({"mass": MASS * 1j, "stiffness": STIFFNESS}, "no real numbers but complex128", "real"),
     "NaN": ({"mass": MASS * np.nan, "stiffness": STIFFNESS}, "not finite", "finite"),
-    "asymmetric": ({"mass": MASS, "stiffness": np.triu(STIFFNESS)}, "stiffness is not symmetric", "equal"),
+    "asymmetric": (
+        {"mass": np.array([[2.0, 0.1], [0.2, 1.0]]), "stiffness": STIFFNESS},
+        "mass is not symmetric: entry 0.1 is 0.1, entry 1.0 is 0.2",
+        "make mass.0.1 and mass.1.0 equal",
+    ),
+    "a triangle": ({"mass": MASS, "stiffness": np.triu(STIFFNESS)}, "on one side of its diagonal alone", "both"),
     "asymmetric damping": (
         {"mass": MASS, "stiffness": STIFFNESS, "damping": np.triu(DAMPING)},
-        "damping is not symmetric: entry 0.1 is 0.2, entry 1.0 is 0",
-        "make damping.matrix.0.1 and damping.matrix.1.0 equal",
+        "damping has entries on one side of its diagonal alone",
+        "save both triangles",
     ),
     "indefinite": ({"mass": -MASS, "stiffness": STIFFNESS}, "mass is not positive definite", "positive"),
 }

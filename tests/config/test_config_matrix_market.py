@@ -28,6 +28,7 @@ def scene(folder: Path, files: str) -> Path:
     mmwrite(folder / "wide.mtx", np.ones((2, 3)))
     mmwrite(folder / "large.mtx", np.eye(3))
     mmwrite(folder / "skew.mtx", np.array([[1.0, 2.0], [3.0, 1.0]]))
+    mmwrite(folder / "half.mtx", np.array([[1.0, 2.0], [0.0, 1.0]]))
     (folder / "broken.mtx").write_text("mass")
     (folder / "huge.mtx").write_text("%%MatrixMarket matrix coordinate real general\n1000000 1000000 1\n1 1 1\n")
     (folder / "scene.yaml").write_text(TEXT.replace("FILES", files))
@@ -57,7 +58,8 @@ MISTAKES = [
     ("files: {mass: M.mtx, stiffness: wide.mtx}", "system.files.stiffness", "file", "square"),
     ("files: {mass: huge.mtx, stiffness: K.mtx}", "system.files.mass", "file", "at most 4000"),
     ("files: {mass: M.mtx, stiffness: large.mtx}", "system.files.stiffness", "file", "equal"),
-    ("files: {mass: M.mtx, stiffness: skew.mtx}", "system.files.stiffness", "matrix", "as terms"),
+    ("files: {mass: skew.mtx, stiffness: K.mtx}", "system.files.mass", "matrix", "equal"),
+    ("files: {mass: M.mtx, stiffness: half.mtx}", "system.files.stiffness", "file", "both triangles"),
     ("files: {mass: M.mtx, stiffness: K.mtx, dumping: C.mtx}", "system.files.dumping", "unknown_key", "damping"),
     ("files: {mass: M.mtx, stiffness: K.mtx}\n  mass: [[1, 0], [0, 1]]", "system.mass", "already_given", "keep one"),
 ]

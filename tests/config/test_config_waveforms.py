@@ -416,7 +416,11 @@ def sampled(folder: Path, name: str, content: str | None = None):
 FILES = {
     "commas": "0,1\n0.3,3\n0.6,2\n",
     "header": "phase,stiffness\n0,1\n0.3,3\n0.6,2\n",
-    "other names": "x, k in N/m\n0, 1\n0.3, 3\n0.6, 2\n",
+    "units": "Phase [-], stiffness (N/um)\n0, 1e-6\n0.3, 3e-6\n0.6, 2e-6\n",
+    "an angle": "stiffness [kN/m];phase [deg]\n1e-3;0\n3e-3;108\n2e-3;216\n",
+    "units after blanks": "phase [1]  stiffness [kN / m]\n0  1e-3\n0.3 3e-3\n0.6 2e-3\n",
+    "as NumPy writes it": "# of a mesh cycle\n# phase,stiffness [kN/m]\n0,1e-3\n0.3,3e-3\n0.6,2e-3\n",
+    "a comment": "# a tooth (spur), a test rig (soft)\n0,1\n0.3,3\n0.6,2\n# phase [deg], stiffness [N/um]",
     "columns by name": 'n;"Stiffness";Phase\n1;1;0\n2;3;0.3\n3;2;0.6\n',
     "blanks": "# of a mesh cycle\n\n0 1\n  0.3\t3 # here\n0.6 2",
     "crlf": "0;1\r\n0.3;3\r\n0.6;2\r\n",
@@ -426,15 +430,24 @@ FILES = {
 @pytest.mark.parametrize("name", FILES)
 def test_samples_from_a_text_file(name, tmp_path) -> None:
     mesh = sampled(tmp_path, "k.csv", FILES[name])
-    np.testing.assert_array_equal(mesh.waveform.phase, [0, 0.3, 0.6])
-    np.testing.assert_array_equal(mesh.waveform.stiffness, [1, 3, 2])
+    # A unit is a factor, which may round.
+    np.testing.assert_allclose(mesh.waveform.phase, [0, 0.3, 0.6], rtol=1e-15)
+    np.testing.assert_allclose(mesh.waveform.stiffness, [1, 3, 2], rtol=1e-15)
 
 
 def test_samples_from_hdf5(tmp_path) -> None:
     with h5py.File(tmp_path / "k.h5", "w") as file:
         file["phase"] = np.array([0, 0.3, 0.6])
         file["stiffness"] = np.array([1, 3, 2])
+        file["phase"].attrs["units"] = "1"
     np.testing.assert_array_equal(sampled(tmp_path, "k.h5").waveform.stiffness, [1, 3, 2])
+    with h5py.File(tmp_path / "k.h5", "a") as file:
+        file["stiffness"].attrs["units"] = np.bytes_("kN/m")
+    np.testing.assert_array_equal(sampled(tmp_path, "k.h5").waveform.stiffness, [1e3, 3e3, 2e3])
+    with h5py.File(tmp_path / "k.h5", "a") as file:
+        file["stiffness"].attrs["units"] = "kg"
+    (problem,) = errors(tmp_path, "waveform: {kind: sampled, file: k.h5}")
+    assert "stiffness has the wrong dimension" in problem.message
 
 
 WRONG_FILES = {
@@ -446,7 +459,14 @@ WRONG_FILES = {
     "twice": ("0,1\n0.5,3\n0.5,1\n", "line 3: phase 0.5 is given twice"),
     "one column": ("1\n2\n", "line 1: has 1 column"),
     "three columns": ("0,1,2\n0.5,1,2\n", "line 1: has 3 columns"),
-    "three names": ("a,b,c\n0.5,1,2\n", "line 1: names no columns phase and stiffness"),
+    "three names": ("a,b,c\n0.5,1,2\n", 'line 1: the header "a, b, c" names no column phase and stiffness'),
+    "other names": ("x, k in N/m\n0, 1\n", 'line 1: the header "x, k in N/m" names no column phase and stiffness'),
+    "unit as a name": ("phase, k_N_um\n0, 1\n", 'line 1: the header "phase, k_N_um" names no column stiffness'),
+    "one name twice": ("phase,stiffness [N/m],stiffness [N/um]\n0,1,2\n", "line 1: the header"),
+    "unknown unit": ("phase,stiffness [dyn/xy]\n0,1\n", 'line 1: the header "stiffness [dyn/xy]" has the unknown unit'),
+    "another dimension": ("phase,stiffness [kg]\n0,1\n", 'line 1: the header "stiffness [kg]" has the wrong dimension'),
+    "a length": ("phase [mm],stiffness\n0,1\n", 'line 1: the header "phase [mm]" is dimensionless but for an angle'),
+    "comment of units": ("# angle [rad], k [N/m]\n0,1\n0.3,2\n", 'line 1: the header "angle [rad], k [N/m]" names no'),
     "few": ("0,1\n", "has 1 sample"),
     "empty": ("", "has 0 samples"),
     "second header": ("phase,stiffness\nfraction,N/m\n0,1\n", 'line 2: phase "fraction" is no finite number'),

@@ -48,6 +48,16 @@ def test_forms_of_variables(tmp_path: Path) -> None:
     assert [list(item.values) for item in rows.axis.assignments] == [[1, 3], [2, 4]]
 
 
+def test_units_in_the_header_of_a_catalogue(tmp_path: Path) -> None:
+    content = "label, inertias.0 [g], inertias.1, inertias.2 (mg)\nA, 1, 2, 5\nB, 2 kg, 4, 6\n"
+    written(tmp_path, content, "rows.csv")
+    design = read(tmp_path, TRAIN + SECTION.replace("variables: {", "variables: {row: {catalogue: rows.csv}, ")).design
+    assert design is not None
+    (rows,) = (v for v in design.variables if v.name == "row")
+    values = [list(item.values) for item in rows.axis.assignments]
+    np.testing.assert_allclose(values, [[1e-3, 2], [2, 4], [5e-6, 6e-6]], rtol=1e-14)
+
+
 def test_the_resolved_configuration_says_the_same_without_the_file(tmp_path: Path) -> None:
     written(tmp_path, "inertias.0, inertias.1\n1, 2\n3, 4\n", "rows.csv")
     first = read(tmp_path, TRAIN + SECTION.replace("variables: {", "variables: {row: {catalogue: rows.csv}, "))

@@ -12,6 +12,7 @@ from scipy.io import loadmat, mmwrite
 from scipy.linalg import eigvals
 
 import gearstab as gs
+from gearstab.config import ConfigError
 from gearstab.errors import NotPossible, OutputError
 
 N = 8
@@ -128,6 +129,89 @@ def test_constant_terms_are_part_of_the_matrices(tmp_path: Path) -> None:
         np.testing.assert_allclose(held["damping"], DAMPING + skew - skew.T, atol=1e-13)
     found = [gs.floquet(m, 20.0).growth_rate for m in (whole, gs.build(gs.from_matrices(tmp_path / "model.npz")))]
     np.testing.assert_allclose(found[1], found[0], atol=1e-9)
+
+
+def skewed() -> tuple[np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(4)
+    skew = [np.triu(rng.normal(size=(N, N)), 1) for _ in range(2)]
+    return STIFFNESS + skew[0] - skew[0].T, DAMPING + skew[1] - skew[1].T
+
+
+def scene(folder: Path, more: str = "", **held: np.ndarray) -> Path:
+    """Return the path of a configuration whose file holds these matrices."""
+    np.savez(folder / "model.npz", **held)
+    path = folder / "case.yaml"
+    path.write_text(
+        "system:\n  kind: matrices\n  file: model.npz\n  meshes: [{direction: {q3: 1, q6: -2}, mean_stiffness: 50, "
+        f"epsilon: 0.3, contact_ratio: 1.6}}]\n{more}"
+    )
+    return path
+
+
+@pytest.mark.parametrize("names", [("mass", "stiffness", "damping"), ("M", "K", "C")])
+def test_a_file_in_a_configuration_is_read_as_from_matrices_does(names: tuple[str, ...], tmp_path: Path) -> None:
+    stiffness, damping = skewed()
+    path = scene(tmp_path, **dict(zip(names, (MASS, stiffness, damping), strict=True)))
+    system = gs.build(path)
+    whole = gs.from_matrices(MASS, stiffness, damping, meshes=[MESH])
+    for mine, other in zip(matrices(system), matrices(gs.build(whole)), strict=True):
+        np.testing.assert_array_equal(mine, other)
+    for part, expected in (("stiffness", stiffness), ("damping", damping)):
+        terms = [(getattr(term, part), np.outer(term.left, term.right)) for term in system.terms]
+        total = getattr(system, part) + sum(a.value(np.zeros(())) * outer for a, outer in terms if a is not None)
+        np.testing.assert_allclose(total, expected, atol=1e-12)
+    found = [gs.floquet(m, 20.0).growth_rate for m in (path, whole)]
+    np.testing.assert_array_equal(*found)
+
+
+def test_what_a_file_of_matrices_may_not_hold(tmp_path: Path) -> None:
+    stiffness, damping = skewed()
+
+    def said(path: Path) -> str:
+        with pytest.raises(ConfigError) as caught:
+            gs.load(path)
+        (problem,) = caught.value.problems
+        return f"{problem.path}: {problem.message}"
+
+    assert said(scene(tmp_path, M=MASS, mass=MASS, K=STIFFNESS)) == (
+        "system.file: holds mass and M, which mean the same"
+    )
+    assert said(scene(tmp_path, K=STIFFNESS)) == "system.file: holds no mass"  # and none on the direction
+    assert said(scene(tmp_path, M=stiffness, K=STIFFNESS)).startswith("system.file: mass is not symmetric")
+    axes = "sweep: {mesh_frequency: [1, 2], damping.0.1: [0, 1]}\nmethods: {floquet: {}}\n"
+    assert said(scene(tmp_path, axes, M=MASS, K=STIFFNESS, C=damping)) == (
+        "sweep.damping.0.1: sets damping.matrix.0.1 and its transpose, which differ in the file"
+    )
+
+
+def test_axes_of_entries_whose_transpose_is_equal(tmp_path: Path) -> None:
+    """The antisymmetric part stays what it is where an axis sets an entry of the diagonal."""
+    stiffness, damping = skewed()
+    axes = "sweep: {mesh_frequency: [20.0, 21.0], damping.1.1: [0.5, 2.0]}\nmethods: {floquet: {}}\n"
+    growth = gs.sweep(scene(tmp_path, axes, M=MASS, K=stiffness, C=damping))["floquet"]["growth_rate"].values
+    damping[1, 1] = 2.0
+    alone = gs.floquet(gs.from_matrices(MASS, stiffness, damping, meshes=[MESH]), [20.0, 21.0]).growth_rate
+    # Multipliers are right to 1e-9, and the two are computed in batches of different size.
+    np.testing.assert_allclose(growth[:, 1], np.ravel(alone), rtol=1e-8)
+
+
+def test_a_model_as_a_configuration(tmp_path: Path) -> None:
+    stiffness, damping = skewed()
+    model = gs.from_matrices(MASS, stiffness, damping, meshes=[MESH])
+    gs.dump(model, tmp_path / "model.yaml")
+    assert gs.load(tmp_path / "model.yaml").digest == gs.load(model).digest
+    gs.dump(CONFIGS / "lin_parker_2002/fig3.yaml", tmp_path / "model.yaml")
+    assert gs.load(tmp_path / "model.yaml").digest == gs.load(CONFIGS / "lin_parker_2002/fig3.yaml").digest
+    with pytest.raises(OutputError, match=r"ends in \.yaml or \.yml, not in \.npz"):
+        gs.dump(model, tmp_path / "model.npz")
+    with pytest.raises(OutputError, match="is the input itself"):
+        gs.dump(tmp_path / "model.yaml", tmp_path / "model.yaml")
+    path = scene(tmp_path, M=MASS, K=stiffness)
+    gs.dump(path, tmp_path / "again.yaml")
+    assert gs.load(tmp_path / "again.yaml").digest == gs.load(path).digest
+    (tmp_path / "other").mkdir()
+    with pytest.raises(NotPossible, match="names files relative to"):
+        gs.dump(path, tmp_path / "other" / "again.yaml")
 
 
 def test_matlab_gets_names_as_cells(tmp_path: Path) -> None:

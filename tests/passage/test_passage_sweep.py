@@ -138,6 +138,16 @@ def test_a_measured_table_of_speed_over_time(tmp_path):
     assert ramp["growth_exact"].values == pytest.approx(rate["growth_exact"].values, rel=1e-12)
 
 
+def test_units_in_the_header_of_a_table(tmp_path):
+    sweep = "sweep: {mesh_frequency: [1.5, 6.0]}\nmethods: {passage: {table: run_up.csv}}\n"
+    (tmp_path / "run_up.csv").write_text("speed [rpm], time [min]\n60, 0\n90, 1.5\n")
+    path = read(tmp_path, TRAIN + sweep).methods.passage.path
+    np.testing.assert_allclose(path, [[0, 2 * np.pi], [90, 3 * np.pi]], rtol=1e-15)
+    (tmp_path / "run_up.csv").write_text("t, n\n0, 1\n90, 2\n")
+    (found,) = problems(tmp_path, TRAIN + sweep)
+    assert 'the header "t, n" names no column time and speed' in found.message
+
+
 def test_a_path_too_long_to_follow_is_flagged(tmp_path, monkeypatch):
     monkeypatch.setattr(import_module("gearstab.passage.solve"), "MOST", 100)
     text = TRAIN + "sweep: {mesh_frequency: [1.5, 3.0]}\nmethods: {passage: {rate: [0.01, 100.0]}}\n"

@@ -82,6 +82,18 @@ def test_a_sweep_over_torques_is_that_of_their_samples(tmp_path: Path, name: str
         np.testing.assert_allclose(growth[:, k], known, rtol=1e-6)
 
 
+def test_units_of_a_header_are_read(tmp_path: Path) -> None:
+    rows = columns() / np.array([[1e3], [1 / 360], [1e6]])
+    lines = ["torque [kN m]; phase (deg); stiffness [N/um]", *("; ".join(map(repr, row.tolist())) for row in rows.T)]
+    (tmp_path / "k.csv").write_text("\n".join(lines))
+    source = tmp_path / "train.yaml"
+    source.write_text(train("{kind: table, file: k.csv, torque: 175}"))
+    mesh = gs.build(gs.load(source)).meshes[0]
+    known = table(175.0)
+    np.testing.assert_allclose(mesh.waveform.phase, known.phase, rtol=1e-14)
+    np.testing.assert_allclose(mesh.waveform.stiffness, known.stiffness, rtol=1e-14)
+
+
 TABLE = "{kind: table, file: k.csv, torque: 80}"
 
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path as FilePath
 
 import numpy as np
 
-from gearstab.config.document.columns import columns_of
 from gearstab.config.document.files import (
     DataFileError,
     arrays,
@@ -16,23 +16,27 @@ from gearstab.config.document.files import (
     usable,
 )
 from gearstab.config.model.axes import Array
+from gearstab.config.model.columns import columns_of, factor
+from gearstab.config.model.fields import Quantity
 from gearstab.waveforms import Waveform
 from gearstab.waveforms.samples import MOST_SAMPLES
 
 SUFFIXES = (".csv", ".txt", ".h5", ".hdf5")
 
 
-def read_samples(path: FilePath, wave: type[Waveform], interpolation: str) -> Array:
-    """``(columns, N)``: the columns that the wave takes, phase and stiffness or torque, phase and stiffness.
+def read_samples(path: FilePath, wave: type[Waveform], interpolation: str, quantities: Mapping[str, Quantity]) -> Array:
+    """``(columns, N)``: the columns that the wave takes, phase and stiffness, in some waves also torque, in SI.
 
     A text file has one sample a line, numbers separated by a comma, a semicolon or blanks; empty lines and what follows
-    a # do not count, and the first line may name the columns. An HDF5 file has a dataset of one dimension for each.
+    a # do not count, and the first line may name the columns, with units in brackets. An HDF5 file has a dataset of one
+    dimension for each, and maybe its unit in the attribute ``units``.
 
-    wave, interpolation: which say what samples it takes. Raises DataFileError, with the line of a text.
+    wave, interpolation: which say what samples it takes. quantities: what each column may be.
+    Raises DataFileError, with the line of a text.
     """
     usable(path, ".csv or .h5", SUFFIXES)
     lines = path.suffix.lower() in (".csv", ".txt")
-    places, columns = columns_of(text(path), wave.columns) if lines else _datasets(path, wave.columns)
+    places, columns = columns_of(text(path), quantities) if lines else _datasets(path, quantities)
     found = wave.wrong_samples(columns, interpolation)
     if found is not None:
         index, _, message, hint = found
@@ -40,8 +44,9 @@ def read_samples(path: FilePath, wave: type[Waveform], interpolation: str) -> Ar
     return np.array(columns, dtype=float)
 
 
-def _datasets(path: FilePath, names: tuple[str, ...]) -> tuple[list[str], list[list[float]]]:
-    found = arrays(path, names, MOST_SAMPLES)
+def _datasets(path: FilePath, quantities: Mapping[str, Quantity]) -> tuple[list[str], list[list[float]]]:
+    names, units = tuple(quantities), dict[str, str]()
+    found = arrays(path, names, MOST_SAMPLES, units)
     for name in names:
         if found.get(name) is None:
             hint = f"it needs the datasets {', '.join(names[:-1])} and {names[-1]}, and holds {present(found)}"
@@ -51,4 +56,6 @@ def _datasets(path: FilePath, names: tuple[str, ...]) -> tuple[list[str], list[l
         shapes = [f"{name} {column.shape}" for name, column in zip(names, columns, strict=True)]
         message = f"{shapes[0].replace(' ', ' has the shape ', 1)}, {', '.join(shapes[1:])}"
         raise DataFileError(message, "save one dimension of real numbers, as many of each")
-    return [f"sample {i}" for i in range(len(columns[0]))], [column.tolist() for column in columns]
+    factors = [factor(units.get(name, ""), quantities[name], name) for name in names]
+    scaled = [(column * each).tolist() for column, each in zip(columns, factors, strict=True)]
+    return [f"sample {i}" for i in range(len(columns[0]))], scaled

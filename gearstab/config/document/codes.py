@@ -49,7 +49,7 @@ CODES: dict[Code, str] = {
     "repeated_name": "two entries have the same name",
     "reserved_name": "an axis cannot have this name",
     "revolutions": "a mesh frequency in revolutions (doubt)",
-    "set_twice": "two axes, cases or distributions set the same parameter",
+    "set_twice": "two axes, cases, distributions or overrides set the same parameter",
     "syntax": "a text is not valid YAML",
     "tag": "an unknown YAML tag",
     "too_large": "more than can be computed or stored",

@@ -64,16 +64,17 @@ def text(path: FilePath) -> str:
         raise DataFileError("is not UTF-8 text", "save the file in UTF-8") from None
 
 
-def arrays(path: FilePath, names: Collection[str], most: int) -> dict[str, Any]:
+def arrays(path: FilePath, names: Collection[str], most: int, units: dict[str, str] | None = None) -> dict[str, Any]:
     """The arrays of these names in a .npz, .h5 or .mat file, and None under the name of any other.
 
     most: entries along a dimension, told from what the file declares, before anything is read.
+    units: filled with the attributes ``units`` of the datasets of a .h5 file.
     Raises DataFileError.
     """
     try:
         if path.suffix.lower() == ".npz":
             return _npz(path, names, most)
-        return _hdf5(path, names, most) if _is_hdf5(path) else _matlab(path, names, most)
+        return _hdf5(path, names, most, units) if _is_hdf5(path) else _matlab(path, names, most)
     except DataFileError:
         raise
     except Exception as error:  # each library has errors of its own for a broken file
@@ -110,7 +111,7 @@ def _is_hdf5(path: FilePath) -> bool:
     return path.suffix.lower() != ".mat" or bool(h5py.is_hdf5(path))
 
 
-def _hdf5(path: FilePath, names: Collection[str], most: int) -> dict[str, Any]:
+def _hdf5(path: FilePath, names: Collection[str], most: int, units: dict[str, str] | None) -> dict[str, Any]:
     import h5py
 
     found: dict[str, Any] = {}
@@ -124,11 +125,18 @@ def _hdf5(path: FilePath, names: Collection[str], most: int) -> dict[str, Any]:
                     raise DataFileError(f"{name} lies in other files", "save it in this one")
                 _checked(name, item.shape, most)
                 _real(name, item.dtype)  # before it is read: HDF5 trusts lists of any length, and may never return
+                if units is not None and "units" in item.attrs:
+                    units[name] = _text(item.attrs["units"])
                 item = item[()]
             found[name] = item
     # MATLAB's own HDF5 files hold the columns of a matrix as its rows.
     turned = path.suffix.lower() == ".mat"
     return {name: np.transpose(values) if turned and values is not None else values for name, values in found.items()}
+
+
+def _text(value: Any) -> str:
+    """Return an attribute of HDF5 as a text, whether it is stored as one or as bytes."""
+    return value.decode(errors="replace") if isinstance(value, bytes) else str(value)
 
 
 def _matlab(path: FilePath, names: Collection[str], most: int) -> dict[str, Any]:

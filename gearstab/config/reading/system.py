@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
-from gearstab.config.document.problems import Path, dotted, nearest
+from gearstab.config.document.problems import Path, Problem, dotted, nearest
 from gearstab.config.document.tree import sequence
 from gearstab.config.document.yaml import Document, value_at
 from gearstab.config.model.axes import Array, Axis
@@ -23,6 +23,7 @@ class SystemSections:
     """``system``, ``sweep`` and ``design``. plain: ``system`` as plain data; specs: ``sweep``, resolved.
 
     context, uncertain: what the names of uncertain parameters refer to, and stand for.
+    doubts: overrides without effect.
     """
 
     plain: dict[str, Any]
@@ -33,6 +34,7 @@ class SystemSections:
     context: Context
     uncertain: dict[str, list[Target]]
     design: Design | None
+    doubts: list[Problem]
 
 
 def find_model(document: Document) -> type[System] | None:
@@ -76,9 +78,10 @@ def read_system(document: Document, model: type[System], source: FilePath) -> Sy
     if "damping" in contents:
         from_file["damping"] = {"matrix": contents["damping"]}
     meant = as_meant(raw | from_file, model)
-    samples = _read_samples(document, meant, source)
+    samples = _read_samples(document, model, meant, source)
     context = sweep.Context(document, model, meant)
     layouts = sweep.layouts(context) if "sweep" in document.data else []
+    doubts = list(sweep.without_effect(document, layouts))
     variables: list[sweep.UnresolvedAxis] = []
     if "design" in document.data:
         from gearstab.config.sections import design
@@ -110,7 +113,7 @@ def read_system(document: Document, model: type[System], source: FilePath) -> Sy
     check_torques(document, parameters, axes)
     contents |= {dotted(where): values for where, values in samples.items()}
     specs = {name: item[1] for name, item in built if item}
-    return SystemSections(plain, parameters, contents, axes, specs, context, targets, wanted)
+    return SystemSections(plain, parameters, contents, axes, specs, context, targets, wanted, doubts)
 
 
 def _name_meshes(document: Document, model: type[System]) -> None:
@@ -120,7 +123,9 @@ def _name_meshes(document: Document, model: type[System]) -> None:
         document.fill(("system", "meshes", i, "name"), name, document.where(("system", "meshes", i)))
 
 
-def _read_samples(document: Document, section: dict[str, Any], source: FilePath) -> dict[Path, Array]:
+def _read_samples(
+    document: Document, model: type[System], section: dict[str, Any], source: FilePath
+) -> dict[Path, Array]:
     """What the files of waveforms hold, by the place of the waveform below ``system``; problems are reported."""
     from gearstab.config.checks.samples import waveforms
     from gearstab.waveforms.section import wave_of
@@ -132,10 +137,12 @@ def _read_samples(document: Document, section: dict[str, Any], source: FilePath)
             continue
         from gearstab.config.checks.sample_file import read_samples
         from gearstab.config.document.files import DataFileError
+        from gearstab.config.sections.dimensions import quantity_at
 
         interpolation = waveform.get("interpolation") or "linear"
         try:
-            found[path] = read_samples(source.parent / name, wave, str(interpolation))
+            columns = {key: quantity_at(model, section, (*path, key), kind) for key, kind in wave.columns.items()}
+            found[path] = read_samples(source.parent / name, wave, str(interpolation), columns)
         except DataFileError as error:
             document.report(("system", *path, "file"), "file", str(error), error.hint, value=name)
     return found

@@ -15,6 +15,7 @@ from gearstab.config.document.problems import Path, nearest
 from gearstab.config.document.tree import is_number, mapping, sequence
 from gearstab.config.document.yaml import Document, number
 from gearstab.config.model.axes import Axis
+from gearstab.config.model.columns import PLAIN, head
 from gearstab.config.model.fields import NUMBER
 from gearstab.config.sections.sweep import Column, Context, UnresolvedAxis, cases, report_rivals
 from gearstab.config.sections.targets import INPUT_SPEED, MESH_FREQUENCY, Target
@@ -165,7 +166,10 @@ def _of_choices(context: Context, name: str, path: Path, entries: Any) -> Unreso
 
 
 def _catalogue(document: Document, path: Path, name: Any) -> list[dict[str, Any]] | None:
-    """The rows of a CSV file, whose columns are paths; they take the place of the file in the document."""
+    """Return the rows of a CSV file, whose columns are paths, with or without a unit in brackets.
+
+    They take the place of the file in the document.
+    """
     place = (*path, "catalogue")
     if not isinstance(name, str):
         document.report(place, "wrong_type", "must be the name of a file", "write catalogue: gears.csv", value=name)
@@ -185,12 +189,12 @@ def _catalogue(document: Document, path: Path, name: Any) -> list[dict[str, Any]
     if fault:
         document.report(place, "data_file", *fault, value=name)
         return None
-    header = [cell.strip() for cell in rows[0]]
+    heads = [head(cell) for cell in rows[0]]
     entries = []
     for k, row in enumerate(rows[1:], start=1):
-        cells: dict[str, Any] = {key: cell.strip() for key, cell in zip(header, row, strict=True) if cell.strip()}
-        label = cells.pop("label", f"row {k}")
-        values = {key: number(cell) if _numeric(cell) else cell for key, cell in cells.items()}
+        cells = {key: (cell.strip(), unit) for (key, unit), cell in zip(heads, row, strict=True) if cell.strip()}
+        label, _ = cells.pop("label", (f"row {k}", ""))
+        values = {key: _value(*cell) for key, cell in cells.items()}
         entries.append({"label": label} | values)
     where = document.where(place)
     document.put(path, {"choices": entries}, where)
@@ -203,7 +207,7 @@ def _fault(rows: list[list[str]]) -> tuple[str, str] | None:
         return "holds no row of choices", "write paths in the first line and a choice in each further one"
     if len(rows) > MOST_CHOICES:
         return f"holds more than {MOST_CHOICES:,} rows", "leave out what is no choice"
-    header = [cell.strip() for cell in rows[0]]
+    header = [head(cell)[0] for cell in rows[0]]
     if "" in header or len(set(header)) < len(header):
         return "has columns without a name, or two of one name", "name each column by the path that it sets"
     for k, row in enumerate(rows[1:], start=1):
@@ -212,11 +216,15 @@ def _fault(rows: list[list[str]]) -> tuple[str, str] | None:
     return None
 
 
-def _numeric(cell: str) -> bool:
+def _value(cell: str, unit: str) -> Any:
+    """Return the number of a cell, with the unit of its column, or its text."""
     try:
-        return bool(np.isfinite(float(cell)))
+        finite = np.isfinite(float(cell))
     except ValueError:
-        return False
+        finite = False
+    if not finite:
+        return cell
+    return number(cell) if unit in PLAIN else f"{cell} {unit}"
 
 
 def json_schema(bounds: dict[str, Any]) -> dict[str, Any]:

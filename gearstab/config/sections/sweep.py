@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field, WithJsonSchema
 
-from gearstab.config.document.problems import Path, dotted, nearest
+from gearstab.config.document.problems import Path, Problem, dotted, nearest
 from gearstab.config.document.tree import mapping, sequence
 from gearstab.config.document.yaml import Document, value_at
 from gearstab.config.model.axes import MESH_FREQUENCY, Assignment, Axis
@@ -318,6 +318,23 @@ def _labels(document: Document, path: Path, entries: list[dict[str, Any]]) -> li
             document.report((*path, i, "label"), "repeated_name", message, "give each case a label of its own")
         labels.append(str(label))
     return labels
+
+
+def without_effect(document: Document, found: list[UnresolvedAxis]) -> Iterator[Problem]:
+    """Yield a doubt for each override of a single parameter that an axis, a tie or every case sets anyway.
+
+    To be called before ``base_values``, which fills parameters from axes.
+    """
+    for layout in found:
+        column_paths = ((c, ("system", *p)) for c in layout.columns for t in c.targets for p in t.paths)
+        for column, path in column_paths:
+            place = document.values.get(path)
+            # An option that replaces a whole section gives base values, as a file does.
+            if column.base is None and place and place.file not in (document.file, document.where(path[:-1]).file):
+                message = f"has no effect on the sweep, whose axis {layout.name} sets it"
+                yield document.problem(
+                    path, "set_twice", message, f"set {dotted(column.path)} instead", value=document.get(path)
+                )
 
 
 def base_values(document: Document, found: list[UnresolvedAxis]) -> Iterator[Path]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path as FilePath
 
+import numpy as np
 from pydantic import Field, StrictStr
 
 from gearstab.config.document.files import DataFileError, arrays, numbers, present, usable
@@ -14,6 +15,8 @@ from gearstab.errors import one_line
 
 REQUIRED = ("mass", "stiffness")
 OPTIONAL = ("damping",)
+SYMBOLS = {"mass": "M", "stiffness": "K", "damping": "C"}
+"""Other names of the matrices in a file."""
 SUFFIXES = (".npz", ".h5", ".hdf5", ".mat")
 MARKET = (".mtx", ".mm")
 MOST_COORDINATES = 4000
@@ -49,29 +52,36 @@ def read_market(path: FilePath) -> Array:
 
 
 def read_matrices(path: FilePath) -> dict[str, Array]:
-    """``mass``, ``stiffness`` and, where given, ``damping`` as float arrays (n, n).
+    """Return ``mass``, ``stiffness`` and, if given, ``damping`` as float arrays (n, n).
 
-    Sparse matrices of a .mat file are filled. Raises DataFileError.
+    They may be called M, K and C. Sparse matrices of a .mat file are filled. Raises DataFileError.
     """
     if path.suffix.lower() in MARKET:
         hint = "write files: {mass: M.mtx, stiffness: K.mtx, damping: C.mtx}"
         raise DataFileError("is a Matrix Market file, which holds one matrix", hint)
     usable(path, ".npz, .h5 or .mat", SUFFIXES)
-    found = arrays(path, REQUIRED + OPTIONAL, MOST_COORDINATES)
+    found = arrays(path, (*SYMBOLS, *SYMBOLS.values()), MOST_COORDINATES)
+    for name, symbol in SYMBOLS.items():
+        if found.get(symbol) is not None:
+            if found.get(name) is not None:
+                raise DataFileError(f"holds {name} and {symbol}, which mean the same", "keep one of the two")
+            found[name] = found[symbol]
     missing = [name for name in REQUIRED if found.get(name) is None]
     if missing:
         message = f"holds no {' and no '.join(missing)}"
-        raise DataFileError(message, f"it needs mass and stiffness, and holds {present(found)}")
+        raise DataFileError(message, f"it needs mass and stiffness (or M and K), and holds {present(found)}")
     result = {name: numbers(name, found[name]) for name in REQUIRED + OPTIONAL if found.get(name) is not None}
     check_shapes(result)
     return result
 
 
 def check_shapes(result: Mapping[str, Array]) -> None:
-    """Raises DataFileError unless all matrices are square and of the shape of ``mass``."""
+    """Raise DataFileError unless all matrices are square, of the shape of ``mass`` and with both triangles."""
     for name, values in result.items():
         if values.ndim != 2 or values.shape[0] != values.shape[1] or values.shape[0] == 0:
             raise DataFileError(f"{name} has the shape {values.shape}", "save a square matrix")
+        if np.any(np.triu(values, 1)) != np.any(np.tril(values, -1)):
+            raise DataFileError(f"{name} has entries on one side of its diagonal alone", "save both triangles")
     shape = result["mass"].shape
     for name, values in result.items():
         if values.shape != shape:

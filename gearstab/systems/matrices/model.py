@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from fractions import Fraction
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, StrictStr
 
 from gearstab.config.document.files import DataFileError
-from gearstab.config.document.problems import Path
+from gearstab.config.document.problems import Path, dotted
 from gearstab.config.document.yaml import Document, value_at
 from gearstab.config.model.arrays import matrix, vector
 from gearstab.config.model.conflicts import (
@@ -39,7 +40,7 @@ from gearstab.systems.matrices.vectors import default_names, write_out
 from gearstab.systems.parts.damping import Damping, not_square, with_damping
 from gearstab.systems.parts.forcing import Force, Load, OneAsWell, with_forcing
 from gearstab.systems.parts.mesh import MatrixMesh, build_mesh
-from gearstab.systems.parts.terms import Term, periodic_terms
+from gearstab.systems.parts.terms import Term, antisymmetric_terms, periodic_terms
 
 if TYPE_CHECKING:
     from pathlib import Path as FilePath
@@ -180,6 +181,7 @@ class Matrices(System):
     def check_feasible(cls, document: Document, grid: Grid) -> None:
         """Matrices that no system has, too."""
         feasibility.check_mesh_levels(document, grid)
+        _check_axes(document, grid)
         if feasibility.check_symmetric(document, grid.parameters, [("mass",), ("stiffness",)]):
             check_definite(document, feasibility.numbers_only(grid), cls.build)
 
@@ -245,19 +247,20 @@ class Matrices(System):
     def build(cls, p: dict[str, Any]) -> GearSystem:
         """M q'' + C q' + [K0 + sum_i k_i(t) g_i g_i^T] q = f(t).
 
-        Parameters: ``mass``, ``stiffness`` (K0, without meshes) as nested numbers or arrays, damping, ``meshes`` with
+        Parameters: ``mass``, ``stiffness`` (K0, without meshes) as nested numbers or arrays, damping (antisymmetric
+        parts of both become terms), ``meshes`` with
         ``direction`` g_i, ``frequency_ratio`` Omega_i/Omega (a Fraction) and ``lag`` (in periods of the mesh), ``load``
         and ``forces`` (:func:`~gearstab.systems.parts.forcing.with_forcing`) and ``terms``
         (:func:`~gearstab.systems.parts.terms.periodic_terms`); ``coordinate_units`` (one for all, or one for each
         coordinate) and ``deflection_unit``, m or rad.
         """
-        mass = matrix(p["mass"])
+        mass, p = matrix(p["mass"]), _split(p)
         meshes = tuple(
             build_mesh(m, vector(m["direction"]), m["frequency_ratio"], np.asarray(m.get("lag", 0.0), float))
             for m in p["meshes"]
         )
         names = tuple(p.get("coordinates") or default_names(mass.shape[-1]))
-        stiffness, terms = matrix(p["stiffness"]), periodic_terms(p)
+        stiffness, terms = p["stiffness"], periodic_terms(p)
         units = tuple(p.get("coordinate_units") or ("m",))
         units = units * len(names) if len(units) == 1 else units
         deflection = p.get("deflection_unit", "m")
@@ -265,6 +268,44 @@ class Matrices(System):
             mass, stiffness, meshes, coordinates=names, terms=terms, units=units, deflection_unit=deflection
         )
         return with_forcing(with_damping(system, p), p)
+
+
+def _split(p: dict[str, Any]) -> dict[str, Any]:
+    """Return parameters whose stiffness and damping matrices, arrays ``(..., n, n)``, are symmetric, the rest terms."""
+    stiffness, circulatory = _parts("circulatory", "stiffness", p["stiffness"])
+    found = p | {"stiffness": stiffness}
+    rows = (p.get("damping") or {}).get("matrix")
+    gyroscopic: list[dict[str, Any]] = []
+    if rows is not None:
+        damping, gyroscopic = _parts("gyroscopic", "damping", rows)
+        found["damping"] = p["damping"] | {"matrix": damping}
+    return found | {"terms": [*(p.get("terms") or ()), *circulatory, *gyroscopic]}
+
+
+def _parts(name: str, part: str, rows: Any) -> tuple[Array, list[dict[str, Any]]]:
+    """Return the symmetric part of a matrix, and terms of the rest, which is the same in a whole batch."""
+    full = matrix(rows)
+    one = full.reshape(-1, *full.shape[-2:])[0]
+    if not np.any(feasibility.asymmetry(one)):
+        return full, []
+    terms = antisymmetric_terms(name, part, one)
+    return 0.5 * (full + np.swapaxes(full, -1, -2)), [term | {"frequency_ratio": Fraction(1)} for term in terms]
+
+
+def _check_axes(document: Document, grid: Grid) -> None:
+    """Report axes that set an entry of a matrix of a file and its transpose, where the two differ."""
+    unlike: dict[Path, Array] = {
+        path: feasibility.asymmetry(held)
+        for path in (("stiffness",), ("damping", "matrix"))
+        if isinstance(held := value_at(grid.parameters, path), np.ndarray)
+    }
+    for axis in grid.axes:
+        for path in (item.path for item in axis.assignments):
+            found = unlike.get(path[:-2])
+            if found is not None and found[int(path[-2]), int(path[-1])]:
+                message = f"sets {dotted(path)} and its transpose, which differ in the file"
+                document.report(("sweep", axis.name), "not_an_axis", message, "vary a term instead", at_key=True)
+                break
 
 
 def _told(raw: Any, path: Path, unit: str) -> bool:

@@ -16,15 +16,15 @@ SECTIONS = {"meshes": ("direction",), "forces": ("direction",), "terms": ("left"
 def write_out(document: Document, raw: dict[str, Any], size: int | None) -> None:
     """Replace every such mapping by the list of its entries, zero where it names none; report unknown coordinates.
 
-    size: number of coordinates; without it the length of a list is unknown.
+    size: number of coordinates. If it is unknown, which is reported elsewhere, the entries stand for all.
     """
-    if size is None:
-        return
-    given: Any = raw.get("coordinates")
-    names = given if len(sequence(given)) == size else default_names(size)
+    named: Any = raw.get("coordinates")
+    known = named if len(sequence(named)) == size else default_names(size or 0)
     for holder, key, path in list(_mappings(raw)):
-        values: list[Any] = [0.0] * size
-        for name, value in holder[key].items():
+        given = holder[key]
+        names = known if size is not None else list(given)
+        values: list[Any] = [0.0] * len(names)
+        for name, value in given.items():
             if name in names:
                 values[names.index(name)] = value
                 document.move(("system", *path, name), ("system", *path, names.index(name)))

@@ -20,9 +20,12 @@ from gearstab.config.model.fields import (
     Turns,
     Vector,
 )
-from gearstab.system import PeriodicTerm
+from gearstab.system import Array, PeriodicTerm
 from gearstab.waveforms import Constant, Profile, Scaled
 from gearstab.waveforms.section import WaveformSection, build_waveform, shape_conflicts, wave_of
+
+SKEW = 1e-12
+"""An antisymmetric part below this part of the largest entry of a matrix is rounding."""
 
 OfStiffness = Annotated[float, Quantity("N/m", ("N", "N m"), entry=True)]
 OfDamping = Annotated[float, Quantity("N s/m", ("N s", "N m s"), entry=True)]
@@ -144,6 +147,26 @@ def periodic_terms(p: dict[str, Any]) -> tuple[PeriodicTerm, ...]:
         )
         for i, part in enumerate(p.get("terms") or [])
     )  # fmt: skip
+
+
+def symmetric(matrix: Array) -> Array:
+    """Return the symmetric part of a matrix."""
+    return 0.5 * (matrix + matrix.T)
+
+
+def antisymmetric_terms(name: str, part: str, matrix: Array) -> list[dict[str, Any]]:
+    """Return the antisymmetric part of a matrix as constant terms s u v^T, from its singular values; none of rounding.
+
+    name: of the terms. part: ``stiffness`` or ``damping``. Source: the singular value decomposition of a real matrix.
+    """
+    skew = 0.5 * (matrix - matrix.T)
+    if np.abs(skew).max(initial=0.0) <= SKEW * np.abs(matrix).max(initial=0.0):
+        return []
+    left, sizes, right = np.linalg.svd(skew)
+    return [
+        {"name": f"{name} {k + 1}", "left": left[:, k], "right": right[k], part: {"mean": sizes[k]}}
+        for k in np.flatnonzero(sizes > SKEW * sizes[0])
+    ]
 
 
 def _profile(p: dict[str, Any] | None) -> Profile | None:
