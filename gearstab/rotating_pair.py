@@ -8,11 +8,12 @@ phi is the deflection of the teeth, theta the rotation; one mesh cycle is 2 pi o
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from math import tau
 
 import numpy as np
 
-from gearstab.system import Array, GearSystem
+from gearstab.system import Array, Feature, GearSystem
 
 CLASSICAL, RIGID_KINEMATIC, ENERGY_CONSERVING = "classical", "rigid_kinematic", "energy_conserving"
 
@@ -105,6 +106,11 @@ class RotatingPair(GearSystem):
 
     formulation: str
     numbers: PairNumbers
+
+    @cached_property
+    def features(self) -> frozenset[Feature]:
+        """The features that a theory of this pair must support."""
+        return super().features if self.is_classical else super().features | {Feature.FOLLOWS_ROTATION}
 
     @property
     def is_classical(self) -> bool:

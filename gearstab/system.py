@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from enum import Enum
 from fractions import Fraction
 from functools import cached_property
 from math import gcd, lcm, prod
@@ -26,6 +27,14 @@ from gearstab.errors import NotPossible
 from gearstab.waveforms import Fourier, Profile, Waveform
 
 Array = np.ndarray
+
+
+class Feature(Enum):
+    """Property of a system that a theory must support; a method declares those that it does and refuses others."""
+
+    PERIODIC_TERMS = "periodic terms besides the mesh stiffness"
+    IRRATIONAL_RATIO = "mesh frequencies of irrational ratio"
+    FOLLOWS_ROTATION = "a mesh stiffness that follows the rotation"
 
 
 @dataclass(frozen=True)
@@ -248,6 +257,12 @@ class GearSystem:
         """Whether K(t) and C(t) are constant between their jumps."""
         profiles = [profile for term in self.terms for profile in term.profiles]
         return all(part.piecewise_constant for part in (*(mesh.waveform for mesh in self.meshes), *profiles))
+
+    @cached_property
+    def features(self) -> frozenset[Feature]:
+        """The features that a theory of this system must support."""
+        present = {Feature.PERIODIC_TERMS: bool(self.terms), Feature.IRRATIONAL_RATIO: not self.commensurate}
+        return frozenset(feature for feature, has in present.items() if has)
 
     @property
     def forced(self) -> bool:

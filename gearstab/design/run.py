@@ -13,29 +13,23 @@ if TYPE_CHECKING:
 def check(config: Config) -> None:
     """Raise ConfigError for what the section ``design`` asks of a system that cannot give it."""
     from gearstab.config import ConfigError
+    from gearstab.design.judging.quantities import SUPPORTS
     from gearstab.design.problem import DesignProblem
     from gearstab.design.searching.search import combinations
-    from gearstab.rotating_pair import RotatingPair
+    from gearstab.support import unsupported
+    from gearstab.system import Feature
     from gearstab.systems import build, train_of
 
     if config.design is None:
         return
     system = build(config.parameters)
-    if isinstance(system, RotatingPair):
-        message = "takes linear systems, and this pair's mesh stiffness follows its rotation"
-        raise ConfigError([config.problem(("design",), "needs_other", message, "set formulation: classical")])
     asked: list[tuple[tuple[str, ...], str]] = []
     asked += [(("design", "minimise"), name) for weights in config.design.objectives for name in weights]
     asked += [(("design", "constraints", limit.name), limit.name) for limit in config.design.limits if not limit.paths]
     found = []
     for path, name in asked:
-        if name in ("instability_width", "tongue_distance", "required_damping") and system.terms:
-            message = f"{name} supports only periodic mesh stiffness, and this system also has friction or the like"
-            found.append(config.problem(path, "needs_other", message, "use growth_rate"))
-        elif not system.commensurate and name != "root_stress":
-            found.append(
-                config.problem(path, "needs_other", f"{name} needs a common period of the meshes", "give exact ratios")
-            )
+        if refused := unsupported(system, SUPPORTS[name], {Feature.PERIODIC_TERMS: "use growth_rate"}):
+            found.append(config.problem(path, "needs_other", f"{name}: {refused[0]}", refused[1]))
         elif name == "load_factor" and not system.forced:
             found.append(
                 config.problem(path, "needs_other", "nothing drives the system, which load_factor needs", "give a load")

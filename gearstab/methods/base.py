@@ -11,7 +11,8 @@ from pydantic import Field
 
 from gearstab.config.model.fields import Quantity, Section
 from gearstab.results.variables import SIDE, Variable
-from gearstab.system import Array, GearSystem
+from gearstab.support import unsupported
+from gearstab.system import Array, Feature, GearSystem
 
 if TYPE_CHECKING:
     from pathlib import Path as FilePath
@@ -77,6 +78,7 @@ class Method(ABC):
     reused: whether ``sweep --extend`` takes over what an earlier result has: points, or rows where it runs singly.
     relief: what to do where it takes very long.
     flag_notes: what is said at the end of a sweep of ``{points}`` that carry a flag of ``status``, by flag.
+    supports: features of systems that it takes; a system with any other is refused. remedies: what to do then.
     """
 
     name: ClassVar[str]
@@ -87,6 +89,8 @@ class Method(ABC):
     reused: ClassVar[bool] = False
     relief: ClassVar[str] = ""
     flag_notes: ClassVar[Mapping[str, str]] = {}
+    supports: ClassVar[Collection[Feature]] = frozenset()
+    remedies: ClassVar[Mapping[Feature, str]] = {}
 
     def __init__(self, options: Any, system: GearSystem) -> None:
         self.options, self.system = options, system
@@ -141,8 +145,23 @@ class Method(ABC):
         """Return the values of those coordinates that are the same everywhere."""
         return {}
 
-    def check(self) -> None:  # noqa: B027  # most methods fit every system
-        """Raise OptionError where the options do not fit the system."""
+    def check(self) -> None:
+        """Raise OptionError if the system has a feature that is not supported, or the options do not fit it."""
+        self.require(self.supports, self.remedies)
+        self.check_options()
+
+    def check_options(self) -> None:  # noqa: B027  # most options fit every system
+        """Raise OptionError if the options do not fit a system whose features are supported."""
+
+    def require(
+        self, supported: Collection[Feature], remedies: Mapping[Feature, str], path: tuple[str, ...] = ()
+    ) -> None:
+        """Raise OptionError if the system has a feature that is not ``supported``.
+
+        path: of the option that does not support it.
+        """
+        if found := unsupported(self.system, supported, remedies):
+            raise OptionError(path, *found)
 
     def report(self) -> Mapping[str, Any]:
         """Return attributes that say what it makes of the system."""
@@ -184,19 +203,6 @@ class Method(ABC):
     def attributes(self) -> dict[str, Any]:
         """Return what the group in the result says of the options and of the system."""
         return flat(self.options.model_dump(exclude_none=True)) | dict(self.report())
-
-    def only_mesh_stiffness(
-        self, remedy: str = "use floquet, which takes these too", path: tuple[str, ...] = ()
-    ) -> None:
-        """Raise OptionError for a system with further periodic terms; path: of the option that does not take them."""
-        if self.system.terms:
-            names = ", ".join(term.name for term in self.system.terms)
-            raise OptionError(path, f"supports only periodic mesh stiffness, and this system also has {names}", remedy)
-
-    def needs_common_period(self, remedy: str, path: tuple[str, ...] = (), without: str = "common period") -> None:
-        """Raise OptionError for a system without one."""
-        if not self.system.commensurate:
-            raise OptionError(path, f"mesh frequencies of irrational ratio have no {without}", remedy)
 
 
 class TongueMethod(Method):

@@ -12,7 +12,7 @@ from pydantic import Field
 from gearstab.methods.base import RANGE, EffortEstimate, Key, Outcome, Tolerance, TongueMethod
 from gearstab.methods.restriction import ModesOption, Restricted
 from gearstab.results.variables import EXACT, OCCURRENCE, TONGUE, Variable, flagged
-from gearstab.system import Array
+from gearstab.system import Array, Feature
 
 if TYPE_CHECKING:
     from gearstab.perturbation.tongues import Tongue
@@ -37,6 +37,7 @@ class BoundaryAnalysis(TongueMethod, Restricted):
     name = "boundaries"
     reused = True
     Options = BoundariesOptions
+    supports = frozenset({Feature.PERIODIC_TERMS})
     frequency = RANGE
     relief = (
         "narrow the range of mesh_frequency, take ratios of smaller numbers, or remove it: floquet on a fine grid "
@@ -70,8 +71,7 @@ class BoundaryAnalysis(TongueMethod, Restricted):
 
         return union(indices)
 
-    def check(self) -> None:
-        self.needs_common_period("remove it, or give exact ratios")
+    def check_options(self) -> None:
         self.check_modes()
 
     def report(self) -> Mapping[str, Any]:

@@ -15,7 +15,8 @@ from gearstab.errors import NotPossible
 from gearstab.methods.base import Method, OptionError, Outcome, Tolerance
 from gearstab.methods.restriction import ModesOption, Restricted
 from gearstab.results.variables import BY_MESH, ERROR_ESTIMATE, EXPONENTS, FLOQUET, INTERVAL, ORBITS, Variable, flagged
-from gearstab.system import Array, GearSystem
+from gearstab.support import ANY_LINEAR
+from gearstab.system import Array, Feature, GearSystem
 
 if TYPE_CHECKING:
     from gearstab.floquet import FloquetStability
@@ -92,6 +93,7 @@ class Floquet(Restricted):
     name = "floquet"
     reused = True
     Options = FloquetOptions
+    supports = ANY_LINEAR
     flag_notes: ClassVar[Mapping[str, str]] = {
         "not_converged": "the error estimate exceeds the tolerance at {points}; see error_estimate",
         "undecided": "the stability is undecided at {points}: the confidence interval contains zero",
@@ -219,7 +221,7 @@ class Floquet(Restricted):
             said["reduction_saving"] = found.saving
         return said | self.restriction()
 
-    def check(self) -> None:
+    def check_options(self) -> None:
         options = self.options
         if options.modes is not None and options.block is not None:
             raise OptionError(("modes",), "cannot be combined with block: both restrict the modes", "give one of them")
@@ -266,6 +268,7 @@ class Orbits(Floquet):
     """
 
     system: RotatingPair
+    supports = ANY_LINEAR | {Feature.FOLLOWS_ROTATION}
 
     def variables(self) -> tuple[Variable, ...]:
         from gearstab.floquet import STATUS_FLAGS
@@ -303,8 +306,8 @@ class Orbits(Floquet):
             return super().report()
         return {"orbits": "periodic orbits of the mean mesh frequency, held by an unbalanced torque where damping asks"}
 
-    def check(self) -> None:
+    def check_options(self) -> None:
         for name in ("modes", "block"):
             if not self.system.is_classical and getattr(self.options, name) is not None:
                 raise OptionError((name,), "a periodic orbit has no modes to choose from", "remove it")
-        super().check()
+        super().check_options()

@@ -11,6 +11,7 @@ from gearstab.config.model.fields import Section
 from gearstab.methods.base import Method, Outcome
 from gearstab.methods.perturbation import ROWS
 from gearstab.results.variables import NATURAL_FREQUENCIES, Variable
+from gearstab.support import ANY_LINEAR
 from gearstab.system import Array
 
 
@@ -23,6 +24,7 @@ class NaturalFrequencies(Method):
 
     name = "natural_frequencies"
     Options = NaturalFrequencyOptions
+    supports = ANY_LINEAR
     frequency = None
     cheap = True
 

@@ -225,10 +225,6 @@ class Passage(Method):
         found = super().attributes()
         return {name: value for name, value in found.items() if name not in ("path", "rate")}
 
-    def check(self) -> None:
-        self.needs_common_period("remove it, or give exact ratios")
-        self.only_mesh_stiffness()
-
     def effort(self, mesh_frequency: Array) -> EffortEstimate:
         from gearstab.floquet.boundaries.effort import effort
         from gearstab.passage.propagator import MOST, motion

@@ -12,7 +12,8 @@ from pydantic import Field
 from gearstab.config.model.fields import Choice, Section, Whole
 from gearstab.methods.base import FEWEST, Key, OptionError, Outcome, TongueMethod
 from gearstab.results.variables import FIRST_ORDER, SECOND_ORDER, TONGUE, Variable, flagged
-from gearstab.system import Array
+from gearstab.support import ANY_LINEAR
+from gearstab.system import Array, Feature
 
 if TYPE_CHECKING:
     from gearstab.perturbation import Tongues
@@ -73,6 +74,7 @@ class Perturbation(FirstOrder):
 
     name = "perturbation"
     Options = PerturbationOptions
+    supports = ANY_LINEAR
 
     @property
     def fewest(self) -> int:
@@ -103,9 +105,10 @@ class Perturbation(FirstOrder):
         # fifty-nine. Rows that differ by their epsilons alone share them, so that an eighth of it is taken for a row.
         return super().cost() * (1 if self.options.order == 1 else 10 * self.system.size)
 
-    def check(self) -> None:
+    def check_options(self) -> None:
         if self.options.order > 1:
-            self.only_mesh_stiffness("choose order: 1, which takes these too", ("order",))
+            remedies = {Feature.PERIODIC_TERMS: "choose order: 1, which takes these too"}
+            self.require({Feature.IRRATIONAL_RATIO}, remedies, ("order",))
 
     @staticmethod
     def unite(indices: Iterable[Sequence[Key]]) -> tuple[Key, ...]:
@@ -122,17 +125,16 @@ class Uncoupled(FirstOrder):
 
     name = "uncoupled"
     Options = UncoupledOptions
+    supports = frozenset({Feature.IRRATIONAL_RATIO})
 
     def run(self, mesh_frequency: Array) -> Outcome:
         from gearstab.perturbation import uncoupled
 
         return self.outcome(uncoupled(self.system, self.options.harmonics))
 
-    def check(self) -> None:
+    def check_options(self) -> None:
         from gearstab.waveforms import Rectangular
 
-        other = [mesh.name for mesh in self.system.meshes if not isinstance(mesh.waveform, Rectangular)]
-        if other or self.system.terms:
-            names = ", ".join(other or [term.name for term in self.system.terms])
-            message = f"averages the contact ratios of rectangular waves, which {names} does not have"
+        if other := [mesh.name for mesh in self.system.meshes if not isinstance(mesh.waveform, Rectangular)]:
+            message = f"averages the contact ratios of rectangular waves, which {', '.join(other)} does not have"
             raise OptionError((), message, "use floquet instead")

@@ -13,7 +13,7 @@ from gearstab.config.model.fields import Choice, Quantity, Section
 from gearstab.errors import NotPossible
 from gearstab.methods.base import Method, OptionError, Outcome, Tolerance
 from gearstab.results.variables import REQUIRED_DAMPING, Variable, flagged
-from gearstab.system import Array
+from gearstab.system import Array, Feature
 
 if TYPE_CHECKING:
     from gearstab.floquet.frequencies import Strategy
@@ -53,6 +53,8 @@ class DampingAnalysis(Method):
     name = "required_damping"
     reused = True
     Options = RequiredDampingOptions
+    supports = frozenset({Feature.IRRATIONAL_RATIO})
+    remedies: ClassVar[Mapping[Feature, str]] = {Feature.PERIODIC_TERMS: "sweep the damping with floquet instead"}
     flag_notes: ClassVar[Mapping[str, str]] = {"beyond": "no damping up to `largest` suffices at {points}"}
 
     @cached_property
@@ -95,12 +97,11 @@ class DampingAnalysis(Method):
     def outlook(self) -> str | None:
         return self.strategy.reason if self.strategy.several else None
 
-    def check(self) -> None:
-        self.only_mesh_stiffness("sweep the damping with floquet instead")
+    def check_options(self) -> None:
         try:
             _ = self.strategy
         except NotPossible:
-            self.needs_common_period("choose per_mesh or auto", ("frequencies",))
+            self.require((), {Feature.IRRATIONAL_RATIO: "choose per_mesh or auto"}, ("frequencies",))
             raise
         if self.options.of == "factor" and self.system.damping is None:
             remedy = "give the system damping, or choose of: damping_ratio"

@@ -11,7 +11,7 @@ from gearstab.config.model.fields import Choice, NonNegative, Quantity, Section,
 from gearstab.methods.base import Method, OptionError, Outcome, Tolerance
 from gearstab.results.variables import Variable, flagged
 from gearstab.results.variables.responses import BACKLASH_SPEED_RESPONSE, SPEED_RESPONSE
-from gearstab.system import Array, GearSystem
+from gearstab.system import Array, Feature, GearSystem
 
 
 class ResponseOptions(Section):
@@ -59,6 +59,7 @@ class SteadyStateAnalysis(Method):
     name = "response"
     reused = True
     Options = ResponseOptions
+    supports = frozenset({Feature.PERIODIC_TERMS})
     flag_notes: ClassVar[Mapping[str, str]] = {
         **FLAG_NOTES,
         "unstable": "the steady state is unstable at {points}: it is not what would be seen",
@@ -92,12 +93,11 @@ class SteadyStateAnalysis(Method):
         samples = self.options.samples_per_cycle * max(1, self.system.common_period()[1][0]) / 100
         return 1000 * size**2 * samples * (1 if self.system.piecewise_constant else 10)
 
-    def check(self) -> None:
+    def check_options(self) -> None:
         if not self.system.forced:
             remedy = "remove it, or give a load (a gearbox: torques of input or outputs), forces or transmission errors"
             raise OptionError((), "nothing drives the system", remedy)
         self.check_backlash()
-        self.needs_common_period("remove it, or give exact ratios", without="periodic steady state")
 
     def check_backlash(self) -> None:
         """Raise OptionError for options of motions with backlash that do not fit."""

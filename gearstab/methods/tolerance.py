@@ -16,7 +16,7 @@ from gearstab.floquet.stability import STATUS_FLAGS
 from gearstab.methods.base import Method, Outcome, SampledMethod, Tolerance, UncertainSpeed, flat
 from gearstab.methods.floquet import Floquet, FloquetOptions
 from gearstab.results.variables import PROBABILITY, SOBOL, Variable, flagged
-from gearstab.system import Array, GearSystem
+from gearstab.system import Array, Feature, GearSystem
 
 if TYPE_CHECKING:
     from gearstab.tolerance.design import SamplingDesign
@@ -249,7 +249,7 @@ class ToleranceAnalysis(SampledMethod):
     def check(self) -> None:
         self.inner.check()
         if self.integrates:
-            self.needs_common_period("remove it, or give exact ratios", ("integrate_speed",))
+            self.require({Feature.PERIODIC_TERMS}, {}, ("integrate_speed",))
 
     def of(self, system: GearSystem) -> Method:
         """Return the same for other systems; the design goes along."""

@@ -11,7 +11,8 @@ import numpy as np
 from gearstab.design.judging import regions
 from gearstab.design.problem import Batch, Span
 from gearstab.modal import mean_modes
-from gearstab.system import Array, GearSystem
+from gearstab.support import ANY_LINEAR
+from gearstab.system import Array, Feature, GearSystem
 
 UNIFORM = 48
 """Points over a range at which growth, required damping or response are computed, besides those in regions."""
@@ -170,6 +171,13 @@ EXACT: dict[str, Callable[[Batch], Array]] = {
     for function in (instability_width, growth_rate, required_damping, load_factor, tongue_distance, root_stress)
 }
 """By name, the value of each row; NaN where there is none."""
+
+SUPPORTS: dict[str, frozenset[Feature]] = dict.fromkeys(EXACT, frozenset()) | {
+    "growth_rate": frozenset({Feature.PERIODIC_TERMS}),
+    "load_factor": frozenset({Feature.PERIODIC_TERMS}),
+    "root_stress": ANY_LINEAR,
+}
+"""By name, the features of systems for which a quantity can be computed."""
 
 
 def first_order_width(batch: Batch) -> Array:

@@ -1,0 +1,35 @@
+"""Comparison of the features of a system with those that a theory supports; the default is to refuse."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+
+from gearstab.system import Feature, GearSystem
+
+ANY_LINEAR = frozenset({Feature.PERIODIC_TERMS, Feature.IRRATIONAL_RATIO})
+"""The features of linear systems."""
+
+_MESSAGES = {
+    Feature.PERIODIC_TERMS: "supports only periodic mesh stiffness, and this system also has {terms}",
+    Feature.IRRATIONAL_RATIO: "mesh frequencies of irrational ratio have no common period",
+    Feature.FOLLOWS_ROTATION: "supports only linear systems, and the mesh stiffness of this pair follows its rotation",
+}
+_REMEDIES = {
+    Feature.PERIODIC_TERMS: "use floquet, which takes these too",
+    Feature.IRRATIONAL_RATIO: "remove it, or give exact ratios",
+    Feature.FOLLOWS_ROTATION: "set formulation: classical",
+}
+
+
+def unsupported(
+    system: GearSystem, supports: Collection[Feature], remedies: Mapping[Feature, str] | None = None
+) -> tuple[str, str] | None:
+    """Return why a theory does not apply to a system and what to do, or None if it does.
+
+    supports: the features that the theory takes. remedies: what to do about others, where the usual one does not fit.
+    """
+    for feature in Feature:
+        if feature in system.features and feature not in supports:
+            message = _MESSAGES[feature].format(terms=", ".join(term.name for term in system.terms))
+            return message, {**_REMEDIES, **(remedies or {})}[feature]
+    return None
