@@ -14,7 +14,7 @@ import os
 import signal
 import sys
 import time
-from _thread import start_new_thread
+from _thread import _local, start_new_thread
 from contextlib import contextmanager, suppress
 
 from gearstab.errors import INTERRUPTED
@@ -31,6 +31,18 @@ PAUSE = 0.01
 
 temporary: set[str] = set()
 """Files that are being written and have no final name yet."""
+
+_own = _local()
+"""Of each thread ``end``: the time at which its work is to end, see :func:`limited`."""
+
+
+class Stopped(KeyboardInterrupt):
+    """The early end of a call of the compiled kernel because another thread asked all calls to end."""
+
+
+class TimeUp(KeyboardInterrupt):
+    """The early end of work whose time is up."""
+
 
 _came = False
 """Whether a signal raised KeyboardInterrupt in :func:`raised`."""
@@ -77,12 +89,30 @@ def end_with(parent: int) -> None:
     Thread(target=watch, daemon=True).start()
 
 
+@contextmanager
+def limited(seconds: float) -> Iterator[None]:
+    """Raise TimeUp where this thread's work takes longer: in :func:`heed` and in calls of the compiled kernel."""
+    from gearstab import ckernel
+
+    outer, limit = getattr(_own, "end", float("inf")), getattr(ckernel.library, "limit", lambda _: None)
+    _own.end = min(outer, time.monotonic() + seconds)
+    limit(_own.end - time.monotonic())
+    try:
+        yield
+    finally:
+        _own.end = outer
+        limit(outer - time.monotonic())
+
+
 def heed() -> None:
-    """Raise KeyboardInterrupt if a signal did so in :func:`raised` and was not heeded.
+    """Raise TimeUp after :func:`limited`; raise KeyboardInterrupt if a signal did so in :func:`raised` without effect.
 
     Libraries may make something else of it: NumPy a TypeError that structured arrays cannot be compared, or nothing.
     """
     from threading import current_thread, main_thread
+
+    if time.monotonic() > getattr(_own, "end", float("inf")):
+        raise TimeUp
 
     if _came and current_thread() is main_thread():
         raise KeyboardInterrupt

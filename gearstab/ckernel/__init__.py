@@ -174,6 +174,17 @@ def said(ran: set[str]) -> str:
     return next((kernel for kernel in reversed(NAMES) if kernel in ran), "none")
 
 
+@contextmanager
+def stopping() -> Iterator[None]:
+    """Let all calls in all threads end early within a ``with`` block, with :class:`gearstab.interrupts.Stopped`."""
+    stop = getattr(library, "stop", lambda _: None)
+    stop(1)
+    try:
+        yield
+    finally:
+        stop(-1)
+
+
 def symmetric_eigen(matrix: Array) -> tuple[Array, Array]:
     """Eigenvalues ``(..., n)`` ascending and orthonormal eigenvectors ``(..., n, n)`` by cyclic Jacobi rotations."""
     if library is None:

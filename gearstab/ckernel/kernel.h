@@ -7,6 +7,12 @@
 
 #include <stdint.h>
 
+/* Whether the call is to return early, see module/stopping.c. Asked at least every few milliseconds of work; after a yes
+   results are not looked at. */
+int gearstab_stopped(void);
+
+#define FEW_COORDINATES 12 /* up to so many a period takes milliseconds, even of thousands of segments */
+
 enum verdict { UNSTABLE = 0, STABLE = 1, DOUBTFUL = 2 };
 
 /* Thresholds that decide verdicts; Python gives them, so that both kernels have the same: edge, discriminant and growth

@@ -232,6 +232,8 @@ INLINE vec propagate(const struct row *row, int64_t n, vec period, vec *x, vec *
         else
             for (int64_t column = 0; column < n; column++)
                 advance_pair(n, change + s * n * n, cosine, over, times, x + column * 4 * n, pair);
+        if (n > FEW_COORDINATES && gearstab_stopped())
+            break;
         if (s % RESCALE_EVERY == RESCALE_EVERY - 1 || !row->steady[s])
             scale_down(x, 4 * n * n, row->limits->large, &scale);
     }

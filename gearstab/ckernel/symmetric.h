@@ -101,7 +101,7 @@ static int symmetric(int64_t first, int64_t last, int64_t n, const double *matri
     if (!a)
         return -1;
     vec *v = a + n * n, *work = v + n * n;
-    for (int64_t k = first; k < last; k += LANES) {
+    for (int64_t k = first; k < last && !gearstab_stopped(); k += LANES) {
         int64_t count = last - k < LANES ? last - k : LANES;
         for (int64_t lane = 0; lane < LANES; lane++)
             for (int64_t i = 0; i < n * n; i++)

@@ -7,9 +7,10 @@ that kills its process again is given up and named, while all others go on.
 
 This takes joblib's own pool (``joblib.externals.loky``) and not ``joblib.Parallel(return_as="generator_unordered")``,
 with which three things would be lost. An interrupt or an error closes its generator, which kills the processes, so that
-the blocks in work are computed again; here they are finished and kept. A single job (n_jobs=1) runs in the process of
-the caller, which a block that kills its process would end; here it gets a pool of one. And joblib starts the processes
-with signals as they are, so that an interrupt from the terminal would reach them; here they are started without.
+the blocks in work are computed again; here those that end within a second are kept. A single job (n_jobs=1) runs in
+the process of the caller, which a block that kills its process would end; here it gets a pool of one. And joblib starts
+the processes with signals as they are, so that an interrupt from the terminal would reach them; here they are started
+without.
 """
 
 from __future__ import annotations
@@ -17,7 +18,6 @@ from __future__ import annotations
 import multiprocessing.resource_tracker
 import os
 import signal
-import threading
 import time
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
@@ -26,6 +26,7 @@ from dataclasses import dataclass
 from itertools import islice
 from typing import Any
 
+from gearstab import ckernel
 from gearstab.floquet.kernel import choice as kernel
 from gearstab.interrupts import end_with, heed
 from gearstab.methods import Outcome
@@ -39,7 +40,7 @@ WORTH_THREADS, WORTH_PROCESSES = 0.05, 3.0
 """Seconds of remaining work from which threads and processes (which take about a second to start) pay."""
 
 PATIENCE = 1.0
-"""Seconds after which the user is told what an interrupted sweep waits for."""
+"""Seconds that an interrupted sweep leaves to its processes for the blocks that they compute."""
 ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 """Those that keep the processes of a pool from competing for processors."""
 
@@ -69,8 +70,8 @@ def run_blocks(
 ) -> Generator[Result, None, None]:
     """Compute blocks of one method, in any order, with ``jobs`` threads or processes of this machine.
 
-    Processes write to the folder of the store. Closing the generator (or an exception in it) stops all work; blocks
-    that are being computed are finished before.
+    Processes write to the folder of the store. Closing the generator (or an exception in it) stops all work; processes
+    may finish their blocks before if that takes a second at most.
     """
     rest = list(blocks)
     seconds = 0.0
@@ -86,10 +87,10 @@ def run_blocks(
     if not rest:
         return
     if threads:
-        yield from _in_threads(plan, rest, jobs, reporter)
+        yield from _in_threads(plan, rest, jobs)
     else:
         store.open_folder()
-        yield from _in_processes(plan, rest, store, jobs, reporter)
+        yield from _in_processes(plan, rest, store, jobs)
 
 
 def attempt(plan: Plan, block: GridBlock, threads: int, taken: Outcome | None = None) -> FinishedBlock | Failure:
@@ -108,7 +109,7 @@ def attempt(plan: Plan, block: GridBlock, threads: int, taken: Outcome | None = 
     return found
 
 
-def _in_threads(plan: Plan, blocks: list[GridBlock], jobs: int, reporter: Reporter) -> Iterator[Result]:
+def _in_threads(plan: Plan, blocks: list[GridBlock], jobs: int) -> Iterator[Result]:
     each = max(1, jobs // len(blocks))
     pool = ThreadPoolExecutor(min(jobs, len(blocks)))
     try:
@@ -120,20 +121,22 @@ def _in_threads(plan: Plan, blocks: list[GridBlock], jobs: int, reporter: Report
                 if len(running) >= 2 * jobs:
                     break
             if not running:
-                return
+                break
             done, running = wait(running, return_when=FIRST_COMPLETED)
             for future in done:
                 yield future.result()
-    finally:
-        with _told_if_long(reporter):
+    except BaseException:
+        with ckernel.stopping():
             pool.shutdown(wait=True, cancel_futures=True)
+        raise
+    pool.shutdown()
 
 
-def _in_processes(plan: Plan, blocks: list[GridBlock], store: Store, jobs: int, reporter: Reporter) -> Iterator[Result]:
+def _in_processes(plan: Plan, blocks: list[GridBlock], store: Store, jobs: int) -> Iterator[Result]:
     pending = {block.key: block for block in blocks}
     while pending:
         started: dict[str, GridBlock] = {}
-        for result in _pooled(plan, list(pending.values()), store, min(jobs, len(pending)), started, reporter):
+        for result in _pooled(plan, list(pending.values()), store, min(jobs, len(pending)), started):
             del pending[_key(result)]
             yield result
         # What the pool left undone was in a process that died, or waiting; what finished unseen is in its part file.
@@ -142,7 +145,7 @@ def _in_processes(plan: Plan, blocks: list[GridBlock], store: Store, jobs: int, 
             yield part
         for key in [key for key in started if key in pending]:
             block = pending.pop(key)
-            results = list(_pooled(plan, [block], store, 1, {}, reporter))
+            results = list(_pooled(plan, [block], store, 1, {}))
             yield results[0] if results else Failure(block, None)
 
 
@@ -151,7 +154,7 @@ def _key(result: Result) -> str:
 
 
 def _pooled(
-    plan: Plan, blocks: list[GridBlock], store: Store, jobs: int, started: dict[str, GridBlock], reporter: Reporter
+    plan: Plan, blocks: list[GridBlock], store: Store, jobs: int, started: dict[str, GridBlock]
 ) -> Iterator[Result]:
     """Compute blocks in processes until all are done or a process dies; ``started`` gets those handed out."""
     from joblib.externals.loky import get_reusable_executor
@@ -187,7 +190,7 @@ def _pooled(
     finally:
         _wake()
         if not finished:
-            _end(running if store.kept else set(), pool, reporter)
+            _end(running if store.kept else set(), pool)
 
 
 def _wake() -> None:
@@ -216,31 +219,13 @@ def _quiet_trackers() -> Iterator[None]:
             os.environ[WARNINGS] = before
 
 
-def _end(running: set[Future[FinishedBlock | Failure]], pool: Any, reporter: Reporter) -> None:
-    """Let processes finish the blocks that are to be kept; without any, or after a second interrupt, end them now."""
+def _end(running: set[Future[FinishedBlock | Failure]], pool: Any) -> None:
+    """Give processes a moment to finish the blocks that are to be kept, then end them."""
     try:
-        with _told_if_long(reporter):
-            wait(running)
-    except KeyboardInterrupt:
-        running = set()
-        raise
+        wait(running, PATIENCE)
     finally:
-        if not running:
-            with interrupts_later():
-                pool.shutdown(wait=True, kill_workers=True)
-
-
-@contextmanager
-def _told_if_long(reporter: Reporter) -> Iterator[None]:
-    """Tell why it takes a while, if it does."""
-    text = "stopping: blocks that are being computed are finished first; interrupt again to stop at once"
-    timer = threading.Timer(PATIENCE, reporter.message, [text])
-    timer.daemon = True
-    timer.start()
-    try:
-        yield
-    finally:
-        timer.cancel()
+        with interrupts_later():
+            pool.shutdown(wait=True, kill_workers=True)
 
 
 @contextmanager

@@ -87,7 +87,7 @@ static int follow_pieces(const struct motion *motion, struct pieces *p, struct w
     const int64_t size = motion->size, degree = motion->degree, meshes = motion->meshes, constant = motion->order == 1;
     const double *matrices = NULL;
     int64_t fresh = 1, empty = 0; /* whether the generator is not that of this cell and contact; cells without length in a row */
-    for (run->count = 0; run->count < run->room;) {
+    for (run->count = 0; run->count < run->room && !gearstab_stopped();) {
         const double end = motion->span[2 * at->cell + 1], longest = end - at->begin;
         if (!(longest > 1e-15 * motion->period)) { /* else only rounding is left */
             next_cell(motion, at);

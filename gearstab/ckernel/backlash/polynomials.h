@@ -21,7 +21,7 @@ INLINE void side_by_side(const double *powers, int64_t stride, int64_t degree, c
 
 static void sampled(const struct polynomials *all, const int64_t *first, const double *u, double *state) {
     enum { BLOCK = SIDE_BY_SIDE * LANES };
-    for (int64_t s = 0; s < all->count; s++) {
+    for (int64_t s = 0; s < all->count && !gearstab_stopped(); s++) {
         const double *powers = all->powers + s * (all->degree + 1) * all->size;
         for (int64_t k = first[s]; k < first[s + 1]; k += BLOCK) {
             int64_t count = first[s + 1] - k < BLOCK ? first[s + 1] - k : BLOCK;
@@ -62,7 +62,7 @@ static void extremes(const struct polynomials *all, int64_t points, double *low,
     double u[MOST_POINTS + BLOCK], value[MOST_POINTS + BLOCK];
     for (int64_t i = 0; i < points + BLOCK; i++)
         u[i] = (double)i / (double)(points - 1);
-    for (int64_t s = 0; s < all->count; s++)
+    for (int64_t s = 0; s < all->count && !gearstab_stopped(); s++)
         for (int64_t i = 0; i < all->size; i++) {
             const double *powers = all->powers + s * (all->degree + 1) * all->size + i;
             for (int64_t k = 0; k < points; k += BLOCK)

@@ -362,7 +362,7 @@ static int shares(const struct conservative *exact, const struct conservative *c
     struct actors a;
     int failed = actors_new(&a, exact, coarse);
     int64_t n = exact->n, before = -1;
-    for (int64_t begin = first, end; !failed && begin < last; begin = end) {
+    for (int64_t begin = first, end; !failed && begin < last && !gearstab_stopped(); begin = end) {
         int64_t own = row[begin], counts[LANES] = {0}, which[LANES];
         for (end = begin + 1; end < last && end < begin + LANES && row[end] == own; end++)
             ;
@@ -374,7 +374,7 @@ static int shares(const struct conservative *exact, const struct conservative *c
         multipliers(&a, turns, end - begin);
         for (int64_t lane = 0; lane < LANES; lane++)
             which[lane] = -1;
-        while (next_multipliers(&a, which)) {
+        while (next_multipliers(&a, which) && !gearstab_stopped()) {
 #define SOLUTIONS(n) solutions(&a, coarse, own, n, turn + own * (n) * (n), turns, which, begin, counts)
             switch (n) {
             case 1: SOLUTIONS(1); break;

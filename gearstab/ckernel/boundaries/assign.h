@@ -92,7 +92,7 @@ static void assign(struct naming *w) {
     int64_t columns = w->roots + w->slots;
     for (int64_t j = 0; j < columns; j++)
         w->potential[j] = 0.0, w->match[j] = -1, w->state[j] = UNTOUCHED;
-    for (int64_t i = 0; i < w->slots; i++) {
+    for (int64_t i = 0; i < w->slots && !gearstab_stopped(); i++) {
         int64_t count = 0, end = -1, slot = i;
         double shortest = 0.0;
         w->given[i] = -1;

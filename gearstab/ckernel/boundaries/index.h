@@ -193,7 +193,7 @@ static void index_at(void *given, const struct conservative *p, int64_t row, dou
     double period = 2.0 * M_PI * p->cycles * cycle;
     for (int64_t i = 0; i < 4 * n * n; i++)
         room->x[i] = i % (2 * n + 1) == 0;
-    for (int64_t s = 0; s < p->segments; s++) {
+    for (int64_t s = 0; s < p->segments && !(n > FEW_COORDINATES && gearstab_stopped()); s++) {
         const double *squared = p->squared + (row * p->states + p->state[s]) * n;
         count += turn_by(squared, period * p->fractions[row * p->segments + s], n, room->rotation);
         if (s > 0)

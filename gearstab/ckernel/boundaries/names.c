@@ -321,6 +321,8 @@ static int name_row(struct naming *w, struct names *kept) {
         if (add_roots(w) || add_slots(w) || room_to_assign(w) || weigh(w))
             return -1;
         assign(w);
+        if (gearstab_stopped())
+            return -1;
     }
     return keep_names(w, kept);
 }
@@ -354,7 +356,7 @@ int gearstab_names(const struct regions *all, struct names *kept) {
     failed |= merged ? 0 : -1;
     if (!failed)
         merge(all, merged, w.begin);
-    for (int64_t first = 0, last; !failed && first < all->count; first = last) {
+    for (int64_t first = 0, last; !failed && first < all->count && !gearstab_stopped(); first = last) {
         for (last = first + 1; last < all->count && all->row[last] == all->row[first]; last++)
             ;
         w.first = first, w.last = last;

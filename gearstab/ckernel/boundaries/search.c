@@ -28,6 +28,8 @@
 /* Samples at the first `count` cycles of w->cycle, from number w->samples on; room_for_points was asked for. A step that meets
    an event loses the signs. */
 static int evaluate(struct window *w, int count) {
+    if (gearstab_stopped())
+        return -1;
     double *cycle = w->cycle, *later = cycle + count;
     int64_t n = w->n;
     while (w->blocks * BLOCK < w->samples + count)

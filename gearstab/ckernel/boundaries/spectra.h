@@ -248,7 +248,7 @@ static void spectra_at(void *given, int64_t count, const double *cycle, double *
     struct spectra *s = given;
     int64_t n = s->row.n;
     vec *x = s->room.x, *real = s->room.real, *imaginary = s->room.imaginary, *work = s->room.work;
-    for (int64_t k = 0; k < count; k += LANES) {
+    for (int64_t k = 0; k < count && !gearstab_stopped(); k += LANES) {
         vec period = s->row.cycles * load_part(cycle, k, count), magnified = all(1.0);
         vec scale = all(0.0);
         if (!interpolate(&s->room.panels, n, period, x, &magnified)) {

@@ -160,6 +160,8 @@ INLINE vec propagate_damped(const struct damped *pattern, int64_t m, int paired,
             rotate(frequency, m, cosine, sine, x, q);
             real_change(change, m, m, q, x);
         }
+        if (m > FEW_COORDINATES && gearstab_stopped())
+            break;
         if (s % RESCALE_EVERY == RESCALE_EVERY - 1 || (!paired && s + 1 == pattern->segments))
             normalise(x, m, &scale);
     }
@@ -286,7 +288,7 @@ static void flush(struct queue *queue, int64_t m, double *growth, vec *work) {
 static void multipliers_row(const struct damped *pattern, int64_t m, int64_t r, int64_t points, const double *omega,
                             double *growth, double *scale, double *multipliers, vec *x, vec *work) {
     vec *real = work + 2 * m, *imaginary = work + 3 * m;
-    for (int64_t k = 0; k < points; k += LANES) {
+    for (int64_t k = 0; k < points && !gearstab_stopped(); k += LANES) {
         vec period = pattern->cycles / load_part(omega, k, points);
         vec taken = propagate_damped(pattern, m, 0, r, period, x, work);
         vec value = largest_by_qr(x, m, work); /* leaves the eigenvalues in work */
@@ -322,7 +324,7 @@ INLINE void scan_damped_points(const struct damped *pattern, int64_t m, int smal
                                struct queue *queue, vec *x, vec *work) {
     struct spectrum spectrum[BATCH];
     const int64_t most = small ? BATCH : 1;
-    for (int64_t k = begin; k < end; k += most * LANES) {
+    for (int64_t k = begin; k < end && !gearstab_stopped(); k += most * LANES) {
         int64_t left = (end - k + LANES - 1) / LANES, count = left < most ? left : most;
         for (int64_t c = 0; c < count; c++) {
             vec period = pattern->cycles / load_part(omega, k + c * LANES, end), taken;
@@ -395,7 +397,7 @@ static int scan_damped(const struct damped *pattern, int64_t first, int64_t last
         return -1;
     vec *work = x + (matrices + 1) * m * m;
     struct queue queue = {.x = x + matrices * m * m};
-    for (int64_t r = first; r < last; r++) {
+    for (int64_t r = first; r < last && !gearstab_stopped(); r++) {
         const double *asked = omega + r * points;
         double *value = growth + r * points, *taken = scale + r * points;
         if (multipliers) {

@@ -76,6 +76,8 @@ INLINE int64_t damped_factors(const struct damped *pattern, int64_t m, int64_t r
         const double *frequency = pattern->frequency + (r * pattern->states + pattern->state[s]) * m;
         const double fraction = pattern->fractions[r * pattern->segments + s], *change = change_after(pattern, m, r, s);
         double rest = 1.0;
+        if (gearstab_stopped())
+            break;
         for (int closes = 1; closes;) {
             closes = begun < count && rest * weight[s] > left + SLIVER * share;
             double part = closes ? left / weight[s] : rest;
@@ -148,7 +150,7 @@ static int exponents_of(const struct damped *pattern, int64_t m, int64_t r, doub
         count = damped_factors(pattern, m, r, weight, count, period, room, &first, &scale);
         periodic_qr(first, count, m, room->work, room->logs);
         double apart = spread_of_logs(room->logs, m, lanes), known = ALLOWANCE * FACTOR_SPREAD * (double)count;
-        if (apart <= known) {
+        if (apart <= known || gearstab_stopped()) {
             store_logs(room->logs, scale, m, lanes, logs);
             return 0;
         }
@@ -164,7 +166,7 @@ static int exponents(const struct damped *pattern, int64_t first, int64_t last, 
     struct factor_room room = {0};
     double *spread = malloc((size_t)(2 * pattern->segments) * sizeof *spread), total = 0.0;
     int failed = spread ? 0 : -1;
-    for (int64_t run = first, known = -1; !failed && run < last; run++) {
+    for (int64_t run = first, known = -1; !failed && run < last && !gearstab_stopped(); run++) {
         int64_t r = run / runs, begin = run % runs * RUN_OF_POINTS;
         int64_t end = begin + RUN_OF_POINTS < points ? begin + RUN_OF_POINTS : points;
         if (r != known)
@@ -186,7 +188,7 @@ static int graded(int64_t count, int64_t m, int64_t first, int64_t last, int64_t
     struct factor_room room = {0};
     if (factor_room_for(&room, count, m) < 0)
         return -1;
-    for (int64_t k = first; k < last; k += LANES) {
+    for (int64_t k = first; k < last && !gearstab_stopped(); k += LANES) {
         int64_t lanes = last - k < LANES ? last - k : LANES;
         vec exponent = all(0.0);
         for (int64_t s = 0; s < count; s++) {

@@ -68,7 +68,7 @@ static void reflect_rows(vec *a, int64_t m, int64_t k, int64_t count, int64_t fr
    become upper triangular but the last, which becomes Hessenberg. work (m,). */
 static void reduce_factors(vec *x, int64_t count, int64_t m, vec *work) {
     vec *v = work, beta;
-    for (int64_t j = 0; j + 1 < m; j++)
+    for (int64_t j = 0; j + 1 < m && !(m > FEW_COORDINATES && gearstab_stopped()); j++)
         for (int64_t s = 0; s < count; s++) {
             int64_t k = s + 1 < count ? j : j + 1, rows = m - k;
             if (rows < 2)
@@ -240,7 +240,7 @@ static void hessenberg_eigenvalues(vec *h, int64_t m, vec *real, vec *imaginary)
             bottom = block.lowest[lane] < bottom ? block.lowest[lane] : bottom;
             top = block.highest[lane] > top ? block.highest[lane] : top;
         }
-        if (top < 0)
+        if (top < 0 || (m > FEW_COORDINATES && gearstab_stopped()))
             return;
         vec start[3];
         first_columns(h, m, &block, start);

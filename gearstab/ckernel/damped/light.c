@@ -126,7 +126,7 @@ int gearstab_light_modes(int64_t count, int64_t n, const double *squared, const 
     if (!v)
         return 1;
     int64_t m = 2 * n;
-    for (int64_t b = 0; b < count; b++) {
+    for (int64_t b = 0; b < count && !gearstab_stopped(); b++) {
         const double *k = squared + b * n, *c = damping + b * n * n, *phi = shapes + b * n * n;
         number *value = (number *)values + b * m, *x = (number *)vectors + b * m * m, *y = (number *)inverse + b * m * m;
         found[b] = 1;

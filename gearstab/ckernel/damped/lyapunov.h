@@ -304,7 +304,7 @@ INLINE vec pieces_of(const double *decay, int64_t m, double fraction, vec period
 INLINE void backwards(const struct damped *pattern, const double *weight, int64_t m, int64_t r, vec period, vec rate,
                       const struct lyapunov *settings, const struct lyapunov_room *room, vec radius[2]) {
     vec *p = room->p, *x = room->x, *cosine = room->cosine, *sine = room->sine;
-    for (int64_t s = pattern->segments - 1; s >= 0; s--) {
+    for (int64_t s = pattern->segments - 1; s >= 0 && !gearstab_stopped(); s--) {
         const int64_t state = r * pattern->states + pattern->state[s];
         const double fraction = pattern->fractions[r * pattern->segments + s];
         const double *change = change_after(pattern, m, r, s), *added = weight + state * m * m;
@@ -376,7 +376,7 @@ static int radii(const struct damped *pattern, const double *weight, const struc
                  int64_t last, const int64_t *row, const double *cycle, const double *growth, double *radius) {
     struct lyapunov_room room;
     int failed = lyapunov_room_new(&room, pattern->m, settings->unknowns);
-    for (int64_t k = first, count; k < last && !failed; k += count) {
+    for (int64_t k = first, count; k < last && !failed && !gearstab_stopped(); k += count) {
         count = together(row, k, last);
         vec period = pattern->cycles * load_part(cycle + k, 0, count), grown = load_part(growth + k, 0, count), found[2];
         switch (pattern->m) {

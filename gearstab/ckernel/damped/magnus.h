@@ -66,7 +66,7 @@ INLINE void matrix_exponential(vec *a, int64_t m, vec *e, vec *work) {
 /* x (m, m) after all steps, and the logarithm of what was taken out of it; work (7, m, m). */
 INLINE vec magnus_steps(const struct steps *of, int64_t m, vec period, vec *x, vec *work) {
     vec scale = all(0.0), *a = work, *e = work + m * m;
-    for (int64_t s = 0; s < of->count; s++) {
+    for (int64_t s = 0; s < of->count && !(s % RESCALE_EVERY == 0 && gearstab_stopped()); s++) {
         const double *c = of->coefficients + s * POWERS_OF_STEP * m * m;
         vec step = of->length[s] * period, taken = of->growth[s] * step;
         for (int64_t i = 0; i < m * m; i++) {
@@ -93,7 +93,7 @@ static int magnus(const struct steps *of, int64_t first, int64_t last, const dou
     vec *x = vectors(7 * m * m, &memory);
     if (!x)
         return -1;
-    for (int64_t k = first; k < last; k += LANES) {
+    for (int64_t k = first; k < last && !gearstab_stopped(); k += LANES) {
         int64_t count = last - k < LANES ? last - k : LANES;
         vec asked = load_part(period + k, 0, count), taken;
         for (int64_t lane = 0; lane < LANES; lane++)
@@ -121,7 +121,7 @@ static int eigenvalues(int64_t first, int64_t last, int64_t m, const double *mat
     if (!x)
         return -1;
     vec *real = x + m * m, *imaginary = real + m, *work = imaginary + m;
-    for (int64_t k = first; k < last; k += LANES) {
+    for (int64_t k = first; k < last && !gearstab_stopped(); k += LANES) {
         int64_t count = last - k < LANES ? last - k : LANES;
         int known[LANES];
         for (int64_t lane = 0; lane < LANES; lane++) {

@@ -315,7 +315,7 @@ static void periodic_qr(vec *x, int64_t count, int64_t m, vec *work, double *log
             }
             include(first_column_of_product(x, count, m, &block, lane, start) ? &shifted : &plain, &block, lane);
         }
-        if (shifted.top < 0 && plain.top < 0)
+        if ((shifted.top < 0 && plain.top < 0) || gearstab_stopped())
             return;
         if (shifted.top >= 0)
             sweep_factors(x, count, m, &shifted, start);

@@ -21,7 +21,7 @@ static int products(const struct damped *pattern, int64_t first, int64_t last, c
     vec *x = scattered_room(m, &memory);
     if (!x)
         return -1;
-    for (int64_t k = first, count; k < last; k += count) {
+    for (int64_t k = first, count; k < last && !gearstab_stopped(); k += count) {
         count = together(row, k, last);
         vec period = pattern->cycles * load_part(cycle + k, 0, count);
         vec taken = propagate_damped(pattern, m, 0, row[k], period, x, x + m * m);
@@ -64,7 +64,7 @@ static int moduli(const struct damped *pattern, int64_t first, int64_t last, con
     vec *x = scattered_room(m, &memory);
     if (!x)
         return -1;
-    for (int64_t k = first, count; k < last; k += count) {
+    for (int64_t k = first, count; k < last && !gearstab_stopped(); k += count) {
         count = together(row, k, last);
         vec period = pattern->cycles * load_part(cycle + k, 0, count), *work = x + m * m;
         switch (goes_in_pairs(pattern, row[k]) ? m : 0) {

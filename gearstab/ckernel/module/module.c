@@ -81,10 +81,10 @@ static PyObject *py_scan(PyObject *self, PyObject *arguments) {
                           (b.view[7].len == 0 || FITS(&b.view[7], 16, rows, points, n)) &&
                           (b.view[8].len == 0 || FITS(&b.view[8], 8, rows, points));
     if (fit) {
-        Py_BEGIN_ALLOW_THREADS
+        begin_call();
         failed = level->scan(&pattern, first, last, points, b.view[4].buf, b.view[5].buf, b.view[6].buf,
                              wanted(&b.view[7]), wanted(&b.view[8]));
-        Py_END_ALLOW_THREADS
+        end_call();
     }
     return finish(&b, fit, failed);
 }
@@ -106,9 +106,9 @@ static PyObject *py_monodromy(PyObject *self, PyObject *arguments) {
                           FITS(&b.view[6], 8, points, 2, n, 2, n) && FITS(&b.view[7], 8, points) &&
                           indices_within(&b.view[4], points, rows);
     if (fit) {
-        Py_BEGIN_ALLOW_THREADS
+        begin_call();
         failed = level->monodromy(&pattern, first, last, b.view[4].buf, b.view[5].buf, b.view[6].buf, b.view[7].buf);
-        Py_END_ALLOW_THREADS
+        end_call();
     }
     return finish(&b, fit, failed);
 }
@@ -128,9 +128,9 @@ static PyObject *py_traces(PyObject *self, PyObject *arguments) {
     int failed = 0, fit = level && set_conservative(&pattern, rows, segments, states, n, b.view) && first >= 0 &&
                           last <= rows && FITS(&b.view[4], 8, rows, points) && FITS(&b.view[5], 16, rows, points, n);
     if (fit) {
-        Py_BEGIN_ALLOW_THREADS
+        begin_call();
         failed = level->traces(&pattern, first, last, points, bound, b.view[4].buf, b.view[5].buf);
-        Py_END_ALLOW_THREADS
+        end_call();
     }
     return finish(&b, fit, failed);
 }
@@ -149,9 +149,9 @@ static PyObject *py_symmetric(PyObject *self, PyObject *arguments) {
     int failed = 0, fit = level && n > 0 && FITS(&b.view[0], 8, count, n, n) && FITS(&b.view[1], 8, count, n) &&
                           FITS(&b.view[2], 8, count, n, n);
     if (fit) {
-        Py_BEGIN_ALLOW_THREADS
+        begin_call();
         failed = level->symmetric(0, count, n, b.view[0].buf, b.view[1].buf, b.view[2].buf);
-        Py_END_ALLOW_THREADS
+        end_call();
     }
     return finish(&b, fit, failed);
 }
@@ -175,9 +175,9 @@ static PyObject *py_magnus(PyObject *self, PyObject *arguments) {
                           FITS(&view[1], 8, count) && FITS(&view[2], 8, count) && FITS(&view[3], 8, points) &&
                           FITS(&view[4], 8, points, m, m) && FITS(&view[5], 8, points);
     if (fit) {
-        Py_BEGIN_ALLOW_THREADS
+        begin_call();
         failed = level->magnus(&steps, first, last, view[3].buf, view[4].buf, view[5].buf);
-        Py_END_ALLOW_THREADS
+        end_call();
     }
     return finish(&b, fit, failed);
 }
@@ -194,9 +194,9 @@ static PyObject *py_eigenvalues(PyObject *self, PyObject *arguments) {
     int failed = 0, fit = level && m > 0 && first >= 0 && last <= count && FITS(&b.view[0], 8, count, m, m) &&
                           FITS(&b.view[1], 16, count, m);
     if (fit) {
-        Py_BEGIN_ALLOW_THREADS
+        begin_call();
         failed = level->eigenvalues(first, last, m, b.view[0].buf, b.view[1].buf);
-        Py_END_ALLOW_THREADS
+        end_call();
     }
     return finish(&b, fit, failed);
 }
@@ -212,9 +212,9 @@ static PyObject *py_trace_change(PyObject *self, PyObject *arguments) {
     int fit = FITS(&b.view[0], 16, count, n) && FITS(&b.view[1], 16, count, n) && FITS(&b.view[2], 8, count) &&
               FITS(&b.view[3], 8, count);
     if (fit) {
-        Py_BEGIN_ALLOW_THREADS
+        begin_call();
         gearstab_trace_change(count, n, weight, b.view[0].buf, b.view[1].buf, b.view[2].buf, b.view[3].buf);
-        Py_END_ALLOW_THREADS
+        end_call();
     }
     return finish(&b, fit, 0);
 }
@@ -229,9 +229,9 @@ static PyObject *py_trace_condition(PyObject *self, PyObject *arguments) {
     int fit = FITS(&b.view[0], 16, count, n) && FITS(&b.view[1], 8, count) && FITS(&b.view[2], 8, count) &&
               FITS(&b.view[3], 8, count);
     if (fit) {
-        Py_BEGIN_ALLOW_THREADS
+        begin_call();
         gearstab_trace_condition(count, n, b.view[0].buf, b.view[1].buf, b.view[2].buf, b.view[3].buf);
-        Py_END_ALLOW_THREADS
+        end_call();
     }
     return finish(&b, fit, 0);
 }
@@ -253,6 +253,10 @@ static PyMethodDef METHODS[] = {
 #ifdef GEARSTAB_COUNT_PATHS
     {"paths", py_paths, METH_NOARGS, "paths(): how many points took each way since the last call."},
 #endif
+    {"stop", py_stop, METH_VARARGS,
+     "stop(change): all calls in all threads return early as long as the sum of the changes is positive."},
+    {"limit", py_limit, METH_VARARGS,
+     "limit(seconds): calls of this thread return early when so much time has passed; infinite for no limit."},
     {"levels", py_levels, METH_NOARGS, "levels(): names of the levels of vector instructions available, the best last."},
     {"sources", py_sources, METH_NOARGS, "sources(): the first sixty bits of the sources' SHA-256, see setup.py."},
     {"scan", py_scan, METH_VARARGS,

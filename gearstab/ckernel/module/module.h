@@ -11,6 +11,13 @@
 
 const struct level *level_named(const char *name);
 
+/* stopping.c: the lock of the interpreter is released between begin_call and end_call, which says whether the call was stopped
+   and raises an exception if so. */
+void begin_call(void);
+int end_call(void);
+PyObject *py_stop(PyObject *self, PyObject *arguments);
+PyObject *py_limit(PyObject *self, PyObject *arguments);
+
 /* module_rates.c */
 PyObject *py_rates(PyObject *self, PyObject *arguments);
 

@@ -52,9 +52,10 @@ PyObject *py_follow(PyObject *self, PyObject *arguments) {
     }
     int how = 0;
     if (fit) {
-        Py_BEGIN_ALLOW_THREADS
+        begin_call();
         how = level->follow(&m, &at, &run);
-        Py_END_ALLOW_THREADS
+        if (end_call())
+            how = -1;
         leave(&at, view[7].buf, view[8].buf);
     }
     if (!fit || how < 0)
@@ -80,9 +81,9 @@ PyObject *py_sampled(PyObject *self, PyObject *arguments) {
               indices_within(&view[1], count + 1, (int64_t)places + 1);
     if (fit) {
         struct polynomials all = {.count = count, .degree = degree, .size = size, .kept = kept, .powers = view[0].buf};
-        Py_BEGIN_ALLOW_THREADS
+        begin_call();
         level->sampled(&all, view[1].buf, view[2].buf, view[3].buf);
-        Py_END_ALLOW_THREADS
+        end_call();
     }
     return finish(&b, fit, 0);
 }
@@ -102,9 +103,9 @@ PyObject *py_extremes(PyObject *self, PyObject *arguments) {
               FITS(&view[0], 8, count, degree + 1, size) && FITS(&view[1], 8, count, size) && FITS(&view[2], 8, count, size);
     if (fit) {
         struct polynomials all = {.count = count, .degree = degree, .size = size, .kept = size, .powers = view[0].buf};
-        Py_BEGIN_ALLOW_THREADS
+        begin_call();
         level->extremes(&all, points, view[1].buf, view[2].buf);
-        Py_END_ALLOW_THREADS
+        end_call();
     }
     return finish(&b, fit, 0);
 }

@@ -30,9 +30,9 @@ PyObject *py_edges(PyObject *self, PyObject *arguments) {
     int64_t count = 0;
     int failed = !reach;
     if (!failed) {
-        Py_BEGIN_ALLOW_THREADS
+        begin_call();
         failed = gearstab_edges(&order, first, last, b.view[8].buf, b.view[9].buf, &edges, &count, reach);
-        Py_END_ALLOW_THREADS
+        failed |= end_call();
     }
     if (!failed)
         result = Py_BuildValue("y#y#", edges ? (const char *)edges : "", (Py_ssize_t)count * (Py_ssize_t)sizeof *edges,
@@ -66,9 +66,9 @@ PyObject *py_shares(PyObject *self, PyObject *arguments) {
         return finish(&b, 0, 0);
     struct shares kept = {0};
     int failed;
-    Py_BEGIN_ALLOW_THREADS
+    begin_call();
     failed = level->shares(&pattern, &coarse, b.view[8].buf, b.view[9].buf, first, last, b.view[10].buf, b.view[11].buf, &kept);
-    Py_END_ALLOW_THREADS
+    failed |= end_call();
     if (!failed)
         result = PyByteArray_FromStringAndSize((const char *)kept.share, (Py_ssize_t)kept.count * (Py_ssize_t)sizeof *kept.share);
     free(kept.share);
@@ -99,9 +99,9 @@ PyObject *py_names(PyObject *self, PyObject *arguments) {
         return finish(&b, 0, 0);
     struct names kept = {0};
     int failed;
-    Py_BEGIN_ALLOW_THREADS
+    begin_call();
     failed = gearstab_names(&all, &kept);
-    Py_END_ALLOW_THREADS
+    failed |= end_call();
     if (!failed)
         result = PyBytes_FromStringAndSize((const char *)kept.name, (Py_ssize_t)kept.count * (Py_ssize_t)sizeof *kept.name);
     free(kept.name);

@@ -40,9 +40,9 @@ static PyObject *py_scan_damped(PyObject *self, PyObject *arguments) {
                           last <= rows && FITS(&view[0], 8, rows, points) && FITS(&view[1], 8, rows, points) &&
                           FITS(&view[2], 8, rows, points) && (view[3].len == 0 || FITS(&view[3], 16, rows, points, m));
     if (fit) {
-        Py_BEGIN_ALLOW_THREADS
+        begin_call();
         failed = level->scan_damped(&p, first, last, points, view[0].buf, view[1].buf, view[2].buf, wanted(&view[3]));
-        Py_END_ALLOW_THREADS
+        end_call();
     }
     return finish(&b, fit, failed);
 }
@@ -63,9 +63,9 @@ static PyObject *py_moduli(PyObject *self, PyObject *arguments) {
                           last <= points && FITS(&view[0], 8, points) && FITS(&view[1], 8, points) &&
                           FITS(&view[2], 8, points, m) && indices_within(&view[0], points, rows);
     if (fit) {
-        Py_BEGIN_ALLOW_THREADS
+        begin_call();
         failed = level->moduli(&p, first, last, view[0].buf, view[1].buf, view[2].buf);
-        Py_END_ALLOW_THREADS
+        end_call();
     }
     return finish(&b, fit, failed);
 }
@@ -87,9 +87,9 @@ static PyObject *py_products(PyObject *self, PyObject *arguments) {
                           last <= points && FITS(&view[0], 8, points) && FITS(&view[1], 8, points) &&
                           FITS(&view[2], 8, points, m, m) && FITS(&view[3], 8, points) && indices_within(&view[0], points, rows);
     if (fit) {
-        Py_BEGIN_ALLOW_THREADS
+        begin_call();
         failed = level->products(&p, first, last, view[0].buf, view[1].buf, view[2].buf, view[3].buf);
-        Py_END_ALLOW_THREADS
+        end_call();
     }
     return finish(&b, fit, failed);
 }
@@ -116,9 +116,9 @@ static PyObject *py_radii(PyObject *self, PyObject *arguments) {
                           FITS(&view[2], 8, points) && FITS(&view[3], 8, points) && FITS(&view[4], 8, points, 2) &&
                           indices_within(&view[1], points, rows);
     if (fit) {
-        Py_BEGIN_ALLOW_THREADS
+        begin_call();
         failed = level->radii(&p, view[0].buf, &set, first, last, view[1].buf, view[2].buf, view[3].buf, view[4].buf);
-        Py_END_ALLOW_THREADS
+        end_call();
     }
     return finish(&b, fit, failed);
 }
@@ -139,9 +139,9 @@ static PyObject *py_exponents(PyObject *self, PyObject *arguments) {
                           FITS(&view[0], 8, rows, points) && FITS(&view[1], 16, rows, points, m) &&
                           last <= rows * ((points + RUN_OF_POINTS - 1) / RUN_OF_POINTS);
     if (fit) {
-        Py_BEGIN_ALLOW_THREADS
+        begin_call();
         failed = level->exponents(&p, first, last, points, view[0].buf, view[1].buf);
-        Py_END_ALLOW_THREADS
+        end_call();
     }
     return finish(&b, fit, failed);
 }
@@ -159,9 +159,9 @@ static PyObject *py_graded(PyObject *self, PyObject *arguments) {
     int failed = 0, fit = level && count > 0 && m > 0 && first >= 0 && last <= points &&
                           FITS(&b.view[0], 8, count, points, m, m) && FITS(&b.view[1], 16, points, m);
     if (fit) {
-        Py_BEGIN_ALLOW_THREADS
+        begin_call();
         failed = level->graded(count, m, first, last, points, b.view[0].buf, b.view[1].buf);
-        Py_END_ALLOW_THREADS
+        end_call();
     }
     return finish(&b, fit, failed);
 }
@@ -180,10 +180,10 @@ static PyObject *py_light_modes(PyObject *self, PyObject *arguments) {
                           FITS(&view[4], 16, count, 2, n, 2, n) && FITS(&view[5], 16, count, 2, n, 2, n) &&
                           FITS(&view[6], 1, count);
     if (fit) {
-        Py_BEGIN_ALLOW_THREADS
+        begin_call();
         failed = gearstab_light_modes(count, n, view[0].buf, view[1].buf, view[2].buf, view[3].buf, view[4].buf,
                                       view[5].buf, view[6].buf);
-        Py_END_ALLOW_THREADS
+        end_call();
     }
     return finish(&b, fit, failed);
 }

@@ -29,9 +29,9 @@ PyObject *py_rates(PyObject *self, PyObject *arguments) {
                         .place = view[7].buf, .rows = all, .stable = view[8].buf, .growth = view[9].buf};
     struct points kept = {0};
     int failed;
-    Py_BEGIN_ALLOW_THREADS
+    begin_call();
     failed = level->rates(&pattern, first, last, points, &to, &kept);
-    Py_END_ALLOW_THREADS
+    failed |= end_call();
     if (!failed)
         result = PyBytes_FromStringAndSize((const char *)kept.point, (Py_ssize_t)kept.count * (Py_ssize_t)sizeof *kept.point);
     free(kept.point);

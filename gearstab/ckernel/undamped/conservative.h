@@ -115,7 +115,7 @@ INLINE void scan_points(const struct row *row, int64_t n, const struct room *roo
                         int64_t begin, int64_t end, const double *omega, const struct answers *to) {
     vec s[BATCH][3];
     mask unstable[BATCH];
-    for (int64_t start = begin; start < end; start += BATCH * LANES) {
+    for (int64_t start = begin; start < end && !gearstab_stopped(); start += BATCH * LANES) {
         int64_t stop = start + BATCH * LANES < end ? start + BATCH * LANES : end;
         for (int64_t k = start, c = 0; k < stop; k += LANES, c++) {
             vec asked = load_part(omega, k, end);
@@ -189,7 +189,7 @@ static struct decision decide(int64_t n, const vec *real, const vec *imaginary, 
 
 static void scan_row_n(const struct row *row, const struct room *room, int64_t points, const double *omega,
                        const struct answers *to) {
-    for (int64_t k = 0; k < points; k += LANES) {
+    for (int64_t k = 0; k < points && !gearstab_stopped(); k += LANES) {
         vec asked = load_part(omega, k, points), value;
         vec scale = matrix_at(row, row->n, room, period_of(row, asked), k, points, to->magnified);
         vec size = general_traces(room->x, row->n, room->real, room->imaginary, room->work);
@@ -208,7 +208,7 @@ static int scan(const struct conservative *pattern, int64_t first, int64_t last,
     struct room room = {0};
     int64_t n = pattern->n;
     int failed = row_new(&row, pattern) || room_new(&room, n) || (magnified && panels_new(&room.panels, n, points));
-    for (int64_t r = first; !failed && r < last; r++) {
+    for (int64_t r = first; !failed && r < last && !gearstab_stopped(); r++) {
         row_set(&row, pattern, r);
         const double *asked = omega + r * points;
         struct answers to = {verdict + r * points, growth + r * points, rho ? rho + r * points * n * 2 : NULL,
@@ -234,7 +234,7 @@ static int monodromy(const struct conservative *pattern, int64_t first, int64_t 
     struct room room = {0};
     int64_t size = 2 * pattern->n;
     int failed = row_new(&row, pattern) || room_new(&room, pattern->n);
-    for (int64_t k = first; !failed && k < last;) {
+    for (int64_t k = first; !failed && k < last && !gearstab_stopped();) {
         int64_t count = 1; /* the next points of the same row, as many as fit */
         while (count < LANES && k + count < last && index[k + count] == index[k])
             count++;
@@ -260,9 +260,9 @@ static int traces(const struct conservative *pattern, int64_t first, int64_t las
     struct room room = {0};
     int64_t n = pattern->n;
     int failed = row_new(&row, pattern) || room_new(&room, n);
-    for (int64_t r = first; !failed && r < last; r++) {
+    for (int64_t r = first; !failed && r < last && !gearstab_stopped(); r++) {
         row_set(&row, pattern, r);
-        for (int64_t k = 0; k < points; k += LANES) {
+        for (int64_t k = 0; k < points && !gearstab_stopped(); k += LANES) {
             vec period = period_of(&row, load_part(omega + r * points, k, points));
             vec scale = propagate(&row, n, period, room.x, room.work);
             mask right = (scale == 0.0) & (largest_entry(room.x, 4 * n * n) < bound);

@@ -81,7 +81,7 @@ static double panel_fill(struct panels *panels, const struct row *row, int64_t k
     int64_t entries = 4 * row->n * row->n;
     double *coefficient = panels->panel[k].coefficient, size = 0.0;
     double half = 0.5 * panels->length, middle = panels->first + (2 * k + 1) * half;
-    for (int64_t i = 0; i < NODES; i += LANES) {
+    for (int64_t i = 0; i < NODES && !gearstab_stopped(); i += LANES) {
         vec period, *x = panels->sample + i / LANES * entries;
         for (int64_t lane = 0; lane < LANES; lane++)
             period[lane] = middle + half * panels->cosine[2 * (i + lane) + 1];

@@ -29,6 +29,8 @@ LIMITS = (
     numpy_kernel.LARGE,
 )
 """Thresholds of verdicts, the same as in the NumPy kernel: ``struct limits`` of kernel.h."""
+MOST_IN_LANES = 64
+"""Size of damped matrices whose exponents LAPACK does not find faster."""
 ENTRIES_AT_ONCE = 1 << 23
 """Entries of the changes of modes of all segments: 64 MB. Common periods may have thousands of segments."""
 
@@ -179,8 +181,10 @@ def multipliers_damped(
 
 def log_multipliers_damped(pattern: Pattern, generator: Generators, omega: Array, limit: int | None = None) -> Array:
     """ln lambda ``(r, P, m)`` of a damped pattern, however far multipliers are apart, by the periodic QR algorithm."""
-    given = _of_modes(pattern, generator)
     points, size = omega.shape[1], generator.matrix.shape[-1]
+    if size > MOST_IN_LANES:
+        return numpy_kernel.log_multipliers_damped(pattern, generator, omega, graded)
+    given = _of_modes(pattern, generator)
     logs = np.empty((*omega.shape, size), dtype=complex)
     asked = contiguous(omega)
 

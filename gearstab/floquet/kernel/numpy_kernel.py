@@ -18,7 +18,7 @@ from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
-from gearstab.floquet.kernel import damped, lyapunov
+from gearstab.floquet.kernel import damped, levels, lyapunov
 from gearstab.floquet.kernel.damped import Generators
 from gearstab.floquet.kernel.graded import log_multipliers as graded
 from gearstab.floquet.kernel.invariants import DOUBTFUL, STABLE, UNSTABLE, classify, growth_of, roots
@@ -232,12 +232,16 @@ def log_multipliers_damped(
 ) -> Array:
     """ln lambda ``(r, P, m)`` of a damped pattern; the product is formed only where that costs no digits.
 
-    of_factors: which ``graded`` serves elsewhere.
+    of_factors: which ``graded`` serves where :mod:`gearstab.floquet.kernel.levels` does not.
     """
     _, scale, values = multipliers_damped(pattern, generator, omega)
     with np.errstate(divide="ignore", invalid="ignore"):
         logs = np.log(values) + scale[..., None]
         wide = logs.real.max(axis=-1) - logs.real.min(axis=-1) > SPREAD
+    for row in np.flatnonzero(wide.any(axis=1) & generator.well_conditioned):
+        found = levels.log_multipliers(pattern, generator, row, omega[row, wide[row]])
+        logs[row, wide[row]] = found
+        wide[row, wide[row]] = np.isnan(found).any(axis=1)
     for row, points in chains(wide, pattern):
         chain, growing = damped.factors(generator, pattern, row, omega[row, points], spread=1.0)
         logs[row, points] = of_factors(chain) + growing[:, None]

@@ -5,11 +5,13 @@ from __future__ import annotations
 import os
 from collections import deque
 from collections.abc import Callable
+from contextlib import nullcontext
 from functools import cache
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
-from gearstab.ckernel import threads
+from gearstab.ckernel import stopping, threads
+from gearstab.interrupts import heed
 
 if TYPE_CHECKING:
     from concurrent.futures import ThreadPoolExecutor
@@ -24,6 +26,9 @@ LARGEST_PIECE = 2e7
 
 def in_threads(part: Callable[[int, int], None], rows: int, cost_of_row: float, limit: int | None) -> None:
     """Call part(first, last) on pieces of the rows, in as many threads as pay, of which the caller is one."""
+    from concurrent.futures import wait
+
+    heed()
     workers = min(limit or threads(), rows, int(rows * cost_of_row / WORTH_A_THREAD))
     if workers <= 1:
         part(0, rows)
@@ -42,12 +47,15 @@ def in_threads(part: Callable[[int, int], None], rows: int, cost_of_row: float, 
     helpers = [_helpers().submit(work) for _ in range(workers - 1)]
     try:
         work()
-    finally:
-        pieces.clear()
         # One that has not begun, as all threads help others or a fork has none, is not waited for.
         for helper in helpers:
             if not helper.cancel():
                 helper.result()
+    except BaseException as error:
+        pieces.clear()
+        with stopping() if isinstance(error, KeyboardInterrupt) else nullcontext():
+            wait([helper for helper in helpers if not helper.cancel()])
+        raise
 
 
 @cache

@@ -1,0 +1,88 @@
+/* How a call ends before its work is done: by a signal, by another thread, or because its time is up.
+
+   Functions of the kernel ask gearstab_stopped() in their outer loops and return at once if the answer is yes; what they have
+   computed by then is thrown away. */
+
+#include <stdatomic.h>
+#include <time.h>
+
+#include "module.h"
+
+#define INTERVAL 0.05 /* seconds between two looks at signals, which take the interpreter's lock */
+
+static atomic_int stop_all; /* how many times all calls are asked to stop */
+
+/* The call that runs in this thread. */
+static _Thread_local struct {
+    PyThreadState *thread;
+    double next, limit; /* times of the next look and of the end; infinite without an end, which outlives the call */
+    int limited, stopped;
+} call;
+
+static double now(void) {
+    struct timespec time;
+#ifdef _WIN32
+    timespec_get(&time, TIME_UTC);
+#else
+    clock_gettime(CLOCK_MONOTONIC, &time);
+#endif
+    return (double)time.tv_sec + 1e-9 * (double)time.tv_nsec;
+}
+
+void begin_call(void) {
+    call.stopped = 0;
+    call.next = now() + INTERVAL;
+    call.thread = PyEval_SaveThread();
+}
+
+static void raise_stopped(const char *name) {
+    PyObject *module = PyImport_ImportModule("gearstab.interrupts"), *type = NULL;
+    if (module)
+        type = PyObject_GetAttrString(module, name);
+    if (type)
+        PyErr_SetNone(type);
+    Py_XDECREF(type);
+    Py_XDECREF(module);
+}
+
+int end_call(void) {
+    PyEval_RestoreThread(call.thread);
+    if (call.stopped && !PyErr_Occurred())
+        raise_stopped(call.limited && now() >= call.limit ? "TimeUp" : "Stopped");
+    return call.stopped;
+}
+
+/* See kernel.h. */
+int gearstab_stopped(void) {
+    if (call.stopped || atomic_load_explicit(&stop_all, memory_order_relaxed))
+        return call.stopped = 1;
+    double time = now();
+    if (time < call.next)
+        return 0;
+    call.next = time + INTERVAL;
+    if (call.limited && time >= call.limit)
+        return call.stopped = 1;
+    PyEval_RestoreThread(call.thread);
+    call.stopped = PyErr_CheckSignals() < 0; /* does nothing outside the main thread */
+    call.thread = PyEval_SaveThread();
+    return call.stopped;
+}
+
+PyObject *py_stop(PyObject *self, PyObject *arguments) {
+    (void)self;
+    int change;
+    if (!PyArg_ParseTuple(arguments, "i", &change))
+        return NULL;
+    atomic_fetch_add(&stop_all, change);
+    Py_RETURN_NONE;
+}
+
+PyObject *py_limit(PyObject *self, PyObject *arguments) {
+    (void)self;
+    double seconds;
+    if (!PyArg_ParseTuple(arguments, "d", &seconds))
+        return NULL;
+    call.limited = seconds < 1e9;
+    call.limit = now() + seconds;
+    Py_RETURN_NONE;
+}
