@@ -26,6 +26,7 @@ $(VENV)/.locked: scripts/requirements.lock
 
 # The editable install is done again when the packaging or the C kernel changed; Python files need no install.
 $(VENV)/.installed: $(VENV)/.locked pyproject.toml setup.py $(wildcard gearstab/ckernel/*.[ch] gearstab/ckernel/*/*.[ch])
+	@$(BIN)/python scripts/compiler.py | xargs -r $(BIN)/python -m pip install -qq --disable-pip-version-check
 	@$(BIN)/python -m pip install -qq --disable-pip-version-check --no-build-isolation --no-deps --editable .
 	@$(BIN)/python scripts/kernel_note.py
 	@touch $@

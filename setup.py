@@ -1,7 +1,8 @@
-"""Build of the optional C kernel; everything else stands in pyproject.toml.
+"""Build of the C kernel; everything else stands in pyproject.toml.
 
-Without a working compiler the package installs all the same and its NumPy kernel serves, unless the environment says
-GEARSTAB_REQUIRE_KERNEL=1: then the build fails, as that of a wheel must.
+Without a C compiler that of the wheel `ziglang` is used, which scripts/compiler.py asks for. If neither works, the
+package installs without the kernel and NumPy's serves, unless the environment says GEARSTAB_REQUIRE_KERNEL=1: then the
+build fails, as that of a wheel must.
 """
 
 from __future__ import annotations
@@ -9,7 +10,10 @@ from __future__ import annotations
 import logging
 import os
 import shlex
+import sys
 import sysconfig
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from glob import glob
 from hashlib import sha256
@@ -20,6 +24,9 @@ from setuptools import Extension, setup
 from setuptools.command.build_ext import build_ext
 from setuptools.command.sdist import sdist
 from setuptools.errors import BaseError, CCompilerError
+
+sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "scripts"))
+import compiler
 
 SOURCES = sorted(glob("gearstab/ckernel/**/*.c", recursive=True))
 HEADERS = sorted(glob("gearstab/ckernel/**/*.h", recursive=True))
@@ -47,10 +54,17 @@ class BuildKernel(build_ext):
     def build_extension(self, ext: Extension) -> None:
         """Build one extension, or say why not."""
         if self.compiler.compiler_type != "msvc":
-            # Vectors are passed to inlined functions only, so that the way they are passed is nobody's concern.
-            ext.extra_compile_args = ["-O3", "-ffp-contract=fast", "-fno-math-errno", "-Wno-psabi"]
+            if zig := compiler.zig_instead_of(self.compiler.compiler_so):
+                self.compiler.set_executables(
+                    compiler_so=[*zig, "-fPIC", "-fno-sanitize=undefined", "-DNDEBUG", "-fwrapv"],
+                    linker_so=[*zig, "-shared"],
+                )
+            # Python's own flags ask for debug sections, three quarters of the library. Vectors are passed to inlined
+            # functions only, so that the convention for passing them does not matter.
+            ext.extra_compile_args = ["-O3", "-g0", "-ffp-contract=fast", "-fno-math-errno", "-Wno-psabi"]
             # After those above, as CFLAGS would not be.
             ext.extra_compile_args += shlex.split(os.environ.get("GEARSTAB_CFLAGS", ""))
+            self.compiler.compile = side_by_side(self.compiler.compile)
         try:
             super().build_extension(ext)
         except (CCompilerError, BaseError, OSError) as error:
@@ -59,9 +73,20 @@ class BuildKernel(build_ext):
                 raise
             logging.warning(
                 "gearstab: the compiled kernel was not built (%s); the NumPy kernel serves, with the same results. "
-                "Install a C compiler and the Python headers and install again for the faster one.",
+                "Install a C compiler (or ziglang) and the Python headers, and install again for the faster one.",
                 str(error).splitlines()[0] if str(error) else type(error).__name__,
             )
+
+
+def side_by_side(compile_files: Callable[..., list[str]]) -> Callable[..., list[str]]:
+    """Return a version of a compiler's ``compile`` that uses all processors, the longest files first."""
+
+    def compiled(sources: list[str], **options: Any) -> list[str]:
+        order = sorted(sources, key=lambda path: not os.path.basename(path).startswith("level_"))
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            return [path for paths in pool.map(lambda one: compile_files([one], **options), order) for path in paths]
+
+    return compiled
 
 
 class SourceDistribution(sdist):

@@ -203,6 +203,8 @@ def test_make_help_lists_every_command(root: Path) -> None:
 def source(tmp_path: Path, root: Path) -> Path:
     """A copy of the build with a C file in the kernel's place."""
     shutil.copy(root / "setup.py", tmp_path)
+    (tmp_path / "scripts").mkdir()
+    shutil.copy(root / "scripts" / "compiler.py", tmp_path / "scripts")
     kernel = tmp_path / "gearstab" / "ckernel" / "_kernel.c"
     kernel.parent.mkdir(parents=True)
     kernel.write_text(
