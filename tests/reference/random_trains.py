@@ -9,10 +9,11 @@ import numpy as np
 from tongues import inside, near_edge
 
 from gearstab.floquet import solve
-from gearstab.floquet.boundaries import Boundaries
+from gearstab.floquet.boundaries import Boundaries, boundaries
 from gearstab.modal import mean_modes
-from gearstab.system import GearSystem
+from gearstab.system import GearSystem, PeriodicTerm
 from gearstab.systems import build
+from gearstab.waveforms import Constant, Rectangular, Scaled
 
 GOLDEN = (np.sqrt(5) - 1) / 2
 ROUNDS = 40
@@ -59,6 +60,62 @@ def conservative_train(seed: int) -> tuple[GearSystem, float, float]:
     return system, max(min(start, 0.7 * stop), 1 / (1 / stop + COLLISIONS / rate)), stop
 
 
+def light_train(seed: int) -> tuple[GearSystem, float, float]:
+    """One of these trains with damping ratios of 1e-9 to 1e-2, log-uniform, of each mode or of all, and periodic terms:
+    mesh damping that follows the stiffness, friction, both, or gyroscopic terms with a drag that varies.
+    """
+    system, start, stop = conservative_train(seed)
+    rng = np.random.default_rng([4713, seed])
+    modes, n = mean_modes(system), system.size
+    w = modes.natural_frequency
+
+    def ratio(size: int = 1) -> np.ndarray:
+        return np.exp(rng.uniform(np.log(1e-9), np.log(1e-2), size))
+
+    weighted, terms, kind = system.mass @ modes.shapes, [], int(rng.integers(0, 4))
+    damping = (weighted * (2 * ratio(n if rng.random() < 0.5 else 1) * w)) @ weighted.T
+    if kind in (0, 1):
+        for m in system.meshes:
+            d = float(2 * ratio()[0] * w.min() / max(float(((modes.shapes.T @ m.direction) ** 2).sum()), 1e-3))
+            wave = Scaled(m.waveform, d, 2 * m.epsilon * d)
+            terms.append(PeriodicTerm(f"drag {m.name}", m.direction, m.direction, None, wave, m.frequency_ratio, m.lag))
+    if kind in (1, 2):
+        m, size = system.meshes[0], float(np.exp(rng.uniform(np.log(1e-3), np.log(0.2))))
+        wave = Scaled(Rectangular(rng.uniform(1.1, 1.9)), size * rng.uniform(-0.3, 0.3), size)
+        terms.append(PeriodicTerm("friction", rng.normal(size=n), m.direction, wave, None, m.frequency_ratio, 0.3))
+    if kind == 3:
+        (u, v), c, d = rng.normal(size=(2, n)), float(np.exp(rng.uniform(np.log(1e-3), np.log(0.3)))), float(ratio()[0])
+        terms += [PeriodicTerm("one", u, v, None, Constant(c)), PeriodicTerm("other", v, u, None, Constant(-c))]
+        terms.append(PeriodicTerm("drag", u, u, None, Scaled(Rectangular(1.6), d, d), lag=0.2))
+    return replace(system, damping=damping, terms=tuple(terms)), start, stop
+
+
+def light_raster(system: GearSystem, start: float, stop: float, points: int) -> np.ndarray:
+    """Mesh frequencies of a raster, of the extrema of the growth rate on it, and in and about the regions of the same
+    system without damping and terms, which its own search has counted.
+    """
+    free = boundaries(replace(system, terms=(), damping=None), start, stop)
+    near = (free.lower[:, None] + np.outer(free.upper - free.lower, np.linspace(-2, 3, 41))).ravel()
+    omega = np.unique(
+        np.concatenate([np.geomspace(start, stop, points + 2)[1:-1], near[(near > start) & (near < stop)]])
+    )
+    growth = solve(system, omega).growth_rate[0]
+    sign = np.where(growth[1:-1] <= 0, 1.0, -1.0)
+    f, left, right = sign * growth[1:-1], sign * growth[:-2], sign * growth[2:]
+    k = np.flatnonzero((f >= left) & (f >= right)) + 1
+    return np.unique(np.concatenate([omega, *_extrema(system, sign[k - 1], omega[k - 1], omega[k + 1], 1e-8)]))
+
+
+def light_contradictions(system: GearSystem, found: Boundaries, start: float, stop: float) -> tuple[int, list[float]]:
+    """How many points a raster has, and which of them contradict the regions by more than the width floor."""
+    omega = light_raster(system, start, stop, 2000)
+    unstable = solve(system, omega).stable[0] != 1
+    wrong = omega[(inside(found, 0, omega) != unstable) & ~near_edge(found, 0, omega, 1e-9)]
+    beside = 1 + found.width_floor * np.array([-1.0, 0.0, 1.0])
+    flags = [solve(system, x * beside).stable[0] != 1 for x in wrong]
+    return len(omega), [float(x) for x, (a, b, c) in zip(wrong, flags, strict=True) if b in (a, c)]
+
+
 def raster(system: GearSystem, start: float, stop: float, points: int) -> tuple[np.ndarray, np.ndarray]:
     """Mesh frequencies and growth rates, uniform in ln Omega, with all local extrema that may change sign pursued by
     golden section.
@@ -68,8 +125,13 @@ def raster(system: GearSystem, start: float, stop: float, points: int) -> tuple[
     sign = np.where(growth[1:-1] <= 0, 1.0, -1.0)
     f, left, right = sign * growth[1:-1], sign * growth[:-2], sign * growth[2:]
     k = np.flatnonzero((f >= left) & (f >= right)) + 1
-    sign, a, b = sign[k - 1], omega[k - 1], omega[k + 1]
-    found = [omega]
+    every = np.unique(np.concatenate([omega, *_extrema(system, sign[k - 1], omega[k - 1], omega[k + 1], 1e-9)]))
+    return every, solve(system, every).growth_rate[0]
+
+
+def _extrema(system: GearSystem, sign: np.ndarray, a: np.ndarray, b: np.ndarray, least: float) -> list[np.ndarray]:
+    """Mesh frequencies on the way to the maxima of sign times the growth rate, by golden section between a and b."""
+    found = []
     for _ in range(ROUNDS):
         x, y = b - GOLDEN * (b - a), a + GOLDEN * (b - a)
         if len(x) == 0:
@@ -78,10 +140,9 @@ def raster(system: GearSystem, start: float, stop: float, points: int) -> tuple[
         found += [x, y]
         a, b = np.where(fx > fy, a, x), np.where(fx > fy, y, b)
         # An extremum that has changed its sign is one no more.
-        left = (np.maximum(fx, fy) <= 0) & (b - a > 1e-9 * b)
+        left = (np.maximum(fx, fy) <= 0) & (b - a > least * b)
         a, b, sign = a[left], b[left], sign[left]
-    every = np.unique(np.concatenate(found))
-    return every, solve(system, every).growth_rate[0]
+    return found
 
 
 def missed(system: GearSystem, found: Boundaries, start: float, stop: float, points: int) -> list[float]:

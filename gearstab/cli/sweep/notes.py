@@ -35,9 +35,17 @@ HUNDREDTH = 1e-4
 """A hundredth of a per cent: less is not mentioned."""
 
 
-def proof(proved: float, counted: float) -> str:
-    """Return what the boundaries of a damped system rest on: how much of its stable mesh frequencies is proved so."""
-    rest = [(counted, "counted"), (1 - proved - counted, "neither")]
+SAMPLED = "neither: sampled where two multipliers meet, or in equal steps where status has coarse"
+"""What is said of the rest."""
+
+
+def proof(proved: float | None, counted: float | None) -> str | None:
+    """Return what boundaries rest on: how much of the stable mesh frequencies is proved so; None without boundaries, or
+    where all is counted, as it is without damping.
+    """
+    if proved is None or counted is None or counted > 1 - HUNDREDTH:
+        return None
+    rest = [(counted, "counted"), (1 - proved - counted, SAMPLED)]
     parts = [f"{percent(part)} {word}" for part, word in rest if part >= HUNDREDTH]
     return f"stable mesh frequencies: {', '.join([f'{percent(proved)} proved stable (in floating point)', *parts])}"
 

@@ -1,9 +1,9 @@
 """Boundaries of systems with periodic terms besides the mesh stiffness: friction, mesh damping that follows the
 stiffness, gyroscopic terms. Edges are zeros of the growth rate.
 
-Nothing is symplectic here and no undamped companion guides the search, but what the search of damped systems asks for
-is a chain of constant generators, x' = A_d x, symmetric or not: so the same proof and the same scan with a step set by
-damping apply (:mod:`~gearstab.floquet.boundaries.damped.search`), the damping rates being those of the mean system,
+Nothing is symplectic here, but the search of damped systems asks for no more than a chain of constant generators, x' =
+A_d x, symmetric or not: so the same proof, the same scan with a step set by damping and the same pursuit of meeting
+multipliers apply (:mod:`~gearstab.floquet.boundaries.damped.search`), the damping rates being those of the mean system,
 means of the terms included. To first order a tongue's bump in the growth rate is at least mu_p + mu_q wide whatever its
 coupling, symmetric or not, of sums or of differences of frequencies. Where a mode of the mean system is not damped
 nothing is proved, and nothing counts as counted.
@@ -21,7 +21,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gearstab.floquet.boundaries import smooth
-from gearstab.floquet.boundaries.damped.search import Limits, SearchResult, fastest, search
+from gearstab.floquet.boundaries.damped.search import Limits, SearchResult, fastest
 from gearstab.floquet.boundaries.parts import Part
 from gearstab.floquet.general.coordinates import Generator, free_rotations, generators
 from gearstab.floquet.general.solve import SLIVER, varying
@@ -122,8 +122,7 @@ def searched(system: GearSystem, limits: Limits) -> Iterator[tuple[PeriodicPart,
 
 
 def _search(own: PeriodicPart, flow: Chain, limits: Limits) -> SearchResult:
-    cycles = limits.cycles(own.part.pattern)
-    return search(flow, *cycles, limits.tolerance, limits.floor, limits.budget, None)
+    return limits.damped(flow, own.part.pattern)
 
 
 def _controlled(own: PeriodicPart, limits: Limits) -> tuple[Chain, SearchResult]:

@@ -11,11 +11,15 @@ import numpy as np
 from gearstab.perturbation.tongues import Tongue
 from gearstab.system import Array
 
-BOUNDARY_FLAGS = {"open": 1, "merged": 2, "absorbed": 4, "cut_below": 8, "cut_above": 16, "split": 32}
+BOUNDARY_FLAGS = {
+    "open": 1, "merged": 2, "absorbed": 4, "cut_below": 8, "cut_above": 16, "split": 32, "sampled": 64, "coarse": 128,
+}  # fmt: skip
 """Bits of the flags of a tongue: it has a region; that region holds other tongues too; it lies in the region of
 another tongue (its own edges are NaN); the region goes on below the lowest, above the highest mesh frequency (its
-edge is that of the range); the tongue has several regions, told apart by their occurrence. 0: closed, or narrower
-than the width floor."""
+edge is that of the range); the tongue has several regions, told apart by their occurrence; of stable mesh frequencies
+of the row some are neither proved nor counted, but sampled about all meetings of multipliers; or in equal steps only,
+so that regions and stable gaps narrower than these may be missing. Neither open nor absorbed: closed, or narrower than
+the width floor."""
 
 
 ROUNDING = 1e-9
@@ -36,6 +40,8 @@ class Boundaries:
     proved: of each row, ``(K, 2)`` stretches of Omega, disjoint and ascending, that are proved stable (in floating
         point, see :mod:`gearstab.floquet.kernel.lyapunov`). counted: those stable ones that are not, but where a count
         of collisions, or a scan with the step that damping sets, has found nothing.
+    sampled_step: ``(rows,)``, the largest distance of the samples in the rest, relative to Omega; 0 where there is no
+        rest. coarse ``(rows,)``: whether only these were looked at, and not all meetings of multipliers between them.
     """
 
     rows: int
@@ -52,6 +58,8 @@ class Boundaries:
     width_floor: float
     proved: tuple[Array, ...]
     counted: tuple[Array, ...]
+    sampled_step: Array
+    coarse: Array
     limits: tuple[float, float]
 
     @cached_property
@@ -106,6 +114,8 @@ class Boundaries:
         for same in tongues.values():
             several = np.sum(flags[same] & BOUNDARY_FLAGS["open"] > 0, axis=0) > 1
             flags[same] |= np.where((flags[same] > 0) & several, BOUNDARY_FLAGS["split"], 0).astype(np.int16)
+        rest = np.where(self.coarse, BOUNDARY_FLAGS["coarse"], BOUNDARY_FLAGS["sampled"])
+        flags |= np.where(self.sampled_step > 0, rest, 0).astype(np.int16)
         return Edges(index, edges, tolerance, flags, holder)
 
     def leading(self) -> list[tuple[Tongue, int]]:

@@ -145,20 +145,14 @@ def _conservative(division: Division, limits: Limits) -> tuple[Pattern, Search]:
 
 
 def _damped(division: Division, limits: Limits) -> tuple[Pattern, tuple[Chain, SearchResult]]:
-    free = division.without_damping()
-
     def stable(half: Pattern) -> Callable[[Array, Array], Array]:
         flow = chain(half)
         return lambda row, cycle: kernel.current().moduli(flow, row, cycle)[:, 0] <= 0
 
-    def guide(rows: Array) -> Pattern:
-        own = SteppedPeriod.of(free.subset(rows), limits)
-        return own.pattern(own.resolution)
-
     def run(pattern: Pattern) -> SearchResult:
         # A proof allows for what the steps may be wrong by.
         flow = replace(chain(exact(pattern)), rounding=max(ROUNDING, limits.tolerance))
-        return limits.damped(flow, pattern, guide)
+        return limits.damped(flow, pattern)
 
     steps = SteppedPeriod.of(division, limits)
     pattern, found, _, error = _controlled(steps, limits.tolerance, run, lambda f: f.intervals, stable)

@@ -9,7 +9,7 @@ import numpy as np
 
 from gearstab.floquet.boundaries import periodic, smooth
 from gearstab.floquet.boundaries.coverage import Coverage
-from gearstab.floquet.boundaries.damped.search import Guide, Limits, SearchResult, collisions, growing
+from gearstab.floquet.boundaries.damped.search import Limits, SearchResult, collisions, growing
 from gearstab.floquet.boundaries.intervals import Interval, Intervals, by_row
 from gearstab.floquet.boundaries.names import harmonics, labels, naming
 from gearstab.floquet.boundaries.parts import Part, RegionEdges, separated, united
@@ -44,11 +44,12 @@ def boundaries(
     too (:mod:`~gearstab.floquet.boundaries.counting.krein`; for three and more modes with a test on the speeds of the
     phases). Edges lie in brackets between a stable and an unstable point. Damped rows: Lyapunov functions prove, in
     floating point, where the system is stable and where it is not, within a budget; the rest is scanned with a step
-    set by damping (:mod:`~gearstab.floquet.boundaries.damped.search`). The result says what is proved and what is
-    counted. Where negative damping makes a mode grow by itself, be it a rigid-body mode, it is named first
-    (``self-excited``). Parts that the meshes do not couple are searched one by one and their regions united
-    (:mod:`~gearstab.floquet.boundaries.parts`). Where the mesh stiffness is smooth each part is cut into Magnus steps
-    of its own, and the tolerance of an edge contains their error (:mod:`~gearstab.floquet.boundaries.smooth`).
+    set by damping, or about all meetings of multipliers (:mod:`~gearstab.floquet.boundaries.damped.search`). The result
+    says what is proved, what is counted and with which step the rest was sampled. Where negative damping makes a mode
+    grow by itself, be it a rigid-body mode, it is named first (``self-excited``). Parts that the meshes do not couple
+    are searched one by one and their regions united (:mod:`~gearstab.floquet.boundaries.parts`). Where the mesh
+    stiffness is smooth each part is cut into Magnus steps of its own, and the tolerance of an edge contains their error
+    (:mod:`~gearstab.floquet.boundaries.smooth`).
 
     Parameters
     ----------
@@ -101,7 +102,7 @@ def _searched(
                 yield own, limits.undamped(own.pattern)
             else:
                 flow = chain(own.pattern)
-                yield own, (flow, limits.damped(flow, own.pattern, _guide(own.pattern)))
+                yield own, (flow, limits.damped(flow, own.pattern))
 
 
 def _parts(system: GearSystem, reduction: bool) -> Iterator[tuple[Part, Division | None]]:
@@ -112,11 +113,6 @@ def _parts(system: GearSystem, reduction: bool) -> Iterator[tuple[Part, Division
     for pattern in prepare(system):
         for part in separated(pattern, reduction):
             yield part, None
-
-
-def _guide(pattern: Pattern) -> Guide:
-    """Rows of a pattern without damping."""
-    return lambda rows: pattern.subset(rows).without_damping()
 
 
 @dataclass
@@ -133,6 +129,7 @@ class _Collected:
         self.regions = [RegionEdges.none()]
         self.contacts, self.evaluations = np.zeros((2, rows), dtype=np.int64)
         self.coverage = Coverage(rows, self.start, self.stop)
+        self.step, self.coarse = np.zeros(rows), np.zeros(rows, dtype=bool)
         modes = mean_modes(self.system)
         n = self.system.size
         self.squared = np.broadcast_to(modes.squared_frequency, (*self.system.batch, n)).reshape(rows, n)
@@ -174,6 +171,8 @@ class _Collected:
     def _covered(self, part: Part, found: SearchResult) -> None:
         pattern = part.pattern
         self.evaluations[pattern.rows] += found.evaluations
+        self.step[pattern.rows] = np.maximum(self.step[pattern.rows], found.step)
+        self.coarse[pattern.rows] |= found.coarse
         for k, row in enumerate(pattern.rows):
             ranges = []
             for stretches in (found.proved, found.counted):
@@ -303,6 +302,8 @@ class _Collected:
             self.floor,
             tuple(proved for proved, _ in covered),
             tuple(counted for _, counted in covered),
+            self.step,
+            self.coarse,
             (self.start, self.stop),
         )
 

@@ -53,6 +53,8 @@ STRONGEST = 12.0
 ROUNDS = 100
 MODULI, PROOF = 1.5, 10.0
 """Work of a monodromy matrix with its multipliers, and of a proof, in products of two matrices per segment."""
+SPECTRUM = 70.0
+"""Work of all eigenvalues and eigenvectors of a matrix, in such products."""
 
 
 @dataclass
@@ -153,11 +155,12 @@ class Cover:
     def sample(self, row: Array, x: Array) -> MultiplierSamples:
         """Multipliers at further points, which are kept; rows ascend."""
         found = MultiplierSamples(row, x, kernel.current().moduli(self.chain, row, np.exp(x)))
-        self._count(row, MODULI)
+        self.count(row, MODULI)
         self.samples = self.samples.joined(found)
         return found
 
-    def _count(self, row: Array, products: float) -> None:
+    def count(self, row: Array, products: float) -> None:
+        """Record evaluations at points ``(P,)`` of so many products a segment each."""
         count = np.bincount(row, minlength=len(self.work))
         self.evaluations += count
         self.work += products * len(self.chain.states) * count
@@ -174,7 +177,7 @@ class Cover:
             radius[tried] = SAFETY * kernel.current().radii(self.chain, *given)
             # One that is 0 says that not even Q is positive.
             radius[(radius == 0).any(axis=1)] = 0.0
-            self._count(found.row[tried], PROOF)
+            self.count(found.row[tried], PROOF)
         high = np.minimum(found.x + np.log1p(radius[:, 0]), self.last[found.row])
         low = np.maximum(found.x + np.log1p(-radius[:, 1]), self.first[found.row])
         kind = np.where(low < high, PROVED, FAILED)

@@ -37,8 +37,8 @@ BESIDE, INSIDE = 0.05, 0.1
 """Parts of a range by which a point to look at next must keep off the middle sample, or is kept off the outer ones."""
 SAME = 0.5
 """Squared overlap of two solutions above which they are one branch."""
-CLOSEST = 1e-5
-"""Distance down to which a change of branch is followed."""
+MOST = 8
+"""Unstable solutions of a sample that are kept, the fastest ones."""
 AT_ONCE = 256
 """Points whose Floquet vectors are computed together."""
 UNDAMPED = 1e-8
@@ -86,13 +86,20 @@ class Scan:
         self.noise = np.where(chosen & (lowest > -UNDAMPED), DAMPED_ON_CIRCLE, 0.0)
         self.order_samples()
 
-    def uniform(self, step: Array) -> None:
-        """Sample the open gaps uniformly, no farther apart than ``step`` ``(r,)``."""
-        gaps = self.opened
-        count = np.ceil(gaps.width / step[gaps.row]).astype(int) + 1
+    def uniform(self, step: Array, cell: Array) -> None:
+        """Sample the open gaps uniformly, no farther apart than ``step`` ``(r,)``; where ``cell`` ``(r,)`` is finite,
+        than that in the cycle.
+        """
+        gaps, start = self.opened, np.exp(self.opened.left)
+        length, along = np.exp(gaps.right) - start, np.isfinite(cell[gaps.row])
+        count = np.where(along, length / cell[gaps.row], gaps.width / step[gaps.row])
+        count = np.ceil(count).astype(int) + 1
         owner = np.repeat(np.arange(len(count)), count)
         number = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
-        place = gaps.left[owner] + gaps.width[owner] * (number / np.repeat(count - 1, count))
+        part = number / np.repeat(count - 1, count)
+        place = np.where(
+            along[owner], np.log(start[owner] + length[owner] * part), gaps.left[owner] + gaps.width[owner] * part
+        )
         self.add(gaps.row[owner], place)
 
     def refine(self, floor: float) -> None:
@@ -100,18 +107,28 @@ class Scan:
         for _ in range(REFINEMENTS):
             found = [_extrema(self, floor), *_corners(self, floor)]
             row, x = (np.concatenate(part) for part in zip(*found, strict=True))
-            inside = self._opened(row, x)
+            inside = self.within(row, x)
             if not inside.any():
                 break
             self.add(row[inside], x[inside])
 
-    def _opened(self, row: Array, x: Array) -> Array:
+    def partly_stable(self, row: Array, x: Array) -> Array:
+        """Whether the system is stable at any sample between the neighbours of points (row, x) ``(P,)``, samples in
+        ascending order, among these.
+        """
+        place = np.searchsorted(self.row + 1j * self.x, row + 1j * x)
+        same = np.diff(row, prepend=-1) == 0
+        before = np.where(same, np.append(0, place)[:-1], place)
+        after = np.where(np.append(same[1:], False), np.append(place, 0)[1:], place)
+        stable = np.append(0, np.cumsum(self.growth <= 0))
+        return np.asarray(stable[after + 1] > stable[before])
+
+    def within(self, row: Array, x: Array) -> Array:
         """Which points lie in open gaps."""
         gaps = self.opened
         if len(gaps.row) == 0:
             return np.zeros(len(row), dtype=bool)
-        apart = 1e4  # more than any range of x
-        k = np.searchsorted(gaps.row * apart + gaps.left, row * apart + x, side="right") - 1
+        k = np.searchsorted(gaps.row + 1j * gaps.left, row + 1j * x, side="right") - 1
         near = np.maximum(k, 0)
         return np.asarray((k >= 0) & (gaps.row[near] == row) & (x < gaps.right[near]))
 
@@ -155,9 +172,9 @@ def _corners(scan: Scan, floor: float) -> list[tuple[Array, Array]]:
         value = g[1:-2] + left * (meet - b)
     sharp = above & (meet > b) & (meet < c) & (low < SHARPNESS * (low - value)) & (c - b > floor)
     place = np.clip(meet, b + INSIDE * (c - b), c - INSIDE * (c - b))
-    pairs = np.flatnonzero((r[1:] == r[:-1]) & (g[1:] > 0) & (g[:-1] > 0) & (np.diff(x) > max(CLOSEST, floor)))
+    pairs = np.flatnonzero((r[1:] == r[:-1]) & (g[1:] > 0) & (g[:-1] > 0) & (np.diff(x) > floor))
     middle = 0.5 * (x[pairs] + x[pairs + 1])
-    pairs, middle = (part[scan._opened(r[pairs], middle)] for part in (pairs, middle))
+    pairs, middle = (part[scan.within(r[pairs], middle)] for part in (pairs, middle))
     differ = ~scan.vectors.agree(scan.cover.samples, scan.order[pairs], scan.order[pairs + 1])
     return [(r[1:-2][sharp], place[sharp]), (r[pairs[differ]], middle[differ])]
 
@@ -166,44 +183,55 @@ class _Vectors:
     """Unstable Floquet vectors at t = 0 and T/2 of samples by their positions, each found once."""
 
     def __init__(self, chain: Chain) -> None:
-        self.chain = chain
+        self.chain, most = chain, min(MOST, chain.size)
         self.slot: dict[int, int] = {}
-        self.values = np.empty((0, chain.size), dtype=complex)
-        self.unstable = np.empty((0, chain.size), dtype=bool)
-        self.start = self.middle = np.empty((0, chain.size, chain.size), dtype=complex)
+        self.known: dict[tuple[int, int], bool] = {}
+        self.values = np.empty((0, most), dtype=complex)
+        self.unstable = np.empty((0, most), dtype=bool)
+        self.start = self.middle = np.empty((0, chain.size, most), dtype=complex)
 
     def agree(self, samples: MultiplierSamples, first: Array, second: Array) -> Array:
         """Whether an unstable solution at one point is found at the other."""
-        if len(first) == 0:
-            return np.zeros(0, dtype=bool)
-        self._find(samples, [k for k in dict.fromkeys([*first.tolist(), *second.tolist()]) if k not in self.slot])
-        a, b = (np.array([self.slot[k] for k in index.tolist()]) for index in (first, second))
-        alike = np.ones((len(a), self.chain.size, self.chain.size), dtype=bool)
+        pairs = list(zip(first.tolist(), second.tolist(), strict=True))
+        fresh = [pair for pair in pairs if pair not in self.known]
+        if fresh:
+            self._find(samples, [k for k in dict.fromkeys(sum(fresh, ())) if k not in self.slot])
+            slots = np.array([[self.slot[k] for k in pair] for pair in fresh])
+            self.known |= dict(zip(fresh, self._alike(slots[:, 0], slots[:, 1]).tolist(), strict=True))
+        return np.array([self.known[pair] for pair in pairs], dtype=bool)
+
+    def _alike(self, a: Array, b: Array) -> Array:
+        """The same of places in the tables."""
+        alike = self.unstable[a][:, :, None] & self.unstable[b][:, None, :]
         for vectors in (self.start, self.middle):
-            alike &= np.abs(np.einsum("pki,pkj->pij", vectors[a].conj(), vectors[b])) ** 2 > SAME
+            alike &= np.abs(np.swapaxes(vectors[a].conj(), 1, 2) @ vectors[b]) ** 2 > SAME
         one, other = self.values[a][:, :, None], self.values[b][:, None, :]
-        opposite = (one.imag == 0) & (other.imag == 0) & (one.real * other.real < 0)
-        alike &= ~opposite & self.unstable[a][:, :, None] & self.unstable[b][:, None, :]
-        return np.asarray(alike.any(axis=(1, 2)))
+        real = one.imag == 0
+        # Two real multipliers that become a complex pair meet two more in between, and may be on the circle there.
+        apart = (real != (other.imag == 0)) | (real & (one.real * other.real < 0))
+        return np.asarray((alike & ~apart).any(axis=(1, 2)))
 
     def _find(self, samples: MultiplierSamples, wanted: list[int]) -> None:
         """Floquet vectors of further samples, the fastest first."""
         if not wanted:
             return
         at = np.array(sorted(wanted, key=lambda k: int(samples.row[k])))
+        most = self.values.shape[1]
+        tables: list[list[Array]] = [[self.values], [self.start], [self.middle], [self.unstable]]
         for step in range(0, len(at), AT_ONCE):
             k = at[step : step + AT_ONCE]
             first, second, _ = halves(self.chain, samples.row[k], np.exp(samples.x[k]))
             values, vectors = np.linalg.eig(second @ first)
-            order = np.argsort(-np.abs(values), axis=1, kind="stable")
+            order = np.argsort(-np.abs(values), axis=1, kind="stable")[:, :most]
             values = np.take_along_axis(values, order, axis=1).astype(complex)
             start = np.take_along_axis(vectors, order[:, None, :], axis=2).astype(complex)
             middle = first @ start
             middle /= np.maximum(np.linalg.norm(middle, axis=1, keepdims=True), np.finfo(float).tiny)
-            self.slot |= {int(j): len(self.values) + i for i, j in enumerate(k)}
-            unstable = np.arange(self.chain.size) < samples.outside[k][:, None]
-            for name, found in (("values", values), ("start", start), ("middle", middle), ("unstable", unstable)):
-                setattr(self, name, np.concatenate([getattr(self, name), found]))
+            unstable = np.arange(most) < samples.outside[k][:, None]
+            for table, found in zip(tables, (values, start, middle, unstable), strict=True):
+                table.append(found)
+        self.slot |= {int(k): len(self.values) + i for i, k in enumerate(at)}
+        self.values, self.start, self.middle, self.unstable = (np.concatenate(table) for table in tables)
 
 
 def halves(chain: Chain, row: Array, cycle: Array) -> tuple[Array, Array, Array]:

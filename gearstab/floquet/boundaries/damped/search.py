@@ -3,27 +3,25 @@
 1. :mod:`~gearstab.floquet.boundaries.damped.proof` covers the range with stretches on which no multiplier crosses the
    unit circle, and finds the edges between stable and unstable ones, within a budget.
 2. What it leaves open, :mod:`~gearstab.floquet.boundaries.damped.scan` samples with a step set by damping, as long as
-   the same budget allows for it. Where damping is too light for that, or a mode has none, the regions of the same
-   system without damping are a guide: to first order the growth is greatest in the middle of a tongue, whatever the
-   damping, while its edges may move outwards (see :mod:`gearstab.perturbation.damped`); g is sampled in and about each
-   of them.
+   the same budget allows for it. Where damping is too light for that, or a mode has none, all meetings of two
+   multipliers are pursued (:mod:`~gearstab.floquet.boundaries.damped.meetings`), of symmetric systems and others. Where
+   there are too many of them for the budget, it is spent on samples at equal steps, and what they miss is missed.
 3. Regions are where the growth rate is positive; every edge is a change of its sign between two points that are a
    tolerance apart.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gearstab.floquet.boundaries.damped.proof import MODULI, PROVED, Cover, cover, damping_ratio
+from gearstab.floquet.boundaries.damped.meetings import RASTER, pursue
+from gearstab.floquet.boundaries.damped.proof import MODULI, PROVED, SPECTRUM, Cover, cover, damping_ratio
 from gearstab.floquet.boundaries.damped.roots import RootBrackets, narrowed
 from gearstab.floquet.boundaries.damped.scan import STEP, Scan
 from gearstab.floquet.boundaries.intervals import Interval, Intervals, by_row
 from gearstab.floquet.boundaries.undamped import choice as undamped
-from gearstab.floquet.boundaries.undamped import search as counting
 from gearstab.floquet.boundaries.undamped.search import Search
 from gearstab.floquet.kernel import damped as general
 from gearstab.floquet.kernel.chain import Chain
@@ -31,16 +29,14 @@ from gearstab.floquet.segments.pattern import Pattern
 from gearstab.floquet.smooth.steps import Division
 from gearstab.system import Array
 
-COARSEST, FINEST = 200, 50_000
-"""Points of a scan of a row, however small or large the budget."""
-GUIDED = 100
-"""Evaluations that the search of the undamped system takes a collision, at most."""
-DENSITY = 16
-"""Samples a collision inside unstable ranges, of the system and of the undamped one."""
+COARSEST, FINEST, EQUAL = 200, 50_000, 10_000
+"""Points of a scan of a row, however small or large the budget; the last one of a scan that damping does not guide."""
+EVALUATIONS, SPECTRA = 30, 8
+"""Growth rates, and spectra, that a meeting of multipliers takes, at most: 14 to 29, and 2 to 8."""
+PURSUIT = 10.0
+"""Budgets that all meetings of a row may take."""
 NO_GROWTH = 1e-13
 """Real part of an exponent, over the root of the mean squared frequency, that rounding gives to one without decay."""
-PARTS, ASIDE = 6, 0.2
-"""Parts into which an undamped region is divided, and where g is sampled beside it, in parts of its width."""
 
 
 @dataclass(frozen=True)
@@ -52,15 +48,13 @@ class Stretches:
     stop: Array
 
 
-Guide = Callable[[Array], Pattern]
-"""Gives some rows of a pattern without damping."""
-
-
 @dataclass(frozen=True)
 class SearchResult:
     """intervals: unstable, by row and ascending cycle. evaluations ``(r,)``: monodromy matrices and proofs tried.
     proved, counted: where stability is proved, and where nothing is but the scan had the step set by damping.
-    peaks: cycles inside of each interval at which growth is largest, among samples.
+    step: ``(r,)``, relative distance of the samples elsewhere, 0 where there is nothing else. coarse ``(r,)``: whether
+    meetings of multipliers between them were not pursued. peaks: cycles inside of each interval at which growth is
+    largest, among samples.
     """
 
     intervals: Intervals
@@ -68,6 +62,8 @@ class SearchResult:
     evaluations: Array
     proved: Stretches
     counted: Stretches
+    step: Array
+    coarse: Array
 
 
 @dataclass(frozen=True)
@@ -92,40 +88,70 @@ class Limits:
         """The intervals of a conservative pattern."""
         return undamped.search(pattern, *self.cycles(pattern), self.tolerance, self.floor)
 
-    def damped(self, chain: Chain, pattern: Pattern, guide: Guide | None) -> SearchResult:
-        """Those of a damped one."""
-        return search(chain, *self.cycles(pattern), self.tolerance, self.floor, self.budget, guide)
+    def damped(self, chain: Chain, rows: Pattern | Division) -> SearchResult:
+        """Those of the chain of some rows."""
+        return search(chain, *self.cycles(rows), self.tolerance, self.floor, self.budget)
 
 
-def search(
-    chain: Chain, first: Array, last: Array, tolerance: float, floor: float, budget: float, guide: Guide | None
-) -> SearchResult:
+def search(chain: Chain, first: Array, last: Array, tolerance: float, floor: float, budget: float) -> SearchResult:
     """Intervals of positive growth of all rows between the cycles ``first`` and ``last`` ``(r,)``.
 
-    tolerance, floor: relative. budget: multiplications a row for the proof, and as many for the scan. guide: gives some
-    of the rows without damping, as a pattern.
+    tolerance, floor: relative. budget: multiplications a row for the proof, as many for the scan, and PURSUIT times as
+    many for meetings of multipliers.
     """
     if chain.values.shape[1] == 1:
         return _constant(chain, first, last)
     products = budget / chain.size**3
     found = cover(chain, np.log(first), np.log(last), tolerance, floor, products)
-    opened = found.open(floor)
-    scan, extra = Scan(found, opened), np.zeros(len(first), dtype=np.int64)
-    most = float(np.clip(products / (MODULI * len(chain.states)), COARSEST, FINEST))
-    left = np.bincount(opened.row, opened.width, minlength=len(first))
-    step = STEP * damping_ratio(chain)
-    counted = left <= most * step
-    scan.uniform(np.where(counted, np.maximum(step, np.finfo(float).tiny), np.maximum(left, floor) / COARSEST))
-    scan.settle(left > 0)
-    guided = np.flatnonzero(~counted & (GUIDED * collisions(chain, first, last) <= most))
-    if guide is not None and len(guided):
-        extra[guided] = _guided(scan, guide(guided), guided, first, last, floor)
+    scan = Scan(found, found.open(floor))
+    plan = ScanPlan.of(scan, first, last, products)
+    scan.uniform(plan.step, plan.cell)
+    scan.settle(plan.left > 0)
+    if plan.pursued.any():
+        pursue(scan, plan.cell, floor)
     scan.refine(floor)
     _narrow(scan, tolerance)
     intervals = _intervals(scan, first, last, floor)
-    chosen = opened.chosen(np.flatnonzero(counted[opened.row]))
-    counted_parts = Stretches(chosen.row, np.exp(chosen.left), np.exp(chosen.right))
-    return SearchResult(intervals, _peaks(scan, intervals), found.evaluations + extra, _proved(found), counted_parts)
+    chosen = scan.opened.chosen(np.flatnonzero(plan.counted[scan.opened.row]))
+    counted = Stretches(chosen.row, np.exp(chosen.left), np.exp(chosen.right))
+    step = np.where(plan.counted, 0.0, np.where(plan.pursued, plan.cell / first, plan.step))
+    coarse = ~(plan.counted | plan.pursued)
+    return SearchResult(intervals, _peaks(scan, intervals), found.evaluations, _proved(found), counted, step, coarse)
+
+
+@dataclass(frozen=True)
+class ScanPlan:
+    """How each row ``(r,)`` is scanned where nothing is proved.
+
+    left: how much of ln Omega that is. step: distance of samples in ln Omega, cell: that in the cycle, finite where
+    meetings are pursued. counted: whether damping sets the step.
+    """
+
+    left: Array
+    step: Array
+    cell: Array
+    counted: Array
+
+    @property
+    def pursued(self) -> Array:
+        """Whether meetings are."""
+        return np.isfinite(self.cell)
+
+    @classmethod
+    def of(cls, scan: Scan, first: Array, last: Array, products: float) -> ScanPlan:
+        """What the budget allows for."""
+        chain, opened = scan.cover.chain, scan.opened
+        left = np.bincount(opened.row, opened.width, minlength=len(first))
+        each = MODULI * len(chain.states)
+        most = float(np.clip(products / each, COARSEST, FINEST))
+        step = STEP * damping_ratio(chain)
+        counted = left <= most * step
+        meetings = np.maximum(collisions(chain, first, last), COARSEST / RASTER)
+        work = meetings * (EVALUATIONS * each + SPECTRA * (2 * len(chain.states) + SPECTRUM))
+        pursued = ~counted & (meetings * EVALUATIONS <= FINEST) & (work <= PURSUIT * products)
+        equal = np.maximum(left, np.finfo(float).tiny) / np.clip(products / (each + SPECTRUM), COARSEST, EQUAL)
+        step = np.where(counted, np.maximum(step, np.finfo(float).tiny), equal)
+        return cls(left, step, np.where(pursued, (last - first) / (RASTER * meetings), np.inf), counted)
 
 
 def _constant(chain: Chain, first: Array, last: Array) -> SearchResult:
@@ -135,8 +161,9 @@ def _constant(chain: Chain, first: Array, last: Array) -> SearchResult:
     unstable = [Interval(int(r), float(first[r]), float(last[r]), cut=(True, True)) for r in np.flatnonzero(grows)]
     proved, counted = Stretches(k, first[k], last[k]), Stretches(none.astype(int), none, none)
     return SearchResult(
-        Intervals.of(unstable), [none for _ in unstable], np.zeros(len(first), dtype=np.int64), proved, counted
-    )
+        Intervals.of(unstable), [none for _ in unstable], np.zeros(len(first), dtype=np.int64), proved, counted,
+        np.zeros(len(first)), np.zeros(len(first), dtype=bool),
+    )  # fmt: skip
 
 
 def growing(pattern: Pattern) -> Array:
@@ -164,49 +191,6 @@ def collisions(chain: Chain, first: Array, last: Array) -> Array:
     """About how many collisions of multipliers of the undamped system lie between two cycles, ``(r,)``."""
     total = np.nan_to_num(chain.frequencies).sum(axis=1)
     return (chain.frequencies.shape[1] + 1) * total * chain.cycles * (last - first)
-
-
-def _guided(scan: Scan, guide: Pattern, rows: Array, first: Array, last: Array, floor: float) -> Array:
-    """Sample rows in and about the regions of the same system without damping, and between unstable samples; the
-    evaluations of each row.
-    """
-    # Edges of a guide need no more than a tenth of the narrowest region.
-    free = undamped.search(guide, first[rows], last[rows], 0.1 * floor, floor)
-    count = counting.collisions(guide, first[rows], last[rows])
-    spacing = (last - first)[rows] / count / DENSITY
-    row, cycle = [], []
-    for i in free.intervals:
-        width = i.stop - i.start
-        inside = np.linspace(i.start, i.stop, max(PARTS, int(np.ceil(width / spacing[i.row]))) + 1)
-        row.append(np.full(len(inside) + 2, rows[i.row]))
-        cycle.append(np.concatenate([[i.start - ASIDE * width], inside, [i.stop + ASIDE * width]]))
-    for r, n in zip(rows, count, strict=True):
-        row.append(np.full(n, r))
-        cycle.append(np.linspace(first[r], last[r], n))
-    owner, place = np.concatenate(row), np.concatenate(cycle)
-    inner = (place > first[owner]) & (place < last[owner])
-    scan.add(owner[inner], np.log(place[inner]))
-    scan.settle(np.isin(np.arange(len(first)), rows))
-    limit = np.full(len(first), np.inf)
-    limit[rows] = spacing
-    scan.add(*_between(scan, limit))
-    return free.evaluations
-
-
-def _between(scan: Scan, spacing: Array) -> tuple[Array, Array]:
-    """Further points between unstable samples, so that their cycles are no farther apart than ``spacing`` ``(r,)``;
-    more where the sign changes, which may hide two further changes.
-    """
-    cycle = np.exp(scan.x)
-    width = np.diff(cycle)
-    above = np.stack([scan.growth[1:], scan.growth[:-1]]) > 0
-    limit = spacing[scan.row[1:]] * np.where(above.all(axis=0), 1.0, 0.25)
-    inside = (np.diff(scan.row) == 0) & above.any(axis=0)
-    # Samples may lie on each other, where guides have edges in common.
-    count = np.where(inside, np.maximum(np.ceil(width / limit) - 1, 0), 0).astype(int)
-    owner = np.repeat(np.arange(len(count)), count)
-    number = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count) + 1
-    return scan.row[owner], np.log(cycle[owner] + width[owner] * number / (count[owner] + 1))
 
 
 def _narrow(scan: Scan, tolerance: float) -> None:
