@@ -6,6 +6,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 import systems
+from scipy.optimize import brentq
 
 from gearstab.floquet import STATUS_FLAGS, solve
 from gearstab.floquet.frequencies import chosen, common_period, groups, lyapunov, per_mesh
@@ -255,6 +256,32 @@ class TestLyapunov:
         # Rounding of some hundred segments; records are made at other times, which moves averages by far less than
         # the interval.
         np.testing.assert_allclose(found.growth_rate, plain.growth_rate, atol=0.02 * plain.interval.max())
+
+    def test_intervals_that_contain_zero_are_undecided(self):
+        # On an edge of a region the growth is zero, well inside and outside of it is not; without damping zero decides.
+        system = train(damping_ratio=0.02)
+        inside, outside = 5.4, 7.5
+        edge = brentq(lambda omega: float(solve(system, np.array([omega])).growth_rate[0, 0]), inside, outside)
+        found = lyapunov.solve(system, np.array([inside, edge, outside]), cycles=100)
+        undecided = found.status[0] & STATUS_FLAGS["undecided"] != 0
+        np.testing.assert_array_equal(undecided, [False, True, False])
+        assert found.stable[0, [0, 2]].tolist() == [0, 1]
+        free = lyapunov.solve(train(), np.array([inside, outside]), cycles=100)
+        assert not np.any(free.status & STATUS_FLAGS["undecided"])
+
+    @pytest.mark.parametrize(
+        ("waves", "cycles"), [(None, 20), ((Fourier(np.array([0.0]), np.array([0.5])),) * 2, 4)],
+        ids=["jumps", "smooth"],
+    )  # fmt: skip
+    def test_rows_of_negative_stiffness_are_marked(self, waves, cycles):
+        epsilon = np.array([0.3, 1.4, 0.9, 2.5])
+        system = systems.train(epsilon, (1.5, 1.5), ratio=GOLDEN, waves=waves)
+        softest = system.stiffness_matrix([mesh.lowest_stiffness for mesh in system.meshes])
+        # Without a common period both meshes are at their softest at once, sooner or later.
+        expected = np.linalg.eigvalsh(softest)[:, 0] < 0
+        assert 0 < expected.sum() < 4
+        found = lyapunov.solve(system, np.array([3.0]), cycles=cycles)
+        np.testing.assert_array_equal(found.status[:, 0] & STATUS_FLAGS["negative_stiffness"] != 0, expected)
 
     def test_other_periodic_terms_are_refused(self):
         u = np.array([1.0, 0.0, 0.0])
