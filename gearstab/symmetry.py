@@ -123,11 +123,28 @@ def phase_step(system: GearSystem) -> int | None:
     return steps.pop() if len(steps) == 1 else None
 
 
+def turns(system: GearSystem) -> Array:
+    """``(meshes,)``: how many turns take the first mesh of the same gear into each; a phase step z delays it by z/N of
+    a period each. Zeros without symmetry.
+    """
+    found = np.full(len(system.meshes), -1)
+    following = [] if system.symmetry is None else _following(system.meshes, system.symmetry.turn)
+    for first in range(len(following)):
+        mesh, count = first, 0
+        while found[mesh] < 0:
+            found[mesh], mesh, count = count, following[mesh], count + 1
+    return np.maximum(found, 0)
+
+
 def _neighbours(meshes: tuple[Mesh, ...], turn: Array) -> Iterator[tuple[Mesh, Mesh]]:
     """Every mesh with the one that it becomes by a turn."""
+    return zip(meshes, (meshes[k] for k in _following(meshes, turn)), strict=True)
+
+
+def _following(meshes: tuple[Mesh, ...], turn: Array) -> list[int]:
+    """Numbers of the meshes that each becomes by a turn."""
     directions = np.stack([mesh.direction for mesh in meshes])
-    for mesh, place in zip(meshes, directions @ turn.T, strict=True):
-        yield mesh, meshes[int(np.argmin(np.abs(directions - place).max(axis=1)))]
+    return [int(np.argmin(np.abs(directions - place).max(axis=1))) for place in directions @ turn.T]
 
 
 def _alike(mesh: Mesh, other: Mesh) -> bool:

@@ -36,10 +36,12 @@ def describe(config: Config, harmonics: int | None = None) -> dict[str, Any]:
         "sweep": sweep,
         "frequency_range": _frequency_range(config),
         "unit": "" if "time" in system.dimensionless else "rad/s",
+        "per_unit": 1.0,
         "meshes": [_mesh(system, i, orders) for i in range(len(system.meshes))],
         "common_period": periods.common_period(system),
         "frequencies": periods.frequencies(config, system),
         **_modes(system),
+        "mean_system": _mean_system(system),
         "train": train.facts(config, system),
         "reductions": _reductions(system),
         "terms": [term.name for term in system.terms],
@@ -123,6 +125,18 @@ def _modes(system: GearSystem) -> dict[str, Any]:
     ]
     ((_, groups),) = partitions(modes.natural_frequency[None])
     return {"modes": listed, "equal_frequencies": [[p + 1 for p in group] for group in groups if len(group) > 1]}
+
+
+def _mean_system(system: GearSystem) -> dict[str, Any]:
+    """The motions of the mean system as a whole, which need not be those of its symmetric part."""
+    from gearstab.floquet.general.mean import mean_motions
+
+    found = mean_motions(system)
+    return {
+        "unstable": bool(found.unstable.any()),
+        "frequency": found.frequency[0].tolist(),
+        "growth_rate": found.growth_rate[0].tolist(),
+    }
 
 
 def _reductions(system: GearSystem) -> dict[str, Any]:

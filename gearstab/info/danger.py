@@ -6,14 +6,20 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from gearstab.info.tables import table
+from gearstab.perturbation.tongues import SELF_EXCITED
 
 if TYPE_CHECKING:
     from gearstab.config import Config
-    from gearstab.perturbation.ranking import RankedRegion
-    from gearstab.system import GearSystem
+    from gearstab.info.verified import OpenRegion, Trial
+    from gearstab.perturbation.ranking import RankedRegion, Ranking
+    from gearstab.perturbation.remedies import Resonance
+    from gearstab.perturbation.tongues import Tongue
+    from gearstab.system import Array, GearSystem
 
 WORTHWHILE = 0.5
-"""A phasing that leaves more than this part of a region is not mentioned."""
+"""A remedy that leaves more than this part of a region is not mentioned."""
+MOST, NEAREST = 12, 3
+"""Regions that are listed: open ones, and closed ones that are next to open."""
 
 
 def facts(config: Config, system: GearSystem, harmonics: int) -> dict[str, Any]:
@@ -22,8 +28,6 @@ def facts(config: Config, system: GearSystem, harmonics: int) -> dict[str, Any]:
     Without an axis of the mesh frequency all regions count. harmonics: at least so many are looked at.
     """
     from math import inf
-
-    from gearstab.perturbation.ranking import rank
 
     axis = next((a for a in config.axes if a.mesh_frequency is not None), None)
     low, high, unit, scale, teeth = 0.0, inf, "" if "time" in system.dimensionless else "rad/s", 1.0, 1.0
@@ -35,21 +39,90 @@ def facts(config: Config, system: GearSystem, harmonics: int) -> dict[str, Any]:
         unit = axis.typed_units or unit
         teeth = axis.mesh_frequency.factor
         scale = teeth * (scale_of(axis.typed_units, axis.units) if axis.typed_units else 1.0)
-    found = rank(system, low, high, harmonics)
-    step = planets_step(system)
     return {
         "axis": "mesh frequency" if axis is None else axis.long_name,
         "unit": unit,
         "range": None if axis is None else [low / scale, high / scale],
         "scale": scale,
         "teeth": teeth,
+        **judged(config, system, low, high, harmonics),
+    }
+
+
+def judged(config: Config, system: GearSystem, low: float, high: float, harmonics: int) -> dict[str, Any]:
+    """Return the regions between two mesh frequencies: candidates of first order, decided by exact search near them.
+
+    ``verified`` tells whether they were decided, which takes a common period that is not too long; ``scanned``, at how
+    many speeds of the range growth rates were looked at besides; ``refuted``, how many remedies of first order failed.
+    """
+    from gearstab.info import verified
+    from gearstab.perturbation.ranking import rank
+
+    found = rank(system, low, high, harmonics, MOST, MOST)
+    step, width = planets_step(system), high - low
+    decided = _decided(system, found, low, high) if verified.decidable(system) else None
+    if decided is None:
+        opened, closest, scanned = [_region(config, system, r, width, step) for r in found.open], found.closest, 0
+        count = found.opened
+    else:
+        rows, closest, scanned = decided
+        tried = MOST if verified.effort(system) <= verified.CHEAP else verified.FEW
+        opened = [_open(config, system, *row, (low, high), step, k < tried) for k, row in enumerate(rows[:MOST])]
+        count = max(found.opened - len(found.open), 0) + len(rows)
+    return {
         "harmonics": found.harmonics,
-        "open": [_region(config, system, region, high - low, step) for region in found.open],
-        "closest": [_region(config, system, region, high - low, step) for region in found.closest],
-        "number_open": found.opened,
+        "verified": decided is not None,
+        "scanned": scanned,
+        "open": opened,
+        "closest": [_region(config, system, region, width, step) for region in closest[:NEAREST]],
+        "number_open": count,
         "number_closed_by_damping": found.closed,
         "number_not_excited": found.quiet,
+        "refuted": sum(len(row["closed_by"].get("refuted", ())) for row in opened),
     }
+
+
+def _decided(
+    system: GearSystem, found: Ranking, low: float, high: float
+) -> tuple[list[tuple[OpenRegion, Tongue, Resonance | None]], tuple[RankedRegion, ...], int] | None:
+    """Exact regions in a range with the tongue each stands under, the widest there first; candidates that are closed;
+    and how many speeds were scanned for others. None where one of them could not be decided.
+    """
+    from gearstab.floquet.general.mean import mean_motions
+    from gearstab.info import verified
+    from gearstab.perturbation.remedies import strength
+
+    rows: list[tuple[OpenRegion, Tongue, Resonance | None]] = []
+    closed: list[RankedRegion] = []
+    # Where the mean system grows by itself, no tongue is what makes a speed dangerous.
+    alone = bool(mean_motions(system).unstable.any())
+    for region in () if alone else (*found.open, *found.closest):
+        half = strength(region.amplitudes.coupling) / region.tongue.frequency_ratio
+        near = verified.regions(system, *verified.window(system, region.tongue, half))
+        if near is None:
+            return None
+        own = [item for item in near if any(verified.same(t, region.tongue) for t in item.tongues)]
+        own = [item for item in own if item.lower < high and item.upper > low]
+        if not own and region.threshold > 1:
+            closed.append(region)
+        known = [row[0] for row in rows]
+        rows += [(item, region.tongue, region.amplitudes) for item in own if not _listed(item, known)]
+    scanned = verified.SPEEDS if high < float("inf") and high > low else 0
+    if scanned:
+        for item in verified.unlisted(system, low, high, [row[0] for row in rows], MOST):
+            if not _listed(item, [row[0] for row in rows]):
+                rows.append((item, item.tongues[0], None))
+    rows.sort(key=lambda row: -_inside(row[0], low, high))
+    return rows, tuple(closed), scanned
+
+
+def _listed(item: OpenRegion, known: Sequence[OpenRegion]) -> bool:
+    """Whether a region is one of the known ones, found in another window."""
+    return any(item.lower < other.upper and item.upper > other.lower for other in known)
+
+
+def _inside(item: OpenRegion, low: float, high: float) -> float:
+    return min(item.upper, high) - max(item.lower, low)
 
 
 def planets_step(system: GearSystem) -> tuple[int, int] | None:
@@ -63,44 +136,115 @@ def planets_step(system: GearSystem) -> tuple[int, int] | None:
 def _region(
     config: Config, system: GearSystem, region: RankedRegion, width: float, step: tuple[int, int] | None
 ) -> dict[str, Any]:
+    """A region as first order has it."""
     tongue, found = region.tongue, region.amplitudes
-    return {
-        "label": tongue.label,
-        "kind": tongue.kind,
-        "mesh": tongue.mesh,
-        "harmonic": tongue.harmonic,
-        "center_frequency": sum(found.frequencies) / tongue.frequency_ratio,
+    return _named(tongue) | {
         "boundary_frequency": None if region.lower != region.lower else [region.lower, region.upper],
         "endless": region.endless,
         "share_of_range": region.inside / width if width < float("inf") and width > 0 else None,
+        "center_frequency": sum(found.frequencies) / tongue.frequency_ratio,
         "growth_rate": found.growth_rate,
         "threshold": region.threshold,
-        "closed_by": remedies_of(config, system, region, step),
+        "closed_by": {"damping_ratio": found.damping_ratio} | _advice(config, system, tongue, found, step),
     }
 
 
-def remedies_of(
-    config: Config, system: GearSystem, region: RankedRegion, step: tuple[int, int] | None
+def _named(tongue: Tongue) -> dict[str, Any]:
+    names = ("label", "kind", "mesh", "harmonic", "mode_p", "mode_q", "frequency_ratio")
+    return {name: getattr(tongue, name) for name in names}
+
+
+def _open(
+    config: Config, system: GearSystem, region: OpenRegion, tongue: Tongue, amplitudes: Resonance | None,
+    span: tuple[float, float], step: tuple[int, int] | None, trying: bool,
+) -> dict[str, Any]:  # fmt: skip
+    """An exact region and, where they are tried, the remedies of first order that hold."""
+    from gearstab.info.verified import peak
+
+    width, growth = span[1] - span[0], peak(system, region)
+    trying &= tongue.kind != SELF_EXCITED
+    tried = _tried(config, system, region, growth, tongue, amplitudes, step) if trying else {}
+    return _named(tongue) | {
+        "boundary_frequency": [region.lower, region.upper],
+        "endless": False,
+        "share_of_range": _inside(region, *span) / width if width < float("inf") and width > 0 else None,
+        "center_frequency": 0.5 * (region.lower + region.upper),
+        "growth_rate": growth,
+        "threshold": None,
+        "closed_by": tried,
+    }
+
+
+def _tried(
+    config: Config, system: GearSystem, region: OpenRegion, growth: float, tongue: Tongue, amplitudes: Resonance | None,
+    step: tuple[int, int] | None,
+) -> dict[str, Any]:  # fmt: skip
+    """The remedies of a region that exact search near it confirms; ``refuted`` names the kinds of the others."""
+    from gearstab.info import verified
+
+    low, high = verified.window(system, tongue, region.width)
+    trial = verified.Trial(config, system, region, growth, tongue, min(low, region.lower), max(high, region.upper))
+    ratio = trial.damping_ratio()
+    closed: dict[str, Any] = {"damping_ratio": ratio}
+    refuted = [] if ratio is not None else ["damping_ratio"]
+    advice = _advice(config, system, tongue, amplitudes, step) if amplitudes is not None else {}
+    for kind, given in advice.items():
+        held = _held(trial, kind, given)
+        closed |= held
+        refuted += [] if held else [kind]
+    return closed | ({"refuted": refuted} if refuted else {})
+
+
+def _held(trial: Trial, kind: str, given: dict[str, Any]) -> dict[str, Any]:
+    """A remedy and the part of the region that it leaves; empty where that is more than WORTHWHILE or not decided."""
+    if kind == "sun_teeth_modulo":
+        left = {z: trial.lags(_turned(trial.system, z)) for z in given["remainders"]}
+        good = {z: part for z, part in left.items() if part is not None and part <= WORTHWHILE}
+        return {kind: given | {"remainders": list(good), "leaves": max(good.values())}} if good else {}
+    if kind == "phasing":
+        left_over = trial.phasing(given["number"], given["key"], given["value"])
+    else:
+        groups = _alike(trial.system, trial.config.parameters.get("meshes"))
+        left_over = trial.contact_ratios({i: ratio for name, ratio in given.items() for i in groups[name]})
+    if left_over is None or left_over > WORTHWHILE:
+        return {}
+    if kind == "phasing":
+        return {kind: given | {"leaves": left_over}}
+    return {kind: given, "contact_ratio_leaves": left_over}
+
+
+def _turned(system: GearSystem, step: int) -> Array:
+    """Lags to add to all meshes of a planetary gear for another phase step z; 0 for the first mesh of each gear."""
+    from gearstab.symmetry import phase_step, turns
+
+    assert system.symmetry is not None
+    present = phase_step(system) or 0
+    return turns(system) * (step - present) / system.symmetry.order
+
+
+def _advice(
+    config: Config, system: GearSystem, tongue: Tongue, found: Resonance, step: tuple[int, int] | None
 ) -> dict[str, Any]:
-    """Return the damping ratio, contact ratios, phasing or tooth numbers that close a region to first order."""
+    """Contact ratios, a phasing or tooth numbers that close a region to first order, those there are."""
     from gearstab.perturbation import remedies
 
-    found, meshes = region.amplitudes, config.parameters.get("meshes")
-    closed: dict[str, Any] = {"damping_ratio": found.damping_ratio}
+    meshes = config.parameters.get("meshes")
+    advice: dict[str, Any] = {}
     groups = _alike(system, meshes)
     ratios = remedies.contact_ratios(system, found, list(groups.values()))
-    names = {numbers[0]: name for name, numbers in groups.items()}
     if ratios:
-        closed["contact_ratio"] = {names[i]: ratio for i, ratio in ratios.items()}
+        names = {numbers[0]: name for name, numbers in groups.items()}
+        advice["contact_ratio"] = {names[i]: ratio for i, ratio in ratios.items()}
     if step is not None:
-        allowed = _excluding(system, region, step[0])
-        return closed | ({"sun_teeth_modulo": {"planets": step[0], "remainders": allowed}} if allowed else {})
+        allowed = _excluding(system, tongue, step[0])
+        return advice | ({"sun_teeth_modulo": {"planets": step[0], "remainders": allowed}} if allowed else {})
     best = remedies.phasing(found) if isinstance(meshes, list) else None
     if best is not None and best.left <= WORTHWHILE:
         key, value = _phase(meshes[best.mesh] if isinstance(meshes, list) else {}, best.shift)
+        name = system.meshes[best.mesh].name
         left = 0.0 if best.closes else best.left
-        closed["phasing"] = {"mesh": system.meshes[best.mesh].name, "key": key, "value": value, "leaves": left}
-    return closed
+        advice["phasing"] = {"mesh": name, "number": best.mesh, "key": key, "value": value, "leaves": left}
+    return advice
 
 
 def _alike(system: GearSystem, meshes: Any) -> dict[str, list[int]]:
@@ -116,14 +260,14 @@ def _phase(mesh: dict[str, Any], shift: float) -> tuple[str, float]:
     return key, round((float(mesh.get(key, 0.0)) + sense * shift) % 1.0, 9) % 1.0
 
 
-def _excluding(system: GearSystem, region: RankedRegion, planets: int) -> list[int]:
+def _excluding(system: GearSystem, tongue: Tongue, planets: int) -> list[int]:
     """Remainders of the sun's tooth number over the number of planets that exclude a region by the existence rule."""
     from gearstab.modal import mean_modes
     from gearstab.perturbation.multiple_scales import group_of, modal_rows
     from gearstab.symmetry import can_couple, deflection_types, oriented
 
     turns = deflection_types(system, oriented(system, mean_modes(system)))
-    modal, tongue = modal_rows(system), region.tongue
+    modal = modal_rows(system)
     types = [{int(turns[k]) for k in group_of(modal, mode - 1)} - {-1} for mode in (tongue.mode_p, tongue.mode_q)]
     return [
         z
@@ -135,32 +279,45 @@ def _excluding(system: GearSystem, region: RankedRegion, planets: int) -> list[i
 # ---- text
 
 
-def text(found: dict[str, Any], terms: Sequence[str] = ()) -> str:
-    """The ranked regions as a table, or what is next to open; terms: names of periodic terms, which the ranking leaves
-    out.
-    """
+def text(found: dict[str, Any], unstable: bool = False) -> str:
+    """The ranked regions as a table, or what is next to open; unstable: whether the mean system grows by itself."""
     unit, scale = found["unit"], found["scale"]
     within = "" if found["range"] is None else " from {:.6g} to {:.6g}".format(*found["range"])
     where = f"{found['axis']}{within} {unit}".strip()
-    how = f"first order, base system, harmonics up to {found['harmonics']}"
-    lines = [f"Dangerous speeds: {where} ({how})", ""]
+    lines = [f"Dangerous speeds: {where} ({_how(found)})", ""]
+    if unstable:
+        lines.append("The mean system grows by itself, see above: no change of the mesh stiffness prevents that.")
     if found["open"]:
         columns = {heading: [cell(r["closed_by"]) for r in found["open"]] for heading, cell in CLOSED_BY.items()}
         columns = {heading: cells for heading, cells in columns.items() if any(cells)}
-        more = zip(*columns.values(), strict=True)
+        more = zip(*columns.values(), strict=True) if columns else ([] for _ in found["open"])
         rows = [[*_row(region, scale), *cells] for region, cells in zip(found["open"], more, strict=True)]
         lines.append(table([*HEADER, *columns], rows))
-        lines.append("Any one of the last columns closes a region, or leaves the given part of it.")
+        sure = "" if found["verified"] else " to first order, not verified"
+        if columns:
+            lines.append(f"Any one of the last columns closes a region{sure}, or leaves the given part of it.")
+        if any(not region["closed_by"] and region["kind"] != SELF_EXCITED for region in found["open"]):
+            lines.append("Remedies were tried for the first regions only.")
         if found["number_open"] > len(found["open"]):
-            lines.append(f"and {found['number_open'] - len(found['open'])} narrower ones.")
+            lines.append(f"and {found['number_open'] - len(found['open'])} narrower ones, to first order.")
     else:
-        lines.append("No region of instability is open there.")
+        lines.append("No region of instability is open there" + ("." if found["verified"] else " to first order."))
+    if not found["open"] and not unstable:
         lines += [_next(region, scale, unit) for region in found["closest"]]
     if count := found["number_closed_by_damping"]:
-        lines.append(f"Damping closes {count} region{'s' * (count != 1)} centred there.")
-    if terms:
-        lines.append(f"These regions leave out {', '.join(terms)}; those of the tongues do not.")
+        lines.append(f"To first order damping closes {count} region{'s' * (count != 1)} centred there.")
+    if count := found["refuted"]:
+        lines.append(f"Left out: {count} remed{'ies' if count > 1 else 'y'} of first order that exact search refutes.")
     return "\n".join(lines)
+
+
+def _how(found: dict[str, Any]) -> str:
+    """How sure the list is."""
+    looked = f"harmonics up to {found['harmonics']}"
+    if not found["verified"]:
+        return f"first order, not verified, base system, {looked}"
+    scanned = f" and at {found['scanned']} speeds" if found["scanned"] else ""
+    return f"exact, searched where first order expects regions{scanned}, base system, {looked}"
 
 
 def _row(region: dict[str, Any], scale: float) -> list[str]:
@@ -176,28 +333,30 @@ def _row(region: dict[str, Any], scale: float) -> list[str]:
 def _contact_ratios(closed: dict[str, Any]) -> str:
     found = closed.get("contact_ratio", {})
     numbers = {f"{ratio:.4g}" for ratio in found.values()}
+    left = _left(closed.get("contact_ratio_leaves"))
     if len(numbers) == 1 and len(found) > 1:
-        return f"{', '.join(found)} {numbers.pop()}"
-    return ", ".join(f"{name} {ratio:.4g}" for name, ratio in found.items())
+        return f"{', '.join(found)} {numbers.pop()}{left}"
+    return ", ".join(f"{name} {ratio:.4g}" for name, ratio in found.items()) + left
+
+
+def _left(part: float | None) -> str:
+    """What a remedy leaves, "" where it closes the region."""
+    return f" ({100 * part:.2g} % left)" if part else ""
 
 
 def _phasing(closed: dict[str, Any], key: str) -> str:
     p = closed.get("phasing")
-    if p is None or p["key"] != key:
-        return ""
-    return f"{p['mesh']} {p['value']:.4g}" + (f" ({100 * p['leaves']:.0f} % left)" if p["leaves"] else "")
+    return "" if p is None or p["key"] != key else f"{p['mesh']} {p['value']:.4g}{_left(p['leaves'])}"
 
 
 def _sun_teeth(closed: dict[str, Any]) -> str:
-    if "sun_teeth_modulo" not in closed:
-        return ""
-    p = closed["sun_teeth_modulo"]
-    return f"{' or '.join(map(str, p['remainders']))} (mod {p['planets']})"
+    p = closed.get("sun_teeth_modulo")
+    return f"{' or '.join(map(str, p['remainders']))} (mod {p['planets']}){_left(p.get('leaves'))}" if p else ""
 
 
 HEADER = ("region", "mesh", "from", "to", "of the sweep", "growth rate")
 CLOSED_BY: dict[str, Callable[[dict[str, Any]], str]] = {
-    "damping ratio": lambda closed: f"{closed['damping_ratio']:.3g}",
+    "damping ratio": lambda closed: f"{closed['damping_ratio']:.3g}" if closed.get("damping_ratio") else "",
     "contact ratio": _contact_ratios,
     "phasing": lambda closed: _phasing(closed, "phasing"),
     "lag": lambda closed: _phasing(closed, "lag"),
@@ -208,5 +367,5 @@ CLOSED_BY: dict[str, Callable[[dict[str, Any]], str]] = {
 
 def _next(region: dict[str, Any], scale: float, unit: str) -> str:
     where = f"{region['center_frequency'] / scale:.6g} {unit}".strip()
-    opens = f"opens at epsilon x {region['threshold']:.3g}, or with a damping ratio below"
+    opens = f"opens, to first order, at epsilon x {region['threshold']:.3g} or with a damping ratio below"
     return f"{region['label']} at {where} {opens} {region['closed_by']['damping_ratio']:.3g}."

@@ -21,7 +21,7 @@ def report(facts: dict[str, Any], every: bool = False) -> str:
     """The facts as readable text. every: list all tongues, however many."""
     parts = [_heading, *((_train,) if facts["train"] else ()), _mesh_table, _mode_table, _reduction_text]
     texts = [part(facts) for part in parts]
-    texts.append(danger.text(facts["dangerous"], facts["terms"]))
+    texts.append(danger.text(facts["dangerous"], facts["mean_system"]["unstable"]))
     return "\n\n".join([*texts, _tongue_table(facts, every)])
 
 
@@ -46,6 +46,7 @@ def _formulation(facts: dict[str, Any]) -> list[str]:
 def _heading(facts: dict[str, Any]) -> str:
     lines = [
         facts["title"],
+        *_verdict(facts),
         "",
         f"system         {facts['kind']}, {len(facts['coordinates'])} coordinates: {', '.join(facts['coordinates'])}",
         *(f"{heading:<14} {said}" for heading, said in facts["summary"].items()),
@@ -59,6 +60,36 @@ def _heading(facts: dict[str, Any]) -> str:
     if facts["design"]:
         lines.append(f"design         {_design(facts['design'])}")
     return "\n".join(lines)
+
+
+def _verdict(facts: dict[str, Any]) -> list[str]:
+    """A line on a mean system that grows by itself, none on others."""
+    mean = facts["mean_system"]
+    if not mean["unstable"]:
+        return []
+    growth = max(mean["growth_rate"])
+    frequency = mean["frequency"][mean["growth_rate"].index(growth)]
+    one = "" if not facts["unit"] else f" {facts['unit']}"
+    return [
+        f"UNSTABLE: the mean system grows by itself, by up to {growth:.4g} e-folds per "
+        f"{'second' if facts['unit'] else 'unit of time'} at the frequency {over(frequency, facts['per_unit']):.6g}"
+        f"{one}; a variation of the mesh stiffness is not needed."
+    ]
+
+
+def _mean_lines(facts: dict[str, Any]) -> list[str]:
+    """The motions of the mean system with its terms, of which the table of modes shows the symmetric part only."""
+    if not facts["terms"]:
+        return []
+    mean = facts["mean_system"]
+    header = ["motion", heading("frequency", facts["unit"]), "growth rate"]
+    pairs = zip(mean["frequency"], mean["growth_rate"], strict=True)
+    rows = [[str(k), _text(over(w, facts["per_unit"])), f"{g:.5g}"] for k, (w, g) in enumerate(pairs, 1)]
+    return [
+        f"These are the modes of the symmetric mean system without damping; with that and the means of "
+        f"{', '.join(facts['terms'])} it moves so:",
+        table(header, rows),
+    ]
 
 
 def _design(design: dict[str, Any]) -> str:
@@ -98,6 +129,7 @@ def _gears(names: Sequence[str]) -> dict[str, list[str]]:
 
 def _mode_table(facts: dict[str, Any]) -> str:
     lines = [train.modes(facts)] if facts["train"] else _mode_lines(facts)
+    lines += _mean_lines(facts)
     equal = facts["equal_frequencies"]
     if len(equal) > FEW_GROUPS:
         listed = "; ".join(" ".join(map(str, group)) for group in equal)

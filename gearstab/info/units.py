@@ -35,6 +35,7 @@ def shown_in(facts: dict[str, Any], text: str) -> dict[str, Any]:
     ends = dangerous["range"] and [end * dangerous["scale"] / again for end in dangerous["range"]]
     return facts | {
         "unit": unit,
+        "per_unit": one,
         "modes": [mode | {"natural_frequency": over(mode["natural_frequency"], one)} for mode in facts["modes"]],
         "tongues": [t | {key: over(t[key], one) for key in OF_TONGUES if key in t} for t in facts["tongues"]],
         "dangerous": dangerous | {"unit": unit, "scale": again, "range": ends},

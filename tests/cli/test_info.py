@@ -15,9 +15,13 @@ from scenes import CONFIGS, CONFIGURATIONS, DATA
 from tongues import train
 
 from gearstab.cli import group
+from gearstab.config import load
+from gearstab.floquet import solve
+from gearstab.floquet.boundaries import boundaries
 from gearstab.info.tables import table
 from gearstab.modal import mean_modes, mesh_energy_shares, modal_damping_ratios, mode_types
 from gearstab.system import GearSystem, Mesh
+from gearstab.systems import build
 from gearstab.waveforms import Rectangular
 
 REFERENCE = json.loads((DATA / "lin_parker_2002.json").read_text())
@@ -227,26 +231,60 @@ def test_dangerous_speeds_are_ranked_in_the_unit_of_the_sweep(root: Path) -> Non
 
 def test_where_nothing_is_open_the_next_to_open_are_named(root: Path) -> None:
     found, text = dangerous(root / "configs" / "reducer.yaml")
+    assert found["verified"]
     assert found["open"] == []
     assert "No region of instability is open there." in text
     for region in found["closest"]:
         assert region["threshold"] > 1
         assert region["closed_by"]["damping_ratio"] == pytest.approx(0.01 / region["threshold"])  # that of the system
-    assert f"Damping closes {found['number_closed_by_damping']} regions" in text
+    assert f"damping closes {found['number_closed_by_damping']} regions" in text
 
 
 def test_a_phasing_that_info_names_does_what_it_says(fig3: Path) -> None:
-    """Put back into the configuration it leaves the part of the half-width that it says."""
-    found, _ = dangerous(fig3)
-    for region in found["open"][:4]:
-        remedy = region["closed_by"]["phasing"]
+    """Put back into the configuration it leaves the part of the exact width that it says, and far less than the other
+    way round.
+    """
+    found, text = dangerous(fig3)
+    advised = [region for region in found["open"] if "phasing" in region["closed_by"]]
+    assert len(advised) >= 3
+
+    def width(label: str, *options: str) -> float:
+        """That of the exact regions of a name between 0.3 and 7."""
+        system = build(load(fig3, options).parameters)
+        edges = boundaries(system, 0.3, 7.0)
+        return sum(
+            upper - lower
+            for lower, upper, members in zip(edges.lower, edges.upper, edges.members, strict=True)
+            if label in [member.label for member in members]
+        )
+
+    for region in advised:
+        remedy, label = region["closed_by"]["phasing"], region["label"]
         assert (remedy["mesh"], remedy["key"]) == ("second", "phasing")
+        assert remedy["leaves"] < 0.5
+        # Edges to 1e-7 of a speed are 1e-6 of these widths.
+        now, then = width(label), width(label, f"phasing={remedy['value']}")
+        assert then / now == pytest.approx(remedy["leaves"], abs=1e-5), label
+        assert f"second {remedy['value']:.4g} ({100 * remedy['leaves']:.2g} % left)" in text
 
-        def half_width(*options: str, label: str = region["label"]) -> float:
-            return next(t["half_width"] for t in facts(fig3, *options)["tongues"] if t["label"] == label)
 
-        changed = half_width("--set", f"phasing={remedy['value']}")
-        assert changed == pytest.approx(remedy["leaves"] * half_width(), rel=1e-9)
+def test_the_sense_of_an_advised_phasing(fig3: Path) -> None:
+    """With contact ratios that differ the best phase is no half period, so that its opposite leaves far more."""
+    options = ("--set", "meshes.0.contact_ratio=1.4", "--set", "meshes.1.contact_ratio=1.65")
+    found, _ = dangerous(fig3, *options)
+    remedy = next(r for r in found["open"] if r["label"] == "2w3")["closed_by"]["phasing"]
+    config = load(fig3, options[1::2])
+    low, high = next(r for r in found["open"] if r["label"] == "2w3")["boundary_frequency"]
+    omega = np.linspace(low - 0.3, high + 0.3, 601)
+
+    def unstable(phasing: float) -> float:
+        changed = load(fig3, (*options[1::2], f"phasing={phasing}"))
+        return float(np.mean(solve(build(changed.parameters), omega).growth_rate > 0))
+
+    before = float(np.mean(solve(build(config.parameters), omega).growth_rate > 0))
+    # 601 points tell a width of 1.2 to 0.2 %.
+    assert unstable(remedy["value"]) / before == pytest.approx(remedy["leaves"], abs=0.005)
+    assert unstable((-remedy["value"]) % 1.0) > 1.5 * unstable(remedy["value"])
 
 
 def test_the_teeth_of_the_sun_that_exclude_a_region(tmp_path: Path) -> None:

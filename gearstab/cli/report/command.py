@@ -16,8 +16,9 @@ ENDINGS = (".html", ".pdf")
 @options.config
 @click.option("-o", "--output", type=options.FILE, required=True, help="Report: .html or .pdf, one file.")
 @options.overrides
+@options.unit
 @options.quiet
-def command(config: Path, output: Path, overrides: tuple[str, ...], quiet: bool) -> None:
+def command(config: Path, output: Path, overrides: tuple[str, ...], unit: tuple[str, ...], quiet: bool) -> None:
     """Write a page on the instability of CONFIG over its operating range: what it is, what closes it, how sure that is.
 
     The range is that of the section `design`, whose best design is searched and proposed, else that of the sweep.
@@ -39,7 +40,7 @@ def command(config: Path, output: Path, overrides: tuple[str, ...], quiet: bool)
     loaded = load(config, overrides)
     if not quiet:
         warn(loaded)
-    found = page(loaded, (lambda text: None) if quiet else (lambda text: tell(f"report: {text}")))
+    found = page(loaded, (lambda text: None) if quiet else (lambda text: tell(f"report: {text}")), *unit[-1:])
     write_bytes(output, memoryview((html if ending == ".html" else pdf)(found)), content.refuse)
     if not quiet:
         tell(f"report: {output}")

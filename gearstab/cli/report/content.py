@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from math import pi
+from math import isnan
 from typing import TYPE_CHECKING, Any
 
 from gearstab.cli.report import facts
-from gearstab.cli.report.facts import State
+from gearstab.cli.report.facts import ShownSpeeds, State
 from gearstab.cli.report.page import Block, BulletList, Heading, Page, Picture, Table, Text
 from gearstab.errors import NotPossible, UserError
 from gearstab.results.units import in_brackets
@@ -22,9 +22,9 @@ LIMITS = (
     "hammers and settles to a large nonlinear vibration, which this report does not predict.",
     "Instability is parametric: it needs neither a transmission error nor an imbalance. Forced resonance, wear, "
     "lubrication, and changes of speed are not judged here.",
-    "Edges of regions are exact for this model, to 1e-9 of the mesh frequency; regions narrower than 1e-6 of it are "
-    "left out. What closes a region, and which rules explain it, comes from first-order theory: its error is of the "
-    "order of the square of the relative stiffness variation.",
+    "Edges of open regions are exact for this model, to 1e-7 of the mesh frequency; regions narrower than 1e-5 of it "
+    "are left out. What closes a region is proposed by first-order theory and listed where exact search confirms it, "
+    "unless it is called not verified. Regions that damping closes are those of first order.",
     "The required damping is one modal damping ratio for all modes. That of real gears is known to a factor of two or "
     "so.",
     "Mesh stiffness and its variation are as uncertain as their source: computed from teeth, the variation, and with "
@@ -32,23 +32,29 @@ LIMITS = (
 )
 
 
-def page(config: Config, say: Callable[[str], None]) -> Page:
-    """Compute all that the report says, and put it in order. Raises ConfigError, NotPossible."""
+def page(config: Config, say: Callable[[str], None], unit: str = "") -> Page:
+    """Compute all that the report says, what is cheap first, and put it in order.
+
+    unit: in which speeds are written, "" for that in which they were typed. Raises ConfigError, NotPossible.
+    """
     solution = _solution(config, say)
     say("instability regions")
     states = _states(config, solution)
-    blocks: list[Block] = [Text(_verdict(states[0]), strong=True)]
+    shown = _shown(config, states[0], unit)
+    blocks: list[Block] = [Text(text, strong=True) for text in (*_mean(states[0]), _verdict(states[0], shown))]
     if solution is not None:
-        blocks.append(Text(f"With the proposed design: {_verdict(states[-1])}", strong=True))
-    blocks += _range(states[0])
+        blocks.append(Text(f"With the proposed design: {_verdict(states[-1], shown)}", strong=True))
+    blocks += _range(states[0], shown)
     for state in states:
-        blocks += _regions(state)
-    blocks += _pictures(solution, states)
+        blocks += _regions(state, shown)
+    say("pictures")
+    blocks += _pictures(solution, states, shown)
     if solution is not None:
         blocks += _design(solution)
-    say("contact and uncertainty")
-    blocks += _contact(states)
-    blocks += _uncertainty(config, states[0])
+    say("contact of the teeth")
+    blocks += _contact(states, shown)
+    say("uncertainty")
+    blocks += _uncertainty(config, states[0], shown)
     blocks += _modes(states[0])
     blocks += [Heading("Assumptions and limits"), BulletList(LIMITS)]
     blocks += _provenance(config)
@@ -76,8 +82,8 @@ def _states(config: Config, solution: Solution | None) -> list[State]:
 
     if solution is None:
         system = build(config.parameters)
-        if isinstance(system, RotatingPair) or system.terms or not system.commensurate:
-            raise NotPossible("a report needs exact ratios of mesh frequencies and nothing periodic but mesh stiffness")
+        if isinstance(system, RotatingPair) or not system.commensurate:
+            raise NotPossible("a report needs a linear system and exact ratios of mesh frequencies")
         return [facts.state_of("given", system, _spans(config), config)]
     found = []
     for word, design in (("given", solution.problem.given[0]), ("proposed", solution.optimum)):
@@ -101,69 +107,114 @@ def _spans(config: Config) -> tuple[Any, ...]:
     raise ConfigError([config.problem(("sweep",), "needs_other", "a report needs an operating range", hint)])
 
 
-def _verdict(state: State) -> str:
+def _shown(config: Config, state: State, unit: str) -> ShownSpeeds:
+    """How speeds are written: of the input in rpm where the range is one of it, in the unit typed or asked for.
+
+    Raises ResultError for a unit that is none of a speed.
+    """
+    from gearstab.config.model.units import UnitError, scale
+    from gearstab.errors import ResultError
+    from gearstab.results.display import SI
+    from gearstab.results.units import unit_of
+
+    own, factor = unit_of(state.system, "rad/s"), state.spans[0].factor
+    plain = "time" in state.system.dimensionless
+    axis = next((axis for axis in config.axes if axis.mesh_frequency is not None), None)
+    typed = axis.typed_units if axis is not None else "rpm" if factor != 1 else ""
+    wanted = "" if unit == SI else unit or typed
+    if unit and plain:
+        raise ResultError(f"--unit {unit}: this model has no units")
+    try:
+        one = scale(wanted, "rad/s") if wanted else 1.0
+    except UnitError:
+        raise ResultError(f"--unit {unit}: is no unit of a speed; give rpm, Hz, rad/s or SI") from None
+    name = "input speed" if factor != 1 else "mesh frequency"
+    return ShownSpeeds(name, wanted or ("" if own == "1" else own), factor * one)
+
+
+def _mean(state: State) -> list[str]:
+    """A verdict on a mean system that grows by itself, none on others."""
+    from gearstab.floquet.general.mean import mean_motions
+
+    largest = float(mean_motions(state.system).growth_rate.max())
+    return [] if largest <= 0 else [
+        f"The mean system is unstable by itself: it grows by {largest:.4g} e-folds per {_time(state)} without any "
+        "variation of the mesh stiffness."
+    ]  # fmt: skip
+
+
+def _time(state: State) -> str:
+    return "unit of time" if "time" in state.system.dimensionless else "second"
+
+
+def _verdict(state: State, shown: ShownSpeeds) -> str:
+    searched = "" if state.complete else (
+        " The search for all regions would take too long: those that first order expects and the growth rate at "
+        f"{facts.SPEEDS} speeds were looked at."
+    )  # fmt: skip
+    if not state.open and state.growth_rate > 0:
+        return f"Unstable: vibration grows by up to {state.growth_rate:.3g} e-folds per {_time(state)}.{searched}"
     if not state.open:
         near = "" if state.outside is None else (
-            f" The nearest region, {state.outside[1]}, is {state.outside[0]:.4g}"
-            f"{in_brackets(state.system, 'rad/s')} away from it."
+            f" The nearest region, {state.outside[1]}, is {shown.with_unit(state.outside[0])} away from it."
         )  # fmt: skip
-        return f"Stable in the whole operating range.{near}"
+        return f"Stable in the whole operating range.{near}{searched}"
     count = len(state.open)
     widest = max(state.open, key=lambda item: item[1] - item[0])
     words = f"{count} region{'s' * (count != 1)} of instability reach{'es' * (count == 1)} into the operating range"
-    time = "unit of time" if "time" in state.system.dimensionless else "second"
-    required = max((item.required for item in state.reaching), default=0.0)
+    required = [item.required for item in state.reaching if item.open]
+    enough = f"; a damping ratio of {max(required):.3g} of all modes would suppress it"
     return (
-        f"Unstable: {words}, the widest {widest[2]} from {widest[0]:.5g} to {widest[1]:.5g}"
-        f"{in_brackets(state.system, 'rad/s')}. Vibration grows by up to {state.growth_rate:.3g} e-folds per {time}; a "
-        f"damping ratio of {required:.3g} of all modes would suppress it."
+        f"Unstable: {words}, the widest {widest[2]} from {shown.with_unit(*widest[:2])}. Vibration grows by up to "
+        f"{state.growth_rate:.3g} e-folds per {_time(state)}"
+        f"{enough if required and not isnan(sum(required)) and not state.narrow else ''}.{searched}"
     )
 
 
-def _range(state: State) -> Iterator[Block]:
+def _range(state: State, shown: ShownSpeeds) -> Iterator[Block]:
     yield Heading("Operating range")
     unit = in_brackets(state.system, "rad/s")
-    rows = []
-    for span in state.spans:
-        cells = [f"{span.low:.6g} to {span.high:.6g}", f"{span.weight:g}"]
-        if span.factor != 1:
-            cells.append(f"{span.low / span.factor * 30 / pi:.5g} to {span.high / span.factor * 30 / pi:.5g}")
-        rows.append(cells)
-    header = [f"mesh frequency{unit}", "weight", "input speed (rpm)"][: len(rows[0])]
+    rows = [[f"{span.low:.6g} to {span.high:.6g}", f"{span.weight:g}"] for span in state.spans]
+    header = [f"mesh frequency{unit}", "weight"]
+    if shown.scale != 1:
+        header.append(f"{shown.name}{shown.brackets}")
+        rows = [[*row, shown.text(span.low, span.high)] for row, span in zip(rows, state.spans, strict=True)]
     yield Table(header, rows)
 
 
-def _regions(state: State) -> Iterator[Block]:
+def _regions(state: State, shown: ShownSpeeds) -> Iterator[Block]:
     yield Heading(f"Regions in the operating range, {state.word} design")
     if not state.reaching:
-        yield Text("No instability region reaches into the operating range, even without damping.")
+        yield Text("No instability region reaches into the operating range, and none is next to open there.")
         return
     rows = [
         [
-            item.tongue.label, item.tongue.kind,
-            ", ".join(dict.fromkeys(map(str, (item.tongue.mode_p, item.tongue.mode_q)))),
-            f"{item.lower:.5g} to {item.upper:.5g}", f"{item.required:.3g}",
-            "none" if item.available == 0 else f"{item.available:.3g}", "open" if item.open else "closed by damping",
-            item.remedies,
+            item.label, item.kind, ", ".join(dict.fromkeys(map(str, item.modes))),
+            shown.text(item.lower, item.upper) if item.open else f"around {shown.text(item.lower)}",
+            "-" if isnan(item.required) else f"{item.required:.3g}",
+            "none" if item.available == 0 else "-" if isnan(item.available) else f"{item.available:.3g}",
+            "open" if item.open else "closed by damping", item.remedies,
         ]
         for item in state.reaching
     ]  # fmt: skip
-    unit = in_brackets(state.system, "rad/s")
+    sure = "" if state.verified else " (first order, not verified)"
     yield Table(
-        ["region", "kind", "modes", f"mesh frequency without damping{unit}", "required damping ratio", "available",
-         "verdict", "closed by (first order)"],
+        ["region", "kind", "modes", f"{shown.name}{shown.brackets}", "required damping ratio", "available", "verdict",
+         f"closed by{sure}"],
         rows,
     )  # fmt: skip
     if state.narrow:
         yield Text(f"and {state.narrow} narrower region{'s' * (state.narrow != 1)}.")
+    if state.refuted:
+        yield Text(f"Remedies of first order that exact search refutes are left out: {state.refuted}.")
 
 
-def _pictures(solution: Solution | None, states: Sequence[State]) -> Iterator[Block]:
+def _pictures(solution: Solution | None, states: Sequence[State], shown: ShownSpeeds) -> Iterator[Block]:
     from gearstab.plots import draw
 
     yield Heading("Pictures")
-    figure, _ = draw(facts.growth_curve(states), "design", title=False)
-    caption = "Growth rate over the mesh frequency, and regions of instability. Shaded: the operating range."
+    figure, _ = draw(facts.growth_curve(states, shown), "design", title=False)
+    caption = f"Growth rate over the {shown.name}, and regions of instability. Shaded: the operating range."
     yield Picture(figure, caption)
     if solution is None:
         return
@@ -220,7 +271,7 @@ def _design(solution: Solution) -> Iterator[Block]:
         yield BulletList(solution.explanation)
 
 
-def _contact(states: Sequence[State]) -> Iterator[Block]:
+def _contact(states: Sequence[State], shown: ShownSpeeds) -> Iterator[Block]:
     yield Heading("Contact of the teeth")
     for state in states:
         found = facts.separation(state)
@@ -228,15 +279,17 @@ def _contact(states: Sequence[State]) -> Iterator[Block]:
             words = "Nothing drives the system in the configuration, so that loss of contact is not judged"
             yield Text(f"{words}: give a load and transmission errors.")
             return
-        stretches, factor = found
-        unit = in_brackets(state.system, "rad/s")
-        lost = ", ".join(f"{a:.5g} to {b:.5g}" for a, b in stretches)
-        words = f"a mesh force changes its sign at {lost}{unit}, where teeth part" if lost else "teeth stay in contact"
+        worst, count, looked, factor = found
+        places = ", ".join(shown.text(speed) for speed in worst)
+        words = "teeth stay in contact" if not count else (
+            f"a mesh force changes its sign, so that teeth part, at {count} of {looked} speeds"
+            + (f"; the worst are {places} {shown.unit}".rstrip() if worst else "")
+        )  # fmt: skip
         word = state.word.capitalize()
         yield Text(f"{word} design, linear steady state: {words}. Largest dynamic load factor {factor:.4g}.")
 
 
-def _uncertainty(config: Config, state: State) -> Iterator[Block]:
+def _uncertainty(config: Config, state: State, shown: ShownSpeeds) -> Iterator[Block]:
     yield Heading("Uncertainty")
     try:
         found = facts.probability(config, state)
@@ -249,8 +302,8 @@ def _uncertainty(config: Config, state: State) -> Iterator[Block]:
     middle, low, high, where = found
     yield Text(
         f"With the tolerances given, the probability of instability of the given design is at most {middle:.3g} at any "
-        f"one speed of the operating range (95 % interval {low:.3g} to {high:.3g}), reached at {where:.5g}"
-        f"{in_brackets(state.system, 'rad/s')}."
+        f"one speed of the operating range (95 % interval {low:.3g} to {high:.3g}), reached at "
+        f"{shown.with_unit(where)}."
     )
 
 

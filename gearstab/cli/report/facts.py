@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -16,31 +16,57 @@ from gearstab.design.judging import regions
 from gearstab.design.problem import Span
 from gearstab.floquet import solve
 from gearstab.floquet.boundaries import boundaries
-from gearstab.floquet.required_damping import required_damping
-from gearstab.info.danger import CLOSED_BY, planets_step, remedies_of
+from gearstab.floquet.boundaries.effort import effort
+from gearstab.info.configuration import HARMONICS
+from gearstab.info.danger import CLOSED_BY, judged
 from gearstab.modal import mean_modes, modal_damping_ratios
 from gearstab.perturbation import Tongue
-from gearstab.perturbation.ranking import RankedRegion
-from gearstab.perturbation.remedies import resonance
+from gearstab.perturbation.tongues import SELF_EXCITED
 from gearstab.system import Array, GearSystem
 
-INSIDE = 25
-"""Speeds of a region at which the required damping is computed."""
 SPEEDS = 801
-"""Speeds at which growth rates and loads are computed."""
-MOST = 12
-"""Regions of a table."""
+"""Speeds at which growth rates are computed."""
+WORST = 3
+"""Speeds at which teeth part that are named."""
+PATIENCE = 120.0
+"""Forecast seconds of the search for all regions beyond which those near the tongues of first order must do."""
+NONE = float("nan")
+
+
+@dataclass(frozen=True)
+class ShownSpeeds:
+    """How a report writes speeds: the mesh frequency over ``scale``, with the name and unit of what was typed."""
+
+    name: str
+    unit: str
+    scale: float
+
+    @property
+    def brackets(self) -> str:
+        """The unit for a heading."""
+        return f" ({self.unit})" if self.unit else ""
+
+    def text(self, *speeds: float) -> str:
+        """Return ``4.9 to 5.9`` of mesh frequencies."""
+        return " to ".join(f"{speed / self.scale:.5g}" for speed in speeds)
+
+    def with_unit(self, *speeds: float) -> str:
+        """Return ``4.9 to 5.9 rpm`` of mesh frequencies."""
+        return f"{self.text(*speeds)} {self.unit}".strip()
 
 
 @dataclass(frozen=True)
 class Reach:
-    """A region of the undamped system that reaches into the operating range.
+    """A region of the operating range: open and exact, or closed by damping and of first order.
 
-    required: the modal damping ratio that closes it; available: the least of its modes', NaN without damping.
-    open: whether the system with its damping is unstable somewhere in it. remedies: what closes it, in words.
+    lower, upper: exact edges; the first-order root twice of a closed one. required: the modal damping ratio that closes
+    it, NaN where none was found; available: the least of its modes', NaN without damping. remedies: what else closes
+    it, in words.
     """
 
-    tongue: Tongue
+    label: str
+    kind: str
+    modes: tuple[int, int]
     lower: float
     upper: float
     required: float
@@ -51,7 +77,11 @@ class Reach:
 
 @dataclass(frozen=True)
 class State:
-    """A design: its system, operating ranges and configuration, and what was found of it."""
+    """A design: its system, operating ranges and configuration, and what was found of it.
+
+    regions: all that were found in and near the ranges. complete: whether these are all there are. verified: whether
+    the remedies are. refuted: remedies of first order that exact search refuted.
+    """
 
     word: str
     system: GearSystem
@@ -59,30 +89,37 @@ class State:
     config: Config
     reaching: tuple[Reach, ...]
     narrow: int
+    regions: tuple[tuple[float, float, str], ...]
     open: tuple[tuple[float, float, str], ...]
     growth_rate: float
     outside: tuple[float, str] | None
+    complete: bool
+    verified: bool
+    refuted: int
 
 
 def state_of(word: str, system: GearSystem, spans: tuple[Span, ...], config: Config) -> State:
-    """Find out about a design. Raises NotPossible for a system without a common period."""
-    low, high = min(span.low for span in spans), max(span.high for span in spans)
-    near = regions.reach(low, high)
-    free = boundaries(replace(system, damping=None), *near, regions.TOLERANCE, regions.FLOOR)
-    own = free if system.damping is None else boundaries(system, *near, regions.TOLERANCE, regions.FLOOR)
-    inside = [k for k in range(len(free.row)) if _touches(free.lower[k], free.upper[k], spans)]
-    inside.sort(key=lambda k: free.lower[k] - free.upper[k])
-    real = [(float(a), float(b), _label(m)) for a, b, m in zip(own.lower, own.upper, own.members, strict=True)]
+    """Find out about a design, what is cheap first. Raises NotPossible for a system without a common period."""
+    omega = np.concatenate([np.linspace(span.low, span.high, SPEEDS) for span in spans])
+    growth = float(np.nanmax(solve(system, omega).growth_rate))
+    found = [judged(config, system, span.low, span.high, HARMONICS) for span in spans]
+    rows = {row["label"]: _reach(system, row, True) for one in found for row in one["open"]}
+    closed = {row["label"]: _reach(system, row, False) for one in found for row in one["closest"]}
+    reaching = sorted(({**closed, **rows}).values(), key=lambda item: item.lower)
+    near = regions.reach(min(span.low for span in spans), max(span.high for span in spans))
+    complete = effort(system, *near).seconds(1) <= PATIENCE
+    if complete:
+        own = boundaries(system, *near, regions.TOLERANCE, regions.FLOOR)
+        real = tuple((float(a), float(b), _label(m)) for a, b, m in zip(own.lower, own.upper, own.members, strict=True))
+    else:
+        real = tuple((item.lower, item.upper, item.label) for item in rows.values())
     open_ = tuple(item for item in real if _touches(item[0], item[1], spans))
     away = [(min(max(a - s.high, s.low - b) for s in spans), label) for a, b, label in real]
     outside = min(((d, label) for d, label in away if d > 0), default=None)
-    shown = sorted(inside[:MOST], key=lambda k: free.lower[k])
-    reaching = tuple(
-        _reach(system, config, free.members[k], float(free.lower[k]), float(free.upper[k]), spans, open_) for k in shown
-    )
-    omega = np.concatenate([np.linspace(span.low, span.high, SPEEDS) for span in spans])
-    growth = float(np.nanmax(solve(system, omega).growth_rate))
-    return State(word, system, spans, config, reaching, len(inside) - len(shown), open_, growth, outside)
+    return State(
+        word, system, spans, config, tuple(reaching), max(len(open_) - len(rows), 0), real, open_, growth, outside,
+        complete, all(one["verified"] for one in found), sum(one["refuted"] for one in found),
+    )  # fmt: skip
 
 
 def _touches(lower: float, upper: float, spans: Sequence[Span]) -> bool:
@@ -93,38 +130,20 @@ def _label(members: Sequence[Tongue]) -> str:
     return " & ".join(tongue.label for tongue in members)
 
 
-def _reach(
-    system: GearSystem,
-    config: Config,
-    members: Sequence[Tongue],
-    lower: float,
-    upper: float,
-    spans: Sequence[Span],
-    open_: Sequence[tuple[float, float, str]],
-) -> Reach:
-    tongue = members[0]
-    span = next(s for s in spans if lower < s.high and upper > s.low)
-    low, high = max(lower, span.low), min(upper, span.high)
-    part = np.linspace(0.02, 0.98, INSIDE)
-    required = float(np.max(required_damping(system, low + (high - low) * part).value))
+def _reach(system: GearSystem, row: dict[str, Any], open_: bool) -> Reach:
+    """A region as a row of :func:`gearstab.info.danger.judged` has it."""
+    modes = row["mode_p"], row["mode_q"]
+    closed = row["closed_by"]
     ratios = modal_damping_ratios(system, mean_modes(system))
-    available = float(min(ratios[tongue.mode_p - 1], ratios[tongue.mode_q - 1]))
-    touched = any(a < high and b > low for a, b, _ in open_)
-    words = "; ".join(_remedies(system, config, tongue, lower, upper))
-    return Reach(tongue, lower, upper, required, available, touched, words or "-")
+    available = NONE if row["kind"] == SELF_EXCITED else float(min(ratios[mode - 1] for mode in modes))
+    edges = row["boundary_frequency"] if open_ else [row["center_frequency"]] * 2
+    cells = {name: cell(closed) for name, cell in CLOSED_BY.items() if name != "damping ratio"}
+    words = "; ".join(f"{name}: {text}" for name, text in cells.items() if text) if open_ else ""
+    required = closed.get("damping_ratio") or NONE
+    return Reach(row["label"], row["kind"], modes, edges[0], edges[1], required, available, open_, words or "-")
 
 
-def _remedies(system: GearSystem, config: Config, tongue: Tongue, lower: float, upper: float) -> list[str]:
-    """What closes a region to first order, a remedy each."""
-    if tongue.harmonic < 1:
-        return []
-    region = RankedRegion(tongue, lower, upper, upper - lower, False, 0.0, resonance(system, tongue))
-    found = remedies_of(config, system, region, planets_step(system))
-    cells = {name: cell(found) for name, cell in CLOSED_BY.items() if name != "damping ratio"}
-    return [f"{name}: {text}" for name, text in cells.items() if text]
-
-
-def growth_curve(states: Sequence[State]) -> Any:
+def growth_curve(states: Sequence[State], shown: ShownSpeeds) -> Any:
     """The growth rates and regions of designs, as the figure ``design`` wants them."""
     import xarray as xr
 
@@ -132,24 +151,25 @@ def growth_curve(states: Sequence[State]) -> Any:
     low, high = min(span.low for span in spans), max(span.high for span in spans)
     away = 0.15 * (high - low)
     speed = np.linspace(max(low - away, 0.8 * low), high + away, SPEEDS)
-    found = [boundaries(state.system, speed[0], speed[-1], regions.TOLERANCE, regions.FLOOR) for state in states]
-    labels = [members[0].label for one in found for members in one.members]
+    inside = [[r for r in state.regions if r[0] < speed[-1] and r[1] > speed[0]] for state in states]
+    labels = [label for one in inside for _, _, label in one]
     edges = np.full((max(1, len(labels)), 2, len(states)), np.nan)
     place = 0
-    for k, one in enumerate(found):
-        edges[place : place + len(one.row), :, k] = np.stack([one.lower, one.upper], axis=1)
-        place += len(one.row)
+    for k, one in enumerate(inside):
+        for lower, upper, _ in one:
+            edges[place, :, k] = max(lower, speed[0]), min(upper, speed[-1])
+            place += 1
     rates = np.stack([solve(state.system, speed).growth_rate[0] for state in states], axis=1)
     ends = np.stack([[[s.low, s.high] for s in state.spans] for state in states], axis=-1)
     data = xr.Dataset(
         {
             "speed_growth_rate": (("speed", "state"), rates, {"units": _unit(states[0].system, "1/s")}),
-            "region_frequency": (("tongue", "side", "state"), edges),
-            "range_frequency": (("operating_range", "side", "state"), ends),
+            "region_frequency": (("tongue", "side", "state"), edges / shown.scale),
+            "range_frequency": (("operating_range", "side", "state"), ends / shown.scale),
         },
         {
-            "speed": ("speed", speed, {"units": _unit(states[0].system, "rad/s")}),
-            "state": [state.word for state in states], "label": ("tongue", labels or [""]),
+            "speed": ("speed", speed / shown.scale, {"units": shown.unit or "1"}),
+            "state": [state.word for state in states], "label": ("tongue", [t.split(" & ")[0] for t in labels] or [""]),
         },
     )  # fmt: skip
     return xr.DataTree.from_dict({"design": data})
@@ -161,34 +181,31 @@ def _unit(system: GearSystem, unit: str) -> str:
     return unit_of(system, unit)
 
 
-def separation(state: State) -> tuple[list[tuple[float, float]], float] | None:
-    """Stretches of the ranges where teeth would part in the linear steady state, and the largest load factor.
-
-    None where nothing drives the system.
+def separation(state: State) -> tuple[list[float], int, int, float] | None:
+    """The worst speeds at which teeth would part in the linear steady state, how many of how many speeds do so, and the
+    largest load factor. None where nothing drives the system.
     """
     from gearstab.response.linear.speeds import speed_response
     from gearstab.response.linear.steady import STATUS_FLAGS
 
     if not state.system.forced:
         return None
-    stretches: list[tuple[float, float]] = []
-    factor = 0.0
+    parting: list[tuple[float, float]] = []
+    count, looked, factor = 0, 0, 0.0
     for span in state.spans:
         omega = np.linspace(span.low, span.high, 201)
         found = speed_response(state.system, omega)
-        flagged = (found.status[0] & STATUS_FLAGS["separation"]) != 0
-        stretches += [(float(omega[a]), float(omega[b])) for a, b in _runs(flagged)]
-        factors = found.dynamic_load_factor[0]
-        if np.isfinite(factors).any():
-            factor = max(factor, float(np.nanmax(factors)))
-    return stretches, factor
+        parts = (found.status[0] & STATUS_FLAGS["separation"]) != 0
+        factors = np.nan_to_num(np.nanmax(found.dynamic_load_factor[0].reshape(len(omega), -1), axis=1))
+        count, looked, factor = count + int(parts.sum()), looked + len(omega), max(factor, float(factors.max()))
+        parting += [(float(factors[k]), float(omega[k])) for k in _peaks(factors) if parts[k]]
+    return [speed for _, speed in sorted(parting, reverse=True)[:WORST]], count, looked, factor
 
 
-def _runs(flags: Array) -> list[tuple[int, int]]:
-    """First and last place of every run of True."""
-    padded = np.concatenate([[False], flags, [False]]).astype(int)
-    begin, end = np.flatnonzero(np.diff(padded) == 1), np.flatnonzero(np.diff(padded) == -1) - 1
-    return list(zip(begin.tolist(), end.tolist(), strict=True))
+def _peaks(values: Array) -> list[int]:
+    """Places of local maxima, ends included."""
+    padded = np.concatenate([[-np.inf], values, [-np.inf]])
+    return np.flatnonzero((padded[1:-1] >= padded[:-2]) & (padded[1:-1] > padded[2:])).tolist()
 
 
 def probability(config: Config, state: State) -> tuple[float, float, float, float] | None:

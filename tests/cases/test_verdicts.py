@@ -1,0 +1,96 @@
+"""``gearstab info`` and ``report``: verdicts on configurations that first order, or the symmetric mean, gets wrong."""
+
+from __future__ import annotations
+
+import json
+import re
+from html import unescape
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scenes import ran
+
+from gearstab.config import load
+from gearstab.floquet import solve
+from gearstab.systems import build
+
+HERE = Path(__file__).parent
+
+
+def facts(name: str, *options: str) -> dict:
+    done = ran("info", HERE / f"{name}.yaml", "--json", *options)
+    assert done.exit_code == 0, done.output
+    return json.loads(done.stdout)
+
+
+def test_a_region_that_is_not_open_and_a_remedy_that_opens_it() -> None:
+    """First order has 2w1/3 open and closed by a contact ratio of 5/3; it is stable, and 5/3 opens it."""
+    name = "b14_remedy_false"
+    system = build(load(HERE / f"{name}.yaml").parameters)
+    w1 = 24494.897427831780
+    growth = solve(system, w1 * np.linspace(0.6448, 0.6718, 50)).growth_rate
+    assert growth.max() == pytest.approx(-0.006882 * w1, rel=0.01)
+    found = facts(name)["dangerous"]
+    assert found["verified"]
+    labels = [region["label"] for region in found["open"]]
+    assert "2w1/3" not in labels
+    assert "2w1/7" in labels  # which first order has closed by damping
+    assert "1.667" not in ran("info", HERE / f"{name}.yaml").stdout
+    changed = facts(name, "--set", "meshes.0.contact_ratio=1.6666666666666667")["dangerous"]
+    (opened,) = (region for region in changed["open"] if region["label"] == "2w1/3")  # quiet to first order
+    assert opened["growth_rate"] == pytest.approx(0.012942 * w1, rel=0.01)
+    assert np.array(opened["boundary_frequency"]) / w1 == pytest.approx([0.6448, 0.6718], abs=1e-4)
+
+
+@pytest.mark.parametrize(("name", "growth"), [("d1_mean_system_unstable", 0.2265), ("d1b_negative_damping", 0.0145)])
+def test_a_mean_system_that_grows_by_itself_comes_first(name: str, growth: float) -> None:
+    """The verdict follows the title; growth against the eigenvalues of the matrices of the file."""
+    matrices = {
+        "d1_mean_system_unstable": ([[1.1, 0.5], [-0.5, 1.0]], [[0.02, 0.0], [0.0, 0.02]]),
+        "d1b_negative_damping": ([[1.1, 0.0], [0.0, 4.0]], [[-0.029, 0.0], [0.0, 0.001]]),
+    }
+    stiffness, damping = matrices[name]
+    whole = np.block([[np.zeros((2, 2)), np.eye(2)], [-np.array(stiffness), -np.array(damping)]])
+    largest = np.linalg.eigvals(whole).real.max()
+    assert largest == pytest.approx(growth, abs=1e-4)
+    done = ran("info", HERE / f"{name}.yaml")
+    assert done.stdout.splitlines()[1].startswith(f"UNSTABLE: the mean system grows by itself, by up to {largest:.4g}")
+    assert "No region of instability is open" not in done.stdout
+    found = facts(name)
+    assert max(found["mean_system"]["growth_rate"]) == pytest.approx(largest, rel=1e-9)
+    (region,) = found["dangerous"]["open"]
+    assert region["kind"] == "self-excited"
+    assert region["share_of_range"] == pytest.approx(1.0)
+
+
+def test_a_report_is_cheap_and_in_the_unit_typed(tmp_path: Path) -> None:
+    """A reducer of 59 and 21 mesh cycles: the damped search alone, where the undamped one would take an hour."""
+    text = report(tmp_path, "a3_report_never_ends")
+    assert "Stable in the whole operating range" in text
+    assert "input speed (rpm)" in text
+    assert len(re.search(r"the worst are ([^.]*?) rpm", text).group(1).split(", ")) == 3  # type: ignore[union-attr]
+
+
+def test_a_report_in_rpm_or_in_the_unit_asked_for(tmp_path: Path) -> None:
+    """2w6/9 of the two-stage gearbox, which first order leaves out, is the widest: 6840.4 to 6945.6 rpm."""
+    text = report(tmp_path, "a5_report_in_rad_per_s")
+    assert "5 regions of instability" in text
+    assert "the widest 2w6/9 from 6840.4 to 6945.6 rpm" in text
+    assert text.count(" open ") == 5
+    system = build(load(HERE / "a5_report_in_rad_per_s.yaml").parameters)
+    per_rpm = 20 * np.pi / 30  # 20 teeth
+    inside = solve(system, per_rpm * np.array([6830.0, 6841.0, 6900.0, 6945.0, 6956.0])).stable[0]
+    assert inside.tolist() == [1, 0, 0, 0, 1]
+    asked = report(tmp_path, "a5_report_in_rad_per_s", "--unit", "Hz")
+    assert "the widest 2w6/9 from 114.01 to 115.76 Hz" in asked
+
+
+def report(folder: Path, name: str, *options: str) -> str:
+    """A report as text."""
+    out = folder / "page.html"
+    out.unlink(missing_ok=True)
+    done = ran("report", HERE / f"{name}.yaml", "-o", out, *options)
+    assert done.exit_code == 0, done.output
+    text = re.sub(r"<style>.*?</style>|<[^>]+>", " ", out.read_text(), flags=re.S)
+    return re.sub(r"\s+", " ", unescape(text))
