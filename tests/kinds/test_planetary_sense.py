@@ -14,7 +14,7 @@ from gearstab.floquet import solve
 from gearstab.system import GearSystem
 from gearstab.systems import build
 from gearstab.systems.planetary.angles import misfit, nearest
-from gearstab.systems.planetary.phasing import Motion
+from gearstab.systems.planetary.phasing import Turning
 
 SUN, PLANET, RING, NUMBER = 29, 20, 69, 7
 """14 teeth of sun and ring for each of 7 planets, whose phases go round once: z_s mod 7 = 1."""
@@ -37,7 +37,7 @@ def speeds(driving: str, held: str, sense: str) -> dict[str, float]:
 @SENSES
 def test_the_motion_is_that_of_linear_equations_and_of_virtual_work(driving: str, held: str, sense: str) -> None:
     w = speeds(driving, held, sense)
-    motion = Motion.of({"input": driving, "fixed": held, "sense": sense}, SUN, RING)
+    motion = Turning.of({"input": driving, "fixed": held, "sense": sense}, SUN, RING)
     assert motion is not None
     assert motion.planets_turn == np.sign(w["planet"] - w["carrier"])
     assert float(motion.cycles) == pytest.approx(RING * abs(w["ring"] - w["carrier"]))

@@ -21,7 +21,7 @@ DRIVES = ("sun", "planet")
 
 
 @dataclass(frozen=True)
-class Motion:
+class Turning:
     """Speeds over that of the input, and where the power goes.
 
     cycles: teeth that mesh in a turn of the input. planets_turn: 1 where planets turn counter-clockwise on the carrier,
@@ -38,7 +38,7 @@ class Motion:
     torque: int
 
     @classmethod
-    def of(cls, p: dict[str, Any], z_s: float, z_r: float) -> Motion | None:
+    def of(cls, p: dict[str, Any], z_s: float, z_r: float) -> Turning | None:
         """Return the motion of a section ``system``; None where its ``input`` and ``fixed`` are not two bodies."""
         shares = {"sun": Fraction(z_s), "ring": Fraction(z_r), "carrier": -Fraction(z_s) - Fraction(z_r)}
         driving, held = p.get("input") or "sun", p.get("fixed") or "ring"
@@ -63,7 +63,7 @@ def lags(p: dict[str, Any], planets: int) -> dict[str, list[Array]]:
     phases = p.get("phases") or {}
     sun, sun_ring = phases.get("sun"), phases.get("sun_ring")
     if (teeth := p.get("teeth")) is not None:
-        moving = Motion.of(p, int(teeth["sun"]), int(teeth["ring"]))
+        moving = Turning.of(p, int(teeth["sun"]), int(teeth["ring"]))
         turn = -1 if moving is None else moving.planets_turn
         found, lag = phases_of(teeth, planets, turn)
         sun, sun_ring = list(map(float, found)), float(lag) if sun_ring is None else sun_ring

@@ -32,7 +32,7 @@ from gearstab.systems.planetary.bodies import (
 from gearstab.systems.planetary.build import build, coordinates
 from gearstab.systems.planetary.feasibility import MOST_PLANETS, assembly, check_assembly, clear_of_each_other, whole
 from gearstab.systems.planetary.meshes import Meshes, Phases, ToothNumbers
-from gearstab.systems.planetary.phasing import RULES, SENSES, Motion, lags
+from gearstab.systems.planetary.phasing import RULES, SENSES, Turning, lags
 
 if TYPE_CHECKING:
     from gearstab.config.model.axes import Grid
@@ -141,11 +141,11 @@ class Planetary(System):
 
     @classmethod
     def cycles_of_input(cls, raw: dict[str, Any]) -> float | None:
-        """Cycles of the meshes, which all have one frequency, in a turn of the input: see :class:`.phasing.Motion`."""
+        """Cycles of the meshes, which all have one frequency, in a turn of the input: see :class:`.phasing.Turning`."""
         z_s, z_r = (first_number([mapping(raw.get("teeth")).get(key)]) for key in ("sun", "ring"))
         if z_s is None or z_r is None:
             return None
-        moving = Motion.of(raw, z_s, z_r)
+        moving = Turning.of(raw, z_s, z_r)
         return 1.0 if moving is None else float(moving.cycles)  # what is wrong with input or fixed is reported
 
     @classmethod
@@ -270,7 +270,7 @@ def _teeth(teeth: dict[str, Any]) -> str:
 
 def _phasing(p: dict[str, Any]) -> str:
     """How planets turn, and by which rule the ring's meshes lag the sun's."""
-    phases, moving = p.get("phases") or {}, Motion.of(p, int(p["teeth"]["sun"]), int(p["teeth"]["ring"]))
+    phases, moving = p.get("phases") or {}, Turning.of(p, int(p["teeth"]["sun"]), int(p["teeth"]["ring"]))
     rule = phases.get("rule") or ("as given" if phases.get("sun_ring") is not None else "pitch_point")
     lag = float(lags(p, 1)["ring"][0])
     said = f"the ring's mesh lags the sun's by {lag:.6g}, {RULES.get(rule, rule)}"

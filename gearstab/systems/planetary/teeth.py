@@ -23,7 +23,7 @@ from gearstab.errors import NotPossible
 from gearstab.systems.gearbox.sections import Teeth
 from gearstab.systems.planetary.feasibility import shifted_too_far
 from gearstab.systems.planetary.meshes import ToothNumbers
-from gearstab.systems.planetary.phasing import Motion
+from gearstab.systems.planetary.phasing import Turning
 
 if TYPE_CHECKING:
     from gearstab.gears.pair import Pair
@@ -113,7 +113,7 @@ def _fill(document: Document, raw: dict[str, Any], shared: dict[str, Any], teeth
     for body, rotor in bodies.items():
         numbers["masses"][body] = float(rotors.mass(rotor, STEEL["density"]))
         numbers["inertias"][body] = float(rotors.inertia(rotor, STEEL["density"]) / rotors.base_radius(rotor) ** 2)
-    moving = Motion.of(raw, teeth["sun"], teeth["ring"])
+    moving = Turning.of(raw, teeth["sun"], teeth["ring"])
     pairs = {}
     for name, pair in (("sun", (gears["sun"], gears["planet"])), ("ring", (gears["planet"], ring))):
         section = mapping(raw.get("meshes")).get(name, {})
@@ -159,7 +159,7 @@ def _cut(shared: dict[str, Any], teeth: dict[str, Any]) -> tuple[dict[str, dict[
     return gears, centre
 
 
-def _fill_lag(document: Document, raw: dict[str, Any], pairs: dict[str, Pair], moving: Motion) -> None:
+def _fill_lag(document: Document, raw: dict[str, Any], pairs: dict[str, Pair], moving: Turning) -> None:
     """Lag of the ring's meshes behind the sun's, and by which rule."""
     from gearstab.gears.planet_set import PlanetSet
 
