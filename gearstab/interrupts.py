@@ -32,8 +32,8 @@ PAUSE = 0.01
 temporary: set[str] = set()
 """Files that are being written and have no final name yet."""
 
-_own = _local()
-"""Of each thread ``end``: the time at which its work is to end, see :func:`limited`."""
+own = _local()
+"""Of each thread ``end``: the processor time at which its work is to end, see :func:`gearstab.ckernel.limited`."""
 
 
 class Stopped(KeyboardInterrupt):
@@ -89,31 +89,15 @@ def end_with(parent: int) -> None:
     Thread(target=watch, daemon=True).start()
 
 
-@contextmanager
-def limited(seconds: float) -> Iterator[None]:
-    """Raise TimeUp where this thread's work takes longer: in :func:`heed` and in calls of the compiled kernel."""
-    from gearstab import ckernel
-
-    outer, limit = getattr(_own, "end", float("inf")), getattr(ckernel.library, "limit", lambda _: None)
-    _own.end = min(outer, time.monotonic() + seconds)
-    limit(_own.end - time.monotonic())
-    try:
-        yield
-    finally:
-        _own.end = outer
-        limit(outer - time.monotonic())
-
-
 def heed() -> None:
-    """Raise TimeUp after :func:`limited`; raise KeyboardInterrupt if a signal did so in :func:`raised` without effect.
+    """Raise TimeUp when the time of this thread is up, KeyboardInterrupt if one of :func:`raised` had no effect.
 
     Libraries may make something else of it: NumPy a TypeError that structured arrays cannot be compared, or nothing.
     """
     from threading import current_thread, main_thread
 
-    if time.monotonic() > getattr(_own, "end", float("inf")):
+    if time.thread_time() > getattr(own, "end", float("inf")):
         raise TimeUp
-
     if _came and current_thread() is main_thread():
         raise KeyboardInterrupt
 

@@ -12,6 +12,7 @@ choose for a whole process, :func:`using` for a part of a program:
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -25,6 +26,7 @@ from types import ModuleType
 import numpy as np
 
 from gearstab.errors import SettingError
+from gearstab.interrupts import own
 
 Array = np.ndarray
 
@@ -183,6 +185,19 @@ def stopping() -> Iterator[None]:
         yield
     finally:
         stop(-1)
+
+
+@contextmanager
+def limited(seconds: float) -> Iterator[None]:
+    """Raise TimeUp where this thread takes more processor time: in :func:`gearstab.interrupts.heed` and the kernel."""
+    outer, limit = getattr(own, "end", float("inf")), getattr(library, "limit", lambda _: None)
+    own.end = min(outer, time.thread_time() + seconds)
+    limit(own.end - time.thread_time())
+    try:
+        yield
+    finally:
+        own.end = outer
+        limit(outer - time.thread_time())
 
 
 def symmetric_eigen(matrix: Array) -> tuple[Array, Array]:

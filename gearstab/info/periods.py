@@ -31,7 +31,7 @@ def common_period(system: GearSystem) -> dict[str, Any] | None:
 
 def frequencies(config: Config, system: GearSystem) -> dict[str, Any] | None:
     """Return the strategy of exact stability for several mesh frequencies, and the seconds per point of a sweep on one
-    processor, None where they are more than one; None for a single mesh frequency.
+    processor, None where not one ends in time; None for a single mesh frequency.
     """
     import numpy as np
 
@@ -68,5 +68,5 @@ def way(found: dict[str, Any]) -> str:
     from gearstab.sweep.effort.words import duration
 
     seconds = found["seconds_per_point"]
-    taken = "more than a second" if seconds is None else duration(seconds)
+    taken = "time not known" if seconds is None else duration(seconds)
     return f"{found['chosen']}; {taken} per point on one processor"

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from gearstab.methods.base import POINTS, RANGE, EffortEstimate, Key, Method, OptionError, Outcome, SampledMethod
+from gearstab.methods.base import POINTS, RANGE, Key, Method, OptionError, Outcome, SampledMethod
 from gearstab.methods.boundaries import BoundaryAnalysis
 from gearstab.methods.floquet import Floquet
 from gearstab.methods.natural_frequencies import NaturalFrequencies
@@ -48,7 +48,6 @@ __all__ = [
     "METHODS",
     "POINTS",
     "RANGE",
-    "EffortEstimate",
     "Key",
     "Method",
     "OptionError",

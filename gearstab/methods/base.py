@@ -55,14 +55,6 @@ class Outcome:
     tongues: tuple[Key, ...] = ()
 
 
-class EffortEstimate(Protocol):
-    """What one system takes."""
-
-    def seconds(self, rows: float, batches: float = 1.0) -> float:
-        """Return the seconds of so many like it, in so many batches."""
-        ...
-
-
 class Method(ABC):
     """A method, for its options and a system.
 
@@ -134,12 +126,9 @@ class Method(ABC):
     def cost(self) -> float:
         """Return about how many points of an undamped system of three coordinates and four segments a point takes."""
 
-    def effort(self, mesh_frequency: Array) -> EffortEstimate:
-        """Return what one system takes between the ends of a range, of a method with RANGE.
-
-        To such a method a point is a whole range of mesh frequencies, so that not even a single one can be tried.
-        """
-        raise NotImplementedError(f"{self.name} does not say what a range of mesh frequencies takes")
+    def once(self) -> tuple[Method, int]:
+        """Return what runs on one system, and how many of these runs a row takes."""
+        return self, 1
 
     def constants(self) -> Mapping[str, Any]:
         """Return the values of those coordinates that are the same everywhere."""

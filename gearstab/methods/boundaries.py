@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import Field
 
-from gearstab.methods.base import RANGE, EffortEstimate, Key, Outcome, Tolerance, TongueMethod
+from gearstab.methods.base import RANGE, Key, Outcome, Tolerance, TongueMethod
 from gearstab.methods.restriction import ModesOption, Restricted
 from gearstab.results.variables import EXACT, OCCURRENCE, TONGUE, Variable, flagged
 from gearstab.system import Array, Feature
@@ -81,12 +81,6 @@ class BoundaryAnalysis(TongueMethod, Restricted):
     @classmethod
     def over_range(cls, options: BoundariesOptions) -> str:
         return "over which boundaries are sought"
-
-    def effort(self, mesh_frequency: Array) -> EffortEstimate:
-        from gearstab.floquet.boundaries.effort import effort
-
-        start, stop = (float(end) for end in mesh_frequency)
-        return effort(self.part, start, stop)
 
     def cost(self) -> float:
         return 4000 * max(1.0, 2 * sum(self.system.common_period()[1]) * self.part.size**3 / 108)

@@ -124,7 +124,8 @@ class Floquet(Restricted):
         """Return the strategy for several mesh frequencies. Raises NotPossible."""
         from gearstab.floquet.frequencies import chosen
 
-        return chosen(self.part, self.options.frequencies, self.options.affordable_segments)
+        options = self.options
+        return chosen(self.part, options.frequencies, options.affordable_segments, options.lyapunov.cycles)
 
     @property
     def parallel(self) -> bool:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
@@ -16,7 +15,7 @@ from gearstab.config.model.axes import SPEEDS
 from gearstab.config.model.columns import columns_of
 from gearstab.config.model.fields import Flag, Quantity, Section, wrong
 from gearstab.config.model.validation import validate
-from gearstab.methods.base import RANGE, EffortEstimate, Key, Method, Outcome, Tolerance
+from gearstab.methods.base import RANGE, Key, Method, Outcome, Tolerance
 from gearstab.results.variables import OCCURRENCE, PASSAGE, TONGUE, Variable, flagged
 from gearstab.system import Array
 
@@ -27,11 +26,8 @@ if TYPE_CHECKING:
     from gearstab.config.model.axes import Axis
     from gearstab.linear.path import Path
 
-SEGMENT, RAMP, POWER = 2.5e-6, 0.03, 2.4
-"""Seconds of a segment, and of a ramp besides, of three coordinates; they grow with that power of their number."""
-
-RAMP_COST = 1e6
-"""The latter in steps of the kernel."""
+RAMP_COST, POWER = 1e6, 2.4
+"""Cost of a ramp of three coordinates without its segments; it grows with that power of their number."""
 
 SEARCHED, FOLLOWED = 2, 4
 """Ramps as slow as the first one, and faster ones, that the search for the slowest rate follows, about."""
@@ -136,17 +132,6 @@ class PassageOptions(Section):
         return other
 
 
-@dataclass(frozen=True)
-class _Effort:
-    """Of the search for regions, None where none are looked for, and of the segments of all ramps."""
-
-    search: EffortEstimate | None
-    ramps: float
-
-    def seconds(self, rows: float, batches: float = 1.0) -> float:
-        return (self.search.seconds(rows, batches) if self.search else 0.0) + rows * self.ramps
-
-
 class Passage(Method):
     """Growth rates along a path, and the exact motion."""
 
@@ -224,24 +209,6 @@ class Passage(Method):
         """Return the options without the path, which stands in the configuration that the result has."""
         found = super().attributes()
         return {name: value for name, value in found.items() if name not in ("path", "rate")}
-
-    def effort(self, mesh_frequency: Array) -> EffortEstimate:
-        from gearstab.floquet.boundaries.effort import effort
-        from gearstab.passage.propagator import MOST, motion
-        from gearstab.passage.solve import MOST_SEARCHED
-
-        low, high = (float(end) for end in mesh_frequency)
-        paths = self.paths(low, high)
-        one = motion(self.system)
-        counts = [one.segments(path) for path in paths]
-        size = (one.basis.size / 6) ** POWER
-        ends = [end for path in paths for end in path.range]
-        followed = [count for count in counts if count <= MOST]
-        if self.options.regions and self.options.rate is not None and counts[0] <= MOST_SEARCHED:
-            followed += [counts[0]] * SEARCHED + [0.0] * FOLLOWED
-        ramps = size * (SEGMENT * sum(followed) + RAMP * len(followed))
-        search = effort(self.system, min(ends), max(ends)) if self.options.regions else None
-        return _Effort(search, ramps)
 
     def cost(self) -> float:
         """The search for the regions of a row, and its ramps without their segments."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Field, PrivateAttr
 
 from gearstab.config.model.fields import Section, Whole
-from gearstab.methods.base import RANGE, EffortEstimate, Key, Method, Outcome, SampledMethod, Tolerance
+from gearstab.methods.base import RANGE, Key, Method, Outcome, SampledMethod, Tolerance
 from gearstab.methods.boundaries import BoundariesOptions, BoundaryAnalysis
 from gearstab.results.variables import OCCURRENCE, TONGUE, TONGUE_PROBABILITY, Variable
 from gearstab.system import Array, GearSystem
@@ -121,8 +121,8 @@ class TongueProbabilityAnalysis(SampledMethod):
 
         return union(indices)
 
-    def effort(self, mesh_frequency: Array) -> EffortEstimate:
-        return _SamplesEffort(self.inner.effort(mesh_frequency), self.design.size)
+    def once(self) -> tuple[Method, int]:
+        return self.inner, self.design.size
 
     def cost(self) -> float:
         return self.design.size * self.inner.cost()
@@ -138,14 +138,3 @@ class TongueProbabilityAnalysis(SampledMethod):
         other = type(self)(self.options, system)
         other.__dict__["design"] = self.design
         return other
-
-
-@dataclass(frozen=True)
-class _SamplesEffort:
-    """That of a search, so many times."""
-
-    one: EffortEstimate
-    samples: int
-
-    def seconds(self, rows: float, batches: float = 1.0) -> float:
-        return self.one.seconds(rows * self.samples, batches)

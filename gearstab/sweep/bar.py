@@ -13,13 +13,16 @@ if TYPE_CHECKING:
 
 
 class Bar(Reporter):
-    """A bar per method: points, points per second, time left, unstable share. say: shows a message."""
+    """A bar per method: points, points per second, time taken and left, unstable share. say: shows a message.
+
+    Until the first block is done nothing tells how far it is; then the bar runs to and fro.
+    """
 
     def __init__(self, say: Callable[[str], None]) -> None:
         self._say = say
         self._progress: Progress | None = None
         self._task: TaskID | None = None
-        self._points = self._unstable = self._known = 0
+        self._points = self._unstable = self._known = self._total = 0
 
     def message(self, text: str) -> None:
         self._say(text)
@@ -27,8 +30,8 @@ class Bar(Reporter):
     def begin(self, method: str, points: int, done: int) -> None:
         progress = self._progress = self._progress or bar()
         progress.start()
-        self._task = progress.add_task(method, total=points, completed=done, speed="", unstable="")
-        self._points, self._unstable, self._known = 0, 0, done
+        self._task = progress.add_task(method, total=points if done else None, completed=done, speed="", unstable="")
+        self._points, self._unstable, self._known, self._total = 0, 0, done, points
 
     def advance(self, points: int, unstable: int, failed: int) -> None:
         if self._progress is None or self._task is None:
@@ -39,7 +42,8 @@ class Bar(Reporter):
         task = next(t for t in self._progress.tasks if t.id == self._task)
         speed = f"{quantity(self._points / task.elapsed)} points/s" if task.elapsed and self._points else ""
         share = f"{100 * self._unstable / self._known:.1f} % unstable" if self._unstable else ""
-        self._progress.update(self._task, advance=points, speed=speed, unstable=share)
+        total = self._total if self._known else None
+        self._progress.update(self._task, total=total, advance=points, speed=speed, unstable=share)
 
     def end(self) -> None:
         if self._progress is not None:
@@ -49,8 +53,15 @@ class Bar(Reporter):
 def bar() -> Progress:
     """The columns of the bar; rich itself heeds NO_COLOR and the width of the terminal."""
     from rich.console import Console
-    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+    from rich.progress import (
+        BarColumn,
+        Progress,
+        TaskProgressColumn,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
 
     columns = [TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TextColumn("{task.fields[speed]}")]
-    more = [TimeRemainingColumn(elapsed_when_finished=True), TextColumn("{task.fields[unstable]}")]
+    more = [TimeElapsedColumn(), TimeRemainingColumn(), TextColumn("{task.fields[unstable]}")]
     return Progress(*columns, *more, console=Console(stderr=True), transient=True)

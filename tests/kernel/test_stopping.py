@@ -14,9 +14,10 @@ import numpy as np
 import pytest
 
 from gearstab import ckernel
+from gearstab.ckernel import limited
 from gearstab.floquet.boundaries import boundaries
 from gearstab.floquet.kernel.threads import in_threads
-from gearstab.interrupts import Stopped, TimeUp, heed, limited
+from gearstab.interrupts import Stopped, TimeUp, heed
 from gearstab.system import GearSystem, Mesh
 from gearstab.waveforms import Rectangular
 

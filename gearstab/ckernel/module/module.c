@@ -256,7 +256,7 @@ static PyMethodDef METHODS[] = {
     {"stop", py_stop, METH_VARARGS,
      "stop(change): all calls in all threads return early as long as the sum of the changes is positive."},
     {"limit", py_limit, METH_VARARGS,
-     "limit(seconds): calls of this thread return early when so much time has passed; infinite for no limit."},
+     "limit(seconds): calls of this thread return early when it has taken so much processor time; infinite for no limit."},
     {"levels", py_levels, METH_NOARGS, "levels(): names of the levels of vector instructions available, the best last."},
     {"sources", py_sources, METH_NOARGS, "sources(): the first sixty bits of the sources' SHA-256, see setup.py."},
     {"scan", py_scan, METH_VARARGS,

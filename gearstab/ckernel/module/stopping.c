@@ -15,7 +15,7 @@ static atomic_int stop_all; /* how many times all calls are asked to stop */
 /* The call that runs in this thread. */
 static _Thread_local struct {
     PyThreadState *thread;
-    double next, limit; /* times of the next look and of the end; infinite without an end, which outlives the call */
+    double next, limit; /* time of the next look; processor time of the end, if any, which outlives the call */
     int limited, stopped;
 } call;
 
@@ -27,6 +27,17 @@ static double now(void) {
     clock_gettime(CLOCK_MONOTONIC, &time);
 #endif
     return (double)time.tv_sec + 1e-9 * (double)time.tv_nsec;
+}
+
+/* Processor time of this thread, where there is a clock for it. */
+static double spent(void) {
+#ifdef CLOCK_THREAD_CPUTIME_ID
+    struct timespec time;
+    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
+    return (double)time.tv_sec + 1e-9 * (double)time.tv_nsec;
+#else
+    return now();
+#endif
 }
 
 void begin_call(void) {
@@ -48,7 +59,7 @@ static void raise_stopped(const char *name) {
 int end_call(void) {
     PyEval_RestoreThread(call.thread);
     if (call.stopped && !PyErr_Occurred())
-        raise_stopped(call.limited && now() >= call.limit ? "TimeUp" : "Stopped");
+        raise_stopped(call.limited && spent() >= call.limit ? "TimeUp" : "Stopped");
     return call.stopped;
 }
 
@@ -60,7 +71,7 @@ int gearstab_stopped(void) {
     if (time < call.next)
         return 0;
     call.next = time + INTERVAL;
-    if (call.limited && time >= call.limit)
+    if (call.limited && spent() >= call.limit)
         return call.stopped = 1;
     PyEval_RestoreThread(call.thread);
     call.stopped = PyErr_CheckSignals() < 0; /* does nothing outside the main thread */
@@ -83,6 +94,6 @@ PyObject *py_limit(PyObject *self, PyObject *arguments) {
     if (!PyArg_ParseTuple(arguments, "d", &seconds))
         return NULL;
     call.limited = seconds < 1e9;
-    call.limit = now() + seconds;
+    call.limit = spent() + seconds;
     Py_RETURN_NONE;
 }

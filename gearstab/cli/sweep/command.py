@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from gearstab.sweep.effort.estimate import Estimate
 
 
-DRY_RUN, LEAST = 1.6, 0.4
-"""Seconds of a dry run, and how many of them it samples at least."""
 SLOW_KERNEL = "note: the compiled kernel was not built; sweeps run on the slower NumPy kernel"
 
 
@@ -75,8 +73,7 @@ def command(
     if dry_run:
         from gearstab.sweep.effort.estimate import estimate
 
-        left = max(DRY_RUN - (time.perf_counter() - start), LEAST)
-        say(forecast(planned, estimate(planned, jobs, left), target))
+        say(forecast(planned, estimate(planned, jobs), target))
         return
     from gearstab.cli.sweep import notes as remarks
     from gearstab.cli.terminal.progress import reporter
@@ -144,13 +141,9 @@ def forecast(plan: Plan, found: Estimate, target: Path) -> str:
     """Return the text that ``--dry-run`` prints."""
     from gearstab.info.tables import columns
     from gearstab.sweep.effort.limits import large
-    from gearstab.sweep.effort.words import duration
 
-    axes, more = [[axis.name, f"{axis.size:,}", extent(axis)] for axis in plan.config.axes], "more than "
-    methods = [
-        [m.name, f"{m.points:,}", f"{m.blocks:,}", f"{more * m.at_least}{duration(m.seconds)}", size(m.file_size)]
-        for m in found.methods
-    ]
+    axes = [[axis.name, f"{axis.size:,}", extent(axis)] for axis in plan.config.axes]
+    methods = [[m.name, f"{m.points:,}", f"{m.blocks:,}", m.time, size(m.file_size)] for m in found.methods]
     lines = [plan.config.title, ""]
     lines += [*columns(["axis", "values", "from .. to"], axes), ""]
     lines += [*columns(["method", "points", "blocks", "time", "in the file"], methods), ""]
@@ -158,8 +151,8 @@ def forecast(plan: Plan, found: Estimate, target: Path) -> str:
     said = [f"{name}: {text}" for name, text in outlooks if text is not None]
     lines += [*said, ""] if said else []
     lines.append(f"points        {plan.points:,} of {plan.systems:,} system{'s' * (plan.systems != 1)}")
-    total = f"{more * found.at_least}{duration(found.seconds)}"
-    lines.append(f"time          {total} on {found.jobs} processor{'s' * (found.jobs != 1)} ({plan.kernel} kernel)")
+    processors = f"{found.jobs} processor{'s' * (found.jobs != 1)}"
+    lines.append(f"time          {found.time} on {processors} ({plan.kernel} kernel)")
     lines.append(f"memory        {size(found.memory)}")
     lines.append(f"file          {size(found.file_size)}, {target}")
     if reasons := large(plan, found):

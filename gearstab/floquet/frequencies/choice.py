@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from gearstab.errors import NotPossible
+from gearstab.floquet.frequencies.lyapunov import length
 from gearstab.floquet.segments.pattern import Pattern, prepare, window
 from gearstab.system import GearSystem
 from gearstab.waveforms import Profile
@@ -112,12 +113,13 @@ class Strategy:
         return f"{self.name} ({what}{limit})"
 
 
-def chosen(system: GearSystem, asked: str, affordable: int = AFFORDABLE) -> Strategy:
+def chosen(system: GearSystem, asked: str, affordable: int = AFFORDABLE, cycles: float = 500) -> Strategy:
     """Choose the strategy where ``asked`` is one of STRATEGIES or ``auto``.
 
     ``auto`` is the common period while it has at most ``affordable`` segments; else one frequency at a time where only
-    one varies, which is exact, or where there are other periodic terms; else the Lyapunov exponent. Raises NotPossible
-    where there is no such strategy.
+    one varies, which is exact, or where there are other periodic terms; else the Lyapunov exponent, unless its window
+    of ``cycles`` of the slowest mesh is no shorter than the common period: it would take longer and say less. Raises
+    NotPossible where there is no such strategy.
     """
     period = common_period(system)
     if asked == COMMON_PERIOD and period is None:
@@ -129,6 +131,8 @@ def chosen(system: GearSystem, asked: str, affordable: int = AFFORDABLE) -> Stra
         name = COMMON_PERIOD
     elif asked == "auto":
         name = PER_MESH if system.terms or varying(system) < 2 else LYAPUNOV
+        if name == LYAPUNOV and period is not None and period.cycles <= length(system, cycles):
+            name = COMMON_PERIOD
     return Strategy(system, name, asked == "auto", period, affordable)
 
 

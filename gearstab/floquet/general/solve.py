@@ -21,6 +21,7 @@ from gearstab.floquet.general.coordinates import Generator, generators
 from gearstab.floquet.kernel import choice as kernel
 from gearstab.floquet.segments.pattern import CONSTANT, PROBES
 from gearstab.floquet.stability import STATUS_FLAGS, FloquetStability, decided, settled
+from gearstab.interrupts import heed
 from gearstab.linear.magnus import NODES, ORDER, polynomial
 from gearstab.linear.products import MagnusSteps, eigenvalues, propagated
 from gearstab.linear.schedule import Schedule, schedule
@@ -107,6 +108,7 @@ class _Division:
         size = len(row.constant)
         at_once = max(1, ENTRIES_AT_ONCE // max(1, 5 * size * size))
         for run in self._runs(at_once):
+            heed()
             values = np.concatenate([self.values[s][index, part] for s, part in run])
             length = [np.full(part.stop - part.start, self.plan.lengths[index, s] / self.steps[s]) for s, part in run]
             matrices = row.constant + np.einsum("xkj,jab->xkab", values, row.parts)

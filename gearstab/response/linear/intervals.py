@@ -15,6 +15,7 @@ from functools import cached_property
 
 import numpy as np
 
+from gearstab.interrupts import heed
 from gearstab.linear import magnus
 from gearstab.linear.eigen import Eigen, diagonalised
 from gearstab.linear.first_order import Basis
@@ -118,11 +119,13 @@ class Exact:
         """(P, F) over parts of the interval, x -> P x + F z."""
         if self.eigen is not None:
             for part in fractions:
+                heed()
                 yield self.eigen.propagators(self.points.at, part * self.duration, self.drive, part * self.turn)
             return
         generator, size = self._generator
         m, count = self.a.shape[-1], max(1, ENTRIES // generator.size)
         for i in range(0, len(fractions), count):
+            heed()
             some = fractions[i : i + count, None, None, None] * generator
             for e in expm(some.reshape(-1, *some.shape[2:])).reshape(some.shape):
                 yield e[:, :m, :m], e[:, :m, m:] * size[:, :, None]
@@ -198,6 +201,7 @@ class Stepped:
         points, m = self.points, self.points.basis.size
         count = max(1, ENTRIES // (8 * len(points.at) * (m + 2) ** 2))
         for i in range(0, len(begin), count):
+            heed()
             part = slice(i, i + count)
             nodes = (begin[part, None] + magnus.NODES * width[part, None]).ravel()
             tau = self.begin + nodes[:, None] * (self.end - self.begin)

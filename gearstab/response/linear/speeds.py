@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gearstab.errors import NotPossible
+from gearstab.interrupts import heed
 from gearstab.response.linear.equilibrium import static_mesh_force
 from gearstab.response.linear.steady import STATUS_FLAGS, SteadyStart, starts
 from gearstab.response.measures.pairs_in_contact import Contact, contact
@@ -100,6 +101,7 @@ def _measured(begin: SteadyStart, static: Array, pairs: Contact, samples_per_cyc
     cycles = np.array(begin.points.excitation.counts[:meshes])
     with np.errstate(over="ignore", invalid="ignore"):
         for piece in pieces(begin.points, begin.x, panels):
+            heed()
             values = np.stack([piece.force, piece.deflection], axis=4)
             if origin is None:
                 origin = values[0, 0, 0]

@@ -3,8 +3,8 @@
 A sample is a part of a block: of a row of mesh frequencies first, whose points share their system and what is prepared
 for it, then several rows. Samples grow until one takes a fair part of the time that there is; two of different size
 tell what points share and what each takes. Others elsewhere on the grid tell how much dearer points are there: at low
-mesh frequencies, above all. A method to which a point is a whole range of mesh frequencies, of which none may be done
-in the time that there is, gives an account of its effort, which samples correct where they can.
+mesh frequencies, above all. Of a method to which a point is a whole range of mesh frequencies parts of a range are
+tried where no range is done in time. Where no sample ends in time, the time is not known.
 """
 
 from __future__ import annotations
@@ -12,6 +12,8 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
+from itertools import pairwise
 from math import ceil, prod
 from typing import TypeVar
 
@@ -19,30 +21,31 @@ import numpy as np
 
 from gearstab import ckernel
 from gearstab.config import parameters_at
-from gearstab.methods import RANGE, EffortEstimate
+from gearstab.errors import listed
+from gearstab.methods import RANGE
 from gearstab.results.variables import GRID
 from gearstab.sweep.compute import compute
 from gearstab.sweep.effort.clock import within
+from gearstab.sweep.effort.words import duration
 from gearstab.sweep.plan import GridBlock, Layout, Plan
 from gearstab.sweep.storage import store
 from gearstab.systems import build
 
-BUDGET = 1.0
+BUDGET = 4.0
 """Seconds for the samples of all methods together."""
-WORD = 1.0
+WORD = 0.5
 """Seconds in which it is found out whether a method takes long."""
-ROWS = 5
-"""Rows that are asked where they differ in structure, as trains of other tooth ratios do."""
 GROWTH = 2.0, 16.0
 """Least and greatest ratio of a sample's size to that before."""
-PART = 1 / 3
-"""Part of the time that is left that a sample may take: there are two of its size to come."""
+PART = 1 / 6
+"""Part of the time that is left that a sample may take: those of other places are of its size."""
 BRIEF = 1e-4
 """Seconds below which a sample is not told from no work at all."""
 APART = 4.0
 """Least ratio of the sizes of two samples whose difference tells what a further point takes."""
-PLACES = (1 / 6, 5 / 6)
-"""Where else on the grid a sample is taken, in parts of each axis; the others lie in the middle."""
+PLACES = (1 / 8, 5 / 8, 3 / 8, 7 / 8)
+"""Where else on the grid a sample is taken, in parts of an axis, half an axis further of every second one; the others
+lie in the middle."""
 SPREAD = 30.0
 """No place is so much dearer or cheaper than the middle that its sample is no accident."""
 UNIT = 3e-8
@@ -51,6 +54,12 @@ OVERHEAD = 2.5
 """Arrays of a block's size that a method holds at once besides its results, roughly."""
 MANY = 1000
 """Points of which each takes as long as in a sweep."""
+FIRST = 0.5
+"""Part of the time in which a whole range is tried before parts of it."""
+PARTS, PART_SIZES, GROWTH_OF_PARTS = 3, (1 / 256, 1 / 64, 1 / 16, 1 / 4, 1.0), 4.0
+"""Places in a range that is too long to be tried, sizes of the part tried at each, and how these grow."""
+SMALL = 1e6
+"""Cost of what is done in seconds."""
 LONG = 120.0
 """Seconds of a method that are worth a word before it starts."""
 
@@ -61,34 +70,46 @@ Found = TypeVar("Found")
 class MethodEstimate:
     """One method.
 
-    points, blocks: how many. work: seconds on one processor; seconds: on all; at_least: whether it may be far more than
-    that. file_size: bytes in the file; memory: bytes that one block takes.
+    points, blocks: how many. work: seconds on one processor; seconds: on all; None where not even a sample ended in
+    ``tried`` seconds. file_size: bytes in the file; memory: bytes that one block takes.
     """
 
     name: str
     points: int
     blocks: int
-    work: float
-    seconds: float
-    at_least: bool
-    file_size: float
-    memory: float
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """All methods, and the whole: seconds, bytes in the file, bytes of memory; jobs: processors counted on."""
-
-    methods: tuple[MethodEstimate, ...]
-    jobs: int
-    seconds: float
+    work: float | None
+    seconds: float | None
+    tried: float
     file_size: float
     memory: float
 
     @property
-    def at_least(self) -> bool:
-        """Whether it may take far longer."""
-        return any(method.at_least for method in self.methods)
+    def time(self) -> str:
+        """The time in words."""
+        if self.seconds is None:
+            return f"not known (a sample took more than {duration(self.tried)})"
+        return duration(self.seconds)
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """All methods, and the whole: bytes in the file, bytes of memory; jobs: processors counted on."""
+
+    methods: tuple[MethodEstimate, ...]
+    jobs: int
+    file_size: float
+    memory: float
+
+    @property
+    def seconds(self) -> float:
+        """Seconds of the methods whose time is known."""
+        return sum(m.seconds or 0.0 for m in self.methods)
+
+    @property
+    def time(self) -> str:
+        """The time in words."""
+        unknown = [m.name for m in self.methods if m.seconds is None]
+        return f"not known: that of {listed(unknown)}" if unknown else duration(self.seconds)
 
 
 @dataclass(frozen=True)
@@ -101,15 +122,15 @@ class Sample:
 
 
 class Clock:
-    """What is left of a number of seconds."""
+    """What is left of a number of seconds of a processor."""
 
     def __init__(self, seconds: float) -> None:
-        self.total, self._end = seconds, time.perf_counter() + seconds
+        self.total, self._end = max(seconds, 0.0), time.thread_time() + seconds
 
     @property
     def left(self) -> float:
         """Seconds, negative when they are over."""
-        return self._end - time.perf_counter()
+        return self._end - time.thread_time()
 
     def run(self, work: Callable[[], Found]) -> tuple[Found, float] | None:
         """Return the result of the work and the seconds that it takes; None where it does not end in time."""
@@ -121,16 +142,12 @@ def estimate(plan: Plan, jobs: int | None = None, budget: float = BUDGET) -> Est
     workers = jobs or ckernel.threads()
     clock, methods = Clock(budget), []
     with ckernel.using(plan.kernel, threads=1):
-        for layout in plan.layouts[:-1]:
-            # What is called for the first time imports and allocates: that is no part of a method's share.
-            if layout.method.frequency != RANGE:
-                _sample(plan, layout, clock, 1.0)
         for k, layout in enumerate(plan.layouts):
             share = Clock(clock.left / (len(plan.layouts) - k))
             methods.append(_method(plan, layout, workers, share))
     file_size = sum(m.file_size for m in methods)
     memory = max(m.memory * min(workers, m.blocks) for m in methods) + min(file_size, store.MOST_BYTES)
-    return Estimate(tuple(methods), workers, sum(m.seconds for m in methods), file_size, memory)
+    return Estimate(tuple(methods), workers, file_size, memory)
 
 
 def seconds_per_point(work: Callable[[int], object], most: int = MANY, budget: float = BUDGET) -> float | None:
@@ -151,79 +168,81 @@ def long_runs(plan: Plan, jobs: int | None = None) -> list[str]:
     """Warn of methods that are going to take long before they start, one line each."""
     found = []
     for layout in plan.layouts:
-        if layout.method.frequency != RANGE:
+        if layout.method.frequency != RANGE or small(layout):
             continue
-        seconds = by_effort(plan, layout, jobs or ckernel.threads())
-        if seconds > LONG:
+        seconds = of_ranges(plan, layout, jobs or ckernel.threads())
+        if seconds is None:
+            found.append(f"methods.{layout.method.name} may take very long; {layout.method.relief}")
+        elif seconds > LONG:
             text = f"{seconds / 60:.0f} minutes" if seconds < 5400 else f"{seconds / 3600:,.0f} hours"
-            text = f"will take some {text}" if np.isfinite(seconds) else "may take very long"
-            found.append(f"methods.{layout.method.name} {text}; {layout.method.relief}")
+            found.append(f"methods.{layout.method.name} will take some {text}; {layout.method.relief}")
     return found
 
 
-def by_effort(plan: Plan, layout: Layout, workers: int) -> float:
-    """Seconds on all processors by a method's own account; infinite where it is not given at once."""
-    work = _by_effort(plan, layout, Clock(WORD))
-    return np.inf if work is None else work / min(workers, layout.count)
+def small(layout: Layout) -> bool:
+    """Whether a method of which a point is a whole range is plainly done in no time."""
+    return layout.points * layout.cost < SMALL
+
+
+def of_ranges(plan: Plan, layout: Layout, workers: int) -> float | None:
+    """Seconds on all processors of such a method; None where that is not found out in WORD seconds."""
+    with ckernel.using(plan.kernel, threads=1):
+        work, _ = _work(plan, layout, Clock(WORD))
+    return None if work is None else work / min(workers, layout.count)
 
 
 def _method(plan: Plan, layout: Layout, workers: int, clock: Clock) -> MethodEstimate:
     """An estimate of one method within the time that is left on its clock."""
-    work, size = _ranges(plan, layout, clock) if layout.method.frequency == RANGE else _points(plan, layout, clock)
-    at_least = work is None
-    if work is None:
-        work = max(clock.total, layout.points * UNIT * layout.cost)
-    rounds = ceil(layout.count / min(workers, layout.count))
-    seconds = work / layout.count * rounds if work > 1 else work
+    work, size = _work(plan, layout, clock)
+    rounds, seconds = ceil(layout.count / min(workers, layout.count)), work
+    if work is not None and work > 1:
+        seconds = work / layout.count * rounds
     memory = prod(layout.chunk) * _bytes_a_point(layout, size / layout.points) * (1 + OVERHEAD)
-    return MethodEstimate(layout.method.name, layout.points, layout.count, work, seconds, at_least, size, memory)
+    tried = clock.total
+    return MethodEstimate(layout.method.name, layout.points, layout.count, work, seconds, tried, size, memory)
 
 
-def _points(plan: Plan, layout: Layout, clock: Clock) -> tuple[float | None, float]:
-    """Seconds on one processor, None where not even one point is done in time, and bytes in the file."""
-    known = UNIT * layout.cost
-    samples, known = _samples(lambda wanted: _sample(plan, layout, clock, wanted), prod(layout.chunk), clock, known)
+def _work(plan: Plan, layout: Layout, clock: Clock) -> tuple[float | None, float]:
+    """Seconds on one processor, None where not even a sample ends in time, and bytes in the file."""
+    ranges = layout.method.frequency == RANGE
+    known = np.inf if ranges else UNIT * layout.cost
+    # What a range takes is told from parts of it if all of it takes too long.
+    share = Clock(clock.left * (FIRST if ranges else 1.0))
+    samples, known = _samples(lambda wanted: _sample(plan, layout, share, wanted), prod(layout.chunk), share, known)
     if not samples:
-        return None, 0.0
+        return (_of_parts(plan, layout, clock) if ranges else None), 0.0
     inner = plan.inner(layout)
     row = 1 if inner is None else layout.chunk[inner]
-    work, size = _whole(layout, row, samples, known, _bytes_a_point(layout, np.inf))
+    work, size = _whole(layout, row, samples, known, np.inf if ranges else _bytes_a_point(layout, np.inf))
     return work * _dearer(plan, layout, clock, samples[-1]), size
 
 
-def _ranges(plan: Plan, layout: Layout, clock: Clock) -> tuple[float | None, float]:
-    """The same where a point is a whole range: by the method's own account, corrected by what some rows take."""
-    work = _by_effort(plan, layout, clock)
-    one = None if work is None else _effort(plan, layout, clock, 0.5)
-    if work is None or one is None:
-        return work, 0.0
-    left, each = max(clock.left, 0.0), one.seconds(layout.points, layout.count)
-    samples, _ = _samples(lambda wanted: _sample(plan, layout, clock, wanted), prod(layout.chunk), clock)
-    if not samples:  # a row takes longer than that, whatever the account says
-        return max(work, left * layout.points), 0.0
-    # Where rows differ in structure, by the account; one in which no multipliers meet takes nothing by it.
-    dearer = min(max(work / each, 1 / SPREAD), SPREAD) if each else 1.0
-    seconds, size = _whole(layout, 1, samples, np.inf, np.inf)
-    return dearer * seconds, size
+def _of_parts(plan: Plan, layout: Layout, clock: Clock) -> float | None:
+    """Seconds of all rows like that in the middle, from short parts of its range; None where none ends in time.
 
-
-def _by_effort(plan: Plan, layout: Layout, clock: Clock) -> float | None:
-    """Seconds of all rows by the account of the method; None where that is not done in time."""
-    structural = any(item.structural for axis in plan.row_axes for item in axis.assignments)
-    places = np.linspace(0.0, 1.0, min(ROWS, layout.points)) if structural else np.array([0.5])
-    efforts = [_effort(plan, layout, clock, float(place)) for place in places]
-    seconds = [e.seconds(layout.points, layout.count) for e in efforts if e is not None]
-    return float(np.mean(seconds)) if len(seconds) == len(efforts) else None
-
-
-def _effort(plan: Plan, layout: Layout, clock: Clock, place: float) -> EffortEstimate | None:
-    """What the row at a place of the grid takes; None where that is not found out in time."""
-    number = round(place * (layout.points - 1))
-    index = np.unravel_index(number, layout.shape) if layout.shape else ()
+    Parts lie at several places, evenly on a logarithmic scale, and grow as long as there is time.
+    """
+    index = np.unravel_index(layout.points // 2, layout.shape) if layout.shape else ()
     rows = {name: np.asarray(k) for name, k in zip(layout.dims, index, strict=True)}
-    ends = np.array(plan.mesh_frequency_range)
-    found = clock.run(lambda: layout.method.of(build(parameters_at(plan.config, rows))).effort(ends))
-    return None if found is None else found[0]
+    method, runs = layout.method.once()
+    method = method.of(build(parameters_at(plan.config, rows)))
+    ends, total = np.geomspace(*plan.mesh_frequency_range, PARTS + 1), 0.0
+    for k, (low, high) in enumerate(pairwise(ends)):
+        share, spent = Clock(clock.left / (PARTS - k)), []
+        for part in PART_SIZES:
+            if spent and GROWTH_OF_PARTS * spent[-1][1] > share.left:
+                break
+            # Cycles, and with them regions, lie evenly in 1/Omega.
+            middle, half = 0.5 * (1 / low + 1 / high), 0.5 * part * (1 / low - 1 / high)
+            found = share.run(partial(method.run, np.array([1 / (middle + half), 1 / (middle - half)])))
+            if found is None:
+                break
+            spent.append((part, found[1]))
+        if not spent:
+            return None
+        (less, before), (part, last) = spent[-2:] if len(spent) > 1 else ((0.0, 0.0), spent[-1])
+        total += last + (1 - part) * max(last - before, 0.0) / (part - less)
+    return total * layout.points * runs
 
 
 def _samples(
@@ -294,7 +313,7 @@ def _scaled(layout: Layout, row: int, values: list[tuple[int, float]], known: fl
 
 def _dearer(plan: Plan, layout: Layout, clock: Clock, middle: Sample) -> float:
     """What a point takes on average over what it takes in the middle of the grid."""
-    ratios = [1.0]
+    ratios = []
     for place in PLACES:
         before = clock.left
         if before < middle.seconds:
@@ -304,9 +323,7 @@ def _dearer(plan: Plan, layout: Layout, clock: Clock, middle: Sample) -> float:
             ratios.append(before / middle.seconds)
         elif found.points == middle.points and middle.seconds > 0:
             ratios.append(found.seconds / middle.seconds)
-    if len(ratios) < 1 + len(PLACES):
-        return 1.0
-    return float(np.mean(np.clip(ratios, 1 / SPREAD, SPREAD)))
+    return float(np.mean(np.clip(ratios, 1 / SPREAD, SPREAD))) if len(ratios) > len(PLACES) // 2 else 1.0
 
 
 def _sample(plan: Plan, layout: Layout, clock: Clock, wanted: float, place: float = 0.5) -> Sample | None:
@@ -334,5 +351,7 @@ def block_at(layout: Layout, inner: int | None, wanted: float, place: float = 0.
     share = min(1.0, rest / prod(layout.chunk[k] for k in others))
     for k in others:
         shape[k] = max(1, round(layout.chunk[k] * share ** (1 / len(others))))
-    start = tuple(min(max(round(place * n - 0.5 * m), 0), n - m) for n, m in zip(layout.shape, shape, strict=True))
+    places = [place if k % 2 == 0 or place == 0.5 else (place + 0.5) % 1 for k in range(len(shape))]
+    ends = zip(places, layout.shape, shape, strict=True)
+    start = tuple(min(max(round(p * n - 0.5 * m), 0), n - m) for p, n, m in ends)
     return GridBlock(layout.method.name, 0, start, tuple(shape))

@@ -11,7 +11,7 @@ from gearstab import ckernel
 from gearstab.errors import RequestError
 from gearstab.methods import RANGE
 from gearstab.results.output import free_bytes
-from gearstab.sweep.effort.estimate import LONG, Estimate, by_effort, estimate
+from gearstab.sweep.effort.estimate import LONG, Estimate, estimate, of_ranges, small
 from gearstab.sweep.effort.words import octets
 from gearstab.sweep.plan import Layout, Plan
 from gearstab.sweep.storage.parts import PartFolder
@@ -50,7 +50,7 @@ def refuse(plan: Plan, out: Path, jobs: int | None, confirmed: bool, confirm: st
             f"{octets(free)} are free; make room or choose an output on another disk"
         )
     if not confirmed and (reasons := large(plan, found)):
-        costly = [m.name for m in found.methods if m.seconds > LONG]
+        costly = [m.name for m in found.methods if m.seconds is None or m.seconds > LONG]
         remedies = [
             f"; methods.{layout.method.name}: {layout.method.relief}"
             for layout in plan.layouts
@@ -68,8 +68,9 @@ def plainly_small(plan: Plan, jobs: int | None, free: float) -> bool:
 
 def _roughly(plan: Plan, layout: Layout, workers: int) -> float:
     """Seconds of a method; infinite where that is not found out at once."""
-    if layout.method.frequency == RANGE:
-        return by_effort(plan, layout, workers)
+    if layout.method.frequency == RANGE and not small(layout):
+        found = of_ranges(plan, layout, workers)
+        return np.inf if found is None else found
     return layout.points * layout.cost * SECONDS_OF_COST / workers
 
 

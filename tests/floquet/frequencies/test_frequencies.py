@@ -310,10 +310,16 @@ class TestChoice:
 
     def test_smooth_waves_take_many_exponentials(self):
         # Each period of the smooth first mesh counts for 40 segments.
-        system = train(Fraction(333, 601))
+        system = train(Fraction(999, 1801))
         smooth = replace(system.meshes[0], waveform=Fourier(np.array([0.5]), np.array([0.0])))
         assert chosen(system, "auto").name == "common_period"
         assert chosen(replace(system, meshes=(smooth, system.meshes[1])), "auto").name == "lyapunov"
+
+    def test_a_window_longer_than_the_common_period_is_not_taken(self):
+        """Its 500 cycles of the slower mesh would have 902 of the first one."""
+        system = train(Fraction(333, 601))
+        assert chosen(system, "auto", affordable=100).name == "common_period"
+        assert chosen(system, "auto", affordable=100, cycles=300).name == "lyapunov"
 
     def test_one_varying_mesh_needs_no_common_period(self):
         assert chosen(train(GOLDEN, (0.3, 0.0)), "auto").name == "per_mesh"
