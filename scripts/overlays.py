@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import tau
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -71,7 +72,7 @@ class Overlay:
     title: str
     frames: Sequence[Frame]
     columns: int = 1
-    dashes: Sequence[object] = DASHES
+    dashes: Sequence[Any] = DASHES
 
     @property
     def results(self) -> list[str]:
@@ -225,7 +226,7 @@ def draw(overlay: Overlay, results: Mapping[str, Path], path: Path) -> None:
         save(figure, path)
 
 
-def _frame(ax: Axes, frame: Frame, results: Mapping[str, Path], dashes: Sequence[object]) -> None:
+def _frame(ax: Axes, frame: Frame, results: Mapping[str, Path], dashes: Sequence[Any]) -> None:
     """Draw the curves of one frame."""
     for k, (name, words) in enumerate(frame.curves.items()):
         x, y = _values(results[name], frame)
@@ -255,7 +256,7 @@ def _values(result: Path, frame: Frame) -> tuple[np.ndarray, np.ndarray]:
         return measure.scale * data[measure.over].values, measure.factor * values.values
 
 
-def _curve(ax: Axes, x: np.ndarray, y: np.ndarray, measure: Measure, k: int, words: str, dashes: object) -> None:
+def _curve(ax: Axes, x: np.ndarray, y: np.ndarray, measure: Measure, k: int, words: str, dashes: Any) -> None:
     """Draw one curve: of a spectrum its lines from zero, but for the smallest."""
     if measure.stems:
         shown = (x > 0) & (y > SMALLEST_LINE * y[1:].max())
