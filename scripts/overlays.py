@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import tau
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -71,7 +72,7 @@ class Overlay:
     title: str
     frames: Sequence[Frame]
     columns: int = 1
-    dashes: Sequence[object] = DASHES
+    dashes: Sequence[Any] = DASHES
 
     @property
     def results(self) -> list[str]:
@@ -113,11 +114,14 @@ def panels(
 
 
 def stage(mesh: str) -> tuple[Frame, Frame]:
-    """Deflection of a mesh over three of its cycles, and its spectrum up to the fifth harmonic."""
-    curves, hertz = {f"{KURIA}steady": ""}, MESH_HZ[mesh]
+    """Deflection of a mesh over three of its cycles, and its spectrum up to the fifth harmonic.
+
+    The common period of all meshes has more lines up to there than are stored, that of stages I and II has not.
+    """
+    hertz = MESH_HZ[mesh]
     return (
-        Frame(DEFLECTION, curves, "(a)", mesh, (0, 3e3 / hertz)),
-        Frame(SPECTRUM, curves, "(b)", mesh, (0, 5.5 * hertz)),
+        Frame(DEFLECTION, {f"{KURIA}steady": ""}, "(a)", mesh, (0, 3e3 / hertz)),
+        Frame(SPECTRUM, {f"{DESIGNS}stages12_m30": ""}, "(b) stages I and II alone", mesh, (0, 5.5 * hertz)),
     )
 
 
@@ -213,13 +217,16 @@ def draw(overlay: Overlay, results: Mapping[str, Path], path: Path) -> None:
                 ax.set_xlabel(frame.measure.along)
             if ax in axes[:: overlay.columns]:
                 ax.set_ylabel(frame.measure.label)
+        if decades := overlay.frames[0].measure.log:
+            top = 3 * max(np.max(line.get_ydata()) for ax in axes for line in ax.get_lines())
+            axes[0].set_ylim(top / 10**decades, top)
         figure.suptitle(overlay.title)
         if any(words for frame in overlay.frames for words in frame.curves.values()):
             write_legend(figure, axes[0].get_lines()[: len(overlay.frames[0].curves)])
         save(figure, path)
 
 
-def _frame(ax: Axes, frame: Frame, results: Mapping[str, Path], dashes: Sequence[object]) -> None:
+def _frame(ax: Axes, frame: Frame, results: Mapping[str, Path], dashes: Sequence[Any]) -> None:
     """Draw the curves of one frame."""
     for k, (name, words) in enumerate(frame.curves.items()):
         x, y = _values(results[name], frame)
@@ -230,10 +237,7 @@ def _frame(ax: Axes, frame: Frame, results: Mapping[str, Path], dashes: Sequence
     ax.margins(x=0)
     if frame.ends:
         ax.set_xlim(frame.ends)
-    if frame.measure.log:
-        top = ax.get_ylim()[1]
-        ax.set_ylim(top / 10**frame.measure.log, top)
-    elif frame.measure.panel and frame.measure.over != "time":
+    if frame.measure.panel and frame.measure.over != "time":
         ax.set_ylim(0, None)
     if frame.pitch:
         name = next(iter(frame.curves))
@@ -252,14 +256,14 @@ def _values(result: Path, frame: Frame) -> tuple[np.ndarray, np.ndarray]:
         return measure.scale * data[measure.over].values, measure.factor * values.values
 
 
-def _curve(ax: Axes, x: np.ndarray, y: np.ndarray, measure: Measure, k: int, words: str, dashes: object) -> None:
+def _curve(ax: Axes, x: np.ndarray, y: np.ndarray, measure: Measure, k: int, words: str, dashes: Any) -> None:
     """Draw one curve: of a spectrum its lines from zero, but for the smallest."""
     if measure.stems:
         shown = (x > 0) & (y > SMALLEST_LINE * y[1:].max())
         ax.vlines(x[shown], 0, y[shown], color=CASES[k], linewidth=2.2 - 0.8 * k)
         ax.plot(x[shown], y[shown], MARKERS[k], markersize=3, color=CASES[k], label=words)
         return
-    width = 0.9 if measure.panel else 0.6
+    width = 0.9 if measure.panel else 0.8
     if measure.log:
         ax.set_yscale("log")
     ax.plot(x, y, color=CASES[k], linestyle=dashes, linewidth=width, label=words, zorder=3 - 0.1 * k)

@@ -1,6 +1,6 @@
 """The statements of Lin & Parker, "Mesh stiffness variation instabilities in two-stage gear systems" (2002)."""
 
-from lin_parker_2002 import equations, example, four_gears, three_gears, unequal
+from lin_parker_2002 import equations, example, four_gears, three_gears, unequal, wave
 from statements import Paper
 
 PAPER = Paper(
@@ -13,7 +13,7 @@ The figures carry no numbers beside their axes, so statements are checked, not c
 (1977) in Fig. 8 are not checked: the paper does not give their equations.""",
     sections={
         "2 The model, and 3 the equations": equations.STATEMENTS,
-        "2 The wave, and 3.1 three gears, equal stiffness variations": three_gears.STATEMENTS,
+        "2 The wave, and 3.1 three gears, equal stiffness variations": [*wave.STATEMENTS, *three_gears.STATEMENTS],
         "3.2 Four gears": four_gears.STATEMENTS,
         "3.3 Unequal stiffness variations": unequal.STATEMENTS,
         "4 The example, and 5 the discussion": example.STATEMENTS,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -217,6 +217,8 @@ def exact_lines(
     for frequency, look in zip((wide, middle), looks, strict=True):
         lines = frequency.reshape(-1, frequency.shape[-1])
         parts = [part for line in lines for part in pieces(line, tongues.positions, span)]
+        if frequency is wide:
+            parts += joints(parts, span)
         drawn.append(LineCollection([p if frequency_on_x else p[:, ::-1] for p in parts], **look))
         ax.add_collection(drawn[-1], autolim=False)
     return drawn[0], drawn[1]
@@ -239,6 +241,22 @@ def pieces(frequency: Array, positions: Array, span: float) -> list[Array]:
     cuts = np.flatnonzero(~(leaps <= min(INVISIBLE * span + 5 * usual, 0.05 * span))) + 1
     parts = np.split(np.stack([frequency, positions], axis=-1), cuts)
     return [part for part in parts if len(part) > 1 and np.isfinite(part).all()]
+
+
+def joints(parts: Sequence[Array], span: float) -> list[Array]:
+    """The steps ``(2, 2)`` from a part of an edge that ends to one that begins a row further, beside it.
+
+    Where regions merge, the edge of one goes on as an edge of the other: without a step there would be a gap of a row.
+    """
+    found = []
+    for ending in parts:
+        step = ending[-1, 1] - ending[-2, 1]
+        starts = [p[0] for p in parts if 0 < (p[0, 1] - ending[-1, 1]) / step < 1.5]
+        near = min(starts, key=lambda start: abs(start[0] - ending[-1, 0]), default=None)
+        usual = abs(ending[-1, 0] - ending[-2, 0])
+        if near is not None and abs(near[0] - ending[-1, 0]) < 2 * (usual + INVISIBLE * span):
+            found.append(np.stack([ending[-1], near]))
+    return found
 
 
 def parameter_axis(view: View) -> tuple[FigureAxis, bool] | None:
