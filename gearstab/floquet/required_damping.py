@@ -81,7 +81,7 @@ def required_damping(
     of: ``damping_ratio``: one ratio for all modes of the mean system, in place of the damping that it has; ``factor``:
         on that damping.
     largest: damping at which the search ends.
-    tolerance: of the value, relative. It is rounded up to the stable side.
+    tolerance: of the value, relative. It is rounded up, so that the growth there is no larger than its rounding error.
 
     Raises ValueError for a factor on no damping, and for periodic terms.
     """
@@ -185,7 +185,9 @@ class _Search:
             low = last[row, point]
             ends = np.stack([levels[low], levels[low + 1]])
             values = np.stack([growth[low, row, point], growth[low + 1, row, point]])
-            value[row, point] = self.refined(row, self.omega[row, point], ends, values, tolerance)
+            # The kernel rounds the growth at a zero either way: half of the tolerance is kept for that.
+            found = self.refined(row, self.omega[row, point], ends, values, 0.5 * tolerance)
+            value[row, point] = np.minimum(found * (1 + 0.5 * tolerance), levels[low + 1])
         return value, status
 
     def growth_at(self, level: float) -> Array:
@@ -202,10 +204,13 @@ class _Search:
         return growth if still else np.maximum(growth, level * pattern.elastic.rigid_growth[:, None])
 
     def refined(self, row: Array, omega: Array, ends: Array, values: Array, tolerance: float) -> Array:
-        """``(N,)``, the zeros of points in brackets ``(2, N)`` of values > 0 and <= 0 (Illinois method, halving in
-        between); the stable ends of the last brackets.
+        """Return the zeros ``(N,)`` of points in brackets ``(2, N)`` of values > 0 and <= 0: their last stable ends.
+
+        Source: Illinois method, with halving in between. A growth below DAMPED_ON_CIRCLE is none only where the stable
+        end decays no more than that, as a mode without damping does; elsewhere the zero is that of the growth itself.
         """
-        (low, high), (f_low, f_high) = ends.copy(), values.copy()
+        floor = np.where(values[1] < -2 * DAMPED_ON_CIRCLE, DAMPED_ON_CIRCLE, 0.0)
+        (low, high), (f_low, f_high) = ends.copy(), values + floor
         side = np.zeros(len(row))
         for step in range(ROUNDS):
             active = np.flatnonzero(high - low > tolerance * high)
@@ -216,7 +221,7 @@ class _Search:
             # A zero at an end of the bracket is approached from inside, by half of what is left to gain.
             margin = 0.5 * tolerance * b
             x = np.clip(x, a + margin, b - margin)
-            f = growth_of(scaled(self.block.pattern.subset(row[active]), x), omega[active, None])[:, 0]
+            f = growth_of(scaled(self.block.pattern.subset(row[active]), x), omega[active, None])[:, 0] + floor[active]
             above = f > 0
             # An end that stays twice running counts half, so that the secant crosses over to it.
             stays = side[active] == np.where(above, 1, -1)

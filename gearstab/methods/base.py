@@ -29,6 +29,8 @@ FEWEST = 4
 """Points of a block, however costly."""
 
 Tolerance = Annotated[float, Field(gt=0, lt=1), Quantity()]
+WidthFloor = Annotated[float, Field(ge=1e-12, lt=1), Quantity()]
+"""Width of a region, relative to the mesh frequency; the least is ``floquet.boundaries.solve.LEAST_FLOOR``."""
 
 Key = tuple["Tongue", int]
 """What tells the regions along the dimension ``tongue`` apart: where a region is rooted and, as there can be several of

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import Field
 
-from gearstab.methods.base import RANGE, Key, Outcome, Tolerance, TongueMethod
+from gearstab.methods.base import RANGE, Key, Outcome, Tolerance, TongueMethod, WidthFloor
 from gearstab.methods.restriction import ModesOption, Restricted
 from gearstab.results.variables import EXACT, OCCURRENCE, TONGUE, Variable, flagged
 from gearstab.system import Array, Feature
@@ -24,7 +24,7 @@ class BoundariesOptions(ModesOption):
     tolerance: Tolerance = Field(
         default=1e-10, title="tolerance", description="Of an edge, relative to the mesh frequency (1)."
     )
-    width_floor: Tolerance = Field(
+    width_floor: WidthFloor = Field(
         default=1e-6,
         title="width floor",
         description="Regions narrower than this, relative to the mesh frequency, may be left out (1).",

@@ -15,7 +15,7 @@ from gearstab.config.model.axes import SPEEDS
 from gearstab.config.model.columns import columns_of
 from gearstab.config.model.fields import Flag, Quantity, Section, wrong
 from gearstab.config.model.validation import validate
-from gearstab.methods.base import RANGE, Key, Method, Outcome, Tolerance
+from gearstab.methods.base import RANGE, Key, Method, Outcome, Tolerance, WidthFloor
 from gearstab.results.variables import OCCURRENCE, PASSAGE, TONGUE, Variable, flagged
 from gearstab.system import Array
 
@@ -96,7 +96,7 @@ class PassageOptions(Section):
     tolerance: Tolerance = Field(
         default=1e-8, title="tolerance", description="Of the edges of the regions, relative to the mesh frequency (1)."
     )
-    width_floor: Tolerance = Field(
+    width_floor: WidthFloor = Field(
         default=1e-6,
         title="width floor",
         description="Regions narrower than this, relative to the mesh frequency, may be left out (1).",

@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Field, PrivateAttr
 
 from gearstab.config.model.fields import Section, Whole
-from gearstab.methods.base import RANGE, Key, Method, Outcome, SampledMethod, Tolerance
+from gearstab.methods.base import RANGE, Key, Method, Outcome, SampledMethod, Tolerance, WidthFloor
 from gearstab.methods.boundaries import BoundariesOptions, BoundaryAnalysis
 from gearstab.results.variables import OCCURRENCE, TONGUE, TONGUE_PROBABILITY, Variable
 from gearstab.system import Array, GearSystem
@@ -34,7 +34,7 @@ class TongueProbabilityOptions(Section):
     tolerance: Tolerance = Field(
         default=1e-6, title="tolerance", description="Of the edges of the regions, relative to the mesh frequency (1)."
     )
-    width_floor: Tolerance = Field(
+    width_floor: WidthFloor = Field(
         default=1e-6, title="width floor", description="Regions narrower than this, relative to it, count as none (1)."
     )
     _parameters: int = PrivateAttr(default=0)

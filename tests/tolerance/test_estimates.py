@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
+from scipy import stats
 from scipy.special import ndtr, ndtri
 
-from gearstab.tolerance.design import SamplingDesign
+from gearstab.tolerance import estimates
+from gearstab.tolerance.design import SCRAMBLES, SamplingDesign
 from gearstab.tolerance.estimates import mean_of_chances, probability, sobol_indices
 
 NOTHING = np.zeros((1, 1, 1), dtype=bool)
@@ -168,3 +170,13 @@ def test_conditional_probabilities_tell_more():
     assert mean_of_chances(np.full(design.shape, 0.3), design) == pytest.approx((0.3, 0.3, 0.3), abs=1e-6)
     # Where no sample has a chance there may yet be systems that have one.
     assert mean_of_chances(np.zeros(design.shape), design)[2] == pytest.approx(1 - 0.025 ** (1 / 1024))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_jackknife_of_a_mean_is_students_interval(seed: int) -> None:
+    """Leaving out one of n values at a time gives the mean the variance s^2/n, exactly (Efron & Stein 1981)."""
+    values = np.random.default_rng(seed).normal(size=(SCRAMBLES, 4))
+    without = tuple(np.delete(values, k, axis=0).mean(axis=0) for k in range(SCRAMBLES))
+    interval = stats.t.interval(0.95, SCRAMBLES - 1, values.mean(axis=0), stats.sem(values, axis=0))
+    # Rounding of a sum of a few squares.
+    np.testing.assert_allclose(estimates._jackknife(without), 0.5 * (interval[1] - interval[0]), rtol=1e-12)

@@ -25,6 +25,8 @@ from gearstab.system import Array, GearSystem
 
 FEW = 500
 """Collisions of multipliers of a row without damping up to which damped regions are named after undamped ones."""
+LEAST_FLOOR = 1e-12
+"""Rounding moves an edge by up to 1.4e-14 of Omega (64 eps), so that a region so wide is known to some per cent."""
 BUDGET = 4e9
 """Multiplications for the proof of a damped row: about a second."""
 
@@ -55,19 +57,21 @@ def boundaries(
     ----------
     system: any batch shape; rows of the result are those of the flattened batch.
     start, stop: range of Omega, rad per unit time, 0 < start < stop.
-    tolerance, width_floor: of the edges and of a region, relative to Omega. Below 1e-13 rounding has the last word.
+    tolerance, width_floor: of the edges and of a region, relative to Omega. Below a tolerance of 1e-13 rounding has the
+        last word. Floors below 1e-6 take the reference search, which is slower, with edges to an eighth of the floor.
     reduction: False to search every system as a whole (slower, for comparison). Multipliers of three or more equal
         parts then coincide but for rounding, and edges may be off by 2e-8 whatever tolerance they state.
     budget: multiplications for the proof of a damped row, and as many again for its scan.
 
     Raises
     ------
-    ValueError: an empty range, a tolerance or floor that is not positive, or a system without a common period.
+    ValueError: an empty range, a tolerance that is not positive, a floor below LEAST_FLOOR, or no common period.
     """
     if not 0 < start < stop < np.inf:
         raise ValueError(f"mesh frequencies must satisfy 0 < start < stop, not {start}, {stop}")
-    if not (tolerance > 0 and width_floor > 0):
-        raise ValueError(f"tolerance and width floor must be positive, not {tolerance}, {width_floor}")
+    if not (tolerance > 0 and width_floor >= LEAST_FLOOR):
+        message = f"tolerance must be > 0 and width floor >= {LEAST_FLOOR:g}, not {tolerance}, {width_floor}"
+        raise ValueError(message)
     # The same rows without damping are looked at too: the batch must not rest on the damping alone.
     system = system.over(system.batch)
     found = _Collected(system, start, stop, width_floor)

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from mpmath import mp
 from systems import train
 
 from gearstab.floquet import solve
@@ -45,6 +46,34 @@ def test_value_is_on_the_stable_side():
     for k in np.flatnonzero(found > 0):
         assert solve(with_ratio(system, found[k]), omega[k]).stable[0, 0] == 1
         assert solve(with_ratio(system, found[k] * (1 - 2e-6)), omega[k]).stable[0, 0] == 0
+
+
+def growth_in_forty_digits(epsilon, ratio, omega):
+    """Growth a period of the train at equal modal damping ratios: both meshes are stiff for its first half."""
+    with mp.workdps(40):
+        system = train(epsilon)
+        mass, mean = (mp.matrix(a.tolist()) for a in (system.mass, system.mean_stiffness_matrix()))
+        outer = mp.matrix(sum(np.outer(mesh.direction, mesh.direction) for mesh in system.meshes).tolist())
+        inverse = mp.inverse(mass)
+        half = mp.diag([mp.sqrt(mass[k, k]) for k in range(3)])
+        squares, shapes = mp.eigsy(half**-1 * mean * half**-1)
+        damping = half * shapes * mp.diag([2 * mp.mpf(ratio) * mp.sqrt(w) for w in squares]) * shapes.T * half
+        monodromy = mp.eye(6)
+        for level in (mp.mpf(epsilon), -mp.mpf(epsilon)):
+            rate = mp.zeros(6)
+            rate[:3, 3:] = mp.eye(3)
+            rate[3:, :3], rate[3:, 3:] = -inverse * (mean + level * outer), -inverse * damping
+            monodromy = mp.expm(rate * mp.pi / mp.mpf(omega)) * monodromy
+        return float(mp.log(max(abs(value) for value in mp.eig(monodromy)[0])))
+
+
+@pytest.mark.parametrize(("epsilon", "omega"), [(0.5, 1.14), (0.3, 2.0), (0.3, 5.4)])
+def test_no_growth_is_left_and_the_tolerance_holds(epsilon, omega):
+    # At 1.14 the growth falls by 1e-10 a period for a millionth of the value: a threshold of 1e-10 would cost 1e-6.
+    found = required_damping(train(epsilon), np.array([omega]), tolerance=1e-9).value[0, 0]
+    # The kernel rounds the growth of one period of two intervals to some 1e-15.
+    assert growth_in_forty_digits(epsilon, found, omega) <= 2e-14
+    assert growth_in_forty_digits(epsilon, found * (1 - 2e-9), omega) > 0
 
 
 @pytest.mark.parametrize("mode", [1, 2, 3])
