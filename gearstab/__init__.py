@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from typing import Any
 
     from gearstab.api.configurations import build, info, load
-    from gearstab.api.runs import design, plot, respond, sweep
+    from gearstab.api.runs import design, plot, respond, save, sweep
     from gearstab.api.stability import boundaries, floquet, perturbation
     from gearstab.exchange.files import dump, export_matrices, from_matrices
     from gearstab.exchange.rotor import from_ross
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 ROOMS = {
     "api.configurations": ("build", "info", "load"),
-    "api.runs": ("design", "plot", "respond", "sweep"),
+    "api.runs": ("design", "plot", "respond", "save", "sweep"),
     "api.stability": ("boundaries", "floquet", "perturbation"),
     "exchange.files": ("dump", "export_matrices", "from_matrices"),
     "exchange.rotor": ("from_ross",),
@@ -42,7 +42,7 @@ PLACES = {name: f"gearstab.{module}" for module, names in ROOMS.items() for name
 
 __all__ = [
     "boundaries", "build", "design", "dump", "export_matrices", "floquet", "from_matrices", "from_opentorsion",
-    "from_ross", "info", "load", "perturbation", "plot", "respond", "sweep",
+    "from_ross", "info", "load", "perturbation", "plot", "respond", "save", "sweep",
 ]  # fmt: skip
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -81,6 +82,30 @@ def design(config: Source, *, progress: bool | None = None) -> xr.DataTree:
     loaded = as_config(config, "design")
     check(loaded)
     return from_bytes(image(find(loaded, reporter(progress).message)))
+
+
+def save(result: xr.DataTree, path: str | Path) -> None:
+    """Write a result in memory to a file that every command reads, whole or not at all.
+
+    Parameters
+    ----------
+    result: what :func:`sweep`, :func:`respond` or :func:`design` returned, or a part of it.
+    path: ends in ``.h5``; a result of the same command there is replaced, nothing else.
+
+    Raises ResultError for a tree that is no result, and OutputError where something else is at the path.
+    """
+    import os
+
+    from gearstab.results.write import result_tree, write_result
+
+    out, tree = Path(path), result_tree(result)
+    attributes = dict(tree.root.attributes)
+    if attributes.get("config_file"):
+        # Relative to the file that the result was read from, of one in memory to the current folder.
+        folder = Path(str(result.encoding.get("source") or "result.h5")).parent
+        moved = os.path.relpath(folder / str(attributes["config_file"]), out.resolve().parent)
+        attributes["config_file"] = Path(moved).as_posix()
+    write_result(out, replace(tree, root=replace(tree.root, attributes=attributes)))
 
 
 def plot(

@@ -68,7 +68,7 @@ def floquet(system: GearSystem | Source, mesh_frequency: ArrayLike, **options: A
 
     Raises NotPossible, a ValueError, where the method does not fit the system, and ConfigError for wrong options.
     """
-    built, omega = as_system(system), np.asarray(mesh_frequency, dtype=float)
+    built, omega = as_system(system), np.ma.filled(np.ma.asarray(mesh_frequency, dtype=float), np.nan)
     if not (np.isfinite(omega) & (omega > 0)).all():
         raise NotPossible("mesh frequencies must be positive numbers")
     method = _method("floquet", options, built)

@@ -3,48 +3,70 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from gearstab.cli.terminal import options
-from gearstab.cli.terminal.console import say
+from gearstab.cli.terminal.console import say, tell
 from gearstab.cli.terminal.errors import warn
 
 if TYPE_CHECKING:
     from gearstab.config import Config, Problem
 
 
-@click.command(name="check", short_help="Validate a configuration.")
-@options.config
+STANDARD_INPUT = "standard input"
+
+
+@click.command(name="check", short_help="Validate configurations.")
+@click.argument("configs", metavar="CONFIG...", type=options.FILE, nargs=-1, required=True)
 @options.overrides
-@click.option("--json", "as_json", is_flag=True, help="Print JSON, mistakes included.")
-def command(config: Path, overrides: tuple[str, ...], as_json: bool) -> None:
-    """Validate CONFIG: exit code 0, or 2 with every mistake at once, each with its line and what to do about it."""
+@click.option("--json", "as_json", is_flag=True, help="Print JSON, mistakes included; of several files a list.")
+def command(configs: tuple[Path, ...], overrides: tuple[str, ...], as_json: bool) -> None:
+    """Validate every CONFIG (- is standard input): exit code 0, or 2 with every mistake at once, each with its line and
+    what to do about it.
+    """
     from gearstab.config import ConfigError
 
-    try:
-        found = checked(config, overrides)
-    except ConfigError as error:
+    reports, failed = [], 0
+    for config in configs:
+        try:
+            found = checked(config, overrides)
+        except ConfigError as error:
+            failed = error.exit_code
+            reports.append(report(named(config), problems=error.problems))
+            if not as_json:
+                tell(str(error))
+            continue
+        reports.append(report(named(config), found.doubts, summary=summary(found)))
         if not as_json:
-            raise
-        say(report(config, problems=error.problems))
-        raise click.exceptions.Exit(error.exit_code) from None
+            warn(found)
+            say(f"{named(config)}: {summary(found)}")
     if as_json:
-        say(report(config, found.doubts, summary=summary(found)))
-        return
-    warn(found)
-    say(f"{config}: {summary(found)}")
+        say(json.dumps(reports if len(reports) > 1 else reports[0], indent=2, ensure_ascii=False))
+    if failed:
+        raise click.exceptions.Exit(failed)
+
+
+def named(config: Path) -> str:
+    """Return what messages call a configuration."""
+    return STANDARD_INPUT if str(config) == "-" else str(config)
 
 
 def checked(config: Path, overrides: tuple[str, ...]) -> Config:
     """Return a configuration in which nothing is wrong. Raises ConfigError."""
     from gearstab.config import load
+    from gearstab.config.document.yaml import decoded
 
-    found = load(config, overrides)
+    if named(config) == STANDARD_INPUT:
+        document = decoded(sys.stdin.buffer.read(), STANDARD_INPUT)
+        found = load(document, overrides, source=Path(STANDARD_INPUT))
+    else:
+        found = load(config, overrides)
     if found.methods.chosen:
         from gearstab.config.checks.options import check
         from gearstab.systems import build
@@ -58,12 +80,12 @@ def checked(config: Path, overrides: tuple[str, ...]) -> Config:
 
 
 def report(
-    config: Path, doubts: Sequence[Problem] = (), problems: Sequence[Problem] = (), summary: str | None = None
-) -> str:
-    """Return what was found as JSON: of each mistake and doubt its file, line, path, value, code, message and hint."""
-    said = {"file": str(config), "valid": not problems, "summary": summary}
+    name: str, doubts: Sequence[Problem] = (), problems: Sequence[Problem] = (), summary: str | None = None
+) -> dict[str, Any]:
+    """Return what was found as data: of each mistake and doubt its file, line, path, value, code, message and hint."""
+    said = {"file": name, "valid": not problems, "summary": summary}
     lists = {"problems": [asdict(p) for p in problems], "doubts": [asdict(p) for p in doubts]}
-    return json.dumps(said | lists, indent=2, ensure_ascii=False)
+    return said | lists
 
 
 def summary(config: Config) -> str:

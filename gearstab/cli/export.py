@@ -29,9 +29,11 @@ from gearstab.cli.terminal.console import StandardOutput, tell
 )
 @options.select
 @options.unit
+@options.quiet
 def command(
-    result: Path, output: Path, group: str | None, over: str | None, select: tuple[str, ...], unit: tuple[str, ...]
-) -> None:
+    result: Path, output: Path, group: str | None, over: str | None, select: tuple[str, ...], unit: tuple[str, ...],
+    quiet: bool,
+) -> None:  # fmt: skip
     """Write the file RESULT as tidy CSV: one row per grid point, one column per axis or variable.
 
     Units other than SI units stand behind the names of their columns.
@@ -40,6 +42,8 @@ def command(
 
     out = None if str(output) == "-" else output
     rows, notes = export(result, out, StandardOutput(), group, over, options.selections(select), unit)
+    if quiet:
+        return
     if out is not None:
         tell(f"{out}: {rows:,} rows")
     for note in notes:

@@ -34,11 +34,12 @@ KINDS_HELP = "; ".join(f"{name}: {kind.summary}" for name, kind in KINDS.items()
 @click.option("--title", metavar="TEXT", help="Title over the figure [default: that of the result].")
 @click.option("--no-title", is_flag=True, help="Write no title over the figure.")
 @click.option("--size", metavar="single|double", help="One journal column (88 mm) or two (180 mm).")
+@options.quiet
 @click.option("--dpi", type=click.IntRange(50, 2400), help="Resolution of pixels [default: 300].")
 def command(
     result: Path, output: Path | None, kind: str | None, x: str | None, y: str | None, select: tuple[str, ...],
     unit: tuple[str, ...], variable: str | None, mark: tuple[str, ...], level: tuple[float, ...], title: str | None,
-    no_title: bool, size: str | None, dpi: int | None,
+    no_title: bool, size: str | None, dpi: int | None, quiet: bool,
 ) -> None:  # fmt: skip
     """Draw a figure from the file RESULT alone; nothing is computed again."""
     from gearstab.errors import PlotError
@@ -63,11 +64,14 @@ def command(
             raise PlotError("a page shows the map of growth rates alone: leave --kind, --variable and --mark out")
         with reading(result) as tree:
             save_page(tree, request, target, title or title_of(tree))
-        tell(f"page: {target}")
+        if not quiet:
+            tell(f"page: {target}")
         return
     with reading(result) as tree:
         figure, artists = draw(tree, kind, request)
         save(figure, target, title_of(tree))
+    if quiet:
+        return
     tell(f"figure: {target}")
     for note in [*artists["nearest"], *([artists["left_out"]] if artists.get("left_out") else [])]:
         tell(f"note: {note}")

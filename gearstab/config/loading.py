@@ -37,20 +37,23 @@ WITHIN = {
 
 
 def load(
-    path: str | FilePath | Mapping[str, Any],
+    path: str | FilePath | Mapping[str, Any] | Document,
     overrides: Sequence[str] | Mapping[str, Any] = (),
     needs: Sequence[str] = (),
     source: FilePath = FilePath(NAME),
 ) -> Config:
     """Read and check a configuration.
 
-    path: of a file, or what it would hold: then files named in it are relative to the folder of ``source``.
+    path: of a file, or what it holds, parsed or as data: then files named in it are relative to the folder of
+        ``source``.
     overrides: ``PATH=VALUE`` texts, see :func:`gearstab.config.overrides.apply`, or values by path.
     needs: sections that the caller cannot do without, such as ``("sweep", "methods")``.
 
     Raises ConfigError with every problem found.
     """
-    if isinstance(path, Mapping):
+    if isinstance(path, Document):
+        document = path
+    elif isinstance(path, Mapping):
         document = document_of(path, str(source))
     else:
         source = FilePath(path)

@@ -74,6 +74,8 @@ def dense(part: Any) -> Array:
             return read_market(Path(part))
         except DataFileError as error:
             raise NotPossible(f"{part}: {error}", error.hint) from None
+    if np.ma.is_masked(part):
+        raise NotPossible("a matrix has masked entries, which have no value", "fill them")
     found = np.asarray(part.toarray() if hasattr(part, "toarray") else part)
     if found.ndim != 2 or found.shape[0] != found.shape[1] or found.dtype.kind not in "fiu":
         raise NotPossible(f"a matrix has the shape {found.shape} and the type {found.dtype}", "give square real ones")
@@ -141,7 +143,8 @@ def export_matrices(system: GearSystem | Source, path: str | Path) -> None:
     """
     out, system = Path(path), as_system(system)
     if out.suffix.lower() not in MODELS:
-        raise OutputError(f"{out}: the ending {out.suffix or 'missing'!r} is not known; use .mat or .npz")
+        wrong = f"the ending {out.suffix} is not known" if out.suffix else "the name of a model needs an ending"
+        raise OutputError(f"{out}: {wrong}; use .mat or .npz")
     if system.batch:
         raise NotPossible(f"this is a batch of systems of shape {system.batch}", "export one of them")
     periodic = [

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from gearstab.errors import PlotError, listed
 from gearstab.plots import modes, work_precision
-from gearstab.plots.axes import distinct
+from gearstab.plots.axes import distinct, refuse_empty
 from gearstab.plots.design import before_after, contour, pareto, tornado
 from gearstab.plots.drawing.style import style
 from gearstab.plots.kinds import Contents, Kind
@@ -64,6 +64,7 @@ def draw(
     wanted = request or Request(**options)
     if kind is None:
         wanted = replace(wanted, partial=True)
+    refuse_empty(tree)
     tree = in_display_units(distinct(tree), wanted.unit)
     name = kind or default_kind(tree, wanted)
     if name not in KINDS:

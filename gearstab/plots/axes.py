@@ -35,6 +35,18 @@ BESIDE = ("modes", "teeth", "bench", "design")
 """Groups that do not stand over the axes of a sweep; every other one is that of a method, or a response."""
 
 
+LISTS = ("tongue", "stretch", "event", "cycle")
+"""Dimensions of what was found, perhaps nothing: no region, no event. Every other one has a value at least."""
+
+
+def refuse_empty(tree: xr.DataTree) -> None:
+    """Raise PlotError for a result of which nothing is left along an axis, as after a cut with xarray."""
+    sizes = {str(dim): size for node in tree.subtree for dim, size in node.sizes.items() if dim not in LISTS}
+    cut = [dim for dim, size in sorted(sizes.items()) if size < (2 if dim in ("side", "bound") else 1)]
+    if cut:
+        raise PlotError(f"this result lacks values along {listed(cut)}: there is nothing to draw")
+
+
 @dataclass(frozen=True)
 class FigureAxis:
     """One axis of a sweep.

@@ -26,6 +26,8 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     """The whole figure; its artists are ``lines``, one per method. Raises PlotError without benchmark results."""
     if "bench" not in tree.children:
         raise PlotError(f"this result holds no benchmark; it holds {listed(tree.children)}")
+    if not (np.isfinite(tree["bench"]["error"]) & np.isfinite(tree["bench"]["seconds"])).any():
+        raise PlotError("no method of this benchmark has an error and a time: there is nothing to draw")
     figure, ax = new_frame(request, 0.95)
     lines = draw_methods(ax, tree["bench"].to_dataset())
     figure.legend(handles=lines, loc="outside lower center", ncols=2, fontsize=6.5, handlelength=1.6)

@@ -144,7 +144,7 @@ def write_rows(dataset: xr.Dataset, file: Any) -> int:
 def heading(dataset: xr.Dataset, name: str) -> str:
     """The name of a column, with its unit where that is no SI unit."""
     attributes = dataset[name].attrs
-    return f"{name} ({attributes['units']})" if "si_units" in attributes else name
+    return safe(f"{name} ({attributes['units']})" if "si_units" in attributes else name)
 
 
 def no_table(path: Path) -> str:
@@ -271,8 +271,17 @@ def flat(part: xr.Dataset, dims: Sequence[str], name: str) -> list[Any]:
     return cells(values)
 
 
+FORMULA = ("=", "+", "-", "@", "\t", "\r")
+"""Beginnings of texts that spreadsheets take for formulas and compute."""
+
+
+def safe(text: str) -> str:
+    """Return a text as a cell that is no formula: with an apostrophe before what would begin one."""
+    return f"'{text}" if text.startswith(FORMULA) else text
+
+
 def cells(values: Array) -> list[Any]:
-    """Texts, integers as they are, floats in their shortest exact form, NaN empty."""
+    """Safe texts, integers as they are, floats in their shortest exact form, NaN empty."""
     if values.dtype.kind != "f":
-        return [str(v) for v in values.tolist()] if values.dtype.kind in "OUST" else list(values.tolist())
+        return [safe(str(v)) for v in values.tolist()] if values.dtype.kind in "OUST" else list(values.tolist())
     return ["" if v != v else repr(v) for v in values.tolist()]

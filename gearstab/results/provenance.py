@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import os
 import platform
 from datetime import UTC, datetime
 from typing import Any, Protocol
 
 import numpy as np
 
+from gearstab.errors import SettingError
 from gearstab.modal import mean_modes
 from gearstab.results.display import RATIOS
 from gearstab.results.tree import Group, fields_of
@@ -29,6 +31,18 @@ class Origin(Protocol):
     def digest(self) -> str: ...
 
 
+def now() -> datetime:
+    """Return the time, or the one that SOURCE_DATE_EPOCH sets, so that two runs give the same bytes.
+
+    Raises SettingError where that is no number of seconds.
+    """
+    said = os.environ.get("SOURCE_DATE_EPOCH")
+    try:
+        return datetime.now(UTC) if said is None else datetime.fromtimestamp(int(said), UTC)
+    except (ValueError, OverflowError, OSError):
+        raise SettingError(f"SOURCE_DATE_EPOCH is {said!r}; it is a number of seconds since 1970") from None
+
+
 def root_attributes(command: str, config: Origin, kernel: str) -> dict[str, Any]:
     """Title, configuration as run, versions, time.
 
@@ -41,7 +55,7 @@ def root_attributes(command: str, config: Origin, kernel: str) -> dict[str, Any]
         "title": config.title,
         "command": command,
         "source": f"gearstab {__version__}",
-        "created": datetime.now(UTC).isoformat(timespec="seconds"),
+        "created": now().isoformat(timespec="seconds"),
         "gearstab_version": __version__,
         "numpy_version": np.__version__,
         "h5py_version": h5py.__version__,

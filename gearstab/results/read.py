@@ -6,6 +6,7 @@ import io
 import os
 import stat
 import time
+import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import lru_cache
@@ -53,7 +54,9 @@ def open_result(path: str | Path, chunks: Mapping[str, int] | Literal["auto"] | 
     import xarray as xr
 
     try:
-        return xr.open_datatree(path, engine="h5netcdf", driver_kwds={"locking": False}, chunks=chunks)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of xarray and h5netcdf, on a file that a user did not write
+            return xr.open_datatree(path, engine="h5netcdf", driver_kwds={"locking": False}, chunks=chunks)
     except Exception as error:
         raise ResultError(f"{path}: cannot be read as a result: {one_line(error)}") from error
 
@@ -63,7 +66,9 @@ def from_bytes(data: memoryview) -> xr.DataTree:
     import xarray as xr
 
     with xr.open_datatree(io.BytesIO(data), engine="h5netcdf") as tree:
-        return tree.load()
+        # Group by group: `DataTree.load` leaves out a variable that has the name of a group.
+        groups = {node.path: node.to_dataset(inherit=False).load() for node in tree.subtree}
+        return type(tree).from_dict(groups, name=tree.name)
 
 
 @contextmanager
@@ -154,13 +159,22 @@ def attributes(path: str | Path) -> dict[str, str]:
     refuse_damaged(path)
     try:
         with h5py.File(path, "r", locking=False) as file:
-            found = {name: str(value) for name, value in file.attrs.items()}
+            found = {name: _as_text(value) for name, value in file.attrs.items()}
             command = _command(file)
     except Exception as error:
         raise ResultError(f"{path}: is damaged or incomplete: {one_line(error)}") from None
     if "gearstab_version" not in found:
         raise ResultError(f"{path}: was not written by gearstab")
     return {"command": command, "format_version": str(FORMAT)} | found
+
+
+def _as_text(value: Any) -> str:
+    """The text of an attribute; other programs, xarray among them, write a number as a list of one."""
+    import numpy as np
+
+    value = np.asarray(value)
+    single = value.item() if value.size == 1 else value
+    return single.decode(errors="replace") if isinstance(single, bytes) else str(single)
 
 
 def _command(file: h5py.File) -> str:

@@ -16,16 +16,18 @@ from uuid import uuid4
 
 import numpy as np
 
+from gearstab.errors import ResultError
 from gearstab.results.chunks import FILTER, decode
 from gearstab.results.guard import result_of
 from gearstab.results.output import Look, move, naming, sync, temporary_file, writing
 from gearstab.results.seal import append_seal, seal_of
 from gearstab.results.sink import Sink
 from gearstab.results.tree import FORMAT, NO_VARIABLE, Chunked, Field, Group, ResultTree, octets
-from gearstab.results.variables import TEXT
+from gearstab.results.variables import TEXT, Variable
 
 if TYPE_CHECKING:
     import h5py
+    import xarray as xr
 
 COMPRESSED_FROM = 1 << 16
 """Arrays of more bytes than this are compressed."""
@@ -50,6 +52,42 @@ def write_result(path: Path, tree: ResultTree, look: Look | None = None) -> None
                     fill(target, tree)
             mark = seal_of(sink, sink.seek(0, os.SEEK_END))
         file.write(mark)
+
+
+def result_tree(tree: xr.DataTree) -> ResultTree:
+    """Turn an xarray tree back into a result that can be written. Raises ResultError for what no file can hold."""
+    if "gearstab_version" not in tree.attrs:
+        raise ResultError("this tree is no result of gearstab: its attribute gearstab_version is missing")
+    groups = {node.path.strip("/"): _group(node) for node in tree.subtree}
+    root = groups.pop(tree.path.strip("/"))
+    return ResultTree(root, groups)
+
+
+def _group(node: xr.DataTree) -> Group:
+    """Return one group without what it inherits."""
+    data = node.to_dataset(inherit=False)
+    fields = tuple(Field(_variable(node.path, data[name]), data[name].values) for name in data.variables)
+    return Group(fields, _storable(node.path, data.attrs))
+
+
+def _variable(path: str, data: xr.DataArray) -> Variable:
+    if data.dtype.kind not in "fiuOUST":
+        raise ResultError(f"{path}: {data.name} has the type {data.dtype}; a result holds numbers and texts")
+    said = _storable(f"{path}: {data.name}", data.attrs)
+    units, words = str(said.pop("units", "1")), str(said.pop("long_name", data.name))
+    dtype = data.dtype.str[1:] if data.dtype.kind in "fiu" else TEXT
+    dims = tuple(str(dim) for dim in data.dims)
+    return Variable(str(data.name), dims, dtype, units, words, said, str(data.name) in data.coords)
+
+
+def _storable(where: str, attributes: Mapping[Any, Any]) -> dict[str, Any]:
+    """Return attributes of a tree. Raises ResultError for one that is neither text nor numbers."""
+    for name, value in attributes.items():
+        if not isinstance(value, str | bytes) and np.asarray(value).dtype.kind not in "biuf":
+            kind = type(value).__name__
+            raise ResultError(f"{where}: the attribute {name} is of the type {kind}; a result holds numbers and texts")
+    # A group names its coordinates itself, and counts as of this program's format.
+    return {str(name): value for name, value in attributes.items() if name not in ("coordinates", "format_version")}
 
 
 def in_memory(tree: ResultTree) -> bool:

@@ -26,6 +26,8 @@ from gearstab.systems import model_of, train_of
 if TYPE_CHECKING:
     from gearstab.systems.gearbox.build import Train
 
+TURBINE = 1e10
+"""Of masses and inertias: ten times the rotor of a wind turbine of 20 MW (kg m^2)."""
 USUAL: dict[tuple[str, str], tuple[float, float, str]] = {
     ("module", "m"): (2e-5, 0.2, "mm"),
     ("face_width", "m"): (1e-4, 3.0, "mm"),
@@ -39,12 +41,12 @@ USUAL: dict[tuple[str, str], tuple[float, float, str]] = {
     ("backlash", "m"): (0.0, 0.01, "um"),
     ("transmission_error", "m"): (0.0, 1e-3, "um"),
     ("roughness", "m"): (0.0, 1e-4, "um"),
-    ("inertia", "kg m^2"): (1e-10, 1e6, "kg mm^2"),
-    ("inertias", "kg m^2"): (1e-10, 1e6, "kg mm^2"),
-    ("inertias", "kg"): (1e-7, 1e6, "g"),
-    ("mass", "kg"): (1e-7, 1e6, "g"),
-    ("masses", "kg"): (1e-7, 1e6, "g"),
-    ("equivalent_mass", "kg"): (1e-7, 1e6, "g"),
+    ("inertia", "kg m^2"): (1e-10, TURBINE, "kg mm^2"),
+    ("inertias", "kg m^2"): (1e-10, TURBINE, "kg mm^2"),
+    ("inertias", "kg"): (1e-7, TURBINE, "g"),
+    ("mass", "kg"): (1e-7, TURBINE, "g"),
+    ("masses", "kg"): (1e-7, TURBINE, "g"),
+    ("equivalent_mass", "kg"): (1e-7, TURBINE, "g"),
     ("speed", "rad/s"): (0.0, 4e3, "rpm"),
     (INPUT_SPEED, "rad/s"): (0.0, 4e3, "rpm"),
     ("mesh_frequency", "rad/s"): (0.0, 1e6, "rpm"),

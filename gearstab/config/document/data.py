@@ -8,6 +8,8 @@ from numbers import Integral, Real
 from pathlib import PurePath
 from typing import Any
 
+import numpy as np
+
 from gearstab.config.document.problems import ConfigError, Path
 from gearstab.config.document.yaml import DEEPEST, NO_CHARACTER, Document, Where, paths_below
 
@@ -37,6 +39,9 @@ def plain(document: Document, value: Any, path: Path) -> Any:
         return None
     if isinstance(value, Mapping):
         return {str(key): plain(document, item, (*path, str(key))) for key, item in value.items()}
+    if np.ma.is_masked(value):
+        document.report(path, "wrong_type", "has masked entries, which have no value", "fill them or leave them out")
+        return None
     if hasattr(value, "toarray"):
         value = value.toarray()
     if hasattr(value, "tolist"):

@@ -146,6 +146,11 @@ def read(path: FilePath) -> Document:
         raise _failed(name, None, "file", "is a folder", "name a configuration file in it") from None
     except OSError as error:
         raise _failed(name, None, "file", f"cannot be read: {(error.strerror or str(error)).lower()}", "") from None
+    return decoded(raw, name)
+
+
+def decoded(raw: bytes, name: str) -> Document:
+    """Parse the bytes of a configuration. Raises ConfigError for what is no text or no YAML 1.2."""
     try:
         text = raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:

@@ -152,7 +152,7 @@ def _expand_range(document: Document, path: Path, given: Range, ends: dict[str, 
         return FAILED if values is None else Expansion(values, spec | {"step": step}, (start, stop))
     spec["num"] = given.num
     if given.spacing == "linear":
-        return Expansion(np.linspace(start, stop, given.num or 1), spec, (start, stop))
+        return Expansion(as_typed(np.linspace(start, stop, given.num or 1)), spec, (start, stop))
     for name, value in (("start", start), ("stop", stop)):
         if value <= 0:
             document.report(
@@ -164,6 +164,24 @@ def _expand_range(document: Document, path: Path, given: Range, ends: dict[str, 
             )
             return FAILED
     return Expansion(np.geomspace(start, stop, given.num or 1), spec | {"spacing": "log"}, (start, stop))
+
+
+def as_typed(values: Array) -> Array:
+    """Return evenly spaced values, those within rounding of a decimal number as this number: 0.3 for 3 * 0.1.
+
+    The least of its 12 digits counts from the largest value; 4 spacings of doubles there are more than the rounding of
+    a product and a sum. Of values that are no decimals one in a thousand moves, by as little.
+    """
+    largest = float(np.abs(values).max(initial=0.0))
+    digits = 12 - math.ceil(math.log10(largest)) if largest else 0
+    if not largest or digits > EXACT_POWER:
+        return values
+    rounded = np.round(values, digits) + 0.0  # no -0.0
+    return np.where(np.abs(rounded - values) <= 4 * np.spacing(largest), rounded, values)
+
+
+EXACT_POWER = 22
+"""Powers of ten up to this one are doubles, so that a quotient by them is rounded once."""
 
 
 def _stepped(
@@ -179,7 +197,7 @@ def _stepped(
     else:
         steps = (stop - start) / step
         count = math.floor(steps + STEP_TOLERANCE)
-        values = start + step * np.arange(count + 1)
+        values = as_typed(start + step * np.arange(count + 1))
         if abs(steps - count) <= STEP_TOLERANCE:
             values[-1] = stop  # hit to rounding: the end is what the user wrote
         return values

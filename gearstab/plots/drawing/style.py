@@ -150,7 +150,8 @@ def checked_extension(path: Path) -> str:
     """The extension of a figure file. Raises PlotError if it is none of ``EXTENSIONS``."""
     extension = path.suffix.lower()
     if extension not in EXTENSIONS:
-        raise PlotError(f"{path}: extension {extension or 'missing'!r} is not known; use {listed(EXTENSIONS)}")
+        wrong = f"the ending {extension} is not known" if extension else "the name of a figure needs an ending"
+        raise PlotError(f"{path}: {wrong}; use {listed(EXTENSIONS)} or .html")
     return extension
 
 

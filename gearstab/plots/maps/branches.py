@@ -101,15 +101,16 @@ def read_regions(tree: xr.DataTree, view: View, parameter: FigureAxis | None, mo
             continue
         if not {"boundary_frequency", *own} <= {*data.data_vars, *map(str, data.sizes)}:
             continue
-        edges = view.cut(data["boundary_frequency"], "tongue", "side", *own).reshape(data.sizes["tongue"], 2, -1)
+        edges = view.cut(data["boundary_frequency"], "tongue", "side", *own)
+        edges = edges.reshape(data.sizes["tongue"], 2, len(modes))
         merged: Array = np.full((len(edges), 1), -1)
         if "holder" in data:
-            merged = view.cut(data["holder"], "tongue", *own).reshape(len(edges), -1)
+            merged = view.cut(data["holder"], "tongue", *own).reshape(len(edges), len(modes))
         if exact:
             # What exact boundaries do not have is narrower than their floor.
             edges = np.full(edges.shape, np.nan)
         elif "half_width" in data:
-            endless = np.isinf(view.cut(data["half_width"], "tongue", *own).reshape(len(edges), -1))
+            endless = np.isinf(view.cut(data["half_width"], "tongue", *own).reshape(len(edges), len(modes)))
             edges = np.where(endless[:, None], np.array([-np.inf, np.inf])[:, None], edges)
         labels, kinds = (texts(data.coords[name].values) for name in ("label", "kind"))
         for k, label in enumerate(labels):
@@ -121,7 +122,7 @@ def read_regions(tree: xr.DataTree, view: View, parameter: FigureAxis | None, mo
                 p, q = (int(data[name].values[k]) - 1 for name in ("mode_p", "mode_q"))
                 found.append(Region(label, p, q, ratio, harmonic, edges[k, 0], edges[k, 1]))
         if "center_frequency" in data:
-            centres = view.cut(data["center_frequency"], "tongue", *own).reshape(len(edges), -1)
+            centres = view.cut(data["center_frequency"], "tongue", *own).reshape(len(edges), len(modes))
             _check(data, centres, modes)
         known, exact = known | set(labels), True
     return found

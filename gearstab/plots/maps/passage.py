@@ -72,6 +72,8 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
         np.log(admitted), color=GREY, linewidth=0.5, linestyle=(0, (1, 2)), zorder=0.5,
         label=f"{number_text(admitted)} times the amplitude",
     )  # fmt: skip
+    # Also where no run grows, and there is no line.
+    ax.update_datalim([(abs(rate), np.log(admitted)) for rate in rates])
     ax.set_xscale("log")
     # Growth goes as the inverse rate.
     ax.set_yscale("log")

@@ -45,7 +45,7 @@ def draw_map(ax: Axes, view: MapView, data: xr.DataArray, levels: tuple[float, .
         artists["note"] = ax.text(0.5, 0.5, text, transform=ax.transAxes, ha="center", color="#6e6e6e")
     elif min(values.shape) > 1 and view.x.numeric and view.y.numeric:
         x, y = view.x.ascending, view.y.ascending
-        crossed = [level for level in levels if np.nanmin(values) < level < np.nanmax(values)]
+        crossed = [level for level in levels if (values < level).any() and (values > level).any()]
         if crossed:
             dashes = [DASHES[levels.index(level) % len(DASHES)] for level in crossed]
             lines: Artists = {"colors": LINE, "linewidths": 0.6, "linestyles": dashes, "zorder": 2}

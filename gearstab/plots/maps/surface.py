@@ -90,6 +90,8 @@ def chosen_tongue(tree: xr.DataTree, view: MapView) -> int:
     if "tongue" in view.fixed:
         return view.fixed["tongue"]
     count = boundary_data(tree).sizes["tongue"]
+    if not count:
+        raise PlotError("this result holds no instability region: there is no surface to draw")
     x, y = view.x.ascending, view.y.ascending
     width, vanishes = np.zeros(count), np.zeros(count, dtype=bool)
     for tongue in range(count):

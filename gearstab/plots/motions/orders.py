@@ -34,7 +34,7 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     lines = []
     for ax, k in zip(axes, chosen, strict=True):
         own = data.isel(mesh=k).transpose(axis, "harmonic")
-        for s in range(SHOWN):
+        for s in range(min(SHOWN, data.sizes["harmonic"])):
             lines += ax.plot(
                 speed.values[rising], own.values[rising, s], color=CASES[s], linestyle=DASHES[s], linewidth=0.7,
                 label=f"harmonic {int(own.coords['harmonic'].values[s])}",

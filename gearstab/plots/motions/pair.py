@@ -34,6 +34,8 @@ def read_pair(tree: xr.DataTree) -> xr.Dataset:
     if "phi" not in dataset or "energy" not in dataset:
         raise PlotError("this result holds no response of a gear pair with phi and energy")
     refuse_a_moment(dataset)
+    if not np.isfinite(dataset["phi"].values).any():
+        raise PlotError("phi has no values: there is nothing to draw")
     return dataset
 
 
@@ -44,7 +46,9 @@ def last_cycles(data: xr.Dataset) -> slice:
         return slice(0, data.sizes["time"])
     begin, end = sections[max(0, sections.size - 1 - CYCLES)], sections[-1]
     first, last = np.searchsorted(data["time"].values, [begin, end])
-    return slice(int(first), int(last) + 1)
+    # Turned back or at an end at once, crossings may lie closer together than samples, or after the last of them.
+    whole = min(last, data.sizes["time"] - 1) <= first
+    return slice(0, data.sizes["time"]) if whole else slice(int(first), int(last) + 1)
 
 
 def draw_deflection(ax: Axes, data: xr.Dataset) -> Artists:
@@ -99,7 +103,7 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
         raise PlotError(
             "this figure has fixed panels; --kind response and --kind spectrum take --variable and --select"
         )
-    spectral = "power_spectral_density" in data and bool(np.isfinite(data["normalised_frequency"].values).all())
+    spectral = data.sizes.get("frequency", 0) > 1 and bool(np.isfinite(data["normalised_frequency"].values).all())
     count = 3 if spectral else 2
     wide = request.wide()
     figure = new_figure(request, (0.46 * count, 0.36))

@@ -46,7 +46,10 @@ def meshes_of(data: xr.Dataset, request: Request) -> list[str]:
     if "mesh" in request.select:
         return [str(request.select["mesh"])]
     width = np.ptp(data["play"].values, axis=1)
-    return [name for name, wide in zip(names, width, strict=True) if wide > 0]
+    found = [name for name, wide in zip(names, width, strict=True) if wide > 0]
+    if not found:
+        raise PlotError("no mesh of this response has backlash: there is nothing to draw")
+    return found
 
 
 def settled(data: xr.Dataset) -> Array:

@@ -81,6 +81,8 @@ def histories(dataset: xr.Dataset, request: Request) -> tuple[list[tuple[str, xr
         elif request.variable:
             raise PlotError(f"no variable {name!r} over time in this response; there is {listed(known)}")
     refuse_selections(request, [dataset[name] for name in names if name in known], "time")
+    if not panels:
+        raise PlotError(f"this response holds neither of {listed(names)}; --variable: {listed(known)}")
     if len(panels) > MOST_PANELS and request.partial:
         return some_histories(dataset, request, panels)
     if len(panels) > MOST_PANELS:
@@ -148,6 +150,8 @@ def draw_history(ax: Axes, label: str, data: xr.DataArray, colour: str) -> Any:
     """One history over time with a thin line at zero, unless all of it lies far from there. Raises PlotError."""
     time = data.coords["time"].values if "time" in data.coords else np.arange(data.sizes["time"])
     values = np.asarray(data.values, dtype=float)
+    if not np.isfinite(values).any():
+        raise PlotError(f"{data.name} has no values: there is nothing to draw")
     if (np.abs(values) > LARGEST).any():
         raise PlotError(f"{data.name} has values beyond {LARGEST:g}, which no figure can show")
     low, high = np.nanmin(values), np.nanmax(values)

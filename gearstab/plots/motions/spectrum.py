@@ -38,7 +38,7 @@ def read_spectra(tree: xr.DataTree, wanted: str | None) -> xr.DataArray:
         str(name) for name, data in dataset.data_vars.items()
         if "frequency" in data.dims and not set(SPEEDS) & set(map(str, data.dims))
     ]  # fmt: skip
-    if not known:
+    if not known or dataset.sizes["frequency"] < 2:
         raise PlotError("this result holds no spectra of a response")
     if wanted is not None and wanted not in known:
         raise PlotError(f"no variable {wanted!r} over the frequency in this response; there is {listed(known)}")

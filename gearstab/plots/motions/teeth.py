@@ -37,6 +37,8 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     refuse_selections(request, [dataset[name]], "contact")
     both = [columns(dataset[which], request, "contact") for which in (name, f"static_{name}")]
     panels = [(label, data, rest) for (label, data), (_, rest) in zip(*both, strict=True) if not data.isnull().all()]
+    if not panels:
+        raise PlotError(f"{name} has no values: there is nothing to draw")
     if len(panels) > MOST_PANELS:
         raise PlotError(f"{len(panels)} panels are too many (at most {MOST_PANELS}): choose with --select")
     stress = name == "root_stress"

@@ -40,7 +40,10 @@ def read_ramp(tree: xr.DataTree, variable: str) -> tuple[xr.DataArray, str]:
     if variable not in dataset:
         raise PlotError("this result holds no run-up: give respond.ramp, and a run of more than a few cycles")
     data = dataset[variable]
-    return data, next(str(dim) for dim in data.dims if dim in SPEEDS)
+    axis = next(str(dim) for dim in data.dims if dim in SPEEDS)
+    if data.sizes[axis] < 2 or data.sizes.get("frequency", 2) < 2 or not np.isfinite(data.values).any():
+        raise PlotError("this run-up holds no values over several speeds and frequencies: there is nothing to draw")
+    return data, axis
 
 
 def speed_label(speed: xr.DataArray) -> str:
