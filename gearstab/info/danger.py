@@ -317,7 +317,7 @@ def _how(found: dict[str, Any]) -> str:
     if not found["verified"]:
         return f"first order, not verified, base system, {looked}"
     scanned = f" and at {found['scanned']} speeds" if found["scanned"] else ""
-    return f"exact, searched where first order expects regions{scanned}, base system, {looked}"
+    return f"exact near tongues{scanned}; base system, {looked}"
 
 
 def _row(region: dict[str, Any], scale: float) -> list[str]:

@@ -73,7 +73,7 @@ def _verdict(facts: dict[str, Any]) -> list[str]:
     return [
         f"UNSTABLE: the mean system grows by itself, by up to {growth:.4g} e-folds per "
         f"{'second' if facts['unit'] else 'unit of time'} at the frequency {over(frequency, facts['per_unit']):.6g}"
-        f"{one}; a variation of the mesh stiffness is not needed."
+        f"{one}."
     ]
 
 
@@ -86,8 +86,7 @@ def _mean_lines(facts: dict[str, Any]) -> list[str]:
     pairs = zip(mean["frequency"], mean["growth_rate"], strict=True)
     rows = [[str(k), _text(over(w, facts["per_unit"])), f"{g:.5g}"] for k, (w, g) in enumerate(pairs, 1)]
     return [
-        f"These are the modes of the symmetric mean system without damping; with that and the means of "
-        f"{', '.join(facts['terms'])} it moves so:",
+        "These modes are of the symmetric mean system. With its damping and the means of its terms it moves so:",
         table(header, rows),
     ]
 

@@ -83,8 +83,9 @@ def modes_group(system: GearSystem) -> Group:
     }
     if system.symmetry is not None:
         table, values = (*MODES, DEFLECTION_TYPE), values | {DEFLECTION_TYPE.name: deflection_types(system, modes)}
+    part = "symmetric part of the mean system, without damping and periodic terms," if system.terms else "mean system"
     said = {
-        "comment": "modes of the mean system at the base values of the configuration",
+        "comment": f"modes of the {part} at the base values of the configuration",
         RATIOS: [float(mesh.frequency_ratio) for mesh in system.meshes],
     }
     return Group(fields_of(in_units_of(system, table), values), {**said, **system.drawing})

@@ -40,7 +40,7 @@ def test_a_region_that_is_not_open_and_a_remedy_that_opens_it() -> None:
     changed = facts(name, "--set", "meshes.0.contact_ratio=1.6666666666666667")["dangerous"]
     (opened,) = (region for region in changed["open"] if region["label"] == "2w1/3")  # quiet to first order
     assert opened["growth_rate"] == pytest.approx(0.012942 * w1, rel=0.01)
-    assert np.array(opened["boundary_frequency"]) / w1 == pytest.approx([0.6448, 0.6718], abs=1e-4)
+    assert np.array(opened["boundary_frequency"]) / w1 == pytest.approx([0.6448, 0.6718], abs=3e-4)  # of a raster
 
 
 @pytest.mark.parametrize(("name", "growth"), [("d1_mean_system_unstable", 0.2265), ("d1b_negative_damping", 0.0145)])
@@ -77,7 +77,7 @@ def test_a_report_in_rpm_or_in_the_unit_asked_for(tmp_path: Path) -> None:
     text = report(tmp_path, "a5_report_in_rad_per_s")
     assert "5 regions of instability" in text
     assert "the widest 2w6/9 from 6840.4 to 6945.6 rpm" in text
-    assert text.count(" open ") == 5
+    assert text.count(" 0.005 open ") == 5
     system = build(load(HERE / "a5_report_in_rad_per_s.yaml").parameters)
     per_rpm = 20 * np.pi / 30  # 20 teeth
     inside = solve(system, per_rpm * np.array([6830.0, 6841.0, 6900.0, 6945.0, 6956.0])).stable[0]

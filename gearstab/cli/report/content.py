@@ -314,6 +314,8 @@ def _modes(state: State) -> Iterator[Block]:
     modes = oriented(state.system, mean_modes(state.system))
     ratios, kinds = modal_damping_ratios(state.system, modes), type_names(state.system, modes)
     yield Heading("Natural frequencies of the given design")
+    if state.system.terms:
+        yield Text("They are those of the symmetric mean system, without damping and periodic terms.")
     rows = [
         [str(k + 1), f"{w:.6g}", kinds[k], "-" if ratios[k] != ratios[k] else f"{ratios[k]:.4g}"]
         for k, w in enumerate(modes.natural_frequency)
