@@ -68,7 +68,9 @@ def floquet(system: GearSystem | Source, mesh_frequency: ArrayLike, **options: A
 
     Raises NotPossible, a ValueError, where the method does not fit the system, and ConfigError for wrong options.
     """
-    built, omega = as_system(system), np.ma.filled(np.ma.asarray(mesh_frequency, dtype=float), np.nan)
+    built = as_system(system)
+    omega: Array = np.asarray(mesh_frequency, dtype=float)
+    omega = np.where(np.ma.getmaskarray(mesh_frequency), np.nan, omega)
     if not (np.isfinite(omega) & (omega > 0)).all():
         raise NotPossible("mesh frequencies must be positive numbers")
     method = _method("floquet", options, built)
