@@ -232,7 +232,8 @@ def _of_parts(plan: Plan, layout: Layout, clock: Clock) -> float | None:
     method = method.of(build(parameters_at(plan.config, rows)))
     ends, total = np.geomspace(*plan.mesh_frequency_range, PARTS + 1), 0.0
     for k, (low, high) in enumerate(pairwise(ends)):
-        share, spent = Clock(clock.left / (PARTS - k)), []
+        share = Clock(clock.left / (PARTS - k))
+        spent: list[tuple[float, float]] = []
         for part in PART_SIZES:
             if spent and GROWTH_OF_PARTS * spent[-1][1] > share.left:
                 break
