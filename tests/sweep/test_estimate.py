@@ -109,12 +109,11 @@ def test_rows_of_mesh_frequencies_share_their_preparation(
     assert 0.99 * (least + rest) <= found.work <= 1.01 * (most + rest)
 
 
-def test_what_a_point_takes_besides_is_known_roughly(plan: Plan, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Where there is no time for a second sample, a row is not taken for as many rows of one point."""
-    on(Machine(0.3, 5e-5), monkeypatch)
-    large = replace(plan, layouts=(replace(plan.layouts[0], shape=(20, 500), chunk=(1, 500), cost=5e-5 / 3e-8),))
+def test_one_sample_does_not_tell_what_points_share(plan: Plan, monkeypatch: pytest.MonkeyPatch) -> None:
+    on(Machine(0.6, 5e-5), monkeypatch)
+    large = replace(plan, layouts=(replace(plan.layouts[0], shape=(20, 500), chunk=(1, 500)),))
     (found,) = estimate.estimate(large, 1, 0.7).methods
-    assert found.work == pytest.approx(20 * (0.3 + 500 * 5e-5), rel=1e-3)
+    assert found.seconds is None
 
 
 def test_dearer_points_count(plan: Plan, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -129,7 +128,7 @@ def test_a_point_that_takes_longer_than_there_is_time(plan: Plan, monkeypatch: p
     machine = on(Machine(100.0, 10.0), monkeypatch)
     found = estimate.estimate(plan, 1)
     assert found.methods[0].seconds is None
-    assert found.methods[0].time == "not known (a sample took more than 4 s)"
+    assert found.methods[0].time == "not known (a sample took more than 6 s)"
     assert found.time == "not known: that of floquet"
     assert machine.now == pytest.approx(estimate.BUDGET)
 

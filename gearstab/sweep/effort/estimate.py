@@ -31,7 +31,7 @@ from gearstab.sweep.plan import GridBlock, Layout, Plan
 from gearstab.sweep.storage import store
 from gearstab.systems import build
 
-BUDGET = 4.0
+BUDGET = 6.0
 """Seconds for the samples of all methods together."""
 WORD = 0.5
 """Seconds in which it is found out whether a method takes long."""
@@ -60,6 +60,8 @@ PARTS, PART_SIZES, GROWTH_OF_PARTS = 3, (1 / 256, 1 / 64, 1 / 16, 1 / 4, 1.0), 4
 """Places in a range that is too long to be tried, sizes of the part tried at each, and how these grow."""
 SMALL = 1e6
 """Cost of what is done in seconds."""
+IMPORTS = 0.5
+"""Seconds of a first sample that may be those of imports."""
 LONG = 120.0
 """Seconds of a method that are worth a word before it starts."""
 
@@ -150,7 +152,7 @@ def estimate(plan: Plan, jobs: int | None = None, budget: float = BUDGET) -> Est
     return Estimate(tuple(methods), workers, file_size, memory)
 
 
-def seconds_per_point(work: Callable[[int], object], most: int = MANY, budget: float = BUDGET) -> float | None:
+def seconds_per_point(work: Callable[[int], object], most: int = MANY, budget: float = 1.0) -> float | None:
     """Seconds on one processor of each of many points that ``work`` is called with; None where not one ends in time."""
     clock = Clock(budget)
 
@@ -213,6 +215,8 @@ def _work(plan: Plan, layout: Layout, clock: Clock) -> tuple[float | None, float
         return (_of_parts(plan, layout, clock) if ranges else None), 0.0
     inner = plan.inner(layout)
     row = 1 if inner is None else layout.chunk[inner]
+    if len(samples) == 1 and samples[0].seconds > IMPORTS and samples[0].points < prod(layout.chunk):
+        return None, 0.0  # what of it the points of a block share is not known
     work, size = _whole(layout, row, samples, known, np.inf if ranges else _bytes_a_point(layout, np.inf))
     return work * _dearer(plan, layout, clock, samples[-1]), size
 
@@ -228,7 +232,8 @@ def _of_parts(plan: Plan, layout: Layout, clock: Clock) -> float | None:
     method = method.of(build(parameters_at(plan.config, rows)))
     ends, total = np.geomspace(*plan.mesh_frequency_range, PARTS + 1), 0.0
     for k, (low, high) in enumerate(pairwise(ends)):
-        share, spent = Clock(clock.left / (PARTS - k)), []
+        share = Clock(clock.left / (PARTS - k))
+        spent: list[tuple[float, float]] = []
         for part in PART_SIZES:
             if spent and GROWTH_OF_PARTS * spent[-1][1] > share.left:
                 break
@@ -257,13 +262,13 @@ def _samples(
     if first is None:
         return [], known
     # What is called for the first time imports and allocates as well.
-    again = sample(wanted)
+    again = sample(wanted) if first.seconds < IMPORTS else None
     samples = [first if again is None else min(first, again, key=lambda s: s.seconds)]
     while (last := samples[-1]).points < most:
         further = _further([(s.points, s.seconds) for s in samples[-2:]], known)
         room = PART * clock.left - (last.seconds - further * last.points)
         growth = min(room / max(further * last.points, BRIEF), GROWTH[1])
-        if len(samples) == 1 and clock.left > GROWTH[0] * last.seconds:
+        if len(samples) == 1 and clock.left > last.seconds:
             growth = max(growth, APART)  # Much of what a single point takes may be shared.
         if growth < GROWTH[0]:
             break
@@ -321,8 +326,8 @@ def _dearer(plan: Plan, layout: Layout, clock: Clock, middle: Sample) -> float:
         found = _sample(plan, layout, clock, middle.points, place)
         if found is None:
             ratios.append(before / middle.seconds)
-        elif found.points == middle.points and middle.seconds > 0:
-            ratios.append(found.seconds / middle.seconds)
+        elif middle.seconds > 0:
+            ratios.append(found.seconds / found.points * middle.points / middle.seconds)
     return float(np.mean(np.clip(ratios, 1 / SPREAD, SPREAD))) if len(ratios) > len(PLACES) // 2 else 1.0
 
 
