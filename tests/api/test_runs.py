@@ -68,8 +68,8 @@ def same(one: xr.DataTree, other: xr.DataTree) -> None:
 
 def test_a_sweep_is_the_file_of_the_command(tmp_path: Path, empty: Path) -> None:
     config = written(tmp_path, SWEPT)
-    assert ran("sweep", config, "-o", tmp_path / "out.h5", "--set", "epsilon=0.25").exit_code == 0
-    tree = gs.sweep(gs.load(config, epsilon=0.25), jobs=1)
+    assert ran("sweep", config, "-o", tmp_path / "out.h5", "--set", "meshes.second.contact_ratio=1.4").exit_code == 0
+    tree = gs.sweep(gs.load(config, {"meshes.second.contact_ratio": 1.4}), jobs=1)
     with open_result(tmp_path / "out.h5") as file:
         same(tree, file)
     assert Path(tree.attrs["config_file"]) == Path("../case.yaml")

@@ -12,7 +12,7 @@ from scenes import CONFIGS, TRAIN, written
 
 import gearstab as gs
 from gearstab.config import ConfigError
-from gearstab.errors import NotPossible
+from gearstab.errors import DoubtWarning, NotPossible
 
 EPSILON = np.array([0.0, 0.1, 0.3])
 CONTACT_RATIO = np.array([[1.5], [1.2]])
@@ -171,7 +171,8 @@ def test_shapes_that_do_not_go_together(train: Path) -> None:
 
 
 def test_overrides_of_a_loaded_configuration_add_up(train: Path) -> None:
-    once = gs.load(train, epsilon=0.2)
+    with pytest.warns(DoubtWarning, match="no effect on the sweep"):
+        once = gs.load(train, epsilon=0.2)
     twice = gs.load(once, {"meshes.first.contact_ratio": 1.25})
     assert [mesh.epsilon for mesh in gs.build(twice).meshes] == [0.2, 0.2]
     assert gs.build(twice).meshes[0].waveform.contact_ratio == 1.25
