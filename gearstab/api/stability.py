@@ -69,6 +69,7 @@ def floquet(system: GearSystem | Source, mesh_frequency: ArrayLike, **options: A
     Raises NotPossible, a ValueError, where the method does not fit the system, and ConfigError for wrong options.
     """
     built = as_system(system)
+    # A masked entry has no value, whatever lies under the mask.
     omega: Array = np.asarray(mesh_frequency, dtype=float)
     omega = np.where(np.ma.getmaskarray(mesh_frequency), np.nan, omega)
     if not (np.isfinite(omega) & (omega > 0)).all():
