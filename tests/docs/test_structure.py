@@ -77,6 +77,7 @@ MOST_ENTRIES = 14
 EXEMPT = {
     "gearstab": "the rooms, whose order is the table of floors",
     "tests": "a folder for each room",
+    "tests/cases": "configurations of users, each a file, and their tests",
     "tests/data/figures": "a file or folder for each of configs/",
 }
 """Folders that may hold more, and why."""
