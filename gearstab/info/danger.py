@@ -10,7 +10,7 @@ from gearstab.perturbation.tongues import SELF_EXCITED
 
 if TYPE_CHECKING:
     from gearstab.config import Config
-    from gearstab.info.verified import OpenRegion, Trial
+    from gearstab.info.verified import OpenRegion, Scan, Trial
     from gearstab.perturbation.ranking import RankedRegion, Ranking
     from gearstab.perturbation.remedies import Resonance
     from gearstab.perturbation.tongues import Tongue
@@ -53,7 +53,9 @@ def judged(config: Config, system: GearSystem, low: float, high: float, harmonic
     """Return the regions between two mesh frequencies: candidates of first order, decided by exact search near them.
 
     ``verified`` tells whether they were decided, which takes a common period that is not too long; ``scanned``, at how
-    many speeds of the range growth rates were looked at besides; ``refuted``, how many remedies of first order failed.
+    many speeds of the range growth rates were looked at besides, and ``unstable_share``, the part of these at which
+    they are positive; ``refuted``, how many remedies of first order failed; ``not_judged``, the modes of which first
+    order knows nothing, as their mean stiffness is not positive.
     """
     from gearstab.info import verified
     from gearstab.perturbation.ranking import rank
@@ -62,17 +64,19 @@ def judged(config: Config, system: GearSystem, low: float, high: float, harmonic
     step, width = planets_step(system), high - low
     decided = _decided(system, found, low, high) if verified.decidable(system) else None
     if decided is None:
-        opened, closest, scanned = [_region(config, system, r, width, step) for r in found.open], found.closest, 0
+        opened, closest, looked = [_region(config, system, r, width, step) for r in found.open], found.closest, None
         count = found.opened
     else:
-        rows, closest, scanned = decided
+        rows, closest, looked = decided
         tried = MOST if verified.effort(system) <= verified.CHEAP else verified.FEW
         opened = [_open(config, system, *row, (low, high), step, k < tried) for k, row in enumerate(rows[:MOST])]
         count = max(found.opened - len(found.open), 0) + len(rows)
     return {
         "harmonics": found.harmonics,
         "verified": decided is not None,
-        "scanned": scanned,
+        "scanned": 0 if looked is None else len(looked.omega),
+        "unstable_share": None if looked is None else float(looked.unstable.mean()),
+        "not_judged": _not_judged(system),
         "open": opened,
         "closest": [_region(config, system, region, width, step) for region in closest[:NEAREST]],
         "number_open": count,
@@ -84,9 +88,9 @@ def judged(config: Config, system: GearSystem, low: float, high: float, harmonic
 
 def _decided(
     system: GearSystem, found: Ranking, low: float, high: float
-) -> tuple[list[tuple[OpenRegion, Tongue, Resonance | None]], tuple[RankedRegion, ...], int] | None:
+) -> tuple[list[tuple[OpenRegion, Tongue, Resonance | None]], tuple[RankedRegion, ...], Scan | None] | None:
     """Exact regions in a range with the tongue each stands under, the widest there first; candidates that are closed;
-    and how many speeds were scanned for others. None where one of them could not be decided.
+    and the scan for others, None without a range. None where one of them could not be decided.
     """
     from gearstab.floquet.general.mean import mean_motions
     from gearstab.info import verified
@@ -107,13 +111,21 @@ def _decided(
             closed.append(region)
         known = [row[0] for row in rows]
         rows += [(item, region.tongue, region.amplitudes) for item in own if not _listed(item, known)]
-    scanned = verified.SPEEDS if high < float("inf") and high > low else 0
-    if scanned:
-        for item in verified.unlisted(system, low, high, [row[0] for row in rows], MOST):
+    looked = verified.scan(system, low, high) if high < float("inf") and high > low else None
+    if looked is not None:
+        for item in verified.unlisted(system, looked, [row[0] for row in rows], MOST):
             if not _listed(item, [row[0] for row in rows]):
                 rows.append((item, item.tongues[0], None))
     rows.sort(key=lambda row: -_inside(row[0], low, high))
-    return rows, tuple(closed), scanned
+    return rows, tuple(closed), looked
+
+
+def _not_judged(system: GearSystem) -> list[int]:
+    """Numbers of the modes that meshes deflect and whose mean stiffness is not positive."""
+    from gearstab.modal import mean_modes
+
+    modes = mean_modes(system)
+    return [k + 1 for k, own in enumerate(~(modes.squared_frequency > 0) & ~modes.rigid) if own]
 
 
 def _listed(item: OpenRegion, known: Sequence[OpenRegion]) -> bool:
@@ -180,13 +192,18 @@ def _tried(
     step: tuple[int, int] | None,
 ) -> dict[str, Any]:  # fmt: skip
     """The remedies of a region that exact search near it confirms; ``refuted`` names the kinds of the others."""
+    from gearstab.errors import NotPossible
     from gearstab.info import verified
 
     low, high = verified.window(system, tongue, region.width)
     trial = verified.Trial(config, system, region, growth, tongue, min(low, region.lower), max(high, region.upper))
-    ratio = trial.damping_ratio()
-    closed: dict[str, Any] = {"damping_ratio": ratio}
-    refuted = [] if ratio is not None else ["damping_ratio"]
+    closed: dict[str, Any] = {"damping_ratio": None}
+    refuted = []
+    try:
+        closed["damping_ratio"] = trial.damping_ratio()
+        refuted += [] if closed["damping_ratio"] is not None else ["damping_ratio"]
+    except NotPossible:
+        pass  # no damping ratio belongs to this region
     advice = _advice(config, system, tongue, amplitudes, step) if amplitudes is not None else {}
     for kind, given in advice.items():
         held = _held(trial, kind, given)
@@ -286,7 +303,10 @@ def text(found: dict[str, Any], unstable: bool = False) -> str:
     where = f"{found['axis']}{within} {unit}".strip()
     lines = [f"Dangerous speeds: {where} ({_how(found)})", ""]
     if unstable:
-        lines.append("The mean system grows by itself, see above: no change of the mesh stiffness prevents that.")
+        lines.append("The mean system grows by itself, see above: remedies of parametric instability are not tried.")
+    if found["not_judged"] and not found["verified"]:
+        modes = ", ".join(map(str, found["not_judged"]))
+        lines.append(f"First order says nothing of modes without a positive mean stiffness ({modes}).")
     if found["open"]:
         columns = {heading: [cell(r["closed_by"]) for r in found["open"]] for heading, cell in CLOSED_BY.items()}
         columns = {heading: cells for heading, cells in columns.items() if any(cells)}
@@ -295,12 +315,14 @@ def text(found: dict[str, Any], unstable: bool = False) -> str:
         lines.append(table([*HEADER, *columns], rows))
         sure = "" if found["verified"] else " to first order, not verified"
         if columns:
-            lines.append(f"Any one of the last columns closes a region{sure}, or leaves the given part of it.")
+            lines.append(f"Any one of the last columns closes a region{sure}, or leaves the part of it in brackets.")
         if any(not region["closed_by"] and region["kind"] != SELF_EXCITED for region in found["open"]):
             lines.append("Remedies were tried for the first regions only.")
         if found["number_open"] > len(found["open"]):
             lines.append(f"and {found['number_open'] - len(found['open'])} narrower ones, to first order.")
-    else:
+    elif found["unstable_share"]:
+        lines.append(f"Unstable at {100 * found['unstable_share']:.3g} % of the speeds; their edges were not found.")
+    elif found["unstable_share"] == 0 or not unstable:
         lines.append("No region of instability is open there" + ("." if found["verified"] else " to first order."))
     if not found["open"] and not unstable:
         lines += [_next(region, scale, unit) for region in found["closest"]]
@@ -341,7 +363,7 @@ def _contact_ratios(closed: dict[str, Any]) -> str:
 
 def _left(part: float | None) -> str:
     """What a remedy leaves, "" where it closes the region."""
-    return f" ({100 * part:.2g} % left)" if part else ""
+    return f" ({100 * part:.2g} %)" if part else ""
 
 
 def _phasing(closed: dict[str, Any], key: str) -> str:

@@ -63,15 +63,22 @@ def _heading(facts: dict[str, Any]) -> str:
 
 
 def _verdict(facts: dict[str, Any]) -> list[str]:
-    """A line on a mean system that grows by itself, none on others."""
+    """A line on a mean system that grows by itself, none on others.
+
+    The variation of the mesh stiffness may hold such a system at some speeds, as the scan of the range knows.
+    """
     mean = facts["mean_system"]
     if not mean["unstable"]:
         return []
     growth = max(mean["growth_rate"])
     frequency = mean["frequency"][mean["growth_rate"].index(growth)]
     one = "" if not facts["unit"] else f" {facts['unit']}"
+    share = facts["dangerous"]["unstable_share"]
+    verdict = "UNSTABLE"
+    if share is not None and share < 1:
+        verdict = f"UNSTABLE at {100 * share:.3g} % of the speeds" if share else "STABLE by the varying mesh stiffness"
     return [
-        f"UNSTABLE: the mean system grows by itself, by up to {growth:.4g} e-folds per "
+        f"{verdict}: the mean system grows by itself, by up to {growth:.4g} e-folds per "
         f"{'second' if facts['unit'] else 'unit of time'} at the frequency {over(frequency, facts['per_unit']):.6g}"
         f"{one}."
     ]
@@ -214,7 +221,7 @@ def _tongue_table(facts: dict[str, Any], every: bool) -> str:
     if swept["teeth"] != 1:
         title += f", by {swept['axis']}"
     if not facts["tongues"]:
-        return f"{title}: none, there is no elastic mode."
+        return f"{title}: none, no mode of positive mean stiffness is deflected by a mesh."
     if len(facts["tongues"]) > MANY_TONGUES and not every:
         return f"{title}: {len(facts['tongues'])}, listed with --all or --json.{_rule(facts)}"
     rule, whole = facts["existence_rule"], "+".join(mesh["name"] for mesh in facts["meshes"])

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from gearstab.config import Config
+from gearstab.errors import NotPossible
 from gearstab.floquet import solve
 from gearstab.floquet.boundaries import boundaries
 from gearstab.floquet.frequencies.choice import common_period
@@ -85,11 +86,16 @@ def window(system: GearSystem, tongue: Tongue, half_width: float) -> tuple[float
 
 def regions(system: GearSystem, low: float, high: float) -> list[OpenRegion] | None:
     """Return the exact regions between two mesh frequencies; None where some stable stretch is not decided."""
+    found, undecided = _search(system, low, high)
+    return found if undecided <= GAP * high else None
+
+
+def _search(system: GearSystem, low: float, high: float) -> tuple[list[OpenRegion], float]:
+    """The exact regions between two mesh frequencies that a search finds, and the width of what it leaves undecided."""
     found = boundaries(system, low, high, TOLERANCE, FLOOR, budget=BUDGET)
+    ends = zip(found.lower.tolist(), found.upper.tolist(), found.members, strict=True)
     known = sum(float(np.ptp(part, axis=1).sum()) for part in (*found.proved, *found.counted))
-    if high - low - known - float((found.upper - found.lower).sum()) > GAP * high:
-        return None
-    return [OpenRegion(*ends) for ends in zip(found.lower.tolist(), found.upper.tolist(), found.members, strict=True)]
+    return [OpenRegion(*own) for own in ends], high - low - known - float((found.upper - found.lower).sum())
 
 
 def peak(system: GearSystem, region: OpenRegion) -> float:
@@ -103,15 +109,27 @@ def same(one: Tongue, other: Tongue) -> bool:
     return a == b
 
 
-def unlisted(
-    system: GearSystem, low: float, high: float, known: Sequence[OpenRegion], most: int
-) -> Iterator[OpenRegion]:
-    """Yield the exact regions around unstable points of a scan of a range that no known region holds.
+@dataclass(frozen=True)
+class Scan:
+    """Stability at SPEEDS mesh frequencies of a range, by exact Floquet analysis."""
+
+    omega: Array
+    unstable: Array
+
+
+def scan(system: GearSystem, low: float, high: float) -> Scan:
+    """Return the stability at equally spaced mesh frequencies from low to high."""
+    omega = np.linspace(low, high, SPEEDS)
+    return Scan(omega, solve(system, omega).stable[0] == 0)
+
+
+def unlisted(system: GearSystem, looked: Scan, known: Sequence[OpenRegion], most: int) -> Iterator[OpenRegion]:
+    """Yield the exact regions around unstable points of a scan that no known region holds.
 
     most: number of stretches of such points, the longest ones, that are looked into.
     """
-    omega = np.linspace(low, high, SPEEDS)
-    unstable = solve(system, omega).stable[0] == 0
+    omega, unstable = looked.omega, looked.unstable.copy()
+    low, high = omega[[0, -1]]
     for region in known:
         unstable &= (omega < region.lower) | (omega > region.upper)
     padded = np.concatenate([[False], unstable, [False]]).astype(int)
@@ -120,7 +138,7 @@ def unlisted(
     longest = np.argsort(begin - end, kind="stable")[:most]
     for a, b in zip(omega[begin[longest]], omega[end[longest]], strict=True):
         # A region that goes on beyond the range is shown up to its ends.
-        for region in regions(system, a if a == low else a - step, b if b == high else b + step) or []:
+        for region in _search(system, a if a == low else a - step, b if b == high else b + step)[0]:
             if region.lower <= b and region.upper >= a:
                 yield region
 
@@ -154,11 +172,14 @@ class Trial:
     def damping_ratio(self) -> float | None:
         """Return a modal damping ratio of all modes that closes the region, near the least; None where none does.
 
-        To first order a ratio that exceeds those of the modes by growth rate/sqrt(w_p w_q) does.
+        To first order a ratio that exceeds those of the modes by growth rate/sqrt(w_p w_q) does. Raises NotPossible
+        where a mode has no natural frequency, as without a mean stiffness: it has no damping ratio.
         """
         own, modes = self.system, mean_modes(self.system)
         pair = [self.tongue.mode_p - 1, self.tongue.mode_q - 1]
         mean = float(np.sqrt(np.prod(modes.natural_frequency[pair])))
+        if not mean > 0:
+            raise NotPossible("a mode without a mean stiffness has no damping ratio")
         start = self.growth_rate / mean + float(modal_damping_ratios(own, modes)[pair].mean())
         stiffness = own.mean_stiffness_matrix()
         for factor in LONGER:

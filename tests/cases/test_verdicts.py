@@ -64,6 +64,41 @@ def test_a_mean_system_that_grows_by_itself_comes_first(name: str, growth: float
     assert region["share_of_range"] == pytest.approx(1.0)
 
 
+def _half_trace(omega: np.ndarray, mean: float) -> np.ndarray:
+    """Half the trace over a period of x'' + (mean + sgn cos) x = 0, |mean| < 1: half of it grows, half turns."""
+    a, b, half = np.sqrt(1 - mean), np.sqrt(1 + mean), np.pi / omega
+    return np.cosh(a * half) * np.cos(b * half) + (a * a - b * b) / (2 * a * b) * np.sinh(a * half) * np.sin(b * half)
+
+
+@pytest.mark.parametrize("mean", [0.0, -0.05])
+def test_ranges_without_a_positive_mean_stiffness_are_those_of_the_closed_form(mean: float) -> None:
+    """First order knows nothing of such a mode; the verdict is that of exact Floquet analysis."""
+    stiffness = f"system.stiffness=[[{mean - 1}]]"
+    sweep = "sweep={mesh_frequency: {start: 0.9, stop: 6, num: 4}}"
+    found = facts("b01_meissner_zero_mean", "--set", stiffness, "--set", sweep)["dangerous"]
+    omega = np.linspace(0.9, 6, 5101)
+    unstable = np.abs(_half_trace(omega, mean)) > 1
+    inside = np.zeros(len(omega), dtype=bool)
+    for low, high in (region["boundary_frequency"] for region in found["open"]):
+        inside |= (omega >= low) & (omega <= high)
+    far = np.abs(np.abs(_half_trace(omega, mean)) - 1) > 1e-6
+    assert (inside == unstable)[far].all()
+    assert found["unstable_share"] == pytest.approx(unstable.mean(), abs=0.002)  # two steps of the coarser grid
+    assert found["refuted"] == 0
+    text = ran("info", HERE / "b01_meissner_zero_mean.yaml", "--set", stiffness, "--set", sweep).stdout
+    assert "No region of instability is open" not in text
+    assert text.splitlines()[1].startswith("UNSTABLE at ") == (mean < 0)
+
+
+def test_a_mean_system_that_grows_may_be_held_by_the_varying_stiffness() -> None:
+    sweep = "sweep={mesh_frequency: {start: 1.7, stop: 2.2, num: 4}}"
+    options = ["--set", "system.stiffness=[[-1.05]]", "--set", sweep]
+    assert np.abs(_half_trace(np.linspace(1.7, 2.2, 501), -0.05)).max() < 1
+    text = ran("info", HERE / "b01_meissner_zero_mean.yaml", *options).stdout
+    assert text.splitlines()[1].startswith("STABLE by the varying mesh stiffness: the mean system grows by itself")
+    assert "No region of instability is open there." in text
+
+
 def test_a_report_is_cheap_and_in_the_unit_typed(tmp_path: Path) -> None:
     """A reducer of 59 and 21 mesh cycles: the damped search alone, where the undamped one would take an hour."""
     text = report(tmp_path, "a3_report_never_ends")

@@ -266,7 +266,7 @@ def test_a_phasing_that_info_names_does_what_it_says(fig3: Path) -> None:
         # Regions narrower than 1e-5 of a speed are not counted, and are less than 1e-3 of these widths.
         left = width(label, low, high, f"phasing={remedy['value']}") / width(label, low, high)
         assert left == pytest.approx(remedy["leaves"], abs=2e-3), label
-        assert f"second {remedy['value']:.4g} ({100 * remedy['leaves']:.2g} % left)" in text
+        assert f"second {remedy['value']:.4g} ({100 * remedy['leaves']:.2g} %)" in text
 
 
 def test_the_sense_of_an_advised_phasing(fig3: Path) -> None:

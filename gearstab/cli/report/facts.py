@@ -29,7 +29,7 @@ SPEEDS = 801
 WORST = 3
 """Speeds at which teeth part that are named."""
 PATIENCE = 60.0
-"""Seconds of a processor in which all regions are searched, else those near the tongues of first order must do."""
+"""Processor seconds of the search for all regions after which those near the tongues of first order must do."""
 NONE = float("nan")
 
 
@@ -107,9 +107,9 @@ def state_of(word: str, system: GearSystem, spans: tuple[Span, ...], config: Con
     closed = {row["label"]: _reach(system, row, False) for one in found for row in one["closest"]}
     reaching = sorted(({**closed, **rows}).values(), key=lambda item: item.lower)
     near = regions.reach(min(span.low for span in spans), max(span.high for span in spans))
-    searched = within(PATIENCE, lambda: boundaries(system, *near, regions.TOLERANCE, regions.FLOOR))
-    if searched is not None:
-        own, _ = searched
+    every = within(PATIENCE, lambda: boundaries(system, *near, regions.TOLERANCE, regions.FLOOR))
+    if every is not None:
+        own, _ = every
         real = tuple((float(a), float(b), _label(m)) for a, b, m in zip(own.lower, own.upper, own.members, strict=True))
     else:
         real = tuple((item.lower, item.upper, item.label) for item in rows.values())
@@ -118,7 +118,7 @@ def state_of(word: str, system: GearSystem, spans: tuple[Span, ...], config: Con
     outside = min(((d, label) for d, label in away if d > 0), default=None)
     return State(
         word, system, spans, config, tuple(reaching), max(len(open_) - len(rows), 0), real, open_, growth, outside,
-        searched is not None, all(one["verified"] for one in found), sum(one["refuted"] for one in found),
+        every is not None, all(one["verified"] for one in found), sum(one["refuted"] for one in found),
     )  # fmt: skip
 
 
