@@ -10,7 +10,7 @@ from gearstab.perturbation.tongues import SELF_EXCITED
 
 if TYPE_CHECKING:
     from gearstab.config import Config
-    from gearstab.info.verified import OpenRegion, Scan, Trial
+    from gearstab.info.verified import OpenRegion, SpeedScan, Trial
     from gearstab.perturbation.ranking import RankedRegion, Ranking
     from gearstab.perturbation.remedies import Resonance
     from gearstab.perturbation.tongues import Tongue
@@ -88,7 +88,7 @@ def judged(config: Config, system: GearSystem, low: float, high: float, harmonic
 
 def _decided(
     system: GearSystem, found: Ranking, low: float, high: float
-) -> tuple[list[tuple[OpenRegion, Tongue, Resonance | None]], tuple[RankedRegion, ...], Scan | None] | None:
+) -> tuple[list[tuple[OpenRegion, Tongue, Resonance | None]], tuple[RankedRegion, ...], SpeedScan | None] | None:
     """Exact regions in a range with the tongue each stands under, the widest there first; candidates that are closed;
     and the scan for others, None without a range. None where one of them could not be decided.
     """

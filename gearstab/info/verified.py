@@ -110,20 +110,20 @@ def same(one: Tongue, other: Tongue) -> bool:
 
 
 @dataclass(frozen=True)
-class Scan:
+class SpeedScan:
     """Stability at SPEEDS mesh frequencies of a range, by exact Floquet analysis."""
 
     omega: Array
     unstable: Array
 
 
-def scan(system: GearSystem, low: float, high: float) -> Scan:
+def scan(system: GearSystem, low: float, high: float) -> SpeedScan:
     """Return the stability at equally spaced mesh frequencies from low to high."""
     omega = np.linspace(low, high, SPEEDS)
-    return Scan(omega, solve(system, omega).stable[0] == 0)
+    return SpeedScan(omega, solve(system, omega).stable[0] == 0)
 
 
-def unlisted(system: GearSystem, looked: Scan, known: Sequence[OpenRegion], most: int) -> Iterator[OpenRegion]:
+def unlisted(system: GearSystem, looked: SpeedScan, known: Sequence[OpenRegion], most: int) -> Iterator[OpenRegion]:
     """Yield the exact regions around unstable points of a scan that no known region holds.
 
     most: number of stretches of such points, the longest ones, that are looked into.
