@@ -159,7 +159,7 @@ def width(values: xr.DataArray) -> xr.DataArray:
 def overlap(tree: xr.DataTree, label: str) -> xr.DataArray:
     """What a region by first order and by Floquet theory have in common, over what either covers."""
     first, exact = predicted(tree, label), edges(tree, label)
-    lower, upper = (pick(first, exact) for pick in (np.maximum, np.minimum))
+    lower, upper = first.clip(min=exact), first.clip(max=exact)
     both = xr.concat([lower.isel(side=0, drop=True), upper.isel(side=1, drop=True)], first["side"])
     common = width(both).clip(min=0.0)
     return common / (width(first) + width(exact) - common)

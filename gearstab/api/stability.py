@@ -71,7 +71,7 @@ def floquet(system: GearSystem | Source, mesh_frequency: ArrayLike, **options: A
     built = as_system(system)
     # A masked entry has no value, whatever lies under the mask.
     omega: Array = np.asarray(mesh_frequency, dtype=float)
-    omega = np.where(np.ma.getmaskarray(mesh_frequency), np.nan, omega)
+    omega = np.where(np.ma.getmaskarray(np.ma.asarray(mesh_frequency)), np.nan, omega)
     if not (np.isfinite(omega) & (omega > 0)).all():
         raise NotPossible("mesh frequencies must be positive numbers")
     method = _method("floquet", options, built)

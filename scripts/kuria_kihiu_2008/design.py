@@ -155,13 +155,13 @@ def stress_at_two(runs: Runs) -> Iterator[Statement]:
             "with the load factor within 5 points of 45 %; in part: all fall",
             "Two pairs share the load, but longer teeth bend more.",
         )  # fmt: skip
-    before, after = (np.array([jumps(designs[m]) for m in LONG_TEETH]) for designs in (FINER, LONG_TEETH))
+    short, long = (np.array([jumps(designs[m]) for m in LONG_TEETH]) for designs in (FINER, LONG_TEETH))
     yield Statement(
         "Figs. 15, 16", "a contact ratio of 2 leaves no discontinuity of the stress",
-        f"jumps as a pair enters or leaves, over the largest stress: {span(before.max(axis=-1))} before, "
-        f"{span(after.max(axis=-1))} with the ratio of Figs. 13 and 14, of which {span(after[..., 2])} are left when "
+        f"jumps as a pair enters or leaves, over the largest stress: {span(short.max(axis=-1))} before, "
+        f"{span(long.max(axis=-1))} with the ratio of Figs. 13 and 14, of which {span(long[..., 2])} are left when "
         "both have happened",
-        sort_of(bool(np.all(after < 2)), bool(np.all(after[..., 2] < 5))),
+        sort_of(bool(np.all(long < 2)), bool(np.all(long[..., 2] < 5))),
         "jumps below 2 %; in part: below 5 % are left",
         "A ratio a little above 2 has three pairs for a moment as one enters before another leaves. What is left is "
         "the difference between the shares of a tooth at its tip and at its root.",

@@ -164,7 +164,7 @@ def detuning(runs: Runs) -> Iterator[Statement]:
     sides = [-2, -0.5, 0.5, 2]
     sweep = {"mesh_frequency": [float(2 * found.frequency[3] + x * half) for x in sides], "epsilon": [epsilon]}
     tree = restricted(runs, found, [4, 9], [0.0] * PLANETS, sweep, {"floquet": {}})
-    rates = tree["floquet"]["growth_rate"].values.ravel()
+    rates = tree["floquet/growth_rate"].to_numpy().ravel()
     bounded = [bool(rate == 0) for rate in rates]
     yield Statement(
         "(19)", "bounded only when sigma >= sqrt(Lambda/(w_p w_q))",

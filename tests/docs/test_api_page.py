@@ -28,7 +28,7 @@ def test_every_example_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
         exec(compile(block, "docs/api.md", "exec"), names)
     plt.close("all")
     assert (tmp_path / "map.png").stat().st_size > 10_000
-    assert (tmp_path / "pair.nc").exists()
+    assert (tmp_path / "pair.h5").exists()
 
 
 def test_every_public_function_is_on_the_page() -> None:

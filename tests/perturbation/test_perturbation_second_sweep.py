@@ -44,7 +44,7 @@ def swept(folder: Path, text: str = CONFIG) -> Path:
 
 
 def test_what_is_stored(tmp_path: Path) -> None:
-    epsilon = np.linspace(0, 0.4, 5)
+    epsilon = np.array([0.0, 0.1, 0.2, 0.3, 0.4])
     expected = second_order(train(epsilon=(epsilon, epsilon)), 2)
     with open_result(swept(tmp_path)) as tree:
         group = tree["perturbation"].to_dataset().load()

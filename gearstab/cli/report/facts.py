@@ -16,20 +16,20 @@ from gearstab.design.judging import regions
 from gearstab.design.problem import Span
 from gearstab.floquet import solve
 from gearstab.floquet.boundaries import boundaries
-from gearstab.floquet.boundaries.effort import effort
 from gearstab.info.configuration import HARMONICS
 from gearstab.info.danger import CLOSED_BY, judged
 from gearstab.modal import mean_modes, modal_damping_ratios
 from gearstab.perturbation import Tongue
 from gearstab.perturbation.tongues import SELF_EXCITED
+from gearstab.sweep.effort.clock import within
 from gearstab.system import Array, GearSystem
 
 SPEEDS = 801
 """Speeds at which growth rates are computed."""
 WORST = 3
 """Speeds at which teeth part that are named."""
-PATIENCE = 120.0
-"""Forecast seconds of the search for all regions beyond which those near the tongues of first order must do."""
+PATIENCE = 60.0
+"""Seconds of a processor in which all regions are searched, else those near the tongues of first order must do."""
 NONE = float("nan")
 
 
@@ -109,11 +109,11 @@ def state_of(word: str, system: GearSystem, spans: tuple[Span, ...], config: Con
     closed = {row["label"]: _reach(system, row, False) for one in found for row in one["closest"]}
     reaching = sorted(({**closed, **rows}).values(), key=lambda item: item.lower)
     near = regions.reach(min(span.low for span in spans), max(span.high for span in spans))
-    uncovered = ""
-    complete = effort(system, *near).seconds(1) <= PATIENCE
-    if complete:
-        own = boundaries(system, *near, regions.TOLERANCE, regions.FLOOR)
-        uncovered = own.uncovered() or ""
+    uncovered = None
+    searched = within(PATIENCE, lambda: boundaries(system, *near, regions.TOLERANCE, regions.FLOOR))
+    if searched is not None:
+        own, _ = searched
+        uncovered = own.uncovered()
         real = tuple((float(a), float(b), _label(m)) for a, b, m in zip(own.lower, own.upper, own.members, strict=True))
     else:
         real = tuple((item.lower, item.upper, item.label) for item in rows.values())
@@ -122,8 +122,8 @@ def state_of(word: str, system: GearSystem, spans: tuple[Span, ...], config: Con
     outside = min(((d, label) for d, label in away if d > 0), default=None)
     return State(
         word, system, spans, config, tuple(reaching), max(len(open_) - len(rows), 0), real, open_, growth, outside,
-        complete, all(one["verified"] for one in found), sum(one["refuted"] for one in found),
-        uncovered,
+        searched is not None, all(one["verified"] for one in found), sum(one["refuted"] for one in found),
+        uncovered or "",
     )  # fmt: skip
 
 

@@ -152,7 +152,9 @@ def _expand_range(document: Document, path: Path, given: Range, ends: dict[str, 
         return FAILED if values is None else Expansion(values, spec | {"step": step}, (start, stop))
     spec["num"] = given.num
     if given.spacing == "linear":
-        return Expansion(as_typed(np.linspace(start, stop, given.num or 1)), spec, (start, stop))
+        values = as_typed(np.linspace(start, stop, given.num or 1))
+        values[-1], values[0] = stop, start  # a single value is the start
+        return Expansion(values, spec, (start, stop))
     for name, value in (("start", start), ("stop", stop)):
         if value <= 0:
             document.report(
@@ -198,6 +200,7 @@ def _stepped(
         steps = (stop - start) / step
         count = math.floor(steps + STEP_TOLERANCE)
         values = as_typed(start + step * np.arange(count + 1))
+        values[0] = start
         if abs(steps - count) <= STEP_TOLERANCE:
             values[-1] = stop  # hit to rounding: the end is what the user wrote
         return values

@@ -9,7 +9,6 @@ from functools import cached_property
 import numpy as np
 
 from gearstab.errors import NotPossible
-from gearstab.floquet.frequencies.lyapunov import length
 from gearstab.floquet.segments.pattern import Pattern, prepare, window
 from gearstab.system import GearSystem
 from gearstab.waveforms import Profile
@@ -130,6 +129,8 @@ def chosen(system: GearSystem, asked: str, affordable: int = AFFORDABLE, cycles:
     if asked == "auto" and period is not None and period.segments <= affordable:
         name = COMMON_PERIOD
     elif asked == "auto":
+        from gearstab.floquet.frequencies.lyapunov import length
+
         name = PER_MESH if system.terms or varying(system) < 2 else LYAPUNOV
         if name == LYAPUNOV and period is not None and period.cycles <= length(system, cycles):
             name = COMMON_PERIOD

@@ -238,7 +238,7 @@ def log_multipliers_damped(
     with np.errstate(divide="ignore", invalid="ignore"):
         logs = np.log(values) + scale[..., None]
         wide = logs.real.max(axis=-1) - logs.real.min(axis=-1) > SPREAD
-    for row in np.flatnonzero(wide.any(axis=1) & generator.well_conditioned):
+    for row in map(int, np.flatnonzero(wide.any(axis=1) & generator.well_conditioned)):
         found = levels.log_multipliers(pattern, generator, row, omega[row, wide[row]])
         logs[row, wide[row]] = found
         wide[row, wide[row]] = np.isnan(found).any(axis=1)

@@ -220,7 +220,7 @@ def test_the_basis_of_a_pair_changes_nothing(monkeypatch):
         for k in equal:
             shapes[:, k : k + 2] = shapes[:, k : k + 2] @ turn
             deflection[k : k + 2] = turn.T @ deflection[k : k + 2]
-        return type(modes)(modes.squared_frequency, shapes, deflection)
+        return replace(modes, shapes=shapes, mesh_deflection=deflection)
 
     monkeypatch.setattr(multiple_scales, "mean_modes", turned)
     other = first_order(system, 2)
