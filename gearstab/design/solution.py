@@ -91,6 +91,8 @@ def solved(problem: DesignProblem, say: Say = lambda text: None) -> Solution:
     most = allowed(float(final.objectives[0, 0]), float(np.nan_to_num(initial.objectives[0, 0])))
     before, after = single(problem, problem.given[0]), single(problem, optimum)
     found = tongues(problem, [problem.given[0], optimum]) if searchable(after[0]) else None
+    if found is not None and (rest := found.uncovered[1]):
+        say(rest)
     reasons = [] if found is None else explanation(after[0], [tongue for tongue, _ in found.index])
     choices, equals = (None, 1) if problem.continuous.any() else _choices(problem, judge)
     return Solution(

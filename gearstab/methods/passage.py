@@ -140,7 +140,10 @@ class Passage(Method):
     Options = PassageOptions
     frequency = RANGE
     relief = "narrow the range of mesh_frequency, pass it faster, or follow the exact motion alone (regions: false)"
-    flag_notes: ClassVar[Mapping[str, str]] = {}
+    flag_notes: ClassVar[Mapping[str, str]] = {
+        "sampled": "regions of {points} are looked for by samples where multipliers meet: neither proved nor counted",
+        "coarse": "regions of {points} are looked for by samples in equal steps only: narrower ones may be missing",
+    }
 
     @cached_property
     def rates(self) -> Array:

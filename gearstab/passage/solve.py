@@ -83,6 +83,8 @@ def passage(
                 values["status"][row, k] |= STATUS_FLAGS["rounding"]
         if not regions:
             continue
+        if found.sampled_step[row] > 0:
+            values["status"][row] |= STATUS_FLAGS["coarse" if found.coarse[row] else "sampled"]
         failed = ~np.isfinite(values["growth"][row])
         values["status"][row, failed] |= STATUS_FLAGS["failed"]
         values["slowest_rate"][row] = np.abs(rates[0]) * values["growth"][row, 0] / np.log(amplification)

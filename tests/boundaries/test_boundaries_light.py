@@ -13,9 +13,11 @@ import pytest
 from random_trains import light_contradictions, light_train
 
 from gearstab.floquet.boundaries import BOUNDARY_FLAGS, boundaries
+from gearstab.floquet.boundaries.regions import equal_steps
 
-HARD = (16, 20, 27, 34, 38)
-"""Gaps where multipliers meet inside of a region or change their kind; a tongue in part kept stable by damping."""
+HARD = (16, 20, 27, 34, 38, 1010)
+"""Gaps where multipliers meet inside of a region or change their kind; a tongue in part kept stable by damping; a
+tongue of 2e-5 at 3e-4 beside a wide one, one of whose multipliers it shares."""
 
 
 def check(seeds: Iterable[int]) -> tuple[int, int]:
@@ -53,6 +55,18 @@ def test_what_the_budget_does_not_cover_is_said() -> None:
         flags = found.arranged().flags
         assert (flags & BOUNDARY_FLAGS[name] > 0).all()
         assert not (flags & (BOUNDARY_FLAGS["sampled"] | BOUNDARY_FLAGS["coarse"]) == 192).any()
+
+
+def test_one_line_says_what_is_not_covered() -> None:
+    system, start, stop = light_train(34)
+    whole, part = (boundaries(system, start, stop, budget=budget) for budget in (4e9, 1e4))
+    words = "100 % of the stable mesh frequencies are neither proved nor counted: sampled where two multipliers meet"
+    assert str(whole.uncovered()).startswith(words)
+    assert "equal steps" not in str(whole.uncovered())
+    assert "to a step of 0.0043 of them; those in equal steps only" in str(part.uncovered())
+    assert "2 of 3 systems" in equal_steps(2, 3)
+    # Without damping all is counted.
+    assert boundaries(replace(system, damping=None, terms=()), start, stop).uncovered() is None
 
 
 @pytest.mark.slow

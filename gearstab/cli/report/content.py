@@ -148,7 +148,7 @@ def _time(state: State) -> str:
 
 
 def _verdict(state: State, shown: ShownSpeeds) -> str:
-    searched = "" if state.complete else (
+    searched = (f" {state.uncovered}." if state.uncovered else "") if state.complete else (
         " The search for all regions would take too long: those that first order expects and the growth rate at "
         f"{facts.SPEEDS} speeds were looked at."
     )  # fmt: skip

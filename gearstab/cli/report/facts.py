@@ -80,7 +80,8 @@ class State:
     """A design: its system, operating ranges and configuration, and what was found of it.
 
     regions: all that were found in and near the ranges. complete: whether these are all there are. verified: whether
-    the remedies are. refuted: remedies of first order that exact search refuted.
+    the remedies are. refuted: remedies of first order that exact search refuted. uncovered: what is neither proved nor
+    counted stable, "" where nothing is.
     """
 
     word: str
@@ -96,6 +97,7 @@ class State:
     complete: bool
     verified: bool
     refuted: int
+    uncovered: str
 
 
 def state_of(word: str, system: GearSystem, spans: tuple[Span, ...], config: Config) -> State:
@@ -107,9 +109,11 @@ def state_of(word: str, system: GearSystem, spans: tuple[Span, ...], config: Con
     closed = {row["label"]: _reach(system, row, False) for one in found for row in one["closest"]}
     reaching = sorted(({**closed, **rows}).values(), key=lambda item: item.lower)
     near = regions.reach(min(span.low for span in spans), max(span.high for span in spans))
-    every = within(PATIENCE, lambda: boundaries(system, *near, regions.TOLERANCE, regions.FLOOR))
-    if every is not None:
-        own, _ = every
+    uncovered = None
+    searched = within(PATIENCE, lambda: boundaries(system, *near, regions.TOLERANCE, regions.FLOOR))
+    if searched is not None:
+        own, _ = searched
+        uncovered = own.uncovered()
         real = tuple((float(a), float(b), _label(m)) for a, b, m in zip(own.lower, own.upper, own.members, strict=True))
     else:
         real = tuple((item.lower, item.upper, item.label) for item in rows.values())
@@ -118,7 +122,8 @@ def state_of(word: str, system: GearSystem, spans: tuple[Span, ...], config: Con
     outside = min(((d, label) for d, label in away if d > 0), default=None)
     return State(
         word, system, spans, config, tuple(reaching), max(len(open_) - len(rows), 0), real, open_, growth, outside,
-        every is not None, all(one["verified"] for one in found), sum(one["refuted"] for one in found),
+        searched is not None, all(one["verified"] for one in found), sum(one["refuted"] for one in found),
+        uncovered or "",
     )  # fmt: skip
 
 

@@ -33,6 +33,7 @@ class DesignTongues:
     index: (tongue, occurrence). edges ``(tongue, 2, states)``, rad per unit time, NaN where a tongue is closed.
     distance ``(tongue, states)``: from the nearest range, 0 where it reaches into one; NaN where it is closed.
     sensitivity, first_order ``(tongue, 2, states, variables)``: d(edge)/d(variable), exact and by first-order theory.
+    uncovered: of each state what is neither proved nor counted stable; None where nothing is.
     """
 
     index: tuple[Key, ...]
@@ -40,6 +41,7 @@ class DesignTongues:
     distance: Array
     sensitivity: Array
     first_order: Array
+    uncovered: tuple[str | None, ...] = ()
 
     def limiting(self, state: int) -> int | None:
         """The widest region inside a range, else the nearest one outside; None where there is none in reach."""
@@ -63,7 +65,7 @@ def tongues(problem: DesignProblem, designs: Sequence[Array]) -> DesignTongues:
         where[rows, :, state] = own.edges
         away[rows, state] = distance(own.edges, own.spans)
         tables[0, rows, :, state], tables[1, rows, :, state] = own.sensitivity, own.first_order
-    return DesignTongues(index, where, away, tables[0], tables[1])
+    return DesignTongues(index, where, away, tables[0], tables[1], tuple(own.uncovered for own in found))
 
 
 @dataclass(frozen=True)
@@ -75,6 +77,7 @@ class _Own:
     edges: Array
     sensitivity: Array
     first_order: Array
+    uncovered: str | None
 
 
 def distance(edges: Array, spans: Sequence[Span]) -> Array:
@@ -91,7 +94,8 @@ def _of(problem: DesignProblem, design: Array) -> _Own:
         batches, steps = list(problem.batches(rows[:1])), {}
     (batch,) = batches
     low, high = whole(batch.spans)
-    edges = boundaries(batch.system, low, high, TIGHT, regions.FLOOR).arranged()
+    found = boundaries(batch.system, low, high, TIGHT, regions.FLOOR)
+    edges = found.arranged()
     derivative = _differences(problem, edges.boundary_frequency, steps)
     own = np.flatnonzero((edges.flags[:, 0] & BOUNDARY_FLAGS["open"]) > 0)
     predicted = _predicted(problem, batch, steps, [edges.index[k] for k in own], low)
@@ -100,7 +104,7 @@ def _of(problem: DesignProblem, design: Array) -> _Own:
     for k, s in cut:
         derivative[k, s] = np.nan
     index = tuple(edges.index[k] for k in own)
-    return _Own(index, batch.spans, edges.boundary_frequency[own, :, 0], derivative[own], predicted)
+    return _Own(index, batch.spans, edges.boundary_frequency[own, :, 0], derivative[own], predicted, found.uncovered())
 
 
 def whole(spans: Sequence[Span]) -> tuple[float, float]:

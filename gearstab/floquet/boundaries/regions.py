@@ -26,6 +26,17 @@ ROUNDING = 1e-9
 """Rounding error of a share of the range."""
 
 
+SAMPLED = "neither proved nor counted: sampled where two multipliers meet"
+"""What is said of the rest of the stable mesh frequencies."""
+
+
+def equal_steps(coarse: int, rows: int) -> str:
+    """Return what is added where ``coarse`` of ``rows`` systems are sampled in equal steps only, "" where none is."""
+    where = "" if coarse == rows == 1 else f" of {coarse:,} of {rows:,} systems"
+    words = f"; those{where} in equal steps only, so that narrower regions and stable gaps may be missing"
+    return words if coarse else ""
+
+
 @dataclass(frozen=True)
 class Boundaries:
     """All instability regions of ``rows`` rows within the limits [start, stop], ordered by row and mesh frequency.
@@ -78,6 +89,16 @@ class Boundaries:
         with np.errstate(divide="ignore", invalid="ignore"):
             share = np.where(stable > ROUNDING * stop, length / stable, np.nan)
         return np.where(np.abs(share - 1) < ROUNDING, 1.0, share)
+
+    def uncovered(self) -> str | None:
+        """Return one line on what is neither proved nor counted, None where there is nothing."""
+        rest = self.sampled_step > 0
+        if not rest.any():
+            return None
+        known = self.stable_share(self.proved) + self.stable_share(self.counted)
+        share = float(np.nanmean(np.where(rest, 1 - known, 0.0))) if np.isfinite(known).any() else 0.0
+        words = f"{100 * max(share, 0.0):.3g} % of the stable mesh frequencies are {SAMPLED}"
+        return f"{words} to a step of {self.sampled_step.max():.2g} of them{equal_steps(self.coarse.sum(), self.rows)}"
 
     def stretches(self, parts: tuple[Array, ...]) -> Array:
         """``(K, 2, rows)``: stretches of all rows, NaN where a row has fewer; gaps below the width floor bridged."""

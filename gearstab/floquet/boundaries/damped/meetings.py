@@ -35,6 +35,8 @@ LOST = 15.0
 """ln |lambda| below the largest one at which a multiplier is lost in rounding, and far from growing."""
 UPPER = -1e-9
 """Of two pairs that are complex conjugates that is taken whose product has no smaller imaginary part than this."""
+SEQUENCE = 3.0
+"""Ratio of the distances of samples beside an edge."""
 REACH = 1.1
 """Cells from a sample up to which a meeting is expected: beyond the next one, which may lie inside of a tongue where
 damping keeps it stable, but phases are locked and tell nothing."""
@@ -56,8 +58,30 @@ def pursue(scan: Scan, cell: Array, floor: float) -> None:
     row, x = scan.row[chosen], scan.x[chosen]
     scan.add(*_between(scan, cell / WITHIN))
     scan.refine(floor)
+    _look(scan, row, x, REACH * cell[row], cell, floor)
+
+
+def pursue_beside(scan: Scan, row: Array, edge: Array, cell: Array, floor: float) -> None:
+    """Pursue the meetings near edges of regions (row, cycle) ``(E,)``: there the two multipliers that have met turn as
+    fast as a square root, so that what they meet next is expected only from samples in a geometric sequence.
+    """
+    steps = np.ceil(np.log(np.maximum(cell[row] / (floor * edge), 1.0)) / np.log(SEQUENCE)).astype(int)
+    owner = np.repeat(np.arange(len(row)), steps)
+    number = np.arange(len(owner)) - np.repeat(np.cumsum(steps) - steps, steps)
+    distance = cell[row[owner]] * SEQUENCE ** -(number + 1.0)
+    row, away = np.tile(row[owner], 2), np.tile(distance, 2)
+    cycle = np.tile(edge[owner], 2) + np.concatenate([distance, -distance])
+    chosen = np.flatnonzero(scan.within(row, np.log(np.maximum(cycle, np.finfo(float).tiny))))
+    chosen = chosen[np.lexsort((cycle[chosen], row[chosen]))]
+    row, x, away = row[chosen], np.log(cycle[chosen]), away[chosen]
+    scan.add(row, x)
+    _look(scan, row, x, (SEQUENCE - 1) * away, cell, floor)
+
+
+def _look(scan: Scan, row: Array, x: Array, near: Array, cell: Array, floor: float) -> None:
+    """Sample at and beside the meetings that samples (row, x) ``(P,)``, ascending, expect within ``near`` ``(P,)``."""
     chain, samples = scan.cover.chain, row
-    expected = approaches(chain, row, np.exp(x), REACH * cell[row], scan.partly_stable(row, x))
+    expected = approaches(chain, row, np.exp(x), near, scan.partly_stable(row, x))
     expected = expected.chosen(np.flatnonzero(scan.within(expected.row, np.log(expected.cycle))))
     row, cycle, width = pursued(chain, expected, CLOSE * floor)
     for looked in (samples, row):

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gearstab.floquet.boundaries.damped.meetings import RASTER, pursue
+from gearstab.floquet.boundaries.damped.meetings import RASTER, pursue, pursue_beside
 from gearstab.floquet.boundaries.damped.proof import MODULI, PROVED, SPECTRUM, Cover, cover, damping_ratio
 from gearstab.floquet.boundaries.damped.roots import RootBrackets, narrowed
 from gearstab.floquet.boundaries.damped.scan import STEP, Scan
@@ -35,6 +35,8 @@ EVALUATIONS, SPECTRA = 30, 8
 """Growth rates, and spectra, that a meeting of multipliers takes, at most: 14 to 29, and 2 to 8."""
 PURSUIT = 10.0
 """Budgets that all meetings of a row may take."""
+BESIDE_EDGES = 4
+"""Rounds in which edges are looked beside: regions found beside an edge have edges of their own."""
 NO_GROWTH = 1e-13
 """Real part of an exponent, over the root of the mean squared frequency, that rounding gives to one without decay."""
 
@@ -111,6 +113,8 @@ def search(chain: Chain, first: Array, last: Array, tolerance: float, floor: flo
         pursue(scan, plan.cell, floor)
     scan.refine(floor)
     _narrow(scan, tolerance)
+    if plan.pursued.any():
+        _complete(scan, plan.cell, tolerance, floor)
     intervals = _intervals(scan, first, last, floor)
     chosen = scan.opened.chosen(np.flatnonzero(plan.counted[scan.opened.row]))
     counted = Stretches(chosen.row, np.exp(chosen.left), np.exp(chosen.right))
@@ -207,6 +211,32 @@ def _narrow(scan: Scan, tolerance: float) -> None:
 
         narrowed(growth, RootBrackets(scan.x[k], scan.x[k + 1], scan.growth[k], scan.growth[k + 1]), tolerance)
         scan.order_samples()
+
+
+def _complete(scan: Scan, cell: Array, tolerance: float, floor: float) -> None:
+    """Look beside all edges of the rows that have a finite ``cell`` ``(r,)``, and beside those that appear then."""
+    known = np.empty((0, 2))
+    for _ in range(BESIDE_EDGES):
+        k = _changes(scan)
+        k = k[np.isfinite(cell[scan.row[k]])]
+        row, edge = scan.row[k], np.exp(scan.x[k])
+        new = _apart(known, row, edge, floor)
+        if not new.any():
+            break
+        known = np.concatenate([known, np.stack([row, edge], axis=1)[new]])
+        pursue_beside(scan, row[new], edge[new], cell, floor)
+        scan.refine(floor)
+        _narrow(scan, tolerance)
+
+
+def _apart(known: Array, row: Array, edge: Array, floor: float) -> Array:
+    """Which edges (row, cycle) ``(E,)`` are farther than the floor from all known ones ``(K, 2)`` of their rows."""
+    new = np.ones(len(row), dtype=bool)
+    for r in np.unique(row):
+        own, there = row == r, np.sort(known[known[:, 0] == r, 1])
+        beside = np.searchsorted(there, edge[own] * (1 + floor * np.array([[-1.0], [1.0]])))
+        new[own] = beside[0] == beside[1]
+    return new
 
 
 def _changes(scan: Scan) -> Array:
