@@ -14,7 +14,7 @@ from gearstab.modal import mean_modes
 from gearstab.results.display import RATIOS
 from gearstab.results.tree import Group, fields_of
 from gearstab.results.units import in_units_of
-from gearstab.results.variables import DEFLECTION_TYPE, MODES, Variable
+from gearstab.results.variables import DEFLECTION_TYPE, MODES, Variable, without_terms
 from gearstab.symmetry import deflection_types, oriented, type_names
 from gearstab.system import GearSystem
 from gearstab.version import __version__
@@ -70,7 +70,7 @@ def root_attributes(command: str, config: Origin, kernel: str) -> dict[str, Any]
 def modes_group(system: GearSystem) -> Group:
     """The group ``/modes`` of a single system."""
     modes = oriented(system, mean_modes(system))
-    table: tuple[Variable, ...] = MODES
+    table: tuple[Variable, ...] = without_terms(MODES) if system.terms else MODES
     values = {
         "mode": np.arange(1, system.size + 1),
         "dof": coordinate_names(system),
@@ -82,7 +82,7 @@ def modes_group(system: GearSystem) -> Group:
         "mode_type": type_names(system, modes),
     }
     if system.symmetry is not None:
-        table, values = (*MODES, DEFLECTION_TYPE), values | {DEFLECTION_TYPE.name: deflection_types(system, modes)}
+        table, values = (*table, DEFLECTION_TYPE), values | {DEFLECTION_TYPE.name: deflection_types(system, modes)}
     part = "symmetric part of the mean system, without damping and periodic terms," if system.terms else "mean system"
     said = {
         "comment": f"modes of the {part} at the base values of the configuration",

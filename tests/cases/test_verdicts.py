@@ -13,6 +13,8 @@ from scenes import ran
 
 from gearstab.config import load
 from gearstab.floquet import solve
+from gearstab.plots import draw
+from gearstab.results import open_result
 from gearstab.systems import build
 
 HERE = Path(__file__).parent
@@ -97,6 +99,20 @@ def test_a_mean_system_that_grows_may_be_held_by_the_varying_stiffness() -> None
     text = ran("info", HERE / "b01_meissner_zero_mean.yaml", *options).stdout
     assert text.splitlines()[1].startswith("STABLE by the varying mesh stiffness: the mean system grows by itself")
     assert "No region of instability is open there." in text
+
+
+@pytest.mark.parametrize("name", ["d1_mean_system_unstable", "d1b_negative_damping"])
+def test_natural_frequencies_of_a_system_with_terms_say_that_they_leave_them_out(name: str, tmp_path: Path) -> None:
+    out = tmp_path / "result.h5"
+    methods = "methods={natural_frequencies: {}}"
+    assert ran("sweep", HERE / f"{name}.yaml", "-o", out, "--set", methods).exit_code == 0
+    with open_result(out) as tree:
+        for group in ("modes", "natural_frequencies"):
+            assert "symmetric mean system" in tree[group]["natural_frequency"].attrs["long_name"]
+        _, artists = draw(tree, "campbell")
+    assert "symmetric mean system, without terms" in [text.get_text() for text in artists["legend"].get_texts()]
+    done = ran("plot", out, "-o", tmp_path / "figure.png", "--kind", "campbell", "--dpi", "50")
+    assert "note: natural frequencies leave damping and terms out" in done.stderr
 
 
 def test_a_report_is_cheap_and_in_the_unit_typed(tmp_path: Path) -> None:

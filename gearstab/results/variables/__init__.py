@@ -104,6 +104,13 @@ NATURAL_FREQUENCIES = (
 )
 """The same over the axes of a sweep."""
 
+SYMMETRIC_PART = "natural frequency of the symmetric mean system, without damping and terms"
+
+
+def without_terms(table: Sequence[Variable]) -> tuple[Variable, ...]:
+    """Return a table of modes of a system with terms, whose natural frequencies are those of a part of it."""
+    return tuple(replace(v, long_name=SYMMETRIC_PART) if v.name == "natural_frequency" else v for v in table)
+
 
 DEFLECTION_TYPE = Variable(
     "mesh_deflection_type",
