@@ -30,26 +30,14 @@ def common_period(system: GearSystem) -> dict[str, Any] | None:
 
 
 def frequencies(config: Config, system: GearSystem) -> dict[str, Any] | None:
-    """Return the strategy of exact stability for several mesh frequencies, and the seconds per point of a sweep on one
-    processor, None where not one ends in time; None for a single mesh frequency.
-    """
-    import numpy as np
-
+    """Return the strategy of exact stability for several mesh frequencies; None for a single one."""
     from gearstab.methods.floquet import Floquet, FloquetOptions
-    from gearstab.modal import mean_modes
-    from gearstab.sweep.effort.estimate import seconds_per_point
 
     if len(set(system.frequency_ratios)) < 2:
         return None
     options = config.methods.floquet or FloquetOptions()
     whole = Floquet(options.model_copy(update={"modes": None, "block": None, "exponents": False}), system)
-    # Where stability is most often asked for: about twice the highest natural frequency with a mesh deflection.
-    middle = 2 * float(np.nanmax(mean_modes(system).natural_frequency))
-
-    def points(count: int) -> object:
-        return whole.solved(middle * np.linspace(0.5, 1.5, count + 2)[1:-1])
-
-    return {"chosen": whole.outlook(), "seconds_per_point": seconds_per_point(points)}
+    return {"chosen": whole.outlook()}
 
 
 def text(period: dict[str, Any] | None) -> str:
@@ -61,12 +49,3 @@ def text(period: dict[str, Any] | None) -> str:
     states = "" if count is None else f", {count} distinct stiffness states"
     parts = "not piecewise constant" if segments is None else f"{segments} segments{states}"
     return f"{period['in_periods_of_omega']:.6g} x 2 pi/Omega ({cycles}); {parts}"
-
-
-def way(found: dict[str, Any]) -> str:
-    """The way of exact stability in a line."""
-    from gearstab.sweep.effort.words import duration
-
-    seconds = found["seconds_per_point"]
-    taken = "time not known" if seconds is None else duration(seconds)
-    return f"{found['chosen']}; {taken} per point on one processor"

@@ -54,7 +54,7 @@ def _heading(facts: dict[str, Any]) -> str:
         f"common period  {periods.text(facts['common_period'])}",
     ]
     if facts["frequencies"] is not None:
-        lines.append(f"floquet        {periods.way(facts['frequencies'])}")
+        lines.append(f"floquet        {facts['frequencies']['chosen']}")
     if facts["sweep"]:
         lines.append("sweep          " + " x ".join(f"{name} ({size})" for name, size in facts["sweep"].items()))
     if facts["design"]:

@@ -268,3 +268,17 @@ class TestArguments:
                 ckernel.library.exponents("plain", *given, *wrong)
         with pytest.raises(ValueError, match="shapes"):
             ckernel.library.exponents("plain", *given, 0, runs, 9, omega, room)
+
+
+@built
+@pytest.mark.parametrize("points", [3, 20])
+def test_many_factors_are_taken_in_portions(monkeypatch: pytest.MonkeyPatch, points: int) -> None:
+    """Of a few points at once, or without copies of the factors where one point has too many."""
+    rng = np.random.default_rng(7)
+    factors = [rng.normal(size=(points, 4, 4)) * [8.0, 4.0, 2.0, 1.0] for _ in range(6)]
+    whole = c_kernel.graded(factors)
+    for most in (9 * 6 * 16, 1):
+        monkeypatch.setattr(c_kernel, "ENTRIES_AT_ONCE", most)
+        found = c_kernel.graded(factors)
+        # Rounding of the order of operations.
+        assert max(apart(a, b) for a, b in zip(found, whole, strict=True)) < 1e-10

@@ -145,20 +145,6 @@ def test_a_first_call_is_not_taken_for_the_others(plan: Plan, monkeypatch: pytes
     assert found.work == pytest.approx(24 * 1e-3, rel=1e-9)
 
 
-def test_seconds_per_point_are_those_of_many(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A first call imports for 0.26 s, and every call takes 10 ms whatever the number of points."""
-    machine = on(Machine(0.0, 0.0), monkeypatch)
-    calls: list[int] = []
-
-    def work(points: int) -> None:
-        machine.now += 0.26 * (not calls) + 0.01 + 1e-4 * points
-        calls.append(points)
-
-    assert estimate.seconds_per_point(work) == pytest.approx(1e-4, rel=0.2)
-    machine.now, calls[:] = 0.0, []
-    assert estimate.seconds_per_point(lambda points: setattr(machine, "now", machine.now + 5.0)) is None
-
-
 class TestClock:
     def test_work_that_ends(self) -> None:
         found = within(30.0, lambda: sum(range(10**5)))

@@ -201,8 +201,15 @@ def log_multipliers_damped(pattern: Pattern, generator: Generators, omega: Array
 
 def graded(factors: Sequence[Array], limit: int | None = None) -> Array:
     """What :func:`gearstab.floquet.kernel.graded.log_multipliers` says."""
+    count, (points, size) = len(factors), factors[0].shape[:2]
+    most = ENTRIES_AT_ONCE // max(1, count * size**2)
+    if most < LANES:
+        # A segment of many pieces has one factor there, which is no copy for each.
+        return numpy_kernel.graded(factors)
+    if points > most:
+        parts = np.split(np.arange(points), range(most, points, most))
+        return np.concatenate([graded([factor[part] for factor in factors], limit) for part in parts])
     given = contiguous(np.stack(factors))
-    count, points, size = given.shape[:3]
     logs = np.empty((points, size), dtype=complex)
 
     def part(first: int, last: int) -> None:

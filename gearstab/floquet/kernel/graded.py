@@ -9,10 +9,11 @@ with its own scale (periodic QR; Bojanczyk, Golub & Van Dooren 1992, Watkins 200
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from gearstab.interrupts import heed
 from gearstab.system import Array
 
 ROUNDS = 16
@@ -42,25 +43,36 @@ def _iterated(factors: Sequence[Array], basis: Array, done: int, rounds: int) ->
     """The same with a basis ``(P, m, m)`` of so many rounds, after that many at least."""
     points, size = basis.shape[:2]
     for _ in range(rounds - done):
-        before, triangles = basis, []
-        for factor in factors:
-            basis, triangle = np.linalg.qr(factor @ basis)
-            triangles.append(triangle)
-    levels = sum(np.log(np.abs(np.diagonal(t, axis1=-2, axis2=-1)) + np.finfo(float).tiny) for t in triangles)
+        before, levels = basis, np.zeros((points, size))
+        for basis, triangle in _round(factors, before):  # noqa: B007, the last one is that of the round
+            levels += np.log(np.abs(np.diagonal(triangle, axis1=-2, axis2=-1)) + np.finfo(float).tiny)
     closing = np.swapaxes(before, -1, -2) @ basis
     result = np.empty((points, size), dtype=complex)
     splits = (np.diff(levels, axis=1) < -np.log(1e17) / (rounds - 2)) & (_below(closing) < CLOSED)
-    wide = np.zeros(points, dtype=bool)
+    wide, blocks = np.zeros(points, dtype=bool), []
     for key in np.unique(splits, axis=0):
         members = np.flatnonzero(np.all(splits == key, axis=1))
         for block in np.split(np.arange(size), np.flatnonzero(key) + 1):
             part = slice(block[0], block[-1] + 1)
             wide[members] |= np.ptp(levels[members, part], axis=1) > WIDEST
-            chain = [t[members, part, part] for t in triangles]
-            result[members, part] = _block(chain, closing[members, part, part])
+            blocks.append((members, part, _Product(len(members), len(block))))
+    # The last round once more: its triangles are as many as factors and are not kept.
+    for _, triangle in _round(factors, before):
+        for members, part, product in blocks:
+            product.take(triangle[members, part, part])
+    for members, part, product in blocks:
+        result[members, part] = product.logs(closing[members, part, part])
     if wide.any() and rounds < MOST_ROUNDS:
         result[wide] = _iterated([factor[wide] for factor in factors], basis[wide], rounds, 2 * rounds)
     return result
+
+
+def _round(factors: Sequence[Array], basis: Array) -> Iterator[tuple[Array, Array]]:
+    """Q_{s+1} and R_s of each factor."""
+    for factor in factors:
+        heed()
+        basis, triangle = np.linalg.qr(factor @ basis)
+        yield basis, triangle
 
 
 def _start(size: int) -> Array:
@@ -77,14 +89,18 @@ def _below(closing: Array) -> Array:
     return below
 
 
-def _block(chain: list[Array], closing: Array) -> Array:
-    """ln of the eigenvalues of closing @ chain[-1] @ ... @ chain[0], scaled as it is formed."""
-    product = np.broadcast_to(np.eye(closing.shape[-1]), closing.shape)
-    scale = np.zeros(len(closing))
-    for triangle in chain:
-        product = triangle @ product
+class _Product:
+    """A product of triangles ``(P, k, k)`` of size one, and its size as logarithms ``(P,)``."""
+
+    def __init__(self, points: int, size: int) -> None:
+        self.matrix, self.scale = np.broadcast_to(np.eye(size), (points, size, size)), np.zeros(points)
+
+    def take(self, triangle: Array) -> None:
+        """Multiply by a further triangle from the left."""
+        product = triangle @ self.matrix
         size = np.abs(product).max(axis=(1, 2))
-        product = product / size[:, None, None]
-        scale += np.log(size)
-    values = np.linalg.eigvals(closing @ product).astype(complex)
-    return np.log(values) + scale[:, None]
+        self.matrix, self.scale = product / size[:, None, None], self.scale + np.log(size)
+
+    def logs(self, closing: Array) -> Array:
+        """ln of the eigenvalues of closing times the product."""
+        return np.log(np.linalg.eigvals(closing @ self.matrix).astype(complex)) + self.scale[:, None]

@@ -52,8 +52,6 @@ UNIT = 3e-8
 """Seconds of a unit of a method's cost, about."""
 OVERHEAD = 2.5
 """Arrays of a block's size that a method holds at once besides its results, roughly."""
-MANY = 1000
-"""Points of which each takes as long as in a sweep."""
 FIRST = 0.5
 """Part of the time in which a whole range is tried before parts of it."""
 PARTS, PART_SIZES, GROWTH_OF_PARTS = 3, (1 / 256, 1 / 64, 1 / 16, 1 / 4, 1.0), 4.0
@@ -150,20 +148,6 @@ def estimate(plan: Plan, jobs: int | None = None, budget: float = BUDGET) -> Est
     file_size = sum(m.file_size for m in methods)
     memory = max(m.memory * min(workers, m.blocks) for m in methods) + min(file_size, store.MOST_BYTES)
     return Estimate(tuple(methods), workers, file_size, memory)
-
-
-def seconds_per_point(work: Callable[[int], object], most: int = MANY, budget: float = 1.0) -> float | None:
-    """Seconds on one processor of each of many points that ``work`` is called with; None where not one ends in time."""
-    clock = Clock(budget)
-
-    def sample(wanted: float) -> Sample | None:
-        points = min(most, max(1, round(wanted)))
-        found = clock.run(lambda: work(points))
-        return None if found is None else Sample(points, found[1], 0.0)
-
-    with ckernel.using(threads=1):
-        samples, _ = _samples(sample, most, clock)
-    return samples[-1].seconds / samples[-1].points if samples else None
 
 
 def long_runs(plan: Plan, jobs: int | None = None) -> list[str]:
