@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from decimal import Decimal
+from fractions import Fraction
 
 import numpy as np
 import pytest
 
 import gearstab as gs
-from gearstab.config.sections.expansion import as_typed
+from gearstab.config.sections.expansion import evenly
 
 PAIR = {
     "kind": "gear_pair", "equivalent_mass": 1.0,
@@ -29,13 +30,20 @@ def test_tenths_are_tenths(axis: dict[str, float]) -> None:
 )
 def test_every_value_is_the_nearest_double_of_the_decimal(start: str, step: str, count: int) -> None:
     exact = [float(Decimal(start) + k * Decimal(step)) for k in range(count)]
-    values = as_typed(float(start) + float(step) * np.arange(count))
+    values = evenly(float(start), Decimal(step), 1, count)
+    assert values is not None
     assert values.tolist() == exact
-    assert as_typed(np.linspace(exact[0], exact[-1], count)).tolist() == exact
+    values = evenly(exact[0], Decimal(repr(exact[-1])) - Decimal(repr(exact[0])), count - 1, count)
+    assert values is not None
+    assert values.tolist() == exact
 
 
-def test_other_numbers_stay_within_rounding() -> None:
-    for values in (np.linspace(0, 1, 1001) / 3, np.linspace(1, np.pi, 777), np.zeros(3), np.full(2, 1e-300)):
-        assert (np.abs(as_typed(values) - values) <= 4 * np.spacing(np.abs(values).max())).all()
-    thirds = np.linspace(0, 1, 4)
-    assert as_typed(thirds).tolist() == thirds.tolist()
+def test_values_between_decimals_are_rounded_once() -> None:
+    values = evenly(0.1, Decimal("0.6"), 7, 8)
+    assert values is not None
+    assert values.tolist() == [float(Fraction(1, 10) + k * Fraction(6, 70)) for k in range(8)]
+
+
+@pytest.mark.parametrize(("start", "change"), [(np.pi, "1"), (1e-300, "1"), (0.0, "1e-30"), (1e15, "1e-5")])
+def test_numbers_of_too_many_digits_are_left_to_floating_point(start: float, change: str) -> None:
+    assert evenly(start, Decimal(change), 10, 11) is None

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from decimal import Decimal
 from typing import Annotated, Any
 
 import numpy as np
@@ -152,9 +153,9 @@ def _expand_range(document: Document, path: Path, given: Range, ends: dict[str, 
         return FAILED if values is None else Expansion(values, spec | {"step": step}, (start, stop))
     spec["num"] = given.num
     if given.spacing == "linear":
-        values = as_typed(np.linspace(start, stop, given.num or 1))
-        values[-1], values[0] = stop, start  # a single value is the start
-        return Expansion(values, spec, (start, stop))
+        num = given.num or 1
+        values = evenly(start, Decimal(repr(stop)) - Decimal(repr(start)), max(1, num - 1), num)
+        return Expansion(np.linspace(start, stop, num) if values is None else values, spec, (start, stop))
     for name, value in (("start", start), ("stop", stop)):
         if value <= 0:
             document.report(
@@ -168,22 +169,25 @@ def _expand_range(document: Document, path: Path, given: Range, ends: dict[str, 
     return Expansion(np.geomspace(start, stop, given.num or 1), spec | {"spacing": "log"}, (start, stop))
 
 
-def as_typed(values: Array) -> Array:
-    """Return evenly spaced values, those within rounding of a decimal number as this number: 0.3 for 3 * 0.1.
+def evenly(start: float, change: Decimal, parts: int, count: int) -> Array | None:
+    """Return start + i change/parts for i < count, each rounded once; None unless these are short decimal numbers.
 
-    The least of its 12 digits counts from the largest value; 4 spacings of doubles there are more than the rounding of
-    a product and a sum. Of values that are no decimals one in a thousand moves, by as little.
+    Numerator and denominator are whole numbers that doubles hold exactly, so that 3 steps of 0.1 are 0.3.
     """
-    largest = float(np.abs(values).max(initial=0.0))
-    digits = 12 - math.ceil(math.log10(largest)) if largest else 0
-    if not largest or digits > EXACT_POWER:
-        return values
-    rounded = np.round(values, digits) + 0.0  # no -0.0
-    return np.where(np.abs(rounded - values) <= 4 * np.spacing(largest), rounded, values)
+    first = Decimal(repr(start))
+    digits = max(0, *(-int(number.as_tuple().exponent) for number in (first, change)))
+    if digits > EXACT_POWER:
+        return None
+    a, b = (int(number.scaleb(digits)) for number in (first, change))
+    if max(abs(a) * parts + abs(b) * count, parts * 10**digits) > EXACT:
+        return None
+    return np.asarray((a * parts + b * np.arange(count)) / (parts * 10**digits))
 
 
+EXACT = 2**53
+"""Whole numbers up to this one are doubles."""
 EXACT_POWER = 22
-"""Powers of ten up to this one are doubles, so that a quotient by them is rounded once."""
+"""The largest power of ten that is a double."""
 
 
 def _stepped(
@@ -199,8 +203,9 @@ def _stepped(
     else:
         steps = (stop - start) / step
         count = math.floor(steps + STEP_TOLERANCE)
-        values = as_typed(start + step * np.arange(count + 1))
-        values[0] = start
+        values = evenly(start, Decimal(repr(step)), 1, count + 1)
+        if values is None:
+            values = start + step * np.arange(count + 1)
         if abs(steps - count) <= STEP_TOLERANCE:
             values[-1] = stop  # hit to rounding: the end is what the user wrote
         return values
