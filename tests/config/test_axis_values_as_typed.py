@@ -39,9 +39,10 @@ def test_every_value_is_the_nearest_double_of_the_decimal(start: str, step: str,
 
 
 def test_values_between_decimals_are_rounded_once() -> None:
-    values = evenly(0.1, Decimal("0.6"), 7, 8)
+    values = evenly(0.1, Decimal("0.6"), 8, 9)
     assert values is not None
-    assert values.tolist() == [float(Fraction(1, 10) + k * Fraction(6, 70)) for k in range(8)]
+    assert values.tolist() == [float(Fraction(1, 10) + k * Fraction(6, 80)) for k in range(9)]
+    assert evenly(0.1, Decimal("0.6"), 7, 8) is None  # sevenths are no decimals: NumPy's values
 
 
 @pytest.mark.parametrize(("start", "change"), [(np.pi, "1"), (1e-300, "1"), (0.0, "1e-30"), (1e15, "1e-5")])

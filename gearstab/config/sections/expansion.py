@@ -170,7 +170,7 @@ def _expand_range(document: Document, path: Path, given: Range, ends: dict[str, 
 
 
 def evenly(start: float, change: Decimal, parts: int, count: int) -> Array | None:
-    """Return start + i change/parts for i < count, each rounded once; None unless these are short decimal numbers.
+    """Return start + i change/parts for i < count, each rounded once; None unless all are short decimal numbers.
 
     Numerator and denominator are whole numbers that doubles hold exactly, so that 3 steps of 0.1 are 0.3.
     """
@@ -179,7 +179,11 @@ def evenly(start: float, change: Decimal, parts: int, count: int) -> Array | Non
     if digits > EXACT_POWER:
         return None
     a, b = (int(number.scaleb(digits)) for number in (first, change))
-    if max(abs(a) * parts + abs(b) * count, parts * 10**digits) > EXACT:
+    endless = parts // math.gcd(b, parts)
+    for factor in (2, 5):
+        while endless % factor == 0:
+            endless //= factor
+    if endless > 1 or max(abs(a) * parts + abs(b) * count, parts * 10**digits) > EXACT:
         return None
     return np.asarray((a * parts + b * np.arange(count)) / (parts * 10**digits))
 
