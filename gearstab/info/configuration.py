@@ -134,6 +134,7 @@ def _mean_system(system: GearSystem) -> dict[str, Any]:
     found = mean_motions(system)
     return {
         "unstable": bool(found.unstable.any()),
+        "mode": (found.mode[0] + 1).tolist(),
         "frequency": found.frequency[0].tolist(),
         "growth_rate": found.growth_rate[0].tolist(),
     }

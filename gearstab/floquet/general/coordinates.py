@@ -23,6 +23,7 @@ class Generator:
     constant: ``(m, m)``.  parts: ``(J, m, m)``, of the meshes, then of the terms' profiles.
     damped: whether anything dissipates or feeds through velocities.
     rigid_exponents: ``(k,)``, 1/time, those of rigid-body modes that are known beforehand.
+    elastic: ``(e,)``, the modes of the mean system that the coordinates u belong to.
     """
 
     constant: Array
@@ -30,6 +31,7 @@ class Generator:
     rate: float
     damped: bool
     rigid_exponents: Array
+    elastic: Array
 
     @property
     def rigid_growth(self) -> float:
@@ -67,7 +69,7 @@ def _generator(modal: ModalMatrices) -> Generator:
         known, damped = np.append(known, np.where(np.abs(own) > UNDAMPED * largest, own, 0.0)), damped[:0]
     constant, parts = modal.generator(elastic, damped, np.ones((1, len(elastic))))
     dissipates = any(np.any(matrix) for matrix in drag)
-    return Generator(constant[0], parts[0], float(modal.rate[0]), dissipates, known)
+    return Generator(constant[0], parts[0], float(modal.rate[0]), dissipates, known, elastic)
 
 
 def _coupled(drag: list[Array], rows: Array, columns: Array) -> bool:
