@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from gearstab.config.model.axes import Axis, Grid
     from gearstab.system import Array, GearSystem
-    from gearstab.systems.gearbox.build import Train
+    from gearstab.systems.gearbox.train import Train
     from gearstab.systems.parts.respond import Respond
     from gearstab.systems.parts.respond_pair import PairRespond
 

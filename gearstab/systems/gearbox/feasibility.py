@@ -11,8 +11,9 @@ import numpy as np
 from gearstab.config.document.problems import Path
 from gearstab.config.document.yaml import Document
 from gearstab.config.model.axes import MESH_FREQUENCY, Array, Axis, Grid, parameters_at
-from gearstab.systems.gearbox.build import Train, build
-from gearstab.systems.gearbox.train import TrainError
+from gearstab.systems.gearbox.build import build
+from gearstab.systems.gearbox.train import Train
+from gearstab.systems.kinematics import TrainError
 
 MOST_CORNERS = 32
 """Most corners of the grid that are looked at."""

@@ -231,9 +231,9 @@ def build_mesh(
 
     The stiffness is given by ``mean_stiffness`` k_g or ``max_stiffness`` k_max (the stiffer level is kept, Lin & Parker
     2002 section 4: k_g = k_max - 2 k_a (1 - d)), its variation by ``epsilon`` = k_a/k_g or ``amplitude`` = k_a; what is
-    not given is that of a ``waveform`` made from stiffnesses.
+    not given is that of a ``waveform`` made from stiffnesses, or of the ``wave`` itself, which teeth give.
     """
-    wave = build_waveform(p)
+    wave = p["wave"] if "wave" in p else build_waveform(p)
     epsilon, amplitude, maximum = p.get("epsilon"), p.get("amplitude"), p.get("max_stiffness")
     if epsilon is None and amplitude is None:
         epsilon = _ratio(wave.mean_stiffness, wave.amplitude)

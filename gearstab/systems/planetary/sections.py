@@ -29,7 +29,7 @@ from gearstab.systems.planetary.bodies import (
     Ring,
     Supports,
 )
-from gearstab.systems.planetary.build import build, coordinates
+from gearstab.systems.planetary.build import build, size
 from gearstab.systems.planetary.feasibility import MOST_PLANETS, assembly, check_assembly, clear_of_each_other, whole
 from gearstab.systems.planetary.meshes import Meshes, Phases, ToothNumbers
 from gearstab.systems.planetary.phasing import RULES, SENSES, Turning, lags
@@ -211,7 +211,7 @@ class Planetary(System):
         if raw.get("ring") is None or not (whole(planets, 3, MOST_PLANETS) and whole(harmonics, 2, MOST_HARMONICS)):
             return None
         waves = 1 if ring.get("kind") == "rigid" else int(harmonics)
-        return len(coordinates(int(planets), waves, raw.get("motion", "planar")))
+        return size(int(planets), waves, raw.get("motion", "planar"))
 
     @classmethod
     def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:

@@ -102,8 +102,8 @@ def _stand_in(document: Document, raw: dict[str, Any]) -> None:
 def _fill(document: Document, raw: dict[str, Any], shared: dict[str, Any], teeth: dict[str, Any]) -> None:
     from gearstab.gears.geometry import Gear
     from gearstab.systems.gearbox import rotors
-    from gearstab.systems.gearbox.build import STEEL
     from gearstab.systems.gearbox.teeth import MeshTeeth
+    from gearstab.systems.gearbox.train import STEEL
 
     gears, centre = _cut(shared, teeth)
     ring = gears["ring"]
@@ -136,8 +136,8 @@ def _fill(document: Document, raw: dict[str, Any], shared: dict[str, Any], teeth
 def _cut(shared: dict[str, Any], teeth: dict[str, Any]) -> tuple[dict[str, dict[str, Any]], float]:
     """Gears with profile shifts and shortened tips, and their centre distance."""
     from gearstab.gears.planet_set import closing_shifts, halfway
-    from gearstab.systems.gearbox.build import STEEL
     from gearstab.systems.gearbox.teeth import MeshTeeth
+    from gearstab.systems.gearbox.train import STEEL
 
     counts = {body: int(teeth[body]) for body in ("sun", "planet", "ring")}
     given, tips = teeth.get("profile_shift", {}), teeth.get("tip_radius", {})
