@@ -117,11 +117,10 @@ def _shares(train: Train, system: GearSystem) -> list[dict[str, float | None]]:
     """Of the strain energy of each mode, what is in the shafts and what in the supports; None of rigid-body modes."""
     import numpy as np
 
-    from gearstab.modal import mean_modes
-    from gearstab.symmetry import oriented
+    from gearstab.symmetry import natural_modes
     from gearstab.systems.gearbox import matrices
 
-    modes = oriented(system, mean_modes(system))
+    modes = natural_modes(system)
     twist = np.zeros((system.size, system.size))
     for shaft, item in zip(train.p.get("shafts") or [], _shafts(train), strict=True):
         twist += matrices.spring(

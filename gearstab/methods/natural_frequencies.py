@@ -45,9 +45,9 @@ class NaturalFrequencies(Method):
         }
 
     def run(self, mesh_frequency: Array) -> Outcome:
-        from gearstab.modal import mean_modes
+        from gearstab.symmetry import natural_modes
 
-        modes, n = mean_modes(self.system), self.system.size
+        modes, n = natural_modes(self.system), self.system.size
         shapes = np.swapaxes(modes.shapes, -1, -2)
         return Outcome(
             {

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from gearstab.config.model.arrays import diagonal, vector
-from gearstab.system import Array, Cyclic, GearSystem, Mesh
+from gearstab.system import Array, Cyclic, GearSystem
 from gearstab.systems.parts.damping import with_damping
 from gearstab.systems.parts.forcing import with_forcing
 from gearstab.systems.parts.mesh import build_mesh
@@ -76,7 +76,7 @@ def build(p: dict[str, Any]) -> GearSystem:
     system = with_forcing(system, {"meshes": parts, "load": _load(system.coordinates, p.get("load"))})
     if p["scaling"] == "SI":
         return system
-    return _scaled(system, np.asarray(p["masses"]["ring"], dtype=float), meshes[-1].mean_stiffness)
+    return system.scaled(np.asarray(p["masses"]["ring"], dtype=float), meshes[-1].mean_stiffness)
 
 
 def coordinates(planets: int, harmonics: int, motion: str) -> tuple[str, ...]:
@@ -226,12 +226,9 @@ def _rotational(system: GearSystem, gear: _Gear) -> GearSystem:
         kept = "carrier_rotation" if name.endswith("_tangential") else name
         if kept in names:
             basis[k, names.index(kept)] = 1.0
-    return replace(
-        system, mass=basis.T @ system.mass @ basis, stiffness=basis.T @ system.stiffness @ basis, coordinates=names,
-        meshes=tuple(replace(mesh, direction=mesh.direction @ basis) for mesh in system.meshes),
-        symmetry=None if system.symmetry is None
-        else Cyclic(gear.planets, _left_inverse(basis) @ gear.turn() @ basis, ("rotational", "planet")),
-    )  # fmt: skip
+    turn = _left_inverse(basis) @ gear.turn() @ basis
+    symmetry = None if system.symmetry is None else Cyclic(gear.planets, turn, ("rotational", "planet"))
+    return replace(system.projected(basis, names), symmetry=symmetry, drawing=system.drawing)
 
 
 def _left_inverse(basis: Array) -> Array:
@@ -244,18 +241,3 @@ def _load(coordinates: Sequence[str], torques: dict[str, Any] | None) -> list[An
         return None
     of = {f"{body}_rotation": torques.get(body, 0.0) for body in CENTRAL}
     return [of.get(name, 0.0) for name in coordinates]
-
-
-def _scaled(system: GearSystem, mass: Array, stiffness: Array) -> GearSystem:
-    """The same system in units of a mass and a stiffness, and so of the time sqrt(mass/stiffness)."""
-    m, k = mass[..., None, None], stiffness[..., None, None]
-    damping = None if system.damping is None else system.damping / np.sqrt(m * k)
-    meshes: Sequence[Mesh] = [
-        replace(item, mean_stiffness=item.mean_stiffness / stiffness, damping=item.damping / np.sqrt(mass * stiffness))
-        for item in system.meshes
-    ]
-    load = None if system.load is None else system.load / stiffness[..., None]
-    # All periodic terms of this kind are mesh dampings.
-    terms = tuple(replace(term, left=term.left / np.sqrt(m * k)[..., 0]) for term in system.terms)
-    scaled = replace(system, mass=system.mass / m, stiffness=system.stiffness / k, damping=damping)
-    return replace(scaled, meshes=tuple(meshes), terms=terms, load=load, dimensionless=("mass", "time"))
