@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gearstab.modal import Modes, mesh_deflection, mode_types, significant_deflection
+from gearstab.modal import Modes, mean_modes, mesh_deflection, mode_types, significant_deflection
 from gearstab.system import Array, Cyclic, GearSystem, Mesh
 
 EQUAL_FREQUENCY = 1e-8
@@ -25,14 +25,18 @@ ALIKE = 1e-9
 """Mesh phases, in periods, that differ by less are equal; they are written with a few digits less than a double has."""
 
 
-def oriented(system: GearSystem, modes: Modes) -> Modes:
-    """The modes of a single system of cyclic symmetry with every group of equal frequencies in a basis of pure types.
+def natural_modes(system: GearSystem) -> Modes:
+    """Return the vibration modes that results and messages show: those of the mean system, without damping.
+
+    Of a single system of cyclic symmetry every group of equal frequencies is in a basis of pure types. Computations
+    may use any basis, that of :func:`gearstab.modal.mean_modes`.
 
     Of a pair of type T the first mode deflects most at the first mesh that it deflects at all, in the positive sense,
     the second not at all there; a turn by 2 pi/N takes the first towards the second. So the mesh deflections at that
-    gear are a cos T psi_n and a sin T psi_n. Systems without symmetry keep their modes.
+    gear are a cos T psi_n and a sin T psi_n.
     """
-    if system.symmetry is None:
+    modes = mean_modes(system)
+    if system.symmetry is None or system.batch:
         return modes
     shapes, turned = modes.shapes.copy(), system.mass @ system.symmetry.turn
     visible = np.sqrt(np.sum(modes.mesh_deflection**2, axis=0))
@@ -67,7 +71,7 @@ def _runs(values: Array) -> list[Array]:
 
 
 def _pair(system: GearSystem, pair: Array, turned: Array, visible: Array) -> Array:
-    """The pair in the basis that :func:`oriented` describes."""
+    """The pair in the basis that :func:`natural_modes` describes."""
     deflection = np.stack([mesh.direction @ pair for mesh in system.meshes])
     seen = np.flatnonzero(np.abs(deflection).max(axis=1) > PURE * visible)
     if len(seen):

@@ -1,16 +1,15 @@
-"""A system restricted to some of its modes, or to one type of mesh deflection."""
+"""Bases of some modes of a system, or of one type of mesh deflection, and what a restriction to them neglects."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from gearstab.errors import NotPossible
 from gearstab.floquet.frequencies.choice import sample
 from gearstab.modal import eigenmodes, mean_modes
-from gearstab.system import Array, GearSystem, PeriodicTerm
+from gearstab.system import Array, GearSystem
 
 EQUAL = 1e-9
 """Squared frequencies that differ by less than this part count as equal."""
@@ -20,29 +19,6 @@ PHASES = 64
 """Phases of a periodic term at which its size is looked at."""
 SMALLEST = 1e-6
 """Part of the largest natural frequency: the least size that couplings are compared with."""
-
-
-def restricted(system: GearSystem, basis: Array) -> GearSystem:
-    """The system with q = B y (Galerkin): M' = B^T M B and so on, g_i' = B^T g_i.
-
-    basis: ``(..., n, m)``. Exact where nothing couples the subspace to what is left out, see :func:`neglected`.
-    """
-    back = np.swapaxes(basis, -1, -2)
-
-    def inner(matrix: Array) -> Array:
-        product = back @ matrix @ basis
-        return 0.5 * (product + np.swapaxes(product, -1, -2))
-
-    directions = [np.einsum("...ip,...i->...p", basis, mesh.direction) for mesh in system.meshes]
-    meshes = tuple(replace(mesh, direction=g) for mesh, g in zip(system.meshes, directions, strict=True))
-    damping = None if system.damping is None else inner(system.damping)
-
-    def ends(term: PeriodicTerm) -> PeriodicTerm:
-        left, right = (np.einsum("...ip,...i->...p", basis, end) for end in (term.left, term.right))
-        return replace(term, left=left, right=right)
-
-    terms = tuple(ends(term) for term in system.terms)
-    return GearSystem(inner(system.mass), inner(system.stiffness), meshes, damping, terms=terms)
 
 
 def modes_basis(system: GearSystem, modes: Sequence[int]) -> Array:

@@ -116,11 +116,10 @@ def _notice(notice: Any, parts: dict[str, str]) -> dict[str, Any]:
 def _shares(train: Train, system: GearSystem) -> list[dict[str, float | None]]:
     """Of the strain energy of each mode, what is in the shafts and what in the supports; None of rigid-body modes."""
 
-    from gearstab.modal import mean_modes
-    from gearstab.symmetry import oriented
+    from gearstab.symmetry import natural_modes
     from gearstab.systems.gearbox.build import shaft_elements
 
-    modes = oriented(system, mean_modes(system))
+    modes = natural_modes(system)
     twist = train.coordinates.stamped([(shaft.row, shaft.stiffness) for shaft in shaft_elements(train)])
     found: list[dict[str, float | None]] = []
     for p in range(system.size):

@@ -45,10 +45,10 @@ class NaturalFrequencies(Method):
         }
 
     def run(self, mesh_frequency: Array) -> Outcome:
-        from gearstab.modal import mean_modes
         from gearstab.results.provenance import mode_frequencies
+        from gearstab.symmetry import natural_modes
 
-        modes, flat = mean_modes(self.system), self.system.flat
+        modes, flat = natural_modes(self.system), self.system.flat
         frequencies = {name: flat(own, 1) for name, own in mode_frequencies(self.system, modes).items()}
         return Outcome(frequencies | {"mode_shape": flat(np.swapaxes(modes.shapes, -1, -2), 2)})
 

@@ -308,10 +308,10 @@ def _uncertainty(config: Config, state: State, shown: ShownSpeeds) -> Iterator[B
 
 
 def _modes(state: State) -> Iterator[Block]:
-    from gearstab.modal import mean_modes, modal_damping_ratios
-    from gearstab.symmetry import oriented, type_names
+    from gearstab.modal import modal_damping_ratios
+    from gearstab.symmetry import natural_modes, type_names
 
-    modes = oriented(state.system, mean_modes(state.system))
+    modes = natural_modes(state.system)
     ratios, kinds = modal_damping_ratios(state.system, modes), type_names(state.system, modes)
     yield Heading("Natural frequencies of the given design")
     if state.system.terms:

@@ -18,10 +18,11 @@ from gearstab.floquet import solve
 from gearstab.floquet.boundaries import boundaries
 from gearstab.info.configuration import HARMONICS
 from gearstab.info.danger import CLOSED_BY, judged
-from gearstab.modal import mean_modes, modal_damping_ratios
+from gearstab.modal import modal_damping_ratios
 from gearstab.perturbation import Tongue
 from gearstab.perturbation.tongues import SELF_EXCITED
 from gearstab.sweep.effort.clock import within
+from gearstab.symmetry import natural_modes
 from gearstab.system import Array, GearSystem
 
 SPEEDS = 801
@@ -139,7 +140,7 @@ def _reach(system: GearSystem, row: dict[str, Any], open_: bool) -> Reach:
     """A region as a row of :func:`gearstab.info.danger.judged` has it."""
     modes = row["mode_p"], row["mode_q"]
     closed = row["closed_by"]
-    ratios = modal_damping_ratios(system, mean_modes(system))
+    ratios = modal_damping_ratios(system, natural_modes(system))
     available = NONE if row["kind"] == SELF_EXCITED else float(min(ratios[mode - 1] for mode in modes))
     edges = row["boundary_frequency"] if open_ else [row["center_frequency"]] * 2
     cells = {name: cell(closed) for name, cell in CLOSED_BY.items() if name != "damping ratio"}

@@ -19,7 +19,7 @@ import numpy as np
 from gearstab.modal import mean_modes, significant_deflection
 from gearstab.perturbation import Tongue
 from gearstab.perturbation.tongues import SELF_EXCITED
-from gearstab.symmetry import can_couple, deflection_types, oriented, phase_step
+from gearstab.symmetry import can_couple, deflection_types, natural_modes, phase_step
 from gearstab.system import GearSystem
 from gearstab.waveforms import Rectangular
 
@@ -151,7 +151,7 @@ def _existence(system: GearSystem, known: list[DrivenRegion]) -> Iterator[str]:
     if step is None or system.symmetry is None:
         return
     order = system.symmetry.order
-    types = deflection_types(system, oriented(system, mean_modes(system)))
+    types = deflection_types(system, natural_modes(system))
     for harmonic in sorted({item.tongue.harmonic for item in known}):
         groups: dict[tuple[int, int], bool] = {}
         for item in known:

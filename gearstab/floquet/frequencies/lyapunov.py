@@ -70,8 +70,10 @@ def solve(
 
     Raises ValueError for a system that has periodic terms besides its meshes.
     """
-    if system.terms:
-        raise ValueError("Lyapunov exponents need systems without periodic terms beside the mesh stiffness")
+    if system.general:
+        raise ValueError(
+            "Lyapunov exponents need systems of which only the mesh stiffness varies, with symmetric damping"
+        )
     kernel.record("numpy")
     omega = system.operating_points(mesh_frequency)
     growth, upper, lower = (np.full(omega.shape, -np.inf) for _ in range(3))

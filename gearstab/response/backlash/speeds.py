@@ -15,7 +15,6 @@ from gearstab.response.backlash.history import BACKLASH_FLAGS, Recording
 from gearstab.response.backlash.measure import LimitCycle, Meter
 from gearstab.response.linear.driven import driven
 from gearstab.response.linear.equilibrium import static_mesh_force
-from gearstab.response.linear.history import at_rest
 from gearstab.response.linear.periodic import balanced
 from gearstab.response.linear.steady import unbalanced
 from gearstab.system import Array, GearSystem
@@ -73,7 +72,7 @@ def speed_cycles(
     first = driven(system, omega[0])
     flags = BACKLASH_FLAGS["unbalanced"] * bool(unbalanced(first.drive, next(bases(system)))[0])
     held = balanced(system, next(bases(system)))
-    growth = np.ravel(solve(at_rest(system), omega).growth_rate)
+    growth = np.ravel(solve(system.undriven(), omega).growth_rate)
     per_period = first.drive.counts[0]
     # Whole periods, but for rounding.
     left_out = int(np.ceil((0.5 * cycles if discard is None else discard) / per_period - 1e-9))

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from gearstab.config.model.arrays import vector
-from gearstab.system import Array, Cyclic, GearSystem, Mesh
+from gearstab.system import Array, Cyclic, GearSystem
 from gearstab.systems.assembly import Assembly, Coordinates, Element, MeshElement, Row
 from gearstab.systems.planetary.angles import angles_of
 from gearstab.systems.planetary.phasing import lags
@@ -71,7 +71,7 @@ def build(p: dict[str, Any]) -> GearSystem:
     )
     if p["scaling"] == "SI":
         return system
-    return _scaled(system, np.asarray(p["masses"]["ring"], dtype=float), meshes[-1].wave.mean_stiffness)
+    return system.scaled(np.asarray(p["masses"]["ring"], dtype=float), meshes[-1].wave.mean_stiffness)
 
 
 def size(planets: int, harmonics: int, motion: str) -> int:
@@ -202,18 +202,3 @@ def _deflection(gear: _Gear, name: str, n: int, angle: Array) -> Row:
         cosine, sine = np.cos(m * psi), np.sin(m * psi)
         row |= {f"ring_c{m}": cosine * along - m * sine * across, f"ring_s{m}": sine * along + m * cosine * across}
     return row
-
-
-def _scaled(system: GearSystem, mass: Array, stiffness: Array) -> GearSystem:
-    """The same system in units of a mass and a stiffness, and so of the time sqrt(mass/stiffness)."""
-    m, k = mass[..., None, None], stiffness[..., None, None]
-    damping = None if system.damping is None else system.damping / np.sqrt(m * k)
-    meshes: Sequence[Mesh] = [
-        replace(item, mean_stiffness=item.mean_stiffness / stiffness, damping=item.damping / np.sqrt(mass * stiffness))
-        for item in system.meshes
-    ]
-    load = None if system.load is None else system.load / stiffness[..., None]
-    # All periodic terms of this kind are mesh dampings.
-    terms = tuple(replace(term, left=term.left / np.sqrt(m * k)[..., 0]) for term in system.terms)
-    scaled = replace(system, mass=system.mass / m, stiffness=system.stiffness / k, damping=damping)
-    return replace(scaled, meshes=tuple(meshes), terms=terms, load=load, dimensionless=("mass", "time"))
