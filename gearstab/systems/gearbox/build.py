@@ -53,7 +53,7 @@ def mesh_element(train: Train, k: int) -> MeshElement:
     Its deflection is R_b1 theta_1 - R_b2 theta_2 + n . (u_1 - u_2), with the force n of the driver on the driven gear;
     its damping 2 zeta sqrt(k m_e), m_e = J_1 J_2/(R_b1^2 J_2 + R_b2^2 J_1) (Kuria & Kihiu 2008).
     """
-    gears, push, p = train.meshes[k], train.push(k), _filled(train, k)
+    gears, p, push = train.meshes[k], _filled(train, k), train.push(k)
     r1, r2 = (rotors.base_radius(train.rotors[gear]) for gear in gears)
     row: Row = {train.name(gears[0]): r1, train.name(gears[1]): -r2, **train.shift(gears[0], push)}
     row |= train.shift(gears[1], (-push[0], -push[1]))

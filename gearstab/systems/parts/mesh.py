@@ -113,6 +113,11 @@ class ToothMesh(Section):
     @classmethod
     def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
         """One of the two ways to give the stiffness, and of the two to give its variation, unless the wave does."""
+        yield from cls.conflicts_of(raw, False)
+
+    @classmethod
+    def conflicts_of(cls, raw: dict[str, Any], from_teeth: bool) -> Iterator[Conflict]:
+        """Yield the contradictions of a mesh. from_teeth: whether teeth give what it does not."""
         wave = wave_of(raw.get("waveform"))
         if wave is not None and wave.of_teeth:
             message = "the teeth are unknown: only kind: gearbox has numbers of teeth"
@@ -124,10 +129,11 @@ class ToothMesh(Section):
             )
             return
         stiffness, variation = ("mean_stiffness", "max_stiffness"), ("epsilon", "amplitude")
-        yield from (at_most_one if has_own_mean(raw) else exactly_one)(raw, stiffness)
-        yield from (at_most_one if wave is not None and wave.own_variation else exactly_one)(raw, variation)
+        yield from (at_most_one if from_teeth or has_own_mean(raw) else exactly_one)(raw, stiffness)
+        varies = from_teeth or (wave is not None and wave.own_variation)
+        yield from (at_most_one if varies else exactly_one)(raw, variation)
         description = cls.model_fields["contact_ratio"].description or ""
-        yield from shape_conflicts(raw, description.rstrip("."))
+        yield from shape_conflicts(raw, "" if from_teeth else description.rstrip("."))
         yield from following_conflicts(
             raw, ("damping",), "add damping, the mean of the damping that follows the stiffness"
         )
