@@ -128,6 +128,9 @@ class BacklashAnalysis(SteadyStateAnalysis):
 
         return flagged(BACKLASH_SPEED_RESPONSE, BACKLASH_FLAGS)
 
+    def constants(self) -> Mapping[str, Any]:
+        return {**super().constants(), "multiplier": range(1, 2 * self.system.size + 1)}
+
     def run(self, mesh_frequency: Array) -> Outcome:
         from gearstab.response.backlash.speeds import speed_cycles
 

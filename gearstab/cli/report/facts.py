@@ -145,7 +145,7 @@ def search_work(system: GearSystem, low: float, high: float) -> float:
     if system.damping is not None or system.terms:
         budgets = (2 + PURSUIT) * BUDGET
         return budgets + sum(MODULI * COARSEST * part.segments * (2.0 * part.size) ** 3 for part in parts)
-    frequency = np.nan_to_num(mean_modes(system).natural_frequency)
+    frequency = np.nan_to_num(natural_modes(system).natural_frequency)
     periods = float(system.common_period()[0]) * (1 / low - 1 / high)
     work = 0.0
     for part in parts:
