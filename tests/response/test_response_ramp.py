@@ -13,10 +13,10 @@ from scipy.integrate import solve_ivp
 
 from gearstab.config import load
 from gearstab.errors import NotPossible
-from gearstab.linear.path import Path
+from gearstab.propagation import phase
+from gearstab.propagation.path import Path
 from gearstab.respond.ramp import path_of
 from gearstab.response import RESPONSE_FLAGS, driven_response, harmonics, ramp_response
-from gearstab.response.linear import ramp as rooms
 from gearstab.response.linear.equilibrium import static_equilibrium
 from gearstab.response.measures.waterfall import waterfall
 from gearstab.system import GearSystem, Mesh
@@ -86,7 +86,7 @@ def test_the_number_of_steps_that_are_prepared_together_is_of_no_effect(monkeypa
     system, _ = CASES["unequal frequencies"]
     path = Path(np.array([0.0, 60.0]), np.array([1.2, 2.0]))
     whole = ramp_response(system, path, 20)
-    monkeypatch.setattr(rooms, "AT_ONCE", 50)
+    monkeypatch.setattr(phase, "STEPS_AT_ONCE", 50)
     parts = ramp_response(system, path, 20)
     # The same sums in another order of rounding.
     np.testing.assert_allclose(parts.displacement, whole.displacement, atol=1e-12)

@@ -32,8 +32,8 @@ from gearstab.floquet.segments.pattern import Pattern
 from gearstab.floquet.segments.reduction import Elastic
 from gearstab.floquet.smooth.control import SAFETY
 from gearstab.floquet.smooth.schemes import CF4_2, CF6_5, Scheme
-from gearstab.linear.grouping import equal_rows
-from gearstab.linear.schedule import Schedule, schedule
+from gearstab.grouping import equal_rows
+from gearstab.propagation.schedule import Schedule, schedule
 from gearstab.system import Array, GearSystem
 
 COARSEST, FINEST = 2, 12

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gearstab.linear.first_order import UNDAMPED, ModalMatrices, acted_on
+from gearstab.propagation.first_order import UNDAMPED, ModalMatrices, acted_on
 from gearstab.system import Array, GearSystem
 
 

@@ -22,9 +22,9 @@ from gearstab.floquet.kernel import choice as kernel
 from gearstab.floquet.segments.pattern import CONSTANT, PROBES
 from gearstab.floquet.stability import STATUS_FLAGS, FloquetStability, decided, settled
 from gearstab.interrupts import heed
-from gearstab.linear.magnus import NODES, ORDER, polynomial
-from gearstab.linear.products import MagnusSteps, eigenvalues, propagated
-from gearstab.linear.schedule import Schedule, schedule
+from gearstab.propagation.magnus import NODES, ORDER, polynomial
+from gearstab.propagation.products import MagnusSteps, eigenvalues, propagated
+from gearstab.propagation.schedule import Schedule, schedule
 from gearstab.system import Array, GearSystem
 
 FINEST = 14

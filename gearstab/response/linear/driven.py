@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from gearstab.linear.first_order import Basis, bases
+from gearstab.propagation.first_order import FirstOrder, bases
 from gearstab.response.linear.excitation import Excitation, excitation
 from gearstab.response.linear.intervals import SteadyPoints, intervals, occupied
 from gearstab.response.linear.one_motion import followed
@@ -39,7 +39,7 @@ class Driven:
     """
 
     drive: Excitation
-    basis: Basis
+    basis: FirstOrder
     points: SteadyPoints
     tolerance: float
 

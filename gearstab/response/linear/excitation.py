@@ -19,7 +19,7 @@ from functools import cached_property
 
 import numpy as np
 
-from gearstab.linear.schedule import Schedule, Source, divided, sources
+from gearstab.propagation.schedule import Schedule, Source, divided, sources
 from gearstab.system import Array, GearSystem, shared_period
 from gearstab.waveforms import Fourier
 

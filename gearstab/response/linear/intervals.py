@@ -16,10 +16,10 @@ from functools import cached_property
 import numpy as np
 
 from gearstab.interrupts import heed
-from gearstab.linear import magnus
-from gearstab.linear.eigen import Eigen, diagonalised
-from gearstab.linear.first_order import Basis
-from gearstab.linear.magnus import expm
+from gearstab.propagation import magnus
+from gearstab.propagation.first_order import FirstOrder
+from gearstab.propagation.magnus import expm
+from gearstab.propagation.segment import Eigen, diagonalised
 from gearstab.response.linear.excitation import Excitation
 from gearstab.system import Array
 
@@ -41,7 +41,7 @@ class SteadyPoints:
     """
 
     excitation: Excitation
-    basis: Basis
+    basis: FirstOrder
     at: Array
     omega: Array
     steps: int = 1

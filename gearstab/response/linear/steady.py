@@ -18,8 +18,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gearstab.errors import NotPossible
-from gearstab.linear.eigen import Eigen
-from gearstab.linear.first_order import Basis, bases
+from gearstab.propagation.first_order import FirstOrder, bases
+from gearstab.propagation.segment import Eigen
 from gearstab.response.linear.bundles import Bundle, bundles, monodromy
 from gearstab.response.linear.excitation import Excitation, excitation
 from gearstab.response.linear.intervals import SteadyPoints
@@ -134,7 +134,7 @@ def period_map(points: SteadyPoints) -> tuple[Array, Array]:
     return matrix if known is None else known, shift
 
 
-def unbalanced(drive: Excitation, basis: Basis) -> Array:
+def unbalanced(drive: Excitation, basis: FirstOrder) -> Array:
     """``(r,)``: whether the load accelerates a rigid-body mode that nothing holds back."""
     load = drive.fixed[basis.rows, :, 0]
     along = np.abs(np.einsum("rnk,rn->rk", basis.undamped_rigid, load))
@@ -161,7 +161,7 @@ TRIED = 6
 """Points on which the number of steps is tried."""
 
 
-def resolution(drive: Excitation, basis: Basis, at: Array, omega: Array, tolerance: float) -> int:
+def resolution(drive: Excitation, basis: FirstOrder, at: Array, omega: Array, tolerance: float) -> int:
     """The number of steps that reaches the tolerance at some of the points, the slowest of many rows among them.
 
     Raises NotPossible where MOST are not enough.

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gearstab.floquet.general.coordinates import generators
-from gearstab.linear.first_order import bases
+from gearstab.propagation.first_order import bases
 from gearstab.system import GearSystem, Mesh
 from gearstab.waveforms import Rectangular
 

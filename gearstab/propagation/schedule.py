@@ -56,8 +56,15 @@ class Schedule:
         """``(rows, S)``; 0 where edges coincide."""
         return np.diff(self.edges, axis=1)
 
-    def values(self, tau: Array) -> Array:
-        """``(rows, X, J)``: all functions at the times ``tau (rows, X)``, which should not be on an edge."""
+    def values(self, tau: Array, some: Array | None = None) -> Array:
+        """``(rows, X, J)``: all functions at the times ``tau (rows, X)``, which should not be on an edge.
+
+        some: ``(rows,)``, which rows these are, by default all.
+        """
+        if some is not None:
+            every = np.zeros((len(self.edges), tau.shape[1]))
+            every[some] = tau
+            return self.values(every)[some]
         rows, count = tau.shape
         result = np.empty((rows, count, len(self.found)))
         shaped = np.moveaxis(tau.reshape(*self.batch, count), -1, 0)

@@ -6,7 +6,7 @@ that all entries are of one size. The position of a rigid-body mode deflects not
 damps it, its velocity does not either, and the part of a force that would accelerate it is left out (it acts on the
 train as a whole: elastic modes are orthogonal to it).
 
-    x' = A(t) x + B f(t),    A(t) = constant + sum_j s_j(t) parts_j
+    x' = A(t) x + B f(t),    A(t) = constant + Omega by_speed + sum_j s_j(t) parts_j
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gearstab.linear.grouping import equal_rows
+from gearstab.grouping import equal_rows
 from gearstab.modal import mean_modes
 from gearstab.system import Array, GearSystem
 
@@ -97,7 +97,7 @@ class ModalMatrices:
 
 
 @dataclass(frozen=True)
-class Basis:
+class FirstOrder:
     """Rows of a system that have equally many coordinates of each sort.
 
     rows: ``(r,)``, positions in the flattened batch.
@@ -106,6 +106,7 @@ class Basis:
     inlet: ``(r, m, n)``, B, for generalised forces in the system's units.
     outlet: ``(r, n, m)``, q from x; speed: ``(r, n, m)``, dq/dt from x.
     undamped_rigid: ``(r, n, k)``, rigid-body modes that nothing holds back, normalised by the mass matrix.
+    by_speed: ``(r, m, m)``, what is multiplied by the speed Omega; None where nothing is.
     """
 
     rows: Array
@@ -116,17 +117,36 @@ class Basis:
     outlet: Array
     speed: Array
     undamped_rigid: Array
+    by_speed: Array | None = None
+
+    def subset(self, index: Array) -> FirstOrder:
+        """Some of the rows, by position."""
+        return replace(self, **{name: part[index] for name, part in vars(self).items() if part is not None})
 
     @property
     def size(self) -> int:
         """m."""
         return int(self.constant.shape[-1])
 
-    def generator(self, values: Array) -> Array:
-        """A ``(..., r, m, m)`` for the values ``(..., r, J)`` of the varying functions."""
+    def state(self, displacement: Array, velocity: Array, mass: Array) -> Array:
+        """x ``(m,)`` of the first row from q and dq/dt ``(n,)``: by the mass matrix, by which modes are orthogonal."""
+        rate = float(self.rate[0])
+        modes = self.inlet[0] * rate**2
+        n = int(np.count_nonzero(np.abs(self.outlet[0]).max(axis=0)))
+        weight = np.diagonal(self.constant[0, :n, n : 2 * n])
+        x = modes @ mass @ velocity / rate
+        x[:n] = weight * (modes[n : 2 * n] @ mass @ displacement)
+        return np.asarray(x)
+
+    def generator(self, values: Array, speed: Array | float = 0.0) -> Array:
+        """A ``(..., r, m, m)`` for the values ``(..., r, J)`` of the varying functions, and speeds ``(..., r)``.
+
+        Further values, of what does not act in A, are left out of account.
+        """
         flat = self.parts.reshape(*self.parts.shape[:2], self.size**2)
-        varying = np.einsum("...rj,rjk->...rk", values, flat)
-        return self.constant + varying.reshape(*varying.shape[:-1], self.size, self.size)
+        varying = np.einsum("...rj,rjk->...rk", values[..., : flat.shape[1]], flat)
+        found = self.constant + varying.reshape(*varying.shape[:-1], self.size, self.size)
+        return found if self.by_speed is None else found + np.asarray(speed)[..., None, None] * self.by_speed
 
 
 def acted_on(matrices: list[Array]) -> Array:
@@ -135,7 +155,7 @@ def acted_on(matrices: list[Array]) -> Array:
     return np.asarray(columns > UNDAMPED * columns.max(axis=1, keepdims=True, initial=0.0))
 
 
-def bases(system: GearSystem, whole: bool = False) -> Iterator[Basis]:
+def bases(system: GearSystem, whole: bool = False) -> Iterator[FirstOrder]:
     """All rows, each once.
 
     whole: keep all modes, positions of rigid-body modes included, for histories that follow the train as it turns.
@@ -152,7 +172,7 @@ def bases(system: GearSystem, whole: bool = False) -> Iterator[Basis]:
         yield _basis(modal.subset(members), members, damped[members[0]])
 
 
-def _basis(modal: ModalMatrices, rows: Array, damped: Array) -> Basis:
+def _basis(modal: ModalMatrices, rows: Array, damped: Array) -> FirstOrder:
     """Rows whose rigid-body modes, and those of them that damping acts on ``(n,)``, are the same."""
     rigid, rate, shapes = modal.rigid[0], modal.rate[:, None, None], modal.shapes
     elastic = np.flatnonzero(~rigid)
@@ -166,4 +186,4 @@ def _basis(modal: ModalMatrices, rows: Array, damped: Array) -> Basis:
     inlet[:, n:] = np.swapaxes(shapes[:, :, moving], -1, -2) / rate**2
     outlet[:, :, :n] = shapes[:, :, elastic] / weight[:, None, :]
     speed[:, :, n:] = shapes[:, :, moving] * rate
-    return Basis(rows, modal.rate, constant, parts, inlet, outlet, speed, shapes[:, :, rigid & ~damped])
+    return FirstOrder(rows, modal.rate, constant, parts, inlet, outlet, speed, shapes[:, :, rigid & ~damped])
