@@ -14,11 +14,11 @@ from math import ceil
 
 import numpy as np
 
+from gearstab.propagation.excitation import excitation
 from gearstab.propagation.first_order import bases
 from gearstab.propagation.path import Path
 from gearstab.propagation.phase import PhaseEquation, divided
 from gearstab.propagation.products import product, scaled
-from gearstab.propagation.schedule import schedule
 from gearstab.system import Array, GearSystem
 
 MOST = 4_000_000
@@ -127,12 +127,11 @@ class Motion:
 
 def motions(system: GearSystem) -> list[Motion]:
     """Return the motions of all rows of the flattened batch."""
-    cuts, period = schedule(system), float(system.common_period()[0])
+    drive = excitation(system.undriven())
     found: dict[int, Motion] = {}
     for form in bases(system):
         for k, row in enumerate(form.rows):
-            own = form.subset(np.array([k]))
-            found[int(row)] = Motion(PhaseEquation(own, cuts, int(row), period, system.piecewise_constant))
+            found[int(row)] = Motion(PhaseEquation(form.subset(np.array([k])), drive.subset(np.array([row]))))
     return [found[row] for row in sorted(found)]
 
 
@@ -147,7 +146,7 @@ def swing(motion: Motion) -> float:
     Of the eigenvalues of the stiffness matrices of all moments, relative to that of the mean mesh stiffness.
     """
     equation, edges = motion.equation, motion.equation.edges
-    more = [] if equation.constant else np.linspace(0.0, 1.0, 65)[:-1] + 1 / 128
+    more = [] if equation.drive.exact else np.linspace(0.0, 1.0, 65)[:-1] + 1 / 128
     part = np.unique(np.concatenate([0.5 * (edges[1:] + edges[:-1]), more]))
     generator = equation.generators(equation.values(part), 0.0)
     # The state is (w u, u', b'), and (w u)' = w u'.

@@ -123,6 +123,11 @@ class FirstOrder:
         """Some of the rows, by position."""
         return replace(self, **{name: part[index] for name, part in vars(self).items() if part is not None})
 
+    def at_speeds(self, at: Array, speed: Array) -> FirstOrder:
+        """Return a row for each of the speeds ``(K,)`` that rows ``at`` (K,) have, with what goes with it in A."""
+        own = self.subset(at)
+        return own if own.by_speed is None else replace(own, constant=own._static(speed), by_speed=None)
+
     @property
     def size(self) -> int:
         """m."""
@@ -145,8 +150,15 @@ class FirstOrder:
         """
         flat = self.parts.reshape(*self.parts.shape[:2], self.size**2)
         varying = np.einsum("...rj,rjk->...rk", values[..., : flat.shape[1]], flat)
-        found = self.constant + varying.reshape(*varying.shape[:-1], self.size, self.size)
-        return found if self.by_speed is None else found + np.asarray(speed)[..., None, None] * self.by_speed
+        return self._static(speed) + varying.reshape(*varying.shape[:-1], self.size, self.size)
+
+    def _static(self, speed: Array | float) -> Array:
+        """The part of A ``(..., r, m, m)`` that does not vary at speeds ``(..., r)``."""
+        return (
+            self.constant
+            if self.by_speed is None
+            else self.constant + np.asarray(speed)[..., None, None] * self.by_speed
+        )
 
 
 def acted_on(matrices: list[Array]) -> Array:

@@ -19,15 +19,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from math import ceil
-from typing import Protocol
 
 import numpy as np
 
 from gearstab.interrupts import heed
 from gearstab.propagation import magnus
+from gearstab.propagation.excitation import Excitation
 from gearstab.propagation.first_order import FirstOrder
 from gearstab.propagation.path import Path
-from gearstab.propagation.schedule import Schedule
 from gearstab.propagation.segment import Eigen, diagonalised, divided_exponential
 from gearstab.system import Array
 
@@ -40,16 +39,6 @@ STEPS_AT_ONCE = 1 << 14
 """Steps that are prepared together."""
 ENTRIES = 1 << 17
 """Entries of the matrices of steps that are treated together."""
-
-
-class Load(Protocol):
-    """b of an equation. turns: cycles of its fastest wave in a common period, 0 where b is constant while A is."""
-
-    turns: float
-
-    def __call__(self, values: Array, part: Array, speed: Array) -> Array:
-        """``(X, m)`` for what varies ``(X, J)``, at parts of the common period and speeds ``(X,)``."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -93,21 +82,26 @@ class Steps:
 class PhaseEquation:
     """The equation of one row whose coefficients depend on the phase of the first mesh and on its speed.
 
-    first_order: of that row. schedule: what varies, of all rows; row: which of them it is. cycles: N.
-    constant: whether all is constant between edges. load: b, None where there is none.
+    first_order, drive: of that row.
     """
 
     first_order: FirstOrder
-    schedule: Schedule
-    row: int
-    cycles: float
-    constant: bool
-    load: Load | None = None
+    drive: Excitation
 
     @property
     def period(self) -> float:
         """Radians of the first mesh in a common period."""
-        return 2 * np.pi * self.cycles
+        return 2 * np.pi * self.drive.cycles
+
+    @property
+    def turns(self) -> float:
+        """Cycles of the fastest harmonic of b in a common period, 0 where b is constant while A is."""
+        return float(max(self.drive.harmonics, default=0.0))
+
+    def push(self, values: Array, part: Array, speed: Array) -> Array:
+        """b ``(X, m)`` for what varies ``(X, J)``, at parts of the common period and speeds ``(X,)``."""
+        force = self.drive.force(values[:, None])[:, 0] + speed[:, None, None] * self.drive.force_of_rates[0]
+        return np.asarray(np.einsum("mn,xnl,xl->xm", self.first_order.inlet[0], force, self.drive.z(part)))
 
     @property
     def rate(self) -> float:
@@ -117,17 +111,17 @@ class PhaseEquation:
     @property
     def exact(self) -> bool:
         """Whether A is constant between edges, whatever the path."""
-        return self.constant and self.first_order.by_speed is None
+        return self.drive.exact and self.first_order.by_speed is None
 
     @cached_property
     def edges(self) -> Array:
         """Edges of the intervals that there are, from 0 to 1."""
-        edges = self.schedule.edges[self.row]
+        edges = self.drive.schedule.edges[0]
         return np.append(edges[:-1][np.diff(edges) > 0], 1.0)
 
     def values(self, part: Array) -> Array:
         """``(X, J)``, what varies at parts of the common period."""
-        return self.schedule.values(part[None], np.array([self.row]))[0]
+        return self.drive.varying(part[None])[0]
 
     def generators(self, values: Array, speed: Array | float) -> Array:
         """A ``(X, m, m)`` for what varies ``(X, J)`` at speeds ``(X,)``."""
@@ -143,18 +137,17 @@ class PhaseEquation:
 
     def longest_step(self, path: Path) -> float:
         """Return the longest step, in time; infinite where none is too long."""
-        turns = 0.0 if self.load is None else self.load.turns
-        if self.exact and not turns:
+        if self.exact and not self.turns:
             return np.inf
         generators = self.generators(self.values(PROBES), path.range[1])
         own = self.rate * np.abs(np.linalg.eigvals(generators)).max(initial=0.0)
-        waves = 0 if self.constant else 4 * max(source.cycles for source in self.schedule.found)
-        forced = max(turns, waves) * path.range[1] / self.cycles
+        waves = 0 if self.drive.exact else 4 * max(source.cycles for source in self.drive.schedule.found)
+        forced = max(self.turns, waves) * path.range[1] / self.drive.cycles
         return float((QUADRATURE_REACH if self.exact else MAGNUS_REACH) / (own + forced))
 
     def magnus_maps(self, path: Path, begin: Array, duration: Array, part: Array) -> Iterator[tuple[Array, Array]]:
         """Yield P ``(m, m)`` and p ``(m,)`` of the maps x -> P x + p of steps, as :class:`Steps` has them."""
-        m, extra = self.first_order.size, 0 if self.load is None else 1
+        m, extra = self.first_order.size, int(self.drive.acts)
         at_once = max(1, ENTRIES // (8 * (m + extra) ** 2))
         for i in range(0, len(begin), at_once):
             heed()
@@ -164,11 +157,11 @@ class PhaseEquation:
             middle = path.phase_at(begin[some] + 0.5 * duration[some]) / self.period
             # Within the interval, so that values on its ends are those of its inside.
             inside = np.clip(turned - np.repeat(np.floor(middle), 3), 0.0, 1.0)
-            values = self.values(np.repeat(part[some], 3) if self.constant else inside)
+            values = self.values(np.repeat(part[some], 3) if self.drive.exact else inside)
             a, size = np.zeros((len(nodes), m + extra, m + extra)), 1.0
             a[:, :m, :m] = self.generators(values, speed)
-            if self.load is not None:
-                push = self.load(values, turned, speed)
+            if extra:
+                push = self.push(values, turned, speed)
                 size = np.abs(push).max(initial=1e-300)
                 a[:, :m, m] = push / size
             exponents = magnus.exponent(magnus.polynomial(a.reshape(-1, 3, *a.shape[1:])), duration[some] * self.rate)
@@ -245,16 +238,14 @@ class PhaseEquation:
 
     def _pushes(self, path: Path, steps: Steps, state: Array, growth: Array) -> Array:
         """What b adds to y in every step, ``(S, m)``."""
-        if self.load is None:
+        if not self.drive.acts:
             return np.zeros_like(growth)
         duration, values = (steps.duration * self.rate)[:, None], self.states.values[state]
         result = np.zeros(growth.shape, dtype=complex)
-        for node, weight in zip(NODES, WEIGHTS, strict=True) if self.load.turns else ((0.0, 1.0),):
+        for node, weight in zip(NODES, WEIGHTS, strict=True) if self.turns else ((0.0, 1.0),):
             time = steps.begin + node * steps.duration
-            push = self.load(values, path.phase_at(time) / self.period, path.speed_at(time))
-            factor = (
-                np.exp((1 - node) * growth) if self.load.turns else divided_exponential(growth, np.zeros_like(growth))
-            )
+            push = self.push(values, path.phase_at(time) / self.period, path.speed_at(time))
+            factor = np.exp((1 - node) * growth) if self.turns else divided_exponential(growth, np.zeros_like(growth))
             result += weight * duration * factor * self._modal(state, push)
         return result
 

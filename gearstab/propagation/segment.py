@@ -6,7 +6,7 @@ to harmonics for every time and speed,
     int_0^t exp(l (t - s)) exp(i nu s) ds = t [exp(i nu t) - exp(l t)]/(i nu t - l t),
 
 a difference quotient that is evaluated without cancellation, at resonance too. Where eigenvectors are nearly parallel
-(critical damping) the exponential of the whole matrix is needed instead (:mod:`~gearstab.response.linear.intervals`).
+(critical damping) the exponential of the whole matrix is needed instead (:mod:`~gearstab.propagation.intervals`).
 """
 
 from __future__ import annotations

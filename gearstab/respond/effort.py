@@ -8,10 +8,10 @@ import numpy as np
 
 from gearstab import ckernel
 from gearstab.modal import mean_modes
+from gearstab.propagation.intervals import occupied
 from gearstab.propagation.path import Path
 from gearstab.response.backlash.dynamics import REACH
 from gearstab.response.linear.driven import FEW, MAPS, driven
-from gearstab.response.linear.intervals import occupied
 from gearstab.response.linear.periodic import MOST_PANELS
 from gearstab.response.linear.ramp import equation_of
 from gearstab.response.linear.steady import FEWEST

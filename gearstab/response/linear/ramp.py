@@ -1,7 +1,7 @@
 """The motion of a driven system while its speed changes: a run-up or a coast-down.
 
 The equation is that of :mod:`gearstab.propagation.phase` with b = inlet [F_0(tau) + Omega F_1] z(tau)
-(:mod:`gearstab.response.linear.excitation`). The speed is given: the torque that accelerates the train is no part of
+(:mod:`gearstab.propagation.excitation`). The speed is given: the torque that accelerates the train is no part of
 the motion, nor are rigid-body motions that nothing holds back. Teeth stay in contact.
 """
 
@@ -13,11 +13,11 @@ from math import tau
 import numpy as np
 
 from gearstab.errors import NotPossible
-from gearstab.propagation.first_order import FirstOrder, bases
+from gearstab.propagation.excitation import excitation
+from gearstab.propagation.first_order import bases
 from gearstab.propagation.path import Path
 from gearstab.propagation.phase import PhaseEquation
 from gearstab.response.linear.equilibrium import static_equilibrium, static_mesh_force
-from gearstab.response.linear.excitation import Excitation, excitation
 from gearstab.response.linear.history import RESPONSE_FLAGS, separated
 from gearstab.system import Array, GearSystem
 
@@ -54,28 +54,9 @@ class RampResponse:
         return bool(self.flags & RESPONSE_FLAGS["separation"])
 
 
-@dataclass(frozen=True)
-class PhaseLoad:
-    """What drives a single system, in units of its first-order form: b of a :class:`PhaseEquation`."""
-
-    drive: Excitation
-    form: FirstOrder
-
-    @property
-    def turns(self) -> float:
-        """Cycles of the fastest harmonic in a common period."""
-        return float(max(self.drive.harmonics, default=0.0))
-
-    def __call__(self, values: Array, part: Array, speed: Array) -> Array:
-        """``(X, m)`` for what varies ``(X, J)``, at parts of the common period and speeds ``(X,)``."""
-        force = self.drive.force(values[:, None])[:, 0] + speed[:, None, None] * self.drive.force_of_rates[0]
-        return np.asarray(np.einsum("mn,xnl,xl->xm", self.form.inlet[0], force, self.drive.z(part)))
-
-
 def equation_of(system: GearSystem) -> PhaseEquation:
     """Return the equation of a single driven system."""
-    drive, form = excitation(system), next(bases(system))
-    return PhaseEquation(form, drive.schedule, 0, drive.cycles, drive.exact, PhaseLoad(drive, form))
+    return PhaseEquation(next(bases(system)), excitation(system))
 
 
 def ramp_response(
@@ -123,9 +104,8 @@ def ramp_response(
 
 def _momentary(equation: PhaseEquation, part: Array) -> tuple[Array, Array]:
     """``(samples, meshes)``, the mesh stiffnesses, just after a jump on one, and the transmission errors."""
-    assert isinstance(equation.load, PhaseLoad)
-    drive, edges, inside = equation.load.drive, equation.edges, part - np.floor(part)
-    if equation.constant:
+    drive, edges, inside = equation.drive, equation.edges, part - np.floor(part)
+    if drive.exact:
         k = np.clip(np.searchsorted(edges, inside + 1e-12, side="right") - 1, 0, len(edges) - 2)
         inside = 0.5 * (edges[k] + edges[k + 1])
     return drive.split(equation.values(inside))[0], drive.z(part) @ drive.errors[0].T
