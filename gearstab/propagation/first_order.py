@@ -73,18 +73,30 @@ class ModalMatrices:
         """Matrices that act on velocities: the damping, then the parts that vary, each ``(r, n, n)``."""
         return [self.damping, *(matrix for on_velocity, matrix in self.parts if on_velocity)]
 
-    def generator(self, elastic: Array, damped: Array, weight: Array) -> tuple[Array, Array]:
-        """Return A of the state (w u, u', b') as its constant ``(r, m, m)`` and the parts that vary ``(r, J, m, m)``.
+    def turned(self, turn: Array) -> ModalMatrices:
+        """The same in other modes, Phi T with T ``(n, n)`` orthogonal, which leaves elastic modes as they are."""
+        own = {name: turn.T @ getattr(self, name) @ turn for name in ("static", "damping")}
+        parts = [(on_velocity, turn.T @ matrix @ turn) for on_velocity, matrix in self.parts]
+        return replace(self, shapes=self.shapes @ turn, parts=parts, **own)
 
-        elastic: ``(e,)``, which modes u are; damped: ``(k,)``, which rigid-body modes b are; m = 2 e + k.
-        weight: ``(r, e)``, w.
+    @property
+    def weight(self) -> Array:
+        """``(r, n)``, natural frequencies in units of the rate, that of the slowest mode no less than SLOWEST."""
+        frequency = np.sqrt(self.squared) / self.rate[:, None]
+        return np.where(np.isinf(frequency), 1.0, np.maximum(frequency, SLOWEST))
+
+    def form(self, rows: Array, elastic: Array, damped: Array, weight: Array) -> FirstOrder:
+        """Return the first-order form of these rows, of the state (w u, u', b').
+
+        rows: their positions in the flattened batch. elastic: ``(e,)``, which modes u are; damped: ``(k,)``, which
+        rigid-body modes b are; m = 2 e + k. weight: ``(r, e)``, w.
         """
-        moving, rate = np.concatenate([elastic, damped]), self.rate[:, None, None]
+        moving, rate, shapes = np.concatenate([elastic, damped]), self.rate[:, None, None], self.shapes
         n, m = len(elastic), len(elastic) + len(moving)
 
         def placed(on_velocity: bool, matrix: Array) -> Array:
             """-matrix where it acts, in the units of the state."""
-            whole = np.zeros((len(rate), m, m))
+            whole = np.zeros((len(rows), m, m))
             if on_velocity:
                 whole[:, n:, n:] = -matrix[:, moving[:, None], moving] / rate
             else:
@@ -93,7 +105,14 @@ class ModalMatrices:
 
         constant = placed(False, self.static) + placed(True, self.damping)
         constant[:, np.arange(n), n + np.arange(n)] = weight
-        return constant, np.stack([placed(*part) for part in self.parts], axis=1)
+        inlet, outlet = np.zeros((len(rows), m, shapes.shape[1])), np.zeros((len(rows), shapes.shape[1], m))
+        speed = np.zeros_like(outlet)
+        inlet[:, n:] = np.swapaxes(shapes[:, :, moving], -1, -2) / rate**2
+        outlet[:, :, :n] = shapes[:, :, elastic] / weight[:, None, :]
+        speed[:, :, n:] = shapes[:, :, moving] * rate
+        still = np.setdiff1d(np.arange(shapes.shape[-1]), moving)
+        parts = np.stack([placed(*part) for part in self.parts], axis=1)
+        return FirstOrder(rows, self.rate, constant, parts, inlet, outlet, speed, shapes[:, :, still])
 
 
 @dataclass(frozen=True)
@@ -154,11 +173,9 @@ class FirstOrder:
 
     def _static(self, speed: Array | float) -> Array:
         """The part of A ``(..., r, m, m)`` that does not vary at speeds ``(..., r)``."""
-        return (
-            self.constant
-            if self.by_speed is None
-            else self.constant + np.asarray(speed)[..., None, None] * self.by_speed
-        )
+        if self.by_speed is None:
+            return self.constant
+        return np.asarray(self.constant + np.asarray(speed)[..., None, None] * self.by_speed)
 
 
 def acted_on(matrices: list[Array]) -> Array:
@@ -181,21 +198,5 @@ def bases(system: GearSystem, whole: bool = False) -> Iterator[FirstOrder]:
                         squared=np.where(rigid, np.inf, modal.squared))  # fmt: skip
     damped = modal.rigid & acted_on(modal.dissipative())
     for members, _ in equal_rows(modal.rigid.astype(int) + damped):
-        yield _basis(modal.subset(members), members, damped[members[0]])
-
-
-def _basis(modal: ModalMatrices, rows: Array, damped: Array) -> FirstOrder:
-    """Rows whose rigid-body modes, and those of them that damping acts on ``(n,)``, are the same."""
-    rigid, rate, shapes = modal.rigid[0], modal.rate[:, None, None], modal.shapes
-    elastic = np.flatnonzero(~rigid)
-    moving = np.concatenate([elastic, np.flatnonzero(damped)])
-    n, m = len(elastic), len(elastic) + len(moving)
-    frequency = np.sqrt(modal.squared[:, elastic]) / modal.rate[:, None]
-    weight = np.where(np.isinf(frequency), 1.0, np.maximum(frequency, SLOWEST))
-    constant, parts = modal.generator(elastic, np.flatnonzero(damped), weight)
-    inlet, outlet = np.zeros((len(rows), m, shapes.shape[1])), np.zeros((len(rows), shapes.shape[1], m))
-    speed = np.zeros_like(outlet)
-    inlet[:, n:] = np.swapaxes(shapes[:, :, moving], -1, -2) / rate**2
-    outlet[:, :, :n] = shapes[:, :, elastic] / weight[:, None, :]
-    speed[:, :, n:] = shapes[:, :, moving] * rate
-    return FirstOrder(rows, modal.rate, constant, parts, inlet, outlet, speed, shapes[:, :, rigid & ~damped])
+        own, elastic = modal.subset(members), np.flatnonzero(~modal.rigid[members[0]])
+        yield own.form(members, elastic, np.flatnonzero(damped[members[0]]), own.weight[:, elastic])

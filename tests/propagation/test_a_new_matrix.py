@@ -14,6 +14,8 @@ import pytest
 from driven import integrated, integrated_along, train
 
 from gearstab.floquet import solve
+from gearstab.floquet.general import solve as general
+from gearstab.floquet.general.coordinates import elastic_forms
 from gearstab.methods import METHODS, OptionError
 from gearstab.passage.propagator import growth, motion
 from gearstab.propagation.excitation import excitation
@@ -133,6 +135,20 @@ def test_what_goes_with_the_speed_is_constant_at_a_constant_speed() -> None:
         (form,) = bases(system)
         expected = start(SteadyPoints.of(drive, form, at[:1], np.array([speed]))).x[0]
         np.testing.assert_allclose(x, expected, atol=1e-12 * np.abs(expected).max())
+
+
+def test_floquet_exponents_with_what_goes_with_the_speed(monkeypatch: pytest.MonkeyPatch) -> None:
+    (own,), (added,), omega = elastic_forms(bare()), elastic_forms(toy()), np.array([OMEGA, 1.9, 2.4])
+    form = replace(own.form, by_speed=added.form.constant - own.form.constant)
+    monkeypatch.setattr(general, "elastic_forms", lambda system: [replace(own, form=form)])
+    found = general.analyse(bare(), omega[None], exponents=True)
+    monkeypatch.undo()
+    for k, speed in enumerate(omega):
+        system = replace(bare(), damping=bare().damping + speed * SKEW)
+        expected = general.analyse(system, omega[None, [k]], exponents=True)
+        # The same matrices but for rounding, which a period of some thirty radians multiplies.
+        np.testing.assert_allclose(found.growth_rate[0, k], expected.growth_rate[0, 0], rtol=1e-11)
+        np.testing.assert_allclose(found.exponents[0, k], expected.exponents[0, 0], rtol=1e-9)
 
 
 def test_what_goes_with_the_speed_changes_along_a_path() -> None:
