@@ -233,7 +233,7 @@ def light_modes(squared: Array, shapes: Array, damping: Array) -> tuple[Array, A
 def magnus_steps(
     coefficients: Array, length: Array, growth: Array, period: Array, matrix: Array, scale: Array
 ) -> tuple[Array, Array]:
-    """What :func:`gearstab.linear.products.propagated` says; growth ``(S,)``: the rates taken out of the steps."""
+    """What :func:`gearstab.propagation.products.propagated` says; growth ``(S,)``: the rates taken out of the steps."""
     if library is None:
         raise ValueError("the compiled kernel was not built")
     given = [np.ascontiguousarray(values, dtype=float) for values in (coefficients, length, growth, period)]

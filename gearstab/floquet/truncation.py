@@ -84,7 +84,7 @@ def neglected(system: GearSystem, basis: Array) -> float:
     frequency = [np.sqrt(np.abs(values)) for values, _ in (inner, outer)]
     largest = max(float(f.max()) for f in frequency)
     if system.damping is not None:
-        coupling.append(system.damping * largest)
+        coupling += [largest * system.damping, largest * system.damping.T]
     first, second = (np.maximum(f, SMALLEST * largest) for f in frequency)
     size = first[:, None] * second[None, :]
     phase = (np.arange(PHASES) + 0.5) / PHASES

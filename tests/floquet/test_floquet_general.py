@@ -17,8 +17,8 @@ from gearstab.floquet.general import analyse
 from gearstab.floquet.kernel import choice as kernel
 from gearstab.floquet.report import reduction
 from gearstab.floquet.truncation import modes_basis, neglected
-from gearstab.linear.magnus import expm
 from gearstab.modal import modal_damping_matrix
+from gearstab.propagation.magnus import expm
 from gearstab.system import GearSystem, Mesh, PeriodicTerm
 from gearstab.waveforms import Constant, Rectangular, Scaled
 

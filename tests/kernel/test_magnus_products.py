@@ -7,8 +7,8 @@ import pytest
 from scipy.linalg import expm
 
 from gearstab import ckernel
-from gearstab.linear.magnus import exponent
-from gearstab.linear.products import MagnusSteps, eigenvalues, propagated
+from gearstab.propagation.magnus import exponent
+from gearstab.propagation.products import MagnusSteps, eigenvalues, propagated
 
 
 @pytest.fixture(params=["numpy", *(ckernel.library.levels() if ckernel.library else [])])

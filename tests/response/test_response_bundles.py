@@ -9,8 +9,8 @@ import pytest
 
 import gearstab as gs
 from gearstab import ckernel
+from gearstab.propagation.intervals import SteadyPoints
 from gearstab.response.linear import bundles
-from gearstab.response.linear.intervals import SteadyPoints
 from gearstab.response.linear.periodic import harmonics
 from gearstab.response.linear.speeds import speed_response
 from gearstab.system import Array

@@ -16,9 +16,9 @@ from scenes import ROOT
 from gearstab.cli import group
 from gearstab.config import load
 from gearstab.floquet import solve
+from gearstab.propagation.excitation import excitation
 from gearstab.response import harmonics, steady_state
 from gearstab.response.linear.equilibrium import static_mesh_force
-from gearstab.response.linear.excitation import excitation
 from gearstab.response.linear.speeds import SpeedResponse, speed_response
 from gearstab.response.linear.steady import STATUS_FLAGS
 from gearstab.response.measures.extremes import NODES, extremes

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from gearstab.floquet.general.coordinates import Generator, generators
+from gearstab.floquet.general.coordinates import ElasticForm, elastic_forms
 from gearstab.system import Array, GearSystem
 from gearstab.waveforms.profile import harmonic
 
@@ -51,16 +51,16 @@ def mean_motions(system: GearSystem) -> MeanMotions:
     profiles = [profile for term in system.terms for profile in term.profiles]
     levels += [system.flat(harmonic(profile, 0).real) for profile in profiles]
     means = np.stack(levels, axis=-1)
-    rows = [_row(own, level, system.size) for own, level in zip(generators(system), means, strict=True)]
+    rows = [_row(own, level, system.size) for own, level in zip(elastic_forms(system), means, strict=True)]
     frequency, growth, mode = (np.stack(values) for values in zip(*rows, strict=True))
     return MeanMotions(frequency, growth, mode)
 
 
-def _row(own: Generator, level: Array, size: int) -> tuple[Array, Array, Array]:
+def _row(own: ElasticForm, level: Array, size: int) -> tuple[Array, Array, Array]:
     """(frequency, growth rate, mode) of one row's pairs of exponents: conjugate ones, or two real ones, the largest
     ones first.
     """
-    values, vectors = np.linalg.eig(own.constant + np.einsum("j,jkl->kl", level, own.parts))
+    values, vectors = np.linalg.eig(own.generators(level))
     swinging = values.imag > 0
     exponents = np.concatenate([own.rate * values, own.rigid_exponents])
     real = np.sort(exponents[exponents.imag == 0].real)[::-1][::2]

@@ -33,7 +33,7 @@ from gearstab.floquet.segments.decouple import (
 )
 from gearstab.floquet.segments.pattern import Pattern, merged
 from gearstab.floquet.segments.reduction import Elastic
-from gearstab.linear.grouping import equal_rows
+from gearstab.grouping import equal_rows
 from gearstab.modal import natural_scale, rounded
 from gearstab.system import Array
 

@@ -30,7 +30,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from gearstab.linear.grouping import equal_rows
+from gearstab.grouping import equal_rows
 from gearstab.system import Array
 
 DISCARDED = 1e-12

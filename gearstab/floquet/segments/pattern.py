@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from gearstab.floquet.segments.reduction import Elastic, reduce
-from gearstab.linear.grouping import equal_rows
+from gearstab.grouping import equal_rows
 from gearstab.modal import symmetric_eigen
 from gearstab.system import Array, GearSystem, Mesh
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from gearstab.linear.grouping import equal_rows
+from gearstab.grouping import equal_rows
 from gearstab.modal import mean_modes
 from gearstab.system import Array, GearSystem
 

@@ -14,12 +14,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from gearstab import ckernel
+from gearstab.propagation.intervals import occupied
 from gearstab.response.backlash import dynamics as d
 from gearstab.response.backlash import follow as f
 from gearstab.response.backlash.contact import APART
 from gearstab.response.backlash.crossing import SMALLEST
 from gearstab.response.backlash.track import Track
-from gearstab.response.linear.intervals import occupied
 from gearstab.system import Array
 
 FULL, UNKNOWN, CHATTERS, OUTGROWN, ROUGH = range(5)

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gearstab.propagation.intervals import occupied
 from gearstab.response.backlash.contact import APART, LOWER, UPPER
 from gearstab.response.backlash.crossing import bernstein, first_below
 from gearstab.response.backlash.dynamics import Dynamics, PolynomialPiece
-from gearstab.response.linear.intervals import occupied
 from gearstab.system import Array
 
 PENETRATION = 1e-12

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gearstab.linear.first_order import UNDAMPED
+from gearstab.propagation.first_order import UNDAMPED
 from gearstab.response.backlash.contact import APART
 from gearstab.response.backlash.dynamics import Dynamics
 from gearstab.response.backlash.polynomials import FINE, extremes, extremes_of, product

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from gearstab.floquet import solve
-from gearstab.linear.first_order import bases
 from gearstab.modal import mean_modes
+from gearstab.propagation.first_order import bases
 from gearstab.response.backlash.contact import resting
 from gearstab.response.backlash.history import BACKLASH_FLAGS, Recording
 from gearstab.response.backlash.measure import LimitCycle, Meter

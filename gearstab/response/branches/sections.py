@@ -8,7 +8,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from gearstab.floquet.kernel import choice as kernel
-from gearstab.linear.first_order import bases
+from gearstab.propagation.first_order import bases
 from gearstab.response.backlash.compiled import Timetable, follow, timetable
 from gearstab.response.backlash.contact import play
 from gearstab.response.backlash.dynamics import Dynamics, dynamics, too_rough

@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from gearstab.floquet import solve
-from gearstab.linear.first_order import bases
+from gearstab.propagation.first_order import bases
 from gearstab.response.linear.driven import Driven, driven
 from gearstab.response.linear.equilibrium import static_mesh_force
 from gearstab.response.linear.steady import STATUS_FLAGS, unbalanced

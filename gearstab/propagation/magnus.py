@@ -61,10 +61,9 @@ def _commutator(a: Array, b: Array) -> Array:
 
 
 def exponent(coefficients: Array, step: Array) -> Array:
-    """W ``(P, m, m)`` of one step's coefficients ``(5, m, m)`` for step lengths ``(P,)``."""
-    powers = step[:, None] ** np.arange(1, 6)
-    size = coefficients.shape[-1]
-    return (powers @ coefficients.reshape(5, -1)).reshape(-1, size, size)
+    """W ``(..., m, m)`` of steps' coefficients ``(..., 5, m, m)`` and lengths ``(...)``."""
+    powers = np.asarray(step)[..., None] ** np.arange(1, 6)
+    return np.einsum("...p,...pij->...ij", powers, coefficients)
 
 
 def expm(matrix: Array) -> Array:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gearstab import ckernel
-from gearstab.linear.magnus import expm, exponent
+from gearstab.propagation.magnus import expm, exponent
 from gearstab.system import Array
 
 SHORT = 100.0
@@ -18,7 +18,8 @@ SHORT = 100.0
 class MagnusSteps:
     """Consecutive steps, the first one acting first.
 
-    coefficients: ``(S, 5, m, m)``, see :func:`~gearstab.linear.magnus.polynomial`. length: ``(S,)``, parts of a period.
+    coefficients: ``(S, 5, m, m)``, see :func:`~gearstab.propagation.magnus.polynomial`.
+    length: ``(S,)``, parts of a period.
     """
 
     coefficients: Array
@@ -65,3 +66,23 @@ def eigenvalues(matrix: Array) -> Array:
     finite = np.isfinite(matrix).all(axis=(1, 2))
     found = np.linalg.eigvals(np.where(finite[:, None, None], matrix, 0.0)).astype(complex)
     return np.where(finite[:, None], found, np.nan)
+
+
+def product(matrices: Array) -> tuple[Array, Array]:
+    """Return P ``(..., m, m)`` and s ``(...)``: exp(s) P is the last of ``(..., S, m, m)`` times .. times the first."""
+    scale = np.zeros(matrices.shape[:-3])
+    while matrices.shape[-3] > 1:
+        even = matrices.shape[-3] // 2 * 2
+        pairs = matrices[..., 1:even:2, :, :] @ matrices[..., 0:even:2, :, :]
+        matrices = np.concatenate([pairs, matrices[..., even:, :, :]], axis=-3)
+        size = np.abs(matrices).max(axis=(-2, -1), initial=1e-300)
+        if size.max() > 1e60 or size.min() < 1e-60:
+            matrices = matrices / size[..., None, None]
+            scale = scale + np.log(size).sum(axis=-1)
+    return matrices[..., 0, :, :], scale
+
+
+def scaled(matrix: Array) -> tuple[Array, float]:
+    """Return a matrix over its largest entry, and the logarithm of that."""
+    size = float(np.abs(matrix).max(initial=0.0))
+    return (matrix / size, float(np.log(size))) if size > 0 else (matrix, 0.0)
