@@ -173,12 +173,6 @@ struct level {
     double (*spectra_row)(void *spectra, int64_t row);
     void (*spectra_window)(void *spectra, double first, double last);
     void (*spectra_at)(void *spectra, int64_t count, const double *cycle, double *angle, double *growth, double *size);
-    /* Morse indices, see index.h. new: room for n coordinates, NULL when there is no memory; at: N(0) and N(pi) of a row at a
-       cycle. */
-    void *(*index_new)(int64_t n);
-    void (*index_free)(void *room);
-    void (*index_at)(void *room, const struct conservative *pattern, int64_t row, double cycle, int64_t *at_one,
-                     int64_t *at_minus_one);
     /* Points first..last-1, ordered by row: the shares of their unstable solutions. exact gives the matrices, coarse, of the same
        rows, the solutions in between; modes (r, D, n, n) of the coarse states in mean coordinates, turn (r, n, n) from
        the first modes of the exact to those of the coarse pattern. */
@@ -214,12 +208,6 @@ struct level {
        eigenvalues (points, m, 2); NaN where they are not found. */
     int (*graded)(int64_t count, int64_t m, int64_t first, int64_t last, int64_t points, const double *factors,
                   double *logs);
-    /* A motion from where it is on, to where a run ends; returns why. */
-    int (*follow)(const struct motion *motion, struct where *at, struct run *run);
-    /* Values of the kept polynomials of group s at u[first[s]..first[s + 1] - 1]: state (places, kept). */
-    void (*sampled)(const struct polynomials *all, const int64_t *first, const double *u, double *state);
-    /* Least and greatest values (count, size) by equally spaced points and the parabolas through three of them. */
-    void (*extremes)(const struct polynomials *all, int64_t points, double *low, double *high);
 };
 
 #define RUN_OF_POINTS 8 /* a thread takes so many of a row, LANES at most: results do not hang on how many there are */
@@ -283,6 +271,20 @@ extern int64_t gearstab_paths[PATHS];
 #else
 #define COUNT(path, points) ((void)0)
 #endif
+
+/* Morse indices, see boundaries/index.c. new: room for n coordinates, NULL when there is no memory; at: N(0) and N(pi) of a row
+   at a cycle. */
+void *gearstab_index_new(int64_t n);
+void gearstab_index_free(void *room);
+void gearstab_index_at(void *room, const struct conservative *pattern, int64_t row, double cycle, int64_t *at_one,
+                       int64_t *at_minus_one);
+
+/* A motion from where it is on, to where a run ends; returns why. See backlash/backlash.c, as the next two. */
+int gearstab_follow(const struct motion *motion, struct where *at, struct run *run);
+/* Values of the kept polynomials of group s at u[first[s]..first[s + 1] - 1]: state (places, kept). */
+void gearstab_sampled(const struct polynomials *all, const int64_t *first, const double *u, double *state);
+/* Least and greatest values (count, size) by equally spaced points and the parabolas through three of them. */
+void gearstab_extremes(const struct polynomials *all, int64_t points, double *low, double *high);
 
 /* Moved traces and their condition, see undamped/nearest.c. */
 void gearstab_trace_change(int64_t count, int64_t n, double weight, const double *fine, const double *coarse,

@@ -33,20 +33,14 @@ PRAGMA_TARGET(TARGET)
 #include "lyapunov.h"
 #include "magnus.h"
 #include "spectra.h"
-#include "index.h"
 #include "eigenvector.h"
 #include "actions.h"
 #include "symmetric.h"
-#include "crossing.h"
-#include "pieces.h"
-#include "follow.h"
-#include "polynomials.h"
 
-const struct level LEVEL = {LEVEL_NAME,  scan,         rates,       monodromy,      traces,     scan_damped,
-                            spectra_new, spectra_free, spectra_row, spectra_window, spectra_at, index_new,
-                            index_free,  index_at,     shares,      symmetric,      moduli,     products,
-                            radii,       magnus,       eigenvalues, exponents,      graded,     follow_motion,
-                            sampled,     extremes};
+const struct level LEVEL = {LEVEL_NAME,   scan,         rates,       monodromy,      traces,     scan_damped,
+                            spectra_new,  spectra_free, spectra_row, spectra_window, spectra_at, shares,
+                            symmetric,    moduli,       products,    radii,          magnus,     eigenvalues,
+                            exponents,    graded};
 
 #if defined(TARGET) && defined(__clang__)
 #pragma clang attribute pop

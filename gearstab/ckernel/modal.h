@@ -218,14 +218,17 @@ INLINE void first_segment(int64_t n, const double *change, const vec *cosine, co
         }
 }
 
-/* The monodromy matrix times exp(-scale) in the modes of the first segment, x (2n, 2n) by columns; work (7, n). */
-INLINE vec propagate(const struct row *row, int64_t n, vec period, vec *x, vec *work) {
+/* What propagate does, n a constant where this is inlined. */
+INLINE vec propagate_of_size(const struct row *row, int64_t n, vec period, vec *x, vec *work) {
     vec *cosine = work, *over = work + n, *times = work + 2 * n, *pair = work + 3 * n;
     const double *change = row->segments > 1 ? row->change : NULL; /* a single state has a single set of modes */
-    vec scale = rotation(row->modes, n, row->steady[0], period, cosine, over, times);
-    first_segment(n, change, cosine, over, times, x);
-    for (int64_t s = 1; s < row->segments; s++) {
+    vec scale = all(0.0);
+    for (int64_t s = 0; s < row->segments; s++) {
         scale += rotation(row->modes + s * n, n, row->steady[s], period, cosine, over, times);
+        if (s == 0) {
+            first_segment(n, change, cosine, over, times, x);
+            continue;
+        }
         if (n <= 3)
             UNROLLED for (int64_t column = 0; column < 2 * n; column++)
                 advance_column(n, change + s * n * n, cosine, over, times, x + column * 2 * n);
@@ -239,6 +242,17 @@ INLINE vec propagate(const struct row *row, int64_t n, vec period, vec *x, vec *
     }
     scale_back(x, 4 * n * n, row->limits->large, &scale);
     return scale;
+}
+
+/* The monodromy matrix times exp(-scale) in the modes of the first segment, x (2n, 2n) by columns; work (7, n). Compiled once
+   for each small size: inlined wherever it is called it would take most of the time of a build. */
+static NOT_INLINED vec propagate(const struct row *row, vec period, vec *x, vec *work) {
+    switch (row->n) {
+    case 1: return propagate_of_size(row, 1, period, x, work);
+    case 2: return propagate_of_size(row, 2, period, x, work);
+    case 3: return propagate_of_size(row, 3, period, x, work);
+    default: return propagate_of_size(row, row->n, period, x, work);
+    }
 }
 
 #endif

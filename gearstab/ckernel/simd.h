@@ -20,6 +20,8 @@ typedef int8_t bytes __attribute__((vector_size(LANES)));
 
 #define INLINE static inline __attribute__((always_inline, unused))
 
+#define NOT_INLINED __attribute__((noinline))
+
 /* For loops whose number of turns is a small constant where they are inlined. */
 #define UNROLLED _Pragma("GCC unroll 8")
 

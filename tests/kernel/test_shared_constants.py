@@ -17,7 +17,7 @@ SOURCES = Path(ckernel.__file__).parent / "boundaries"
 SHARED = [
     ("actions.h", "BAND", labels.BAND), ("actions.h", "LEADING", labels.LEADING), ("actions.h", "LEAST", labels.LEAST),
     ("actions.h", "LARGEST_MATRIX", points.LARGEST), ("search.h", "LARGEST", points.LARGEST),
-    ("index.h", "LONGEST", points.LONGEST), ("letters.c", "TIE", krein.TIE), ("letters.c", "MIRROR", krein.MIRROR),
+    ("index.c", "LONGEST", points.LONGEST), ("letters.c", "TIE", krein.TIE), ("letters.c", "MIRROR", krein.MIRROR),
     ("names.c", "REACH", labels.REACH), ("names.c", "DISTANCE", labels.DISTANCE), ("names.c", "SURE", labels.SURE),
     ("names.c", "NEARNESS", labels.NEARNESS), ("names.c", "TURN", labels.TURN),
     ("names.c", "BELOW", labels.BELOW), ("names.c", "FORBIDDEN", labels.FORBIDDEN),

@@ -147,7 +147,7 @@ static int follow_pieces(const struct motion *motion, struct pieces *p, struct w
 }
 
 /* See kernel.h. */
-static int follow_motion(const struct motion *motion, struct where *at, struct run *run) {
+int gearstab_follow(const struct motion *motion, struct where *at, struct run *run) {
     const int64_t size = motion->size, functions = motion->functions;
     const int64_t matrix = motion->order == 1 ? size * size : 0, sums = motion->order == 1 ? 0 : (1 + functions) * size;
     const int64_t applied = motion->order == 1 ? 0 : functions * motion->degree * size;

@@ -19,7 +19,7 @@ INLINE void side_by_side(const double *powers, int64_t stride, int64_t degree, c
         store(value + v * LANES, sum[v]);
 }
 
-static void sampled(const struct polynomials *all, const int64_t *first, const double *u, double *state) {
+void gearstab_sampled(const struct polynomials *all, const int64_t *first, const double *u, double *state) {
     enum { BLOCK = SIDE_BY_SIDE * LANES };
     for (int64_t s = 0; s < all->count && !gearstab_stopped(); s++) {
         const double *powers = all->powers + s * (all->degree + 1) * all->size;
@@ -57,7 +57,7 @@ static double greatest(const double *f, int64_t points) {
     return f[at] + rise > largest ? f[at] + rise : largest;
 }
 
-static void extremes(const struct polynomials *all, int64_t points, double *low, double *high) {
+void gearstab_extremes(const struct polynomials *all, int64_t points, double *low, double *high) {
     enum { BLOCK = SIDE_BY_SIDE * LANES };
     double u[MOST_POINTS + BLOCK], value[MOST_POINTS + BLOCK];
     for (int64_t i = 0; i < points + BLOCK; i++)

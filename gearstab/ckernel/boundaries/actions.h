@@ -329,7 +329,7 @@ static int keep_shares(struct shares *kept, const struct share *found, int64_t c
 static void multipliers(struct actors *a, vec turns, int64_t count) {
     struct room *room = &a->spectra->room;
     int64_t n = a->n, m = 2 * n;
-    vec scale = propagate(&a->spectra->row, n, turns, room->x, room->work), largest = largest_entry(room->x, m * m);
+    vec scale = propagate(&a->spectra->row, turns, room->x, room->work), largest = largest_entry(room->x, m * m);
     vec noise = NOISE * larger(largest, all(1.0));
     mask asked = (scale == 0.0) & (largest < LARGEST_MATRIX);
     for (int64_t lane = count; lane < LANES; lane++)
@@ -374,16 +374,8 @@ static int shares(const struct conservative *exact, const struct conservative *c
         multipliers(&a, turns, end - begin);
         for (int64_t lane = 0; lane < LANES; lane++)
             which[lane] = -1;
-        while (next_multipliers(&a, which) && !gearstab_stopped()) {
-#define SOLUTIONS(n) solutions(&a, coarse, own, n, turn + own * (n) * (n), turns, which, begin, counts)
-            switch (n) {
-            case 1: SOLUTIONS(1); break;
-            case 2: SOLUTIONS(2); break;
-            case 3: SOLUTIONS(3); break;
-            default: SOLUTIONS(n);
-            }
-#undef SOLUTIONS
-        }
+        while (next_multipliers(&a, which) && !gearstab_stopped())
+            solutions(&a, coarse, own, n, turn + own * n * n, turns, which, begin, counts);
         for (int64_t lane = 0; !failed && lane < end - begin; lane++)
             failed = keep_shares(kept, a.found + lane * a.most, counts[lane]);
     }

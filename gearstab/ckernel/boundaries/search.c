@@ -55,7 +55,7 @@ static int usable(const struct sample *s) { return s->known || !s->stable; }
 /* N(0) along the period itself. N(pi) is a check of all signs. */
 static void count_directly(struct window *w, struct sample *s) {
     int64_t at_minus_one;
-    w->order->level->index_at(w->index, w->order->coarse, w->row, s->cycle, &s->index, &at_minus_one);
+    gearstab_index_at(w->index, w->order->coarse, w->row, s->cycle, &s->index, &at_minus_one);
     s->indexed = at_minus_one - s->index == signs_below(s, 4.0);
     s->known = s->indexed;
 }

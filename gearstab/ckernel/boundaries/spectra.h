@@ -252,7 +252,7 @@ static void spectra_at(void *given, int64_t count, const double *cycle, double *
         vec period = s->row.cycles * load_part(cycle, k, count), magnified = all(1.0);
         vec scale = all(0.0);
         if (!interpolate(&s->room.panels, n, period, x, &magnified)) {
-            scale = propagate(&s->row, n, period, x, work);
+            scale = propagate(&s->row, period, x, work);
             rescale(s->unit, n, x);
         }
         vec largest = magnified * larger(largest_entry(x, 4 * n * n), all(1.0));

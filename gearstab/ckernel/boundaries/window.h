@@ -115,7 +115,7 @@ static void window_free(struct window *w) {
     free(w->cycle), free(w->angle), free(w->growth), free(w->size), free(w->shorter);
     free(w->guess), free(w->fresh);
     free(w->items), free(w->position), free(w->phase);
-    w->order->level->index_free(w->index);
+    gearstab_index_free(w->index);
     w->order->level->spectra_free(w->spectra);
 }
 
@@ -124,7 +124,7 @@ static int window_new(struct window *w, const struct order *order) {
     double limit = STEP_OF_FLOOR * order->floor;
     w->step = limit < STEP ? limit : STEP;
     w->spectra = order->level->spectra_new(order->exact);
-    w->index = order->level->index_new(w->n);
+    w->index = gearstab_index_new(w->n);
     w->items = malloc(2 * (size_t)w->n * sizeof *w->items);
     w->position = malloc((size_t)w->n * sizeof *w->position);
     w->phase = malloc((size_t)w->n * sizeof *w->phase);

@@ -141,9 +141,8 @@ INLINE void normalise(vec *x, int64_t m, vec *scale) {
         x[i] = x[i] * factor;
 }
 
-/* One period, x (m, m) by columns, divided by exp(scale); work (m + 2, m). paired: whether all rotations act on
-   coordinates two by two. */
-INLINE vec propagate_damped(const struct damped *pattern, int64_t m, int paired, int64_t r, vec period, vec *x, vec *work) {
+/* What propagate_damped does, m a constant where this is inlined. */
+INLINE vec propagate_damped_of_size(const struct damped *pattern, int64_t m, int paired, int64_t r, vec period, vec *x, vec *work) {
     vec scale = all(0.0), *cosine = work, *sine = work + m, *q = work + 2 * m;
     for (int64_t s = 0; s < pattern->segments; s++) {
         const double *frequency = pattern->frequency + (r * pattern->states + pattern->state[s]) * m;
@@ -168,6 +167,17 @@ INLINE vec propagate_damped(const struct damped *pattern, int64_t m, int paired,
     return scale;
 }
 
+/* One period, x (m, m) by columns, divided by exp(scale); work (m + 2, m). paired: whether all rotations act on
+   coordinates two by two. Compiled once for each small size, as propagate. */
+static NOT_INLINED vec propagate_damped(const struct damped *pattern, int paired, int64_t r, vec period, vec *x, vec *work) {
+    switch (paired ? pattern->m : 0) {
+    case 2: return propagate_damped_of_size(pattern, 2, 1, r, period, x, work);
+    case 4: return propagate_damped_of_size(pattern, 4, 1, r, period, x, work);
+    case 6: return propagate_damped_of_size(pattern, 6, 1, r, period, x, work);
+    default: return propagate_damped_of_size(pattern, pattern->m, 0, r, period, x, work);
+    }
+}
+
 /* The characteristic polynomial of x (m, m), brought near size 1 first where it is not. */
 INLINE void describe(vec *x, int64_t m, struct spectrum *of, vec *scale) {
     of->square = squared_size(x, m);
@@ -177,6 +187,17 @@ INLINE void describe(vec *x, int64_t m, struct spectrum *of, vec *scale) {
     }
     characteristic_polynomial(x, m, of->e);
     of->rounding = ROUNDING;
+}
+
+/* propagate_damped and describe where m is 4 or 6 and the rotations go two by two. */
+static NOT_INLINED vec describe_period(const struct damped *pattern, int64_t r, vec period, vec *x, vec *work,
+                                       struct spectrum *of) {
+    vec scale = propagate_damped(pattern, 1, r, period, x, work);
+    if (pattern->m == 4)
+        describe(x, 4, of, &scale);
+    else
+        describe(x, 6, of, &scale);
+    return scale;
 }
 
 /* ---- e_1..e_(m-1) of M exp(rate T) at many mesh frequencies from those at few, see stretches.h; e_m is 1 for the rate that
@@ -217,8 +238,7 @@ INLINE int fit_set(struct fit *of, const struct damped *pattern, int64_t m, int6
     for (int64_t i = 0; i < stretch->nodes; i += LANES) {
         struct spectrum spectrum;
         vec period = periods_of_nodes(stretch, table, half, i);
-        vec scale = propagate_damped(pattern, m, 1, r, period, x, work);
-        describe(x, m, &spectrum, &scale);
+        vec scale = describe_period(pattern, r, period, x, work, &spectrum);
         vec factor = exponential(scale + of->rate * period), power = factor, square = factor * factor * spectrum.square;
         mask known = square < MOST_SQUARE;
         for (int64_t j = 1; j < m; j++) {
@@ -290,7 +310,7 @@ static void multipliers_row(const struct damped *pattern, int64_t m, int64_t r, 
     vec *real = work + 2 * m, *imaginary = work + 3 * m;
     for (int64_t k = 0; k < points && !gearstab_stopped(); k += LANES) {
         vec period = pattern->cycles / load_part(omega, k, points);
-        vec taken = propagate_damped(pattern, m, 0, r, period, x, work);
+        vec taken = propagate_damped(pattern, 0, r, period, x, work);
         vec value = largest_by_qr(x, m, work); /* leaves the eigenvalues in work */
         store_part(scale, k, points, taken);
         store_part(growth, k, points, taken + value);
@@ -328,13 +348,12 @@ INLINE void scan_damped_points(const struct damped *pattern, int64_t m, int smal
         int64_t left = (end - k + LANES - 1) / LANES, count = left < most ? left : most;
         for (int64_t c = 0; c < count; c++) {
             vec period = pattern->cycles / load_part(omega, k + c * LANES, end), taken;
-            if (fit) {
+            if (fit)
                 fit_at(fit, m, period, &spectrum[c], &taken);
-            } else {
-                taken = propagate_damped(pattern, m, small, r, period, x + c * m * m, work);
-                if (small)
-                    describe(x + c * m * m, m, &spectrum[c], &taken);
-            }
+            else if (small)
+                taken = describe_period(pattern, r, period, x + c * m * m, work, &spectrum[c]);
+            else
+                taken = propagate_damped(pattern, 0, r, period, x, work);
             store_part(scale, k + c * LANES, end, taken);
         }
         if (small) {
@@ -349,8 +368,7 @@ INLINE void scan_damped_points(const struct damped *pattern, int64_t m, int smal
             vec value = choose(sure, spectrum[c].value, all(0.0)), taken = load_part(scale, at, end);
             if (fit && any(~sure)) { /* QR takes a matrix */
                 vec period = pattern->cycles / load_part(omega, at, end);
-                vec own = propagate_damped(pattern, m, small, r, period, x + c * m * m, work);
-                describe(x + c * m * m, m, &spectrum[c], &own);
+                vec own = describe_period(pattern, r, period, x + c * m * m, work, &spectrum[c]);
                 taken = choose(sure, taken, own);
                 store_part(scale, at, end, taken);
             }

@@ -24,7 +24,7 @@ static int products(const struct damped *pattern, int64_t first, int64_t last, c
     for (int64_t k = first, count; k < last && !gearstab_stopped(); k += count) {
         count = together(row, k, last);
         vec period = pattern->cycles * load_part(cycle + k, 0, count);
-        vec taken = propagate_damped(pattern, m, 0, row[k], period, x, x + m * m);
+        vec taken = propagate_damped(pattern, 0, row[k], period, x, x + m * m);
         for (int64_t lane = 0; lane < count; lane++) {
             double *to = matrix + (k + lane) * m * m;
             scale[k + lane] = taken[lane];
@@ -40,7 +40,7 @@ static int products(const struct damped *pattern, int64_t first, int64_t last, c
 /* ln |lambda| of the multipliers of LANES points, descending; x (m, m), work (m + 4, m). */
 INLINE void logs_of(const struct damped *pattern, int64_t m, int paired, int64_t r, vec period, int64_t count, vec *x,
                     vec *work, double *logs) {
-    vec *real = work + 2 * m, *imaginary = work + 3 * m, scale = propagate_damped(pattern, m, paired, r, period, x, work);
+    vec *real = work + 2 * m, *imaginary = work + 3 * m, scale = propagate_damped(pattern, paired, r, period, x, work);
     normalise(x, m, &scale);
     reduce_to_hessenberg(x, m, work);
     hessenberg_eigenvalues(x, m, real, imaginary);
@@ -67,12 +67,7 @@ static int moduli(const struct damped *pattern, int64_t first, int64_t last, con
     for (int64_t k = first, count; k < last && !gearstab_stopped(); k += count) {
         count = together(row, k, last);
         vec period = pattern->cycles * load_part(cycle + k, 0, count), *work = x + m * m;
-        switch (goes_in_pairs(pattern, row[k]) ? m : 0) {
-#define CASE(m) case m: logs_of(pattern, m, 1, row[k], period, count, x, work, logs + k * m); break;
-        CASE(2) CASE(4) CASE(6)
-#undef CASE
-        default: logs_of(pattern, m, 0, row[k], period, count, x, work, logs + k * m);
-        }
+        logs_of(pattern, m, goes_in_pairs(pattern, row[k]), row[k], period, count, x, work, logs + k * m);
     }
     free(memory);
     return 0;

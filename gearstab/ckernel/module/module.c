@@ -299,12 +299,12 @@ static PyMethodDef METHODS[] = {
      "magnus(level, count, m, coefficients, length, growth, first, last, points, period, matrix, scale)"},
     {"eigenvalues", py_eigenvalues, METH_VARARGS, "eigenvalues(level, count, m, first, last, matrix, values)"},
     {"follow", py_follow, METH_VARARGS,
-     "follow(level, (size, width, meshes, functions, cells, order, degree, known, busiest, most_at_once, fine, most_halvings), "
+     "follow((size, width, meshes, functions, cells, order, degree, known, busiest, most_at_once, fine, most_halvings), "
      "(period, rate, tolerance, reach, penetration, rounding, grazing, at_once, largest, smallest), "
      "span, shape, start, gauge, limit, contact, matrices, room, marks, state, pieces, "
      "shapes, numbers, labels, contacts) -> why the run ends, pieces"},
-    {"sampled", py_sampled, METH_VARARGS, "sampled(level, count, degree, size, kept, powers, first, places, u, state)"},
-    {"extremes", py_extremes, METH_VARARGS, "extremes(level, count, degree, size, powers, points, low, high)"},
+    {"sampled", py_sampled, METH_VARARGS, "sampled(count, degree, size, kept, powers, first, places, u, state)"},
+    {"extremes", py_extremes, METH_VARARGS, "extremes(count, degree, size, powers, points, low, high)"},
     {"edges", py_edges, METH_VARARGS,
      "edges(level, numbers, squared, fractions, state, change, segments, states, squared, fractions, state, change, first, last, "
      "tolerance, floor, density, start, stop) -> bytes of edges and of what is known of rows first..last-1"},

@@ -21,10 +21,9 @@ PyObject *py_follow(PyObject *self, PyObject *arguments) {
     struct buffers b = {0};
     PyObject *o[MOST_BUFFERS] = {0};
     struct motion m;
-    const char *name;
     const Py_buffer *view = b.view;
     Py_ssize_t room, n[12];
-    if (!PyArg_ParseTuple(arguments, "s(nnnnnnnnnnnn)(dddddddddd)OOOOOOOnOOOOOOO", &name, &n[0], &n[1], &n[2], &n[3], &n[4],
+    if (!PyArg_ParseTuple(arguments, "(nnnnnnnnnnnn)(dddddddddd)OOOOOOOnOOOOOOO", &n[0], &n[1], &n[2], &n[3], &n[4],
                           &n[5], &n[6], &n[7], &n[8], &n[9], &n[10], &n[11], &m.period, &m.rate, &m.tolerance, &m.reach,
                           &m.penetration, &m.rounding, &m.grazing, &m.at_once, &m.largest, &m.smallest, &o[0], &o[1],
                           &o[2], &o[3], &o[4], &o[5], &o[6], &room, &o[7], &o[8], &o[9], &o[10], &o[11], &o[12],
@@ -35,8 +34,7 @@ PyObject *py_follow(PyObject *self, PyObject *arguments) {
     m.known = n[7], m.busiest = n[8], m.most_at_once = n[9], m.fine = n[10], m.most_halvings = n[11];
     m.span = view[0].buf, m.shape = view[1].buf, m.start = view[2].buf, m.gauge = view[3].buf, m.limit = view[4].buf;
     m.contact = view[5].buf, m.matrices = view[6].buf;
-    const struct level *level = level_named(name);
-    int fit = level && n[1] > 0 && n[0] > n[1] && n[2] > 0 && n[4] > 0 && n[5] > 0 && n[6] > 1 && n[6] <= MOST_DEGREE &&
+    int fit = n[1] > 0 && n[0] > n[1] && n[2] > 0 && n[4] > 0 && n[5] > 0 && n[6] > 1 && n[6] <= MOST_DEGREE &&
               n[10] > 0 && room > 0 && FITS(&view[0], 8, n[4], 2) && FITS(&view[1], 8, n[4], n[5], n[3]) &&
               FITS(&view[2], 8, n[4], n[1]) && FITS(&view[3], 8, n[2], n[0]) && FITS(&view[4], 8, n[2], 2) &&
               FITS(&view[5], 8, n[7], n[2]) && FITS(&view[6], 8, n[7], 1 + n[3], n[0], n[0]) &&
@@ -53,7 +51,7 @@ PyObject *py_follow(PyObject *self, PyObject *arguments) {
     int how = 0;
     if (fit) {
         begin_call();
-        how = level->follow(&m, &at, &run);
+        how = gearstab_follow(&m, &at, &run);
         if (end_call())
             how = -1;
         leave(&at, view[7].buf, view[8].buf);
@@ -68,21 +66,19 @@ PyObject *py_sampled(PyObject *self, PyObject *arguments) {
     (void)self;
     struct buffers b = {0};
     PyObject *o[MOST_BUFFERS] = {0};
-    const char *name;
     const Py_buffer *view = b.view;
     Py_ssize_t count, degree, size, kept, places;
-    if (!PyArg_ParseTuple(arguments, "snnnnOOnOO", &name, &count, &degree, &size, &kept, &o[0], &o[1], &places, &o[2],
+    if (!PyArg_ParseTuple(arguments, "nnnnOOnOO", &count, &degree, &size, &kept, &o[0], &o[1], &places, &o[2],
                           &o[3]) ||
         !take(&b, o, "didD"))
         return finish(&b, 1, 0);
-    const struct level *level = level_named(name);
-    int fit = level && degree >= 0 && kept >= 0 && kept <= size && FITS(&view[0], 8, count, degree + 1, size) &&
+    int fit = degree >= 0 && kept >= 0 && kept <= size && FITS(&view[0], 8, count, degree + 1, size) &&
               FITS(&view[1], 8, count + 1) && FITS(&view[2], 8, places) && FITS(&view[3], 8, places, kept) &&
               indices_within(&view[1], count + 1, (int64_t)places + 1);
     if (fit) {
         struct polynomials all = {.count = count, .degree = degree, .size = size, .kept = kept, .powers = view[0].buf};
         begin_call();
-        level->sampled(&all, view[1].buf, view[2].buf, view[3].buf);
+        gearstab_sampled(&all, view[1].buf, view[2].buf, view[3].buf);
         end_call();
     }
     return finish(&b, fit, 0);
@@ -92,19 +88,17 @@ PyObject *py_extremes(PyObject *self, PyObject *arguments) {
     (void)self;
     struct buffers b = {0};
     PyObject *o[MOST_BUFFERS] = {0};
-    const char *name;
     const Py_buffer *view = b.view;
     Py_ssize_t count, degree, size, points;
-    if (!PyArg_ParseTuple(arguments, "snnnOnOO", &name, &count, &degree, &size, &o[0], &points, &o[1], &o[2]) ||
+    if (!PyArg_ParseTuple(arguments, "nnnOnOO", &count, &degree, &size, &o[0], &points, &o[1], &o[2]) ||
         !take(&b, o, "dDD"))
         return finish(&b, 1, 0);
-    const struct level *level = level_named(name);
-    int fit = level && degree >= 0 && points >= FEWEST_POINTS && points <= MOST_POINTS &&
+    int fit = degree >= 0 && points >= FEWEST_POINTS && points <= MOST_POINTS &&
               FITS(&view[0], 8, count, degree + 1, size) && FITS(&view[1], 8, count, size) && FITS(&view[2], 8, count, size);
     if (fit) {
         struct polynomials all = {.count = count, .degree = degree, .size = size, .kept = size, .powers = view[0].buf};
         begin_call();
-        level->extremes(&all, points, view[1].buf, view[2].buf);
+        gearstab_extremes(&all, points, view[1].buf, view[2].buf);
         end_call();
     }
     return finish(&b, fit, 0);

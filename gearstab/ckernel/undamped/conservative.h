@@ -69,7 +69,7 @@ INLINE vec matrix_at(const struct row *row, int64_t n, const struct room *room, 
     vec larger_by = all(1.0), scale = all(0.0);
     int interpolated = interpolate(&room->panels, n, period, room->x, &larger_by);
     if (!interpolated)
-        scale = propagate(row, n, period, room->x, room->work);
+        scale = propagate(row, period, room->x, room->work);
     COUNT(interpolated ? INTERPOLATED : PROPAGATED, points - k < LANES ? points - k : LANES);
     if (magnified)
         store_part(magnified, k, points, larger_by);
@@ -239,7 +239,7 @@ static int monodromy(const struct conservative *pattern, int64_t first, int64_t 
         while (count < LANES && k + count < last && index[k + count] == index[k])
             count++;
         row_set(&row, pattern, index[k]);
-        vec factor = propagate(&row, row.n, period_of(&row, load_part(omega + k, 0, count)), room.x, room.work);
+        vec factor = propagate(&row, period_of(&row, load_part(omega + k, 0, count)), room.x, room.work);
         for (int64_t lane = 0; lane < count; lane++) {
             double *to = matrix + (k + lane) * size * size;
             scale[k + lane] = factor[lane];
@@ -264,7 +264,7 @@ static int traces(const struct conservative *pattern, int64_t first, int64_t las
         row_set(&row, pattern, r);
         for (int64_t k = 0; k < points && !gearstab_stopped(); k += LANES) {
             vec period = period_of(&row, load_part(omega + r * points, k, points));
-            vec scale = propagate(&row, n, period, room.x, room.work);
+            vec scale = propagate(&row, period, room.x, room.work);
             mask right = (scale == 0.0) & (largest_entry(room.x, 4 * n * n) < bound);
             general_traces(room.x, n, room.real, room.imaginary, room.work);
             store_traces(rho + r * points * n * 2, n, k, points, room.real, room.imaginary, right);

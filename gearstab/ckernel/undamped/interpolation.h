@@ -85,7 +85,7 @@ static double panel_fill(struct panels *panels, const struct row *row, int64_t k
         vec period, *x = panels->sample + i / LANES * entries;
         for (int64_t lane = 0; lane < LANES; lane++)
             period[lane] = middle + half * panels->cosine[2 * (i + lane) + 1];
-        vec scale = propagate(row, row->n, period, x, work), largest;
+        vec scale = propagate(row, period, x, work), largest;
         if (panels->balance)
             rescale(panels->balance, row->n, x);
         largest = largest_entry(x, entries);

@@ -243,7 +243,7 @@ INLINE int stretch_set(struct stretch *of, const struct row *row, int64_t n, con
         return 0;
     for (int64_t i = 0; i < of->nodes; i += LANES) {
         vec s[3], period = periods_of_nodes(of, table, half, i);
-        vec scale = propagate(row, n, period, x, work), largest = all(0.0);
+        vec scale = propagate(row, period, x, work), largest = all(0.0);
         coefficients(x, n, s);
         mask known = scale == 0.0;
         for (int64_t e = 0; e < n; e++) {

@@ -145,8 +145,7 @@ def follow(dynamics: d.Dynamics, x: Array, tolerance: float, table: Timetable) -
         values = np.empty((room, table.order, functions))
         label, contact = np.empty((room, 5), dtype=np.int64), np.empty((room, meshes), dtype=np.int64)
         why, count = ckernel.library.follow(
-            ckernel.simd(), numbers, settings, *given, *contacts.known, room, marks, state, powers, values, number,
-            label, contact,
+            numbers, settings, *given, *contacts.known, room, marks, state, powers, values, number, label, contact,
         )  # fmt: skip
         if count:
             period, _, mesh, following, grazing = label[:count].T

@@ -20,9 +20,7 @@ def sampled(powers: Array, first: Array, u: Array, kept: int) -> Array:
     if ckernel.in_use() and ckernel.library is not None:
         count, terms, size = powers.shape
         first = np.ascontiguousarray(first, dtype=np.int64)
-        ckernel.library.sampled(
-            ckernel.simd(), count, terms - 1, size, kept, np.ascontiguousarray(powers), first, len(u), u, found
-        )
+        ckernel.library.sampled(count, terms - 1, size, kept, np.ascontiguousarray(powers), first, len(u), u, found)
         return found
     for s in np.flatnonzero(np.diff(first)):
         inside = slice(first[s], first[s + 1])
@@ -45,7 +43,7 @@ def extremes_of(powers: Array) -> tuple[Array, Array]:
     if ckernel.in_use() and ckernel.library is not None:
         low, high = np.empty((2, count, size))
         given = np.ascontiguousarray(powers)
-        ckernel.library.extremes(ckernel.simd(), count, terms - 1, size, given, len(FINE), low, high)
+        ckernel.library.extremes(count, terms - 1, size, given, len(FINE), low, high)
         return low, high
     low, high = extremes(np.tensordot(np.vander(FINE, terms, increasing=True), powers, axes=(1, 1)))
     return low, high

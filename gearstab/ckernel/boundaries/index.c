@@ -3,8 +3,12 @@
    Whole numbers of the path of matrices over the period, which the monodromy matrix alone cannot give. They are asked for at
    a few points only (between two of them they follow from monotony, see letters.c), so that one point at a time does. */
 
-#ifndef GEARSTAB_INDEX_H
-#define GEARSTAB_INDEX_H
+#include <float.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "kernel.h"
 
 #define LONGEST 300.0 /* hyperbolic angles are cut here, far beyond what the caller looks at and far from overflow */
 
@@ -14,7 +18,7 @@ struct index_room {
     void *memory;
 };
 
-static void *index_new(int64_t n) {
+void *gearstab_index_new(int64_t n) {
     struct index_room *room = malloc(sizeof *room);
     size_t square = (size_t)(n * n);
     double *memory = malloc((4 * square + 4 * square + 2 * square + 2 * square + 3 * (size_t)n) * sizeof(double));
@@ -28,7 +32,7 @@ static void *index_new(int64_t n) {
     return room;
 }
 
-static void index_free(void *given) {
+void gearstab_index_free(void *given) {
     struct index_room *room = given;
     if (room)
         free(room->memory);
@@ -186,7 +190,7 @@ static void at_end(struct index_room *room, int64_t so_far, int64_t *at_one, int
 }
 
 /* N(0) and N(pi) of a row at one cycle. */
-static void index_at(void *given, const struct conservative *p, int64_t row, double cycle, int64_t *at_one,
+void gearstab_index_at(void *given, const struct conservative *p, int64_t row, double cycle, int64_t *at_one,
                      int64_t *at_minus_one) {
     struct index_room *room = given;
     int64_t n = p->n, count = 0;
@@ -202,5 +206,3 @@ static void index_at(void *given, const struct conservative *p, int64_t row, dou
     }
     at_end(room, count, at_one, at_minus_one);
 }
-
-#endif
