@@ -85,7 +85,7 @@ class NoPoint(ArithmeticError):
 
 
 @dataclass(frozen=True)
-class Reach:
+class ContinuationLimits:
     """low, high: of the parameter.  most: points.  first, longest, shortest: steps, in units of the curve.
 
     largest: of the state, in its unit.
@@ -157,7 +157,7 @@ class Curve:
         """The fixed point near x at a given parameter. Raises NoPoint."""
         return self.corrected(x, parameter, np.append(np.zeros(len(x)), 1.0))[0]
 
-    def follow(self, start: Point, along: Array, limits: Reach) -> Iterator[Point | str]:
+    def follow(self, start: Point, along: Array, limits: ContinuationLimits) -> Iterator[Point | str]:
         """Points from the start on to the side of ``along (m + 1,)``, the start left out; then why they end."""
         here, step, count = start, limits.first, 0
         tangent = self.tangent(here, along)
@@ -197,7 +197,7 @@ class Curve:
             here, tangent = there, following
         yield "so many points were asked for"
 
-    def _last(self, here: Point, there: Point, limits: Reach) -> Iterator[Point | str]:
+    def _last(self, here: Point, there: Point, limits: ContinuationLimits) -> Iterator[Point | str]:
         """The point at the end of the range, between two."""
         bound = limits.low if there.parameter < limits.low else limits.high
         part = (bound - here.parameter) / (there.parameter - here.parameter)
