@@ -174,16 +174,19 @@ class Cyclic:
     Parameters
     ----------
     order: N.
-    turn: ``(n, n)``, R with R^T M R = M and R^T K R = K: the displacement R q is q turned by 2 pi/N.
+    turn: ``(n, n)``, R with R^T M R = M and R^T K R = K: the displacement R q is q turned by 2 pi/N. It is 1 on
+        coordinates that are not of the part that has the symmetry.
     types: what modes are called that a turn by 2 pi/N takes into cos(2 pi T/N) of themselves, from T = 0 on; the last
         name is that of all further T.
     still: what modes without mesh deflection are called.
+    name: of the part of the system that has the symmetry, "" for all of it.
     """
 
     order: int
     turn: Array
     types: tuple[str, ...]
     still: str = "no mesh deflection"
+    name: str = ""
 
 
 @dataclass(frozen=True)
@@ -199,8 +202,8 @@ class GearSystem:
     terms: further periodic parts of K(t) and C(t), which need not be symmetric.
     load: ``(..., n)``, the constant part of f(t), or None. Stability does not depend on f(t).
     forces: the periodic parts of f(t).
-    symmetry: of the mean system, where it has one. It names modes, and modes of different types are taken as uncoupled
-        where the mesh stiffnesses of every moment and the damping have it as well, which is looked at.
+    symmetries: of the mean system, each of another part. They name modes, and modes of different types are taken as
+        uncoupled where the mesh stiffnesses of every moment and the damping have them as well, which is looked at.
     units: SI unit of each coordinate, ``m`` or ``rad``; without any all are m. Results and figures say it, nothing
         relies on it.
     deflection_unit: SI unit of the mesh deflections g_i^T q, ``m``, or ``rad`` where the mesh stiffness is torsional.
@@ -213,7 +216,7 @@ class GearSystem:
     meshes: tuple[Mesh, ...]
     damping: Array | None = None
     coordinates: tuple[str, ...] = ()
-    symmetry: Cyclic | None = None
+    symmetries: tuple[Cyclic, ...] = ()
     terms: tuple[PeriodicTerm, ...] = ()
     load: Array | None = None
     forces: tuple[PeriodicForce, ...] = ()
@@ -336,7 +339,7 @@ class GearSystem:
             return 0.5 * (product + np.swapaxes(product, -1, -2)) if _symmetric(full) else product
 
         mapped = self.mapped(matrix, lambda full: np.einsum("...ip,...i->...p", basis, full))
-        return replace(mapped, coordinates=coordinates, symmetry=None, units=(), drawing={})
+        return replace(mapped, coordinates=coordinates, symmetries=(), units=(), drawing={})
 
     def scaled(self, mass: Array, stiffness: Array) -> GearSystem:
         """Return the system in units of a mass and a stiffness ``(...)``, so of sqrt(mass/stiffness) for time."""

@@ -149,8 +149,7 @@ def without_rigid_modes(system: GearSystem) -> GearSystem:
         modal = np.abs(modes.shapes.T @ damping @ modes.shapes)
         if modal[modes.rigid].max() > COUPLED * modal.max():
             return system
-    found, symmetry = system.undriven().projected(elastic), system.symmetry
-    if symmetry is not None:
-        turn = np.linalg.solve(found.mass, elastic.T @ system.mass @ symmetry.turn @ elastic)
-        symmetry = replace(symmetry, turn=turn)
-    return replace(found, symmetry=symmetry, coordinates=tuple(f"u{p + 1}" for p in range(found.size)))
+    found = system.undriven().projected(elastic)
+    back = np.linalg.solve(found.mass, elastic.T @ system.mass)
+    symmetries = tuple(replace(item, turn=back @ item.turn @ elastic) for item in system.symmetries)
+    return replace(found, symmetries=symmetries, coordinates=tuple(f"u{p + 1}" for p in range(found.size)))

@@ -9,6 +9,7 @@ import numpy as np
 from gearstab.errors import NotPossible
 from gearstab.floquet.frequencies.choice import sample
 from gearstab.modal import eigenmodes, mean_modes
+from gearstab.symmetry import the_symmetry, type_name
 from gearstab.system import Array, GearSystem
 
 EQUAL = 1e-9
@@ -41,12 +42,15 @@ def type_basis(system: GearSystem, kind: int | str) -> Array:
     kind: T, or the name of a type, which may stand for several T. Raises NotPossible for a system without symmetry or
     a type that it does not have.
     """
-    symmetry = system.symmetry
+    symmetry = the_symmetry(system)
     if symmetry is None:
-        raise NotPossible("the system has no cyclic symmetry, and so no types of mesh deflection", "name modes instead")
+        several = (
+            "several symmetries" if system.symmetries else "no cyclic symmetry, and so no types of mesh deflection"
+        )
+        raise NotPossible(f"the system has {several}", "name modes instead")
     largest = symmetry.order // 2
     if isinstance(kind, str):
-        names = [symmetry.types[min(t, len(symmetry.types) - 1)] for t in range(largest + 1)]
+        names = [type_name(symmetry, t) for t in range(largest + 1)]
         chosen = [t for t, name in enumerate(names) if name == kind]
         if not chosen:
             raise NotPossible(f"there is no type {kind!r}", f"choose one of {', '.join(dict.fromkeys(names))}")

@@ -169,9 +169,9 @@ def _existence(system: GearSystem, found: dict[str, Any]) -> dict[str, Any]:
     from gearstab.symmetry import can_couple, deflection_types, natural_modes, phase_step
 
     step = phase_step(system)
-    if step is None or system.symmetry is None:
+    if step is None:
         return {"existence_rule": None, **found}
-    order = system.symmetry.order
+    order = system.symmetries[0].order
     modes = natural_modes(system)
     turns = deflection_types(system, modes)
     ((_, groups),) = partitions(modes.natural_frequency[None])

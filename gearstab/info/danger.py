@@ -142,7 +142,7 @@ def planets_step(system: GearSystem) -> tuple[int, int] | None:
     from gearstab.symmetry import phase_step
 
     step = phase_step(system)
-    return None if step is None or system.symmetry is None else (system.symmetry.order, step)
+    return None if step is None else (system.symmetries[0].order, step)
 
 
 def _region(
@@ -234,9 +234,8 @@ def _turned(system: GearSystem, step: int) -> Array:
     """Lags to add to all meshes of a planetary gear for another phase step z; 0 for the first mesh of each gear."""
     from gearstab.symmetry import phase_step, turns
 
-    assert system.symmetry is not None
     present = phase_step(system) or 0
-    return turns(system) * (step - present) / system.symmetry.order
+    return turns(system) * (step - present) / system.symmetries[0].order
 
 
 def _advice(

@@ -82,7 +82,7 @@ def modes_group(system: GearSystem) -> Group:
         "mesh_deflection": modes.mesh_deflection,
         "mode_type": type_names(system, modes),
     }
-    if system.symmetry is not None:
+    if system.symmetries:
         table, values = (*table, DEFLECTION_TYPE), values | {DEFLECTION_TYPE.name: deflection_types(system, modes)}
     part = "symmetric mean system, with the frequencies of the whole one," if system.terms else "mean system"
     said = {

@@ -48,7 +48,7 @@ def turned_star():
     turn[0, 0] = turn[2, 1] = turn[3, 2] = turn[1, 3] = 1.0
     base = star()
     return GearSystem(
-        base.mass, base.stiffness, base.meshes, symmetry=Cyclic(3, turn, ("rotational", "translational", "planet"))
+        base.mass, base.stiffness, base.meshes, symmetries=(Cyclic(3, turn, ("rotational", "translational", "planet")),)
     )
 
 

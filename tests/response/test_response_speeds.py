@@ -194,7 +194,7 @@ def test_a_system_at_rest_has_no_steady_state_to_show() -> None:
     system = pair()
     with pytest.raises(ValueError, match="nothing drives"):
         speed_response(system, SPEEDS)
-    assert not replace(system, load=np.array([1.0])).symmetry
+    assert not replace(system, load=np.array([1.0])).symmetries
 
 
 CONFIG = """

@@ -148,9 +148,9 @@ def _many(system: GearSystem, known: list[DrivenRegion]) -> Iterator[str]:
 def _existence(system: GearSystem, known: list[DrivenRegion]) -> Iterator[str]:
     """The rule of cyclic symmetry, Parker 2009, conclusion 2."""
     step = phase_step(system)
-    if step is None or system.symmetry is None:
+    if step is None:
         return
-    order = system.symmetry.order
+    order = system.symmetries[0].order
     types = deflection_types(system, natural_modes(system))
     for harmonic in sorted({item.tongue.harmonic for item in known}):
         groups: dict[tuple[int, int], bool] = {}

@@ -66,7 +66,7 @@ def build(p: dict[str, Any]) -> GearSystem:
     system = Assembly(Coordinates(dict.fromkeys(gear.names, "m")), elements, meshes).system(
         p,
         {f"{body}_rotation": torques.get(body, 0.0) for body in CENTRAL} if torques else None,
-        symmetry=gear.cyclic() if symmetric else None,
+        symmetries=(gear.cyclic(),) if symmetric else (),
         drawing={} if symmetric else {"planet_angles": vector(gear.angles)},
     )
     if p["scaling"] == "SI":
