@@ -11,6 +11,8 @@ from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+import numpy as np
+
 from gearstab import ckernel, interrupts
 from gearstab.errors import Interrupted, OutputError, SweepError, listed
 from gearstab.results.guard import SWEEP, result_of
@@ -30,14 +32,30 @@ MOST_FAILURES = 10
 
 
 @dataclass(frozen=True)
+class RegionSearches:
+    """What searches for all regions of systems rest on.
+
+    step: largest distance of samples in what is neither proved nor counted, relative; 0 where everything is. coarse:
+    systems that were sampled there in equal steps only. proved, counted: shares of the stable mesh frequencies that are
+    proved stable, and that are searched by counting only, means of all rows; None where no method tells, or nothing is
+    stable.
+    """
+
+    systems: int
+    step: float
+    coarse: int
+    proved: float | None = None
+    counted: float | None = None
+
+
+@dataclass(frozen=True)
 class Summary:
     """What a sweep did.
 
     points: of the grid. blocks, reused: blocks of all methods, and how many of them an earlier run had finished.
     unstable, failed: points that are unstable (None without a method that tells), and that could not be computed.
     flags: by method, how many points carry each flag of ``status``. complete: whether the result was there already.
-    kernels: which ones computed it. proved, counted: shares of the stable mesh frequencies that are proved stable, and
-    that are searched by counting only, means of all rows; None without boundaries, or where nothing is stable.
+    kernels: which ones computed it. searches: by method, what its searches for regions rest on.
     """
 
     points: int
@@ -48,8 +66,7 @@ class Summary:
     flags: Mapping[str, Mapping[str, int]] = field(default_factory=dict)
     complete: bool = False
     kernels: tuple[str, ...] = ()
-    proved: float | None = None
-    counted: float | None = None
+    searches: Mapping[str, RegionSearches] = field(default_factory=dict)
 
 
 def run(
@@ -305,5 +322,13 @@ def _summary(finished: Finished, reused: int) -> Summary:
     return Summary(
         plan.points, plan.blocks, reused, sum(block.unstable for block in tells) if tells else None,
         sum(block.failed for block in tells), {layout.method.name: finished.flags(layout) for layout in plan.layouts},
-        False, tuple(sorted(finished.kernels)), finished.mean("proved_share"), finished.mean("counted_share"),
+        False, tuple(sorted(finished.kernels)),
+        {layout.method.name: _searches(finished, layout) for layout in plan.layouts if layout.gives("sampled_step")},
     )  # fmt: skip
+
+
+def _searches(finished: Finished, layout: Layout) -> RegionSearches:
+    step, coarse = (finished.rows(layout, name) for name in ("sampled_step", "coarse"))
+    known = (finished.rows(layout, name) for name in ("proved_share", "counted_share") if layout.gives(name))
+    shares = (float(np.nanmean(own)) if np.isfinite(own).any() else None for own in known)
+    return RegionSearches(layout.method.once()[1] * len(step), float(step.max()), int(coarse.sum()), *shares)

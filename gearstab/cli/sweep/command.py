@@ -86,8 +86,8 @@ def command(
     summary = run(wanted, target, jobs, resume is True, resume is False, told, failures, scheduler)
     if not quiet:
         tell(final_line(target, summary, time.perf_counter() - start))
-        if basis := remarks.proof(summary.proved, summary.counted):
-            tell(basis)
+        for line in remarks.searched(summary.searches):
+            tell(line)
         for note in [] if summary.complete else remarks.notes(planned, summary):
             tell(f"note: {note}")
         if slow_kernel(planned, summary):

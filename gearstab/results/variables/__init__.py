@@ -246,6 +246,15 @@ TONGUE_PROBABILITY = (
 )  # fmt: skip
 
 
+SAMPLED = (
+    Variable(
+        "sampled_step", (ROWS,), "f8", "1", "distance of samples in what is neither proved nor counted, relative to it",
+        {"comment": "0 where everything is proved or counted"},
+    ),
+    Variable("coarse", (ROWS,), "i4", "1", "number of systems that were sampled there in equal steps only"),
+)  # fmt: skip
+
+
 EXACT = (
     SIDE,
     BOUNDARY,
@@ -270,6 +279,7 @@ EXACT = (
         "proved_frequency", (STRETCH, "side", ROWS), "f8", "rad/s", "ends of a stretch proved stable",
         {"comment": "gaps narrower than the width floor are bridged"},
     ),
+    *SAMPLED,
 )  # fmt: skip
 
 
