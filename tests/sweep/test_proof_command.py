@@ -147,7 +147,7 @@ system:
   damping: {matrix: [[2.0e-7, 0], [0, 2.0e-7]]}
   meshes: [{name: first, direction: [1, -1], mean_stiffness: 1, epsilon: 0.3, contact_ratio: 1.6}]
   terms: [{name: rubbing, left: [1, 0], right: [1, -1], stiffness: {mean: 0, amplitude: 0.01, contact_ratio: 1.3}}]
-sweep: {mesh_frequency: [1.0, 4.0], meshes.first.epsilon: [0.1, 0.3]}
+sweep: {mesh_frequency: [2.5, 4.0]}
 methods:
   boundaries: {}
   tongue_probability: {samples: 16}
@@ -164,23 +164,21 @@ def test_searches_by_samples_say_their_step_and_how_many_were_coarse(
     def told() -> tuple[xr.DataTree, dict[str, str]]:
         said = CliRunner().invoke(group, ["sweep", str(config), "-o", str(out), "-j", "1", "--overwrite"])
         assert said.exit_code == 0, said.output
-        first = {"boundaries": "stable mesh frequencies: ", "tongue_probability": "tongue_probability: "}
-        lines = said.output.splitlines()
-        return loaded(out), {name: next(x for x in lines if x.startswith(words)) for name, words in first.items()}
+        lines = [line for line in said.output.splitlines() if "sampled where" in line]
+        return loaded(out), dict(zip(("boundaries", "tongue_probability"), lines, strict=True))
 
     tree, lines = told()
     for name, line in lines.items():
         step = tree[name]["sampled_step"]
-        assert dict(step.sizes) == {"meshes.first.epsilon": 2}
         assert line.endswith(f"sampled where two multipliers meet, to a step of {float(step.max()):.2g} of them")
         assert (tree[name]["coarse"] == 0).all()
-    assert "some mesh frequencies are neither proved nor counted" in lines["tongue_probability"]
+    assert lines["tongue_probability"].startswith("tongue_probability: some mesh frequencies are neither")
     # No meeting is pursued, and samples are few.
     monkeypatch.setattr(search, "PURSUIT", 0.0)
     monkeypatch.setattr(search, "EQUAL", search.COARSEST)
     tree, lines = told()
-    assert "; those of 2 of 2 systems in equal steps only" in lines["boundaries"]
-    assert "; those of 32 of 32 systems in equal steps only" in lines["tongue_probability"]
+    assert "; those in equal steps only" in lines["boundaries"]
+    assert "; those of 16 of 16 systems in equal steps only" in lines["tongue_probability"]
     assert (tree["tongue_probability"]["coarse"] == 16).all()
 
 
