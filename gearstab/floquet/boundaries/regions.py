@@ -92,12 +92,12 @@ class Boundaries:
         return np.where(np.abs(share - 1) < ROUNDING, 1.0, share)
 
     def uncovered(self) -> str | None:
-        """Return one line on what is neither proved nor counted, None where there is nothing."""
-        rest = self.sampled_step > 0
+        """Return one line on what is neither proved nor counted, None where there is nothing, or nothing stable."""
+        known = self.stable_share(self.proved) + self.stable_share(self.counted)
+        rest = (self.sampled_step > 0) & np.isfinite(known)
         if not rest.any():
             return None
-        known = self.stable_share(self.proved) + self.stable_share(self.counted)
-        share = float(np.nanmean(np.where(rest, 1 - known, 0.0))) if np.isfinite(known).any() else 0.0
+        share = float(np.where(rest, 1 - known, 0.0)[np.isfinite(known)].mean())
         words = f"{100 * max(share, 0.0):.3g} % of the stable mesh frequencies are neither proved nor counted"
         return f"{words}: {sampled(self.sampled_step.max(), self.coarse.sum(), self.rows)}"
 

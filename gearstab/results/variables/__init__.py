@@ -108,11 +108,15 @@ DAMPED = "damped natural frequency of the whole mean system, with damping and th
 SYMMETRIC_PART = "natural frequency of the symmetric mean system, without damping and terms"
 
 
-def with_terms(table: Sequence[Variable]) -> tuple[Variable, ...]:
+def _with_terms(table: Sequence[Variable]) -> tuple[Variable, ...]:
     """Return a table of modes of a system with terms: damped frequencies, and those that belong to the shapes."""
     damped = tuple(replace(v, long_name=DAMPED) if v.name == "natural_frequency" else v for v in table)
     known = next(v for v in table if v.name == "natural_frequency")
     return (*damped, replace(known, name="symmetric_frequency", long_name=SYMMETRIC_PART))
+
+
+MODES_WITH_TERMS = _with_terms(MODES)
+NATURAL_FREQUENCIES_WITH_TERMS = _with_terms(NATURAL_FREQUENCIES)
 
 
 DEFLECTION_TYPE = Variable(
