@@ -30,9 +30,9 @@ def build(p: dict[str, Any]) -> GearSystem:
     """
     train = Train(p)
     rows = [_rows(train, item) for item in train.sets]
+    pairs = [mesh_element(train, k) for k in range(len(train.pairs))]
     elements = [*_bodies(train), *shaft_elements(train), *_supports(train)]
     elements += [element for row in rows for element in row.planets_of(train.damping_factor)]
-    pairs = [mesh_element(train, k) for k in range(len(train.pairs))]
     symmetries = [row.cyclic() for row in rows if row.item.planets.get("angles") is None and not train.shared(row.item)]
     meshes = [mesh for row in rows for mesh in _set_meshes(train, row)] + pairs
     assembly = Assembly(train.coordinates, elements, meshes)
