@@ -201,7 +201,10 @@ def _branch(
         return
     onward = [(k, ends, text) for k, (ends, text) in enumerate(links) if name in ends and k not in used]
     used.update(k for k, _, _ in onward)
-    ways = [(other, text) for _, ends, text in onward for other in ends if other != name]
+    ways = []
+    for _, ends, text in onward:
+        others = [other for other in ends if other != name]
+        ways += [(other, text.split(",")[0] if k else text) for k, other in enumerate(others)]
     for place, (other, text) in enumerate(ways):
         last = place == len(ways) - 1
         deeper = margin + ("   " if last else "|  ")

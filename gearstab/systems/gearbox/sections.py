@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 from pydantic import Field
 
 from gearstab.config.document.problems import Path, nearest
+from gearstab.config.document.tree import mapping
 from gearstab.config.document.yaml import Document
 from gearstab.config.model.conflicts import Conflict, items, within_each
 from gearstab.config.model.fields import (
@@ -128,6 +129,14 @@ class Gearbox(System):
     @classmethod
     def train(cls, p: dict[str, Any]) -> Train:
         return Train(p)
+
+    @classmethod
+    def mesh_places(cls, raw: dict[str, Any]) -> Iterator[tuple[Path, dict[str, Any]]]:
+        """Yield those of the sets, which may be described by their teeth alone, too."""
+        for k, item in items(raw.get("planetary_sets")):
+            for name in ("sun", "ring"):
+                yield ("planetary_sets", k, "meshes", name), mapping(mapping(mapping(item).get("meshes")).get(name))
+        yield from super().mesh_places(raw)
 
     @classmethod
     def complete(cls, document: Document, raw: dict[str, Any], size: int | None) -> None:
