@@ -21,6 +21,7 @@ from gearstab.systems.assembly import Coordinates, Element, Row, total
 from gearstab.systems.gearbox import rotors
 from gearstab.systems.kinematics import MeshMotion, TrainError, Where
 from gearstab.systems.planetary.angles import ASSEMBLE, FIT, angles_of
+from gearstab.systems.planetary.feasibility import assembly
 from gearstab.systems.planetary.rows import SetRows, turn_matrix
 from gearstab.systems.planetary.teeth import SetTeeth
 
@@ -106,9 +107,11 @@ class TrainSet:
 
         Raises TrainError where teeth do not fit.
         """
-        if self.planets.get("angles") is None:
-            return [Fraction(n, self.count) for n in range(self.count)]
         sun, ring = self.counted("sun"), self.counted("ring")
+        if self.planets.get("angles") is None:
+            for _, _, message, remedy in assembly(sun, self.counted("planet"), ring, self.count):
+                raise TrainError((*self.where, "planets", "teeth"), message, remedy)
+            return [Fraction(n, self.count) for n in range(self.count)]
         found: list[Fraction | Array] = []
         for n, angle in enumerate(self.angles, start=1):
             steps = (angle - self.angles[0]) * (sun + ring) / tau
@@ -130,7 +133,7 @@ class TrainSet:
         with self.told():
             between = self.teeth.lag(phases.get("rule") or "entry", sun_drives)
         between = between if phases.get("sun_ring") is None else rotors.number(phases, "sun_ring")
-        return {"sun": [*sun], "ring": [np.asarray(lag, dtype=float) + between for lag in sun]}
+        return {"sun": [*sun], "ring": [(np.asarray(lag, dtype=float) + between) % 1 for lag in sun]}
 
     @property
     def coordinates(self) -> dict[str, str]:
