@@ -17,8 +17,8 @@ from gearstab.floquet import solve
 from gearstab.modal import mean_modes
 from gearstab.system import GearSystem
 from gearstab.systems import build
-from gearstab.systems.planetary import Planetary
 from gearstab.systems.planetary.angles import nearest
+from gearstab.systems.planetary.sections import Planetary
 
 SCENE = configuration(
     "angles: assemble", "ring: {kind: rigid}", "teeth: {sun: 27, planet: 20}",
