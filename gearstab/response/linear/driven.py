@@ -13,9 +13,10 @@ from functools import cached_property
 
 import numpy as np
 
+from gearstab.propagation.equation import Equation
 from gearstab.propagation.excitation import Excitation, excitation
 from gearstab.propagation.first_order import FirstOrder, bases
-from gearstab.propagation.intervals import SteadyPoints, intervals, occupied
+from gearstab.propagation.intervals import SteadyPoints, intervals
 from gearstab.propagation.one_motion import followed
 from gearstab.response.linear.steady import period_map, resolution
 from gearstab.system import Array, GearSystem
@@ -48,7 +49,7 @@ class Driven:
         """The operating point with as many Magnus steps as the tolerance asks for."""
         if self.drive.exact:
             return self.points
-        steps = resolution(self.drive, self.basis, self.points.at, self.points.omega, self.tolerance)
+        steps = resolution(self.points.equation, self.points.at, self.points.omega, self.tolerance)
         return replace(self.points, steps=steps)
 
     @property
@@ -106,30 +107,15 @@ class Driven:
         """Intervals of a common period: number, which of its first samples lie in it, and at which fractions of it."""
         edges = self.points.edges[0] * grid
         first = first_sample(edges)
-        for q in occupied(self.points):
+        for q in self.points.equation.occupied:
             if first[q] >= samples:
                 break
             inside = np.arange(first[q], min(first[q + 1], samples))
             yield q, inside, np.clip((inside - edges[q]) / (edges[q + 1] - edges[q]), 0.0, 1.0)
 
-    def stiffness(self, grid: int) -> Array:
-        """``(grid, meshes)``: the mesh stiffnesses at the samples of a common period, just after a jump on one."""
-        edges = self.points.edges[0]
-        first = first_sample(edges * grid)
-        tau = np.arange(grid) / grid
-        for q in occupied(self.points):
-            inside = slice(first[q], first[q + 1])
-            width = edges[q + 1] - edges[q]
-            if self.drive.exact:
-                tau[inside] = 0.5 * (edges[q] + edges[q + 1])
-            else:
-                # Just inside, where a function that jumps at an edge still has the value of the interval.
-                tau[inside] = np.clip(tau[inside], edges[q] + 1e-9 * width, edges[q + 1] - 1e-9 * width)
-        return np.asarray(self.drive.split(self.drive.varying(tau[None])[0])[0])
-
     def momentary(self, grid: int) -> tuple[Array, Array]:
         """``(grid, meshes)``, the mesh stiffnesses and the transmission errors at the samples of a common period."""
-        return self.stiffness(grid), self.drive.z(np.arange(grid) / grid) @ self.drive.errors[0].T
+        return self.points.equation.momentary(np.arange(grid) / grid, ON_A_JUMP / grid)
 
 
 def driven(system: GearSystem, mesh_frequency: float, tolerance: float = 1e-9) -> Driven:
@@ -140,7 +126,7 @@ def driven(system: GearSystem, mesh_frequency: float, tolerance: float = 1e-9) -
     drive = excitation(system)
     (basis,) = bases(system, whole=True)
     at, omega = np.zeros(1, dtype=int), np.array([float(mesh_frequency)])
-    points = SteadyPoints.of(drive, basis, at, omega)
+    points = SteadyPoints.of(Equation(basis, drive), at, omega)
     return Driven(points.excitation, points.basis, points, tolerance)
 
 
