@@ -17,7 +17,7 @@ import numpy as np
 from gearstab.propagation.excitation import excitation
 from gearstab.propagation.first_order import bases
 from gearstab.propagation.path import Path
-from gearstab.propagation.phase import PhaseEquation, divided
+from gearstab.propagation.phase import PROBES, PhaseEquation, divided
 from gearstab.propagation.products import product, scaled
 from gearstab.system import Array, GearSystem
 
@@ -146,7 +146,7 @@ def swing(motion: Motion) -> float:
     Of the eigenvalues of the stiffness matrices of all moments, relative to that of the mean mesh stiffness.
     """
     equation, edges = motion.equation, motion.equation.borders
-    more = [] if equation.drive.exact else np.linspace(0.0, 1.0, 65)[:-1] + 1 / 128
+    more = PROBES[:0] if equation.drive.exact else PROBES
     part = np.unique(np.concatenate([0.5 * (edges[1:] + edges[:-1]), more]))
     generator = equation.generators(equation.along(part), 0.0)
     # The state is (w u, u', b'), and (w u)' = w u'.

@@ -35,14 +35,28 @@ position and velocity do not jump, so that only the force and the energy depend 
 class Driven:
     """A single system at one mesh frequency, ready to be followed.
 
-    drive: what varies and drives; basis: all modes, rigid-body ones included; points: the operating point.
+    whole: the equation at any mesh frequency, of all modes, rigid-body ones included. omega: Omega.
     tolerance: where functions vary smoothly, of the map over a period, relative.
     """
 
-    drive: Excitation
-    basis: FirstOrder
-    points: SteadyPoints
+    whole: Equation
+    omega: float
     tolerance: float
+
+    @cached_property
+    def points(self) -> SteadyPoints:
+        """The operating point."""
+        return SteadyPoints.of(self.whole, np.zeros(1, dtype=int), np.array([self.omega]))
+
+    @property
+    def drive(self) -> Excitation:
+        """What varies and drives."""
+        return self.points.excitation
+
+    @property
+    def basis(self) -> FirstOrder:
+        """The first-order form at this mesh frequency."""
+        return self.points.basis
 
     @cached_property
     def resolved(self) -> SteadyPoints:
@@ -55,7 +69,7 @@ class Driven:
     @property
     def period(self) -> float:
         """The common period."""
-        return float(2 * np.pi * self.drive.cycles / self.points.omega[0])
+        return 2 * np.pi * self.drive.cycles / self.omega
 
     def state(self, displacement: Array, velocity: Array) -> Array:
         """x ``(m,)`` from q and dq/dt ``(n,)``."""
@@ -123,11 +137,8 @@ def driven(system: GearSystem, mesh_frequency: float, tolerance: float = 1e-9) -
 
     Raises ValueError without a common period.
     """
-    drive = excitation(system)
-    (basis,) = bases(system, whole=True)
-    at, omega = np.zeros(1, dtype=int), np.array([float(mesh_frequency)])
-    points = SteadyPoints.of(Equation(basis, drive), at, omega)
-    return Driven(points.excitation, points.basis, points, tolerance)
+    (form,) = bases(system, whole=True)
+    return Driven(Equation(form, excitation(system)), float(mesh_frequency), tolerance)
 
 
 def first_sample(edges: Array) -> Array:
