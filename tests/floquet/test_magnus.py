@@ -359,4 +359,4 @@ class TestDivision:
                 pattern = division.pattern(CF6_5, 4)
                 mean = np.einsum("rs,rsm->rm", pattern.fractions, pattern.levels)
                 # Gauss-Legendre nodes on analytic pieces: exact for ramps and cubics.
-                np.testing.assert_allclose(mean, division.sampler.mean(division.rows), rtol=0, atol=1e-9)
+                np.testing.assert_allclose(mean, division.functions.offsets(division.rows), rtol=0, atol=1e-9)

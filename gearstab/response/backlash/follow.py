@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gearstab.propagation.intervals import occupied
 from gearstab.response.backlash.contact import APART, LOWER, UPPER
 from gearstab.response.backlash.crossing import bernstein, first_below
 from gearstab.response.backlash.dynamics import Dynamics, PolynomialPiece
@@ -70,7 +69,7 @@ def follow(dynamics: Dynamics, x: Array, tolerance: float) -> Iterator[Stretch]:
     edges, period = motion.points.edges[0], motion.period
     # Every period asks for the same.
     middles = dynamics.values(0.5 * (edges[:-1] + edges[1:])) if motion.drive.exact else None
-    intervals = occupied(motion.points)
+    intervals = motion.points.equation.occupied
     contact = dynamics.teeth.contact(dynamics.gauge @ dynamics.whole(x, 0.0))
     most, soon = busiest(dynamics), 0
     switched: int | None = None

@@ -106,7 +106,7 @@ class SectionMap:
 
     def _model(self, omega: float) -> tuple[Dynamics, Timetable, Array]:
         """The equations of motion at a mesh frequency, what varies in them, and which states are elastic."""
-        motion = replace(self._motion, points=replace(self._motion.points, omega=np.array([omega])))
+        motion = replace(self._motion, omega=omega)
         found = dynamics(self.system, motion, self.teeth)
         table = timetable(found)
         if table is None:
