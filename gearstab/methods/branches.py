@@ -80,7 +80,7 @@ class BranchAnalysis(Method):
 
     def run(self, mesh_frequency: Array) -> Outcome:
         from gearstab.response.branches.continuation import StepLimits
-        from gearstab.response.branches.solve import Search, Starts
+        from gearstab.response.branches.solve import BranchSearch, Starts
         from gearstab.response.branches.table import table
 
         low, high = (float(end) for end in mesh_frequency)
@@ -88,7 +88,7 @@ class BranchAnalysis(Method):
         values = np.linspace(low, high, self.STARTS) if own.starts is None else np.clip(own.starts, low, high)
         limits = StepLimits(low, high, own.points, longest=own.longest_step, largest=own.largest)
         starts = Starts(tuple(values.tolist()), own.states, own.cycles, own.seed)
-        search = Search(self.system, limits, own.switch)
+        search = BranchSearch(self.system, limits, own.switch)
         search.run(starts)
         arranged = table(search, own.points, 2 * self.system.size, len(self.system.meshes))
         return Outcome({name: values[None] for name, values in vars(arranged).items()})
