@@ -60,13 +60,6 @@ def _commutator(a: Array, b: Array) -> Array:
     return a @ b - b @ a
 
 
-def exponent(coefficients: Array, step: Array) -> Array:
-    """W ``(P, m, m)`` of one step's coefficients ``(5, m, m)`` for step lengths ``(P,)``."""
-    powers = step[:, None] ** np.arange(1, 6)
-    size = coefficients.shape[-1]
-    return (powers @ coefficients.reshape(5, -1)).reshape(-1, size, size)
-
-
 def expm(matrix: Array) -> Array:
     """exp(A) of ``(P, m, m)`` by scaling and squaring, each matrix with the scaling it needs.
 

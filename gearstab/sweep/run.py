@@ -36,7 +36,7 @@ class Summary:
     points: of the grid. blocks, reused: blocks of all methods, and how many of them an earlier run had finished.
     unstable, failed: points that are unstable (None without a method that tells), and that could not be computed.
     flags: by method, how many points carry each flag of ``status``. complete: whether the result was there already.
-    kernels: which ones computed it. proved, counted: shares of the stable mesh frequencies that are proved stable, and
+    proved, counted: shares of the stable mesh frequencies that are proved stable, and
     that are searched by counting only, means of all rows; None without boundaries, or where nothing is stable.
     """
 
@@ -47,7 +47,6 @@ class Summary:
     failed: int = 0
     flags: Mapping[str, Mapping[str, int]] = field(default_factory=dict)
     complete: bool = False
-    kernels: tuple[str, ...] = ()
     proved: float | None = None
     counted: float | None = None
 
@@ -305,5 +304,5 @@ def _summary(finished: Finished, reused: int) -> Summary:
     return Summary(
         plan.points, plan.blocks, reused, sum(block.unstable for block in tells) if tells else None,
         sum(block.failed for block in tells), {layout.method.name: finished.flags(layout) for layout in plan.layouts},
-        False, tuple(sorted(finished.kernels)), finished.mean("proved_share"), finished.mean("counted_share"),
+        False, finished.mean("proved_share"), finished.mean("counted_share"),
     )  # fmt: skip

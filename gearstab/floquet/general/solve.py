@@ -18,7 +18,7 @@ from itertools import pairwise
 import numpy as np
 
 from gearstab.floquet.general.coordinates import Generator, generators
-from gearstab.floquet.kernel import choice as kernel
+from gearstab.floquet.kernel import c_kernel as kernel
 from gearstab.floquet.segments.pattern import CONSTANT, PROBES
 from gearstab.floquet.stability import STATUS_FLAGS, FloquetStability, decided, settled
 from gearstab.interrupts import heed
@@ -80,7 +80,7 @@ def analyse(
             table[r] = settled(np.concatenate([logs / period[:, None], rigid], axis=1), stable[r])
     status = np.where(error <= tolerance, 0, STATUS_FLAGS["not_converged"]).astype(np.int16)
     status[stable < 0] |= STATUS_FLAGS["failed"]
-    return FloquetStability(growth, stable, status, table, error, kernel.name())
+    return FloquetStability(growth, stable, status, table, error)
 
 
 @dataclass(frozen=True)
@@ -260,7 +260,7 @@ def _graded(division: _Division, row: Generator, index: int, period: Array) -> A
         part, count, more = slice(begin, begin + at_once), 0, SPREAD
         while True:
             factors, scale = _factors(division.pieces(row, index), time[part], more)
-            logs[part] = kernel.current().graded(factors) + scale[:, None]
+            logs[part] = kernel.graded(factors) + scale[:, None]
             widest = float(np.ptp(logs[part].real, axis=1).max())
             # Multipliers may be further apart than the states tell, as those of instabilities are.
             if len(factors) == count or not widest > 1.5 * WIDTH * len(factors):

@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gearstab import ckernel
 from gearstab.linear.eigen import Eigen, divided_exponential
 from gearstab.response.linear.intervals import ENTRIES, Exact, Interval, SteadyPoints, Stepped, occupied
 from gearstab.system import Array
@@ -180,8 +179,8 @@ def bundles(points: SteadyPoints) -> Iterator[Bundle | Interval]:
 
 
 def monodromy(points: SteadyPoints) -> Array | None:
-    """M ``(K, m, m)`` by the compiled kernel; None where that is not in use or a state has no eigenvectors."""
-    states = _states(points) if ckernel.in_use() and points.basis.size else None
+    """M ``(K, m, m)`` by the compiled kernel; None where a state has no eigenvectors."""
+    states = _states(points) if points.basis.size else None
     if states is None:
         return None
     from gearstab.floquet.kernel.c_kernel import chained
