@@ -130,7 +130,10 @@ class Modes:
 
 
 def mean_modes(system: GearSystem) -> Modes:
-    """The modes of the mean system, see :class:`Modes`. Source: Lin & Parker 2002, (5)."""
+    """Return the basis in which motions are computed: modes of the mean system. Source: Lin & Parker 2002, (5).
+
+    What results show as natural frequencies and modes is :func:`gearstab.symmetry.natural_modes`.
+    """
     values, shapes = eigenmodes(system.mass, system.mean_stiffness_matrix())
     deflection = _deflections(system, shapes)
     magnitude = _magnitude(system, shapes, deflection)

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gearstab.modal import Modes, mesh_deflection, mode_types, significant_deflection
+from gearstab.modal import Modes, mean_modes, mesh_deflection, mode_types, significant_deflection
 from gearstab.system import Array, Cyclic, GearSystem, Mesh
 
 EQUAL_FREQUENCY = 1e-8
@@ -25,16 +25,22 @@ ALIKE = 1e-9
 """Mesh phases, in periods, that differ by less are equal; they are written with a few digits less than a double has."""
 
 
-def oriented(system: GearSystem, modes: Modes) -> Modes:
-    """The modes of a single system of cyclic symmetry with every group of equal frequencies in a basis of pure types.
+def natural_modes(system: GearSystem) -> Modes:
+    """Return the vibration modes that results and messages show: those of the mean system, without damping.
+
+    Of a single system of cyclic symmetry every group of equal frequencies is in a basis of pure types. Computations
+    may use any basis, that of :func:`gearstab.modal.mean_modes`.
 
     Of a pair of type T the first mode deflects most at the first mesh that it deflects at all, in the positive sense,
     the second not at all there; a turn by 2 pi/N takes the first towards the second. So the mesh deflections at that
-    gear are a cos T psi_n and a sin T psi_n. Systems without symmetry keep their modes.
+    gear are a cos T psi_n and a sin T psi_n.
     """
-    if system.symmetry is None:
+    modes = mean_modes(system)
+    if not system.symmetries or system.batch:
         return modes
-    shapes, turned = modes.shapes.copy(), system.mass @ system.symmetry.turn
+    # In general position, so that their sum tells all types of all symmetries apart; they commute.
+    turned = system.mass @ sum(np.sqrt(k + 1) * item.turn for k, item in enumerate(system.symmetries))
+    shapes = modes.shapes.copy()
     visible = np.sqrt(np.sum(modes.mesh_deflection**2, axis=0))
     for group in _groups(modes.squared_frequency):
         part = shapes[:, group]
@@ -67,7 +73,7 @@ def _runs(values: Array) -> list[Array]:
 
 
 def _pair(system: GearSystem, pair: Array, turned: Array, visible: Array) -> Array:
-    """The pair in the basis that :func:`oriented` describes."""
+    """The pair in the basis that :func:`natural_modes` describes."""
     deflection = np.stack([mesh.direction @ pair for mesh in system.meshes])
     seen = np.flatnonzero(np.abs(deflection).max(axis=1) > PURE * visible)
     if len(seen):
@@ -76,34 +82,49 @@ def _pair(system: GearSystem, pair: Array, turned: Array, visible: Array) -> Arr
     return pair * [1.0, -1.0] if pair[:, 1] @ turned @ pair[:, 0] < 0 else pair
 
 
-def turning_types(system: GearSystem, modes: Modes) -> Array:
-    """``(n,)``, the T of every mode of a single system, -1 for one that is of no type: any, without symmetry."""
-    if system.symmetry is None:
-        return np.full(system.size, -1)
-    cosine = np.einsum("ip,ij,jp->p", modes.shapes, system.mass @ system.symmetry.turn, modes.shapes)
-    order = system.symmetry.order
+def turning_types(system: GearSystem, modes: Modes, symmetry: Cyclic) -> Array:
+    """``(n,)``, the T of every mode of a single system under a symmetry, -1 for one that is of no type."""
+    cosine = np.einsum("ip,ij,jp->p", modes.shapes, system.mass @ symmetry.turn, modes.shapes)
+    order = symmetry.order
     nearest = np.rint(np.arccos(np.clip(cosine, -1.0, 1.0)) * order / (2 * np.pi)).astype(int)
     return np.where(np.abs(np.cos(2 * np.pi * nearest / order) - cosine) < PURE, nearest, -1)
 
 
 def deflection_types(system: GearSystem, modes: Modes) -> Array:
-    """``(n,)``, T of the mesh deflections of every mode; -1 without any mesh deflection, or without symmetry."""
+    """``(n,)``, T of the mesh deflections of every mode; -1 without any mesh deflection, or without symmetry.
+
+    Of several symmetries a mode is turned by one at most: under the others its T is 0.
+    """
     deflects = np.any(significant_deflection(modes), axis=-1) & ~modes.rigid
-    return np.where(deflects, turning_types(system, modes), -1)
+    found = [turning_types(system, modes, symmetry) for symmetry in system.symmetries] or [np.full(system.size, -1)]
+    return np.where(deflects & (np.min(found, axis=0) >= 0), np.max(found, axis=0), -1)
 
 
 def type_names(system: GearSystem, modes: Modes) -> list[str]:
-    """Name every mode: by its T where the system has symmetry, else as :func:`gearstab.modal.mode_types`."""
-    plain = [str(kind) for kind in mode_types(modes)]
-    if system.symmetry is None:
-        return plain
+    """Name every mode: by its T where the system has symmetry, else as :func:`gearstab.modal.mode_types`.
+
+    Modes that no turn of a part changes keep the latter name, if the system has other parts.
+    """
+    named = [str(kind) for kind in mode_types(modes)]
     types = deflection_types(system, modes)
-    named = [kind if t < 0 else _name(system.symmetry, t) for kind, t in zip(plain, types, strict=True)]
-    return [system.symmetry.still if kind == "no mesh deflection" else kind for kind in named]
+    for symmetry in system.symmetries:
+        for p, t in enumerate(turning_types(system, modes, symmetry)):
+            if types[p] >= 0 and (t > 0 or not symmetry.name):
+                named[p] = type_name(symmetry, t)
+            elif named[p] == "no mesh deflection":
+                named[p] = symmetry.still
+    return named
 
 
-def _name(symmetry: Cyclic, t: int) -> str:
-    return symmetry.types[min(t, len(symmetry.types) - 1)]
+def type_name(symmetry: Cyclic, t: int) -> str:
+    """Return the name of the modes of type T."""
+    name = symmetry.types[min(t, len(symmetry.types) - 1)]
+    return f"{name}, {symmetry.name}" if symmetry.name else name
+
+
+def the_symmetry(system: GearSystem) -> Cyclic | None:
+    """Return the only symmetry of a system, to which the existence rule applies; None of none or several."""
+    return system.symmetries[0] if len(system.symmetries) == 1 else None
 
 
 def phase_step(system: GearSystem) -> int | None:
@@ -112,10 +133,11 @@ def phase_step(system: GearSystem) -> int | None:
     With phases from tooth numbers z = z_s (mod N); meshes in phase have z = 0. The meshes of a gear that go into one
     another by turns must be alike in all but their phase.
     """
-    if system.symmetry is None:
+    symmetry, steps = the_symmetry(system), set[int]()
+    if symmetry is None:
         return None
-    order, steps = system.symmetry.order, set[int]()
-    for mesh, following in _neighbours(system.meshes, system.symmetry.turn):
+    order = symmetry.order
+    for mesh, following in _neighbours(system.meshes, symmetry.turn):
         step = float(np.asarray(following.lag) - np.asarray(mesh.lag)) * order
         if not _alike(mesh, following) or abs(step - round(step)) > ALIKE * order:
             return None
@@ -128,7 +150,8 @@ def turns(system: GearSystem) -> Array:
     a period each. Zeros without symmetry.
     """
     found = np.full(len(system.meshes), -1)
-    following = [] if system.symmetry is None else _following(system.meshes, system.symmetry.turn)
+    symmetry = the_symmetry(system)
+    following = [] if symmetry is None else _following(system.meshes, symmetry.turn)
     for first in range(len(following)):
         mesh, count = first, 0
         while found[mesh] < 0:

@@ -14,7 +14,7 @@ whole slab of a sweep is built and solved with a handful of array operations.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from fractions import Fraction
@@ -24,15 +24,20 @@ from math import gcd, lcm, prod
 import numpy as np
 
 from gearstab.errors import NotPossible
-from gearstab.waveforms import Fourier, Profile, Waveform
+from gearstab.waveforms import Constant, Fourier, Profile, Rectangular, Waveform
+from gearstab.waveforms.profile import harmonic
 
 Array = np.ndarray
+
+ASYMMETRIC = 1e-12
+"""Part of the largest entry by which a matrix and its transpose may differ by rounding."""
 
 
 class Feature(Enum):
     """Property of a system that a theory must support; a method declares those that it does and refuses others."""
 
     PERIODIC_TERMS = "periodic terms besides the mesh stiffness"
+    UNSYMMETRIC_DAMPING = "a damping matrix that is not symmetric"
     IRRATIONAL_RATIO = "mesh frequencies of irrational ratio"
     FOLLOWS_ROTATION = "a mesh stiffness that follows the rotation"
 
@@ -89,6 +94,10 @@ class Mesh:
         g = np.asarray(self.direction)
         return g[..., :, None] * g[..., None, :]
 
+    def averaged(self) -> Mesh:
+        """Return the mesh with its mean stiffness throughout."""
+        return replace(self, epsilon=np.zeros_like(self.epsilon), waveform=Rectangular(1.0), lag=0.0)
+
 
 @dataclass(frozen=True)
 class PeriodicTerm:
@@ -118,6 +127,14 @@ class PeriodicTerm:
     def profiles(self) -> tuple[Profile, ...]:
         """The functions that there are."""
         return tuple(profile for profile in (self.stiffness, self.damping) if profile is not None)
+
+    def averaged(self) -> PeriodicTerm:
+        """Return the term with the means of its functions throughout."""
+        stiffness, damping = (
+            None if profile is None else Constant(harmonic(profile, 0).real)
+            for profile in (self.stiffness, self.damping)
+        )
+        return replace(self, stiffness=stiffness, damping=damping)
 
     @property
     def batch(self) -> tuple[int, ...]:
@@ -157,16 +174,19 @@ class Cyclic:
     Parameters
     ----------
     order: N.
-    turn: ``(n, n)``, R with R^T M R = M and R^T K R = K: the displacement R q is q turned by 2 pi/N.
+    turn: ``(n, n)``, R with R^T M R = M and R^T K R = K: the displacement R q is q turned by 2 pi/N. It is 1 on
+        coordinates that are not of the part that has the symmetry.
     types: what modes are called that a turn by 2 pi/N takes into cos(2 pi T/N) of themselves, from T = 0 on; the last
         name is that of all further T.
     still: what modes without mesh deflection are called.
+    name: of the part of the system that has the symmetry, "" for all of it.
     """
 
     order: int
     turn: Array
     types: tuple[str, ...]
     still: str = "no mesh deflection"
+    name: str = ""
 
 
 @dataclass(frozen=True)
@@ -176,14 +196,14 @@ class GearSystem:
     Parameters
     ----------
     mass, stiffness: ``(..., n, n)``, symmetric; ``stiffness`` is K0, everything but the meshes.
-    damping: ``(..., n, n)`` or None for an undamped system.
+    damping: ``(..., n, n)`` or None for an undamped system; its antisymmetric part is gyroscopic.
     meshes: at least one.
     coordinates: names of the n coordinates.
     terms: further periodic parts of K(t) and C(t), which need not be symmetric.
     load: ``(..., n)``, the constant part of f(t), or None. Stability does not depend on f(t).
     forces: the periodic parts of f(t).
-    symmetry: of the mean system, where it has one. It names modes, and modes of different types are taken as uncoupled
-        where the mesh stiffnesses of every moment and the damping have it as well, which is looked at.
+    symmetries: of the mean system, each of another part. They name modes, and modes of different types are taken as
+        uncoupled where the mesh stiffnesses of every moment and the damping have them as well, which is looked at.
     units: SI unit of each coordinate, ``m`` or ``rad``; without any all are m. Results and figures say it, nothing
         relies on it.
     deflection_unit: SI unit of the mesh deflections g_i^T q, ``m``, or ``rad`` where the mesh stiffness is torsional.
@@ -196,7 +216,7 @@ class GearSystem:
     meshes: tuple[Mesh, ...]
     damping: Array | None = None
     coordinates: tuple[str, ...] = ()
-    symmetry: Cyclic | None = None
+    symmetries: tuple[Cyclic, ...] = ()
     terms: tuple[PeriodicTerm, ...] = ()
     load: Array | None = None
     forces: tuple[PeriodicForce, ...] = ()
@@ -261,8 +281,17 @@ class GearSystem:
     @cached_property
     def features(self) -> frozenset[Feature]:
         """The features that a theory of this system must support."""
-        present = {Feature.PERIODIC_TERMS: bool(self.terms), Feature.IRRATIONAL_RATIO: not self.commensurate}
+        present = {
+            Feature.PERIODIC_TERMS: bool(self.terms),
+            Feature.UNSYMMETRIC_DAMPING: self.damping is not None and not _symmetric(self.damping),
+            Feature.IRRATIONAL_RATIO: not self.commensurate,
+        }
         return frozenset(feature for feature, has in present.items() if has)
+
+    @property
+    def general(self) -> bool:
+        """Whether more than the stiffness of meshes varies, or C is not symmetric: only first-order theory applies."""
+        return bool(self.features & {Feature.PERIODIC_TERMS, Feature.UNSYMMETRIC_DAMPING})
 
     @property
     def forced(self) -> bool:
@@ -284,6 +313,66 @@ class GearSystem:
         """The same system with the given batch shape, carried by its mass: what varies or not no longer decides it."""
         return replace(self, mass=np.broadcast_to(self.mass, (*batch, self.size, self.size)))
 
+    def mapped(self, matrix: Callable[[Array], Array], vector: Callable[[Array], Array]) -> GearSystem:
+        """Return the system with all its matrices ``(..., n, n)`` and all directions and loads ``(..., n)`` mapped."""
+        return replace(
+            self,
+            mass=matrix(self.mass),
+            stiffness=matrix(self.stiffness),
+            damping=None if self.damping is None else matrix(self.damping),
+            meshes=tuple(replace(mesh, direction=vector(mesh.direction)) for mesh in self.meshes),
+            terms=tuple(replace(term, left=vector(term.left), right=vector(term.right)) for term in self.terms),
+            load=None if self.load is None else vector(self.load),
+            forces=tuple(replace(force, direction=vector(force.direction)) for force in self.forces),
+        )
+
+    def projected(self, basis: Array, coordinates: tuple[str, ...] = ()) -> GearSystem:
+        """Return the system with q = B y (Galerkin): M' = B^T M B and so on, g_i' = B^T g_i.
+
+        basis: ``(..., n, m)``. coordinates: names of y. Exact where nothing couples the subspace to what is left out.
+        Symmetry, units and pictures of the coordinates q are not those of y.
+        """
+        back = np.swapaxes(basis, -1, -2)
+
+        def matrix(full: Array) -> Array:
+            product = back @ full @ basis
+            return 0.5 * (product + np.swapaxes(product, -1, -2)) if _symmetric(full) else product
+
+        mapped = self.mapped(matrix, lambda full: np.einsum("...ip,...i->...p", basis, full))
+        return replace(mapped, coordinates=coordinates, symmetries=(), units=(), drawing={})
+
+    def scaled(self, mass: Array, stiffness: Array) -> GearSystem:
+        """Return the system in units of a mass and a stiffness ``(...)``, so of sqrt(mass/stiffness) for time."""
+        drag = np.sqrt(mass * stiffness)
+        meshes = [
+            replace(mesh, mean_stiffness=mesh.mean_stiffness / stiffness, damping=mesh.damping / drag)
+            for mesh in self.meshes
+        ]
+        parts = [(replace(term, damping=None), stiffness) for term in self.terms if term.stiffness is not None]
+        parts += [(replace(term, stiffness=None), drag) for term in self.terms if term.damping is not None]
+        return replace(
+            self,
+            mass=self.mass / mass[..., None, None],
+            stiffness=self.stiffness / stiffness[..., None, None],
+            damping=None if self.damping is None else self.damping / drag[..., None, None],
+            meshes=tuple(meshes),
+            terms=tuple(replace(term, left=term.left / unit[..., None]) for term, unit in parts),
+            load=None if self.load is None else self.load / stiffness[..., None],
+            forces=tuple(replace(force, direction=force.direction / stiffness[..., None]) for force in self.forces),
+            dimensionless=("mass", "time"),
+        )
+
+    def averaged(self, ratio: Fraction | float | None = None) -> GearSystem:
+        """Return the system with the means of all that varies, but for what varies with r Omega, ``ratio`` r."""
+        meshes = [mesh if mesh.frequency_ratio == ratio else mesh.averaged() for mesh in self.meshes]
+        terms = [term if term.frequency_ratio == ratio else term.averaged() for term in self.terms]
+        return replace(self, meshes=tuple(meshes), terms=tuple(terms))
+
+    def undriven(self) -> GearSystem:
+        """Return the system with nothing that drives it."""
+        meshes = tuple(replace(mesh, transmission_error=None) for mesh in self.meshes)
+        return replace(self, load=None, forces=(), meshes=meshes)
+
     def mean_stiffness_matrix(self) -> Array:
         """K0 + sum_i k_gi g_i g_i^T, ``(..., n, n)``."""
         return self.stiffness_matrix([mesh.mean_stiffness for mesh in self.meshes])
@@ -302,6 +391,12 @@ class GearSystem:
         the terms after those of the meshes. Raises NotPossible where there is none.
         """
         return shared_period(self.frequency_ratios)
+
+
+def _symmetric(matrix: Array) -> bool:
+    """Whether matrices ``(..., n, n)`` are symmetric but for rounding."""
+    asymmetry = np.abs(matrix - np.swapaxes(matrix, -1, -2)).max(axis=(-2, -1), initial=0.0)
+    return bool(np.all(asymmetry <= ASYMMETRIC * np.abs(matrix).max(axis=(-2, -1), initial=0.0)))
 
 
 def shared_period(ratios: list[Fraction | float]) -> tuple[Fraction, tuple[int, ...]]:

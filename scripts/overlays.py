@@ -20,7 +20,7 @@ from gearstab.config import load
 from gearstab.plots.drawing.heading import write_legend
 from gearstab.plots.drawing.style import CASES, DASHES, new_figure, save, style
 from gearstab.plots.view import Request
-from gearstab.systems.gearbox.build import Train
+from gearstab.systems.gearbox.train import Train
 
 CONFIGS = Path(__file__).parent.parent / "configs"
 SMALLEST_LINE = 0.02

@@ -149,19 +149,7 @@ def without_rigid_modes(system: GearSystem) -> GearSystem:
         modal = np.abs(modes.shapes.T @ damping @ modes.shapes)
         if modal[modes.rigid].max() > COUPLED * modal.max():
             return system
-        damping = elastic.T @ damping @ elastic
-    mass, symmetry = elastic.T @ system.mass @ elastic, system.symmetry
-    if symmetry is not None:
-        symmetry = replace(symmetry, turn=np.linalg.solve(mass, elastic.T @ system.mass @ symmetry.turn @ elastic))
-    return replace(
-        system,
-        mass=mass,
-        stiffness=elastic.T @ system.stiffness @ elastic,
-        damping=damping,
-        meshes=tuple(replace(mesh, direction=elastic.T @ mesh.direction) for mesh in system.meshes),
-        terms=tuple(replace(t, left=elastic.T @ t.left, right=elastic.T @ t.right) for t in system.terms),
-        load=None,
-        forces=(),
-        symmetry=symmetry,
-        coordinates=tuple(f"u{p + 1}" for p in range(elastic.shape[1])),
-    )
+    found = system.undriven().projected(elastic)
+    back = np.linalg.solve(found.mass, elastic.T @ system.mass)
+    symmetries = tuple(replace(item, turn=back @ item.turn @ elastic) for item in system.symmetries)
+    return replace(found, symmetries=symmetries, coordinates=tuple(f"u{p + 1}" for p in range(found.size)))

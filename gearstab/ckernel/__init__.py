@@ -155,7 +155,7 @@ def light_modes(squared: Array, shapes: Array, damping: Array) -> tuple[Array, A
 def magnus_steps(
     coefficients: Array, length: Array, growth: Array, period: Array, matrix: Array, scale: Array
 ) -> tuple[Array, Array]:
-    """Return what Magnus steps make of matrices times exp(scale), as :func:`gearstab.linear.products.propagated`.
+    """Return what Magnus steps make of matrices times exp(scale), as :func:`gearstab.propagation.products.propagated`.
 
     growth: ``(S,)``, the rates taken out of the steps.
     """

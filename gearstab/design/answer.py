@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from gearstab.config.model.units import scale
 from gearstab.config.sections.objectives import objective_name, objective_unit
-from gearstab.config.sections.targets import INPUT_SPEED
 from gearstab.design import values
 from gearstab.design.solution import Solution
-from gearstab.results.units import in_brackets
+from gearstab.results.units import in_brackets, unit_of
 
 LONGEST = 5
 """Variables in the answer; further ones are counted."""
@@ -53,18 +53,19 @@ def _regions(solution: Solution) -> list[str]:
     if place is None:
         return ["no instability region within reach of the operating range"]
     lower, upper = tongues.edges[place, :, 1]
-    scale, unit = _speed(solution)
-    where = f"{scale * lower:.6g} to {scale * upper:.6g}{unit}"
-    away = scale * tongues.distance[place, 1]
+    name, one, unit = _speed(solution)
+    where = f"{name} {lower / one:.6g} to {upper / one:.6g}{unit}"
+    away = tongues.distance[place, 1]
     label = tongues.index[place][0].label
     inside = int(np.count_nonzero(tongues.distance[:, 1] == 0))
     if away > 0:
-        return [f"no instability in the operating range; nearest region {label}, {where}, {away:.4g} away"]
+        return [f"no instability in the operating range; nearest region {label}, {where}, {away / one:.4g}{unit} away"]
     return [f"{inside} region{'s' * (inside != 1)} left in the operating range; the widest is {label}, {where}"]
 
 
-def _speed(solution: Solution) -> tuple[float, str]:
-    """What a mesh frequency is multiplied by for a reader, and its unit: that of the input where the range is of it."""
-    if solution.problem.design.ranges[0].of == INPUT_SPEED:
-        return 60 / (2 * np.pi) / solution.optimum_spans[0].factor, " rpm of the input"
-    return 1.0, in_brackets(solution.initial_system, "rad/s")
+def _speed(solution: Solution) -> tuple[str, float, str]:
+    """The speed that the operating range is given in: its name, the mesh frequency that one of it is, and its unit."""
+    given = solution.problem.design.ranges[0]
+    unit = given.shown_units or unit_of(solution.initial_system, "rad/s")
+    one = solution.optimum_spans[0].factor * (scale(given.shown_units, "rad/s") if given.shown_units else 1.0)
+    return given.of.replace("_", " "), one, "" if unit == "1" else f" {unit}"

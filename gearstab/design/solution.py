@@ -112,7 +112,7 @@ def _infeasible(problem: DesignProblem) -> ConfigError:
 
 def searchable(system: GearSystem) -> bool:
     """Whether the regions of a system can be found by root finding."""
-    return system.commensurate and not system.terms
+    return system.commensurate and not system.general
 
 
 def _choices(problem: DesignProblem, judge: Judge) -> tuple[tuple[Array, Array], int]:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from gearstab.errors import NotPossible
-from gearstab.floquet.truncation import modes_basis, restricted
+from gearstab.floquet.truncation import modes_basis
 from gearstab.modal import mean_modes
 from gearstab.system import Array, GearSystem
 from gearstab.systems import build
@@ -64,7 +64,7 @@ def reduced(found: Model, modes: int) -> Model:
     if not 1 <= modes <= system.size:
         raise NotPossible(f"modes is {modes}, and the model has {system.size} coordinates", "keep some of them")
     basis = modes_basis(system, range(1, modes + 1))
-    small = restricted(system, basis)
+    small = system.projected(basis)
     kept = {key: value for key, value in found.items() if key not in ("coordinates", "coordinate_units")}
     result = Model(kept | {"mass": small.mass, "stiffness": small.stiffness})
     if "damping" in found:

@@ -70,7 +70,7 @@ def reduction(system: GearSystem) -> Reduction:
     Without an affordable common period it is that of a window, with the segments of that. A system with periodic terms
     is solved as a whole but for its rigid-body modes.
     """
-    if system.terms:
+    if system.general:
         return _with_terms(system)
     modes = mean_modes(system)
     rigid = modes.rigid

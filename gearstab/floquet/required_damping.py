@@ -85,8 +85,8 @@ def required_damping(
 
     Raises ValueError for a factor on no damping, and for periodic terms.
     """
-    if system.terms:
-        raise ValueError("periodic terms beside the mesh stiffness are not supported here")
+    if system.general:
+        raise ValueError("only the mesh stiffness may vary here, and damping must be symmetric")
     omega = system.operating_points(mesh_frequency)
     value, status = np.zeros(omega.shape), np.zeros(omega.shape, dtype=np.int16)
     levels = np.append(0.0, (largest or LARGEST[of]) * 0.5 ** np.arange(LEVELS - 1, -1, -1))

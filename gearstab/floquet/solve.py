@@ -30,7 +30,7 @@ def solve(
       of the segments' propagators.
     * Mesh stiffness that is smooth somewhere: the same with Magnus steps (:mod:`~gearstab.floquet.smooth`), as many as
       the tolerance needs.
-    * Further terms of K(t) and C(t), which need not be symmetric: :mod:`~gearstab.floquet.general`.
+    * Further terms of K(t) and C(t), and damping that is not symmetric: :mod:`~gearstab.floquet.general`.
 
     Points are decided as :mod:`~gearstab.floquet.kernel.invariants` and :mod:`~gearstab.floquet.kernel.decision` say.
     Parts of the system that the meshes do not couple are solved one by one (:mod:`~gearstab.floquet.segments.blocks`).
@@ -47,7 +47,7 @@ def solve(
     Raises ValueError where the mesh frequencies have no common period.
     """
     omega = system.operating_points(mesh_frequency)
-    if system.terms:
+    if system.general:
         from gearstab.floquet import general
 
         return general.analyse(system, omega, exponents, tolerance)

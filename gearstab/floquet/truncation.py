@@ -1,16 +1,16 @@
-"""A system restricted to some of its modes, or to one type of mesh deflection."""
+"""Bases of some modes of a system, or of one type of mesh deflection, and what a restriction to them neglects."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from gearstab.errors import NotPossible
 from gearstab.floquet.frequencies.choice import sample
 from gearstab.modal import eigenmodes, mean_modes
-from gearstab.system import Array, GearSystem, PeriodicTerm
+from gearstab.symmetry import the_symmetry, type_name
+from gearstab.system import Array, GearSystem
 
 EQUAL = 1e-9
 """Squared frequencies that differ by less than this part count as equal."""
@@ -20,29 +20,6 @@ PHASES = 64
 """Phases of a periodic term at which its size is looked at."""
 SMALLEST = 1e-6
 """Part of the largest natural frequency: the least size that couplings are compared with."""
-
-
-def restricted(system: GearSystem, basis: Array) -> GearSystem:
-    """The system with q = B y (Galerkin): M' = B^T M B and so on, g_i' = B^T g_i.
-
-    basis: ``(..., n, m)``. Exact where nothing couples the subspace to what is left out, see :func:`neglected`.
-    """
-    back = np.swapaxes(basis, -1, -2)
-
-    def inner(matrix: Array) -> Array:
-        product = back @ matrix @ basis
-        return 0.5 * (product + np.swapaxes(product, -1, -2))
-
-    directions = [np.einsum("...ip,...i->...p", basis, mesh.direction) for mesh in system.meshes]
-    meshes = tuple(replace(mesh, direction=g) for mesh, g in zip(system.meshes, directions, strict=True))
-    damping = None if system.damping is None else inner(system.damping)
-
-    def ends(term: PeriodicTerm) -> PeriodicTerm:
-        left, right = (np.einsum("...ip,...i->...p", basis, end) for end in (term.left, term.right))
-        return replace(term, left=left, right=right)
-
-    terms = tuple(ends(term) for term in system.terms)
-    return GearSystem(inner(system.mass), inner(system.stiffness), meshes, damping, terms=terms)
 
 
 def modes_basis(system: GearSystem, modes: Sequence[int]) -> Array:
@@ -65,12 +42,15 @@ def type_basis(system: GearSystem, kind: int | str) -> Array:
     kind: T, or the name of a type, which may stand for several T. Raises NotPossible for a system without symmetry or
     a type that it does not have.
     """
-    symmetry = system.symmetry
+    symmetry = the_symmetry(system)
     if symmetry is None:
-        raise NotPossible("the system has no cyclic symmetry, and so no types of mesh deflection", "name modes instead")
+        several = (
+            "several symmetries" if system.symmetries else "no cyclic symmetry, and so no types of mesh deflection"
+        )
+        raise NotPossible(f"the system has {several}", "name modes instead")
     largest = symmetry.order // 2
     if isinstance(kind, str):
-        names = [symmetry.types[min(t, len(symmetry.types) - 1)] for t in range(largest + 1)]
+        names = [type_name(symmetry, t) for t in range(largest + 1)]
         chosen = [t for t, name in enumerate(names) if name == kind]
         if not chosen:
             raise NotPossible(f"there is no type {kind!r}", f"choose one of {', '.join(dict.fromkeys(names))}")
@@ -108,7 +88,7 @@ def neglected(system: GearSystem, basis: Array) -> float:
     frequency = [np.sqrt(np.abs(values)) for values, _ in (inner, outer)]
     largest = max(float(f.max()) for f in frequency)
     if system.damping is not None:
-        coupling.append(system.damping * largest)
+        coupling += [largest * system.damping, largest * system.damping.T]
     first, second = (np.maximum(f, SMALLEST * largest) for f in frequency)
     size = first[:, None] * second[None, :]
     phase = (np.arange(PHASES) + 0.5) / PHASES

@@ -102,11 +102,11 @@ def _mesh(system: GearSystem, i: int, orders: float | None) -> dict[str, Any]:
 def _modes(system: GearSystem) -> dict[str, Any]:
     import numpy as np
 
-    from gearstab.modal import mean_modes, mesh_energy_shares, modal_damping_ratios, significant_deflection
+    from gearstab.modal import mesh_energy_shares, modal_damping_ratios, significant_deflection
     from gearstab.perturbation.multiple_scales import partitions
-    from gearstab.symmetry import deflection_types, oriented, type_names
+    from gearstab.symmetry import deflection_types, natural_modes, type_names
 
-    modes = oriented(system, mean_modes(system))
+    modes = natural_modes(system)
     names = [mesh.name for mesh in system.meshes]
     ratios, shares = modal_damping_ratios(system, modes), mesh_energy_shares(system, modes)
     kinds, turns = type_names(system, modes), deflection_types(system, modes)
@@ -134,6 +134,7 @@ def _mean_system(system: GearSystem) -> dict[str, Any]:
     found = mean_motions(system)
     return {
         "unstable": bool(found.unstable.any()),
+        "mode": (found.mode[0] + 1).tolist(),
         "frequency": found.frequency[0].tolist(),
         "growth_rate": found.growth_rate[0].tolist(),
     }
@@ -164,15 +165,14 @@ def _existence(system: GearSystem, found: dict[str, Any]) -> dict[str, Any]:
     ``types`` of a tongue are the T of all modes that share its two frequencies; ``allowed`` whether the rule holds for
     any pair of them.
     """
-    from gearstab.modal import mean_modes
     from gearstab.perturbation.multiple_scales import partitions
-    from gearstab.symmetry import can_couple, deflection_types, oriented, phase_step
+    from gearstab.symmetry import can_couple, deflection_types, natural_modes, phase_step
 
     step = phase_step(system)
-    if step is None or system.symmetry is None:
+    if step is None:
         return {"existence_rule": None, **found}
-    order = system.symmetry.order
-    modes = oriented(system, mean_modes(system))
+    order = system.symmetries[0].order
+    modes = natural_modes(system)
     turns = deflection_types(system, modes)
     ((_, groups),) = partitions(modes.natural_frequency[None])
     of = {p + 1: sorted({int(turns[k]) for k in group} - {-1}) for group in groups for p in group}

@@ -122,9 +122,9 @@ def _decided(
 
 def _not_judged(system: GearSystem) -> list[int]:
     """Numbers of the modes that meshes deflect and whose mean stiffness is not positive."""
-    from gearstab.modal import mean_modes
+    from gearstab.symmetry import natural_modes
 
-    modes = mean_modes(system)
+    modes = natural_modes(system)
     return [k + 1 for k, own in enumerate(~(modes.squared_frequency > 0) & ~modes.rigid) if own]
 
 
@@ -142,7 +142,7 @@ def planets_step(system: GearSystem) -> tuple[int, int] | None:
     from gearstab.symmetry import phase_step
 
     step = phase_step(system)
-    return None if step is None or system.symmetry is None else (system.symmetry.order, step)
+    return None if step is None else (system.symmetries[0].order, step)
 
 
 def _region(
@@ -234,9 +234,8 @@ def _turned(system: GearSystem, step: int) -> Array:
     """Lags to add to all meshes of a planetary gear for another phase step z; 0 for the first mesh of each gear."""
     from gearstab.symmetry import phase_step, turns
 
-    assert system.symmetry is not None
     present = phase_step(system) or 0
-    return turns(system) * (step - present) / system.symmetry.order
+    return turns(system) * (step - present) / system.symmetries[0].order
 
 
 def _advice(
@@ -279,11 +278,10 @@ def _phase(mesh: dict[str, Any], shift: float) -> tuple[str, float]:
 
 def _excluding(system: GearSystem, tongue: Tongue, planets: int) -> list[int]:
     """Remainders of the sun's tooth number over the number of planets that exclude a region by the existence rule."""
-    from gearstab.modal import mean_modes
     from gearstab.perturbation.multiple_scales import group_of, modal_rows
-    from gearstab.symmetry import can_couple, deflection_types, oriented
+    from gearstab.symmetry import can_couple, deflection_types, natural_modes
 
-    turns = deflection_types(system, oriented(system, mean_modes(system)))
+    turns = deflection_types(system, natural_modes(system))
     modal = modal_rows(system)
     types = [{int(turns[k]) for k in group_of(modal, mode - 1)} - {-1} for mode in (tongue.mode_p, tongue.mode_q)]
     return [

@@ -89,9 +89,9 @@ def _mean_lines(facts: dict[str, Any]) -> list[str]:
     if not facts["terms"]:
         return []
     mean = facts["mean_system"]
-    header = ["motion", heading("frequency", facts["unit"]), "growth rate"]
-    pairs = zip(mean["frequency"], mean["growth_rate"], strict=True)
-    rows = [[str(k), _text(over(w, facts["per_unit"])), f"{g:.5g}"] for k, (w, g) in enumerate(pairs, 1)]
+    header = ["motion", "like mode", heading("frequency", facts["unit"]), "growth rate"]
+    motions = enumerate(zip(mean["mode"], mean["frequency"], mean["growth_rate"], strict=True), 1)
+    rows = [[str(k), str(p), _text(over(w, facts["per_unit"])), f"{g:.5g}"] for k, (p, w, g) in motions]
     return [
         "These modes are of the symmetric mean system. With its damping and the means of its terms it moves so:",
         table(header, rows),
@@ -245,6 +245,11 @@ def _tongue_table(facts: dict[str, Any], every: bool) -> str:
     text = "\n".join([title, "", table(header, rows)]) + _rule(facts)
     if any(tongue["overlaps"] for tongue in facts["tongues"]):
         text += "\nThe theory treats each tongue by itself: where tongues overlap, their boundaries are rough."
+    if facts["terms"]:
+        text += (
+            "\nCentres are sums and differences of the frequencies of the symmetric mean system; edges add what the "
+            "means of the terms do to first order."
+        )
     for mode in facts["self_excited"]:
         text += f"\nMode {mode} grows by itself, at any mesh frequency."
     return text

@@ -10,7 +10,7 @@ from gearstab.info.tables import table
 if TYPE_CHECKING:
     from gearstab.config import Config
     from gearstab.system import GearSystem
-    from gearstab.systems.gearbox.build import Train
+    from gearstab.systems.gearbox.train import Train
 
 NOTICES = {
     "undercut": "undercut, the profile shift is {number:.4g} and should be at least {limit:.4g}",
@@ -46,7 +46,7 @@ def facts(config: Config, system: GearSystem) -> dict[str, Any] | None:
     applied = {rotor: float(value) for rotor, value in torques(train).items()}
     return {
         "speed": None if speed is None else float(speed),
-        "rotors": [_rotor(train, k, applied.get(k)) for k in range(len(train.rotors))],
+        "rotors": [_rotor(train, k, applied.get(train.name(k))) for k in range(len(train.rotors))],
         "shafts": _shafts(train),
         "meshes": [_mesh(train, k, float(forces[k]) if loaded else None, speed) for k in range(len(system.meshes))],
         "input": config.parameters["input"]["rotor"],
@@ -62,7 +62,7 @@ def _rotor(train: Train, k: int, torque: float | None) -> dict[str, Any]:
         "internal": bool(rotor.get("internal")),
         "inertia": float(train.inertias[k]),
         "mass": float(train.masses[k]) if k in train.masses else None,
-        "speed_ratio": str(train.speeds[k]),
+        "speed_ratio": str(train.speeds[train.name(k)]),
         "torque": torque,
     }
 
@@ -85,7 +85,7 @@ def _mesh(train: Train, k: int, force: float | None, speed: float | None) -> dic
     pair = train.teeth_of(k).pairs[0]
     names = [train.rotors[gear]["name"] for gear in (driver, driven)]
     parts = dict(zip(("pinion", "wheel"), names[::-1] if pair.wheel_drives else names, strict=True))
-    rolling = pair.pitch_radii[1 if pair.wheel_drives else 0] * float(abs(train.speeds[driver]))
+    rolling = pair.pitch_radii[1 if pair.wheel_drives else 0] * float(abs(train.speeds[train.name(driver)]))
     return {
         "name": train.p["meshes"][k]["name"],
         "gears": names,
@@ -115,18 +115,12 @@ def _notice(notice: Any, parts: dict[str, str]) -> dict[str, Any]:
 
 def _shares(train: Train, system: GearSystem) -> list[dict[str, float | None]]:
     """Of the strain energy of each mode, what is in the shafts and what in the supports; None of rigid-body modes."""
-    import numpy as np
 
-    from gearstab.modal import mean_modes
-    from gearstab.symmetry import oriented
-    from gearstab.systems.gearbox import matrices
+    from gearstab.symmetry import natural_modes
+    from gearstab.systems.gearbox.build import shaft_elements
 
-    modes = oriented(system, mean_modes(system))
-    twist = np.zeros((system.size, system.size))
-    for shaft, item in zip(train.p.get("shafts") or [], _shafts(train), strict=True):
-        twist += matrices.spring(
-            matrices.shaft_direction(train.layout, *train.ends(shaft["between"])), item["stiffness"]
-        )
+    modes = natural_modes(system)
+    twist = train.coordinates.stamped([(shaft.row, shaft.stiffness) for shaft in shaft_elements(train)])
     found: list[dict[str, float | None]] = []
     for p in range(system.size):
         q, squared = modes.shapes[:, p], float(modes.squared_frequency[p])

@@ -15,8 +15,9 @@ from gearstab.floquet import solve
 from gearstab.floquet.boundaries import boundaries
 from gearstab.floquet.frequencies.choice import common_period
 from gearstab.floquet.general.mean import mean_motions
-from gearstab.modal import mean_modes, modal_damping_matrix, modal_damping_ratios
+from gearstab.modal import modal_damping_matrix, modal_damping_ratios
 from gearstab.perturbation.tongues import Tongue
+from gearstab.symmetry import natural_modes
 from gearstab.system import Array, GearSystem
 from gearstab.systems import build
 
@@ -73,13 +74,14 @@ def window(system: GearSystem, tongue: Tongue, half_width: float) -> tuple[float
     frequency, and the means of periodic terms by what they do to the frequencies of its modes.
     """
     modes = [tongue.mode_p - 1, tongue.mode_q - 1]
-    natural = mean_modes(system).natural_frequency[modes]
+    natural = natural_modes(system).natural_frequency[modes]
     total = natural[1] - natural[0] if tongue.difference else natural.sum()
     center = float(total) / tongue.frequency_ratio
     epsilon = max(float(mesh.epsilon) for mesh in system.meshes)
     moved = 0.25 * epsilon**2 * center + 2 * half_width
     if system.terms:
-        moved += float(np.abs(mean_motions(system).frequency[0, modes] - natural).sum()) / tongue.frequency_ratio
+        whole = mean_motions(system).frequency_by_mode[0, modes]
+        moved += float(np.abs(whole - natural).sum()) / tongue.frequency_ratio
     moved = min(moved, MOST_SHIFT * center)
     return center - moved, center + moved
 
@@ -175,7 +177,7 @@ class Trial:
         To first order a ratio that exceeds those of the modes by growth rate/sqrt(w_p w_q) does. Raises NotPossible
         where a mode has no natural frequency, as without a mean stiffness: it has no damping ratio.
         """
-        own, modes = self.system, mean_modes(self.system)
+        own, modes = self.system, natural_modes(self.system)
         pair = [self.tongue.mode_p - 1, self.tongue.mode_q - 1]
         mean = float(np.sqrt(np.prod(modes.natural_frequency[pair])))
         if not mean > 0:

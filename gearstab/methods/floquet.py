@@ -93,7 +93,7 @@ class Floquet(Restricted):
     name = "floquet"
     reused = True
     Options = FloquetOptions
-    supports = ANY_LINEAR
+    supports = ANY_LINEAR | {Feature.UNSYMMETRIC_DAMPING}
     flag_notes: ClassVar[Mapping[str, str]] = {
         "not_converged": "the error estimate exceeds the tolerance at {points}; see error_estimate",
         "undecided": "the stability is undecided at {points}: the confidence interval contains zero",
@@ -135,7 +135,7 @@ class Floquet(Restricted):
         from gearstab.floquet import STATUS_FLAGS
 
         more: tuple[Variable, ...] = EXPONENTS if self.options.exponents else ()
-        exact = self.part.piecewise_constant and not self.part.terms
+        exact = self.part.piecewise_constant and not self.part.general
         # An interval says more of a Lyapunov exponent, and the error of the steps is part of it.
         estimate = () if exact or self.strategy.name == "lyapunov" else (ERROR_ESTIMATE,)
         by_strategy = {"per_mesh": BY_MESH, "lyapunov": INTERVAL}.get(self.strategy.name, ())
@@ -250,7 +250,7 @@ class Floquet(Restricted):
 
         if not self.strategy.several:
             return None
-        if self.strategy.name == "common_period" and self.part.piecewise_constant and not self.part.terms:
+        if self.strategy.name == "common_period" and self.part.piecewise_constant and not self.part.general:
             states = max((part.states for part in reduction(self.part).parts), default=1)
             return f"{self.strategy.reason}, {states} distinct states"
         if self.strategy.name == "lyapunov":

@@ -10,13 +10,13 @@ import numpy as np
 from gearstab.config.model.fields import Section
 from gearstab.methods.base import Method, Outcome
 from gearstab.methods.perturbation import ROWS
-from gearstab.results.variables import NATURAL_FREQUENCIES, Variable, without_terms
+from gearstab.results.variables import NATURAL_FREQUENCIES, Variable, with_terms
 from gearstab.support import ANY_LINEAR
 from gearstab.system import Array
 
 
 class NaturalFrequencyOptions(Section):
-    """Natural frequencies and mode shapes of the mean system over all axes but the mesh frequency."""
+    """Natural frequencies (damped ones of a system with terms) and mode shapes over all axes but the mesh frequency."""
 
 
 class NaturalFrequencies(Method):
@@ -33,7 +33,7 @@ class NaturalFrequencies(Method):
         return ROWS
 
     def variables(self) -> tuple[Variable, ...]:
-        return without_terms(NATURAL_FREQUENCIES) if self.system.terms else NATURAL_FREQUENCIES
+        return with_terms(NATURAL_FREQUENCIES) if self.system.terms else NATURAL_FREQUENCIES
 
     def constants(self) -> Mapping[str, Any]:
         from gearstab.results.provenance import coordinate_names
@@ -45,16 +45,12 @@ class NaturalFrequencies(Method):
         }
 
     def run(self, mesh_frequency: Array) -> Outcome:
-        from gearstab.modal import mean_modes
+        from gearstab.results.provenance import mode_frequencies
+        from gearstab.symmetry import natural_modes
 
-        modes, n = mean_modes(self.system), self.system.size
-        shapes = np.swapaxes(modes.shapes, -1, -2)
-        return Outcome(
-            {
-                "natural_frequency": modes.natural_frequency.reshape(-1, n),
-                "mode_shape": shapes.reshape(-1, n, n),
-            }
-        )
+        modes, flat = natural_modes(self.system), self.system.flat
+        frequencies = {name: flat(own, 1) for name, own in mode_frequencies(self.system, modes).items()}
+        return Outcome(frequencies | {"mode_shape": flat(np.swapaxes(modes.shapes, -1, -2), 2)})
 
     def cost(self) -> float:
         # The numbers that a row takes in the file count as well.

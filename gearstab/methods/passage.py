@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from gearstab.config.document.yaml import Document
     from gearstab.config.model.axes import Axis
-    from gearstab.linear.path import Path
+    from gearstab.propagation.path import Path
 
 RAMP_COST, POWER = 1e6, 2.4
 """Cost of a ramp of three coordinates without its segments; it grows with that power of their number."""
@@ -155,7 +155,7 @@ class Passage(Method):
 
     def paths(self, low: float, high: float) -> list[Path]:
         """Return what is followed, in mesh frequencies; low, high: the ends of the axis."""
-        from gearstab.linear.path import Path
+        from gearstab.propagation.path import Path
 
         factor = self.options.factor
         if self.options.rate is not None:

@@ -47,7 +47,7 @@ class UncoupledOptions(Section):
     )
 
 
-class FirstOrder(TongueMethod):
+class TonguePerturbation(TongueMethod):
     """A method that gives straight boundaries."""
 
     cheap = True
@@ -69,7 +69,7 @@ class FirstOrder(TongueMethod):
         return Outcome({name: getattr(found, name) for name in names}, tuple((tongue, 0) for tongue in found.index))
 
 
-class Perturbation(FirstOrder):
+class Perturbation(TonguePerturbation):
     """First and second order, ``methods.perturbation``."""
 
     name = "perturbation"
@@ -120,7 +120,7 @@ class Perturbation(FirstOrder):
         return (*(key for key in found if key not in alone), *sorted(alone, key=lambda key: key[0].mode_p))
 
 
-class Uncoupled(FirstOrder):
+class Uncoupled(TonguePerturbation):
     """Every mode by itself, ``methods.uncoupled``."""
 
     name = "uncoupled"

@@ -59,7 +59,7 @@ class SteadyStateAnalysis(Method):
     name = "response"
     reused = True
     Options = ResponseOptions
-    supports = frozenset({Feature.PERIODIC_TERMS})
+    supports = frozenset({Feature.PERIODIC_TERMS, Feature.UNSYMMETRIC_DAMPING})
     flag_notes: ClassVar[Mapping[str, str]] = {
         **FLAG_NOTES,
         "unstable": "the steady state is unstable at {points}: it is not what would be seen",
@@ -127,6 +127,9 @@ class BacklashAnalysis(SteadyStateAnalysis):
         from gearstab.response.backlash import BACKLASH_FLAGS
 
         return flagged(BACKLASH_SPEED_RESPONSE, BACKLASH_FLAGS)
+
+    def constants(self) -> Mapping[str, Any]:
+        return {**super().constants(), "multiplier": range(1, 2 * self.system.size + 1)}
 
     def run(self, mesh_frequency: Array) -> Outcome:
         from gearstab.response.backlash.speeds import speed_cycles

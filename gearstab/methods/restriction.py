@@ -53,11 +53,7 @@ class Restricted(Method):
     @cached_property
     def part(self) -> GearSystem:
         """The system that is solved."""
-        if self.basis is None:
-            return self.system
-        from gearstab.floquet.truncation import restricted
-
-        return restricted(self.system, self.basis)
+        return self.system if self.basis is None else self.system.projected(self.basis)
 
     def restriction(self) -> dict[str, Any]:
         """Return the attribute that says what is left out and what that neglects; none where nothing is."""

@@ -16,7 +16,7 @@ from numpy.polynomial import chebyshev
 
 from gearstab.floquet import solve
 from gearstab.floquet.boundaries import Boundaries
-from gearstab.linear.path import Path
+from gearstab.propagation.path import Path
 from gearstab.system import Array, GearSystem
 
 NODES = 33

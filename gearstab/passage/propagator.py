@@ -1,6 +1,6 @@
 """The motion while the mesh frequency changes, exactly: from jump to jump of the mesh stiffness.
 
-The state x = (w u, u', b') is that of :mod:`gearstab.linear.first_order`: |x|^2 is twice the energy of the elastic
+The state x = (w u, u', b') is that of :mod:`gearstab.propagation.first_order`: |x|^2 is twice the energy of the elastic
 vibration, with the mean mesh stiffness, in units of the modes. A mesh has the stiffness of its phase, r theta(t)/2 pi -
 lag, so that the instants of jumps follow from the phase theta(t); between them the propagator is the exponential of a
 constant matrix, or Magnus steps of sixth order where a wave is smooth.
@@ -10,17 +10,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from functools import cached_property
-from itertools import pairwise
 from math import ceil
 
 import numpy as np
 
-from gearstab.linear import magnus
-from gearstab.linear.eigen import Eigen, diagonalised
-from gearstab.linear.first_order import Basis, bases
-from gearstab.linear.path import Path
-from gearstab.linear.schedule import Schedule, schedule
+from gearstab.propagation.excitation import excitation
+from gearstab.propagation.first_order import bases
+from gearstab.propagation.path import Path
+from gearstab.propagation.phase import PhaseEquation, divided
+from gearstab.propagation.products import product, scaled
 from gearstab.system import Array, GearSystem
 
 MOST = 4_000_000
@@ -31,8 +29,6 @@ MOMENTS = 256
 """Between which growth is looked for first, about."""
 FINE = 64
 """Moments from each of these to the next that are looked at around the best ones."""
-REACH = 0.25
-"""Magnus steps are as short as that over the largest rate of change of the state: their error is some 1e-9 then."""
 
 
 @dataclass(frozen=True)
@@ -57,67 +53,35 @@ class Chunk:
 
 
 @dataclass(frozen=True)
-class States:
-    """Generators ``(r, m, m)`` that occur again and again, which of them each interval has, and their eigenvectors."""
-
-    of: Array
-    generators: Array
-    eigen: Eigen | None
-
-    def exponentials(self, state: int, durations: Array) -> Array:
-        """Return exp(A t) ``(S, m, m)`` of one generator for many t.
-
-        Of two conjugate eigenvalues one is enough: 2 Re(v exp(l t) w) = 2 [Re v e, -Im v e] [Re w; Im w].
-        """
-        if self.eigen is None:
-            return magnus.expm(self.generators[state] * durations[:, None, None])
-        values, vectors, inverse = (part[state] for part in (self.eigen.values, self.eigen.vectors, self.eigen.inverse))
-        own = values.imag >= 0
-        right = inverse[own] * np.where(values.imag[own] > 0, 2.0, 1.0)[:, None]
-        left = vectors[:, own] * np.exp(durations[:, None] * values[own])[:, None, :]
-        real = np.concatenate([left.real, -left.imag], axis=-1).reshape(len(durations) * len(vectors), -1)
-        return (real @ np.concatenate([right.real, right.imag])).reshape(-1, *vectors.shape)
-
-
-@dataclass(frozen=True)
 class Motion:
-    """One row of a system along a path.
+    """The free motion of one row of a system along any path, exactly from edge to edge of what varies."""
 
-    basis: of one row. schedule: its smooth intervals in a common period. period: of it, in turns of the first mesh
-    (N of :meth:`~gearstab.system.GearSystem.common_period`).
-    """
-
-    basis: Basis
-    schedule: Schedule
-    row: int
-    period: float
-    constant: bool
+    equation: PhaseEquation
 
     @property
     def elastic(self) -> int:
         """Number of elastic modes of the state, positions and velocities of each."""
-        moving = np.abs(self.basis.outlet[0]).max(axis=0) > 0
+        moving = np.abs(self.equation.first_order.outlet[0]).max(axis=0) > 0
         return int(np.count_nonzero(moving))
 
     def segments(self, path: Path) -> float:
         """Return about how many segments the path has."""
-        turns = float(path.phase[-1]) / (2 * np.pi * self.period)
-        return turns * self._parts().size * (1 if self.constant else 8)
+        turns = float(path.phase[-1]) / self.equation.period
+        return turns * self._each * (1 if self.equation.exact else 8)
 
-    def _parts(self) -> Array:
-        """Lengths of the intervals that there are, in parts of the common period."""
-        lengths = self.schedule.lengths[self.row]
-        return np.asarray(lengths[lengths > 0])
+    @property
+    def _each(self) -> int:
+        """Segments of a common period."""
+        return len(self.equation.edges) - 1
 
     def count(self, path: Path) -> int:
         """Return how many segments the path has, between neighbouring edges of the schedule."""
-        turns = float(path.phase[-1]) / (2 * np.pi * self.period)
-        return ceil(turns * (1 - 1e-14)) * self._parts().size
+        return ceil(float(path.phase[-1]) / self.equation.period * (1 - 1e-14)) * self._each
 
     def chunks(self, path: Path, step: int, first: int = 0, last: int | None = None) -> Iterator[Chunk]:
         """Yield the propagators over ``step`` segments each, from the segment ``first`` to the one before ``last``."""
-        last = self.count(path) if last is None else last
-        most = max(1, ENTRIES // self.basis.size**2)
+        last, size = self.count(path) if last is None else last, self.equation.first_order.size
+        most = max(1, ENTRIES // size**2)
         if step > most:
             for begin in range(first, last, step):
                 whole = joined(self.chunks(path, most, begin, min(begin + step, last)))
@@ -130,8 +94,8 @@ class Motion:
             phase, found = self._propagators(path, begin, end)
             # The last chunk may be shorter: what it lacks is at rest.
             lacking = -len(found) % step
-            found = np.concatenate([found, np.broadcast_to(np.eye(self.basis.size), (lacking, *found.shape[1:]))])
-            products, scales = product(found.reshape(-1, step, *found.shape[1:]))
+            found = np.concatenate([found, np.broadcast_to(np.eye(size), (lacking, size, size))])
+            products, scales = product(found.reshape(-1, step, size, size))
             moments = path.moment(phase[np.minimum(np.arange(1, len(products) + 1) * step, end - begin)])
             for moment, matrix, scale in zip(moments, products, scales, strict=True):
                 matrix, more = scaled(matrix)
@@ -139,80 +103,35 @@ class Motion:
 
     def _propagators(self, path: Path, first: int, last: int) -> tuple[Array, Array]:
         """``(S + 1,)`` and ``(S, m, m)``: the phases between segments and their propagators."""
-        edges, rate = self._edges, float(self.basis.rate[0])
-        each, turn = len(edges) - 1, 2 * np.pi * self.period
-        number = np.arange(first, last + 1)
-        phase = np.minimum((number // each + edges[number % each]) * turn, path.phase[-1])
-        inner = number[:-1] % each
-        lengths = (edges[inner + 1] - edges[inner]) * turn
-        lengths = np.where(np.diff(phase) < (1 - 1e-6) * lengths, np.diff(phase), lengths)
-        if self.constant:
-            return phase, self._constant(path.durations(phase, lengths) * rate, self._states.of[inner])
-        return phase, self._smooth(path, path.moment(phase) * rate, phase)
-
-    @cached_property
-    def _edges(self) -> Array:
-        """Of the intervals that there are, from 0 to 1."""
-        edges = self.schedule.edges[self.row]
-        return np.append(edges[:-1][np.diff(edges) > 0], 1.0)
-
-    def values(self, tau: Array) -> Array:
-        """``(X, J)``, the varying functions at parts of the common period."""
-        every = np.zeros((len(self.schedule.edges), len(tau)))
-        every[self.row] = tau
-        return self.schedule.values(every)[self.row]
-
-    @cached_property
-    def _states(self) -> States:
-        """The stiffnesses that occur, of intervals in which they are constant."""
-        edges = self._edges
-        values, of = np.unique(self.values(0.5 * (edges[1:] + edges[:-1])), axis=0, return_inverse=True)
-        generators = self.basis.generator(values[:, None, :])[:, 0]
-        return States(np.ravel(of), generators, diagonalised(generators))
-
-    def _constant(self, durations: Array, of: Array) -> Array:
-        result = np.empty((len(durations), self.basis.size, self.basis.size))
-        for state in np.unique(of):
-            members = np.flatnonzero(of == state)
-            result[members] = self._states.exponentials(int(state), durations[members])
-        return result
-
-    def _smooth(self, path: Path, moments: Array, phase: Array) -> Array:
-        """Products of Magnus steps, segment by segment."""
-        turn, rate = 2 * np.pi * self.period, float(self.basis.rate[0])
-        generator = self.basis.generator(self.values(np.linspace(0.0, 1.0, 33)[:-1] + 1 / 64)[:, None, :])[:, 0]
-        largest = np.abs(generator).sum(axis=-1).max()
-        # The state changes by itself, the waves with the phase.
-        speed = largest + 4 * self._fastest() * path.range[1] / rate
-        result = np.empty((len(moments) - 1, self.basis.size, self.basis.size))
-        for k, (begin, end) in enumerate(pairwise(moments)):
-            steps = max(1, ceil((end - begin) * speed / REACH))
-            width = (end - begin) / steps
-            nodes = begin + (np.arange(steps)[:, None] + magnus.NODES) * width
-            at = np.clip(path.phase_at(nodes / rate), phase[k], phase[k + 1]) / turn
-            # Within the interval, so that values on its ends are those of its inside.
-            inside = np.floor(0.5 * (phase[k] + phase[k + 1]) / turn)
-            values = self.values(np.clip(at - inside, 0.0, 1.0).ravel())
-            a = self.basis.generator(values[:, None, :])[:, 0].reshape(steps, 3, self.basis.size, self.basis.size)
-            coefficients = magnus.polynomial(a)
-            powers = width ** np.arange(1, 6)
-            found, scale = product(magnus.expm(np.einsum("p,spij->sij", powers, coefficients)))
-            result[k] = np.exp(scale) * found
-        return result
-
-    def _fastest(self) -> float:
-        """Cycles of the fastest wave in a turn of the first mesh."""
-        return max(source.cycles for source in self.schedule.found) / self.period
+        equation, turn = self.equation, self.equation.period
+        edges, number = equation.edges, np.arange(first, last + 1)
+        phase = np.minimum((number // self._each + edges[number % self._each]) * turn, path.phase[-1])
+        inner = number[:-1] % self._each
+        if equation.exact:
+            lengths = (edges[inner + 1] - edges[inner]) * turn
+            lengths = np.where(np.diff(phase) < (1 - 1e-6) * lengths, np.diff(phase), lengths)
+            durations = path.durations(phase, lengths) * equation.rate
+            return phase, equation.states.exponentials(equation.states.of[inner], durations)
+        begin, duration, ends = divided(path.moment(phase), equation.longest_step(path))
+        middle = path.phase_at(begin + 0.5 * duration) / turn
+        found = np.empty((last - first, equation.first_order.size, equation.first_order.size))
+        segment, whole = 0, np.eye(equation.first_order.size)
+        maps = equation.magnus_maps(path, begin, duration, middle - np.floor(middle))
+        for (matrix, _), end in zip(maps, ends, strict=True):
+            whole = matrix @ whole
+            if end:
+                found[segment] = whole
+                segment, whole = segment + 1, np.eye(len(whole))
+        return phase, found
 
 
 def motions(system: GearSystem) -> list[Motion]:
     """Return the motions of all rows of the flattened batch."""
-    cuts, period = schedule(system), float(system.common_period()[0])
+    drive = excitation(system.undriven())
     found: dict[int, Motion] = {}
-    for basis in bases(system):
-        for k, row in enumerate(basis.rows):
-            own = Basis(**{name: values[k : k + 1] for name, values in vars(basis).items()})
-            found[int(row)] = Motion(own, cuts, int(row), period, system.piecewise_constant)
+    for form in bases(system):
+        for k, row in enumerate(form.rows):
+            found[int(row)] = Motion(PhaseEquation(form.subset(np.array([k])), drive.subset(np.array([row]))))
     return [found[row] for row in sorted(found)]
 
 
@@ -226,10 +145,10 @@ def swing(motion: Motion) -> float:
 
     Of the eigenvalues of the stiffness matrices of all moments, relative to that of the mean mesh stiffness.
     """
-    edges = motion.schedule.edges[motion.row]
-    middles = (0.5 * (edges[1:] + edges[:-1]))[np.diff(edges) > 0]
-    tau = np.unique(np.concatenate([middles, [] if motion.constant else np.linspace(0.0, 1.0, 65)[:-1] + 1 / 128]))
-    generator = motion.basis.generator(motion.values(tau)[:, None, :])[:, 0]
+    equation, edges = motion.equation, motion.equation.edges
+    more = [] if equation.drive.exact else np.linspace(0.0, 1.0, 65)[:-1] + 1 / 128
+    part = np.unique(np.concatenate([0.5 * (edges[1:] + edges[:-1]), more]))
+    generator = equation.generators(equation.values(part), 0.0)
     # The state is (w u, u', b'), and (w u)' = w u'.
     count = motion.elastic
     weight = np.diagonal(generator[0, :count, count : 2 * count])
@@ -237,26 +156,6 @@ def swing(motion: Motion) -> float:
     values = np.linalg.eigvals(ratio).real if count else np.ones((1, 1))
     least, most = float(values.min()), float(values.max())
     return 0.5 * float(np.log(most / least)) if least > 0 else np.inf
-
-
-def product(matrices: Array) -> tuple[Array, Array]:
-    """Return P ``(..., m, m)`` and s ``(...)``: exp(s) P is the last of ``(..., S, m, m)`` times .. times the first."""
-    scale = np.zeros(matrices.shape[:-3])
-    while matrices.shape[-3] > 1:
-        even = matrices.shape[-3] // 2 * 2
-        pairs = matrices[..., 1:even:2, :, :] @ matrices[..., 0:even:2, :, :]
-        matrices = np.concatenate([pairs, matrices[..., even:, :, :]], axis=-3)
-        size = np.abs(matrices).max(axis=(-2, -1), initial=1e-300)
-        if size.max() > 1e60 or size.min() < 1e-60:
-            matrices = matrices / size[..., None, None]
-            scale = scale + np.log(size).sum(axis=-1)
-    return matrices[..., 0, :, :], scale
-
-
-def scaled(matrix: Array) -> tuple[Array, float]:
-    """Return a matrix over its largest entry, and the logarithm of that."""
-    size = float(np.abs(matrix).max(initial=0.0))
-    return (matrix / size, float(np.log(size))) if size > 0 else (matrix, 0.0)
 
 
 @dataclass(frozen=True)

@@ -18,11 +18,11 @@ from functools import cache
 import numpy as np
 
 from gearstab.floquet.boundaries import boundaries, union
-from gearstab.linear.path import Path
 from gearstab.passage import STATUS_FLAGS
 from gearstab.passage.adiabatic import Gains, GrowthOverSpeed, gains, growth_over_speed
 from gearstab.passage.propagator import MOST, Motion, growth, motions, swing
 from gearstab.perturbation.tongues import Tongue
+from gearstab.propagation.path import Path
 from gearstab.system import Array, GearSystem
 
 MOST_GROWTH = 30.0

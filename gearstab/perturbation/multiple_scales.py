@@ -48,7 +48,7 @@ Tried = tuple[Group, Group, bool, int]
 """Two groups P and Q, whether their difference is meant, and the place of their tongue."""
 
 Found = tuple[Array, Array, Array, Array]
-"""Root, shift of the middle from it, half-width in nu and threshold, ``(places, rows)`` each, or ``(rows,)``."""
+"""Root, shift of the middle from it, half-width in nu and threshold, ``(places, rows)`` each."""
 
 
 def first_order(
@@ -116,7 +116,8 @@ def first_order(
                 width[where], threshold[where] = half / ratio, opening
         if part.terms is not None:
             for P in groups:
-                growing[P[0], rows] = decaying(_mean(part, P, part.frequency[:, P].mean(axis=1))[0])[1]
+                group = np.array([P])
+                growing[P[0], rows] = decaying(_mean(part, group, _middle(part, group))[0][0])[1]
     index = [tongue(system, force, p, q, difference) for force in forces for p, q, difference in pairs]
     center, middle, width, threshold = (a.reshape(-1, len(modal.frequency)) for a in (center, middle, width, threshold))
     alone = [p for p in modes if growing[p - 1].any()]
@@ -228,14 +229,15 @@ def _exciters(system: GearSystem, force: ParametricExcitation, modal: ModalQuant
 
 
 def _coupling(
-    modal: ModalQuantities, exciters: list[Exciter], p: Group, q: Group, velocity: Array | None = None
+    modal: ModalQuantities, exciters: list[Exciter], p: Array, q: Array, velocity: Array | None = None
 ) -> tuple[Array, Array]:
-    """B_pq - i w_q D_pq for matching lists of modes, exactly zero where only rounding is left, and the sum of the sizes
-    of its parts, ``(len(p), rows)`` each.
+    """B_pq - i w_q D_pq of modes p and q, exactly zero where only rounding is left, and the sum of the sizes of its
+    parts, ``(*shape, rows)`` each.
 
-    velocity: w_q ``(len(p), rows)``, negative where mode q stands with its difference; None where D is zero.
+    p, q: arrays that fit one another in ``shape``. velocity: w_q ``(*shape, rows)``, negative where mode q stands with
+    its difference; None where D is zero.
     """
-    total = np.zeros((len(p), len(modal.frequency)), dtype=complex)
+    total = np.zeros((*np.broadcast_shapes(p.shape, q.shape), len(modal.frequency)), dtype=complex)
     size = np.zeros(total.shape)
     for own in exciters:
         product = own.size * own.left[p] * own.right[q]
@@ -252,28 +254,22 @@ def _coupling(
 def _solve(
     modal: ModalQuantities, exciters: list[Exciter], wanted: list[Tried]
 ) -> Iterator[tuple[list[int], Array, Array, Array, Array]]:
-    """Yield places and what is found there: of all pairs of single modes at once, then of each other pair."""
-    for difference in (False, True):
-        single = [(P[0], Q[0], k) for P, Q, d, k in wanted if len(P) == len(Q) == 1 and d is difference]
-        if single:
-            p, q, k = (list(column) for column in zip(*single, strict=True))
-            if modal.terms is None:
-                yield k, *_single_pairs(modal, exciters, p, q)
-            else:
-                yield k, *_unsymmetric_pairs(modal, exciters, p, q, difference)
-    several = [one for one in wanted if len(one[0]) > 1 or len(one[1]) > 1]
-    if modal.terms is None:
-        for P, Q, _, place in several:
-            root, shift, half, threshold = (part[None] for part in _group_pair(modal, exciters, P, Q))
-            yield [place], root, shift, half, threshold
-        return
-    for shape in dict.fromkeys((len(P), len(Q), difference) for P, Q, difference, _ in several):
-        alike = [one for one in several if (len(one[0]), len(one[1]), one[2]) == shape]
-        found = _unsymmetric_groups(modal, exciters, [(P, Q) for P, Q, _, _ in alike], shape[2])
-        yield [place for *_, place in alike], *found
+    """Yield places and what is found there, of all pairs of groups of the same sizes at once."""
+    for shape in dict.fromkeys((len(P), len(Q), difference) for P, Q, difference, _ in wanted):
+        alike = [one for one in wanted if (len(one[0]), len(one[1]), one[2]) == shape]
+        P, Q, _, places = zip(*alike, strict=True)
+        p, q, difference = np.array(P), np.array(Q), shape[2]
+        single = shape[:2] == (1, 1)
+        if modal.terms is None:
+            found = _single_pairs(modal, exciters, p[:, 0], q[:, 0]) if single else _group_pairs(modal, exciters, p, q)
+        elif single:
+            found = _unsymmetric_pairs(modal, exciters, p[:, 0], q[:, 0], difference)
+        else:
+            found = _unsymmetric_groups(modal, exciters, p, q, difference)
+        yield list(places), *found
 
 
-def _single_pairs(modal: ModalQuantities, exciters: list[Exciter], p: Group, q: Group) -> Found:
+def _single_pairs(modal: ModalQuantities, exciters: list[Exciter], p: Array, q: Array) -> Found:
     """Tongues between modes of distinct frequency, all pairs at once."""
     w = modal.frequency.T
     coupling = np.abs(_coupling(modal, exciters, p, q)[0]) / np.sqrt(w[p] * w[q])
@@ -284,7 +280,7 @@ def _single_pairs(modal: ModalQuantities, exciters: list[Exciter], p: Group, q: 
     return w[p] + w[q], none, *single_pair(coupling, mu[p], mu[q])
 
 
-def _unsymmetric_pairs(modal: ModalQuantities, exciters: list[Exciter], p: Group, q: Group, difference: bool) -> Found:
+def _unsymmetric_pairs(modal: ModalQuantities, exciters: list[Exciter], p: Array, q: Array, difference: bool) -> Found:
     """The same with periodic terms, at sums or at differences of frequencies: w_q - w_p is that with -w_p for w_p."""
     assert modal.terms is not None
     assert modal.damping is not None
@@ -303,25 +299,39 @@ def _unsymmetric_pairs(modal: ModalQuantities, exciters: list[Exciter], p: Group
     return own + other, shift + 0.5 * (mean[one[0]] / own + mean[one[1]] / other), half, threshold
 
 
-def _block(
-    modal: ModalQuantities, exciters: list[Exciter], P: Group, Q: Group, velocity: Array | None = None
+def _blocks(
+    modal: ModalQuantities, exciters: list[Exciter], P: Array, Q: Array, velocity: Array | None = None
 ) -> tuple[Array, Array]:
-    """B[P, Q] of two groups and the sizes of its parts ``(rows, P, Q)``, see :func:`_coupling`."""
-    flat = _coupling(modal, exciters, [p for p in P for _ in Q], [q for _ in P for q in Q], velocity)
-    total, size = (part.T.reshape(-1, len(P), len(Q)) for part in flat)
-    return total, size
+    """B[P, Q] of pairs of groups and the sizes of its parts ``(pairs, rows, p, q)``, see :func:`_coupling`.
+
+    P ``(pairs, p)``, Q ``(pairs, q)``; velocity: ``(pairs, rows)``.
+    """
+    apart = None if velocity is None else velocity[:, None, None]
+    total, size = _coupling(modal, exciters, P[:, :, None], Q[:, None, :], apart)
+    return np.moveaxis(total, -1, 1), np.moveaxis(size, -1, 1)
 
 
-def _scale(*frequencies: Array) -> Array:
-    """sqrt(w_P w_Q), to divide blocks by."""
-    return np.sqrt(np.prod(frequencies, axis=0))[:, None, None]
+def _middle(modal: ModalQuantities, groups: Array) -> Array:
+    """The natural frequency of each group ``(pairs, rows)``; groups: ``(pairs, members)``."""
+    return np.asarray(modal.frequency[:, groups].mean(axis=-1).T)
+
+
+def _within(matrix: Array, groups: Array) -> Array:
+    """The blocks ``(pairs, rows, p, p)`` of a matrix of all modes ``(rows, n, n)`` between the modes of each group."""
+    return np.moveaxis(matrix[:, groups[:, :, None], groups[:, None, :]], 0, 1)
 
 
 def block(modal: ModalQuantities, system: GearSystem, force: ParametricExcitation, P: Group, Q: Group) -> Array:
     """Return G = B[P, Q]/sqrt(w_P w_Q) of an excitation by meshes, ``(rows, P, Q)``. modal: of the same system."""
     alone = replace(modal, terms=None)
     exciters = _exciters(system, force, alone, np.arange(len(modal.frequency)))
-    return _block(alone, exciters, P, Q)[0] / _scale(*(modal.frequency[:, group].mean(axis=1) for group in (P, Q)))
+    return _symmetric(alone, exciters, np.array([P]), np.array([Q]))[0]
+
+
+def _symmetric(modal: ModalQuantities, exciters: list[Exciter], P: Array, Q: Array) -> Array:
+    """G = B[P, Q]/sqrt(w_P w_Q) of pairs of groups, ``(pairs, rows, p, q)``."""
+    scale = np.sqrt(_middle(modal, P) * _middle(modal, Q))
+    return np.asarray(_blocks(modal, exciters, P, Q)[0] / scale[..., None, None])
 
 
 def group_of(modal: ModalQuantities, mode: int) -> Group:
@@ -330,54 +340,46 @@ def group_of(modal: ModalQuantities, mode: int) -> Group:
     return next(group for group in groups if mode in group)
 
 
-def _group_pair(modal: ModalQuantities, exciters: list[Exciter], P: Group, Q: Group) -> Found:
-    """The tongue of two groups of which at least one has several modes."""
-    w_p, w_q = (modal.frequency[:, group].mean(axis=1) for group in (P, Q))
-    matrix = _block(modal, exciters, P, Q)[0] / _scale(w_p, w_q)
-    none = np.zeros(len(matrix))
+def _group_pairs(modal: ModalQuantities, exciters: list[Exciter], P: Array, Q: Array) -> Found:
+    """The tongues of pairs of groups of the same sizes, of which at least one has several modes."""
+    root, coupling = _middle(modal, P) + _middle(modal, Q), _symmetric(modal, exciters, P, Q)
+    flat, none = coupling.reshape(-1, *coupling.shape[2:]), np.zeros(root.shape)
     if modal.damping is None:
-        return w_p + w_q, none, undamped(matrix), none
-    blocks = (modal.damping[:, np.array(G)[:, None], G] for G in (P, Q))
-    return w_p + w_q, none, *group_pair(matrix, *blocks)
+        return root, none, undamped(flat).reshape(root.shape), none
+    blocks = (_within(modal.damping, G).reshape(-1, *2 * G.shape[1:]) for G in (P, Q))
+    half, threshold = (a.reshape(root.shape) for a in group_pair(flat, *blocks))
+    return root, none, half, threshold
 
 
-def _unsymmetric_groups(
-    modal: ModalQuantities, exciters: list[Exciter], pairs: list[tuple[Group, Group]], difference: bool
-) -> Found:
-    """The same of pairs of groups of the same sizes with periodic terms, at sums or differences of frequencies."""
-    sign, rows = -1.0 if difference else 1.0, len(modal.frequency)
-    parts, roots, shifts = [], [], []
-    for P, Q in [pair[::-1] for pair in pairs] if difference else pairs:
-        own, other = (modal.frequency[:, group].mean(axis=1) for group in (P, Q))
-        # In the scaling in which amplitudes are actions, G is the adjoint of H where the excitation is symmetric.
-        scale = _scale(own, other)
-        (there, size), (back, size_back) = (
-            _block(modal, exciters, P, Q, sign * other), _block(modal, exciters, Q, P, own)
-        )  # fmt: skip
-        forward, backward = there * 0.5j / scale, np.conj(back * 0.5j / (sign * scale))
-        noise = ROUNDING * np.maximum(size.max(axis=(-2, -1)), size_back.max(axis=(-2, -1))) / scale[:, 0, 0]
-        (mean_p, shift_p), (mean_q, shift_q) = _mean(modal, P, own), _mean(modal, Q, -sign * other)
-        parts.append((forward, backward, mean_p, mean_q, noise))
-        roots.append(own + sign * other)
-        shifts.append(shift_p - shift_q)
-    every = [np.concatenate(part) for part in zip(*parts, strict=True)]
-    shift, half, threshold = (a.reshape(-1, rows) for a in unsymmetric_groups(*every))
+def _unsymmetric_groups(modal: ModalQuantities, exciters: list[Exciter], P: Array, Q: Array, difference: bool) -> Found:
+    """The same with periodic terms, at sums or differences of frequencies."""
+    sign = -1.0 if difference else 1.0
+    P, Q = (Q, P) if difference else (P, Q)
+    own, other = _middle(modal, P), _middle(modal, Q)
+    # In the scaling in which amplitudes are actions, G is the adjoint of H where the excitation is symmetric.
+    scale = np.sqrt(own * other)[..., None, None]
+    there, size = _blocks(modal, exciters, P, Q, sign * other)
+    back, size_back = _blocks(modal, exciters, Q, P, own)
+    noise = ROUNDING * np.maximum(size.max(axis=(-2, -1)), size_back.max(axis=(-2, -1))) / scale[..., 0, 0]
+    (mean_p, shift_p), (mean_q, shift_q) = _mean(modal, P, own), _mean(modal, Q, -sign * other)
+    parts = (there * 0.5j / scale, np.conj(back * 0.5j / (sign * scale)), mean_p, mean_q)
+    found = unsymmetric_groups(*(a.reshape(-1, *a.shape[2:]) for a in parts), noise.ravel())
+    shift, half, threshold = (a.reshape(own.shape) for a in found)
     if difference:
-        still = ~every[0].any(axis=(-2, -1)).reshape(-1, rows) & np.isfinite(half)
-        threshold = np.where(still, np.inf, threshold)
-    return np.array(roots), shift + np.array(shifts), half, threshold
+        threshold = np.where(~there.any(axis=(-2, -1)) & np.isfinite(half), np.inf, threshold)
+    return own + sign * other, shift + shift_p - shift_q, half, threshold
 
 
-def _mean(modal: ModalQuantities, group: Group, frequency: Array) -> tuple[Array, Array]:
-    """(-D + i E without the part of E that all modes have in common ``(rows, P, P)``, that part ``(rows,)``).
+def _mean(modal: ModalQuantities, groups: Array, frequency: Array) -> tuple[Array, Array]:
+    """(-D + i E without the part of E that all modes have in common ``(pairs, rows, p, p)``, that part ``(pairs,
+    rows)``).
 
-    E = S[P, P]/(2 w_P). frequency: w_P ``(rows,)``, negative for conjugate amplitudes.
+    E = S[P, P]/(2 w_P). groups: ``(pairs, p)``; frequency: w_P ``(pairs, rows)``, negative for conjugate amplitudes.
     """
     assert modal.terms is not None
     assert modal.damping is not None
-    damping, static = (a[:, np.array(group)[:, None], group] for a in (modal.damping, modal.terms.stiffness))
-    moved = static / (2 * frequency[:, None, None])
-    common = np.trace(moved, axis1=-2, axis2=-1) / len(group)
-    own = moved - common[:, None, None] * np.eye(len(group))
+    moved = _within(modal.terms.stiffness, groups) / (2 * frequency[..., None, None])
+    common = np.trace(moved, axis1=-2, axis2=-1) / groups.shape[1]
+    own = moved - common[..., None, None] * np.eye(groups.shape[1])
     largest = np.abs(moved).max(axis=(-2, -1), keepdims=True)
-    return -damping + 1j * np.where(np.abs(own) <= ROUNDING * largest, 0.0, own), common
+    return -_within(modal.damping, groups) + 1j * np.where(np.abs(own) <= ROUNDING * largest, 0.0, own), common

@@ -6,15 +6,13 @@ from math import ceil, tau
 
 import numpy as np
 
-from gearstab.linear.first_order import bases
-from gearstab.linear.path import Path
 from gearstab.modal import mean_modes
+from gearstab.propagation.intervals import occupied
+from gearstab.propagation.path import Path
 from gearstab.response.backlash.dynamics import REACH
 from gearstab.response.linear.driven import FEW, MAPS, driven
-from gearstab.response.linear.excitation import excitation
-from gearstab.response.linear.intervals import occupied
 from gearstab.response.linear.periodic import MOST_PANELS
-from gearstab.response.linear.ramp import Moving, longest_step
+from gearstab.response.linear.ramp import equation_of
 from gearstab.response.linear.steady import FEWEST
 from gearstab.response.linear.steady import REACH as REACH_OF_STEPS
 from gearstab.response.measures.extremes import NODES
@@ -103,9 +101,8 @@ def linear_motion(
 
 def run_up(system: GearSystem, path: Path, samples: float) -> str | None:
     """The same of a run-up or coast-down along a path of the mesh frequency."""
-    moving = Moving(excitation(system), next(bases(system)), path)
-    drive, m, end = moving.drive, moving.basis.size, path.time[-1:]
-    jumps = float(path.phase_at(end)[0] / moving.period * np.count_nonzero(np.diff(drive.schedule.edges[0])))
-    steps = samples + jumps + float(end[0]) / longest_step(moving)
-    each = RAMP_SQUARE * m**2 if drive.exact else RAMP_CUBE * (m + 1) ** 3
+    equation = equation_of(system)
+    m, jumps = equation.first_order.size, float(path.phase[-1]) / equation.period * (len(equation.edges) - 1)
+    steps = samples + jumps + float(path.time[-1]) / equation.longest_step(path)
+    each = RAMP_SQUARE * m**2 if equation.exact else RAMP_CUBE * (m + 1) ** 3
     return said(steps * (RAMP + each), f"{steps:,.0f} steps from sample to sample and from jump to jump")

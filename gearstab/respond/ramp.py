@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gearstab.linear.path import Path
+from gearstab.propagation.path import Path
 from gearstab.response import RESPONSE_FLAGS, RampResponse, ramp_response
 from gearstab.response.linear.equilibrium import static_mesh_force
 from gearstab.response.measures.waterfall import HARMONICS, waterfall

@@ -10,13 +10,14 @@ from typing import Any, Protocol
 import numpy as np
 
 from gearstab.errors import SettingError
-from gearstab.modal import mean_modes
+from gearstab.floquet.general.mean import mean_motions
+from gearstab.modal import Modes
 from gearstab.results.display import RATIOS
 from gearstab.results.tree import Group, fields_of
 from gearstab.results.units import in_units_of
-from gearstab.results.variables import DEFLECTION_TYPE, MODES, Variable, without_terms
-from gearstab.symmetry import deflection_types, oriented, type_names
-from gearstab.system import GearSystem
+from gearstab.results.variables import DEFLECTION_TYPE, MODES, Variable, with_terms
+from gearstab.symmetry import deflection_types, natural_modes, type_names
+from gearstab.system import Array, GearSystem
 from gearstab.version import __version__
 
 
@@ -66,26 +67,35 @@ def root_attributes(command: str, config: Origin) -> dict[str, Any]:
 
 def modes_group(system: GearSystem) -> Group:
     """The group ``/modes`` of a single system."""
-    modes = oriented(system, mean_modes(system))
-    table: tuple[Variable, ...] = without_terms(MODES) if system.terms else MODES
+    modes = natural_modes(system)
+    table: tuple[Variable, ...] = with_terms(MODES) if system.terms else MODES
     values = {
         "mode": np.arange(1, system.size + 1),
         "dof": coordinate_names(system),
         "dof_units": list(system.coordinate_units),
         "mesh": [mesh.name for mesh in system.meshes],
-        "natural_frequency": modes.natural_frequency,
+        **mode_frequencies(system, modes),
         "mode_shape": np.swapaxes(modes.shapes, -1, -2),
         "mesh_deflection": modes.mesh_deflection,
         "mode_type": type_names(system, modes),
     }
-    if system.symmetry is not None:
+    if system.symmetries:
         table, values = (*table, DEFLECTION_TYPE), values | {DEFLECTION_TYPE.name: deflection_types(system, modes)}
-    part = "symmetric part of the mean system, without damping and periodic terms," if system.terms else "mean system"
+    part = "symmetric mean system, with the frequencies of the whole one," if system.terms else "mean system"
     said = {
         "comment": f"modes of the {part} at the base values of the configuration",
         RATIOS: [float(mesh.frequency_ratio) for mesh in system.meshes],
     }
     return Group(fields_of(in_units_of(system, table), values), {**said, **system.drawing})
+
+
+def mode_frequencies(system: GearSystem, modes: Modes) -> dict[str, Array]:
+    """Return the frequencies of a table of modes by name: with terms both damped ones and those of the shapes."""
+    own = modes.natural_frequency
+    if not system.terms:
+        return {"natural_frequency": own}
+    damped = mean_motions(system).frequency_by_mode.reshape(*system.batch, system.size)
+    return {"natural_frequency": damped, "symmetric_frequency": own}
 
 
 def coordinate_names(system: GearSystem) -> list[str]:

@@ -50,7 +50,7 @@ class Bar(Reporter):
             self._progress.stop()
 
 
-def bar() -> Progress:
+def bar(disable: bool = False) -> Progress:
     """The columns of the bar; rich itself heeds NO_COLOR and the width of the terminal."""
     from rich.console import Console
     from rich.progress import (
@@ -64,4 +64,4 @@ def bar() -> Progress:
 
     columns = [TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TextColumn("{task.fields[speed]}")]
     more = [TimeElapsedColumn(), TimeRemainingColumn(), TextColumn("{task.fields[unstable]}")]
-    return Progress(*columns, *more, console=Console(stderr=True), transient=True)
+    return Progress(*columns, *more, console=Console(stderr=True), transient=True, disable=disable)

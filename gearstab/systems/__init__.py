@@ -16,7 +16,7 @@ from gearstab.system import GearSystem
 
 if TYPE_CHECKING:
     from gearstab.systems.base import System
-    from gearstab.systems.gearbox.build import Train
+    from gearstab.systems.gearbox.train import Train
 
 KINDS: LazyTable[type[System]] = LazyTable(
     {

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from gearstab.config.model.axes import Axis, Grid
     from gearstab.system import Array, GearSystem
-    from gearstab.systems.gearbox.build import Train
+    from gearstab.systems.gearbox.train import Train
     from gearstab.systems.parts.respond import Respond
     from gearstab.systems.parts.respond_pair import PairRespond
 
@@ -123,6 +123,11 @@ class System(Section):
         return None
 
     @classmethod
+    def mesh_rule(cls, raw: dict[str, Any]) -> Callable[[Any], Iterator[Conflict]]:
+        """Return what yields the contradictions in a mesh."""
+        return cls.mesh_model.conflicts
+
+    @classmethod
     def check_feasible(cls, document: Document, grid: Grid) -> None:
         """Report what cannot exist somewhere on the grid, or at the base values where a response asks for them."""
         feasibility.check_mesh_levels(document, grid)
@@ -185,7 +190,7 @@ class System(Section):
         if raw.get("damping_ratio") is not None and raw.get("damping") is not None:
             yield ("damping",), "already_given", "damping_ratio is given already", "keep one of damping_ratio, damping"
         yield from within(raw, "damping", lambda damping: Damping.conflicts(damping, cls.size(raw)))
-        yield from within_each(raw, "meshes", cls.mesh_model.conflicts)
+        yield from within_each(raw, "meshes", cls.mesh_rule(raw))
         yield from repeated_names(raw, "meshes", "mesh")
 
 

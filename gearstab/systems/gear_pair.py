@@ -16,10 +16,10 @@ from gearstab.config.model.fields import Choice, Inertia, Length, Mass, NonNegat
 from gearstab.rotating_pair import CLASSICAL, FORMULATIONS, PairNumbers
 from gearstab.system import Array, GearSystem
 from gearstab.system import Mesh as MeshOfSystem
+from gearstab.systems.assembly import Assembly, Coordinates, Element, MeshElement
 from gearstab.systems.base import START_MESH, Start, System, first_number
-from gearstab.systems.parts.damping import with_damping
-from gearstab.systems.parts.forcing import LoadOfOne, with_forcing
-from gearstab.systems.parts.mesh import NamedToothMesh, build_mesh
+from gearstab.systems.parts.forcing import LoadOfOne
+from gearstab.systems.parts.mesh import NamedToothMesh
 from gearstab.waveforms import Rectangular
 
 if TYPE_CHECKING:
@@ -115,10 +115,10 @@ class GearPair(System):
 
         Parameters: ``equivalent_mass`` m (kg), one mesh, damping. x is the deflection along the line of action.
         """
-        mass = np.asarray(p["equivalent_mass"], dtype=float)[..., None, None]
-        mesh = build_mesh(p["meshes"][0], np.ones(1))
-        system = GearSystem(mass, np.zeros((1, 1)), (mesh,), coordinates=("x",))
-        return with_forcing(with_damping(system, p), p)
+        load = {"x": p["load"][0]} if p.get("load") is not None else None
+        gear = Element({"x": 1.0}, mass=p["equivalent_mass"])
+        mesh = MeshElement(p["meshes"][0], {"x": 1.0})
+        return Assembly(Coordinates({"x": "m"}), [gear], [mesh]).system(p, load)
 
 
 class RotatingGearPair(System):

@@ -11,14 +11,16 @@ from pydantic import Field
 
 from gearstab.config.document.tree import sequence
 from gearstab.config.document.yaml import Document
-from gearstab.config.model.arrays import diagonal
 from gearstab.config.model.conflicts import Conflict, wrong_length
 from gearstab.config.model.fields import ExactRatio, Mass, Quantity, Teeth
 from gearstab.system import GearSystem
+from gearstab.systems.assembly import Assembly, Coordinates, Element, MeshElement
 from gearstab.systems.base import START_MESH, Start, System, first_number
-from gearstab.systems.parts.damping import with_damping
-from gearstab.systems.parts.forcing import Load, with_forcing
-from gearstab.systems.parts.mesh import NamedToothMesh, SecondMesh, build_mesh
+from gearstab.systems.parts.forcing import Load
+from gearstab.systems.parts.mesh import NamedToothMesh, SecondMesh
+
+COORDINATES = ("x1", "x2", "x3")
+"""Rotations along the lines of action."""
 
 
 class TwoStage(System):
@@ -109,14 +111,15 @@ class TwoStage(System):
         Source: Lin & Parker 2002, (1), (2) and section 3.2.
         """
         first, second = p["meshes"]
-        stiffness = diagonal([p["input_shaft_stiffness"], 0.0, 0.0])
         phasing = np.asarray(second.get("phasing", 0.0), dtype=float)
+        elements = [Element({x: 1.0}, mass=mass) for x, mass in zip(COORDINATES, p["inertias"], strict=True)]
+        elements.append(Element({"x1": 1.0}, stiffness=p["input_shaft_stiffness"]))
         meshes = (
-            build_mesh(first, np.array([1.0, 1.0, 0.0])),
-            build_mesh(second, np.array([0.0, 1.0, 1.0]), frequency_ratio=1 / p["tooth_ratio"], lag=-phasing),
+            MeshElement(first, {"x1": 1.0, "x2": 1.0}),
+            MeshElement(second, {"x2": 1.0, "x3": 1.0}, 1 / p["tooth_ratio"], -phasing),
         )
-        system = GearSystem(diagonal(p["inertias"]), stiffness, meshes, coordinates=("x1", "x2", "x3"))
-        return with_forcing(with_damping(system, p), p)
+        load = dict(zip(COORDINATES, p["load"], strict=True)) if p.get("load") is not None else None
+        return Assembly(Coordinates(dict.fromkeys(COORDINATES, "m")), elements, meshes).system(p, load)
 
 
 def _ratio(teeth: Any) -> Fraction | None:

@@ -18,7 +18,7 @@ from gearstab.gears.stress import mesh_root_stress
 from gearstab.response.linear.equilibrium import static_mesh_force
 from gearstab.response.linear.speeds import SpeedResponse, speed_response
 from gearstab.systems import build
-from gearstab.systems.gearbox.build import Train
+from gearstab.systems.gearbox.train import Train
 from statements import CONFIGS
 
 STAGES = ("I", "II", "III", "IV")

@@ -15,9 +15,10 @@ from random_trains import light_contradictions, light_train
 from gearstab.floquet.boundaries import BOUNDARY_FLAGS, boundaries
 from gearstab.floquet.boundaries.regions import equal_steps
 
-HARD = (16, 20, 27, 34, 38, 1010)
+HARD = (16, 20, 27, 34, 38, 1010, 2114, 2234, 2296)
 """Gaps where multipliers meet inside of a region or change their kind; a tongue in part kept stable by damping; a
-tongue of 2e-5 at 3e-4 beside a wide one, one of whose multipliers it shares."""
+tongue of 2e-5 at 3e-4 beside a wide one, one of whose multipliers it shares; a gap some widths beside a meeting, where
+both grow equally; a tongue about which two phases turn at a rate of their own; a gap where three multipliers meet."""
 
 
 def check(seeds: Iterable[int]) -> tuple[int, int]:

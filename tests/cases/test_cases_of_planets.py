@@ -14,6 +14,7 @@ import gearstab as gs
 from gearstab.config import Config, load
 from gearstab.modal import mean_modes
 from gearstab.systems import build
+from gearstab.systems.planetary.teeth import with_teeth
 
 CASES = Path(__file__).parent
 STAGE_TWO, STAGE_ONE = CASES / "b20_nrel_planetary.yaml", CASES / "c1_nrel_planetary_teeth.yaml"
@@ -48,7 +49,7 @@ def test_b20_what_cannot_be_assembled_is_refused(change: str, words: str) -> Non
 
 def test_c1_gears_alone_are_placed_halfway_and_told() -> None:
     assert ran("check", STAGE_ONE).exit_code == 0
-    teeth = load(STAGE_ONE).parameters["teeth"]
+    teeth = with_teeth(load(STAGE_ONE).parameters)["teeth"]
     assert teeth["centre_distance"] == pytest.approx(0.045 * (19 + 56) / 4, rel=1e-12)
     said = ran("info", STAGE_ONE).output
     assert "= z_s + 2 z_p + 3; centre distance 0.84375 m, profile shifts sun 0.427, planet 0.427, ring -0.1944" in said
@@ -58,7 +59,7 @@ def test_c1_gears_alone_are_placed_halfway_and_told() -> None:
 def test_c1_with_its_drawing_has_its_angles_contact_ratios_and_lag() -> None:
     """Angles and contact ratios as published programs have them; the lag from flanks turned by brute force."""
     config = load(STAGE_ONE, DRAWING)
-    p = config.parameters
+    p = with_teeth(config.parameters)
     # The carrier drives counter-clockwise: the load on the sun is clockwise, and the other flanks carry.
     angles = [-0.49074362558843027, -0.29950993333338166]
     assert [p["pressure_angles"][name] for name in ("sun", "ring")] == pytest.approx(angles, abs=1e-9)

@@ -101,18 +101,37 @@ def test_a_mean_system_that_grows_may_be_held_by_the_varying_stiffness() -> None
     assert "No region of instability is open there." in text
 
 
-@pytest.mark.parametrize("name", ["d1_mean_system_unstable", "d1b_negative_damping"])
-def test_natural_frequencies_of_a_system_with_terms_say_that_they_leave_them_out(name: str, tmp_path: Path) -> None:
+def test_natural_frequencies_of_a_system_with_terms_are_those_of_the_whole_mean_system(tmp_path: Path) -> None:
+    """Cross-coupling s against the eigenvalues of the matrices of the file; shapes and roots keep their own."""
+    coupling = [0.0, 0.02, 0.5]
+    entry = "{{label: '{0}', terms.cross_a.stiffness.mean: {0}, terms.cross_b.stiffness.mean: -{0}}}"
+    sweep = f"sweep={{mesh_frequency: [0.5, 5], s: [{', '.join(entry.format(s) for s in coupling)}]}}"
     out = tmp_path / "result.h5"
-    methods = "methods={natural_frequencies: {}}"
-    assert ran("sweep", HERE / f"{name}.yaml", "-o", out, "--set", methods).exit_code == 0
+    options = ["--set", sweep, "--set", "methods={natural_frequencies: {}, perturbation: {}}"]
+    assert ran("sweep", HERE / "d1_mean_system_unstable.yaml", "-o", out, *options).exit_code == 0
     with open_result(out) as tree:
         for group in ("modes", "natural_frequencies"):
-            assert "symmetric mean system" in tree[group]["natural_frequency"].attrs["long_name"]
-        _, artists = draw(tree, "campbell")
-    assert "symmetric mean system, without terms" in [text.get_text() for text in artists["legend"].get_texts()]
-    done = ran("plot", out, "-o", tmp_path / "figure.png", "--kind", "campbell", "--dpi", "50")
-    assert "note: natural frequencies leave damping and terms out" in done.stderr
+            assert "damped" in tree[group]["natural_frequency"].attrs["long_name"]
+            symmetric = tree[group]["symmetric_frequency"].values.reshape(-1, 2)
+            np.testing.assert_allclose(symmetric, np.broadcast_to([1, 1.1**0.5], symmetric.shape), rtol=1e-14)
+        found = tree["natural_frequencies"]["natural_frequency"].values
+        _, artists = draw(tree, "campbell", select={"s": "0.5"})
+        drawn = [line.get_ydata()[0] for line in artists["panels"][0]["modes"]]
+    for s, own in zip(coupling, found, strict=True):
+        stiffness = [[1.1, s], [-s, 1.0]]
+        whole = np.block([[np.zeros((2, 2)), np.eye(2)], [-np.array(stiffness), -0.02 * np.eye(2)]])
+        expected = sorted(w for w in np.linalg.eigvals(whole).imag if w > 0)
+        assert sorted(own) == pytest.approx(expected, rel=1e-12)  # rounding of a matrix of four rows
+    assert drawn == pytest.approx(list(found[-1]))
+    assert "damped natural frequencies" in [text.get_text() for text in artists["legend"].get_texts()]
+
+
+def test_a_motion_belongs_to_the_mode_it_resembles() -> None:
+    """A constant term that stiffens the slower coordinate beyond the faster one: w^2 of 1.1 and 4 become 9.1 and 4."""
+    term = "{name: stiff, left: [1, 0], right: [1, 0], stiffness: {mean: 8.0}}"
+    found = facts("d1b_negative_damping", "--set", f"terms=[{term}]")["mean_system"]
+    assert found["frequency"] == pytest.approx([2.0, 9.1**0.5], rel=1e-6)  # damping takes (c/2)^2 = 2.5e-7 of w^2
+    assert found["mode"] == [2, 1]
 
 
 def test_a_report_is_cheap_and_in_the_unit_typed(tmp_path: Path) -> None:

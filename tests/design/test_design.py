@@ -254,8 +254,17 @@ def test_three_objectives(tmp_path: Path) -> None:
     assert all(len(line.get_xdata()) == len(front) for line in artists["fronts"])
 
 
-def test_regions_are_told_in_the_speed_of_the_range(tmp_path: Path) -> None:
-    """Edges of the result are mesh frequencies, 20 times the speed of a pinion of 20 teeth."""
+@pytest.mark.parametrize(
+    ("speeds", "unit", "one"),
+    [
+        ('input_speed: ["12000 rpm", "24000 rpm"]', "input speed {} rpm", 20 * 2 * np.pi / 60),
+        ("input_speed: [1256.6, 2513.3]", "input speed {} rpm", 20 * 2 * np.pi / 60),
+        ('mesh_frequency: ["4 kHz", "8 kHz"]', "mesh frequency {} kHz", 2000 * np.pi),
+        ("mesh_frequency: [25133, 50265]", "mesh frequency {} rad/s", 1.0),
+    ],
+)
+def test_regions_are_told_in_the_speed_of_the_range(speeds: str, unit: str, one: float, tmp_path: Path) -> None:
+    """Edges of the result are mesh frequencies, 20 times the speed of a pinion of 20 teeth; units are those typed."""
     text = """
 system:
   kind: gearbox
@@ -266,19 +275,19 @@ system:
   input: {rotor: motor, torque: 20.0}
   outputs: [{rotor: wheel}]
 design:
-  range: {input_speed: ["12000 rpm", "24000 rpm"]}
+  range: {SPEEDS}
   variables: {rotors.motor.inertia: {values: [0.01, 0.02]}}
   minimise: instability_width
-"""
+""".replace("SPEEDS", speeds)
     done = ran("design", written(tmp_path, text), "-o", tmp_path / "out.h5", "-q")
     assert done.exit_code == 0, done.output
-    found = re.search(r"(\S+), (\S+) to (\S+) rpm of the input", done.stdout)
+    found = re.search(r"(\S+), " + unit.format(r"(\S+) to (\S+)"), done.stdout)
     assert found
     with xr.open_datatree(tmp_path / "out.h5", engine="h5netcdf") as tree:
         result = tree["design"].to_dataset().load()
     k = list(result["label"].values).index(found[1])
-    speeds = result["region_frequency"].values[k, :, 1] / 20 * 60 / (2 * np.pi)
-    assert [float(found[2]), float(found[3])] == pytest.approx(speeds, rel=1e-5)
+    edges = result["region_frequency"].values[k, :, 1] / one
+    assert [float(found[2]), float(found[3])] == pytest.approx(edges, rel=1e-5)
 
 
 def test_growth_rates_are_the_largest_of_a_fine_raster(tmp_path: Path) -> None:

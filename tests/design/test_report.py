@@ -3,7 +3,12 @@
 from __future__ import annotations
 
 import base64
+import os
+import pty
 import re
+import subprocess
+import sys
+from contextlib import suppress
 from html import unescape
 from pathlib import Path
 
@@ -18,7 +23,9 @@ from gearstab.cli.report.html import html
 from gearstab.cli.report.page import BulletList, Heading, Page, Picture, Table, Text
 from gearstab.cli.report.pdf import MARGIN, PAPER, pdf, sheets
 from gearstab.config import load
+from gearstab.perturbation import Tongue
 from gearstab.plots.drawing.style import style
+from gearstab.systems import build
 
 SWEEP = """\
 sweep:
@@ -31,6 +38,16 @@ design:
   range: {mesh_frequency: [4.8, 6.0]}
   variables: {meshes.second.phasing: {values: [0.0, 0.25, 0.5]}}
   minimise: instability_width
+"""
+PAIR = """\
+system:
+  kind: gearbox
+  gears: {module: "2 mm", pressure_angle: "20 deg", face_width: "20 mm"}
+  rotors: [{name: motor, inertia: 0.01}, {name: pinion, teeth: 20}, {name: wheel, teeth: 60}]
+  shafts: [{name: input, between: [motor, pinion], stiffness: 1.0e4}]
+  meshes: [{name: first, gears: [pinion, wheel]}]
+  input: {rotor: motor, torque: 20.0}
+  outputs: [{rotor: wheel}]
 """
 LOAD = "  load: [1.0, 0.0, 0.5]\n"
 
@@ -71,6 +88,55 @@ def test_what_it_says(proposed: str) -> None:
     # The reasons stand once, in a list of their own.
     assert "Why, by first-order theory" in proposed
     assert "why: " not in proposed
+
+
+def test_the_picture_names_its_axis(tmp_path: Path) -> None:
+    figures = []
+    for name, unit in (("mesh_frequency", "Hz"), ("input_speed", "rpm")):
+        sweep = (
+            f'sweep: {{{name}: {{start: "3000 {unit}", stop: "9000 {unit}", num: 3}}}}\nmethods: {{floquet: {{}}}}\n'
+        )
+        found = page(load(written(tmp_path, PAIR + sweep)), lambda text: None)
+        figures += [block.figure for block in found.blocks if isinstance(block, Picture)]
+    labels = [figure.axes[-1].get_xlabel() for figure in figures]
+    assert labels == [r"mesh frequency $\Omega$ (Hz)", "input speed (rpm)"]
+
+
+def test_too_much_work_is_not_begun(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Not the time that a machine takes decides, but the meetings of multipliers: that of fewer speeds is less work."""
+    config = load(written(tmp_path, TRAIN + SWEEP))
+    system = build(config.parameters)
+    assert facts.search_work(system, 4.0, 7.0) == pytest.approx(2 * facts.search_work(system, 4.0, 112 / 22), rel=1e-9)
+    monkeypatch.setattr(facts, "MOST_WORK", facts.search_work(system, 3.0, 7.0))
+    monkeypatch.setattr(facts.regions, "reach", lambda low, high: (low, high))
+    assert "would take too long" not in str(page(config, lambda text: None).blocks[0])
+    monkeypatch.setattr(facts, "MOST_WORK", 0.0)
+    assert "would take too long" in str(page(config, lambda text: None).blocks[0])
+
+
+def test_a_region_of_many_tongues_names_the_leading_ones() -> None:
+    members = [Tongue(1, 1, s, "first", "higher", f"2w1/{s}", float(s)) for s in range(2, 7)]
+    assert facts._label(members) == "2w1/2 & 2w1/3 & 2w1/4 and 2 more"
+    assert facts._label(members[:3]) == "2w1/2 & 2w1/3 & 2w1/4"
+
+
+def test_steps_show_on_a_terminal_and_nowhere_else(tmp_path: Path) -> None:
+    """Standard error of a child on a pseudo-terminal, then on a pipe."""
+    source = written(tmp_path, TRAIN + SWEEP)
+    call = [sys.executable, "-m", "gearstab", "report", str(source), "-o", str(tmp_path / "page.html")]
+    ours, theirs = pty.openpty()
+    with subprocess.Popen(call, stderr=theirs) as process:
+        os.close(theirs)
+        shown = b""
+        with suppress(OSError):  # the end of the child closes it
+            while data := os.read(ours, 4096):
+                shown += data
+    os.close(ours)
+    assert process.returncode == 0
+    assert b"uncertainty" in shown
+    assert b"75%" in shown
+    piped = subprocess.run(call, capture_output=True, text=True, check=True)
+    assert piped.stderr == f"report: {tmp_path / 'page.html'}\n"
 
 
 def test_damping_that_suffices(tmp_path: Path) -> None:

@@ -73,12 +73,12 @@ def sizes(pattern: Pattern) -> list[int]:
 def test_blocks_hang_on_no_rounding(monkeypatch: pytest.MonkeyPatch, scene: str, declared: bool) -> None:
     """And not nearly so: the same blocks for thresholds ten times smaller and ten times larger."""
     system, expected = SCENES[scene]
-    for pattern in perturbed(monkeypatch, system if declared else replace(system, symmetry=None)):
+    for pattern in perturbed(monkeypatch, system if declared else replace(system, symmetries=())):
         assert sizes(pattern) == expected
         values, _, family, backward = blocks._family(pattern)
         none = tolerance(values, family, backward)
         assert DISCARDED <= none[0] <= 20 * DISCARDED
-        _, coupling = adapted(values, family, none, pattern.elastic.turn)
+        _, coupling = adapted(values, family, none, pattern.elastic.turns)
         first, second = (components(coupling > factor * none) for factor in (0.1, 10.0))
         np.testing.assert_array_equal(first, second)
 
@@ -89,7 +89,7 @@ def test_a_broken_symmetry_is_seen(monkeypatch: pytest.MonkeyPatch, break_: floa
     system = planetary()
     first, *others = system.meshes
     broken = replace(system, meshes=(replace(first, epsilon=first.epsilon * (1 + break_)), *others))
-    for one in (broken, replace(broken, symmetry=None)):
+    for one in (broken, replace(broken, symmetries=())):
         for pattern in perturbed(monkeypatch, one):
             assert sizes(pattern) == [21]
 
@@ -106,16 +106,16 @@ def test_differences_of_rounding_are_none(monkeypatch: pytest.MonkeyPatch, diffe
 def test_a_symmetry_that_is_none_says_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     """A turn of the wrong planets, declared: the blocks are those of the system without it."""
     system = planetary(damping_ratio=0.005)
-    assert system.symmetry is not None
     order = np.random.default_rng(3).permutation(system.size)
-    wrong = replace(system, symmetry=replace(system.symmetry, turn=system.symmetry.turn[order][:, order]))
+    (symmetry,) = system.symmetries
+    wrong = replace(system, symmetries=(replace(symmetry, turn=symmetry.turn[order][:, order]),))
     for pattern in perturbed(monkeypatch, wrong):
         assert sizes(pattern) == [3, 6, 12]
 
 
 def test_rows_of_one_batch_split_alike() -> None:
     """Two hundred amplitudes: whatever the last digits of each, the blocks are those of the symmetry."""
-    system = replace(planetary(damping_ratio=0.005), symmetry=None)
+    system = replace(planetary(damping_ratio=0.005), symmetries=())
     amplitude = np.linspace(0.01, 0.4, 200)
     system = replace(system, meshes=tuple(replace(mesh, epsilon=amplitude) for mesh in system.meshes))
     for pattern in prepare(system):

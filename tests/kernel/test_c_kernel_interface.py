@@ -12,7 +12,7 @@ from systems import patterns, system
 from gearstab import ckernel
 from gearstab.floquet.kernel import c_kernel
 from gearstab.floquet.kernel.invariants import DOUBTFUL
-from gearstab.linear.grouping import equal_rows
+from gearstab.grouping import equal_rows
 
 
 class TestArguments:

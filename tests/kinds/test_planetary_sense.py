@@ -15,6 +15,7 @@ from gearstab.system import GearSystem
 from gearstab.systems import build
 from gearstab.systems.planetary.angles import misfit, nearest
 from gearstab.systems.planetary.phasing import Turning
+from gearstab.systems.planetary.teeth import with_teeth
 
 SUN, PLANET, RING, NUMBER = 29, 20, 69, 7
 """14 teeth of sun and ring for each of 7 planets, whose phases go round once: z_s mod 7 = 1."""
@@ -121,8 +122,8 @@ system:
 
 def test_a_gear_that_turns_the_other_way_is_its_mirror_image(tmp_path: Path) -> None:
     """Other flanks and the other order of phases: the same growth; with one of the two alone another gear."""
-    there = read(tmp_path, TEXT.format("sense: counter-clockwise")).parameters
-    back = read(tmp_path, TEXT.format("sense: clockwise")).parameters
+    there = with_teeth(read(tmp_path, TEXT.format("sense: counter-clockwise")).parameters)
+    back = with_teeth(read(tmp_path, TEXT.format("sense: clockwise")).parameters)
     assert back["pressure_angles"]["sun"] == -there["pressure_angles"]["sun"]
     half = back | {"pressure_angles": there["pressure_angles"]}
     omega = np.linspace(2e4, 9e4, 60)

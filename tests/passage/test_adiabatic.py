@@ -7,10 +7,10 @@ from systems import train
 
 from gearstab.floquet import solve
 from gearstab.floquet.boundaries import boundaries
-from gearstab.linear.path import Path
 from gearstab.modal import modal_damping_matrix
 from gearstab.passage.adiabatic import gains, growth_over_speed
 from gearstab.passage.solve import excess, passage
+from gearstab.propagation.path import Path
 from gearstab.system import GearSystem, Mesh
 from gearstab.waveforms import Rectangular
 

@@ -7,10 +7,11 @@ import pytest
 from scipy.integrate import solve_ivp
 from systems import train
 
-from gearstab.linear.path import Path
 from gearstab.modal import modal_damping_matrix
 from gearstab.passage import propagator
-from gearstab.passage.propagator import best_pair, growth, motion, motions, product
+from gearstab.passage.propagator import best_pair, growth, motion, motions
+from gearstab.propagation.path import Path
+from gearstab.propagation.products import product
 from gearstab.system import GearSystem, Mesh
 from gearstab.waveforms import Fourier, Rectangular, Trapezoidal
 

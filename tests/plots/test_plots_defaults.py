@@ -9,12 +9,15 @@ import plot_results as made
 import pytest
 import xarray as xr
 from click.testing import CliRunner
+from ruamel.yaml import YAML
+from scenes import TRAIN
 
+import gearstab
 from gearstab.cli import group
 from gearstab.errors import PlotError
 from gearstab.plots import default_kind, draw
 from gearstab.plots.cases import thinned
-from gearstab.plots.drawing.tongues import pieces
+from gearstab.plots.drawing.tongues import THIN, joints, pieces
 from gearstab.plots.view import Request
 
 ENTRIES = {
@@ -224,3 +227,26 @@ def test_an_edge_that_leaves_the_range_is_drawn_up_to_its_end() -> None:
     edge = np.concatenate([np.linspace(8.72, 9.0, 9), np.full(20, 9.0)])
     (whole,) = pieces(edge, np.linspace(0.0, 0.4, 29), 2.5)
     np.testing.assert_array_equal(whole[:, 0], edge)
+
+
+def test_an_edge_goes_on_where_regions_merge() -> None:
+    """The upper edge of the second region ends in row 5 and is that of the first from row 6 on; span of the frame 4."""
+    row, away = np.arange(11), np.full(11, np.nan)
+    inner, outer = 2.0 + 0.02 * row, 3.0 + 0.01 * row
+    first = pieces(np.where(row < 6, inner, outer), row / 10, 4.0)
+    assert [len(part) for part in first] == [6, 5]
+    (joint,) = joints([*first, *pieces(np.where(row < 6, outer, away), row / 10, 4.0)], 4.0)
+    np.testing.assert_allclose(joint, [[3.05, 0.5], [3.06, 0.6]], rtol=1e-12)
+    # Neither over the leap of the first edge, nor over more than a row.
+    assert joints(first, 4.0) == []
+    assert joints([*first, *pieces(np.where(row < 5, outer, away), row / 10, 4.0)], 4.0) == []
+
+
+def test_a_region_that_is_one_light_line_has_an_entry() -> None:
+    """Beside the lines of first order; 2w1/3 is nowhere wider than 0.0015 up to epsilon = 0.1, a frame of 6.65."""
+    sweep = "sweep: {mesh_frequency: [0.35, 7.0], epsilon: [0.02, 0.06, 0.1]}\n"
+    for methods, expected in (("boundaries: {}, perturbation: {}", True), ("perturbation: {}", False)):
+        config = YAML(typ="safe").load(f"{TRAIN}{sweep}methods: {{{methods}}}\n")
+        _, artists = draw(gearstab.sweep(gearstab.load(config)), dpi=50)
+        words = [text.get_text() for text in artists["legend"].get_texts()]
+        assert (THIN in words) == expected

@@ -14,6 +14,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import minimize_scalar
 from systems import unequal
 
+from gearstab.propagation.path import Path
 from gearstab.system import GearSystem, PeriodicForce, PeriodicTerm
 from gearstab.systems import build
 from gearstab.waveforms import Constant, Fourier, Rectangular, Scaled, Trapezoidal
@@ -198,6 +199,43 @@ def integrated(
 
         state = solve_ivp(rate, (a, b), state.ravel(), "DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
     return state.reshape(shape)
+
+
+def integrated_along(
+    system: GearSystem, path: Path, times: Array, start: Array, gyroscopic: Array | float = 0.0
+) -> Array:
+    """(q, q') at times of a straight path, from (q, q') at 0, by DOP853 begun anew at every jump.
+
+    start: one state, or several of a system without forces as columns. gyroscopic: G of Omega G q'.
+    """
+    n, inverse, shape = system.size, np.linalg.inv(system.mass), start.shape
+    first, slope, end = path.mesh_frequency[0], path.rate[0], float(times[-1])
+
+    def theta(t: float) -> float:
+        return first * t + 0.5 * slope * t**2
+
+    phases = breaks(system, 1.0, theta(end))
+    moments = (np.sqrt(first**2 + 2 * slope * phases) - first) / slope
+    # Begun anew at samples too: between its steps DOP853 is less accurate.
+    moments = np.concatenate([times, moments[np.abs(times[:, None] - moments).min(axis=0) > 1e-11]])
+    order = np.argsort(moments)
+    moments, sample = moments[order], order < len(times)
+    state, found = start, [start]
+    for a, b in pairwise(moments):
+
+        def rate(t: float, y: Array, a: float = a, b: float = b) -> Array:
+            t = min(max(t, a + 1e-9 * (b - a)), b - 1e-9 * (b - a))
+            speed = first + slope * t
+            # At the phase theta and the speed of the moment.
+            force, stiffness, damping = force_and_matrices(system, speed, theta(t) / speed)
+            y = y.reshape(shape)
+            push = force.reshape(n, *(1,) * (len(shape) - 1))
+            pull = stiffness @ y[:n] + (damping + speed * gyroscopic) @ y[n:]
+            return np.concatenate([y[n:], inverse @ (push - pull)]).ravel()
+
+        state = solve_ivp(rate, (a, b), state.ravel(), "DOP853", rtol=1e-12, atol=1e-13).y[:, -1].reshape(shape)
+        found.append(state)
+    return np.array(found)[sample]
 
 
 def integrated_with_backlash(

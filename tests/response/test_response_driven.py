@@ -20,7 +20,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import gearstab as gs
-from gearstab.linear.eigen import divided_exponential
+from gearstab.propagation.segment import divided_exponential
 from gearstab.response import RESPONSE_FLAGS, driven_response, free_response, harmonics, steady_state
 from gearstab.response.linear import driven as histories
 from gearstab.response.linear.equilibrium import static_equilibrium, static_mesh_force

@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import tracemalloc
-from itertools import pairwise
 
 import numpy as np
 import pytest
-from driven import CASES, breaks, force_and_matrices, train
+from driven import CASES, integrated_along, train
 from scenes import ROOT
-from scipy.integrate import solve_ivp
 
 from gearstab.config import load
 from gearstab.errors import NotPossible
-from gearstab.linear.path import Path
+from gearstab.propagation import phase
+from gearstab.propagation.path import Path
 from gearstab.respond.ramp import path_of
 from gearstab.response import RESPONSE_FLAGS, driven_response, harmonics, ramp_response
-from gearstab.response.linear import ramp as rooms
 from gearstab.response.linear.equilibrium import static_equilibrium
 from gearstab.response.measures.waterfall import waterfall
 from gearstab.system import GearSystem, Mesh
@@ -27,34 +25,9 @@ from gearstab.waveforms import Rectangular
 Array = np.ndarray
 
 
-def integrated(system, path: Path, times: Array) -> Array:
-    """(q, q') at times, from static equilibrium, by DOP853 begun anew at every jump."""
-    n, inverse = system.size, np.linalg.inv(system.mass)
-    first, slope, end = path.mesh_frequency[0], path.rate[0], float(times[-1])
-
-    def theta(t: float) -> float:
-        return first * t + 0.5 * slope * t**2
-
-    phases = breaks(system, 1.0, theta(end))
-    moments = (np.sqrt(first**2 + 2 * slope * phases) - first) / slope
-    # Begun anew at samples too: between its steps DOP853 is less accurate.
-    moments = np.concatenate([times, moments[np.abs(times[:, None] - moments).min(axis=0) > 1e-11]])
-    order = np.argsort(moments)
-    moments, sample = moments[order], order < len(times)
-    state = np.concatenate([static_equilibrium(system), np.zeros(n)])
-    found = [state]
-    for a, b in pairwise(moments):
-
-        def rate(t: float, y: Array, a: float = a, b: float = b) -> Array:
-            t = min(max(t, a + 1e-9 * (b - a)), b - 1e-9 * (b - a))
-            speed = first + slope * t
-            # At the phase theta and the speed of the moment.
-            force, stiffness, damping = force_and_matrices(system, speed, theta(t) / speed)
-            return np.concatenate([y[n:], inverse @ (force - stiffness @ y[:n] - damping @ y[n:])])
-
-        state = solve_ivp(rate, (a, b), state, "DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
-        found.append(state)
-    return np.array(found)[sample]
+def at_rest(system) -> Array:
+    """Static equilibrium."""
+    return np.concatenate([static_equilibrium(system), np.zeros(system.size)])
 
 
 @pytest.mark.parametrize("downwards", [False, True])
@@ -64,7 +37,7 @@ def test_a_run_up_is_what_integration_gives(name: str, downwards: bool) -> None:
     ends = (1.6 * omega, 0.8 * omega) if downwards else (0.8 * omega, 1.6 * omega)
     path = Path(np.array([0.0, 8.0]), np.array(ends))
     found = ramp_response(system, path, 8)
-    expected = integrated(system, path, found.time)
+    expected = integrated_along(system, path, found.time, at_rest(system))
     n = system.size
     # DOP853 works to 1e-12 a step, quadrature and Magnus steps to about 1e-9.
     np.testing.assert_allclose(found.displacement, expected[:, :n], atol=5e-9)
@@ -78,7 +51,7 @@ def test_a_critically_damped_train_has_no_eigenvectors_to_go_by() -> None:
     path = Path(np.array([0.0, 8.0]), np.array([1.2, 2.0]))
     found = ramp_response(system, path, 8)
     # Two eigenvalues of each mode are one at the mean stiffness: that state is defective.
-    states = integrated(system, path, found.time)
+    states = integrated_along(system, path, found.time, at_rest(system))
     np.testing.assert_allclose(found.displacement, states[:, : system.size], atol=5e-9)
 
 
@@ -86,7 +59,7 @@ def test_the_number_of_steps_that_are_prepared_together_is_of_no_effect(monkeypa
     system, _ = CASES["unequal frequencies"]
     path = Path(np.array([0.0, 60.0]), np.array([1.2, 2.0]))
     whole = ramp_response(system, path, 20)
-    monkeypatch.setattr(rooms, "AT_ONCE", 50)
+    monkeypatch.setattr(phase, "STEPS_AT_ONCE", 50)
     parts = ramp_response(system, path, 20)
     # The same sums in another order of rounding.
     np.testing.assert_allclose(parts.displacement, whole.displacement, atol=1e-12)

@@ -16,9 +16,9 @@ from scenes import ROOT
 from gearstab.cli import group
 from gearstab.config import load
 from gearstab.floquet import solve
+from gearstab.propagation.excitation import excitation
 from gearstab.response import harmonics, steady_state
 from gearstab.response.linear.equilibrium import static_mesh_force
-from gearstab.response.linear.excitation import excitation
 from gearstab.response.linear.speeds import SpeedResponse, speed_response
 from gearstab.response.linear.steady import STATUS_FLAGS
 from gearstab.response.measures.extremes import NODES, extremes
@@ -194,7 +194,7 @@ def test_a_system_at_rest_has_no_steady_state_to_show() -> None:
     system = pair()
     with pytest.raises(ValueError, match="nothing drives"):
         speed_response(system, SPEEDS)
-    assert not replace(system, load=np.array([1.0])).symmetry
+    assert not replace(system, load=np.array([1.0])).symmetries
 
 
 CONFIG = """

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -33,6 +35,10 @@ sweep:
   epsilon: {start: 0.0, stop: 0.4, num: 300}
 methods: {floquet: {}}
 respond: {mesh_frequency: 5, cycles: 20000, initial: {velocity: [1, 0, 0]}}
+design:
+  range: {mesh_frequency: [0.5, 6.0]}
+  variables: {meshes.first.contact_ratio: [1.1, 1.9], meshes.second.phasing: [0.0, 1.0]}
+  minimise: [instability_width, growth_rate]
 """
 )
 SIGNALS = [signal.SIGINT, signal.SIGTERM, signal.SIGHUP]
@@ -177,6 +183,68 @@ def test_an_import_is_left_without_a_word_of_python(folder: Path, command: str, 
     assert process.stdout is not None
     assert process.stdout.readline() == "importing\n"
     assert interrupted(process, number) == "interrupted\n"
+
+
+LONG = {
+    "sweep": (1.5, ["sweep", "train.yaml", "-o", "out.h5", "--set", "sweep.epsilon.num=60000", "-j", "1", "--yes"]),
+    "plot": (1.5, ["plot", "map.h5", "-o", "out.png", "--dpi", "2400"]),
+    "report": (1.2, ["report", "planets.yaml", "-o", "out.html"]),
+    "design": (1.2, ["design", "train.yaml", "-o", "out.h5"]),
+    "respond": (1.2, ["respond", "train.yaml", "-o", "out.h5"]),
+    "info": (1.2, ["info", "planets.yaml"]),
+    "check": (0.6, ["check", "long.yaml"]),
+    "bench": (1.5, ["bench", "planets.yaml", "-o", "out.h5"]),
+}
+"""Commands at work, and the processor time (s) after their start at which they are; imports take less."""
+
+WORKING = """
+import os, signal, sys, threading, time
+def end():
+    while time.process_time() < {0}:
+        time.sleep(0.01)
+    sys.stdout.write(str(time.process_time()))
+    sys.stdout.flush()
+    os.kill(os.getpid(), signal.SIGINT)
+threading.Thread(target=end, daemon=True).start()
+"""
+
+
+@pytest.fixture(scope="module")
+def work(folder: Path) -> Path:
+    """Configurations that keep every command busy for seconds."""
+    fig3 = (ROOT / "configs" / "parker_2009" / "fig3.yaml").read_text()
+    (folder / "planets.yaml").write_text(fig3)
+    points = ", ".join(f"{1 + k * 1e-5:.5f}" for k in range(200_000))
+    (folder / "long.yaml").write_text(f"{TRAIN}sweep: {{mesh_frequency: [{points}]}}\nmethods: {{floquet: {{}}}}\n")
+    return folder
+
+
+@pytest.mark.parametrize(
+    "command", [pytest.param(name, marks=[] if name in ("report", "check") else pytest.mark.slow) for name in LONG]
+)
+def test_a_command_at_work_ends_within_a_second(work: Path, command: str) -> None:
+    """Of processor time: what else the machine does is not the program's. The file that was there before stays."""
+    after, args = LONG[command]
+    out = work / args[3] if "-o" in args else None
+    if out is not None and command != "sweep":
+        out.write_bytes(b"")  # an empty file may be replaced
+    with start(work, args, WORKING.format(after)) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        begun = process.stdout.read()
+        said = process.stderr.read()
+        _, status, used = os.wait4(process.pid, 0)
+        process.returncode = os.waitstatus_to_exitcode(status)
+    assert process.returncode == 130, said
+    assert "Traceback" not in said
+    assert used.ru_utime + used.ru_stime - float(begun) < 1.0
+    assert not list(work.glob(".*.tmp"))
+    if command == "sweep":
+        assert re.search(r"[1-9]\d* of \d+ blocks are kept in out.h5.parts", said)
+        shutil.rmtree(work / "out.h5.parts")
+    elif out is not None:
+        assert out.read_bytes() == b""
+        out.unlink()
 
 
 @pytest.mark.slow

@@ -1,6 +1,6 @@
 /* Products of exponentials of Magnus steps, and eigenvalues of what they make, LANES of them side by side.
 
-   What gearstab/linear/magnus.py does, step by step the same: every lane halves its matrix as often as it needs, so that
+   What gearstab/propagation/magnus.py does, step by step the same: every lane halves its matrix as often as it needs, so that
    results do not depend on what else is computed. */
 
 #ifndef GEARSTAB_MAGNUS_H

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import click
@@ -40,10 +43,27 @@ def command(config: Path, output: Path, overrides: tuple[str, ...], unit: tuple[
     loaded = load(config, overrides)
     if not quiet:
         warn(loaded)
-    found = page(loaded, (lambda text: None) if quiet else (lambda text: tell(f"report: {text}")), *unit[-1:])
+    with shown(quiet) as step:
+        found = page(loaded, step, *unit[-1:])
     write_bytes(output, memoryview((html if ending == ".html" else pdf)(found)), content.refuse)
     if not quiet:
         tell(f"report: {output}")
+
+
+@contextmanager
+def shown(quiet: bool) -> Iterator[Callable[[str], None]]:
+    """Give the function that shows which step begins: on a bar where standard error is a terminal, else nowhere."""
+    from gearstab.cli.report.content import STEPS
+    from gearstab.sweep.bar import bar
+
+    with bar(quiet or not sys.stderr.isatty()) as progress:
+        task = progress.add_task("report", total=len(STEPS), speed="", unstable="")
+
+        def step(text: str) -> None:
+            done = STEPS.index(text) if text in STEPS else None
+            progress.update(task, description=text, completed=done, refresh=True)
+
+        yield step
 
 
 def no_report(path: Path) -> str:

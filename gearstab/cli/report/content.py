@@ -32,13 +32,17 @@ LIMITS = (
 )
 
 
+STEPS = ("instability regions", "pictures", "contact of the teeth", "uncertainty")
+"""What :func:`page` says that it begins; a search of designs says more before the first."""
+
+
 def page(config: Config, say: Callable[[str], None], unit: str = "") -> Page:
     """Compute all that the report says, what is cheap first, and put it in order.
 
     unit: in which speeds are written, "" for that in which they were typed. Raises ConfigError, NotPossible.
     """
     solution = _solution(config, say)
-    say("instability regions")
+    say(STEPS[0])
     states = _states(config, solution)
     shown = _shown(config, states[0], unit)
     blocks: list[Block] = [Text(text, strong=True) for text in (*_mean(states[0]), _verdict(states[0], shown))]
@@ -47,13 +51,13 @@ def page(config: Config, say: Callable[[str], None], unit: str = "") -> Page:
     blocks += _range(states[0], shown)
     for state in states:
         blocks += _regions(state, shown)
-    say("pictures")
+    say(STEPS[1])
     blocks += _pictures(solution, states, shown)
     if solution is not None:
         blocks += _design(solution)
-    say("contact of the teeth")
+    say(STEPS[2])
     blocks += _contact(states, shown)
-    say("uncertainty")
+    say(STEPS[3])
     blocks += _uncertainty(config, states[0], shown)
     blocks += _modes(states[0])
     blocks += [Heading("Assumptions and limits"), BulletList(LIMITS)]
@@ -119,8 +123,8 @@ def _shown(config: Config, state: State, unit: str) -> ShownSpeeds:
 
     own, factor = unit_of(state.system, "rad/s"), state.spans[0].factor
     plain = "time" in state.system.dimensionless
-    axis = next((axis for axis in config.axes if axis.mesh_frequency is not None), None)
-    typed = axis.typed_units if axis is not None else "rpm" if factor != 1 else ""
+    swept = (axis.typed_units for axis in config.axes if axis.mesh_frequency is not None)
+    typed = next(swept, "") if config.design is None else config.design.ranges[0].shown_units
     wanted = "" if unit == SI else unit or typed
     if unit and plain:
         raise ResultError(f"--unit {unit}: this model has no units")
@@ -308,19 +312,30 @@ def _uncertainty(config: Config, state: State, shown: ShownSpeeds) -> Iterator[B
 
 
 def _modes(state: State) -> Iterator[Block]:
-    from gearstab.modal import mean_modes, modal_damping_ratios
-    from gearstab.symmetry import oriented, type_names
+    from gearstab.modal import modal_damping_ratios
+    from gearstab.results.provenance import mode_frequencies
+    from gearstab.symmetry import natural_modes, type_names
 
-    modes = oriented(state.system, mean_modes(state.system))
+    modes = natural_modes(state.system)
     ratios, kinds = modal_damping_ratios(state.system, modes), type_names(state.system, modes)
     yield Heading("Natural frequencies of the given design")
     if state.system.terms:
-        yield Text("They are those of the symmetric mean system, without damping and periodic terms.")
+        yield Text(
+            "They are damped ones, of the whole mean system; types and damping ratios are those of the modes of its "
+            "symmetric part that its motions resemble."
+        )
+    frequencies = mode_frequencies(state.system, modes)["natural_frequency"]
     rows = [
         [str(k + 1), f"{w:.6g}", kinds[k], "-" if ratios[k] != ratios[k] else f"{ratios[k]:.4g}"]
-        for k, w in enumerate(modes.natural_frequency)
+        for k, w in enumerate(frequencies[:MOST_MODES])
     ]
     yield Table(["mode", f"natural frequency{in_brackets(state.system, 'rad/s')}", "type", "damping ratio"], rows)
+    if len(frequencies) > MOST_MODES:
+        yield Text(f"and {len(frequencies) - MOST_MODES} more, up to {frequencies[-1]:.6g}.")
+
+
+MOST_MODES = 24
+"""Modes that are listed; gearstab info has all."""
 
 
 def _provenance(config: Config) -> Iterator[Block]:

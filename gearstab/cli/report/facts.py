@@ -16,20 +16,29 @@ from gearstab.design.judging import regions
 from gearstab.design.problem import Span
 from gearstab.floquet import solve
 from gearstab.floquet.boundaries import boundaries
+from gearstab.floquet.boundaries.damped.proof import MODULI
+from gearstab.floquet.boundaries.damped.search import COARSEST, PURSUIT
+from gearstab.floquet.boundaries.solve import BUDGET
+from gearstab.floquet.report import reduction
 from gearstab.info.configuration import HARMONICS
 from gearstab.info.danger import CLOSED_BY, judged
-from gearstab.modal import mean_modes, modal_damping_ratios
+from gearstab.modal import modal_damping_ratios
 from gearstab.perturbation import Tongue
 from gearstab.perturbation.tongues import SELF_EXCITED
-from gearstab.sweep.effort.clock import within
+from gearstab.symmetry import natural_modes
 from gearstab.system import Array, GearSystem
 
 SPEEDS = 801
 """Speeds at which growth rates are computed."""
 WORST = 3
 """Speeds at which teeth part that are named."""
-PATIENCE = 60.0
-"""Processor seconds of the search for all regions after which those near the tongues of first order must do."""
+MOST_WORK = 2.4e11
+"""Multiplications of the search for all regions, by :func:`search_work`, from which on those near the tongues of first
+order must do: about a minute."""
+CONTACT = 8
+"""Points that the search of an undamped system takes per meeting of its multipliers: 7 to 8."""
+NAMED = 3
+"""Tongues of one region that are named."""
 NONE = float("nan")
 
 
@@ -109,10 +118,9 @@ def state_of(word: str, system: GearSystem, spans: tuple[Span, ...], config: Con
     closed = {row["label"]: _reach(system, row, False) for one in found for row in one["closest"]}
     reaching = sorted(({**closed, **rows}).values(), key=lambda item: item.lower)
     near = regions.reach(min(span.low for span in spans), max(span.high for span in spans))
-    uncovered = None
-    searched = within(PATIENCE, lambda: boundaries(system, *near, regions.TOLERANCE, regions.FLOOR))
-    if searched is not None:
-        own, _ = searched
+    uncovered, complete = None, search_work(system, *near) <= MOST_WORK
+    if complete:
+        own = boundaries(system, *near, regions.TOLERANCE, regions.FLOOR)
         uncovered = own.uncovered()
         real = tuple((float(a), float(b), _label(m)) for a, b, m in zip(own.lower, own.upper, own.members, strict=True))
     else:
@@ -122,9 +130,28 @@ def state_of(word: str, system: GearSystem, spans: tuple[Span, ...], config: Con
     outside = min(((d, label) for d, label in away if d > 0), default=None)
     return State(
         word, system, spans, config, tuple(reaching), max(len(open_) - len(rows), 0), real, open_, growth, outside,
-        searched is not None, all(one["verified"] for one in found), sum(one["refuted"] for one in found),
+        complete, all(one["verified"] for one in found), sum(one["refuted"] for one in found),
         uncovered or "",
     )  # fmt: skip
+
+
+def search_work(system: GearSystem, low: float, high: float) -> float:
+    """Return about how many multiplications the search for all regions between two mesh frequencies takes.
+
+    Without damping it looks at every meeting of multipliers: two modes meet every (w_p + w_q) T = 2 pi. With damping or
+    terms it keeps to its budgets where its fewest points do.
+    """
+    parts = reduction(system).parts
+    if system.damping is not None or system.terms:
+        budgets = (2 + PURSUIT) * BUDGET
+        return budgets + sum(MODULI * COARSEST * part.segments * (2.0 * part.size) ** 3 for part in parts)
+    frequency = np.nan_to_num(natural_modes(system).natural_frequency)
+    periods = float(system.common_period()[0]) * (1 / low - 1 / high)
+    work = 0.0
+    for part in parts:
+        total = float(frequency[np.array(part.modes) - 1].sum()) / part.copies
+        work += CONTACT * (part.size + 1) * total * periods * part.segments * part.size**3
+    return work
 
 
 def _touches(lower: float, upper: float, spans: Sequence[Span]) -> bool:
@@ -132,14 +159,16 @@ def _touches(lower: float, upper: float, spans: Sequence[Span]) -> bool:
 
 
 def _label(members: Sequence[Tongue]) -> str:
-    return " & ".join(tongue.label for tongue in members)
+    """The leading tongues by name, further ones by number."""
+    more = f" and {len(members) - NAMED} more" if len(members) > NAMED else ""
+    return " & ".join(tongue.label for tongue in members[:NAMED]) + more
 
 
 def _reach(system: GearSystem, row: dict[str, Any], open_: bool) -> Reach:
     """A region as a row of :func:`gearstab.info.danger.judged` has it."""
     modes = row["mode_p"], row["mode_q"]
     closed = row["closed_by"]
-    ratios = modal_damping_ratios(system, mean_modes(system))
+    ratios = modal_damping_ratios(system, natural_modes(system))
     available = NONE if row["kind"] == SELF_EXCITED else float(min(ratios[mode - 1] for mode in modes))
     edges = row["boundary_frequency"] if open_ else [row["center_frequency"]] * 2
     cells = {name: cell(closed) for name, cell in CLOSED_BY.items() if name != "damping ratio"}
@@ -173,7 +202,7 @@ def growth_curve(states: Sequence[State], shown: ShownSpeeds) -> Any:
             "range_frequency": (("operating_range", "side", "state"), ends / shown.scale),
         },
         {
-            "speed": ("speed", speed / shown.scale, {"units": shown.unit or "1"}),
+            "speed": ("speed", speed / shown.scale, {"units": shown.unit or "1", "long_name": shown.name}),
             "state": [state.word for state in states], "label": ("tongue", [t.split(" & ")[0] for t in labels] or [""]),
         },
     )  # fmt: skip

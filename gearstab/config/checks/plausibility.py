@@ -24,7 +24,7 @@ from gearstab.system import GearSystem
 from gearstab.systems import model_of, train_of
 
 if TYPE_CHECKING:
-    from gearstab.systems.gearbox.build import Train
+    from gearstab.systems.gearbox.train import Train
 
 TURBINE = 1e10
 """Of masses and inertias: ten times the rotor of a wind turbine of 20 MW (kg m^2)."""
@@ -206,7 +206,7 @@ def _gears(document: Document, config: Config, train: Train) -> Iterator[Problem
         if fastest is None:
             continue
         place, speed = fastest
-        velocity = speed * float(abs(train.speeds[k])) * radius
+        velocity = speed * float(abs(train.speeds[train.name(k)])) * radius
         if velocity > FASTEST:
             message = f"the teeth of {rotor['name']} run at {velocity:,.0f} m/s at {speed:.6g} rad/s of the input"
             yield document.problem(
@@ -218,7 +218,7 @@ def _gears(document: Document, config: Config, train: Train) -> Iterator[Problem
 def _fastest(config: Config, train: Any) -> tuple[Path, float] | None:
     """Where the highest speed of the input stands, and the speed (rad/s)."""
     found: list[tuple[float, Path]] = []
-    cycles = train.teeth(train.meshes[0][0]) * float(abs(train.speeds[train.meshes[0][0]]))
+    cycles = float(train.motions[0].frequency(train.speeds))
     for axis in config.axes:
         if axis.mesh_frequency:
             found.append((float(np.max(axis.mesh_frequency.values)) / cycles, ("sweep", axis.name)))

@@ -21,7 +21,7 @@ from gearstab.config.sections import design_variables
 from gearstab.config.sections.expansion import expand_list
 from gearstab.config.sections.objectives import OBJECTIVES, QUANTITIES
 from gearstab.config.sections.sweep import Context, UnresolvedAxis, build
-from gearstab.config.sections.targets import Target
+from gearstab.config.sections.targets import INPUT_SPEED, Target
 
 KEYS = {
     "range": "range: {mesh_frequency: [2.0, 6.0]}",
@@ -69,12 +69,21 @@ class DesignVariable:
 
 @dataclass(frozen=True)
 class SpeedRange:
-    """Operating speeds: low to high of the mesh frequency or, ``of`` says which, of the input speed, rad/s."""
+    """Operating speeds: low to high of the mesh frequency or, ``of`` says which, of the input speed, rad/s.
+
+    typed_units: the unit that the user wrote at both ends; "" for plain numbers.
+    """
 
     of: str
     low: float
     high: float
     weight: float = 1.0
+    typed_units: str = ""
+
+    @property
+    def shown_units(self) -> str:
+        """The unit for a reader: that typed, rpm of an input speed without one, "" for SI."""
+        return self.typed_units or ("rpm" if self.of == INPUT_SPEED else "")
 
 
 @dataclass(frozen=True)
@@ -212,7 +221,7 @@ def _range(context: Context, path: Path, item: Any) -> SpeedRange | None:
     if not low < high:
         document.report((*path, of), "wrong_order", "is no range", "give the lower speed first", value=ends)
         return None
-    return SpeedRange(of, low, high, weight)
+    return SpeedRange(of, low, high, weight, found.typed_units)
 
 
 def _positive(document: Document, path: Path, value: Any) -> float | None:

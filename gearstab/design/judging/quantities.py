@@ -139,7 +139,7 @@ def _peak(
 ) -> Array:
     rows = system.rows
     omega = np.broadcast_to(np.linspace(span.low, span.high, uniform), (rows, uniform))
-    if regional and not system.terms and system.commensurate:
+    if regional and not system.general and system.commensurate:
         omega = np.concatenate([omega, _within(regional_of, span)], axis=1)
     omega = np.sort(omega, axis=1)
     values = value(system, omega)

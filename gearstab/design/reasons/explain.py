@@ -19,7 +19,7 @@ import numpy as np
 from gearstab.modal import mean_modes, significant_deflection
 from gearstab.perturbation import Tongue
 from gearstab.perturbation.tongues import SELF_EXCITED
-from gearstab.symmetry import can_couple, deflection_types, oriented, phase_step
+from gearstab.symmetry import can_couple, deflection_types, natural_modes, phase_step
 from gearstab.system import GearSystem
 from gearstab.waveforms import Rectangular
 
@@ -148,10 +148,10 @@ def _many(system: GearSystem, known: list[DrivenRegion]) -> Iterator[str]:
 def _existence(system: GearSystem, known: list[DrivenRegion]) -> Iterator[str]:
     """The rule of cyclic symmetry, Parker 2009, conclusion 2."""
     step = phase_step(system)
-    if step is None or system.symmetry is None:
+    if step is None:
         return
-    order = system.symmetry.order
-    types = deflection_types(system, oriented(system, mean_modes(system)))
+    order = system.symmetries[0].order
+    types = deflection_types(system, natural_modes(system))
     for harmonic in sorted({item.tongue.harmonic for item in known}):
         groups: dict[tuple[int, int], bool] = {}
         for item in known:

@@ -10,9 +10,8 @@ from gearstab.design.judging import regions
 from gearstab.design.problem import DesignProblem
 from gearstab.design.reasons.tongues import single, whole
 from gearstab.floquet.boundaries import boundaries
-from gearstab.modal import mean_modes
 from gearstab.perturbation import first_order
-from gearstab.symmetry import can_couple, deflection_types, oriented, phase_step
+from gearstab.symmetry import can_couple, deflection_types, natural_modes, phase_step
 from gearstab.system import Array
 
 MOST = 400
@@ -52,7 +51,7 @@ def phasing(problem: DesignProblem, designs: Array) -> dict[str, Any]:
 
 def forbidden(system: Any, step: int, low: float, high: float) -> list[str]:
     """Labels of the regions rooted between two mesh frequencies that the existence rule forbids, by frequency."""
-    modes = oriented(system, mean_modes(system))
+    modes, order = natural_modes(system), system.symmetries[0].order
     types = deflection_types(system, modes)
     known = first_order(system, regions.harmonics(system, low))
     found = []
@@ -60,6 +59,6 @@ def forbidden(system: Any, step: int, low: float, high: float) -> list[str]:
         pair = int(types[tongue.mode_p - 1]), int(types[tongue.mode_q - 1])
         if not low <= center <= high or min(pair) < 0:
             continue
-        if not can_couple(system.symmetry.order, step, tongue.harmonic, *pair):
+        if not can_couple(order, step, tongue.harmonic, *pair):
             found.append((float(center), tongue.label))
     return [label for _, label in sorted(found)]

@@ -23,7 +23,7 @@ import numpy as np
 from gearstab.floquet.boundaries import smooth
 from gearstab.floquet.boundaries.damped.search import Limits, SearchResult, fastest
 from gearstab.floquet.boundaries.parts import Part
-from gearstab.floquet.general.coordinates import Generator, free_rotations, generators
+from gearstab.floquet.general.coordinates import ElasticForm, elastic_forms, free_rotations
 from gearstab.floquet.general.solve import SLIVER, varying
 from gearstab.floquet.kernel import c_kernel as kernel
 from gearstab.floquet.kernel.chain import ROUNDING, Chain, linked
@@ -32,8 +32,8 @@ from gearstab.floquet.segments.pattern import Pattern
 from gearstab.floquet.segments.reduction import Elastic
 from gearstab.floquet.smooth.control import SAFETY
 from gearstab.floquet.smooth.schemes import CF4_2, CF6_5, Scheme
-from gearstab.linear.grouping import equal_rows
-from gearstab.linear.schedule import Schedule, schedule
+from gearstab.grouping import equal_rows
+from gearstab.propagation.schedule import Schedule, schedule
 from gearstab.system import Array, GearSystem
 
 COARSEST, FINEST = 2, 12
@@ -50,7 +50,7 @@ class PeriodicPart:
     """
 
     part: Part
-    rows: list[Generator]
+    rows: list[ElasticForm]
     plan: Schedule
     varies: Array
 
@@ -77,9 +77,9 @@ class PeriodicPart:
         rows, n = self.rows, self.part.pattern.size
         table = np.moveaxis(values, 1, 0).reshape(values.shape[1], -1)
         _, first, states = np.unique(table, axis=0, return_index=True, return_inverse=True)
-        constant, parts = np.stack([g.constant for g in rows]), np.stack([g.parts for g in rows])
-        matrix = constant[:, None] + np.einsum("rdj,rjab->rdab", values[:, first], parts)
-        mean = constant + np.einsum("rs,rsj,rjab->rab", fractions, values, parts)
+        matrix = np.stack([row.generators(value) for row, value in zip(rows, values[:, first], strict=True)])
+        means = np.einsum("rs,rsj->rj", fractions, values)
+        mean = np.stack([row.generators(value) for row, value in zip(rows, means, strict=True)])
         with np.errstate(invalid="ignore"):
             frequencies = np.sqrt(-np.einsum("rii->ri", mean[:, n : 2 * n, :n]))
         rates = -0.5 * np.einsum("rii->ri", mean[:, n:, n:])
@@ -95,9 +95,9 @@ class PeriodicPart:
 
 def parts(system: GearSystem) -> Iterator[PeriodicPart]:
     """All rows of a system, each once."""
-    plan, rows, cycles = schedule(system), generators(system), float(system.common_period()[0])
+    plan, rows, cycles = schedule(system), elastic_forms(system), float(system.common_period()[0])
     still = free_rotations(system).sum(axis=1)
-    sizes = np.stack([still, [len(row.constant) for row in rows]], axis=1)
+    sizes = np.stack([still, [row.size for row in rows]], axis=1)
     varies = varying(plan)
     for members, (rigid, _) in equal_rows(sizes):
         n, r = system.size - int(rigid), len(members)

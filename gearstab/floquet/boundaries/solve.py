@@ -76,7 +76,7 @@ def boundaries(
     system = system.over(system.batch)
     found = _Collected(system, start, stop, width_floor)
     limits = Limits(start, stop, tolerance, width_floor, budget)
-    if system.terms:
+    if system.general:
         for driven, flow, edges in periodic.searched(system, limits):
             found.rigid(driven.part)
             found.periodic(driven, flow, edges)

@@ -58,7 +58,8 @@ def _pieces(profile: Profile) -> int:
 
 def sample(system: GearSystem) -> Pattern:
     """The mesh stiffness of a single system over its common period or, where there is no affordable one, a window."""
-    system = replace(system, terms=())
+    if system.general:
+        system = replace(system, terms=(), damping=None)
     period = common_period(system)
     affordable = period is not None and period.segments <= AFFORDABLE
     if system.piecewise_constant:
@@ -103,7 +104,7 @@ class Strategy:
             return f"{self.name} (the mesh frequencies have no common period)"
         cycles = " + ".join(f"{count:,}" for count in dict.fromkeys(self.period.mesh_cycles))
         segments, exact = self.period.segments, self.system.piecewise_constant
-        if segments <= AFFORDABLE and exact and not self.system.terms:
+        if segments <= AFFORDABLE and exact and not self.system.general:
             # Jumps of several meshes may coincide; they are counted where that takes no time.
             segments = len(prepare(self.system)[0].states)
         parts = f"{segments:,} segments" if exact else f"some {segments:,} exponentials of Magnus steps"
@@ -123,15 +124,17 @@ def chosen(system: GearSystem, asked: str, affordable: int = AFFORDABLE, cycles:
     period = common_period(system)
     if asked == COMMON_PERIOD and period is None:
         raise NotPossible("mesh frequencies of irrational ratio have no common period", "choose per_mesh or lyapunov")
-    if asked == LYAPUNOV and system.terms:
-        raise NotPossible("lyapunov needs a system without periodic terms beside the mesh stiffness", "choose per_mesh")
+    if asked == LYAPUNOV and system.general:
+        raise NotPossible(
+            "lyapunov needs symmetric damping, and a system of which only the mesh stiffness varies", "choose per_mesh"
+        )
     name = asked
     if asked == "auto" and period is not None and period.segments <= affordable:
         name = COMMON_PERIOD
     elif asked == "auto":
         from gearstab.floquet.frequencies.lyapunov import length
 
-        name = PER_MESH if system.terms or varying(system) < 2 else LYAPUNOV
+        name = PER_MESH if system.general or varying(system) < 2 else LYAPUNOV
         if name == LYAPUNOV and period is not None and period.cycles <= length(system, cycles):
             name = COMMON_PERIOD
     return Strategy(system, name, asked == "auto", period, affordable)

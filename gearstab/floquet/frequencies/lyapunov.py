@@ -69,8 +69,10 @@ def solve(
 
     Raises ValueError for a system that has periodic terms besides its meshes.
     """
-    if system.terms:
-        raise ValueError("Lyapunov exponents need systems without periodic terms beside the mesh stiffness")
+    if system.general:
+        raise ValueError(
+            "Lyapunov exponents need systems of which only the mesh stiffness varies, with symmetric damping"
+        )
     omega = system.operating_points(mesh_frequency)
     growth, upper, lower = (np.full(omega.shape, -np.inf) for _ in range(3))
     status = np.zeros(omega.shape, dtype=np.int16)

@@ -16,10 +16,6 @@ import numpy as np
 
 from gearstab.floquet.stability import STATUS_FLAGS, FloquetStability
 from gearstab.system import Array, GearSystem, Mesh, PeriodicTerm
-from gearstab.waveforms import Constant, Profile, Rectangular
-
-NODES = 12
-"""Nodes of the Gauss-Legendre rule for the mean of a function between two of its breakpoints."""
 
 
 @dataclass(frozen=True)
@@ -87,37 +83,6 @@ def apart(system: GearSystem) -> Iterator[tuple[GearSystem, float]]:
 
 def alone(system: GearSystem, group: FrequencyGroup) -> GearSystem:
     """The system in which only one group varies. Its frequency is Omega, so that the system always has a period."""
-
-    one, ratio = Fraction(1), group.ratio
-    meshes = [mesh if mesh.frequency_ratio == ratio else still(mesh) for mesh in system.meshes]
-    terms = [term if term.frequency_ratio == ratio else averaged(term) for term in system.terms]
-    return replace(
-        system,
-        meshes=tuple(replace(mesh, frequency_ratio=one) for mesh in meshes),
-        terms=tuple(replace(term, frequency_ratio=one) for term in terms),
-    )
-
-
-def still(mesh: Mesh) -> Mesh:
-    """A mesh that keeps its mean stiffness."""
-    return replace(mesh, epsilon=np.zeros_like(mesh.epsilon), waveform=Rectangular(1.0), lag=0.0)
-
-
-def averaged(term: PeriodicTerm) -> PeriodicTerm:
-    """A term that keeps its mean."""
-    stiffness, damping = (None if p is None else Constant(mean(p)) for p in (term.stiffness, term.damping))
-    return replace(term, stiffness=stiffness, damping=damping)
-
-
-def mean(profile: Profile) -> Array:
-    """The mean of a function over its period, ``(...)``."""
-    points = profile.breakpoints()
-    zero = np.zeros((*points.shape[:-1], 1))
-    edges = np.sort(np.concatenate([zero, points, zero + 1], axis=-1), axis=-1)
-    nodes, weight = np.polynomial.legendre.leggauss(NODES)
-    total: Array = np.zeros(profile.batch)
-    for k in range(edges.shape[-1] - 1):
-        begin, length = edges[..., k], edges[..., k + 1] - edges[..., k]
-        for node, share in zip(0.5 * (nodes + 1), 0.5 * weight, strict=True):
-            total = total + share * length * profile.value(begin + node * length)
-    return total
+    system, one = system.averaged(group.ratio), Fraction(1)
+    meshes = tuple(replace(mesh, frequency_ratio=one) for mesh in system.meshes)
+    return replace(system, meshes=meshes, terms=tuple(replace(term, frequency_ratio=one) for term in system.terms))

@@ -12,24 +12,41 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gearstab.linear.first_order import UNDAMPED, ModalMatrices, acted_on
+from gearstab.propagation.first_order import UNDAMPED, FirstOrder, ModalMatrices, acted_on
 from gearstab.system import Array, GearSystem
 
 
 @dataclass(frozen=True)
-class Generator:
-    """x' = [constant + sum_j f_j(t) parts_j] x of one row, time in units of 1/rate.
+class ElasticForm:
+    """The first-order form of one row, but for rigid-body motion whose exponents are known beforehand.
 
-    constant: ``(m, m)``.  parts: ``(J, m, m)``, of the meshes, then of the terms' profiles.
     damped: whether anything dissipates or feeds through velocities.
-    rigid_exponents: ``(k,)``, 1/time, those of rigid-body modes that are known beforehand.
+    rigid_exponents: ``(k,)``, 1/time, the known ones.
+    elastic: ``(e,)``, the modes of the mean system that the coordinates u belong to.
     """
 
-    constant: Array
-    parts: Array
-    rate: float
+    form: FirstOrder
     damped: bool
     rigid_exponents: Array
+    elastic: Array
+
+    @property
+    def size(self) -> int:
+        """m."""
+        return self.form.size
+
+    @property
+    def rate(self) -> float:
+        """The unit of 1/time."""
+        return float(self.form.rate[0])
+
+    def at_speed(self, speed: float) -> ElasticForm:
+        """Return the form at a speed, constant where it goes with the speed."""
+        return replace(self, form=self.form.at_speeds(np.zeros(1, dtype=int), np.array([speed])))
+
+    def generators(self, values: Array) -> Array:
+        """A ``(..., m, m)`` for the values ``(..., J)`` of what varies."""
+        return self.form.generator(values[..., None, :])[..., 0, :, :]
 
     @property
     def rigid_growth(self) -> float:
@@ -38,10 +55,10 @@ class Generator:
         return largest if largest > 0 else -np.inf
 
 
-def generators(system: GearSystem) -> list[Generator]:
-    """Those of all rows of the flattened batch."""
+def elastic_forms(system: GearSystem) -> list[ElasticForm]:
+    """Return the forms of all rows of the flattened batch."""
     modal = ModalMatrices.of(system)
-    return [_generator(modal.subset(np.array([row]))) for row in range(system.rows)]
+    return [_elastic_form(modal, row) for row in range(system.rows)]
 
 
 def free_rotations(system: GearSystem) -> Array:
@@ -53,8 +70,9 @@ def _unfelt(modal: ModalMatrices) -> Array:
     return np.asarray(modal.rigid & ~acted_on([matrix for on_velocity, matrix in modal.parts if not on_velocity]))
 
 
-def _generator(modal: ModalMatrices) -> Generator:
-    """That of a single row."""
+def _elastic_form(modal: ModalMatrices, row: int) -> ElasticForm:
+    rows = np.array([row])
+    modal = modal.subset(rows)
     rigid = _unfelt(modal)[0]
     modal = _turned(modal, np.flatnonzero(rigid))
     drag = modal.dissipative()
@@ -65,9 +83,8 @@ def _generator(modal: ModalMatrices) -> Generator:
         own = -np.linalg.eigvals(modal.damping[0][np.ix_(damped, damped)]).real
         largest = np.abs(modal.damping).max(initial=0.0)
         known, damped = np.append(known, np.where(np.abs(own) > UNDAMPED * largest, own, 0.0)), damped[:0]
-    constant, parts = modal.generator(elastic, damped, np.ones((1, len(elastic))))
-    dissipates = any(np.any(matrix) for matrix in drag)
-    return Generator(constant[0], parts[0], float(modal.rate[0]), dissipates, known)
+    form = modal.form(rows, elastic, damped, np.ones((1, len(elastic))))
+    return ElasticForm(form, any(np.any(matrix) for matrix in drag), known, elastic)
 
 
 def _coupled(drag: list[Array], rows: Array, columns: Array) -> bool:
@@ -84,5 +101,4 @@ def _turned(modal: ModalMatrices, rigid: Array) -> ModalMatrices:
     turn = np.eye(modal.rigid.shape[1])
     drag = np.concatenate([matrix[0][:, rigid] for matrix in modal.dissipative()])
     turn[np.ix_(rigid, rigid)] = np.linalg.svd(drag, full_matrices=False)[2].T
-    parts = [(on_velocity, turn.T @ matrix @ turn) for on_velocity, matrix in modal.parts]
-    return replace(modal, static=turn.T @ modal.static @ turn, damping=turn.T @ modal.damping @ turn, parts=parts)
+    return modal.turned(turn)

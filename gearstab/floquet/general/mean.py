@@ -11,8 +11,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
-from gearstab.floquet.general.coordinates import Generator, generators
+from gearstab.floquet.general.coordinates import ElasticForm, elastic_forms
 from gearstab.system import Array, GearSystem
 from gearstab.waveforms.profile import harmonic
 
@@ -25,16 +26,23 @@ class MeanMotions:
     """Motions of the mean system, ``(rows, n)`` each, by ascending frequency.
 
     frequency: |Im| of a pair of exponents, rad per unit time, 0 for motions that do not oscillate. growth_rate: its
-    real part, the larger one of two real exponents, 1/time; exactly 0 where only rounding is left.
+    real part, the larger one of two real exponents, 1/time; exactly 0 where only rounding is left. mode: position of
+    the mode of the symmetric mean system that a motion resembles most; each mode has one motion.
     """
 
     frequency: Array
     growth_rate: Array
+    mode: Array
 
     @property
     def unstable(self) -> Array:
         """``(rows, n)``, whether a motion grows by itself."""
         return self.growth_rate > 0
+
+    @property
+    def frequency_by_mode(self) -> Array:
+        """``(rows, n)``, the frequencies in the order of the modes of the symmetric mean system."""
+        return np.take_along_axis(self.frequency, np.argsort(self.mode, axis=1), 1)
 
 
 def mean_motions(system: GearSystem) -> MeanMotions:
@@ -43,23 +51,25 @@ def mean_motions(system: GearSystem) -> MeanMotions:
     profiles = [profile for term in system.terms for profile in term.profiles]
     levels += [system.flat(harmonic(profile, 0).real) for profile in profiles]
     means = np.stack(levels, axis=-1)
-    rows = [_exponents(own, level) for own, level in zip(generators(system), means, strict=True)]
-    frequency, growth = np.stack([np.stack(_pairs(row)) for row in rows], axis=1)
-    size = np.abs(np.stack([np.abs(row) for row in rows])).max(axis=1, keepdims=True, initial=0.0)
-    return MeanMotions(frequency, np.where(np.abs(growth) <= ROUNDING * size, 0.0, growth))
+    rows = [_row(own, level, system.size) for own, level in zip(elastic_forms(system), means, strict=True)]
+    frequency, growth, mode = (np.stack(values) for values in zip(*rows, strict=True))
+    return MeanMotions(frequency, growth, mode)
 
 
-def _exponents(own: Generator, level: Array) -> Array:
-    """The 2 n exponents of one row, 1/time."""
-    matrix = own.constant + np.einsum("j,jkl->kl", level, own.parts)
-    return np.concatenate([own.rate * np.linalg.eigvals(matrix), own.rigid_exponents]).astype(complex)
-
-
-def _pairs(exponents: Array) -> tuple[Array, Array]:
-    """(frequency, growth rate) of each pair of exponents: conjugate ones, or two real ones, the largest ones first."""
-    upper = exponents[exponents.imag > 0]
+def _row(own: ElasticForm, level: Array, size: int) -> tuple[Array, Array, Array]:
+    """(frequency, growth rate, mode) of one row's pairs of exponents: conjugate ones, or two real ones, the largest
+    ones first.
+    """
+    values, vectors = np.linalg.eig(own.generators(level))
+    swinging = values.imag > 0
+    exponents = np.concatenate([own.rate * values, own.rigid_exponents])
     real = np.sort(exponents[exponents.imag == 0].real)[::-1][::2]
-    frequency = np.concatenate([np.zeros(len(real)), upper.imag])
-    growth = np.concatenate([real, upper.real])
+    frequency = np.concatenate([np.zeros(len(real)), own.rate * values[swinging].imag])
+    growth = np.concatenate([real, own.rate * values[swinging].real])
+    shares = np.zeros((size, size))
+    along = np.abs(vectors[: len(own.elastic), swinging].T) ** 2
+    shares[len(real) :, own.elastic] = along / along.sum(axis=1, keepdims=True)
     order = np.lexsort((-growth, frequency))
-    return frequency[order], growth[order]
+    mode = linear_sum_assignment(shares[order], maximize=True)[1]
+    rounding = ROUNDING * np.abs(exponents).max(initial=0.0)
+    return frequency[order], np.where(np.abs(growth) <= rounding, 0.0, growth)[order], mode

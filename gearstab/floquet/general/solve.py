@@ -17,14 +17,14 @@ from itertools import pairwise
 
 import numpy as np
 
-from gearstab.floquet.general.coordinates import Generator, generators
+from gearstab.floquet.general.coordinates import ElasticForm, elastic_forms
 from gearstab.floquet.kernel import c_kernel as kernel
 from gearstab.floquet.segments.pattern import CONSTANT, PROBES
 from gearstab.floquet.stability import STATUS_FLAGS, FloquetStability, decided, settled
 from gearstab.interrupts import heed
-from gearstab.linear.magnus import NODES, ORDER, polynomial
-from gearstab.linear.products import MagnusSteps, eigenvalues, propagated
-from gearstab.linear.schedule import Schedule, schedule
+from gearstab.propagation.magnus import NODES, ORDER, polynomial
+from gearstab.propagation.products import MagnusSteps, eigenvalues, propagated
+from gearstab.propagation.schedule import Schedule, schedule
 from gearstab.system import Array, GearSystem
 
 FINEST = 14
@@ -62,9 +62,14 @@ def analyse(
 
     Raises ValueError where the mesh frequencies have no common period.
     """
-    plan, rows = schedule(system), generators(system)
+    plan, rows = schedule(system), elastic_forms(system)
     cycles = float(system.common_period()[0])
     omega = np.asarray(mesh_frequency, dtype=float)
+    shape = omega.shape
+    if rows[0].form.by_speed is not None:
+        # At a constant speed that is constant too: points are rows of their own.
+        each, omega = np.repeat(np.arange(shape[0]), shape[1]), omega.reshape(-1, 1)
+        plan, rows = plan.subset(each), [rows[r].at_speed(speed) for r, speed in zip(each, omega[:, 0], strict=True)]
     found, error = _log_multipliers(plan, rows, cycles, omega, tolerance, exponents)
     growth = np.full(error.shape, np.nan)
     table = np.full((*error.shape, 2 * system.size), np.nan, dtype=complex) if exponents else None
@@ -80,6 +85,8 @@ def analyse(
             table[r] = settled(np.concatenate([logs / period[:, None], rigid], axis=1), stable[r])
     status = np.where(error <= tolerance, 0, STATUS_FLAGS["not_converged"]).astype(np.int16)
     status[stable < 0] |= STATUS_FLAGS["failed"]
+    growth, stable, status, error = (part.reshape(shape) for part in (growth, stable, status, error))
+    table = None if table is None else table.reshape(*shape, -1)
     return FloquetStability(growth, stable, status, table, error)
 
 
@@ -103,24 +110,24 @@ class _Division:
         every = f.reshape(len(f), -1, len(NODES), f.shape[-1])
         return cls(plan, steps, np.split(every, np.cumsum(steps)[:-1], axis=1))
 
-    def pieces(self, row: Generator, index: int) -> Iterator[MagnusSteps]:
+    def pieces(self, row: ElasticForm, index: int) -> Iterator[MagnusSteps]:
         """The steps of one row, as many together as memory is given."""
-        size = len(row.constant)
+        size = row.size
         at_once = max(1, ENTRIES_AT_ONCE // max(1, 5 * size * size))
         for run in self._runs(at_once):
             heed()
             values = np.concatenate([self.values[s][index, part] for s, part in run])
             length = [np.full(part.stop - part.start, self.plan.lengths[index, s] / self.steps[s]) for s, part in run]
-            matrices = row.constant + np.einsum("xkj,jab->xkab", values, row.parts)
+            matrices = row.generators(values)
             yield MagnusSteps(polynomial(matrices), np.concatenate(length))
 
-    def cut(self, row: Generator, index: int, longest: float) -> _Division:
+    def cut(self, row: ElasticForm, index: int, longest: float) -> _Division:
         """The same with intervals in which nothing varies, exact in any steps, in steps no wider than WIDTH."""
         constant = np.flatnonzero(self.steps == 1)
         if not len(constant):
             return self
         values = np.stack([self.values[s][index, 0, 0] for s in constant])
-        rates = row.constant + np.einsum("sj,jab->sab", values, row.parts)
+        rates = row.generators(values)
         width, steps = _widths(rates, self.plan.lengths[index, constant] * longest), self.steps.copy()
         steps[constant] = np.maximum(1, np.ceil(width / WIDTH))
         return _Division.of(self.plan, steps)
@@ -144,12 +151,12 @@ class _Division:
 
 
 def _log_multipliers(
-    plan: Schedule, rows: list[Generator], cycles: float, omega: Array, tolerance: float, exponents: bool
+    plan: Schedule, rows: list[ElasticForm], cycles: float, omega: Array, tolerance: float, exponents: bool
 ) -> tuple[list[Array], Array]:
     """ln lambda of each row ``(P, m)`` and the error estimates ``(rows, P)``; exponents: whether all are wanted."""
     varies = varying(plan)
     points = omega.shape[1]
-    logs = [np.full((points, len(row.constant)), np.nan, dtype=complex) for row in rows]
+    logs = [np.full((points, row.size), np.nan, dtype=complex) for row in rows]
     error = np.full(omega.shape, np.nan)
     level = _first_levels(rows, plan, cycles, omega) if varies.any() else np.zeros(omega.shape, dtype=int)
     pending = np.ones(omega.shape, dtype=bool)
@@ -176,12 +183,12 @@ def _log_multipliers(
     return logs, error
 
 
-def _first_levels(rows: list[Generator], plan: Schedule, cycles: float, omega: Array) -> Array:
+def _first_levels(rows: list[ElasticForm], plan: Schedule, cycles: float, omega: Array) -> Array:
     """``(rows, P)``: log2 of the steps per common period that make about one per radian of the fastest mode."""
     typical = plan.values(0.5 * (plan.edges[:, 1:] + plan.edges[:, :-1]))
     fastest = np.empty(len(rows))
     for r, row in enumerate(rows):
-        a = row.constant + np.einsum("xj,jab->xab", typical[r], row.parts)
+        a = row.generators(typical[r])
         fastest[r] = row.rate * np.sqrt(np.abs(np.linalg.eigvals(a @ a)).max(initial=0.0))
     radians = 2 * np.pi * cycles * fastest[:, None] / omega
     return np.asarray(np.ceil(np.log2(np.maximum(radians, 1.0))).astype(int))
@@ -207,7 +214,7 @@ def _steps(plan: Schedule, varies: Array, count: int) -> Array:
 
 
 def _compared(
-    row: Generator, index: int, divisions: tuple[_Division, _Division], period: Array
+    row: ElasticForm, index: int, divisions: tuple[_Division, _Division], period: Array
 ) -> tuple[Array, Array, Array]:
     """Multipliers over exp(scale) with the finer division ``(P, m)``, scale ``(P,)``, error estimate ``(P,)``."""
     coarse, fine = divisions
@@ -229,9 +236,9 @@ def _distance(first: Array, second: Array) -> Array:
     return np.asarray(np.abs(second[:, :, None] - first[:, None, :]).min(axis=2).max(axis=1))
 
 
-def _eigenvalues(division: _Division, row: Generator, index: int, period: Array) -> tuple[Array, Array]:
+def _eigenvalues(division: _Division, row: ElasticForm, index: int, period: Array) -> tuple[Array, Array]:
     """Multipliers over exp(scale), ``(P, m)`` and ``(P,)``."""
-    m = len(row.constant)
+    m = row.size
     values, scale = np.empty((len(period), m), dtype=complex), np.zeros(len(period))
     at_once = max(1, ENTRIES_AT_ONCE // max(1, m * m))
     for begin in range(0, len(period), at_once):
@@ -241,18 +248,18 @@ def _eigenvalues(division: _Division, row: Generator, index: int, period: Array)
     return values, scale
 
 
-def _product(division: _Division, row: Generator, index: int, period: Array) -> tuple[Array, Array]:
+def _product(division: _Division, row: ElasticForm, index: int, period: Array) -> tuple[Array, Array]:
     """Monodromy matrices over exp(scale) ``(P, m, m)``, scale ``(P,)``; ``period`` in units of 1/rate."""
-    m = len(row.constant)
+    m = row.size
     product, scale = np.broadcast_to(np.eye(m), (len(period), m, m)), np.zeros(len(period))
     for steps in division.pieces(row, index):
         product, scale = propagated(steps, period, product, scale)
     return product, scale
 
 
-def _graded(division: _Division, row: Generator, index: int, period: Array) -> Array:
+def _graded(division: _Division, row: ElasticForm, index: int, period: Array) -> Array:
     """ln lambda ``(P, m)``, the small ones as right as the large, from factors no wider than WIDTH."""
-    time, size = period * row.rate, len(row.constant)
+    time, size = period * row.rate, row.size
     division = division.cut(row, index, float(time.max()))
     at_once = max(1, ENTRIES_AT_ONCE // (int(division.steps.sum()) * size * size))
     logs = np.empty((len(time), size), dtype=complex)

@@ -62,8 +62,8 @@ class Generators:
         return real_modes(*self.eigen)
 
     def row(self, index: int) -> Generators:
-        """One of the rows."""
-        return Generators(self.matrix[index : index + 1])
+        """One of the rows; of a single one all that is known of it."""
+        return self if len(self.matrix) == 1 else Generators(self.matrix[index : index + 1])
 
 
 def real_modes(values: Array, vectors: Array, inverse: Array) -> tuple[Array, Array, Array]:

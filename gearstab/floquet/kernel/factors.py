@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
-from gearstab.floquet.kernel import damped, levels
+from gearstab.floquet.kernel import damped
 from gearstab.floquet.kernel.damped import Generators
 from gearstab.floquet.segments.pattern import Pattern
 from gearstab.system import Array
@@ -110,14 +110,21 @@ def log_multipliers_damped(
 
     of_factors: which ``graded`` serves where :mod:`gearstab.floquet.kernel.levels` does not.
     """
-    _, scale, values = multipliers_damped(pattern, generator, omega)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        logs = np.log(values) + scale[..., None]
-        wide = logs.real.max(axis=-1) - logs.real.min(axis=-1) > SPREAD
-    for row in map(int, np.flatnonzero(wide.any(axis=1) & generator.well_conditioned)):
-        found = levels.log_multipliers(pattern, generator, row, omega[row, wide[row]])
-        logs[row, wide[row]] = found
-        wide[row, wide[row]] = np.isnan(found).any(axis=1)
+    logs = np.full((*omega.shape, generator.matrix.shape[-1]), np.nan, dtype=complex)
+    decay = np.ptp(generator.eigen[0].real, axis=-1)[:, pattern.states]
+    for row in map(int, np.flatnonzero(generator.well_conditioned)):
+        points = decay[row] @ pattern.durations(row, omega[row]) > SPREAD
+        if points.any():
+            from gearstab.floquet.kernel import levels  # which loads a part of SciPy
+
+            logs[row, points] = levels.log_multipliers(pattern, generator, row, omega[row, points])
+    wide = np.isnan(logs).any(axis=2)
+    for row in map(int, np.flatnonzero(wide.any(axis=1))):
+        own, left = (pattern.row(row), generator.row(row)), wide[row]
+        _, scale, values = multipliers_damped(*own, omega[row : row + 1, left])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            logs[row, left] = np.log(values[0]) + scale[0, :, None]
+        wide[row, left] = np.ptp(logs[row, left].real, axis=-1) > SPREAD
     for row, points in chains(wide, pattern):
         chain, growing = damped.factors(generator, pattern, row, omega[row, points], spread=1.0)
         logs[row, points] = of_factors(chain) + growing[:, None]

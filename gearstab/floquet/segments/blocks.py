@@ -33,7 +33,7 @@ from gearstab.floquet.segments.decouple import (
 )
 from gearstab.floquet.segments.pattern import Pattern, merged
 from gearstab.floquet.segments.reduction import Elastic
-from gearstab.linear.grouping import equal_rows
+from gearstab.grouping import equal_rows
 from gearstab.modal import natural_scale, rounded
 from gearstab.system import Array
 
@@ -75,8 +75,8 @@ def split(pattern: Pattern) -> list[Block]:
     basis = np.broadcast_to(np.eye(n), (rows, n, n)).copy()
     label = np.zeros((rows, n), dtype=int)
     members = np.flatnonzero(open_rows)
-    none, turn = tolerance(values, family, backward), pattern.elastic.turn
-    own = (values[members], family[members], none[members], None if turn is None else turn[members])
+    none, turns = tolerance(values, family, backward), pattern.elastic.turns
+    own = (values[members], family[members], none[members], None if turns is None else turns[members])
     basis[members], coupling = adapted(*own)
     coupled = coupling > none[members, None, None]
     label[members] = components(coupled | _through_rigid(pattern, members, basis[members], none[members]))
@@ -265,5 +265,5 @@ def _projected(elastic: Elastic, basis: Array, with_rigid: bool) -> Elastic:
         damping=None if elastic.damping is None else back @ elastic.damping @ basis,
         rigid_exponents=elastic.rigid_exponents if with_rigid else elastic.rigid_exponents[:, :0],
         rigid_damping=None if drag is None else np.concatenate([drag[..., :n] @ basis, drag[..., n:]], axis=-1),
-        turn=None,
+        turns=None,
     )

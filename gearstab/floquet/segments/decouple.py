@@ -30,7 +30,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from gearstab.linear.grouping import equal_rows
+from gearstab.grouping import equal_rows
 from gearstab.system import Array
 
 DISCARDED = 1e-12
@@ -105,7 +105,7 @@ def tolerance(values: Array, family: Array, backward: Array) -> Array:
     return np.clip(MARGIN * noise, DISCARDED, WORST)
 
 
-def adapted(values: Array, family: Array, none: Array, turn: Array | None = None) -> tuple[Array, Array]:
+def adapted(values: Array, family: Array, none: Array, turns: Array | None = None) -> tuple[Array, Array]:
     """Orthonormal basis ``(r, n, n)`` and the coupling ``(r, n, n)`` of its vectors, max_f |(Q^T N_f Q)_pq|.
 
     Parameters
@@ -113,14 +113,18 @@ def adapted(values: Array, family: Array, none: Array, turn: Array | None = None
     values: ``(r, n)``, ascending eigenvalues of the member that is diagonal in the given coordinates.
     family: ``(r, F, n, n)``, the other members, of natural size 1.
     none: ``(r,)``, what counts as no coupling, :func:`tolerance`.
-    turn: ``(r, n, n)``, the symmetric part of a turn of the system (:class:`~gearstab.system.Cyclic`), whose
+    turns: ``(r, s, n, n)``, the symmetric parts of turns of the system (:class:`~gearstab.system.Cyclic`), whose
         eigenvalues are cosines of angles. Vectors of different angles have the coupling 0 in rows where all members
         have the symmetry; in others it says nothing.
     """
     basis = np.broadcast_to(np.eye(values.shape[1]), family[:, 0].shape).copy()
     tied = np.zeros((len(values), values.shape[1] - 1), dtype=bool)
     offset = _offset(values)
-    angle = None if turn is None else _symmetry(values, family, none, turn)
+    # In general position: the sum of the turns tells their angles apart.
+    angle = None
+    if turns is not None:
+        each = [_symmetry(values, family, none, turns[:, k]) for k in range(turns.shape[1])]
+        angle = np.einsum("k,krpq->rpq", np.sqrt(np.arange(1, len(each) + 1)), each)
     for rows, key in equal_rows(close(values, CLOSE).astype(np.int8)):
         if not key.any():
             continue

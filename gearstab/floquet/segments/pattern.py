@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from gearstab.floquet.segments.reduction import Elastic, reduce
-from gearstab.linear.grouping import equal_rows
+from gearstab.grouping import equal_rows
 from gearstab.modal import symmetric_eigen
 from gearstab.system import Array, GearSystem, Mesh
 
@@ -160,8 +160,8 @@ def prepare(system: GearSystem) -> list[Pattern]:
 
 
 def _check(system: GearSystem) -> None:
-    if system.terms:
-        raise ValueError("periodic terms beside the mesh stiffness are not supported here")
+    if system.general:
+        raise ValueError("only the mesh stiffness may vary here, and damping must be symmetric")
     smooth = [mesh.name for mesh in system.meshes if not mesh.waveform.piecewise_constant]
     if smooth:
         names = ", ".join(f"'{name}'" for name in smooth)

@@ -14,7 +14,7 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from gearstab.linear.grouping import equal_rows
+from gearstab.grouping import equal_rows
 from gearstab.modal import mean_modes
 from gearstab.system import Array, GearSystem
 
@@ -39,7 +39,7 @@ class Elastic:
         damping couples rigid and elastic modes and acts on its velocity.
     rigid_damping: ``(r, n_held, n + n_held)``, the rows [C_re, C_rr] in that case, else None; of the rigid-body modes
         that damping holds.
-    turn: ``(r, n, n)``, the symmetric part of the turn that the mean system is the same after; None without one.
+    turns: ``(r, s, n, n)``, the symmetric parts of the s turns that the mean system is the same after; None without.
     """
 
     rows: Array
@@ -50,7 +50,7 @@ class Elastic:
     shift: Array
     rigid_exponents: Array
     rigid_damping: Array | None
-    turn: Array | None = None
+    turns: Array | None = None
 
     @property
     def rigid_growth(self) -> Array:
@@ -97,7 +97,7 @@ def reduce(system: GearSystem) -> Iterator[Elastic]:
     drag = None if system.damping is None else _damping(shapes, system.flat(system.damping, 2), rigid)
     # Before the rows are laid out: they may share it.
     static = system.flat(_modal(modes.shapes, system.stiffness), 2)
-    turn = None if system.symmetry is None else _modal(shapes, system.flat(system.mass @ system.symmetry.turn, 2))
+    turns = [_modal(shapes, system.flat(system.mass @ symmetry.turn, 2)) for symmetry in system.symmetries]
     for members, key in equal_rows(_kinds(rigid, drag)):
         elastic = np.nonzero(~rigid[members])[1].reshape(len(members), -1)
         inner = _take(static[members], elastic, elastic)
@@ -106,8 +106,9 @@ def reduce(system: GearSystem) -> Iterator[Elastic]:
             directions = np.take_along_axis(directions, elastic[:, None, :], axis=-1)
         rigid_at = np.nonzero(rigid[members])[1].reshape(len(members), -1)
         none, still = np.zeros(len(members)), np.zeros((len(members), 2 * rigid_at.shape[1]))
-        symmetry = None if turn is None else _take(turn[members], elastic, elastic)
-        base = Elastic(members, rate[members], inner, directions, None, none, still, None, symmetry)
+        kept = [_take(turn[members], elastic, elastic) for turn in turns]
+        stacked = np.stack(kept, axis=1) if kept else None
+        base = Elastic(members, rate[members], inner, directions, None, none, still, None, stacked)
         yield base if drag is None else _with_damping(base, drag.subset(members), elastic, rigid_at, int(key[1]))
 
 

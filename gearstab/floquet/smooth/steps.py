@@ -17,7 +17,7 @@ import numpy as np
 from gearstab.floquet.segments.pattern import CONSTANT, PROBES, SHORTEST, Pattern
 from gearstab.floquet.segments.reduction import Elastic, reduce
 from gearstab.floquet.smooth.schemes import CF6_5, Scheme
-from gearstab.linear.grouping import equal_rows
+from gearstab.grouping import equal_rows
 from gearstab.system import Array, GearSystem
 from gearstab.waveforms import Waveform
 

@@ -58,8 +58,9 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, dict[str, Any]]:
         ]
     if regions:
         draw_regions(axes[1, 0], tree, data, artists)
-    units = str(data["speed"].attrs.get("units", "1"))
-    axes[-1, 0].set_xlabel(axis_label("mesh_frequency", "mesh frequency", units))
+    said = data["speed"].attrs
+    name = str(said.get("long_name", "mesh frequency"))
+    axes[-1, 0].set_xlabel(axis_label(name.replace(" ", "_"), name, str(said.get("units", "1"))))
     shaded = Patch(facecolor=SHADE, alpha=0.6, label="speeds that count")
     write_legend(figure, [*lines, shaded] if artists["range"] else lines)
     write_title(figure, tree, request)
@@ -83,7 +84,9 @@ def draw_regions(ax: Axes, tree: xr.DataTree, data: xr.Dataset, artists: dict[st
         here = edges[:, :, k]
         inside = np.flatnonzero((here[:, 1] > low) & (here[:, 0] < high))
         width = np.maximum(here[inside, 1] - here[inside, 0], least)
-        artists["bars"].append(ax.barh(np.full(len(inside), last - k), width, left=here[inside, 0], height=0.34,
+        # What is too narrow to see is drawn as wide as a line and lower, lest many such regions look like one.
+        height = np.where(here[inside, 1] - here[inside, 0] < least, 0.1, 0.34)
+        artists["bars"].append(ax.barh(np.full(len(inside), last - k), width, left=here[inside, 0], height=height,
                                        color=COLOURS[k], linewidth=0))  # fmt: skip
         if not len(inside):
             words_there = ax.text(0.5 * (low + high), last - k, "no region", ha="center", va="center", color=GREY)

@@ -17,6 +17,8 @@ Array = np.ndarray
 
 MODES = "natural_frequencies"
 """The group of natural frequencies over the axes of a sweep."""
+SYMMETRIC = "symmetric_frequency"
+"""Frequencies of the symmetric mean system, at whose sums theory roots regions, of a system with terms."""
 OPEN = 1e-9
 """Two edges closer than this, relative to them, are the rounding error of a region without width."""
 SAME = 1e-6
@@ -62,8 +64,10 @@ class Region:
             return np.isinf(self.high) | (self.high - self.low > OPEN * np.abs(self.high))
 
 
-def read_modes(tree: xr.DataTree, view: View, parameter: FigureAxis | None) -> tuple[Array, Array]:
-    """(natural frequencies, branches), both ``(size, modes)``: over a parameter as it ascends, or one row.
+def read_frequencies(
+    tree: xr.DataTree, view: View, parameter: FigureAxis | None, name: str = "natural_frequency"
+) -> Array:
+    """Natural frequencies ``(size, modes)``: over a parameter as it ascends, or one row.
 
     Raises PlotError where the result does not hold them.
     """
@@ -74,25 +78,33 @@ def read_modes(tree: xr.DataTree, view: View, parameter: FigureAxis | None) -> t
     if not data:
         if "natural_frequency" not in group_of(tree, "modes"):
             raise PlotError(f"this result holds no natural frequencies: {REMEDY}")
-        frequencies = np.atleast_2d(group_of(tree, "modes")["natural_frequency"].values)
-        return frequencies, np.atleast_2d(np.arange(frequencies.size))
+        return np.atleast_2d(group_of(tree, "modes")[name].values)
     if not set(own) <= set(map(str, data.sizes)):
         raise PlotError(f"natural frequencies do not stand over {own[0]}")
-    frequencies = view.cut(data["natural_frequency"], *own, "mode")
-    shapes = view.cut(data["mode_shape"], *own, "mode", "dof")
-    if not own:
-        return np.atleast_2d(frequencies), np.atleast_2d(np.arange(frequencies.size))
-    return frequencies, followed(shapes)
+    return np.atleast_2d(view.cut(data[name], *own, "mode"))
+
+
+def read_branches(tree: xr.DataTree, view: View, parameter: FigureAxis | None, modes: int) -> Array:
+    """The modes of every branch ``(size, modes)``, followed by their shapes over a parameter; or one row."""
+    if parameter is None:
+        return np.atleast_2d(np.arange(modes))
+    return followed(view.cut(group_of(tree, MODES)["mode_shape"], parameter.name, "mode", "dof"))
+
+
+def damped(tree: xr.DataTree) -> bool:
+    """Return whether natural frequencies are those of a whole mean system, which differ from those of its shapes."""
+    return SYMMETRIC in group_of(tree, "modes")
 
 
 REMEDY = "add natural_frequencies: {} to methods and run the sweep again"
 
 
-def read_regions(tree: xr.DataTree, view: View, parameter: FigureAxis | None, modes: Array) -> list[Region]:
+def read_regions(tree: xr.DataTree, view: View, parameter: FigureAxis | None) -> list[Region]:
     """The regions of exact boundaries, then those that only perturbation theory knows, closed beside exact ones.
 
-    modes: natural frequencies ``(size, modes)``. Raises PlotError where they are not those of the regions.
+    Raises PlotError where they are not those of the natural frequencies of the result.
     """
+    modes = read_frequencies(tree, view, parameter, SYMMETRIC if damped(tree) else "natural_frequency")
     own: tuple[str, ...] = () if parameter is None else (parameter.name,)
     found, known, exact = list[Region](), set[str](), False
     for group in ("boundaries", "perturbation"):

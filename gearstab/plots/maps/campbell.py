@@ -33,7 +33,6 @@ from gearstab.plots.maps import branches
 from gearstab.plots.maps.branches import Region
 from gearstab.plots.view import Request, View, view_along
 from gearstab.results.display import RATIOS, SPEEDS
-from gearstab.results.variables import SYMMETRIC_PART
 
 Array = np.ndarray
 Artists = dict[str, Any]
@@ -56,8 +55,6 @@ NEAR = (0.075, 0.045)
 """Numbers of orders closer than these parts of the frame would lie over one another."""
 NAMED = 12
 """Regions that are named at the most, the widest."""
-PART = "natural frequencies leave damping and terms out; gearstab info lists the motions of the whole mean system"
-"""What is said of a system with terms."""
 HALO = [withStroke(linewidth=1.6, foreground="white")]
 
 
@@ -112,8 +109,9 @@ class Panel:
     def __init__(self, tree: xr.DataTree, view: View, speed: FigureAxis | None) -> None:
         self.tree, self.view = tree, view
         self.parameter = None if view.speed is not None else view.x
-        self.modes, self.branches = branches.read_modes(tree, view, self.parameter)
-        self.regions = branches.read_regions(tree, view, self.parameter, self.modes)
+        self.modes = branches.read_frequencies(tree, view, self.parameter)
+        self.branches = branches.read_branches(tree, view, self.parameter, self.modes.shape[1])
+        self.regions = branches.read_regions(tree, view, self.parameter)
         self.ratios = mesh_ratios(tree, self.regions)
         self.at = fixed_speed(tree, view, speed)
         factor = (speed.factor or 1.0) if speed is not None else None
@@ -339,20 +337,15 @@ def name_panel(ax: Axes, panel: Panel, unit: float, rows: int) -> Artists:
     return {"names": named, "mode_names": modes}
 
 
-def of_symmetric_part(tree: xr.DataTree) -> bool:
-    """Whether the natural frequencies of a result are those of a system with terms, which they leave out."""
-    groups = [group_of(tree, name) for name in ("modes", branches.MODES)]
-    return any(data["natural_frequency"].attrs.get("long_name") == SYMMETRIC_PART for data in groups if data)
-
-
 def legend_handles(panels: list[Panel], drawn: list[Artists]) -> list[Any]:
     """One entry for each sort of line and mark that was drawn."""
     ratios, over_speed = panels[0].ratios, panels[0].parameter is None
     handles: list[Any] = []
-    if of_symmetric_part(panels[0].tree):
-        handles.append(Line2D([], [], linestyle="none", label="symmetric mean system, without terms"))
-    if over_speed:
-        handles.append(Line2D([], [], color=LINE, linewidth=0.9, label="natural frequencies"))
+    damped = branches.damped(panels[0].tree)
+    if over_speed or damped:
+        look = "-" if over_speed else "none"
+        words = "damped natural frequencies" if damped else "natural frequencies"
+        handles.append(Line2D([], [], color=LINE, linewidth=0.9, linestyle=look, label=words))
     if any(artists["orders"] for artists in drawn):
         for n, meshes in enumerate(ratios.values() if over_speed else [""]):
             words = "mesh orders" if len(ratios) == 1 or not meshes else f"orders of {plain(meshes)}"
@@ -408,8 +401,6 @@ def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
     for ax, panel, artists in zip(axes, panels, drawn, strict=False):
         artists |= name_panel(ax, panel, unit, 3 if len(panels) == 1 else 1)
     names.freeze(figure, request)
-    if of_symmetric_part(tree):
-        note = "; ".join([*([note] if note else []), PART])
     return figure, {"panels": drawn, "legend": legend, "left_out": note}
 
 

@@ -17,9 +17,9 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from gearstab import ckernel
+from gearstab.propagation.intervals import occupied
 from gearstab.response.backlash import dynamics as d
 from gearstab.response.backlash.contact import APART, UPPER
-from gearstab.response.linear.intervals import occupied
 from gearstab.system import Array
 
 FULL, UNKNOWN, CHATTERS, OUTGROWN, ROUGH = range(5)
@@ -182,13 +182,13 @@ def busiest(dynamics: d.Dynamics) -> float:
     return BUSY + 10 * float(np.abs(np.linalg.eigvals(closed[:m, :m])).max() * motion.period / (2 * np.pi))
 
 
-def follow(dynamics: d.Dynamics, x: Array, tolerance: float) -> Iterator[Track]:
-    """The motion from the state x at t = 0 on, without end.
+def follow(dynamics: d.Dynamics, x: Array, tolerance: float, table: Timetable | None = None) -> Iterator[Track]:
+    """The motion from the state x at t = 0 on, without end; table: that of the dynamics, where it is known.
 
     Raises Chatter, OverflowError where the motion outgrows double precision, and NotPossible where smooth functions are
     too rough for the tolerance.
     """
-    motion, teeth, table = dynamics.motion, dynamics.teeth, timetable(dynamics, tolerance)
+    motion, teeth, table = dynamics.motion, dynamics.teeth, table or timetable(dynamics, tolerance)
     functions, meshes, size = table.shapes.shape[2], len(teeth.has), len(dynamics.fixed)
     contacts = Contacts(dynamics)
     y = np.concatenate([x, table.start[0]])

@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from gearstab.linear.first_order import bases
+from gearstab.propagation.first_order import bases
 from gearstab.response.backlash.contact import APART, Play, directions, play, resting
 from gearstab.response.backlash.dynamics import Dynamics, dynamics
 from gearstab.response.backlash.follow import Chatter, Event, Track, follow

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gearstab.linear.first_order import UNDAMPED
+from gearstab.propagation.first_order import UNDAMPED
 from gearstab.response.backlash.contact import APART
 from gearstab.response.backlash.dynamics import Dynamics
 from gearstab.response.backlash.follow import Track
@@ -133,7 +133,7 @@ class Meter:
         low, high, force, integrals = (part[counts] for part in found[1:])
         mean, square, apart = integrals.sum(axis=0) / (end - begin)
         sections = np.concatenate(self.sections)[first : last + 1 if self.whole else 1]
-        period, difference = _repetition(self._elastic(sections))
+        period, difference = _repetition(sections[:, elastic(self.dynamics)])
         return LimitCycle(
             begin=begin, end=end, peak_to_peak=high.max(axis=0) - low.min(axis=0),
             rms=np.sqrt(np.maximum(square - mean**2, 0.0)),
@@ -141,16 +141,16 @@ class Meter:
             difference=difference,
         )  # fmt: skip
 
-    def _elastic(self, sections: Array) -> Array:
-        """States without rigid-body modes, which turn the train as a whole, but for velocities that are damped."""
-        basis = self.dynamics.motion.basis
-        n = basis.size // 2
-        # Modes along which no mesh is deflected, but for rounding, and that nothing stiffens.
-        still = ~np.any(np.abs(self.dynamics.gauge[:, :n]) > 1e-9 * np.abs(self.dynamics.gauge[:, :n]).max(), axis=0)
-        free = still & (np.abs(self.dynamics.fixed[n : 2 * n, :n]).max(axis=0, initial=0.0) == 0)
-        drag = np.abs(self.dynamics.fixed[n : 2 * n, n : 2 * n]).max(axis=0, initial=0.0)
-        held = drag > UNDAMPED * drag.max(initial=0.0)
-        return np.asarray(sections[:, np.concatenate([~free, ~free | held])])
+
+def elastic(dynamics: Dynamics) -> Array:
+    """``(m,)`` bool: all but rigid-body modes, which turn the train as a whole; damped velocities of these count."""
+    n = dynamics.size // 2
+    # Modes along which no mesh is deflected, but for rounding, and that nothing stiffens.
+    still = ~np.any(np.abs(dynamics.gauge[:, :n]) > 1e-9 * np.abs(dynamics.gauge[:, :n]).max(), axis=0)
+    free = still & (np.abs(dynamics.fixed[n : 2 * n, :n]).max(axis=0, initial=0.0) == 0)
+    drag = np.abs(dynamics.fixed[n : 2 * n, n : 2 * n]).max(axis=0, initial=0.0)
+    held = drag > UNDAMPED * drag.max(initial=0.0)
+    return np.concatenate([~free, ~free | held])
 
 
 def _repetition(sections: Array) -> tuple[int, float]:

@@ -7,16 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from gearstab.floquet import solve
-from gearstab.linear.first_order import bases
 from gearstab.modal import mean_modes
-from gearstab.response.backlash.contact import play, resting
-from gearstab.response.backlash.dynamics import dynamics
+from gearstab.propagation.first_order import bases
+from gearstab.response.backlash.contact import resting
 from gearstab.response.backlash.history import BACKLASH_FLAGS, Recording
 from gearstab.response.backlash.measure import LimitCycle, Meter
+from gearstab.response.branches.sections import SectionMap
+from gearstab.response.branches.stability import MotionStability, of_settled
 from gearstab.response.linear.driven import driven
 from gearstab.response.linear.equilibrium import static_mesh_force
-from gearstab.response.linear.history import at_rest
-from gearstab.response.linear.periodic import balanced
 from gearstab.response.linear.steady import unbalanced
 from gearstab.system import Array, GearSystem
 
@@ -30,6 +29,9 @@ class SpeedCycles:
     """What the motion at every mesh frequency settles to, ``(P, meshes)`` or ``(P,)``; see LimitCycle.
 
     dynamic_load_factor: mesh_force_peak over the static mesh force; NaN where that is 0.
+    multiplier_real, multiplier_imag: ``(P, 2 n)``, of the periodic motion, descending in magnitude; NaN for no more.
+    multiplier_error: an estimate;  motion_stable: 1 stable, 0 unstable, -1 where no periodic motion is near.
+    loss: of stability, as in :mod:`gearstab.response.branches.stability`.
     status: bits of BACKLASH_FLAGS.
     """
 
@@ -39,6 +41,11 @@ class SpeedCycles:
     dynamic_load_factor: Array
     contact_loss_ratio: Array
     period: Array
+    multiplier_real: Array
+    multiplier_imag: Array
+    multiplier_error: Array
+    motion_stable: Array
+    loss: Array
     status: Array
 
 
@@ -68,21 +75,21 @@ def speed_cycles(
     Raises ValueError as :func:`~gearstab.response.backlash.history.backlash_response`.
     """
     omega = np.asarray(mesh_frequency, dtype=float)
-    teeth, rest = play(system), np.zeros(system.size)
-    equilibrium = resting(system, teeth)
+    laps, rest = SectionMap(system), np.zeros(system.size)
+    equilibrium = resting(system, laps.teeth)
     first = driven(system, omega[0])
     flags = BACKLASH_FLAGS["unbalanced"] * bool(unbalanced(first.drive, next(bases(system)))[0])
-    held = balanced(system, next(bases(system)))
-    growth = np.ravel(solve(at_rest(system), omega).growth_rate)
+    growth = np.ravel(solve(system.undriven(), omega).growth_rate)
     per_period = first.drive.counts[0]
     # Whole periods, but for rounding.
     left_out = int(np.ceil((0.5 * cycles if discard is None else discard) / per_period - 1e-9))
     periods = max(int(np.ceil(cycles / per_period - 1e-9)), left_out + 1)
     found: list[LimitCycle | None] = [None] * len(omega)
+    stabilities: list[MotionStability | None] = [None] * len(omega)
     status = np.where(growth > 0, BACKLASH_FLAGS["unstable"], 0) | flags
     start = equilibrium, rest
     for k in np.argsort(-omega if down else omega, kind="stable"):
-        model = dynamics(held, driven(held, omega[k]), teeth)
+        model, _, kept = laps.model(float(omega[k]))
         period = model.motion.period
         run = Recording(model, 1, periods + 1, Meter(model, left_out * period, periods * period))
         run.follow(model.motion.state(*start), tolerance)
@@ -93,9 +100,25 @@ def speed_cycles(
         cycle = found[k] = run.meter.summary(periods)
         if cycle is not None and cycle.contact_loss.any():
             status[k] |= BACKLASH_FLAGS["separation"]
+        if cycle is not None and cycle.period:
+            stabilities[k] = of_settled(laps, run.x[-1][kept], float(omega[k]), cycle.period)
         q, v = model.motion.physical(run.x[-1])
         start = _elastic(system, q), v
-    return _table(found, status, static_mesh_force(system))
+    return _table(found, _multipliers(stabilities, 2 * system.size), status, static_mesh_force(system))
+
+
+def _multipliers(found: list[MotionStability | None], most: int) -> dict[str, Array]:
+    """What SpeedCycles tells of stability; most: multipliers."""
+    values = np.full((len(found), most), np.nan, dtype=complex)
+    for k, one in enumerate(found):
+        if one is not None:
+            values[k, : len(one.multipliers)] = one.multipliers
+    return {
+        "multiplier_real": values.real, "multiplier_imag": values.imag,
+        "multiplier_error": np.array([np.nan if one is None else one.error for one in found]),
+        "motion_stable": np.array([-1 if one is None else one.stable for one in found], dtype=np.int8),
+        "loss": np.array([0 if one is None else one.loss for one in found], dtype=np.int8),
+    }  # fmt: skip
 
 
 def _elastic(system: GearSystem, q: Array) -> Array:
@@ -105,7 +128,7 @@ def _elastic(system: GearSystem, q: Array) -> Array:
     return np.asarray(q - rigid @ (rigid.T @ (np.asarray(system.mass) @ q)))
 
 
-def _table(found: list[LimitCycle | None], status: Array, static: Array) -> SpeedCycles:
+def _table(found: list[LimitCycle | None], multipliers: dict[str, Array], status: Array, static: Array) -> SpeedCycles:
     nothing = np.full(static.shape, np.nan)
 
     def column(name: str) -> Array:
@@ -116,5 +139,6 @@ def _table(found: list[LimitCycle | None], status: Array, static: Array) -> Spee
         factor = np.where(static != 0, force / np.abs(static), np.nan)
     period = np.array([0 if cycle is None else cycle.period for cycle in found])
     return SpeedCycles(
-        force, column("peak_to_peak"), column("rms"), factor, column("contact_loss"), period, status.astype(np.int16)
-    )
+        force, column("peak_to_peak"), column("rms"), factor, column("contact_loss"), period, **multipliers,
+        status=status.astype(np.int16),
+    )  # fmt: skip

@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gearstab.linear.eigen import Eigen, divided_exponential
-from gearstab.response.linear.intervals import ENTRIES, Exact, Interval, SteadyPoints, Stepped, occupied
+from gearstab.propagation.intervals import ENTRIES, Exact, Interval, SteadyPoints, Stepped, occupied
+from gearstab.propagation.segment import Eigen, divided_exponential
 from gearstab.system import Array
 
 

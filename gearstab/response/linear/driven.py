@@ -13,10 +13,10 @@ from functools import cached_property
 
 import numpy as np
 
-from gearstab.linear.first_order import Basis, bases
-from gearstab.response.linear.excitation import Excitation, excitation
-from gearstab.response.linear.intervals import SteadyPoints, intervals, occupied
-from gearstab.response.linear.one_motion import followed
+from gearstab.propagation.excitation import Excitation, excitation
+from gearstab.propagation.first_order import FirstOrder, bases
+from gearstab.propagation.intervals import SteadyPoints, intervals, occupied
+from gearstab.propagation.one_motion import followed
 from gearstab.response.linear.steady import period_map, resolution
 from gearstab.system import Array, GearSystem
 
@@ -39,7 +39,7 @@ class Driven:
     """
 
     drive: Excitation
-    basis: Basis
+    basis: FirstOrder
     points: SteadyPoints
     tolerance: float
 
@@ -140,7 +140,8 @@ def driven(system: GearSystem, mesh_frequency: float, tolerance: float = 1e-9) -
     drive = excitation(system)
     (basis,) = bases(system, whole=True)
     at, omega = np.zeros(1, dtype=int), np.array([float(mesh_frequency)])
-    return Driven(drive, basis, SteadyPoints(drive, basis, at, omega), tolerance)
+    points = SteadyPoints.of(drive, basis, at, omega)
+    return Driven(points.excitation, points.basis, points, tolerance)
 
 
 def first_sample(edges: Array) -> Array:

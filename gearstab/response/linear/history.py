@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from gearstab.floquet import solve
-from gearstab.linear.first_order import bases
+from gearstab.propagation.first_order import bases
 from gearstab.response.linear.driven import Driven, driven
 from gearstab.response.linear.equilibrium import static_mesh_force
 from gearstab.response.linear.steady import STATUS_FLAGS, unbalanced
@@ -98,8 +98,7 @@ def free_response(
 
     Source: piecewise exact solution as in Lin & Parker 2002, section 4 and Fig. 9 (there by numerical integration).
     """
-    system = at_rest(system)
-    return driven_response(system, mesh_frequency, displacement, velocity, duration, samples_per_cycle)
+    return driven_response(system.undriven(), mesh_frequency, displacement, velocity, duration, samples_per_cycle)
 
 
 def driven_response(
@@ -126,12 +125,6 @@ def driven_response(
     found = assembled(system, motion, (q, v), grid)
     pushed = bool(unbalanced(motion.drive, next(bases(system)))[0])
     return replace(found, flags=found.flags | RESPONSE_FLAGS["unbalanced"] * pushed)
-
-
-def at_rest(system: GearSystem) -> GearSystem:
-    """The same system with nothing that drives it."""
-    meshes = tuple(replace(mesh, transmission_error=None) for mesh in system.meshes)
-    return replace(system, load=None, forces=(), meshes=meshes)
 
 
 def samples_until(duration: float, step: float) -> int:
@@ -163,7 +156,7 @@ def assembled(
     kept = len(q)
     if not all(np.isfinite(part).all() for part in (q, v, energy)):
         kept = int(np.argmin(np.isfinite(q).all(axis=1) & np.isfinite(v).all(axis=1) & np.isfinite(energy)))
-    growth = float(np.ravel(solve(at_rest(system), np.array([omega])).growth_rate)[0])
+    growth = float(np.ravel(solve(system.undriven(), np.array([omega])).growth_rate)[0])
     flags = RESPONSE_FLAGS["overflow"] * (kept < len(q)) | RESPONSE_FLAGS["unstable"] * (growth > 0)
     flags |= RESPONSE_FLAGS["separation"] * bool(np.any(separated(force[:kept], static_mesh_force(system))))
     return Response(

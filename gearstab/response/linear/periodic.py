@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gearstab.errors import NotPossible
-from gearstab.linear.first_order import Basis
 from gearstab.modal import mean_modes
+from gearstab.propagation.first_order import FirstOrder
 from gearstab.response.linear.driven import driven
 from gearstab.response.linear.history import RESPONSE_FLAGS, Response, assembled
 from gearstab.response.linear.steady import starts
@@ -84,7 +84,7 @@ def steady_state(
     return replace(found, flags=found.flags | int(begin.status[0]), drift=drift)
 
 
-def balanced(system: GearSystem, basis: Basis) -> GearSystem:
+def balanced(system: GearSystem, basis: FirstOrder) -> GearSystem:
     """The system without the part of its load that would accelerate rigid-body modes that nothing holds back.
 
     M r (r^T f0) for every such mode r of unit modal mass: what is left acts on elastic modes alone, as it did.

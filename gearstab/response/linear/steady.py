@@ -18,11 +18,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gearstab.errors import NotPossible
-from gearstab.linear.eigen import Eigen
-from gearstab.linear.first_order import Basis, bases
+from gearstab.propagation.excitation import Excitation, excitation
+from gearstab.propagation.first_order import FirstOrder, bases
+from gearstab.propagation.intervals import SteadyPoints
+from gearstab.propagation.segment import Eigen
 from gearstab.response.linear.bundles import Bundle, bundles, monodromy
-from gearstab.response.linear.excitation import Excitation, excitation
-from gearstab.response.linear.intervals import SteadyPoints
 from gearstab.response.measures.panels import fastest
 from gearstab.system import Array, GearSystem
 
@@ -67,8 +67,9 @@ def starts(
 
     Raises NotPossible for systems without a common period.
     """
-    drive = excitation(system)
+    whole = excitation(system)
     for basis in bases(system):
+        drive = whole.subset(basis.rows)
         row, column = np.divmod(np.arange(len(basis.rows) * omega.shape[1]), omega.shape[1])
         frequency = omega[basis.rows[row], column]
         steps = 1 if drive.exact else resolution(drive, basis, row, frequency, tolerance)
@@ -80,7 +81,7 @@ def starts(
         known: dict[bytes, Eigen | None] = {}
         for i in range(0, len(row), step):
             part = slice(i, i + step)
-            points = SteadyPoints(drive, basis, row[part], frequency[part], steps, known)
+            points = SteadyPoints.of(drive, basis, row[part], frequency[part], steps, known)
             yield basis.rows[row[part]], column[part], start(points)
 
 
@@ -134,9 +135,9 @@ def period_map(points: SteadyPoints) -> tuple[Array, Array]:
     return matrix if known is None else known, shift
 
 
-def unbalanced(drive: Excitation, basis: Basis) -> Array:
+def unbalanced(drive: Excitation, basis: FirstOrder) -> Array:
     """``(r,)``: whether the load accelerates a rigid-body mode that nothing holds back."""
-    load = drive.fixed[basis.rows, :, 0]
+    load = drive.fixed[:, :, 0]
     along = np.abs(np.einsum("rnk,rn->rk", basis.undamped_rigid, load))
     size = np.einsum("rnk,rn->rk", np.abs(basis.undamped_rigid), np.abs(load))
     return np.any(along > BALANCED * size, axis=1)
@@ -161,13 +162,13 @@ TRIED = 6
 """Points on which the number of steps is tried."""
 
 
-def resolution(drive: Excitation, basis: Basis, at: Array, omega: Array, tolerance: float) -> int:
+def resolution(drive: Excitation, basis: FirstOrder, at: Array, omega: Array, tolerance: float) -> int:
     """The number of steps that reaches the tolerance at some of the points, the slowest of many rows among them.
 
     Raises NotPossible where MOST are not enough.
     """
     chosen = _samples(at, omega)
-    points = SteadyPoints(drive, basis, at[chosen], omega[chosen])
+    points = SteadyPoints.of(drive, basis, at[chosen], omega[chosen])
     longest, turns = float(np.diff(points.edges, axis=1).max()), fastest(points)
     if turns > SLOW:
         raise NotPossible(

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gearstab.propagation.intervals import Interval, SteadyPoints, occupied
 from gearstab.response.linear.bundles import Bundle, Course, bundles
-from gearstab.response.linear.intervals import Interval, SteadyPoints, occupied
 from gearstab.response.measures.extremes import BETWEEN, HERMITE, NODES, RATES, extremes
 from gearstab.system import Array
 
@@ -72,7 +72,7 @@ def pieces(points: SteadyPoints, x: Array, panels: float) -> Iterator[PanelSampl
 def _gauges(points: SteadyPoints) -> Array:
     """``(r, 2 meshes, m)``, mesh deflections and their derivatives with respect to time from x."""
     basis = points.basis
-    directions = points.excitation.directions[basis.rows]
+    directions = points.excitation.directions
     return np.concatenate([directions @ basis.outlet, directions @ basis.speed], axis=1)
 
 
@@ -144,8 +144,8 @@ def _force(
 
 def _errors(points: SteadyPoints) -> tuple[Array, Array]:
     """Transmission errors and their derivatives with respect to tau by z, ``(K, meshes, L)``."""
-    drive, rows, at = points.excitation, points.basis.rows, points.at
-    return drive.errors[rows][at], 2 * np.pi * drive.cycles * drive.slopes[rows][at]
+    drive, at = points.excitation, points.at
+    return drive.errors[at], 2 * np.pi * drive.cycles * drive.slopes[at]
 
 
 def _stiffness(points: SteadyPoints, q: int, fractions: Array) -> Array:

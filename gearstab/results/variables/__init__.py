@@ -104,12 +104,15 @@ NATURAL_FREQUENCIES = (
 )
 """The same over the axes of a sweep."""
 
+DAMPED = "damped natural frequency of the whole mean system, with damping and the means of its terms"
 SYMMETRIC_PART = "natural frequency of the symmetric mean system, without damping and terms"
 
 
-def without_terms(table: Sequence[Variable]) -> tuple[Variable, ...]:
-    """Return a table of modes of a system with terms, whose natural frequencies are those of a part of it."""
-    return tuple(replace(v, long_name=SYMMETRIC_PART) if v.name == "natural_frequency" else v for v in table)
+def with_terms(table: Sequence[Variable]) -> tuple[Variable, ...]:
+    """Return a table of modes of a system with terms: damped frequencies, and those that belong to the shapes."""
+    damped = tuple(replace(v, long_name=DAMPED) if v.name == "natural_frequency" else v for v in table)
+    known = next(v for v in table if v.name == "natural_frequency")
+    return (*damped, replace(known, name="symmetric_frequency", long_name=SYMMETRIC_PART))
 
 
 DEFLECTION_TYPE = Variable(

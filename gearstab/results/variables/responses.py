@@ -138,10 +138,28 @@ ALL_MOTIONS = (
 """What of it is told of motions with backlash, too."""
 
 
+MULTIPLIERS = (
+    coordinate("multiplier", "multiplier", "i4", "1", "number of the Floquet multiplier, by descending magnitude"),
+    Variable("multiplier_real", (GRID, "multiplier"), "f8", "1", "real part of the motion's Floquet multiplier"),
+    Variable("multiplier_imag", (GRID, "multiplier"), "f8", "1", "imaginary part of the motion's Floquet multiplier"),
+    Variable("multiplier_error", (GRID,), "f8", "1", "estimated error of the multipliers"),
+    Variable(
+        "motion_stable", (GRID,), "i1", "1", "stability of the periodic motion",
+        {"flag_values": [-1, 0, 1], "flag_meanings": "not_periodic unstable stable"}, missing=-1,
+    ),
+    Variable(
+        "loss", (GRID,), "i1", "1", "how stability is lost, or would be first, by the largest multiplier",
+        {"flag_values": [0, 1, 2, 3], "flag_meanings": "none fold period_doubling Neimark_Sacker"},
+    ),
+)  # fmt: skip
+"""Of periodic motions with backlash."""
+
+
 BACKLASH_SPEED_RESPONSE = (
     *(v for v in SPEED_RESPONSE if v.name == "mesh" or v.name in ALL_MOTIONS),
     Variable("contact_loss_ratio", (GRID, "mesh"), "f8", "1", "part of the time without contact"),
     Variable("period", (GRID,), "i2", "1", "common periods after which the motion repeats itself; 0: it does not"),
+    *MULTIPLIERS,
     Variable("status", (GRID,), "i2", "1", "what is to be said of the motion; 0: nothing"),
 )
 """Limit cycles of motions with backlash."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import islice, product
 from typing import Any
 
@@ -11,8 +11,10 @@ import numpy as np
 from gearstab.config.document.problems import Path
 from gearstab.config.document.yaml import Document
 from gearstab.config.model.axes import MESH_FREQUENCY, Array, Axis, Grid, parameters_at
-from gearstab.systems.gearbox.build import Train, build
-from gearstab.systems.gearbox.train import TrainError
+from gearstab.system import GearSystem
+from gearstab.systems.gearbox.build import build
+from gearstab.systems.gearbox.train import Train
+from gearstab.systems.kinematics import TrainError
 
 MOST_CORNERS = 32
 """Most corners of the grid that are looked at."""
@@ -23,21 +25,23 @@ MOST_PAIRS = 4096
 
 Found = tuple[Path, str, str]
 """Path below ``system``, message, remedy."""
+Question = Callable[[Grid, dict[str, Any]], Found | None]
+"""What finds a mistake at points of a grid, given by their indices on some axes."""
 
 
-def check_train(document: Document, grid: Grid) -> None:
-    """Report the first point at which there is no such train.
+def check_points(document: Document, grid: Grid, questions: Sequence[tuple[Question, int]]) -> None:
+    """Report the first point at which a question finds a mistake.
 
-    Looked at are the corners of the grid, or the base values, and every axis by itself from end to end: all of its
-    points as far as :data:`MOST_TEETH` and :data:`MOST_PAIRS` allow, else as many, evenly spread.
+    Looked at are the corners of the grid, or the base values, with the first question, and every axis by itself from
+    end to end: all of its points as far as the number given with each question allows, else as many, evenly spread.
     """
     axes = [axis for axis in grid.axes if any(item.path != MESH_FREQUENCY for item in axis.assignments)]
     for corner in islice(product(*(sorted({0, axis.size - 1}) for axis in axes)), MOST_CORNERS):
-        if _reported(document, grid, dict(zip((a.name for a in axes), corner, strict=True)), _built):
+        at = dict(zip((a.name for a in axes), corner, strict=True))
+        if _reported(document, grid, at, questions[0][0]):
             return
-    meshes = len(grid.parameters["meshes"])
     for axis in axes:
-        for question, most in ((_built, MOST_TEETH // meshes), (_meshing, MOST_PAIRS // meshes)):
+        for question, most in questions:
             points = _spread(axis, max(most, 2))
             at_once = not any(item.structural for item in axis.assignments)
             if at_once and question(grid, {axis.name: points}) is None:
@@ -46,14 +50,18 @@ def check_train(document: Document, grid: Grid) -> None:
                 return
 
 
+def check_train(document: Document, grid: Grid) -> None:
+    """Report the first point at which there is no such train."""
+    meshes = len(grid.parameters["meshes"])
+    check_points(document, grid, ((built(build), MOST_TEETH // meshes), (_meshing, MOST_PAIRS // meshes)))
+
+
 def _spread(axis: Axis, most: int) -> Array:
     """Indices of the points of an axis, or of so many of them."""
     return np.unique(np.linspace(0, axis.size - 1, min(most, axis.size)).round().astype(int))
 
 
-def _reported(
-    document: Document, grid: Grid, at: dict[str, int], question: Callable[[Grid, dict[str, Any]], Found | None]
-) -> bool:
+def _reported(document: Document, grid: Grid, at: dict[str, int], question: Question) -> bool:
     """Whether a question finds a mistake at a point, which is then reported."""
     found = question(grid, {name: np.array(k) for name, k in at.items()})
     if found is None:
@@ -65,13 +73,7 @@ def _reported(
     return True
 
 
-def _matters(
-    grid: Grid,
-    at: dict[str, int],
-    axis: Axis,
-    found: Found,
-    question: Callable[[Grid, dict[str, Any]], Found | None],
-) -> bool:
+def _matters(grid: Grid, at: dict[str, int], axis: Axis, found: Found, question: Question) -> bool:
     """Whether the mistake found at a point is another, or none, at the other end of an axis."""
     if axis.name not in at or axis.size == 1:
         return False
@@ -90,17 +92,22 @@ def _meshing(grid: Grid, at: dict[str, Any]) -> Found | None:
     return None
 
 
-def _built(grid: Grid, at: dict[str, Any]) -> Found | None:
-    """Whether the train can be built, with mesh stiffnesses that stay positive."""
-    try:
-        system = build(parameters_at(grid, at))
-    except TrainError as error:
-        return error.where, error.message, error.remedy
-    if grid.parameters["allow_negative_stiffness"]:
+def built(build: Callable[[dict[str, Any]], GearSystem]) -> Question:
+    """Ask whether the system can be built, with mesh stiffnesses that stay positive."""
+
+    def question(grid: Grid, at: dict[str, Any]) -> Found | None:
+        try:
+            system = build(parameters_at(grid, at))
+        except TrainError as error:
+            return error.where, error.message, error.remedy
+        if grid.parameters["allow_negative_stiffness"]:
+            return None
+        for k, mesh in enumerate(system.meshes):
+            lowest = float(np.min(mesh.lowest_stiffness))
+            if not lowest > 0:
+                place = k if isinstance(grid.parameters["meshes"], list) else mesh.name.rstrip("0123456789")
+                message = f"the softer level {lowest:.6g} of the mesh stiffness is <= 0"
+                return ("meshes", place), message, "reduce epsilon, or set system.allow_negative_stiffness: true"
         return None
-    for k, mesh in enumerate(system.meshes):
-        lowest = float(np.min(mesh.lowest_stiffness))
-        if not lowest > 0:
-            message = f"the softer level {lowest:.6g} of the mesh stiffness is <= 0"
-            return ("meshes", k), message, "reduce epsilon, or set system.allow_negative_stiffness: true"
-    return None
+
+    return question

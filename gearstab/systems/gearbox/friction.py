@@ -7,19 +7,17 @@ damping, whatever their wave, times these functions along u and v: the rigid-bod
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from gearstab.system import Array, GearSystem, Mesh, PeriodicForce, PeriodicTerm
-from gearstab.systems.gearbox import matrices
+from gearstab.systems.assembly import Row
 from gearstab.systems.gearbox.teeth import Rubbing
+from gearstab.systems.gearbox.train import Train
 from gearstab.waveforms import Constant, Product, Profile, Scaled
 
 
 def arms(
-    layout: matrices.RotorCoordinates, gears: tuple[int, int], rubbing: Rubbing, push: tuple[Array, Array], sense: int,
-    swapped: bool,
+    train: Train, gears: tuple[int, int], rubbing: Rubbing, push: tuple[Array, Array], sense: int, swapped: bool
 ) -> tuple[Array, Array]:  # fmt: skip
     """u and v ``(..., n)`` of one mesh, h = u + s v.
 
@@ -35,12 +33,10 @@ def arms(
     back = -1.0 if swapped else 1.0
     n = tuple(back * np.asarray(part) for part in push)
     t = (-back * sense * n[1], back * sense * n[0])
-    entries: dict[int, Any] = {wheel: -back * rubbing.length}
-    for rotor, sign in ((pinion, 1.0), (wheel, -1.0)):
-        place = layout.lateral.get(rotor)
-        if place is not None:
-            entries |= {place: sign * t[0], place + 1: sign * t[1]}
-    return matrices.unit(layout, entries), matrices.unit(layout, {pinion: back, wheel: back * rubbing.wheel_sign})
+    arm: Row = {train.name(wheel): -back * rubbing.length, **train.shift(pinion, t)}
+    arm |= train.shift(wheel, (-t[0], -t[1]))
+    turn = {train.name(pinion): back, train.name(wheel): back * rubbing.wheel_sign}
+    return train.coordinates.vector(arm), train.coordinates.vector(turn)
 
 
 def terms(mesh: Mesh, rubbing: Rubbing, ends: tuple[Array, Array], damping: Array, follows: bool) -> list[PeriodicTerm]:

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from gearstab.system import Array
-from gearstab.systems.gearbox.build import Train
 from gearstab.systems.gearbox.teeth import OF_GEAR
+from gearstab.systems.gearbox.train import Train
 
 NOTICE_FLAGS = {
     "undercut": 1, "top_land": 2, "interference": 4, "fillet_contact": 8, "contact_ratio": 16, "tip_clearance": 32,

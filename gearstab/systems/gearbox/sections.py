@@ -31,10 +31,11 @@ from gearstab.config.model.fields import (
 )
 from gearstab.system import GearSystem
 from gearstab.systems.base import Start, System
-from gearstab.systems.gearbox.build import Train, build
+from gearstab.systems.gearbox.build import build
 from gearstab.systems.gearbox.feasibility import check_train
 from gearstab.systems.gearbox.mesh import LUBRICATED, GearboxMesh
 from gearstab.systems.gearbox.missing import missing_of_teeth
+from gearstab.systems.gearbox.train import Train
 from gearstab.systems.parts.mesh import Named, ToothMesh
 
 if TYPE_CHECKING:
@@ -272,8 +273,7 @@ class Gearbox(System):
         """Teeth times speed of the first mesh's driver over that of the input."""
         train = Train(raw)
         try:
-            driver = train.meshes[0][0]
-            return train.teeth(driver) * float(abs(train.speeds[driver]))
+            return float(train.motions[0].frequency(train.speeds))
         except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError):
             return 1.0  # something is wrong with the train, which is reported
 

@@ -113,6 +113,11 @@ class ToothMesh(Section):
     @classmethod
     def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
         """One of the two ways to give the stiffness, and of the two to give its variation, unless the wave does."""
+        yield from cls.conflicts_of(raw, False)
+
+    @classmethod
+    def conflicts_of(cls, raw: dict[str, Any], from_teeth: bool) -> Iterator[Conflict]:
+        """Yield the contradictions of a mesh. from_teeth: whether teeth give what it does not."""
         wave = wave_of(raw.get("waveform"))
         if wave is not None and wave.of_teeth:
             message = "the teeth are unknown: only kind: gearbox has numbers of teeth"
@@ -124,10 +129,11 @@ class ToothMesh(Section):
             )
             return
         stiffness, variation = ("mean_stiffness", "max_stiffness"), ("epsilon", "amplitude")
-        yield from (at_most_one if has_own_mean(raw) else exactly_one)(raw, stiffness)
-        yield from (at_most_one if wave is not None and wave.own_variation else exactly_one)(raw, variation)
+        yield from (at_most_one if from_teeth or has_own_mean(raw) else exactly_one)(raw, stiffness)
+        varies = from_teeth or (wave is not None and wave.own_variation)
+        yield from (at_most_one if varies else exactly_one)(raw, variation)
         description = cls.model_fields["contact_ratio"].description or ""
-        yield from shape_conflicts(raw, description.rstrip("."))
+        yield from shape_conflicts(raw, "" if from_teeth else description.rstrip("."))
         yield from following_conflicts(
             raw, ("damping",), "add damping, the mean of the damping that follows the stiffness"
         )
@@ -231,9 +237,9 @@ def build_mesh(
 
     The stiffness is given by ``mean_stiffness`` k_g or ``max_stiffness`` k_max (the stiffer level is kept, Lin & Parker
     2002 section 4: k_g = k_max - 2 k_a (1 - d)), its variation by ``epsilon`` = k_a/k_g or ``amplitude`` = k_a; what is
-    not given is that of a ``waveform`` made from stiffnesses.
+    not given is that of a ``waveform`` made from stiffnesses, or of the ``wave`` itself, which teeth give.
     """
-    wave = build_waveform(p)
+    wave = p["wave"] if "wave" in p else build_waveform(p)
     epsilon, amplitude, maximum = p.get("epsilon"), p.get("amplitude"), p.get("max_stiffness")
     if epsilon is None and amplitude is None:
         epsilon = _ratio(wave.mean_stiffness, wave.amplitude)

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from gearstab.config.model.arrays import diagonal, vector
-from gearstab.system import Array, Cyclic, GearSystem, Mesh
-from gearstab.systems.parts.damping import with_damping
-from gearstab.systems.parts.forcing import with_forcing
-from gearstab.systems.parts.mesh import build_mesh
+from gearstab.config.model.arrays import vector
+from gearstab.system import Array, Cyclic, GearSystem
+from gearstab.systems.assembly import Assembly, Coordinates, Element, MeshElement, Row
 from gearstab.systems.planetary.angles import angles_of
 from gearstab.systems.planetary.phasing import lags
 
@@ -55,34 +53,30 @@ def build(p: dict[str, Any]) -> GearSystem:
     misprinted there (derivatives in L2 act on v and v is projected on |m| >= 2; b_r of L4 depends on n and belongs
     inside the sum; M_j divides by r^2 twice). Rotational model: Lin & Parker 2002 (J. Sound Vib. 249, 129-145).
     """
-    gear = _Gear(int(p["planets"]), _harmonics(p["ring"]), tuple(angles_of(p)))
+    gear = _Gear(int(p["planets"]), _harmonics(p["ring"]), p["motion"] == "planar", tuple(angles_of(p)))
     symmetric = p.get("angles") is None
     angle = {name: np.asarray(p["pressure_angles"][name], dtype=float) for name in ("sun", "ring")}
-    parts, meshes = [], []
-    for name, lag in lags(p, gear.planets).items():
-        for n in range(1, gear.planets + 1):
-            parts.append(p["meshes"][name] | {"name": f"{name}{n}"})
-            direction = gear.vector(_deflection(gear, name, n, angle[name]))
-            meshes.append(build_mesh(parts[-1], direction, lag=lag[n - 1]))
-    full = GearSystem(
-        gear.diagonal(_masses(gear, p, angle["ring"])), _stiffness(gear, p, angle["ring"]), tuple(meshes),
-        coordinates=gear.names, symmetry=gear.cyclic() if symmetric else None,
+    meshes = [
+        MeshElement(p["meshes"][name] | {"name": f"{name}{n}"}, _deflection(gear, name, n, angle[name]), lag=lag[n - 1])
+        for name, lag in lags(p, gear.planets).items()
+        for n in gear.numbers
+    ]
+    elements = [*_bodies(gear, p, angle["ring"]), *_supports(gear, p, angle["ring"])]
+    torques = p.get("load")
+    system = Assembly(Coordinates(dict.fromkeys(gear.names, "m")), elements, meshes).system(
+        p,
+        {f"{body}_rotation": torques.get(body, 0.0) for body in CENTRAL} if torques else None,
+        symmetries=(gear.cyclic(),) if symmetric else (),
         drawing={} if symmetric else {"planet_angles": vector(gear.angles)},
-    )  # fmt: skip
-    system = full if p["motion"] == "planar" else _rotational(full, gear)
-    if gear.harmonics > 1 and system.symmetry is not None:
-        system = replace(system, symmetry=replace(system.symmetry, still="purely ring"))
-    system = with_damping(system, p | {"meshes": parts})
-    system = with_forcing(system, {"meshes": parts, "load": _load(system.coordinates, p.get("load"))})
+    )
     if p["scaling"] == "SI":
         return system
-    return _scaled(system, np.asarray(p["masses"]["ring"], dtype=float), meshes[-1].mean_stiffness)
+    return system.scaled(np.asarray(p["masses"]["ring"], dtype=float), meshes[-1].wave.mean_stiffness)
 
 
-def coordinates(planets: int, harmonics: int, motion: str) -> tuple[str, ...]:
-    """Names of the coordinates; ``harmonics`` is 1 for a rigid ring."""
-    names = _Gear(planets, harmonics, ()).names
-    return names if motion == "planar" else tuple(name for name in names if _free_to_rotate(name))
+def size(planets: int, harmonics: int, motion: str) -> int:
+    """Number of coordinates; ``harmonics`` is 1 for a rigid ring."""
+    return len(_Gear(planets, harmonics, motion == "planar", ()).names)
 
 
 def _harmonics(ring: dict[str, Any]) -> int:
@@ -92,19 +86,30 @@ def _harmonics(ring: dict[str, Any]) -> int:
 
 @dataclass(frozen=True)
 class _Gear:
-    """Coordinates of a planar gear. planets: N; harmonics: J; angles: psi_n, any of which may have a batch shape."""
+    """Coordinates of a gear.
+
+    planets: N; harmonics: J; planar: whether bodies move in the plane; angles: psi_n, any of which may have a batch
+    shape.
+    """
 
     planets: int
     harmonics: int
+    planar: bool
     angles: tuple[Array, ...]
 
     @property
     def names(self) -> tuple[str, ...]:
-        found = ["ring_x", "ring_y", "ring_rotation"]
-        found += [f"ring_{kind}{m}" for m in self.waves for kind in "cs"]
-        found += [f"{body}_{way}" for body in ("carrier", "sun") for way in ("x", "y", "rotation")]
-        planets = range(1, self.planets + 1)
-        return tuple(found + [f"planet{n}_{way}" for n in planets for way in ("radial", "tangential", "rotation")])
+        body, planet = (("x", "y"), ("radial", "tangential")) if self.planar else ((), ())
+        found = [f"ring_{way}" for way in (*body, "rotation")] + [
+            f"ring_{kind}{m}" for m in self.waves for kind in "cs"
+        ]
+        found += [f"{name}_{way}" for name in ("carrier", "sun") for way in (*body, "rotation")]
+        return tuple(found + [f"planet{n}_{way}" for n in self.numbers for way in (*planet, "rotation")])
+
+    @property
+    def numbers(self) -> range:
+        """n = 1..N."""
+        return range(1, self.planets + 1)
 
     @property
     def waves(self) -> range:
@@ -115,147 +120,85 @@ class _Gear:
         """Return psi_n."""
         return self.angles[n - 1]
 
-    def vector(self, entries: dict[str, Any]) -> Array:
-        """``(..., n)`` with the given entries, which may have a batch shape; 0 elsewhere."""
-        return vector([entries.get(name, 0.0) for name in self.names])
-
-    def diagonal(self, entries: dict[str, Any]) -> Array:
-        """``(..., n, n)`` with the given entries on the diagonal."""
-        return diagonal([entries.get(name, 0.0) for name in self.names])
+    def shift(self, body: str, x: Any, y: Any) -> Row:
+        """Return x times the first and y times the second translation of a body; a planet's are radial, tangential."""
+        if not body.startswith("planet"):
+            return {f"{body}_x": x, f"{body}_y": y} if self.planar else {}
+        return {f"{body}_radial": x, f"{body}_tangential": y} if self.planar else {"carrier_rotation": y}
 
     def cyclic(self) -> Cyclic:
         """The symmetry of equally spaced planets."""
-        return Cyclic(self.planets, self.turn(), ("rotational", "translational", "planet"))
+        types = ("rotational", "translational", "planet") if self.planar else ("rotational", "planet")
+        still = {"still": "purely ring"} if self.harmonics > 1 else {}
+        return Cyclic(self.planets, self.turn(), types, **still)
 
     def turn(self) -> Array:
         """``(n, n)``, the displacements turned by 2 pi/N: planet n takes what planet n - 1 had."""
         place = {name: k for k, name in enumerate(self.names)}
         turn = np.zeros((len(place), len(place)))
-        pairs = [(f"ring_c{m}", f"ring_s{m}", m) for m in self.waves] + [(f"{b}_x", f"{b}_y", 1) for b in CENTRAL]
+        pairs = [(f"ring_c{m}", f"ring_s{m}", m) for m in self.waves]
+        pairs += [(f"{b}_x", f"{b}_y", 1) for b in CENTRAL if self.planar]
         for first, second, m in pairs:
             at = [place[first], place[second]]
             cosine, sine = np.cos(m * self.angle(2)), np.sin(m * self.angle(2))
             turn[np.ix_(at, at)] = [[cosine, -sine], [sine, cosine]]
         for body in CENTRAL:
             turn[place[f"{body}_rotation"], place[f"{body}_rotation"]] = 1.0
-        for n in range(1, self.planets + 1):
-            for way in ("radial", "tangential", "rotation"):
+        for n in self.numbers:
+            for way in ("radial", "tangential", "rotation") if self.planar else ("rotation",):
                 turn[place[f"planet{n % self.planets + 1}_{way}"], place[f"planet{n}_{way}"]] = 1.0
         return turn
 
 
-def _masses(gear: _Gear, p: dict[str, Any], ring_angle: Array) -> dict[str, Any]:
-    """Twice the kinetic energy is diagonal: int cos^2 + m^2 sin^2 over 2 pi of the ring's mass is (1 + m^2)/2."""
-    masses, inertias = p["masses"], dict(p["inertias"])
+def _bodies(gear: _Gear, p: dict[str, Any], ring_angle: Array) -> Iterator[Element]:
+    """Yield the masses; int cos^2 + m^2 sin^2 over 2 pi of the ring's is (1 + m^2)/2."""
+    masses, inertias = p["masses"], p["inertias"]
     ring = np.asarray(masses["ring"], dtype=float)
-    if inertias.get("ring") is None:
-        inertias["ring"] = ring / np.cos(ring_angle) ** 2
-    entries: dict[str, Any] = {}
+    thin = ring / np.cos(ring_angle) ** 2 if inertias.get("ring") is None else None
+    for body in (*CENTRAL, *(f"planet{n}" for n in gear.numbers)):
+        kind = body.rstrip("0123456789")
+        for along in ((1.0, 0.0), (0.0, 1.0)):
+            yield Element(gear.shift(body, *along), mass=0.0 if masses.get(kind) is None else masses[kind])
+        yield Element({f"{body}_rotation": 1.0}, mass=thin if kind == "ring" and thin is not None else inertias[kind])
+    for m in gear.waves:
+        for kind in "cs":
+            yield Element({f"ring_{kind}{m}": 1.0}, mass=ring * (1 + m**2) / 2)
+
+
+def _supports(gear: _Gear, p: dict[str, Any], ring_angle: Array) -> Iterator[Element]:
+    """Yield supports, the ring's bending and foundation, and the planet bearings between carrier and planets."""
+    given = {key: np.asarray(value, dtype=float) for key, value in p["supports"].items() if value is not None}
+    zero = np.zeros(())
+    radial, tangential = (given.get(f"ring_{way}", zero) for way in ("radial", "tangential"))
+    held = given | {
+        "ring": np.pi * (radial + tangential) + given.get("ring", zero),
+        "ring_rotation": 2 * np.pi * tangential / np.cos(ring_angle) ** 2 + given.get("ring_rotation", zero),
+    }
     for body in CENTRAL:
-        entries |= _of_body(body, masses.get(body), inertias[body])
-    for n in range(1, gear.planets + 1):
-        entries |= {f"planet{n}_radial": masses["planet"], f"planet{n}_tangential": masses["planet"]}
-        entries[f"planet{n}_rotation"] = inertias["planet"]
-    return entries | {f"ring_{kind}{m}": ring * (1 + m**2) / 2 for m in gear.waves for kind in "cs"}
-
-
-def _of_body(body: str, translation: Any, rotation: Any) -> dict[str, Any]:
-    """What both translations and the rotation of a body have; a translation that is constrained needs nothing."""
-    moved = 1.0 if translation is None else translation
-    return {f"{body}_x": moved, f"{body}_y": moved, f"{body}_rotation": rotation}
-
-
-def _stiffness(gear: _Gear, p: dict[str, Any], ring_angle: Array) -> Array:
-    """K0: supports, the ring's bending and foundation, and the planet bearings between carrier and planets."""
-    supports = p["supports"]
-    radial, tangential = (_spring(supports, f"ring_{way}") for way in ("radial", "tangential"))
-    moving = np.pi * (radial + tangential) + _spring(supports, "ring")
-    turning = 2 * np.pi * tangential / np.cos(ring_angle) ** 2 + _spring(supports, "ring_rotation")
-    entries = _of_body("ring", moving, turning)
-    for body in ("carrier", "sun"):
-        entries |= _of_body(body, supports[body], supports[f"{body}_rotation"])
+        for along in ((1.0, 0.0), (0.0, 1.0)):
+            yield Element(gear.shift(body, *along), stiffness=held.get(body, zero))
+        yield Element({f"{body}_rotation": 1.0}, stiffness=held.get(f"{body}_rotation", zero))
     for m in gear.waves:
         bending = np.asarray(p["ring"]["bending_stiffness"], dtype=float) * (m * (m**2 - 1)) ** 2
-        entries |= dict.fromkeys((f"ring_c{m}", f"ring_s{m}"), np.pi * (bending + tangential + m**2 * radial))
-    return gear.diagonal(entries) + _spring(supports, "planet")[..., None, None] * _bearings(gear)
-
-
-def _spring(supports: dict[str, Any], key: str) -> Array:
-    """The stiffness of a support, 0 where there is none."""
-    return np.asarray(0.0 if supports.get(key) is None else supports[key], dtype=float)
-
-
-def _bearings(gear: _Gear) -> Array:
-    """Sum over the planets of the squared radial and tangential deflection of a bearing, as a matrix."""
-    total: Array = np.zeros((len(gear.names), len(gear.names)))
-    for n in range(1, gear.planets + 1):
+        for kind in "cs":
+            yield Element({f"ring_{kind}{m}": 1.0}, stiffness=np.pi * (bending + tangential + m**2 * radial))
+    for n in gear.numbers if gear.planar else ():
         cosine, sine = np.cos(gear.angle(n)), np.sin(gear.angle(n))
-        radial = {"carrier_x": cosine, "carrier_y": sine, f"planet{n}_radial": -1.0}
-        tangential = {"carrier_x": -sine, "carrier_y": cosine, "carrier_rotation": 1.0, f"planet{n}_tangential": -1.0}
-        for spring in (gear.vector(radial), gear.vector(tangential)):
-            total = total + spring[..., :, None] * spring[..., None, :]
-    return total
+        for row in (
+            gear.shift("carrier", cosine, sine) | gear.shift(f"planet{n}", -1.0, 0.0),
+            gear.shift("carrier", -sine, cosine) | {"carrier_rotation": 1.0} | gear.shift(f"planet{n}", 0.0, -1.0),
+        ):
+            yield Element(row, stiffness=given.get("planet", zero))
 
 
-def _deflection(gear: _Gear, name: str, n: int, angle: Array) -> dict[str, Any]:
+def _deflection(gear: _Gear, name: str, n: int, angle: Array) -> Row:
     """The mesh deflection of the sun or the ring with planet n. Source: Parker 2009, (26), (27)."""
     psi, sign = gear.angle(n), 1.0 if name == "sun" else -1.0
     along, across = np.cos(angle), np.sin(angle)
-    entries = {
-        f"{name}_x": -np.sin(psi - sign * angle), f"{name}_y": np.cos(psi - sign * angle), f"{name}_rotation": 1.0,
-        f"planet{n}_radial": -sign * across, f"planet{n}_tangential": -along, f"planet{n}_rotation": sign,
-    }  # fmt: skip
-    if name == "ring":
-        for m in gear.waves:
-            cosine, sine = np.cos(m * psi), np.sin(m * psi)
-            entries |= {f"ring_c{m}": cosine * along - m * sine * across}
-            entries |= {f"ring_s{m}": sine * along + m * cosine * across}
-    return entries
-
-
-def _free_to_rotate(name: str) -> bool:
-    """Whether a coordinate remains in the rotational model."""
-    return not name.endswith(("_x", "_y", "_radial", "_tangential"))
-
-
-def _rotational(system: GearSystem, gear: _Gear) -> GearSystem:
-    """The same gear without translations, its planets' centres fixed to the carrier: q = B q_rotational."""
-    names = tuple(name for name in gear.names if _free_to_rotate(name))
-    basis = np.zeros((len(gear.names), len(names)))
-    for k, name in enumerate(gear.names):
-        kept = "carrier_rotation" if name.endswith("_tangential") else name
-        if kept in names:
-            basis[k, names.index(kept)] = 1.0
-    return replace(
-        system, mass=basis.T @ system.mass @ basis, stiffness=basis.T @ system.stiffness @ basis, coordinates=names,
-        meshes=tuple(replace(mesh, direction=mesh.direction @ basis) for mesh in system.meshes),
-        symmetry=None if system.symmetry is None
-        else Cyclic(gear.planets, _left_inverse(basis) @ gear.turn() @ basis, ("rotational", "planet")),
-    )  # fmt: skip
-
-
-def _left_inverse(basis: Array) -> Array:
-    return np.linalg.solve(basis.T @ basis, basis.T)
-
-
-def _load(coordinates: Sequence[str], torques: dict[str, Any] | None) -> list[Any] | None:
-    """Generalised forces, one per coordinate, of torques over radii on ``ring``, ``carrier`` and ``sun``."""
-    if not torques:
-        return None
-    of = {f"{body}_rotation": torques.get(body, 0.0) for body in CENTRAL}
-    return [of.get(name, 0.0) for name in coordinates]
-
-
-def _scaled(system: GearSystem, mass: Array, stiffness: Array) -> GearSystem:
-    """The same system in units of a mass and a stiffness, and so of the time sqrt(mass/stiffness)."""
-    m, k = mass[..., None, None], stiffness[..., None, None]
-    damping = None if system.damping is None else system.damping / np.sqrt(m * k)
-    meshes: Sequence[Mesh] = [
-        replace(item, mean_stiffness=item.mean_stiffness / stiffness, damping=item.damping / np.sqrt(mass * stiffness))
-        for item in system.meshes
-    ]
-    load = None if system.load is None else system.load / stiffness[..., None]
-    # All periodic terms of this kind are mesh dampings.
-    terms = tuple(replace(term, left=term.left / np.sqrt(m * k)[..., 0]) for term in system.terms)
-    scaled = replace(system, mass=system.mass / m, stiffness=system.stiffness / k, damping=damping)
-    return replace(scaled, meshes=tuple(meshes), terms=terms, load=load, dimensionless=("mass", "time"))
+    row: dict[str, Any] = {f"{name}_rotation": 1.0, f"planet{n}_rotation": sign}
+    row |= gear.shift(name, -np.sin(psi - sign * angle), np.cos(psi - sign * angle))
+    row |= gear.shift(f"planet{n}", -sign * across, -along)
+    for m in gear.waves if name == "ring" else ():
+        cosine, sine = np.cos(m * psi), np.sin(m * psi)
+        row |= {f"ring_c{m}": cosine * along - m * sine * across, f"ring_s{m}": sine * along + m * cosine * across}
+    return row

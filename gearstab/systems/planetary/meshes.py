@@ -4,9 +4,19 @@ from __future__ import annotations
 
 from typing import Annotated, Any, ClassVar, cast
 
-from pydantic import BeforeValidator, Field, WithJsonSchema
+from pydantic import Field
 
-from gearstab.config.model.fields import NUMBER, Choice, NonNegative, Quantity, Section, Stiffness, ToothCount, Turns
+from gearstab.config.model.fields import (
+    Choice,
+    Length,
+    NonNegative,
+    Number,
+    Quantity,
+    Section,
+    Stiffness,
+    ToothCount,
+    Turns,
+)
 from gearstab.systems.parts.mesh import ToothMesh
 from gearstab.systems.planetary.phasing import DRIVES, RULES
 
@@ -72,18 +82,14 @@ class Phases(Section):
 
 
 Teeth = Annotated[ToothCount, Field(ge=4)]
-Shift = Annotated[float, BeforeValidator(Quantity().number), WithJsonSchema(NUMBER)]
-"""A profile shift that no axis sets."""
-FixedLength = Annotated[float, BeforeValidator(Quantity("m").number), Field(gt=0), WithJsonSchema(NUMBER)]
-"""A length that no axis sets."""
 
 
 class ProfileShifts(Section):
     """Profile shifts, in modules; positive ones push the flanks outwards, on the ring too."""
 
-    sun: Shift | None = Field(default=None, title="profile shift of the sun", description="x_s (1).")
-    planet: Shift | None = Field(default=None, title="profile shift of a planet", description="x_p (1).")
-    ring: Shift | None = Field(
+    sun: Number | None = Field(default=None, title="profile shift of the sun", description="x_s (1).")
+    planet: Number | None = Field(default=None, title="profile shift of a planet", description="x_p (1).")
+    ring: Number | None = Field(
         default=None,
         title="profile shift of the ring",
         description="x_r; gear programs often print its negative (1).",
@@ -93,9 +99,9 @@ class ProfileShifts(Section):
 class TipRadii(Section):
     """Radii of the tips."""
 
-    sun: FixedLength | None = Field(default=None, title="tip radius of the sun", description="r_as (m).")
-    planet: FixedLength | None = Field(default=None, title="tip radius of a planet", description="r_ap (m).")
-    ring: FixedLength | None = Field(default=None, title="tip radius of the ring", description="r_ar, inside (m).")
+    sun: Length | None = Field(default=None, title="tip radius of the sun", description="r_as (m).")
+    planet: Length | None = Field(default=None, title="tip radius of a planet", description="r_ap (m).")
+    ring: Length | None = Field(default=None, title="tip radius of the ring", description="r_ar, inside (m).")
 
 
 class ToothNumbers(Section):
@@ -108,7 +114,7 @@ class ToothNumbers(Section):
         title="teeth of the ring",
         description="z_r, z_s + 2 z_p without; others by profile shift. (z_s + z_r)/planets is whole for equal angles.",
     )
-    centre_distance: FixedLength | None = Field(
+    centre_distance: Length | None = Field(
         default=None,
         title="centre distance",
         description="a, with gears: of planet and axis (m); that of the profile shifts of sun and planet, else "

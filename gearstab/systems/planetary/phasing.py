@@ -11,6 +11,7 @@ import numpy as np
 
 from gearstab.config.document.tree import mapping
 from gearstab.system import Array
+from gearstab.systems.kinematics import MeshMotion, Relation, solve
 from gearstab.systems.planetary.angles import angles_of
 
 SENSES = ("counter-clockwise", "clockwise")
@@ -44,14 +45,15 @@ class Turning:
         driving, held = p.get("input") or "sun", p.get("fixed") or "ring"
         if driving == held or not all(body in list(shares) for body in (driving, held)):
             return None
-        other = next(body for body in shares if body not in (driving, held))
-        # The shares times the speeds add up to nothing: Willis' equation.
-        speed = {driving: Fraction(1), held: Fraction(0), other: -shares[driving] / shares[other]}
-        ahead = speed["sun"] - speed["carrier"]
+        # Through the planets, sun and ring turn against each other, seen from the carrier.
+        through = MeshMotion(("sun", "ring"), (shares["sun"], shares["ring"]), False, ("teeth",), "carrier")
+        rules = [Relation({driving: 1}, ("input",), 1), Relation({held: 1}, ("fixed",)), through.relation]
+        speeds = solve(shares, rules)
+        ahead = through.relative(speeds)
         relative = (-1 if p.get("sense") == SENSES[1] else 1) * (1 if ahead > 0 else -1)
         given = mapping(p.get("phases")).get("drives")
         sun_drives = given == "sun" if given in DRIVES else (ahead > 0) == (shares[driving] > 0)
-        return cls(abs(shares["sun"] * ahead), -relative, sun_drives, relative if sun_drives else -relative)
+        return cls(through.frequency(speeds), -relative, sun_drives, relative if sun_drives else -relative)
 
 
 def lags(p: dict[str, Any], planets: int) -> dict[str, list[Array]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from fractions import Fraction
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
@@ -15,9 +15,11 @@ from gearstab.config.document.yaml import Document
 from gearstab.config.model.conflicts import Conflict, within, wrong_length
 from gearstab.config.model.fields import Choice, Count, Quantity, also
 from gearstab.system import GearSystem
+from gearstab.systems import feasibility
 from gearstab.systems.base import START_MESH, Start, System, first_number
 from gearstab.systems.gearbox import sections as gearbox
-from gearstab.systems.planetary import angles, teeth
+from gearstab.systems.gearbox.feasibility import MOST_TEETH, built, check_points
+from gearstab.systems.planetary import angles
 from gearstab.systems.planetary.angles import ASSEMBLE, angles_of
 from gearstab.systems.planetary.bodies import (
     HARMONICS,
@@ -29,10 +31,11 @@ from gearstab.systems.planetary.bodies import (
     Ring,
     Supports,
 )
-from gearstab.systems.planetary.build import build, coordinates
+from gearstab.systems.planetary.build import build, size
 from gearstab.systems.planetary.feasibility import MOST_PLANETS, assembly, check_assembly, clear_of_each_other, whole
-from gearstab.systems.planetary.meshes import Meshes, Phases, ToothNumbers
+from gearstab.systems.planetary.meshes import Meshes, Phases, PlanetaryMesh, ToothNumbers
 from gearstab.systems.planetary.phasing import RULES, SENSES, Turning, lags
+from gearstab.systems.planetary.teeth import with_teeth
 
 if TYPE_CHECKING:
     from gearstab.config.model.axes import Grid
@@ -40,6 +43,7 @@ if TYPE_CHECKING:
 BODIES = ("sun", "carrier", "ring")
 """The bodies on the axis, of which one drives and one is fixed."""
 
+OF_GEARS = ("module", "pressure_angle", "face_width")
 NEEDED = {
     "masses": ("ring", "planet"), "inertias": ("carrier", "sun", "planet"), "pressure_angles": ("sun", "ring"),
 }  # fmt: skip
@@ -135,9 +139,8 @@ class Planetary(System):
 
     @classmethod
     def complete(cls, document: Document, raw: dict[str, Any], size: int | None) -> None:
-        """Fill in what follows from the teeth, see :mod:`.angles` and :mod:`.teeth`."""
+        """Write out the ring's teeth and the angles that are to be assembled."""
         angles.complete(document, raw)
-        teeth.fill(document, raw)
 
     @classmethod
     def cycles_of_input(cls, raw: dict[str, Any]) -> float | None:
@@ -151,6 +154,7 @@ class Planetary(System):
     @classmethod
     def summary(cls, p: dict[str, Any]) -> dict[str, str]:
         """Say where the planets are, how many teeth the gears have, and what only the speeds know to be fixed."""
+        p = with_teeth(p)
         psi = [np.degrees(float(angle)) for angle in angles_of(p)]
         equal = "" if p.get("angles") is not None else ", equally spaced"
         said = {"planets": f"{len(psi)} at {', '.join(f'{angle:.6g}' for angle in psi)} deg{equal}"}
@@ -168,22 +172,32 @@ class Planetary(System):
     @classmethod
     def doubts(cls, p: dict[str, Any]) -> Iterator[tuple[Path, str, str]]:
         """Yield the ring's lag of profile-shifted teeth of which nothing but their numbers is known."""
-        if p.get("teeth") and (p.get("phases") or {}).get("sun_ring") is None and (extra := _shifted(p["teeth"])):
+        given = p.get("gears") is not None or (p.get("phases") or {}).get("sun_ring") is not None
+        if p.get("teeth") and not given and (extra := _shifted(p["teeth"])):
             lag = float(lags(p, 1)["ring"][0])
             message = f"is {abs(extra)} {'more' if extra > 0 else 'less'} than z_s + 2 z_p, by profile shifts: "
             message += f"the lag of the ring's meshes depends on them, and that of standard teeth, {lag:g}, is taken"
             yield ("teeth", "ring"), message, "give phases.sun_ring, or gears and teeth.profile_shift"
 
     @classmethod
+    def mesh_rule(cls, raw: dict[str, Any]) -> Callable[[Any], Iterator[Conflict]]:
+        """With gears, the teeth give what a mesh does not."""
+        return lambda mesh: PlanetaryMesh.conflicts_of(mesh, raw.get("gears") is not None)
+
+    @classmethod
     def build(cls, p: dict[str, Any]) -> GearSystem:
         """See :func:`gearstab.systems.planetary.build.build`."""
-        return build(p)
+        return build(with_teeth(p))
 
     @classmethod
     def check_feasible(cls, document: Document, grid: Grid) -> None:
         """Planets that can be assembled at every point of a grid over their number or their teeth, besides."""
-        super().check_feasible(document, grid)
         check_assembly(document, grid)
+        if grid.parameters.get("gears") is None:
+            super().check_feasible(document, grid)
+        else:
+            feasibility.check_symmetric(document, grid.parameters)
+            check_points(document, grid, ((built(cls.build), MOST_TEETH // 2),))
 
     @classmethod
     def dependent(cls, p: dict[str, Any], varied: set[Path]) -> dict[str, Any]:
@@ -211,7 +225,7 @@ class Planetary(System):
         if raw.get("ring") is None or not (whole(planets, 3, MOST_PLANETS) and whole(harmonics, 2, MOST_HARMONICS)):
             return None
         waves = 1 if ring.get("kind") == "rigid" else int(harmonics)
-        return len(coordinates(int(planets), waves, raw.get("motion", "planar")))
+        return size(int(planets), waves, raw.get("motion", "planar"))
 
     @classmethod
     def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
@@ -226,15 +240,24 @@ class Planetary(System):
                 if supports.get(key) is not None:
                     remedy = "give ring_radial and ring_tangential, or make the ring rigid"
                     yield ("supports", key), "not_applicable", "holds a rigid ring, and this one is elastic", remedy
+        gears, counts = raw.get("gears"), raw.get("teeth") or {}
+        if gears is not None:
+            for key in OF_GEARS:
+                if gears.get(key) is None:
+                    yield ("gears", key), "missing", "is missing", f"add {key}, which all gears share"
+            if not all(counts.get(body) for body in ("sun", "planet", "ring")):
+                hint = "add teeth: {sun: .., planet: .., ring: ..}"
+                yield ("gears",), "needs_other", "needs the numbers of teeth", hint
         for section, keys in NEEDED.items():
-            for key in keys:
+            for key in keys if gears is None else keys[:1] if section == "inertias" else ():
                 if (raw.get(section) or {}).get(key) is None:
                     where = (
                         "add it" if key == "carrier" else f"add {key}, or gears: {{module, pressure_angle, face_width}}"
                     )
                     yield (section, key), "missing", "is missing", where
         if raw.get("motion", "planar") == "planar":
-            for section, keys in (("masses", ("carrier", "sun")), ("supports", ("planet",))):
+            of_bodies = ("carrier", "sun") if gears is None else ("carrier",)
+            for section, keys in (("masses", of_bodies), ("supports", ("planet",))):
                 inner = raw.get(section, {})
                 for key in keys:
                     if inner is not None and inner.get(key) is None:
@@ -293,7 +316,10 @@ def _phases(raw: dict[str, Any]) -> Iterator[Conflict]:
     for key in ("rule", "drives") if teeth is None else ():
         if (phases or {}).get(key) is not None:
             yield ("phases", key), "not_applicable", "is of teeth, and none are given", "add teeth, or remove it"
-    if (phases or {}).get("rule") == "entry" and (phases or {}).get("sun_ring") is None and teeth is not None:
+    rule, between = ((phases or {}).get(key) for key in ("rule", "sun_ring"))
+    if rule is not None and between is not None and raw.get("gears") is not None:
+        yield ("phases", "rule"), "already_given", "sun_ring is given already", "keep one of sun_ring and rule"
+    if rule == "entry" and between is None and teeth is not None and raw.get("gears") is None:
         hint = "add gears: {module, pressure_angle, face_width}, or take pitch_point"
         yield ("phases", "rule"), "needs_other", "needs the radii of the teeth", hint
     sun = (phases or {}).get("sun")

@@ -1,215 +1,172 @@
-"""Masses, inertias, pressure angles and mesh stiffness of a planetary gear from its teeth, as ``gearbox`` has them.
+"""The teeth of a sun, its planets and a ring: geometry, bodies, stiffness of the meshes and the lag between them.
 
 Sun and planets are discs of the pitch radius, the ring an annulus from its pitch circle to 1.2 root radii. Of centre
-distance and profile shifts, what ``teeth`` does not give is chosen such that the meshes have no backlash.
+distance and profile shifts, what is not given is chosen such that the meshes have no backlash.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
 
-from pydantic import ValidationError
-from pydantic_core import PydanticCustomError
+import numpy as np
 
-from gearstab.config.document.codes import code_of
-from gearstab.config.document.tree import mapping, names_set
-from gearstab.config.document.yaml import Document
-from gearstab.config.model.fields import Quantity
-from gearstab.config.model.introspection import as_parameters
-from gearstab.config.model.validation import validate
 from gearstab.errors import NotPossible
-from gearstab.systems.gearbox.sections import Teeth
-from gearstab.systems.planetary.feasibility import shifted_too_far
-from gearstab.systems.planetary.meshes import ToothNumbers
+from gearstab.gears.planet_set import PlanetSet, closing_shifts, halfway
+from gearstab.system import Array
+from gearstab.systems.gearbox import rotors
+from gearstab.systems.gearbox.teeth import MeshTeeth
+from gearstab.systems.gearbox.train import STEEL
+from gearstab.systems.kinematics import TrainError
 from gearstab.systems.planetary.phasing import Turning
 
-if TYPE_CHECKING:
-    from gearstab.gears.pair import Pair
-    from gearstab.systems.gearbox.teeth import MeshTeeth
-
-MEASURED = {"single_pair_stiffness": "N/m", "double_contact_factor": "1", "variation": "1"}
-"""Keys of a mesh that say how its teeth are to be taken, and their units."""
-NEEDED = ("module", "pressure_angle", "face_width")
-STAND_INS = {"mean_stiffness": 1.0, "epsilon": 0.0, "contact_ratio": 1.5}
-"""Numbers of a mesh in a configuration whose teeth are refused, lest it be said to lack them, too."""
-RIVALS = {"mean_stiffness": "max_stiffness", "epsilon": "amplitude"}
+BODIES = ("sun", "planet", "ring")
+CUT = ("module", "pressure_angle", "addendum", "profile_shift", "tip_radius")
+"""Numbers of a gear on which profile shifts and tips depend."""
 
 
-def fill(document: Document, raw: dict[str, Any]) -> None:
-    """Write what the teeth give into the section as written, where it does not give it itself; report what they cannot.
+@dataclass(frozen=True)
+class SetTeeth:
+    """The teeth of one set.
 
-    ``gears`` and the keys of MEASURED have then done their work, and are removed.
+    gears: parameters of ``sun``, ``planet`` and ``ring``; meshes: of both kinds of meshes, ``sun`` and ``ring``;
+    material: of all gears; centre_distance: m, None where it follows. Numbers may have a batch shape.
     """
-    teeth, given = raw.get("teeth"), raw.pop("gears", None)
-    if given is None:
-        return
-    document.data["system"]["gears"] = given
-    found = validate(document, Teeth, ("system", "gears"))
-    del document.data["system"]["gears"]
-    shared = {} if found is None else as_parameters(found)
-    for key in NEEDED if found is not None else ():
-        if key not in shared:
-            document.report(("system", "gears", key), "missing", "is missing", f"add {key}, which all gears share")
-    for place in (("sweep",), ("design", "variables")):
-        for name, spec in mapping(document.get(place)).items():
-            if any(one.startswith("teeth.") for one in names_set(name, spec)):
-                message = "sets numbers of teeth, and gears gives the numbers of those in system alone"
-                remedy = "remove it, or give masses and stiffness instead of gears"
-                document.report((*place, name), "not_applicable", message, remedy, at_key=True)
-    counts = mapping(teeth)
-    whole = all(type(counts.get(body)) is int and counts[body] > 3 for body in ("sun", "planet", "ring"))
-    if not whole:
-        document.report(
-            ("system", "gears"),
-            "needs_other",
-            "needs the numbers of teeth",
-            "add teeth: {sun: .., planet: .., ring: ..}",
-        )
-    numbers = _as_numbers(teeth) if whole and set(NEEDED) <= set(shared) else None
-    if numbers is None or shifted_too_far(counts["sun"], counts["planet"], counts["ring"]):
-        _stand_in(document, raw)
-        return
-    try:
-        _fill(document, raw, shared, numbers)
-    except NotPossible as error:
-        document.report(("system", "gears"), "impossible", error.message, error.remedy or "change the teeth")
-        _stand_in(document, raw)
 
+    gears: dict[str, dict[str, Any]]
+    meshes: dict[str, dict[str, Any]]
+    material: dict[str, Any]
+    centre_distance: Any = None
 
-def _as_numbers(teeth: Any) -> dict[str, Any] | None:
-    """The section ``teeth`` as numbers; None where something is wrong with it, which is reported when all is read."""
-    try:
-        return as_parameters(ToothNumbers.model_validate(teeth))
-    except ValidationError:
-        return None
+    @cached_property
+    def _cut(self) -> dict[tuple[str, str], Array]:
+        """Centre distance, profile shifts and tip shortenings, by body and key."""
+        table = {(b, key): g[key] for b, g in self.gears.items() for key in CUT if g.get(key) is not None}
+        if self.centre_distance is not None:
+            table["", "centre_distance"] = self.centre_distance
+        arrays = np.broadcast_arrays(*(np.asarray(value, dtype=float) for value in table.values()))
+        rows = zip(*(array.ravel().tolist() for array in arrays), strict=True)
+        cuts = [self._one(dict(zip(table, row, strict=True))) for row in rows]
+        return {key: np.reshape([cut[key] for cut in cuts], arrays[0].shape) for key in cuts[0]}
 
+    def _one(self, numbers: dict[tuple[str, str], float]) -> dict[tuple[str, str], float]:
+        """Shifts and tips of one entry of the batch."""
+        counts = {body: int(self.gears[body]["teeth"]) for body in BODIES}
+        module, alpha = numbers["sun", "module"], numbers["sun", "pressure_angle"]
+        given = {body: numbers[body, "profile_shift"] for body in BODIES if (body, "profile_shift") in numbers}
+        centre = numbers.get(("", "centre_distance"))
+        if centre is None and {"sun", "planet"} <= given.keys():
+            first, second = (self.gears[b] | {"module": module, "pressure_angle": alpha, "profile_shift": given[b]}
+                             for b in ("sun", "planet"))  # fmt: skip
+            centre = MeshTeeth((first, second), {}, STEEL).pairs[0].centre
+        elif centre is None:
+            centre = halfway(module, counts["sun"], counts["ring"])
+        shifts = closing_shifts(counts, module, alpha, centre, given)
+        moved = centre / module - (counts["sun"] + counts["planet"]) / 2
+        shortening = max(round(shifts["sun"] + shifts["planet"] - moved, 12), 0.0)
+        found = {("", "centre_distance"): centre}
+        for body in BODIES:
+            found[body, "profile_shift"] = shifts[body]
+            found[body, "tip_shortening"] = 0.0 if body == "ring" else shortening
+            if (tip := numbers.get((body, "tip_radius"))) is not None:
+                above = (tip / module - counts[body] / 2 - shifts[body]) * (-1 if body == "ring" else 1)
+                found[body, "tip_shortening"] = numbers.get((body, "addendum"), 1.0) - above
+        return found
 
-def _stand_in(document: Document, raw: dict[str, Any]) -> None:
-    """Fill in what the teeth would have given, had they not been refused."""
-    bodies = dict.fromkeys(("sun", "planet", "ring"), 1.0)
-    _put(document, ("masses",), bodies)
-    _put(document, ("inertias",), bodies)
-    _put(document, ("pressure_angles",), dict.fromkeys(("sun", "ring"), 0.3))
-    for name, mesh in mapping(raw.get("meshes")).items():
-        if name in ("sun", "ring") and isinstance(mesh, dict):
-            for key in MEASURED:
-                mesh.pop(key, None)
-            _put(document, ("meshes", name), {key: STAND_INS[key] for key in _lacking(mesh)})
+    @property
+    def centre(self) -> Array:
+        """Centre distance, m."""
+        return self._cut["", "centre_distance"]
 
+    @cached_property
+    def cut(self) -> dict[str, dict[str, Any]]:
+        """The gears with profile shifts and shortened tips."""
+        return {
+            body: gear | {key: self._cut[body, key] for key in ("profile_shift", "tip_shortening")}
+            for body, gear in self.gears.items()
+        }
 
-def _fill(document: Document, raw: dict[str, Any], shared: dict[str, Any], teeth: dict[str, Any]) -> None:
-    from gearstab.gears.geometry import Gear
-    from gearstab.systems.gearbox import rotors
-    from gearstab.systems.gearbox.build import STEEL
-    from gearstab.systems.gearbox.teeth import MeshTeeth
+    @cached_property
+    def sun(self) -> MeshTeeth:
+        """Sun and planet."""
+        return self._mesh("sun", "sun", "planet")
 
-    gears, centre = _cut(shared, teeth)
-    ring = gears["ring"]
-    rim = Gear(ring["teeth"], **{key: value for key, value in ring.items() if key != "teeth"})
-    bodies = gears | {"ring": ring | {"body_radius": rim.bore, "bore_radius": rim.radius}}
-    numbers: dict[str, dict[str, float]] = {"masses": {}, "inertias": {}, "pressure_angles": {}}
-    for body, rotor in bodies.items():
-        numbers["masses"][body] = float(rotors.mass(rotor, STEEL["density"]))
-        numbers["inertias"][body] = float(rotors.inertia(rotor, STEEL["density"]) / rotors.base_radius(rotor) ** 2)
-    moving = Turning.of(raw, teeth["sun"], teeth["ring"])
-    pairs = {}
-    for name, pair in (("sun", (gears["sun"], gears["planet"])), ("ring", (gears["planet"], ring))):
-        section = mapping(raw.get("meshes")).get(name, {})
-        if not isinstance(section, dict):
-            continue
-        mesh = MeshTeeth(pair, _measured(document, name, section) | {"centre_distance": centre}, STEEL)
-        pairs[name] = mesh.pairs[0]
-        # Under a clockwise torque on the sun the other flanks carry.
-        numbers["pressure_angles"][name] = pairs[name].pressure_angle * (1 if moving is None else moving.torque)
-        if isinstance(raw.get("meshes"), dict):
-            _fill_mesh(document, name, section, mesh)
-    for key, values in numbers.items():
-        _put(document, (key,), values)
-    _put(document, ("teeth",), {"centre_distance": centre})
-    _put(document, ("teeth", "profile_shift"), {body: gear["profile_shift"] for body, gear in gears.items()})
-    if moving is not None and len(pairs) == 2:
-        _fill_lag(document, raw, pairs, moving)
+    @cached_property
+    def ring(self) -> MeshTeeth:
+        """Planet and ring."""
+        return self._mesh("ring", "planet", "ring")
 
+    def _mesh(self, name: str, first: str, second: str) -> MeshTeeth:
+        gears = self.cut[first], self.cut[second]
+        return MeshTeeth(gears, self.meshes[name] | {"centre_distance": self.centre}, self.material)
 
-def _cut(shared: dict[str, Any], teeth: dict[str, Any]) -> tuple[dict[str, dict[str, Any]], float]:
-    """Gears with profile shifts and shortened tips, and their centre distance."""
-    from gearstab.gears.planet_set import closing_shifts, halfway
-    from gearstab.systems.gearbox.build import STEEL
-    from gearstab.systems.gearbox.teeth import MeshTeeth
-
-    counts = {body: int(teeth[body]) for body in ("sun", "planet", "ring")}
-    given, tips = teeth.get("profile_shift", {}), teeth.get("tip_radius", {})
-    gears = {body: shared | {"teeth": z, "internal": body == "ring"} for body, z in counts.items()}
-    module, centre = shared["module"], teeth.get("centre_distance")
-    if centre is None and {"sun", "planet"} <= given.keys():
-        pair = tuple(gears[body] | {"profile_shift": given[body]} for body in ("sun", "planet"))
-        centre = MeshTeeth((pair[0], pair[1]), {}, STEEL).pairs[0].centre
-    elif centre is None:
-        centre = halfway(module, counts["sun"], counts["ring"])
-    shifts = closing_shifts(counts, module, shared["pressure_angle"], centre, given)
-    moved = centre / module - (counts["sun"] + counts["planet"]) / 2
-    shortening = max(round(shifts["sun"] + shifts["planet"] - moved, 12), 0.0)
-    for body, gear in gears.items():
-        gear |= {"profile_shift": shifts[body], "tip_shortening": 0.0 if body == "ring" else shortening}
-        if body in tips:
-            above = (tips[body] / module - counts[body] / 2 - shifts[body]) * (-1 if body == "ring" else 1)
-            gear["tip_shortening"] = shared.get("addendum", 1.0) - above
-    return gears, centre
-
-
-def _fill_lag(document: Document, raw: dict[str, Any], pairs: dict[str, Pair], moving: Turning) -> None:
-    """Lag of the ring's meshes behind the sun's, and by which rule."""
-    from gearstab.gears.planet_set import PlanetSet
-
-    planet = PlanetSet(*(replace(pairs[name], wheel_drives=not moving.sun_drives) for name in ("sun", "ring")))
-    phases = mapping(raw.get("phases"))
-    rule = phases.get("rule") or "entry"
-    if phases.get("sun_ring") is None:
-        lag = planet.pitch_lag if rule == "pitch_point" else planet.entry_lag
-        _put(document, ("phases",), {"rule": rule, "sun_ring": lag})
-    elif "rule" in phases:
-        path, remedy = ("system", "phases", "rule"), "keep one of sun_ring and rule"
-        document.report(path, "already_given", "sun_ring is given already", remedy, at_key=True)
-
-
-def _measured(document: Document, name: str, section: dict[str, Any]) -> dict[str, Any]:
-    """The parameters of a mesh for its teeth; those of MEASURED are taken out of the section."""
-    found = {key: value for key, value in section.items() if key not in MEASURED}
-    for key, unit in MEASURED.items():
-        value = section.pop(key, None)
-        if value is None:
-            continue
+    def filled(self, name: str) -> dict[str, Any]:
+        """Return the parameters of the ``sun`` or the ``ring`` meshes, with what the teeth give. Raises TrainError."""
         try:
-            found[key] = Quantity(unit).number(value)
-        except PydanticCustomError as error:
-            context = error.context or {}
-            path = ("system", "meshes", name, key)
-            document.report(path, code_of(error.type), str(context["message"]), str(context["hint"]), value=value)
-            found[key] = 1.0
-    return found
+            return {"sun": self.sun, "ring": self.ring}[name].filled()
+        except NotPossible as error:
+            remedy = f"{error.remedy or 'change the teeth'}, or mean_stiffness and epsilon"
+            raise TrainError(("meshes", name), error.message, remedy) from None
+
+    def body(self, name: str) -> tuple[Array, Array]:
+        """Return mass and moment of inertia of the sun, a planet or the ring."""
+        gear = self.cut[name]
+        if name == "ring" and gear.get("body_radius") is None:
+            gear = gear | {
+                "body_radius": self.ring.each(lambda pair: pair.wheel.bore),
+                "bore_radius": self.ring.each(lambda pair: pair.wheel.radius),
+            }
+        density = self.material["density"]
+        return rotors.mass(gear, density), rotors.inertia(gear, density)
+
+    def lag(self, rule: str, sun_drives: bool) -> Array:
+        """Return gamma_sr, by which a planet's mesh with the ring lags the one with the sun, in mesh periods."""
+        batch = np.broadcast_shapes(self.sun.batch, self.ring.batch)
+        number = [
+            np.broadcast_to(np.arange(len(m.pairs)).reshape(m.batch), batch).ravel() for m in (self.sun, self.ring)
+        ]
+        found = []
+        for i, j in zip(*number, strict=True):
+            two = (replace(pair, wheel_drives=not sun_drives) for pair in (self.sun.pairs[i], self.ring.pairs[j]))
+            planet = PlanetSet(*two)
+            found.append(planet.pitch_lag if rule == "pitch_point" else planet.entry_lag)
+        return np.reshape(found, batch)
 
 
-def _fill_mesh(document: Document, name: str, section: dict[str, Any], mesh: MeshTeeth) -> None:
-    """Mean stiffness, epsilon and contact ratio of a rectangular wave."""
+def with_teeth(p: dict[str, Any]) -> dict[str, Any]:
+    """Return the parameters of a planetary gear with what its teeth give, in place of ``gears``. Raises TrainError."""
+    if p.get("gears") is None:
+        return p
+    counts, tips, shifts = p["teeth"], *(p["teeth"].get(key) or {} for key in ("tip_radius", "profile_shift"))
+    gears = {
+        body: p["gears"] | {"teeth": counts[body], "internal": body == "ring",
+                            "tip_radius": tips.get(body), "profile_shift": shifts.get(body)}
+        for body in BODIES
+    }  # fmt: skip
+    found = SetTeeth(gears, p["meshes"], STEEL, counts.get("centre_distance"))
+    moving, phases = Turning.of(p, counts["sun"], counts["ring"]), dict(p.get("phases") or {})
     try:
-        filled = mesh.filled()
+        bodies = {name: found.body(name) for name in BODIES}
+        angles = {
+            name: mesh.each(lambda pair: pair.pressure_angle)
+            for name, mesh in (("sun", found.sun), ("ring", found.ring))
+        }
+        if phases.get("sun_ring") is None and moving is not None:
+            phases["rule"] = phases.get("rule") or "entry"
+            phases["sun_ring"] = found.lag(phases["rule"], moving.sun_drives)
     except NotPossible as error:
-        remedy = f"{error.remedy or 'change the teeth'}, or mean_stiffness and epsilon"
-        document.report(("system", "meshes", name), "impossible", error.message, remedy)
-        filled = STAND_INS
-    _put(document, ("meshes", name), {key: float(filled[key]) for key in _lacking(section) if key in filled})
-
-
-def _lacking(section: dict[str, Any]) -> list[str]:
-    """What a mesh needs of its teeth."""
-    return [key for key in STAND_INS if section.get(key) is None and section.get(RIVALS.get(key, key)) is None]
-
-
-def _put(document: Document, path: tuple[str, ...], values: Mapping[str, float | str]) -> None:
-    """Set what is not given in a section, which is made where there is none; not in what is no section."""
-    place = document.where(("system", "teeth"))
-    document.fill(("system", *path), {}, place)
-    for key, value in values.items():
-        document.fill(("system", *path, key), value, place)
+        raise TrainError(("gears",), error.message, error.remedy or "change the teeth") from None
+    inertias = {name: inertia / rotors.base_radius(gears[name]) ** 2 for name, (_, inertia) in bodies.items()}
+    # Under a clockwise torque on the sun the other flanks carry.
+    flank = 1 if moving is None else moving.torque
+    shifts = {body: gear["profile_shift"] for body, gear in found.cut.items()}
+    return p | {
+        "gears": None,
+        "masses": {name: mass for name, (mass, _) in bodies.items()} | p["masses"],
+        "inertias": inertias | p["inertias"],
+        "pressure_angles": {name: flank * angle for name, angle in angles.items()} | p["pressure_angles"],
+        "meshes": {name: found.filled(name) for name in ("sun", "ring")},
+        "teeth": counts | {"centre_distance": found.centre, "profile_shift": shifts},
+        "phases": phases,
+    }

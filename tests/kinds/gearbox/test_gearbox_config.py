@@ -15,7 +15,7 @@ from gearstab.plots import draw
 from gearstab.results import open_result
 from gearstab.sweep import plan, run
 from gearstab.systems import build
-from gearstab.systems.gearbox import TrainError
+from gearstab.systems.kinematics import TrainError
 
 GOOD = """\
 system:

@@ -16,7 +16,7 @@ from gearstab.response import driven_response
 from gearstab.response.linear.equilibrium import static_equilibrium, static_mesh_force
 from gearstab.system import GearSystem
 from gearstab.systems import build
-from gearstab.systems.gearbox.build import Train
+from gearstab.systems.gearbox.train import Train
 
 ALPHA = radians(20)
 MU = 0.07
@@ -60,7 +60,7 @@ CASES = [(kind, sense) for kind in ("external", "driven", "driver") for sense in
 def test_friction_takes_power_and_balances(kind: str, sense: str) -> None:
     p = rubbing_pair(kind, sense)
     system, speeds = build(p), Train(p).speeds
-    turning = np.array([*(abs(float(v)) for v in speeds), 0, 0, 0, 0])
+    turning = np.array([*(abs(float(v)) for v in speeds.values()), 0, 0, 0, 0])
     force = frictional_force(system, X)
     power = force @ turning
     assert np.all(power > 0)
@@ -92,7 +92,7 @@ def test_friction_by_hand_at_a_point_of_single_contact(kind: str, sense: str) ->
     centre = np.array([radii[0] + radii[1] if kind == "external" else abs(radii[0] - radii[1]), 0.0])
     # The centre of a driven ring is to the right of its pinion's: the teeth in mesh are to the left.
     pitch = np.array([-radii[0] if kind == "driven" else radii[0], 0.0])
-    spins = [turn * float(v) for v in train_.speeds]
+    spins = [turn * float(v) for v in train_.speeds.values()]
     push = -system.meshes[0].direction[4:6]
     wheel = Gear(60, 2e-3, face_width=0.02, internal=True) if kind != "external" else Gear(41, 2e-3, face_width=0.02)
     pair = Pair(Gear(20, 2e-3, face_width=0.02), wheel, wheel_drives=kind == "driver")

@@ -15,7 +15,7 @@ from scipy.linalg import eigh
 from gearstab.floquet import solve
 from gearstab.modal import mean_modes
 from gearstab.perturbation import first_order
-from gearstab.symmetry import can_couple, deflection_types, oriented, phase_step, type_names
+from gearstab.symmetry import can_couple, deflection_types, natural_modes, phase_step, type_names
 from gearstab.system import GearSystem
 from gearstab.systems import build
 from gearstab.systems.planetary.phasing import phases_of
@@ -64,7 +64,7 @@ def test_matrices_are_those_put_together_by_hand():
 def test_purely_ring_frequencies_have_a_closed_form():
     """w^2 = 2 pi k_bend m^2 (m^2 - 1)^2/(1 + m^2), without dimension, for m a multiple of N/2."""
     system = build(parameters(harmonics=8))
-    modes = oriented(system, mean_modes(system))
+    modes = natural_modes(system)
     found = [w for w, kind in zip(modes.natural_frequency, type_names(system, modes), strict=True) if "ring" in kind]
     m = np.array([2.0, 4.0, 6.0, 8.0])
     np.testing.assert_allclose(found, np.sqrt(np.pi * m**2 * (m**2 - 1) ** 2 / (1 + m**2)), rtol=1e-12)
@@ -161,7 +161,7 @@ def test_the_rotational_model():
 def test_mode_types_count_as_the_structure_says(planets):
     """With a rigid ring: six rotational, twelve translational, 3 (N - 3) planet modes (Lin & Parker 1999)."""
     system = build(parameters(planets, 1))
-    modes = oriented(system, mean_modes(system))
+    modes = natural_modes(system)
     kinds = type_names(system, modes)
     counts = [kinds.count(kind) for kind in ("rotational", "translational", "planet")]
     assert counts == [6, 12, 3 * (planets - 3)]
@@ -170,7 +170,7 @@ def test_mode_types_count_as_the_structure_says(planets):
 @pytest.mark.parametrize("planets", [4, 5, 7])
 def test_oriented_modes_are_modes_whose_deflections_go_round(planets):
     system = build(parameters(planets))
-    modes = oriented(system, mean_modes(system))
+    modes = natural_modes(system)
     identity = modes.shapes.T @ system.mass @ modes.shapes
     np.testing.assert_allclose(identity, np.eye(system.size), atol=1e-12)
     for p, kind in enumerate(deflection_types(system, modes)):
@@ -245,7 +245,7 @@ def test_the_existence_rule_tells_what_couples(planets):
     for teeth in range(planets):
         phases = {"sun": [n * teeth / planets for n in range(planets)], "sun_ring": 0.37}
         system = build(parameters(planets, 4, phases=phases))
-        modes = oriented(system, mean_modes(system))
+        modes = natural_modes(system)
         kinds = dict(enumerate(deflection_types(system, modes), 1))
         assert phase_step(system) == teeth
         tongues = first_order(with_amplitude(system), 3, modes=range(1, 13))
@@ -302,7 +302,7 @@ def test_degenerate_modes_in_phase_have_parkers_closed_form(pairs, harmonic):
     """(44) with (45), (46), max over its two signs, for equally oriented, mass-normalised pairs."""
     p = parameters()
     system = build(p)
-    modes = oriented(system, mean_modes(system))
+    modes = natural_modes(system)
     first, second = pairs
     (sp, rp), (sq, rq), (sr, rr), (sm, rm) = (
         modes.mesh_deflection[k - 1, [0, 4]] for k in (first, first + 1, second, second + 1)

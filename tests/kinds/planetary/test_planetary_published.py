@@ -8,8 +8,7 @@ from scenes import CONFIGS
 
 from gearstab.config import load
 from gearstab.config.model.axes import parameters_at
-from gearstab.modal import mean_modes
-from gearstab.symmetry import oriented, type_names
+from gearstab.symmetry import natural_modes, type_names
 from gearstab.systems import build
 
 LIN_PARKER = {
@@ -54,7 +53,7 @@ COOLEY_PARKER = {
 
 def by_type(system):
     """Natural frequencies (rad/s), ascending, by type of mode."""
-    modes = oriented(system, mean_modes(system))
+    modes = natural_modes(system)
     found = {}
     for name, frequency in zip(type_names(system, modes), modes.natural_frequency, strict=True):
         found.setdefault(name, []).append(float(frequency))

@@ -9,8 +9,10 @@ import pytest
 from scenes import problems, read
 
 from gearstab.config import Config
+from gearstab.config.model.axes import parameters_at
 from gearstab.systems import build
 from gearstab.systems.planetary.sections import Planetary
+from gearstab.systems.planetary.teeth import with_teeth
 
 Z = {"sun": 28, "planet": 20, "ring": 68}
 M, ALPHA, WIDTH, DENSITY = 0.002, np.deg2rad(20), 0.025, 7850.0
@@ -48,7 +50,7 @@ def gear(tmp_path: Path) -> Config:
 
 
 def test_masses_and_inertias_are_those_of_discs(gear: Config) -> None:
-    p = gear.parameters
+    p = with_teeth(gear.parameters)
     for body in ("sun", "planet"):
         mass = np.pi * DENSITY * WIDTH * radius(body) ** 2
         assert p["masses"][body] == pytest.approx(mass, rel=1e-12)
@@ -67,12 +69,13 @@ def test_contact_ratios_are_those_of_involutes(gear: Config) -> None:
     def reach(body: str, addendum: float) -> float:
         return float(np.sqrt((radius(body) + addendum) ** 2 - (radius(body) * np.cos(ALPHA)) ** 2))
 
-    meshes = gear.parameters["meshes"]
+    p = with_teeth(gear.parameters)
+    meshes = p["meshes"]
     outside = (reach("sun", M) + reach("planet", M) - centre * np.sin(ALPHA)) / pitch
     inside = (reach("planet", M) - reach("ring", -M) + centre * np.sin(ALPHA)) / pitch
     assert meshes["sun"]["contact_ratio"] == pytest.approx(outside, rel=1e-10)
     assert meshes["ring"]["contact_ratio"] == pytest.approx(inside, rel=1e-10)
-    assert gear.parameters["pressure_angles"] == pytest.approx({"sun": ALPHA, "ring": ALPHA}, rel=1e-10)
+    assert p["pressure_angles"] == pytest.approx({"sun": ALPHA, "ring": ALPHA}, rel=1e-10)
 
 
 LAG = 0.1855771347643117
@@ -119,13 +122,14 @@ def test_the_stiffness_is_that_of_the_same_teeth_in_a_gearbox(gear: Config, tmp_
 
 def test_what_is_given_stands(tmp_path: Path) -> None:
     text = TEXT.replace("carrier: 1.5", "carrier: 1.5, sun: 9").replace("sun: {}", "sun: {epsilon: 0.1}")
-    p = read(tmp_path, text).parameters
+    p = with_teeth(read(tmp_path, text).parameters)
     assert (p["masses"]["sun"], p["meshes"]["sun"]["epsilon"]) == (9, 0.1)
     assert p["meshes"]["sun"]["contact_ratio"] > 1
 
 
-def test_the_resolved_configuration_holds_numbers(gear: Config, tmp_path: Path) -> None:
-    assert "gears" not in gear.tree["system"]
+def test_the_resolved_configuration_is_as_the_user_wrote_it(gear: Config, tmp_path: Path) -> None:
+    """What follows from the teeth is not written into it, so that it stays right where they are changed."""
+    assert gear.tree["system"]["masses"] == {"carrier": 1.5}
     assert read(tmp_path, gear.resolved).resolved == gear.resolved
 
 
@@ -171,16 +175,44 @@ def test_meshes_that_are_none_are_one_mistake(tmp_path: Path, meshes: str) -> No
 
 
 @pytest.mark.parametrize(
-    "axis",
-    ["teeth.sun: [28, 32]", "t: {targets: [teeth.sun, teeth.ring], values: [[28, 32], [68, 72]]}",
-     "t: [{label: a, teeth.sun: 28}, {label: b, teeth.sun: 32}]"],
-    ids=["axis", "tie", "cases"],
+    ("axis", "changed"),
+    [
+        ("t: [{label: a, teeth.sun: 28, teeth.ring: 68}, {label: b, teeth.sun: 32, teeth.ring: 72}]",
+         {"sun: 28": "sun: 32", "ring: 68": "ring: 72"}),
+        ("gears.module: [0.002, 0.0025]", {"module: 2 mm": "module: 2.5 mm"}),
+        ("gears.face_width: [0.025, 0.04]", {"face_width: 25 mm": "face_width: 40 mm"}),
+        ("teeth.centre_distance: [0.048, 0.0485]", {"ring: 68}": "ring: 68, centre_distance: 48.5 mm}"}),
+    ],
+    ids=["teeth", "module", "width", "centre"],
 )  # fmt: skip
-def test_an_axis_of_teeth_would_leave_the_masses_behind(tmp_path: Path, axis: str) -> None:
+def test_an_axis_of_the_teeth_takes_masses_and_stiffness_along(
+    tmp_path: Path, axis: str, changed: dict[str, str]
+) -> None:
+    text = f"{TEXT}sweep:\n  mesh_frequency: [1.0e4, 2.0e4]\n  {axis}\nmethods: {{floquet: {{}}}}\n"
+    if "centre" in axis:
+        text = text.replace("ring: 68}", "ring: 68, centre_distance: 48 mm}")
+    config = read(tmp_path, text)
+    place = config.axes[1]
+    together = np.array([1]) if place.assignments[0].structural else np.array([0, 1])
+    swept = build(parameters_at(config, {place.name: together}))
+    other = TEXT
+    for old, new in changed.items():
+        other = other.replace(old, new)
+    alone = build(read(tmp_path, other).parameters)
+    np.testing.assert_allclose(swept.mass[-1] if swept.mass.ndim == 3 else swept.mass, alone.mass, rtol=1e-12)
+    for mesh, same in zip(swept.meshes, alone.meshes, strict=True):
+        for key in ("mean_stiffness", "epsilon", "lag"):
+            assert np.ravel(getattr(mesh, key))[-1] == pytest.approx(float(getattr(same, key)), rel=1e-12, abs=1e-14)
+
+
+def test_an_axis_on_which_teeth_cannot_mesh_is_told(tmp_path: Path) -> None:
+    axis = "teeth.centre_distance: [0.048, 0.040]"
+    text = TEXT.replace("ring: 68}", "ring: 68, centre_distance: 48 mm}")
     found = problems(
-        tmp_path, f"{TEXT}sweep:\n  mesh_frequency: [1.0e4, 2.0e4]\n  {axis}\nmethods: {{floquet: {{}}}}\n"
+        tmp_path, f"{text}sweep:\n  mesh_frequency: [1.0e4, 2.0e4]\n  {axis}\nmethods: {{floquet: {{}}}}\n"
     )
-    assert any("numbers of teeth" in p.message and p.path.startswith("sweep.t") for p in found), found
+    assert [(p.path, p.code) for p in found] == [("system.gears", "impossible")]
+    assert "teeth.centre_distance = 0.04" in found[0].message
 
 
 def test_a_fixed_body_that_nothing_holds_is_told(gear: Config, tmp_path: Path) -> None:

@@ -5,12 +5,13 @@ the rate S along the cycle c = 1/Omega, losses a period differ by kappa, and the
 
     Delta^2 = (i S (c - c0) - kappa)^2 + 4 b,        Re(Delta Delta') = -S^2 (c - c0).
 
-Delta has branch points at the edges of an undamped tongue, Delta^2 has none, and the growth rate is greatest at c0
-whatever b and kappa are. So the range is sampled a few times a meeting, and each pair that a sample expects to meet
-within its cell is pursued to c0: a step S^-2 Re(Delta Delta'), with S from where the two are still apart, and further
-ones from there. Sums and differences of frequencies are pairs alike: where a growing solution meets one that decays,
-and the system is not symmetric, both may decay. The derivatives come from a second matrix M' a
-tiny step in the cycle later, as the diagonal of X^-1 M' X.
+Delta has branch points at the edges of an undamped tongue, Delta^2 has none. Without damping the growth rate is
+greatest at c0, with it within |Delta| / S of that. So the range is sampled a few times a meeting, and each pair that a
+sample expects to meet within its cell is pursued to c0: a step S^-2 Re(Delta Delta'), with S from where the two are
+still apart, and further ones from there, with S from the last two. Sums and differences of frequencies are pairs alike:
+where a growing solution meets one that decays, and the system is not symmetric, both may decay. There b is complex, and
+both grow equally far away from c0, where Delta^2 is a negative number: a stable gap is about that point. The
+derivatives come from a second matrix M' a tiny step in the cycle later, as the diagonal of X^-1 M' X.
 """
 
 from __future__ import annotations
@@ -42,6 +43,10 @@ REACH = 1.1
 damping keeps it stable, but phases are locked and tell nothing."""
 ROUNDS = 5
 """Steps of a pursuit at most; two or three do."""
+VARIES = 8.0
+"""Factor by which S^2 changes at most from one point of a pursuit to the next."""
+LONGER = 2.0
+"""Factor by which a step is longer at most than the one before it."""
 CLOSE = 0.03
 """Part of the width floor to which a meeting is pursued."""
 BESIDE = 0.25
@@ -83,12 +88,14 @@ def _look(scan: Scan, row: Array, x: Array, near: Array, cell: Array, floor: flo
     chain, samples = scan.cover.chain, row
     expected = approaches(chain, row, np.exp(x), near, scan.partly_stable(row, x))
     expected = expected.chosen(np.flatnonzero(scan.within(expected.row, np.log(expected.cycle))))
-    row, cycle, width = pursued(chain, expected, CLOSE * floor)
+    row, cycle, width, level = pursued(chain, expected, CLOSE * floor)
     for looked in (samples, row):
         scan.cover.count(looked, MODULI)
     width = np.clip(width, floor * cycle, BESIDE * cell[row])
-    row, cycle = np.tile(row, 3), np.concatenate([cycle, cycle - width, cycle + width])
-    inside = scan.within(row, np.log(cycle))
+    equal = np.abs(level) < cell[row]
+    cycle = np.concatenate([cycle, cycle - width, cycle + width, (cycle + level)[equal]])
+    row = np.concatenate([np.tile(row, 3), row[equal]])
+    inside = scan.within(row, np.log(np.maximum(cycle, np.finfo(float).tiny)))
     scan.add(row[inside], np.log(cycle[inside]))
 
 
@@ -186,24 +193,32 @@ def _approaches(chain: Chain, row: Array, cycle: Array, near: Array, every: Arra
     return Approaches(row[p], cycle[p] + ahead, mean, squared[p, k], ahead)
 
 
-def pursued(chain: Chain, found: Approaches, tolerance: float) -> tuple[Array, Array, Array]:
-    """(row, cycle, half-width in the cycle) of all points on the ways to the meetings, each to a relative tolerance."""
-    seen: list[tuple[Array, Array, Array]] = []
+def pursued(chain: Chain, found: Approaches, tolerance: float) -> tuple[Array, Array, Array, Array]:
+    """(row, cycle, half-width in the cycle, way in it to where both grow equally, NaN where that opens no gap) of all
+    points on the ways to the meetings, each to a relative tolerance.
+    """
+    seen: list[tuple[Array, Array, Array, Array]] = []
     for _ in range(ROUNDS):
         logs = Logarithms.at(chain, found.row, found.cycle)
         away = np.abs(_within_a_turn(logs.value - found.mean[:, None]))
         nearest = np.argsort(np.where(np.isnan(away), np.inf, away), axis=1)[:, :2]
         value, slope = (np.take_along_axis(part, nearest, axis=1) for part in (logs.value, logs.slope))
-        difference = _within_a_turn(value[:, 0] - value[:, 1])
-        step = (difference * (slope[:, 0] - slope[:, 1])).real / found.squared
+        difference, total = _within_a_turn(value[:, 0] - value[:, 1]), value.real.sum(axis=1)
+        # Half of the derivative of Delta^2, -S^2 (c - c0) - i S kappa.
+        change = difference * (slope[:, 0] - slope[:, 1])
+        with np.errstate(all="ignore"):
+            squared = found.squared - change.real / found.step
+            squared = np.clip(squared, found.squared / VARIES, found.squared * VARIES)
+            step, level = change.real / squared, -0.5 * (difference**2).imag / change.imag
         # As wide as a tongue is without damping, or as damping makes its bump.
-        width = np.maximum(np.abs(difference), np.abs(value.real.sum(axis=1))) / np.sqrt(found.squared)
-        seen.append((found.row, found.cycle, np.nan_to_num(width)))
+        width = np.maximum(np.abs(difference), np.abs(total)) / np.sqrt(squared)
+        gap = (total < 0) & (value.real.max(axis=1) > 0)
+        seen.append((found.row, found.cycle, np.nan_to_num(width), np.where(gap, level, np.nan)))
         mean = value[:, 1] + 0.5 * (difference + slope.sum(axis=1) * step)
-        moves = (np.abs(step) < np.abs(found.step)) & (np.abs(step) > tolerance * found.cycle)
-        found = Approaches(found.row, found.cycle + step, mean, found.squared, step).chosen(np.flatnonzero(moves))
-    row, cycle, width = (np.concatenate(part) for part in zip(*seen, strict=True))
-    return row, cycle, width
+        moves = (np.abs(step) < LONGER * np.abs(found.step)) & (np.abs(step) > tolerance * found.cycle)
+        found = Approaches(found.row, found.cycle + step, mean, squared, step).chosen(np.flatnonzero(moves))
+    row, cycle, width, level = (np.concatenate(part) for part in zip(*seen, strict=True))
+    return row, cycle, width, level
 
 
 def _within_a_turn(values: Array) -> Array:

@@ -1,4 +1,4 @@
-"""Exponentials of generators that occur again and again, by their eigenvectors.
+"""Exact steps of x' = A x + b with constant A: exponentials of generators that occur again and again.
 
 A generator A does not depend on the mesh frequency: diagonalised once, A = X L X^-1, it gives exp(A t) and the response
 to harmonics for every time and speed,
@@ -6,7 +6,7 @@ to harmonics for every time and speed,
     int_0^t exp(l (t - s)) exp(i nu s) ds = t [exp(i nu t) - exp(l t)]/(i nu t - l t),
 
 a difference quotient that is evaluated without cancellation, at resonance too. Where eigenvectors are nearly parallel
-(critical damping) the exponential of the whole matrix is needed instead (:mod:`~gearstab.response.linear.intervals`).
+(critical damping) the exponential of the whole matrix is needed instead (:mod:`~gearstab.propagation.intervals`).
 """
 
 from __future__ import annotations
@@ -30,6 +30,18 @@ class Eigen:
     values: Array
     vectors: Array
     inverse: Array
+
+    def exponentials(self, row: int, duration: Array) -> Array:
+        """Return exp(A t) ``(X, m, m)`` of one row for many t.
+
+        Of two conjugate eigenvalues one is enough: 2 Re(v exp(l t) w) = 2 [Re v e, -Im v e] [Re w; Im w].
+        """
+        values, vectors, inverse = (part[row] for part in (self.values, self.vectors, self.inverse))
+        own = values.imag >= 0
+        right = inverse[own] * np.where(values.imag[own] > 0, 2.0, 1.0)[:, None]
+        left = vectors[:, own] * np.exp(duration[:, None] * values[own])[:, None, :]
+        real = np.concatenate([left.real, -left.imag], axis=-1).reshape(len(duration) * len(vectors), -1)
+        return np.asarray((real @ np.concatenate([right.real, right.imag])).reshape(-1, *vectors.shape))
 
     def propagators(self, at: Array, duration: Array, drive: Array, turn: Array) -> tuple[Array, Array]:
         """P ``(K, m, m)`` and F ``(K, m, L)`` with x(t) = P x(0) + F z(0).

@@ -16,11 +16,11 @@ from functools import cached_property
 import numpy as np
 
 from gearstab.interrupts import heed
-from gearstab.linear import magnus
-from gearstab.linear.eigen import Eigen, diagonalised
-from gearstab.linear.first_order import Basis
-from gearstab.linear.magnus import expm
-from gearstab.response.linear.excitation import Excitation
+from gearstab.propagation import magnus
+from gearstab.propagation.excitation import Excitation
+from gearstab.propagation.first_order import FirstOrder
+from gearstab.propagation.magnus import expm
+from gearstab.propagation.segment import Eigen, diagonalised
 from gearstab.system import Array
 
 ENTRIES = 2**17
@@ -34,14 +34,14 @@ Map = tuple[Array, Array]
 class SteadyPoints:
     """K operating points: rows of a basis and mesh frequencies.
 
-    excitation: of all rows of the system; basis: of some of them.
+    excitation: of the rows of the basis.
     at: ``(K,)``, positions among the basis's rows;  omega: ``(K,)``, Omega.
     steps: Magnus steps in an interval between edges (of no effect where all is piecewise constant).
     known: eigenvectors that were found already, for all points of a basis.
     """
 
     excitation: Excitation
-    basis: Basis
+    basis: FirstOrder
     at: Array
     omega: Array
     steps: int = 1
@@ -59,10 +59,28 @@ class SteadyPoints:
         """``(Q, r, J)``, the varying functions in the middle of every interval."""
         return self.values(0.5 * (self.edges[:, 1:] + self.edges[:, :-1]).T)
 
+    @classmethod
+    def of(
+        cls,
+        drive: Excitation,
+        basis: FirstOrder,
+        at: Array,
+        omega: Array,
+        steps: int = 1,
+        known: dict[bytes, Eigen | None] | None = None,
+    ) -> SteadyPoints:
+        """Return points of rows of a basis, each a row of its own where the basis goes with the speed.
+
+        drive: of the rows of the basis.
+        """
+        if basis.by_speed is not None:
+            drive, basis, at, known = drive.subset(at), basis.at_speeds(at, omega), np.arange(len(at)), None
+        return cls(drive, basis, at, omega, steps, {} if known is None else known)
+
     @property
     def edges(self) -> Array:
         """``(r, Q + 1)``, between which everything is smooth, in parts of the common period."""
-        return self.excitation.schedule.edges[self.basis.rows]
+        return self.excitation.schedule.edges
 
     @property
     def period(self) -> Array:
@@ -71,22 +89,16 @@ class SteadyPoints:
 
     def values(self, tau: Array) -> Array:
         """``(X, r, J)``, the varying functions at the times ``(X, r)``."""
-        excitation = self.excitation
-        every = np.zeros((len(excitation.schedule.edges), len(tau)))
-        every[self.basis.rows] = tau.T
-        return np.swapaxes(excitation.varying(every)[self.basis.rows], 0, 1)
+        return np.swapaxes(self.excitation.varying(tau.T), 0, 1)
 
     def inputs(self, values: Array) -> tuple[Array, Array, Array]:
         """A ``(X, r, m, m)``, and B = B_0 + Omega B_1, ``(X, r, m, L)`` and ``(r, m, L)``, for values ``(X, r, J)``."""
-        return self.basis.generator(self.excitation.split(values)[1]), *self.forces(values)
+        return self.basis.generator(values), *self.forces(values)
 
     def forces(self, values: Array) -> tuple[Array, Array]:
         """B_0 ``(X, r, m, L)`` and B_1 ``(r, m, L)`` for values ``(X, r, J)``."""
-        excitation, rows = self.excitation, self.basis.rows
-        every = np.zeros((len(values), len(excitation.schedule.edges), values.shape[-1]))
-        every[:, rows] = values
         inlet = self.basis.inlet
-        return inlet @ excitation.force(every)[:, rows], inlet @ excitation.force_of_rates[rows]
+        return inlet @ self.excitation.force(values), inlet @ self.excitation.force_of_rates
 
 
 class Exact:

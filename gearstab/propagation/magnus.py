@@ -60,6 +60,12 @@ def _commutator(a: Array, b: Array) -> Array:
     return a @ b - b @ a
 
 
+def exponent(coefficients: Array, step: Array) -> Array:
+    """W ``(..., m, m)`` of steps' coefficients ``(..., 5, m, m)`` and lengths ``(...)``."""
+    powers = np.asarray(step)[..., None] ** np.arange(1, 6)
+    return np.einsum("...p,...pij->...ij", powers, coefficients)
+
+
 def expm(matrix: Array) -> Array:
     """exp(A) of ``(P, m, m)`` by scaling and squaring, each matrix with the scaling it needs.
 

@@ -1,7 +1,7 @@
 """One motion through an interval in which functions vary smoothly, by the Runge-Kutta method of order 8 of Dormand &
 Prince (Hairer, Norsett & Wanner 1993, section II.5).
 
-It follows a vector, where maps (:mod:`~gearstab.response.linear.intervals`) follow a matrix.
+It follows a vector, where maps (:mod:`~gearstab.propagation.intervals`) follow a matrix.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gearstab.response.linear.intervals import SteadyPoints
+from gearstab.propagation.intervals import SteadyPoints
 from gearstab.system import Array
 
 RELATIVE = 1e-11

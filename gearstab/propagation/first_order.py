@@ -6,7 +6,7 @@ that all entries are of one size. The position of a rigid-body mode deflects not
 damps it, its velocity does not either, and the part of a force that would accelerate it is left out (it acts on the
 train as a whole: elastic modes are orthogonal to it).
 
-    x' = A(t) x + B f(t),    A(t) = constant + sum_j s_j(t) parts_j
+    x' = A(t) x + B f(t),    A(t) = constant + Omega by_speed + sum_j s_j(t) parts_j
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gearstab.linear.grouping import equal_rows
+from gearstab.grouping import equal_rows
 from gearstab.modal import mean_modes
 from gearstab.system import Array, GearSystem
 
@@ -73,18 +73,30 @@ class ModalMatrices:
         """Matrices that act on velocities: the damping, then the parts that vary, each ``(r, n, n)``."""
         return [self.damping, *(matrix for on_velocity, matrix in self.parts if on_velocity)]
 
-    def generator(self, elastic: Array, damped: Array, weight: Array) -> tuple[Array, Array]:
-        """Return A of the state (w u, u', b') as its constant ``(r, m, m)`` and the parts that vary ``(r, J, m, m)``.
+    def turned(self, turn: Array) -> ModalMatrices:
+        """The same in other modes, Phi T with T ``(n, n)`` orthogonal, which leaves elastic modes as they are."""
+        own = {name: turn.T @ getattr(self, name) @ turn for name in ("static", "damping")}
+        parts = [(on_velocity, turn.T @ matrix @ turn) for on_velocity, matrix in self.parts]
+        return replace(self, shapes=self.shapes @ turn, parts=parts, **own)
 
-        elastic: ``(e,)``, which modes u are; damped: ``(k,)``, which rigid-body modes b are; m = 2 e + k.
-        weight: ``(r, e)``, w.
+    @property
+    def weight(self) -> Array:
+        """``(r, n)``, natural frequencies in units of the rate, that of the slowest mode no less than SLOWEST."""
+        frequency = np.sqrt(self.squared) / self.rate[:, None]
+        return np.where(np.isinf(frequency), 1.0, np.maximum(frequency, SLOWEST))
+
+    def form(self, rows: Array, elastic: Array, damped: Array, weight: Array) -> FirstOrder:
+        """Return the first-order form of these rows, of the state (w u, u', b').
+
+        rows: their positions in the flattened batch. elastic: ``(e,)``, which modes u are; damped: ``(k,)``, which
+        rigid-body modes b are; m = 2 e + k. weight: ``(r, e)``, w.
         """
-        moving, rate = np.concatenate([elastic, damped]), self.rate[:, None, None]
+        moving, rate, shapes = np.concatenate([elastic, damped]), self.rate[:, None, None], self.shapes
         n, m = len(elastic), len(elastic) + len(moving)
 
         def placed(on_velocity: bool, matrix: Array) -> Array:
             """-matrix where it acts, in the units of the state."""
-            whole = np.zeros((len(rate), m, m))
+            whole = np.zeros((len(rows), m, m))
             if on_velocity:
                 whole[:, n:, n:] = -matrix[:, moving[:, None], moving] / rate
             else:
@@ -93,11 +105,18 @@ class ModalMatrices:
 
         constant = placed(False, self.static) + placed(True, self.damping)
         constant[:, np.arange(n), n + np.arange(n)] = weight
-        return constant, np.stack([placed(*part) for part in self.parts], axis=1)
+        inlet, outlet = np.zeros((len(rows), m, shapes.shape[1])), np.zeros((len(rows), shapes.shape[1], m))
+        speed = np.zeros_like(outlet)
+        inlet[:, n:] = np.swapaxes(shapes[:, :, moving], -1, -2) / rate**2
+        outlet[:, :, :n] = shapes[:, :, elastic] / weight[:, None, :]
+        speed[:, :, n:] = shapes[:, :, moving] * rate
+        still = np.setdiff1d(np.arange(shapes.shape[-1]), moving)
+        parts = np.stack([placed(*part) for part in self.parts], axis=1)
+        return FirstOrder(rows, self.rate, constant, parts, inlet, outlet, speed, shapes[:, :, still])
 
 
 @dataclass(frozen=True)
-class Basis:
+class FirstOrder:
     """Rows of a system that have equally many coordinates of each sort.
 
     rows: ``(r,)``, positions in the flattened batch.
@@ -106,6 +125,7 @@ class Basis:
     inlet: ``(r, m, n)``, B, for generalised forces in the system's units.
     outlet: ``(r, n, m)``, q from x; speed: ``(r, n, m)``, dq/dt from x.
     undamped_rigid: ``(r, n, k)``, rigid-body modes that nothing holds back, normalised by the mass matrix.
+    by_speed: ``(r, m, m)``, what is multiplied by the speed Omega; None where nothing is.
     """
 
     rows: Array
@@ -116,17 +136,46 @@ class Basis:
     outlet: Array
     speed: Array
     undamped_rigid: Array
+    by_speed: Array | None = None
+
+    def subset(self, index: Array) -> FirstOrder:
+        """Some of the rows, by position."""
+        return replace(self, **{name: part[index] for name, part in vars(self).items() if part is not None})
+
+    def at_speeds(self, at: Array, speed: Array) -> FirstOrder:
+        """Return a row for each of the speeds ``(K,)`` that rows ``at`` (K,) have, with what goes with it in A."""
+        own = self.subset(at)
+        return own if own.by_speed is None else replace(own, constant=own._static(speed), by_speed=None)
 
     @property
     def size(self) -> int:
         """m."""
         return int(self.constant.shape[-1])
 
-    def generator(self, values: Array) -> Array:
-        """A ``(..., r, m, m)`` for the values ``(..., r, J)`` of the varying functions."""
+    def state(self, displacement: Array, velocity: Array, mass: Array) -> Array:
+        """x ``(m,)`` of the first row from q and dq/dt ``(n,)``: by the mass matrix, by which modes are orthogonal."""
+        rate = float(self.rate[0])
+        modes = self.inlet[0] * rate**2
+        n = int(np.count_nonzero(np.abs(self.outlet[0]).max(axis=0)))
+        weight = np.diagonal(self.constant[0, :n, n : 2 * n])
+        x = modes @ mass @ velocity / rate
+        x[:n] = weight * (modes[n : 2 * n] @ mass @ displacement)
+        return np.asarray(x)
+
+    def generator(self, values: Array, speed: Array | float = 0.0) -> Array:
+        """A ``(..., r, m, m)`` for the values ``(..., r, J)`` of the varying functions, and speeds ``(..., r)``.
+
+        Further values, of what does not act in A, are left out of account.
+        """
         flat = self.parts.reshape(*self.parts.shape[:2], self.size**2)
-        varying = np.einsum("...rj,rjk->...rk", values, flat)
-        return self.constant + varying.reshape(*varying.shape[:-1], self.size, self.size)
+        varying = np.einsum("...rj,rjk->...rk", values[..., : flat.shape[1]], flat)
+        return self._static(speed) + varying.reshape(*varying.shape[:-1], self.size, self.size)
+
+    def _static(self, speed: Array | float) -> Array:
+        """The part of A ``(..., r, m, m)`` that does not vary at speeds ``(..., r)``."""
+        if self.by_speed is None:
+            return self.constant
+        return np.asarray(self.constant + np.asarray(speed)[..., None, None] * self.by_speed)
 
 
 def acted_on(matrices: list[Array]) -> Array:
@@ -135,7 +184,7 @@ def acted_on(matrices: list[Array]) -> Array:
     return np.asarray(columns > UNDAMPED * columns.max(axis=1, keepdims=True, initial=0.0))
 
 
-def bases(system: GearSystem, whole: bool = False) -> Iterator[Basis]:
+def bases(system: GearSystem, whole: bool = False) -> Iterator[FirstOrder]:
     """All rows, each once.
 
     whole: keep all modes, positions of rigid-body modes included, for histories that follow the train as it turns.
@@ -149,21 +198,5 @@ def bases(system: GearSystem, whole: bool = False) -> Iterator[Basis]:
                         squared=np.where(rigid, np.inf, modal.squared))  # fmt: skip
     damped = modal.rigid & acted_on(modal.dissipative())
     for members, _ in equal_rows(modal.rigid.astype(int) + damped):
-        yield _basis(modal.subset(members), members, damped[members[0]])
-
-
-def _basis(modal: ModalMatrices, rows: Array, damped: Array) -> Basis:
-    """Rows whose rigid-body modes, and those of them that damping acts on ``(n,)``, are the same."""
-    rigid, rate, shapes = modal.rigid[0], modal.rate[:, None, None], modal.shapes
-    elastic = np.flatnonzero(~rigid)
-    moving = np.concatenate([elastic, np.flatnonzero(damped)])
-    n, m = len(elastic), len(elastic) + len(moving)
-    frequency = np.sqrt(modal.squared[:, elastic]) / modal.rate[:, None]
-    weight = np.where(np.isinf(frequency), 1.0, np.maximum(frequency, SLOWEST))
-    constant, parts = modal.generator(elastic, np.flatnonzero(damped), weight)
-    inlet, outlet = np.zeros((len(rows), m, shapes.shape[1])), np.zeros((len(rows), shapes.shape[1], m))
-    speed = np.zeros_like(outlet)
-    inlet[:, n:] = np.swapaxes(shapes[:, :, moving], -1, -2) / rate**2
-    outlet[:, :, :n] = shapes[:, :, elastic] / weight[:, None, :]
-    speed[:, :, n:] = shapes[:, :, moving] * rate
-    return Basis(rows, modal.rate, constant, parts, inlet, outlet, speed, shapes[:, :, rigid & ~damped])
+        own, elastic = modal.subset(members), np.flatnonzero(~modal.rigid[members[0]])
+        yield own.form(members, elastic, np.flatnonzero(damped[members[0]]), own.weight[:, elastic])

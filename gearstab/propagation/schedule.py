@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from math import prod
 
 import numpy as np
 
@@ -45,11 +46,19 @@ def sources(system: GearSystem, counts: tuple[int, ...]) -> list[Source]:
 
 @dataclass(frozen=True)
 class Schedule:
-    """The smooth intervals of all rows: ``edges (rows, S + 1)`` in parts of the common period, from 0 to 1."""
+    """The smooth intervals of rows: ``edges (rows, S + 1)`` in parts of the common period, from 0 to 1.
+
+    found: the functions, of the whole batch. rows: positions in the flattened batch; None: all, in their order.
+    """
 
     found: list[Source]
     batch: tuple[int, ...]
     edges: Array
+    rows: Array | None = None
+
+    def subset(self, index: Array) -> Schedule:
+        """Some of the rows, by position."""
+        return replace(self, edges=self.edges[index], rows=index if self.rows is None else self.rows[index])
 
     @property
     def lengths(self) -> Array:
@@ -58,6 +67,10 @@ class Schedule:
 
     def values(self, tau: Array) -> Array:
         """``(rows, X, J)``: all functions at the times ``tau (rows, X)``, which should not be on an edge."""
+        if self.rows is not None:
+            every = np.zeros((prod(self.batch), tau.shape[1]))
+            every[self.rows] = tau
+            return replace(self, rows=None).values(every)[self.rows]
         rows, count = tau.shape
         result = np.empty((rows, count, len(self.found)))
         shaped = np.moveaxis(tau.reshape(*self.batch, count), -1, 0)

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gearstab.floquet.general.coordinates import generators
-from gearstab.linear.first_order import bases
+from gearstab.floquet.general.coordinates import elastic_forms
+from gearstab.propagation.first_order import bases
 from gearstab.system import GearSystem, Mesh
 from gearstab.waveforms import Rectangular
 
@@ -49,13 +49,13 @@ def test_all_modes_move_as_the_physical_coordinates_do(grounded: bool) -> None:
 def test_forms_of_stability_and_response_have_the_exponents_of_the_elastic_motion(grounded: bool) -> None:
     """Without its rigid-body motion, whose exponents are two zeros; natural frequencies weight only one of the two."""
     system = train(grounded=grounded)
-    (basis,), (generator,) = bases(system), generators(system)
+    (basis,), (elastic_form,) = bases(system), elastic_forms(system)
     expected = np.sort_complex(np.linalg.eigvals(physical(system)))
     elastic = expected[np.abs(expected) > 1e-6]
-    assert len(elastic) == basis.size == len(generator.constant) == (6 if grounded else 4)
+    assert len(elastic) == basis.size == elastic_form.size == (6 if grounded else 4)
     for matrix, rate in (
         (basis.generator(LEVELS[None])[0], basis.rate[0]),
-        (generator.constant + np.einsum("j,jab->ab", LEVELS, generator.parts), generator.rate),
+        (elastic_form.generators(LEVELS), elastic_form.rate),
     ):
         np.testing.assert_allclose(np.sort_complex(np.linalg.eigvals(matrix) * rate), elastic, atol=1e-13)
 

@@ -14,19 +14,19 @@ their momentary value; F_1 with c_i (de_i/dt) g_i of meshes with damping. While 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
-from gearstab.linear.schedule import Schedule, Source, divided, sources
+from gearstab.propagation.schedule import Schedule, Source, divided, sources
 from gearstab.system import Array, GearSystem, shared_period
 from gearstab.waveforms import Fourier
 
 
 @dataclass(frozen=True)
 class Excitation:
-    """Everything that depends on time, for all rows.
+    """Everything that depends on time, for rows of a system.
 
     cycles: N; the common period of all that varies and drives is N 2 pi/Omega. counts: cycles of each mesh in it.
     schedule: the mesh stiffnesses k_i(tau), the terms' profiles, then the forces that are no Fourier series.
@@ -49,6 +49,17 @@ class Excitation:
     directions: Array
     dampings: Array
     others: Array
+
+    def subset(self, index: Array) -> Excitation:
+        """Some of the rows, by position."""
+        names = ("fixed", "errors", "slopes", "directions", "dampings", "others")
+        own = {name: getattr(self, name)[index] for name in names}
+        return replace(self, schedule=self.schedule.subset(index), **own)
+
+    @property
+    def acts(self) -> bool:
+        """Whether there is any force."""
+        return bool(self.others.shape[-1] or np.any(self.fixed) or np.any(self.errors))
 
     @property
     def width(self) -> int:

@@ -1,0 +1,1 @@
+"""Periodic motions with backlash as branches: multipliers, continuation, folds and doublings."""

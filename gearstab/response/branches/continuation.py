@@ -1,0 +1,259 @@
+"""Fixed points of a map as a curve over a parameter: pseudo-arclength continuation, folds, other losses of stability.
+
+A curve of fixed points x = P(x, p) is followed in (x, p), each in a unit of its own, along its tangent, the null vector
+of [DP - I, dP/dp], and back onto the curve across it by Newton's method: so it goes through folds, where p turns back.
+
+A loss of stability is found by the number of multipliers outside the unit circle, which differs on both sides of it,
+also where several cross at once. Between two such points the multipliers sorted by magnitude are continuous: the n-th
+largest one, n the greater of both numbers, is outside on one side and inside on the other; the root of the logarithm of
+its magnitude is where it crosses, whatever it does there.
+
+Source: Keller 1977 (pseudo-arclength); Seydel 2010, chapters 4 and 7 (tests, periodic motions).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+from scipy.optimize import brentq
+
+from gearstab.system import Array
+
+MOST_ITERATIONS = 12
+CONVERGED, ACCEPTED = 1e-12, 1e-9
+"""Residual, in units of the state, at which Newton's method ends, and that is accepted where it gets no smaller."""
+DIFFERENCE = 1e-6
+"""Of the parameter, in its unit, for dP/dp by central differences. It serves directions only: points and what crosses
+there do not depend on its error."""
+TURN, GENTLE = 0.3, 0.08
+"""Radians between two tangents: beyond the former a step is halved, below the latter the next one is longer."""
+KINK = 1e-4
+"""A step as short as that, in the units of the curve, may turn by more: at a grazing motion the curve has a kink."""
+OUTSIDE = 1e-9
+"""Excess of the magnitude of a multiplier over 1 from which on it counts as outside."""
+VERTICAL = 1e-7
+"""Part of a tangent along the parameter below which a curve with a multiplier 1 goes straight up: linear motions of any
+amplitude at one parameter."""
+SAME = 1e-6
+"""Two multipliers that cross within this part of a step cross together."""
+
+FOLD, DOUBLING, NEIMARK_SACKER, BRANCHING = "fold", "period doubling", "Neimark-Sacker", "branch point"
+
+
+class Visit(Protocol):
+    """What a map says of a point: its image, DP ``(m, m)`` there, and its eigenvalues of descending magnitude."""
+
+    @property
+    def end(self) -> Array: ...
+    @property
+    def derivative(self) -> Array: ...
+    @property
+    def multipliers(self) -> Array: ...
+
+
+Mapping = Callable[[Array, float], Visit]
+"""From a point and the parameter; raises ArithmeticError where there is no image."""
+
+
+@dataclass(frozen=True)
+class Point:
+    """A fixed point.
+
+    x: ``(m,)``;  parameter: p;  visit: what the map says there.
+    kind: what crosses the unit circle there, "" for nothing;  multiplicity: how many multipliers (a pair counts once).
+    vector: ``(m, multiplicity)``, directions that belong to them, real where they are.
+    """
+
+    x: Array
+    parameter: float
+    visit: Visit
+    kind: str = ""
+    multiplicity: int = 0
+    vector: Array | None = None
+
+    @property
+    def outside(self) -> int:
+        """The number of multipliers outside of the unit circle."""
+        return int(np.count_nonzero(np.abs(self.visit.multipliers) > 1 + OUTSIDE))
+
+
+class NoPoint(ArithmeticError):
+    """Newton's method finds no point."""
+
+
+@dataclass(frozen=True)
+class ContinuationLimits:
+    """low, high: of the parameter.  most: points.  first, longest, shortest: steps, in units of the curve.
+
+    largest: of the state, in its unit.
+    """
+
+    low: float
+    high: float
+    most: int = 1000
+    first: float = 0.01
+    longest: float = 0.05
+    shortest: float = 1e-8
+    largest: float = 1e4
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A map, and the units in which its curves are measured. unit: of the state;  span: of the parameter."""
+
+    mapping: Mapping
+    unit: float
+    span: float
+
+    def slope(self, x: Array, parameter: float) -> Array:
+        """``(m,)``, dP/dp, in units."""
+        step = DIFFERENCE * self.span
+        ahead, behind = (self.mapping(x, parameter + sign * step).end for sign in (1, -1))
+        return np.asarray((ahead - behind) / (2 * DIFFERENCE * self.unit))
+
+    def tangent(self, point: Point, along: Array) -> Array:
+        """``(m + 1,)``, of unit length, to the side of ``along``."""
+        m = len(point.x)
+        matrix = np.column_stack([point.visit.derivative - np.eye(m), self.slope(point.x, point.parameter)])
+        found = np.linalg.svd(matrix)[2][-1]
+        return np.asarray(found if found @ along >= 0 else -found)
+
+    def moved(self, point: Point, step: Array) -> tuple[Array, float]:
+        """(x, p) from a point on by a step ``(m + 1,)`` in units."""
+        return point.x + self.unit * step[:-1], point.parameter + self.span * float(step[-1])
+
+    def difference(self, one: Point, other: Point) -> Array:
+        """``(m + 1,)``, from the other to the one, in units."""
+        return np.append((one.x - other.x) / self.unit, (one.parameter - other.parameter) / self.span)
+
+    def corrected(self, x: Array, parameter: float, normal: Array) -> tuple[Point, int]:
+        """The point of the curve in the plane through (x, p) across ``normal (m + 1,)``, and how many steps it took.
+
+        Raises NoPoint.
+        """
+        m, least = len(x), np.inf
+        slope = np.zeros(m) if not np.any(normal[:-1]) else self.slope(x, parameter)
+        for iteration in range(MOST_ITERATIONS):
+            visit = self.mapping(x, parameter)
+            residual = (visit.end - x) / self.unit
+            size = float(np.linalg.norm(residual))
+            if size <= CONVERGED or (size <= ACCEPTED and size > 0.3 * least):
+                return Point(x, parameter, visit), iteration
+            if not size < 1e3 * min(least, 1.0):
+                break
+            least = min(size, least)
+            matrix = np.block([[visit.derivative - np.eye(m), slope[:, None]], [normal[None]]])
+            try:
+                step = np.linalg.solve(matrix, -np.append(residual, 0.0))
+            except np.linalg.LinAlgError:
+                break
+            x, parameter = x + self.unit * step[:m], parameter + self.span * float(step[m])
+        raise NoPoint
+
+    def at(self, x: Array, parameter: float) -> Point:
+        """The fixed point near x at a given parameter. Raises NoPoint."""
+        return self.corrected(x, parameter, np.append(np.zeros(len(x)), 1.0))[0]
+
+    def follow(self, start: Point, along: Array, limits: ContinuationLimits) -> Iterator[Point | str]:
+        """Points from the start on to the side of ``along (m + 1,)``, the start left out; then why they end."""
+        here, step, count = start, limits.first, 0
+        tangent = self.tangent(here, along)
+        while count < limits.most:
+            try:
+                there, iterations = self.corrected(*self.moved(here, step * tangent), tangent)
+                following = self.tangent(there, self.difference(there, here))
+            except (ArithmeticError, np.linalg.LinAlgError):
+                if step < limits.shortest:
+                    yield "the step became too short"
+                    return
+                step *= 0.25
+                continue
+            turn = float(np.arccos(np.clip(tangent @ following, -1.0, 1.0)))
+            upright = abs(following[-1]) < VERTICAL and np.abs(there.visit.multipliers - 1).min(initial=1.0) < VERTICAL
+            if step > KINK and (turn > TURN or upright):
+                step *= 0.5
+                continue
+            if upright:
+                yield "linear motions of any amplitude follow"
+                return
+            if not limits.low <= there.parameter <= limits.high:
+                yield from self._last(here, there, limits)
+                return
+            yield from self.crossings(here, there, tangent, following)
+            yield there
+            count += 1
+            gap = self.difference(there, start)
+            if count > 3 and np.linalg.norm(gap) < step and gap @ following < 0.5 * step:
+                yield "closed"
+                return
+            if np.abs(there.x).max() > limits.largest * self.unit:
+                yield "it outgrows the range of amplitudes"
+                return
+            if turn < GENTLE and iterations < 5:
+                step = min(1.4 * step, limits.longest)
+            here, tangent = there, following
+        yield "so many points were asked for"
+
+    def _last(self, here: Point, there: Point, limits: ContinuationLimits) -> Iterator[Point | str]:
+        """The point at the end of the range, between two."""
+        bound = limits.low if there.parameter < limits.low else limits.high
+        part = (bound - here.parameter) / (there.parameter - here.parameter)
+        try:
+            last = self.at(here.x + part * (there.x - here.x), bound)
+        except ArithmeticError:
+            yield "the end of the range was not reached"
+            return
+        if bound != here.parameter:
+            along = self.difference(last, here)
+            along /= np.linalg.norm(along)
+            yield from self.crossings(here, last, along, along)
+            yield last
+        yield "end of the range"
+
+    def crossings(self, here: Point, there: Point, tangent: Array, following: Array) -> Iterator[Point]:
+        """Where multipliers cross the unit circle between two points of the curve, in its order."""
+        low, high = sorted((here.outside, there.outside))
+        if low == high:
+            return
+        whole = float(self.difference(there, here) @ tangent)
+        known: dict[float, Point] = {}
+
+        def point(s: float) -> Point:
+            if s not in known:
+                known[s] = self.corrected(*self.moved(here, s * tangent), tangent)[0]
+            return known[s]
+
+        def excess(s: float, n: int) -> float:
+            return float(np.log(np.abs(point(s).visit.multipliers[n])))
+
+        known[0.0], known[whole] = here, there
+        found: list[tuple[float, int]] = []
+        for n in range(low, high):
+            try:
+                # One rounding error of the parameter, but for the flatness of the root.
+                found.append((brentq(excess, 0.0, whole, args=(n,), xtol=1e-14, rtol=1e-14, maxiter=60), n))
+            except (ArithmeticError, ValueError, RuntimeError):
+                continue
+        turned = tangent[-1] * following[-1] < 0
+        found.sort()
+        while found:
+            s = found[0][0]
+            together = [n for other, n in found if other - s <= SAME * whole]
+            yield _named(point(s), together, turned)
+            found = found[len(together) :]
+
+
+def _named(point: Point, which: list[int], turned: bool) -> Point:
+    """The point with what its multipliers, by their numbers, do there."""
+    values = point.visit.multipliers[which]
+    first = values[0]
+    if abs(first.imag) > 1e-4 * abs(first):
+        return replace(point, kind=NEIMARK_SACKER, multiplicity=max(1, len(which) // 2))
+    target = 1.0 if first.real > 0 else -1.0
+    kind = DOUBLING if target < 0 else FOLD if turned else BRANCHING
+    # The singular vectors of DP -+ I of as many singular values.
+    vector = np.linalg.svd(point.visit.derivative - target * np.eye(len(point.x)))[2][-len(which) :].T
+    return replace(point, kind=kind, multiplicity=len(which), vector=vector)

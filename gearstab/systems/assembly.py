@@ -1,0 +1,108 @@
+"""Assembly of a gear system from elements: bodies, springs, dampers and meshes stamp themselves into its matrices.
+
+An element acts along a row: a linear combination of coordinates, written as entries by the name of the coordinate. So a
+kind of system lists its coordinates and elements, and every number may have a batch shape.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from gearstab.system import Array, GearSystem, Mesh
+from gearstab.systems.parts.damping import with_damping
+from gearstab.systems.parts.forcing import with_forcing
+from gearstab.systems.parts.mesh import build_mesh
+
+Row = Mapping[str, Any]
+"""Entries by coordinate; numbers or arrays of batch shape."""
+
+
+@dataclass(frozen=True)
+class Coordinates:
+    """The coordinates of a system by name, each with its unit, m or rad."""
+
+    units: Mapping[str, str]
+
+    @cached_property
+    def index(self) -> dict[str, int]:
+        """Number of each coordinate."""
+        return {name: k for k, name in enumerate(self.units)}
+
+    def vector(self, row: Row) -> Array:
+        """Return a row as an array ``(..., n)``."""
+        result = np.zeros((*np.broadcast_shapes(*map(np.shape, row.values())), len(self.units)))
+        for name, value in row.items():
+            result[..., self.index[name]] += value
+        return result
+
+    def stamped(self, rows: Sequence[tuple[Row, Any]]) -> Array:
+        """Return sum a r^T r ``(..., n, n)`` over pairs of a row r and a number a."""
+        shapes = (np.shape(value) for row, a in rows for value in (a, *row.values()))
+        total = np.zeros((*np.broadcast_shapes(*shapes), len(self.units), len(self.units)))
+        for row, a in rows:
+            for first, one in row.items():
+                for second, other in row.items():
+                    total[..., self.index[first], self.index[second]] += np.asarray(a) * one * other
+        return total
+
+
+@dataclass(frozen=True)
+class Element:
+    """A mass, a spring and a damper that act along one row r: m (r q')^2/2, k (r q)^2/2 and c (r q')^2/2."""
+
+    row: Row
+    mass: Any = 0.0
+    stiffness: Any = 0.0
+    damping: Any = 0.0
+
+
+@dataclass(frozen=True)
+class MeshElement:
+    """A tooth mesh between two bodies.
+
+    p: its parameters, complete. row: its deflection. frequency_ratio, lag: as in :class:`gearstab.system.Mesh`.
+    """
+
+    p: dict[str, Any]
+    row: Row
+    frequency_ratio: Fraction | float = Fraction(1)
+    lag: Any = 0.0
+
+    @cached_property
+    def wave(self) -> Mesh:
+        """The mesh without its direction."""
+        return build_mesh(self.p, np.zeros(0), self.frequency_ratio, self.lag)
+
+
+@dataclass(frozen=True)
+class Assembly:
+    """A system as the list of its elements."""
+
+    coordinates: Coordinates
+    elements: Sequence[Element]
+    meshes: Sequence[MeshElement]
+
+    def matrix(self, what: str) -> Array:
+        """Return the ``mass``, ``stiffness`` or ``damping`` of all elements ``(..., n, n)``."""
+        parts = [(element.row, getattr(element, what)) for element in self.elements]
+        return self.coordinates.stamped([(row, value) for row, value in parts if np.any(value)])
+
+    def system(self, p: dict[str, Any], load: Row | None = None, **more: Any) -> GearSystem:
+        """Return the system with the damping and forces of the section ``p``. load: constant forces; more: fields."""
+        place = self.coordinates
+        meshes = tuple(replace(item.wave, direction=place.vector(item.row)) for item in self.meshes)
+        p = p | {"meshes": [item.p for item in self.meshes], "load": None if load is None else place.vector(load)}
+        bare = GearSystem(
+            self.matrix("mass"), self.matrix("stiffness"), meshes, coordinates=tuple(place.units),
+            units=tuple(place.units.values()), **more,
+        )  # fmt: skip
+        system, held = with_damping(bare, p), self.matrix("damping")
+        if np.any(held):
+            system = replace(system, damping=held if system.damping is None else held + system.damping)
+        return with_forcing(system, p)
