@@ -39,7 +39,7 @@ from gearstab.system import Array, GearSystem, Mesh
 from gearstab.systems import build
 from gearstab.waveforms import Rectangular
 
-sys.path.append(str(Path(__file__).parent.parent / "tests" / "reference"))
+sys.path.append(str(Path(__file__).parent.parent / "tests" / "reference" / "kernel"))
 import numpy_kernel
 
 ACCURATE = 1e-10
