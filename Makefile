@@ -123,7 +123,7 @@ reproduction: $(VENV)/.installed ## docs: what the papers state against what com
 	@$(GEARSTAB) plot results/lin_parker_2002/fig3.h5 -o docs/images/fig3.png --size double --dpi 130 --no-title
 
 lock: ## scripts/requirements.lock from pyproject.toml (needs uv; UPGRADE=--upgrade for new versions)
-	$(UV) pip compile pyproject.toml --extra dev --extra cluster --extra docs --extra html --universal --python-version 3.11 --generate-hashes $(UPGRADE) \
+	$(UV) pip compile pyproject.toml --extra dev --extra cluster --extra docs --extra html --extra verify --universal --python-version 3.11 --generate-hashes $(UPGRADE) \
 	  --no-emit-index-url --no-annotate --custom-compile-command "make lock" --quiet --output-file scripts/requirements.lock
 
 clean: ## removes results, builds and caches

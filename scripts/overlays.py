@@ -181,9 +181,9 @@ OVERLAYS: dict[str, Overlay] = {
     **{
         f"{DESIGNS}fig{number}": Overlay(
             of_paper(f"Transmission error of stage IV, module {words}", str(number)),
-            panels(SPECTRUM, designs("stage4", RATIOS[m]), {"IV": ""}, 8.5 * MESH_HZ["IV"]),
+            panels(SPECTRUM, designs("stage4", RATIOS[m]), {"IV": ""}, 5.5 * MESH_HZ["IV"] * teeth / 14),
         )
-        for number, m, words in ((13, "m20", "2 mm"), (14, "m25", "2.5 mm"))
+        for number, m, words, teeth in ((13, "m20", "2 mm", 21), (14, "m25", "2.5 mm", 17))
     },
     **{
         f"{DESIGNS}fig{number}": Overlay(

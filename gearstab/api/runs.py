@@ -43,8 +43,8 @@ def sweep(
 
     planned = plan(as_config(config, "sweep", "methods"))
     folder = Path(tempfile.gettempdir()) / "result.h5"
-    limits.refuse(planned, folder, jobs, confirmed, "pass confirmed=True to begin it")
-    return from_bytes(run_in_memory(planned, jobs, reporter(progress), said_of(planned.config)))
+    found = limits.refuse(planned, folder, jobs, confirmed, "pass confirmed=True to begin it")
+    return from_bytes(run_in_memory(planned, jobs, reporter(progress), said_of(planned.config), found))
 
 
 def said_of(config: Config) -> dict[str, str]:

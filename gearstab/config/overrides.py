@@ -76,20 +76,22 @@ def _places(document: Document, name: str, option: str) -> list[Path]:
         raise _wrong(
             option, "override", "is no part of the system", "set sweep.mesh_frequency or respond.mesh_frequency"
         )
-    from gearstab.systems import short_names
+    from gearstab.systems import KINDS, short_names
 
-    meshes, short = document.get(("system", "meshes")), short_names().get(name)
-    if short is not None and isinstance(meshes, list | dict):
-        return _of_meshes(meshes, name, short, option)
+    system, short = mapping(document.get(("system",))), short_names().get(name)
+    kind = system.get("kind")
+    places = [*KINDS[kind].mesh_places(system)] if isinstance(kind, str) and kind in KINDS else []
+    if short is not None and places:
+        return _of_meshes(places, name, short, option)
     return [_path(document, ["system", *keys], option)]
 
 
-def _of_meshes(meshes: list[Any] | dict[str, Any], name: str, short: ShortName, option: str) -> list[Path]:
-    from gearstab.config.model.conflicts import as_meant, items
+def _of_meshes(places: list[tuple[Path, dict[str, Any]]], name: str, short: ShortName, option: str) -> list[Path]:
+    from gearstab.config.model.conflicts import as_meant
     from gearstab.systems.parts.mesh import ToothMesh, may_have
 
-    known = [(i, as_meant(mesh, ToothMesh)) for i, mesh in items(meshes)]
-    found: list[Path] = [("system", "meshes", i, name) for i, mesh in known if may_have(name, short, i, mesh)]
+    known = [(place, as_meant(mesh, ToothMesh)) for place, mesh in places]
+    found: list[Path] = [("system", *place, name) for place, mesh in known if may_have(name, short, place[-1], mesh)]
     if not found:
         remedy = f"the meshes give {short.rival}: set that" if short.rival else "see `gearstab schema`"
         raise _wrong(option, "unknown_target", f"no mesh has {name}", remedy)

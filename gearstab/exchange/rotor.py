@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from gearstab.errors import NotPossible
+from gearstab.exchange.files import dense
 from gearstab.exchange.model import Model, merged, model
 from gearstab.system import Array
 
@@ -37,7 +38,7 @@ def from_ross(
     Raises NotPossible where the meshes do not fit the rotor, or its coupling is no spring along one direction.
     """
     known = []
-    stiffness = np.array(rotor.K(speed), dtype=float)
+    stiffness = dense(rotor.K(speed))
     for number, geared in enumerate(_geared(rotor), 1):
         direction, mean = _direction(rotor, geared, speed)
         stiffness -= mean * np.outer(direction, direction)
@@ -47,13 +48,13 @@ def from_ross(
     for entry in entries:
         if entry.get("frequency_ratio", 1) is None:
             raise NotPossible(f"nothing says how fast mesh '{entry['name']}' turns", "give frequency_ratio, exact")
-    damping = np.array(rotor.C(speed), dtype=float) + speed * np.array(rotor.G(), dtype=float)
+    damping = dense(rotor.C(speed)) + speed * dense(rotor.G())
     nodes = range(len(stiffness) // len(LETTERS))
     more = {
         "coordinates": [f"{letter}{node}" for node in nodes for letter in LETTERS],
         "coordinate_units": ["m", "m", "m", "rad", "rad", "rad"] * len(nodes),
     }
-    return model(np.array(rotor.M(speed), dtype=float), stiffness, damping, entries, modes, **more)
+    return model(dense(rotor.M(speed)), stiffness, damping, entries, modes, **more)
 
 
 def _geared(rotor: Any) -> Iterator[Any]:

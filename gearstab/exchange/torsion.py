@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from gearstab.exchange.files import dense
 from gearstab.exchange.model import Model, merged, model
 from gearstab.system import Array
 
@@ -30,7 +31,7 @@ def from_opentorsion(
     size = assembly.dofs
     transform = assembly.T(assembly.E()) if assembly.gear_elements is not None else np.eye(size)
     known: list[dict[str, Any]] = []
-    stiffness = np.array(assembly.K, dtype=float)
+    stiffness = dense(assembly.K)
     for gear in assembly.elastic_gear_elements or ():
         if gear.parent is None:
             continue
@@ -43,8 +44,7 @@ def from_opentorsion(
         known.append({"name": name, "direction": direction, "mean_stiffness": float(mean)})
     entries = merged(known, meshes, "assembly")
     more = {"coordinates": _names(transform), "coordinate_units": "rad", "deflection_unit": "rad"}
-    mass, damping = np.array(assembly.M, dtype=float), np.array(assembly.C, dtype=float)
-    return model(mass, stiffness, damping, entries, modes, **more)
+    return model(dense(assembly.M), stiffness, dense(assembly.C), entries, modes, **more)
 
 
 def _names(transform: Array) -> list[str]:

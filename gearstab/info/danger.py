@@ -255,19 +255,30 @@ def _advice(
         allowed = _excluding(system, tongue, step[0])
         return advice | ({"sun_teeth_modulo": {"planets": step[0], "remainders": allowed}} if allowed else {})
     best = remedies.phasing(found) if isinstance(meshes, list) else None
-    if best is not None and best.left <= WORTHWHILE:
-        key, value = _phase(meshes[best.mesh] if isinstance(meshes, list) else {}, best.shift)
-        name = system.meshes[best.mesh].name
+    if (
+        best is not None
+        and best.left <= WORTHWHILE
+        and (place := _places(meshes).get(system.meshes[best.mesh].name)) is not None
+    ):
+        key, value = _phase(meshes[place], best.shift)
         left = 0.0 if best.closes else best.left
-        advice["phasing"] = {"mesh": name, "number": best.mesh, "key": key, "value": value, "leaves": left}
+        name = meshes[place]["name"]
+        advice["phasing"] = {"mesh": name, "number": place, "key": key, "value": value, "leaves": left}
     return advice
 
 
 def _alike(system: GearSystem, meshes: Any) -> dict[str, list[int]]:
-    """Numbers of the meshes of the system by the entry of the configuration that describes them."""
-    if not isinstance(meshes, dict):
-        return {mesh.name: [i] for i, mesh in enumerate(system.meshes)}
-    return {key: [i for i, mesh in enumerate(system.meshes) if mesh.name.rstrip("0123456789") == key] for key in meshes}
+    """Numbers of the meshes of the system by what describes them: an entry of the configuration, or part of a set."""
+    found: dict[str, list[int]] = {}
+    for i, mesh in enumerate(system.meshes):
+        name = mesh.name if mesh.name in _places(meshes) else mesh.name.rstrip("0123456789").rstrip(".")
+        found.setdefault(name, []).append(i)
+    return found
+
+
+def _places(meshes: Any) -> dict[str, int]:
+    """Places of the meshes in a list of the configuration, by name."""
+    return {mesh["name"]: k for k, mesh in enumerate(meshes)} if isinstance(meshes, list) else {}
 
 
 def _phase(mesh: dict[str, Any], shift: float) -> tuple[str, float]:

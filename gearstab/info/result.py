@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from gearstab.info.jumps import jumps, text
 from gearstab.info.tables import columns
 
 if TYPE_CHECKING:
@@ -49,7 +50,7 @@ def describe(path: Path, unit: Sequence[str] = ()) -> dict[str, Any]:
             "unchanged": bool(is_sealed(path)),
             "axes": _coordinates(tree.to_dataset()),
             "groups": [_group(str(name), node.to_dataset(inherit=False)) for name, node in tree.children.items()],
-        }
+        } | ({"jumps": jumps(tree)} if "branches" in tree.children else {})
 
 
 def _group(name: str, dataset: xr.Dataset) -> dict[str, Any]:
@@ -123,6 +124,8 @@ def report(facts: dict[str, Any]) -> str:
         sizes = ", ".join(f"{name} {size:,}" for name, size in group["dimensions"].items())
         title = f"/{group['name']}" + (f" ({sizes})" if sizes else "")
         lines += _listed(title, group["attributes"], group["coordinates"], group["variables"])
+        if group["name"] == "branches":
+            lines += ["", *text(facts["jumps"])]
     return "\n".join(lines)
 
 

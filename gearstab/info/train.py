@@ -10,7 +10,8 @@ from gearstab.info.tables import table
 if TYPE_CHECKING:
     from gearstab.config import Config
     from gearstab.system import GearSystem
-    from gearstab.systems.gearbox.train import Train
+    from gearstab.systems.gearbox.planet_set import TrainSet
+    from gearstab.systems.gearbox.train import Train, TrainMesh
 
 NOTICES = {
     "undercut": "undercut, the profile shift is {number:.4g} and should be at least {limit:.4g}",
@@ -48,7 +49,11 @@ def facts(config: Config, system: GearSystem) -> dict[str, Any] | None:
         "speed": None if speed is None else float(speed),
         "rotors": [_rotor(train, k, applied.get(train.name(k))) for k in range(len(train.rotors))],
         "shafts": _shafts(train),
-        "meshes": [_mesh(train, k, float(forces[k]) if loaded else None, speed) for k in range(len(system.meshes))],
+        "sets": [_set(train, item, applied.get(config.parameters["input"]["rotor"])) for item in train.sets],
+        "meshes": [
+            _mesh(train, mesh, float(force) if loaded else None, speed)
+            for mesh, force in zip(train.meshes, forces, strict=True)
+        ],
         "input": config.parameters["input"]["rotor"],
         "energy_share": _shares(train, system),
     }
@@ -63,7 +68,38 @@ def _rotor(train: Train, k: int, torque: float | None) -> dict[str, Any]:
         "inertia": float(train.inertias[k]),
         "mass": float(train.masses[k]) if k in train.masses else None,
         "speed_ratio": str(train.speeds[train.name(k)]),
+        "held": train.name(k) in train.held,
         "torque": torque,
+    }
+
+
+def _set(train: Train, item: TrainSet, torque: float | None) -> dict[str, Any]:
+    """A planetary set. torque: on the input rotor, N m; the members' are counter-clockwise where the input turns so."""
+    import math
+
+    _, sun_drives, _ = train.power(item)
+    torques = None
+    if torque is not None and (carried := train.reactions.get(item.where)):
+        unit = float(-carried / train.reactions["input",]) * torque
+        z = {"sun": item.counted("sun"), "ring": item.counted("ring")}
+        shares = z | {"carrier": -z["sun"] - z["ring"]}
+        torques = {item.body[member]: share * unit for member, share in shares.items()}
+    mass, inertia = item.teeth.body("planet")
+    shifts = {gear: float(cut["profile_shift"]) for gear, cut in item.teeth.cut.items()}
+    return {
+        "name": item.name,
+        "members": {member: item.body[member] for member in ("sun", "ring", "carrier")},
+        "held": item.p.get("held"),
+        "teeth": {gear: item.counted(gear) for gear in ("sun", "planet", "ring")},
+        "planets": item.count,
+        "angles": [math.degrees(float(angle)) for angle in item.angles],
+        "planet_speed_ratio": str(train.speeds[item.planet]),
+        "planet_mass": float(mass),
+        "planet_inertia": float(inertia),
+        "centre_distance": float(item.teeth.centre),
+        "profile_shift": shifts,
+        "sun_drives": sun_drives,
+        "torques": torques,
     }
 
 
@@ -77,19 +113,25 @@ def _shafts(train: Train) -> list[dict[str, Any]]:
     ]
 
 
-def _mesh(train: Train, k: int, force: float | None, speed: float | None) -> dict[str, Any]:
+def _mesh(train: Train, mesh: TrainMesh, force: float | None, speed: float | None) -> dict[str, Any]:
     """The teeth of a mesh and what they carry. force: the static one, N; speed: of the input rotor, rad/s."""
     import math
+    from fractions import Fraction
 
-    driver, driven = train.meshes[k]
-    pair = train.teeth_of(k).pairs[0]
-    names = [train.rotors[gear]["name"] for gear in (driver, driven)]
+    pair, motion, names = mesh.teeth.pairs[0], mesh.motion, list(mesh.gears)
     parts = dict(zip(("pinion", "wheel"), names[::-1] if pair.wheel_drives else names, strict=True))
-    rolling = pair.pitch_radii[1 if pair.wheel_drives else 0] * float(abs(train.speeds[train.name(driver)]))
+    order = motion.frequency(train.speeds)
+    rolling = pair.base_pitch / math.cos(pair.pressure_angle) * float(order) / (2 * math.pi)
     return {
-        "name": train.p["meshes"][k]["name"],
+        "name": mesh.name,
         "gears": names,
-        "teeth": [train.teeth(driver), train.teeth(driven)],
+        "relative_to": motion.fixed_in or None,
+        "teeth": list(motion.teeth),
+        "speed_ratio": str(order / motion.teeth[0]),
+        "order": str(order),
+        "frequency": None if speed is None else float(order) * float(speed) / (2 * math.pi),
+        "frequency_ratio": str(train.frequency_ratio(motion)),
+        "lag": str(mesh.lag) if isinstance(mesh.lag, Fraction) else f"{float(mesh.lag) % 1:.12g}",
         "centre_distance": pair.centre,
         "pressure_angle": math.degrees(pair.pressure_angle),
         "contact_ratio": pair.contact_ratio,
@@ -139,7 +181,9 @@ def drawing(found: dict[str, Any]) -> str:
     """The train as a tree from its input, one line a rotor: the shaft or mesh that leads to it, and how it turns."""
     known = {rotor["name"]: rotor for rotor in found["rotors"]}
     links = [(s["between"], f"{s['name']}, {s['stiffness']:.4g} N m/rad") for s in found["shafts"]]
-    links += [(m["gears"], _through(m)) for m in found["meshes"]]
+    of_set = {m["name"].rsplit(".", 2)[0]: m for m in found["meshes"] if m["relative_to"]}
+    links += [(list(s["members"].values()), _around(s, of_set[s["name"]], found["speed"])) for s in found["sets"]]
+    links += [(m["gears"], _through(m)) for m in found["meshes"] if not m["relative_to"]]
     lines: list[str] = []
     _branch(found["input"], "", "", None, links, known, found["speed"], set(), set(), lines)
     return "\n".join(lines)
@@ -157,9 +201,12 @@ def _branch(
         return
     onward = [(k, ends, text) for k, (ends, text) in enumerate(links) if name in ends and k not in used]
     used.update(k for k, _, _ in onward)
-    for place, (_, ends, text) in enumerate(onward):
-        last = place == len(onward) - 1
-        other = ends[1] if ends[0] == name else ends[0]
+    ways = []
+    for _, ends, text in onward:
+        others = [other for other in ends if other != name]
+        ways += [(other, text.split(",")[0] if k else text) for k, other in enumerate(others)]
+    for place, (other, text) in enumerate(ways):
+        last = place == len(ways) - 1
         deeper = margin + ("   " if last else "|  ")
         _branch(other, margin + "+- ", deeper, text, links, known, speed, used, seen, lines)
 
@@ -167,17 +214,30 @@ def _branch(
 def _through(mesh: dict[str, Any]) -> str:
     numbers = [f"{mesh['teeth'][0]}/{mesh['teeth'][1]}"]
     numbers += [] if mesh["force"] is None else [f"{mesh['force']:.1f} N"]
-    numbers += [] if mesh["velocity"] is None else [f"{mesh['velocity']:.3g} m/s"]
+    numbers += [] if mesh["velocity"] is None else [f"{mesh['velocity']:.3g} m/s", f"{mesh['frequency']:.5g} Hz"]
     return f"mesh {mesh['name']}, {', '.join(numbers)}"
 
 
-def _body(rotor: dict[str, Any], speed: float | None) -> str:
+def _around(item: dict[str, Any], mesh: dict[str, Any], speed: float | None) -> str:
+    """A planetary set in a line, with its mesh frequency."""
+    z = item["teeth"]
+    numbers = [f"{z['sun']}/{z['planet']}/{z['ring']}, {item['planets']} planets"]
+    numbers.append(f"planets {_speed(item['planet_speed_ratio'], speed)}")
+    numbers.append(f"{mesh['order']} cycles a turn of the input" if speed is None else f"{mesh['frequency']:.5g} Hz")
+    return f"set {item['name']}, {', '.join(numbers)}"
+
+
+def _speed(ratio: str, speed: float | None) -> str:
+    """A speed in rpm, or over that of the input. speed: of the input, rad/s."""
     from fractions import Fraction
     from math import pi
 
+    return f"{float(Fraction(ratio)) * speed * 30 / pi:.5g} rpm" if speed is not None else f"{ratio} of the input speed"
+
+
+def _body(rotor: dict[str, Any], speed: float | None) -> str:
     parts = [] if rotor["teeth"] is None else [f"z = {rotor['teeth']}" + (" internal" if rotor["internal"] else "")]
-    ratio = Fraction(rotor["speed_ratio"])
-    parts.append(f"{float(ratio) * speed * 30 / pi:.5g} rpm" if speed is not None else f"{ratio} of the input speed")
+    parts.append("held" if rotor["held"] else _speed(rotor["speed_ratio"], speed))
     parts.append(f"{rotor['inertia']:.4g} kg m^2")
     if rotor["torque"] is not None:
         parts.append(f"{'drives with' if rotor['torque'] > 0 else 'takes'} {abs(rotor['torque']):.5g} N m")
@@ -192,12 +252,32 @@ def teeth(found: dict[str, Any]) -> str:
         [m["name"], *m["gears"], "/".join(map(str, m["teeth"])), f"{1e3 * m['centre_distance']:.4f}",
          f"{m['pressure_angle']:.4f}", f"{m['contact_ratio']:.4f}",
          "-" if m["force"] is None else f"{m['force']:.1f}", "-" if m["velocity"] is None else f"{m['velocity']:.4g}"]
-        for m in found["meshes"]
+        for m in _different(found)
     ]  # fmt: skip
     lines = [table(header, rows)]
-    for m in found["meshes"]:
+    for item in found["sets"]:
+        lines.append(_told(item))
+    for m in _different(found):
         lines += [f"warning: mesh {m['name']}, {n['gear'] or 'both gears'}: {n['text']}" for n in m["notices"]]
     return "\n".join(lines)
+
+
+def _different(found: dict[str, Any]) -> list[dict[str, Any]]:
+    """The meshes but for those of further planets, which are alike."""
+    return [m for m in found["meshes"] if not m["relative_to"] or m["name"].endswith(".1")]
+
+
+def _told(item: dict[str, Any]) -> str:
+    """Where the planets of a set are, its geometry, who drives, and the torques on its members."""
+    shifts = ", ".join(f"{gear} {value:.4g}" for gear, value in item["profile_shift"].items())
+    text = (
+        f"set {item['name']}: planets at {', '.join(f'{angle:.6g}' for angle in item['angles'])} deg, centre distance "
+    )
+    text += f"{1e3 * item['centre_distance']:.4f} mm, profile shifts {shifts}; "
+    text += f"the {'sun' if item['sun_drives'] else 'planet'} drives in the sun's meshes"
+    if item["torques"] is not None:
+        text += f"; torques {', '.join(f'{name} {value:.5g} N m' for name, value in item['torques'].items())}"
+    return text
 
 
 def modes(facts: dict[str, Any]) -> str:

@@ -9,6 +9,7 @@ from typing import Any
 
 from gearstab.methods.base import POINTS, RANGE, Key, Method, OptionError, Outcome, SampledMethod
 from gearstab.methods.boundaries import BoundaryAnalysis
+from gearstab.methods.branches import BranchAnalysis
 from gearstab.methods.floquet import Floquet
 from gearstab.methods.natural_frequencies import NaturalFrequencies
 from gearstab.methods.passage import Passage
@@ -30,6 +31,7 @@ METHODS: dict[str, type[Method]] = {
         BoundaryAnalysis,
         Passage,
         SteadyStateAnalysis,
+        BranchAnalysis,
         ToleranceAnalysis,
         TongueProbabilityAnalysis,
     )

@@ -60,6 +60,7 @@ class BoundaryAnalysis(TongueMethod, Restricted):
             "holder": edges.holder, "contacts": found.contacts, "evaluations": found.evaluations,
             "proved_share": found.stable_share(found.proved), "counted_share": found.stable_share(found.counted),
             "proved_frequency": found.stretches(found.proved),
+            "sampled_step": found.sampled_step, "coarse": found.coarse,
         }  # fmt: skip
         if self.options.modes is None:
             return Outcome(values, edges.index)

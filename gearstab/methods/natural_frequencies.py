@@ -10,7 +10,7 @@ import numpy as np
 from gearstab.config.model.fields import Section
 from gearstab.methods.base import Method, Outcome
 from gearstab.methods.perturbation import ROWS
-from gearstab.results.variables import NATURAL_FREQUENCIES, Variable, with_terms
+from gearstab.results.variables import NATURAL_FREQUENCIES, NATURAL_FREQUENCIES_WITH_TERMS, Variable
 from gearstab.support import ANY_LINEAR
 from gearstab.system import Array
 
@@ -33,7 +33,7 @@ class NaturalFrequencies(Method):
         return ROWS
 
     def variables(self) -> tuple[Variable, ...]:
-        return with_terms(NATURAL_FREQUENCIES) if self.system.terms else NATURAL_FREQUENCIES
+        return NATURAL_FREQUENCIES_WITH_TERMS if self.system.terms else NATURAL_FREQUENCIES
 
     def constants(self) -> Mapping[str, Any]:
         from gearstab.results.provenance import coordinate_names

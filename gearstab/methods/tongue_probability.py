@@ -13,7 +13,7 @@ from pydantic import Field, PrivateAttr
 from gearstab.config.model.fields import Section, Whole
 from gearstab.methods.base import RANGE, Key, Method, Outcome, SampledMethod, Tolerance, WidthFloor
 from gearstab.methods.boundaries import BoundariesOptions, BoundaryAnalysis
-from gearstab.results.variables import OCCURRENCE, TONGUE, TONGUE_PROBABILITY, Variable
+from gearstab.results.variables import OCCURRENCE, SAMPLED, TONGUE, TONGUE_PROBABILITY, Variable
 from gearstab.system import Array, GearSystem
 
 if TYPE_CHECKING:
@@ -96,7 +96,7 @@ class TongueProbabilityAnalysis(SampledMethod):
         none = np.zeros(self.design.shape, dtype=bool)
         ends = estimates.probability(none, np.zeros((1, 1, 1), dtype=bool), self.design)
         table = [replace(v, missing=float(end)) for v, end in zip(TONGUE_PROBABILITY, ends, strict=True)]
-        return (*TONGUE, OCCURRENCE, *table)
+        return (*TONGUE, OCCURRENCE, *table, *SAMPLED)
 
     def portions(self, rows: int, points: int) -> Iterable[slice]:  # type: ignore[override]
         """All rows together: regions of different portions would have to be united."""
@@ -108,12 +108,15 @@ class TongueProbabilityAnalysis(SampledMethod):
         from gearstab.tolerance import estimates
 
         start, stop = (float(end) for end in mesh_frequency)
-        found = boundaries(self.system, start, stop, self.options.tolerance, self.options.width_floor).arranged()
-        touching = np.isfinite(found.boundary_frequency).any(axis=1)
-        samples = touching.reshape(len(found.index), -1, *self.design.shape)
+        found = boundaries(self.system, start, stop, self.options.tolerance, self.options.width_floor)
+        edges = found.arranged()
+        touching = np.isfinite(edges.boundary_frequency).any(axis=1)
+        samples = touching.reshape(len(edges.index), -1, *self.design.shape)
         names = ("tongue_probability", "tongue_probability_lower", "tongue_probability_upper")
         shares = estimates.probability(samples, np.zeros((1,) * samples.ndim, dtype=bool), self.design)
-        return Outcome(dict(zip(names, shares, strict=True)), found.index)
+        step, coarse = (own.reshape(-1, self.design.size) for own in (found.sampled_step, found.coarse))
+        search = {"sampled_step": step.max(axis=1), "coarse": coarse.sum(axis=1)}
+        return Outcome(dict(zip(names, shares, strict=True)) | search, edges.index)
 
     @staticmethod
     def unite(indices: Iterable[Sequence[Key]]) -> tuple[Key, ...]:

@@ -17,7 +17,7 @@ import numpy as np
 from gearstab.propagation.excitation import excitation
 from gearstab.propagation.first_order import bases
 from gearstab.propagation.path import Path
-from gearstab.propagation.phase import PhaseEquation, divided
+from gearstab.propagation.phase import PROBES, PhaseEquation, divided
 from gearstab.propagation.products import product, scaled
 from gearstab.system import Array, GearSystem
 
@@ -61,7 +61,7 @@ class Motion:
     @property
     def elastic(self) -> int:
         """Number of elastic modes of the state, positions and velocities of each."""
-        moving = np.abs(self.equation.first_order.outlet[0]).max(axis=0) > 0
+        moving = np.abs(self.equation.form.outlet[0]).max(axis=0) > 0
         return int(np.count_nonzero(moving))
 
     def segments(self, path: Path) -> float:
@@ -72,7 +72,7 @@ class Motion:
     @property
     def _each(self) -> int:
         """Segments of a common period."""
-        return len(self.equation.edges) - 1
+        return len(self.equation.borders) - 1
 
     def count(self, path: Path) -> int:
         """Return how many segments the path has, between neighbouring edges of the schedule."""
@@ -80,7 +80,7 @@ class Motion:
 
     def chunks(self, path: Path, step: int, first: int = 0, last: int | None = None) -> Iterator[Chunk]:
         """Yield the propagators over ``step`` segments each, from the segment ``first`` to the one before ``last``."""
-        last, size = self.count(path) if last is None else last, self.equation.first_order.size
+        last, size = self.count(path) if last is None else last, self.equation.form.size
         most = max(1, ENTRIES // size**2)
         if step > most:
             for begin in range(first, last, step):
@@ -104,18 +104,18 @@ class Motion:
     def _propagators(self, path: Path, first: int, last: int) -> tuple[Array, Array]:
         """``(S + 1,)`` and ``(S, m, m)``: the phases between segments and their propagators."""
         equation, turn = self.equation, self.equation.period
-        edges, number = equation.edges, np.arange(first, last + 1)
+        edges, number = equation.borders, np.arange(first, last + 1)
         phase = np.minimum((number // self._each + edges[number % self._each]) * turn, path.phase[-1])
         inner = number[:-1] % self._each
         if equation.exact:
             lengths = (edges[inner + 1] - edges[inner]) * turn
             lengths = np.where(np.diff(phase) < (1 - 1e-6) * lengths, np.diff(phase), lengths)
             durations = path.durations(phase, lengths) * equation.rate
-            return phase, equation.states.exponentials(equation.states.of[inner], durations)
+            return phase, equation.states.exponentials(equation.states.of[equation.occupied[inner]], durations)
         begin, duration, ends = divided(path.moment(phase), equation.longest_step(path))
         middle = path.phase_at(begin + 0.5 * duration) / turn
-        found = np.empty((last - first, equation.first_order.size, equation.first_order.size))
-        segment, whole = 0, np.eye(equation.first_order.size)
+        found = np.empty((last - first, equation.form.size, equation.form.size))
+        segment, whole = 0, np.eye(equation.form.size)
         maps = equation.magnus_maps(path, begin, duration, middle - np.floor(middle))
         for (matrix, _), end in zip(maps, ends, strict=True):
             whole = matrix @ whole
@@ -145,10 +145,10 @@ def swing(motion: Motion) -> float:
 
     Of the eigenvalues of the stiffness matrices of all moments, relative to that of the mean mesh stiffness.
     """
-    equation, edges = motion.equation, motion.equation.edges
-    more = [] if equation.drive.exact else np.linspace(0.0, 1.0, 65)[:-1] + 1 / 128
+    equation, edges = motion.equation, motion.equation.borders
+    more = PROBES[:0] if equation.drive.exact else PROBES
     part = np.unique(np.concatenate([0.5 * (edges[1:] + edges[:-1]), more]))
-    generator = equation.generators(equation.values(part), 0.0)
+    generator = equation.generators(equation.along(part), 0.0)
     # The state is (w u, u', b'), and (w u)' = w u'.
     count = motion.elastic
     weight = np.diagonal(generator[0, :count, count : 2 * count])

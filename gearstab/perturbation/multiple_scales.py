@@ -362,8 +362,8 @@ def _unsymmetric_groups(modal: ModalQuantities, exciters: list[Exciter], P: Arra
     back, size_back = _blocks(modal, exciters, Q, P, own)
     noise = ROUNDING * np.maximum(size.max(axis=(-2, -1)), size_back.max(axis=(-2, -1))) / scale[..., 0, 0]
     (mean_p, shift_p), (mean_q, shift_q) = _mean(modal, P, own), _mean(modal, Q, -sign * other)
-    parts = (there * 0.5j / scale, np.conj(back * 0.5j / (sign * scale)), mean_p, mean_q)
-    found = unsymmetric_groups(*(a.reshape(-1, *a.shape[2:]) for a in parts), noise.ravel())
+    parts = (there * 0.5j / scale, np.conj(back * 0.5j / (sign * scale)), mean_p, mean_q, noise)
+    found = unsymmetric_groups(*(a.reshape(-1, *a.shape[2:]) for a in parts))
     shift, half, threshold = (a.reshape(own.shape) for a in found)
     if difference:
         threshold = np.where(~there.any(axis=(-2, -1)) & np.isfinite(half), np.inf, threshold)

@@ -25,7 +25,17 @@ from gearstab.plots.maps import (
     stability_map,
     surface,
 )
-from gearstab.plots.motions import orders, pair, phase_plane, response, spectrum, speeds, teeth, waterfall
+from gearstab.plots.motions import (
+    branches,
+    orders,
+    pair,
+    phase_plane,
+    response,
+    spectrum,
+    speeds,
+    teeth,
+    waterfall,
+)
 from gearstab.plots.view import Request, nearest_values
 from gearstab.results.display import in_display_units
 
@@ -33,8 +43,8 @@ KINDS: dict[str, Kind] = {
     module.KIND.name: module.KIND
     for module in (
         stability_map, slices, curve, modes, boundaries, surface, required_damping, probability, passage,
-        speeds, work_precision, response, campbell, waterfall, orders, pair, spectrum, teeth, phase_plane, contour,
-        tornado, before_after, pareto,
+        speeds, branches, work_precision, response, campbell, waterfall, orders, pair, spectrum, teeth, phase_plane,
+        contour, tornado, before_after, pareto,
     )
 }  # fmt: skip
 """By name; of several kinds that suit a result the last is its default."""

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 Array = np.ndarray
 
 
-INNER = ("tongue", "side", "stretch", "exponent", "mesh", "parameter", "mode", "dof")
+INNER = ("tongue", "side", "stretch", "exponent", "mesh", "parameter", "mode", "dof", "point", "multiplier")
 """Dimensions of what was computed at a point, or of boundaries; they are no axes of the sweep."""
 
 

@@ -19,7 +19,7 @@ from functools import cached_property
 
 import numpy as np
 
-from gearstab.propagation.schedule import Schedule, Source, divided, sources
+from gearstab.propagation.schedule import Functions, Schedule, Source, divided, sources
 from gearstab.system import Array, GearSystem, shared_period
 from gearstab.waveforms import Fourier
 
@@ -100,10 +100,10 @@ def excitation(system: GearSystem) -> Excitation:
     meshes, own = counts[: len(system.meshes)], counts[: len(system.frequency_ratios)]
     driven = list(zip(system.forces, counts[len(own) :], strict=True))
     shaped = [(force, count) for force, count in driven if not isinstance(force.profile, Fourier)]
-    varying = sources(system, own) + [
+    varying = sources(system, own) + tuple(
         Source(force.profile, count, np.asarray(force.lag, dtype=float), np.zeros(()), np.ones(()))
         for force, count in shaped
-    ]
+    )
     exact = system.piecewise_constant and all(force.profile.piecewise_constant for force, _ in shaped)
     waves = [(force.profile, count, force.lag) for force, count in driven if isinstance(force.profile, Fourier)]
     errors = [(mesh.transmission_error, count, mesh.lag) for mesh, count in zip(system.meshes, meshes, strict=True)]
@@ -124,7 +124,8 @@ def excitation(system: GearSystem) -> Excitation:
         if profile is not None:
             table[:, i] = _series(system, profile, count, lag, harmonics)
     return Excitation(
-        cycles=float(cycles), counts=meshes, schedule=divided(system, varying), exact=exact, harmonics=harmonics,
+        cycles=float(cycles), counts=meshes, schedule=divided(Functions(varying, system.batch)), exact=exact,
+        harmonics=harmonics,
         fixed=fixed, errors=table, slopes=_derivative(table, harmonics, float(cycles)),
         directions=np.stack([system.flat(mesh.direction, 1) for mesh in system.meshes], axis=1),
         dampings=np.stack([system.flat(mesh.damping, 0) for mesh in system.meshes], axis=1),

@@ -6,7 +6,7 @@ that all entries are of one size. The position of a rigid-body mode deflects not
 damps it, its velocity does not either, and the part of a force that would accelerate it is left out (it acts on the
 train as a whole: elastic modes are orthogonal to it).
 
-    x' = A(t) x + B f(t),    A(t) = constant + Omega by_speed + sum_j s_j(t) parts_j
+    x' = A(t) x + B f(t),    A(t) = constant + sum_s Omega^s by_speed_s + sum_j f_j(t) parts_j
 """
 
 from __future__ import annotations
@@ -125,7 +125,7 @@ class FirstOrder:
     inlet: ``(r, m, n)``, B, for generalised forces in the system's units.
     outlet: ``(r, n, m)``, q from x; speed: ``(r, n, m)``, dq/dt from x.
     undamped_rigid: ``(r, n, k)``, rigid-body modes that nothing holds back, normalised by the mass matrix.
-    by_speed: ``(r, m, m)``, what is multiplied by the speed Omega; None where nothing is.
+    by_speed: ``(r, S, m, m)``, what is multiplied by Omega, Omega^2, ...; None where nothing goes with the speed.
     """
 
     rows: Array
@@ -175,7 +175,8 @@ class FirstOrder:
         """The part of A ``(..., r, m, m)`` that does not vary at speeds ``(..., r)``."""
         if self.by_speed is None:
             return self.constant
-        return np.asarray(self.constant + np.asarray(speed)[..., None, None] * self.by_speed)
+        powers = np.asarray(speed)[..., None] ** np.arange(1, 1 + self.by_speed.shape[1])
+        return np.asarray(self.constant + np.einsum("...rs,rsij->...rij", powers, self.by_speed))
 
 
 def acted_on(matrices: list[Array]) -> Array:

@@ -10,17 +10,17 @@ Oteo & Ros 2009, section 5).
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
-from functools import cached_property
+from dataclasses import dataclass
 
 import numpy as np
 
 from gearstab.interrupts import heed
 from gearstab.propagation import magnus
+from gearstab.propagation.equation import Equation
 from gearstab.propagation.excitation import Excitation
 from gearstab.propagation.first_order import FirstOrder
 from gearstab.propagation.magnus import expm
-from gearstab.propagation.segment import Eigen, diagonalised
+from gearstab.propagation.segment import augmented
 from gearstab.system import Array
 
 ENTRIES = 2**17
@@ -32,73 +32,43 @@ Map = tuple[Array, Array]
 
 @dataclass(frozen=True)
 class SteadyPoints:
-    """K operating points: rows of a basis and mesh frequencies.
+    """K operating points: rows of an equation and mesh frequencies.
 
-    excitation: of the rows of the basis.
-    at: ``(K,)``, positions among the basis's rows;  omega: ``(K,)``, Omega.
+    at: ``(K,)``, positions among the rows;  omega: ``(K,)``, Omega.
     steps: Magnus steps in an interval between edges (of no effect where all is piecewise constant).
-    known: eigenvectors that were found already, for all points of a basis.
     """
 
-    excitation: Excitation
-    basis: FirstOrder
+    equation: Equation
     at: Array
     omega: Array
     steps: int = 1
-    known: dict[bytes, Eigen | None] = field(default_factory=dict, repr=False)
-
-    def eigen(self, values: Array, generators: Array) -> Eigen | None:
-        """The eigenvectors of the generators ``(r, m, m)`` that belong to values ``(r, J)``, found once for all."""
-        key = self.excitation.split(values)[1].tobytes()
-        if key not in self.known:
-            self.known[key] = diagonalised(generators)
-        return self.known[key]
-
-    @cached_property
-    def middles(self) -> Array:
-        """``(Q, r, J)``, the varying functions in the middle of every interval."""
-        return self.values(0.5 * (self.edges[:, 1:] + self.edges[:, :-1]).T)
 
     @classmethod
-    def of(
-        cls,
-        drive: Excitation,
-        basis: FirstOrder,
-        at: Array,
-        omega: Array,
-        steps: int = 1,
-        known: dict[bytes, Eigen | None] | None = None,
-    ) -> SteadyPoints:
-        """Return points of rows of a basis, each a row of its own where the basis goes with the speed.
+    def of(cls, equation: Equation, at: Array, omega: Array, steps: int = 1) -> SteadyPoints:
+        """Return points of rows of an equation, each a row of its own where A goes with the speed."""
+        if equation.form.by_speed is not None:
+            equation, at = equation.at_speeds(at, omega), np.arange(len(at))
+        return cls(equation, at, omega, steps)
 
-        drive: of the rows of the basis.
-        """
-        if basis.by_speed is not None:
-            drive, basis, at, known = drive.subset(at), basis.at_speeds(at, omega), np.arange(len(at)), None
-        return cls(drive, basis, at, omega, steps, {} if known is None else known)
+    @property
+    def excitation(self) -> Excitation:
+        """What drives the rows."""
+        return self.equation.drive
+
+    @property
+    def basis(self) -> FirstOrder:
+        """The first-order form of the rows."""
+        return self.equation.form
 
     @property
     def edges(self) -> Array:
         """``(r, Q + 1)``, between which everything is smooth, in parts of the common period."""
-        return self.excitation.schedule.edges
+        return self.equation.edges
 
     @property
     def period(self) -> Array:
         """``(K,)``, the common period in units of 1/rate."""
         return 2 * np.pi * self.excitation.cycles / self.omega * self.basis.rate[self.at]
-
-    def values(self, tau: Array) -> Array:
-        """``(X, r, J)``, the varying functions at the times ``(X, r)``."""
-        return np.swapaxes(self.excitation.varying(tau.T), 0, 1)
-
-    def inputs(self, values: Array) -> tuple[Array, Array, Array]:
-        """A ``(X, r, m, m)``, and B = B_0 + Omega B_1, ``(X, r, m, L)`` and ``(r, m, L)``, for values ``(X, r, J)``."""
-        return self.basis.generator(values), *self.forces(values)
-
-    def forces(self, values: Array) -> tuple[Array, Array]:
-        """B_0 ``(X, r, m, L)`` and B_1 ``(r, m, L)`` for values ``(X, r, J)``."""
-        inlet = self.basis.inlet
-        return inlet @ self.excitation.force(values), inlet @ self.excitation.force_of_rates
 
 
 class Exact:
@@ -106,41 +76,30 @@ class Exact:
 
     def __init__(self, points: SteadyPoints, q: int) -> None:
         begin, end = points.edges[:, q], points.edges[:, q + 1]
-        values = points.middles[q, None]
-        a, constant, rates = points.inputs(values)
-        at = points.at
-        self.points, self.q, self.a = points, q, a[0]
+        equation, at = points.equation, points.at
+        constant, rates = equation.forces(equation.middles[q, None])
+        self.points, self.q, self.state = points, q, equation.states.of[q]
         self.begin, self.length = begin[at], (end - begin)[at]
         self.duration = self.length * points.period
         self.drive = constant[0][at] + points.omega[:, None, None] * rates[at]
         self.turn = 2 * np.pi * self.length[:, None] * points.excitation.harmonics
-        self.eigen = points.eigen(values[0], self.a)
-
-    @cached_property
-    def _generator(self) -> tuple[Array, Array]:
-        """[[A, B], [0, R]] times the duration ``(K, m + L, m + L)``, B divided by the numbers ``(K, 1)``."""
-        size, m, width = _size(self.drive), self.a.shape[-1], self.drive.shape[-1]
-        whole = np.zeros((len(size), m + width, m + width))
-        whole[:, :m, :m] = self.a[self.points.at] * self.duration[:, None, None]
-        whole[:, :m, m:] = self.drive * self.duration[:, None, None] / size[:, :, None]
-        cosine = m + 1 + 2 * np.arange(self.turn.shape[1])
-        whole[:, cosine, cosine + 1], whole[:, cosine + 1, cosine] = -self.turn, self.turn
-        return whole, size
 
     def _propagators(self, fractions: Array) -> Iterator[tuple[Array, Array]]:
         """(P, F) over parts of the interval, x -> P x + F z."""
-        if self.eigen is not None:
+        states, at = self.points.equation.states, self.points.at
+        if (eigen := states.each[self.state]) is not None:
             for part in fractions:
                 heed()
-                yield self.eigen.propagators(self.points.at, part * self.duration, self.drive, part * self.turn)
+                yield eigen.propagators(at, part * self.duration, self.drive, part * self.turn)
             return
-        generator, size = self._generator
-        m, count = self.a.shape[-1], max(1, ENTRIES // generator.size)
+        size, duration = _size(self.drive)[:, :, None], self.duration[:, None, None]
+        generator = augmented(states.generators[self.state, at] * duration, self.drive * duration / size, self.turn)
+        m, count = self.drive.shape[1], max(1, ENTRIES // generator.size)
         for i in range(0, len(fractions), count):
             heed()
             some = fractions[i : i + count, None, None, None] * generator
             for e in expm(some.reshape(-1, *some.shape[2:])).reshape(some.shape):
-                yield e[:, :m, :m], e[:, :m, m:] * size[:, :, None]
+                yield e[:, :m, :m], e[:, :m, m:] * size
 
     def across(self) -> Map:
         """The map over the whole interval."""
@@ -228,7 +187,7 @@ class Stepped:
         These are the forces without and with the factor Omega. tau: ``(3 S, r)``, three nodes a step.
         """
         points, m = self.points, self.points.basis.size
-        a, constant, rates = points.inputs(points.values(tau))
+        a, constant, rates = points.equation.inputs(points.equation.values(tau))
         z = points.excitation.z(tau)
         whole = np.zeros((*tau.shape, m + 2, m + 2))
         whole[:, :, :m, :m] = a
@@ -239,8 +198,7 @@ class Stepped:
         whole[..., :m, m:] /= size[..., None, None]
         coefficients = magnus.polynomial(whole)[:, points.at]
         length = width[:, None] * (self.end - self.begin)[points.at] * points.period
-        powers = length[..., None] ** np.arange(1, 6)
-        return np.einsum("skp,skpij->skij", powers, coefficients), size[:, points.at]
+        return magnus.exponent(coefficients, length), size[:, points.at]
 
 
 def _size(drive: Array) -> Array:
@@ -255,10 +213,5 @@ Interval = Exact | Stepped
 def intervals(points: SteadyPoints) -> Iterator[Interval]:
     """All intervals of a common period that are not empty in every row."""
     kind = Exact if points.excitation.exact else Stepped
-    for q in occupied(points):
-        yield kind(points, q)
-
-
-def occupied(points: SteadyPoints) -> list[int]:
-    """The intervals that some row has."""
-    return [int(q) for q in np.flatnonzero(np.any(np.diff(points.edges, axis=1) > 0, axis=0))]
+    for q in points.equation.occupied:
+        yield kind(points, int(q))

@@ -11,14 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gearstab.propagation.equation import INSIDE
 from gearstab.propagation.intervals import SteadyPoints
 from gearstab.system import Array
 
 RELATIVE = 1e-11
 """Error of a step as a part of the state. That of 20 periods of 41 intervals, m = 72, is 2e-12."""
-INSIDE = 1e-9
-"""How near to its edges an interval is looked at, as a part of its width: functions may jump there."""
-
 
 DEGREES = (16, 32, 64)
 """Of polynomials that may stand for what varies in an interval, each tried where the one before is not enough."""
@@ -67,7 +65,7 @@ class _Momentary:
         begin, end = points.edges[0, self.q : self.q + 2]
         tau = begin + (end - begin) * np.clip(fractions, INSIDE, 1.0 - INSIDE)
         values = drive.varying(tau[None])[0]
-        constant, rates = points.forces(values[:, None])
+        constant, rates = points.equation.forces(values[:, None])
         force = (constant[:, 0] + points.omega[0] * rates[0]) @ drive.z(tau)[..., None]
         return np.concatenate([np.ones((len(tau), 1)), drive.split(values)[1], force[..., 0]], axis=1)
 

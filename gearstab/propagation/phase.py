@@ -17,17 +17,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
 from math import ceil
 
 import numpy as np
 
 from gearstab.interrupts import heed
 from gearstab.propagation import magnus
-from gearstab.propagation.excitation import Excitation
-from gearstab.propagation.first_order import FirstOrder
+from gearstab.propagation.equation import Equation
 from gearstab.propagation.path import Path
-from gearstab.propagation.segment import Eigen, diagonalised, divided_exponential
+from gearstab.propagation.segment import Eigen, divided_exponential
 from gearstab.system import Array
 
 QUADRATURE_REACH, MAGNUS_REACH = 0.5, 0.25
@@ -39,30 +37,6 @@ STEPS_AT_ONCE = 1 << 14
 """Steps that are prepared together."""
 ENTRIES = 1 << 17
 """Entries of the matrices of steps that are treated together."""
-
-
-@dataclass(frozen=True)
-class States:
-    """What varies in the intervals between edges: distinct values, which of them each interval has, eigenvectors of A.
-
-    values: ``(S, J)``. of: ``(intervals,)``. generators: ``(S, m, m)``. eigen: None where they are nearly parallel.
-    """
-
-    values: Array
-    of: Array
-    generators: Array
-    eigen: Eigen | None
-
-    def exponentials(self, which: Array, duration: Array) -> Array:
-        """Return exp(A t) ``(X, m, m)`` of states and durations ``(X,)``."""
-        found = np.empty((len(which), *self.generators.shape[1:]))
-        for state in np.unique(which):
-            own = which == state
-            if self.eigen is None:
-                found[own] = magnus.expm(self.generators[state] * duration[own, None, None])
-            else:
-                found[own] = self.eigen.exponentials(int(state), duration[own])
-        return found
 
 
 @dataclass(frozen=True)
@@ -79,14 +53,8 @@ class Steps:
 
 
 @dataclass(frozen=True)
-class PhaseEquation:
-    """The equation of one row whose coefficients depend on the phase of the first mesh and on its speed.
-
-    first_order, drive: of that row.
-    """
-
-    first_order: FirstOrder
-    drive: Excitation
+class PhaseEquation(Equation):
+    """The equation of a single row along paths of the mesh frequency."""
 
     @property
     def period(self) -> float:
@@ -94,60 +62,46 @@ class PhaseEquation:
         return 2 * np.pi * self.drive.cycles
 
     @property
+    def rate(self) -> float:
+        """The unit of 1/time of the first-order form."""
+        return float(self.form.rate[0])
+
+    @property
     def turns(self) -> float:
         """Cycles of the fastest harmonic of b in a common period, 0 where b is constant while A is."""
         return float(max(self.drive.harmonics, default=0.0))
 
-    def push(self, values: Array, part: Array, speed: Array) -> Array:
-        """b ``(X, m)`` for what varies ``(X, J)``, at parts of the common period and speeds ``(X,)``."""
-        force = self.drive.force(values[:, None])[:, 0] + speed[:, None, None] * self.drive.force_of_rates[0]
-        return np.asarray(np.einsum("mn,xnl,xl->xm", self.first_order.inlet[0], force, self.drive.z(part)))
-
-    @property
-    def rate(self) -> float:
-        """The unit of 1/time of the first-order form."""
-        return float(self.first_order.rate[0])
-
     @property
     def exact(self) -> bool:
         """Whether A is constant between edges, whatever the path."""
-        return self.drive.exact and self.first_order.by_speed is None
+        return self.drive.exact and self.form.by_speed is None
 
-    @cached_property
-    def edges(self) -> Array:
-        """Edges of the intervals that there are, from 0 to 1."""
-        edges = self.drive.schedule.edges[0]
-        return np.append(edges[:-1][np.diff(edges) > 0], 1.0)
-
-    def values(self, part: Array) -> Array:
+    def along(self, part: Array) -> Array:
         """``(X, J)``, what varies at parts of the common period."""
-        return self.drive.varying(part[None])[0]
+        return self.values(part[:, None])[:, 0]
 
     def generators(self, values: Array, speed: Array | float) -> Array:
         """A ``(X, m, m)`` for what varies ``(X, J)`` at speeds ``(X,)``."""
-        return self.first_order.generator(values[:, None], np.asarray(speed)[..., None])[:, 0]
+        return self.form.generator(values[:, None], np.asarray(speed)[..., None])[:, 0]
 
-    @cached_property
-    def states(self) -> States:
-        """The states of intervals in which all is constant."""
-        middles = self.values(0.5 * (self.edges[1:] + self.edges[:-1]))
-        values, of = np.unique(middles, axis=0, return_inverse=True)
-        generators = self.generators(values, 0.0)
-        return States(values, np.ravel(of), generators, diagonalised(generators))
+    def push(self, values: Array, part: Array, speed: Array) -> Array:
+        """b ``(X, m)`` for what varies ``(X, J)``, at parts of the common period and speeds ``(X,)``."""
+        force = self.drive.force(values[:, None])[:, 0] + speed[:, None, None] * self.drive.force_of_rates[0]
+        return np.asarray(np.einsum("mn,xnl,xl->xm", self.form.inlet[0], force, self.drive.z(part)))
 
     def longest_step(self, path: Path) -> float:
         """Return the longest step, in time; infinite where none is too long."""
         if self.exact and not self.turns:
             return np.inf
-        generators = self.generators(self.values(PROBES), path.range[1])
+        generators = self.generators(self.along(PROBES), path.range[1])
         own = self.rate * np.abs(np.linalg.eigvals(generators)).max(initial=0.0)
-        waves = 0 if self.drive.exact else 4 * max(source.cycles for source in self.drive.schedule.found)
+        waves = 0 if self.drive.exact else 4 * max(source.cycles for source in self.drive.schedule.functions.found)
         forced = max(self.turns, waves) * path.range[1] / self.drive.cycles
         return float((QUADRATURE_REACH if self.exact else MAGNUS_REACH) / (own + forced))
 
     def magnus_maps(self, path: Path, begin: Array, duration: Array, part: Array) -> Iterator[tuple[Array, Array]]:
         """Yield P ``(m, m)`` and p ``(m,)`` of the maps x -> P x + p of steps, as :class:`Steps` has them."""
-        m, extra = self.first_order.size, int(self.drive.acts)
+        m, extra = self.form.size, int(self.drive.acts)
         at_once = max(1, ENTRIES // (8 * (m + extra) ** 2))
         for i in range(0, len(begin), at_once):
             heed()
@@ -157,7 +111,7 @@ class PhaseEquation:
             middle = path.phase_at(begin[some] + 0.5 * duration[some]) / self.period
             # Within the interval, so that values on its ends are those of its inside.
             inside = np.clip(turned - np.repeat(np.floor(middle), 3), 0.0, 1.0)
-            values = self.values(np.repeat(part[some], 3) if self.drive.exact else inside)
+            values = self.along(np.repeat(part[some], 3) if self.drive.exact else inside)
             a, size = np.zeros((len(nodes), m + extra, m + extra)), 1.0
             a[:, :m, :m] = self.generators(values, speed)
             if extra:
@@ -186,14 +140,14 @@ class PhaseEquation:
         longest = self.longest_step(path)
         ends = path.phase_at(time) / self.period
         # So many samples at once that there are about STEPS_AT_ONCE steps.
-        jumps = (len(self.edges) - 1) * (ends[-1] - ends[0]) / max(1, len(time) - 1)
+        jumps = (len(self.borders) - 1) * (ends[-1] - ends[0]) / max(1, len(time) - 1)
         finer = ceil((time[1] - time[0]) / longest) if len(time) > 1 else 1
         some = max(1, int(STEPS_AT_ONCE / (finer + jumps + 1)))
         for first in range(0, len(time) - 1, some):
             own = time[first : first + some + 1]
             low, high = ends[first], ends[first + len(own) - 1]
             turn = np.arange(np.floor(low), np.ceil(high) + 1)
-            jump = (turn[:, None] + self.edges[:-1]).ravel()
+            jump = (turn[:, None] + self.borders[:-1]).ravel()
             jump = jump[(jump > low) & (jump < high)]
             moments = path.moment(jump * self.period)
             knots = np.concatenate([own, np.clip(moments, own[0], own[-1])])
@@ -218,11 +172,13 @@ class PhaseEquation:
         """Return the same where A is constant in every step."""
         eigen = self.states.eigen
         assert eigen is not None
-        place = np.clip(np.searchsorted(self.edges, steps.part, side="right") - 1, 0, len(self.edges) - 2)
+        eigen = Eigen(*(part[:, 0] for part in (eigen.values, eigen.vectors, eigen.inverse)))
+        place = np.clip(np.searchsorted(self.borders, steps.part, side="right") - 1, 0, len(self.borders) - 2)
+        place = self.occupied[place]
         state = self.states.of[place]
         duration = steps.duration * self.rate
         growth = eigen.values[state] * duration[:, None]
-        push = self._pushes(path, steps, state, growth)
+        push = self._pushes(path, steps, place, growth, eigen)
         factor = np.exp(growth)
         result = np.empty((len(state), len(x)))
         runs = np.flatnonzero(np.diff(state, prepend=-1))
@@ -236,27 +192,27 @@ class PhaseEquation:
             x = result[last - 1]
         return result
 
-    def _pushes(self, path: Path, steps: Steps, state: Array, growth: Array) -> Array:
+    def _pushes(self, path: Path, steps: Steps, place: Array, growth: Array, eigen: Eigen) -> Array:
         """What b adds to y in every step, ``(S, m)``."""
         if not self.drive.acts:
             return np.zeros_like(growth)
-        duration, values = (steps.duration * self.rate)[:, None], self.states.values[state]
+        duration, values = (steps.duration * self.rate)[:, None], self.middles[place, 0]
         result = np.zeros(growth.shape, dtype=complex)
         for node, weight in zip(NODES, WEIGHTS, strict=True) if self.turns else ((0.0, 1.0),):
             time = steps.begin + node * steps.duration
             push = self.push(values, path.phase_at(time) / self.period, path.speed_at(time))
             factor = np.exp((1 - node) * growth) if self.turns else divided_exponential(growth, np.zeros_like(growth))
-            result += weight * duration * factor * self._modal(state, push)
+            result += weight * duration * factor * _modal(eigen, self.states.of[place], push)
         return result
 
-    def _modal(self, state: Array, push: Array) -> Array:
-        """A push ``(S, m)`` on x as one on y, state by state: the matrices of all steps would take a gigabyte."""
-        assert self.states.eigen is not None
-        found = np.empty(push.shape, dtype=complex)
-        order = np.argsort(state, kind="stable")
-        for own in np.split(order, np.flatnonzero(np.diff(state[order])) + 1):
-            found[own] = push[own] @ self.states.eigen.inverse[state[own[0]]].T
-        return found
+
+def _modal(eigen: Eigen, state: Array, push: Array) -> Array:
+    """A push ``(S, m)`` on x as one on y, state by state: the matrices of all steps would take a gigabyte."""
+    found = np.empty(push.shape, dtype=complex)
+    order = np.argsort(state, kind="stable")
+    for own in np.split(order, np.flatnonzero(np.diff(state[order])) + 1):
+        found[own] = push[own] @ eigen.inverse[state[own[0]]].T
+    return found
 
 
 def divided(knots: Array, longest: float) -> tuple[Array, Array, Array]:

@@ -12,9 +12,11 @@ a difference quotient that is evaluated without cancellation, at resonance too. 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
+from gearstab.propagation.magnus import expm
 from gearstab.system import Array
 
 ILL_CONDITIONED = 1e4
@@ -73,6 +75,51 @@ def diagonalised(generators: Array) -> Eigen | None:
         return None
     vectors = vectors.astype(complex)
     return Eigen(values.astype(complex), vectors, np.linalg.inv(vectors))
+
+
+@dataclass(frozen=True)
+class States:
+    """Distinct generators ``(D, r, m, m)`` of A, and which of them each interval between edges has, ``of (Q,)``."""
+
+    of: Array
+    generators: Array
+
+    @cached_property
+    def each(self) -> list[Eigen | None]:
+        """The eigenvectors of every state, None where those of a row are too nearly parallel."""
+        return [diagonalised(generators) for generators in self.generators]
+
+    @cached_property
+    def eigen(self) -> Eigen | None:
+        """The eigenvectors of all states, ``(D, r, ...)``; None where a state has none."""
+        known = [eigen for eigen in self.each if eigen is not None]
+        if len(known) < len(self.each):
+            return None
+        return Eigen(*(np.stack([getattr(eigen, n) for eigen in known]) for n in ("values", "vectors", "inverse")))
+
+    def exponentials(self, which: Array, duration: Array) -> Array:
+        """Return exp(A t) ``(X, m, m)`` of states of a single row for durations ``(X,)``."""
+        found = np.empty((len(which), *self.generators.shape[2:]))
+        for state in np.unique(which):
+            own, eigen = which == state, self.each[state]
+            if eigen is None:
+                found[own] = expm(self.generators[state] * duration[own, None, None])
+            else:
+                found[own] = eigen.exponentials(0, duration[own])
+        return found
+
+
+def augmented(a: Array, b: Array, turn: Array) -> Array:
+    """[[A, B], [0, R]] ``(..., m + L, m + L)``: x' = A x + B z, z' = R z with the harmonics z = (1, cos, sin, ...).
+
+    a: ``(..., m, m)``. b: ``(..., m, L)``. turn: ``(..., H)``, radians by which the harmonics turn in a unit of time.
+    """
+    m, width = b.shape[-2:]
+    whole = np.zeros((*b.shape[:-2], m + width, m + width))
+    whole[..., :m, :m], whole[..., :m, m:] = a, b
+    cosine = m + 1 + 2 * np.arange(turn.shape[-1])
+    whole[..., cosine, cosine + 1], whole[..., cosine + 1, cosine] = -turn, turn
+    return whole
 
 
 def divided_exponential(a: Array, b: Array) -> Array:

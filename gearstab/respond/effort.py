@@ -7,7 +7,6 @@ from math import ceil, tau
 import numpy as np
 
 from gearstab.modal import mean_modes
-from gearstab.propagation.intervals import occupied
 from gearstab.propagation.path import Path
 from gearstab.response.backlash.dynamics import REACH
 from gearstab.response.linear.driven import FEW, MAPS, driven
@@ -75,7 +74,7 @@ def linear_motion(
     samples: in a cycle of the first mesh. teeth: number of meshes whose force is shared out among teeth.
     """
     motion = driven(system, mesh_frequency)
-    drive, m, intervals = motion.drive, motion.basis.size, len(occupied(motion.points))
+    drive, m, intervals = motion.drive, motion.basis.size, len(motion.points.equation.occupied)
     grid = drive.counts[0] * samples
     every = duration / motion.period * grid + 1
     periods = max(1, ceil((every - 1) / grid * (1 - 1e-12)))
@@ -102,7 +101,7 @@ def linear_motion(
 def run_up(system: GearSystem, path: Path, samples: float) -> str | None:
     """The same of a run-up or coast-down along a path of the mesh frequency."""
     equation = equation_of(system)
-    m, jumps = equation.first_order.size, float(path.phase[-1]) / equation.period * (len(equation.edges) - 1)
+    m, jumps = equation.form.size, float(path.phase[-1]) / equation.period * (len(equation.borders) - 1)
     steps = samples + jumps + float(path.time[-1]) / equation.longest_step(path)
     each = RAMP_SQUARE * m**2 if equation.exact else RAMP_CUBE * (m + 1) ** 3
     return said(steps * (RAMP + each), f"{steps:,.0f} steps from sample to sample and from jump to jump")

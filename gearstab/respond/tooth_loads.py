@@ -46,5 +46,5 @@ def teeth(config: Config) -> list[LoadedTeeth]:
     from gearstab.systems import train_of
 
     train = train_of(config.parameters)
-    meshes = [] if train is None else train.teeth_of_meshes
-    return [LoadedTeeth(mesh.pairs[0], mesh.models[0], tuple(mesh.p["gears"])) for mesh in meshes]
+    meshes = [] if train is None else train.meshes
+    return [LoadedTeeth(mesh.teeth.pairs[0], mesh.teeth.models[0], mesh.gears) for mesh in meshes]

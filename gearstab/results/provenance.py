@@ -15,7 +15,7 @@ from gearstab.modal import Modes
 from gearstab.results.display import RATIOS
 from gearstab.results.tree import Group, fields_of
 from gearstab.results.units import in_units_of
-from gearstab.results.variables import DEFLECTION_TYPE, MODES, Variable, with_terms
+from gearstab.results.variables import DEFLECTION_TYPE, MODES, MODES_WITH_TERMS, Variable
 from gearstab.symmetry import deflection_types, natural_modes, type_names
 from gearstab.system import Array, GearSystem
 from gearstab.version import __version__
@@ -68,7 +68,7 @@ def root_attributes(command: str, config: Origin) -> dict[str, Any]:
 def modes_group(system: GearSystem) -> Group:
     """The group ``/modes`` of a single system."""
     modes = natural_modes(system)
-    table: tuple[Variable, ...] = with_terms(MODES) if system.terms else MODES
+    table: tuple[Variable, ...] = MODES_WITH_TERMS if system.terms else MODES
     values = {
         "mode": np.arange(1, system.size + 1),
         "dof": coordinate_names(system),

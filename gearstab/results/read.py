@@ -6,7 +6,6 @@ import io
 import os
 import stat
 import time
-import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import lru_cache
@@ -54,9 +53,7 @@ def open_result(path: str | Path, chunks: Mapping[str, int] | Literal["auto"] | 
     import xarray as xr
 
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of xarray and h5netcdf, on a file that a user did not write
-            return xr.open_datatree(path, engine="h5netcdf", driver_kwds={"locking": False}, chunks=chunks)
+        return xr.open_datatree(path, engine="h5netcdf", driver_kwds={"locking": False}, chunks=chunks)
     except Exception as error:
         raise ResultError(f"{path}: cannot be read as a result: {one_line(error)}") from error
 

@@ -2,36 +2,49 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+import time
+from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING
 
 from gearstab.sweep.effort.words import quantity
 from gearstab.sweep.reporter import Reporter
 
 if TYPE_CHECKING:
+    from rich.console import RenderableType
     from rich.progress import Progress, TaskID
 
 
 class Bar(Reporter):
     """A bar per method: points, points per second, time taken and left, unstable share. say: shows a message.
 
-    Until the first block is done nothing tells how far it is; then the bar runs to and fro.
+    Within a block it goes on with the speed so far, or with that of the forecast; where neither is known it runs to and
+    fro.
     """
 
     def __init__(self, say: Callable[[str], None]) -> None:
         self._say = say
         self._progress: Progress | None = None
         self._task: TaskID | None = None
-        self._points = self._unstable = self._known = self._total = 0
+        self._points = self._unstable = self._known = self._total = self._together = 0
+        self._speed, self._since = 0.0, 0.0
 
     def message(self, text: str) -> None:
         self._say(text)
 
-    def begin(self, method: str, points: int, done: int) -> None:
-        progress = self._progress = self._progress or bar()
+    def begin(self, method: str, points: int, done: int, seconds: float | None, together: int) -> None:
+        progress = self._progress = self._progress or bar(self._ahead)
+        self._points, self._unstable, self._known, self._total, self._together = 0, 0, done, points, together
+        self._speed, self._since = (points - done) / seconds if seconds else 0.0, time.monotonic()
+        total = points if done or seconds else None
+        self._task = progress.add_task(method, total=total, completed=done, speed="", unstable="")
         progress.start()
-        self._task = progress.add_task(method, total=points if done else None, completed=done, speed="", unstable="")
-        self._points, self._unstable, self._known, self._total = 0, 0, done, points
+
+    def _ahead(self) -> float:
+        """The points that are done, by the speed: never quite those that come together next."""
+        left = min(self._together, self._total - self._known)
+        passed = self._speed * (time.monotonic() - self._since)
+        return self._known + (left * -math.expm1(-passed / left) if left else 0.0)
 
     def advance(self, points: int, unstable: int, failed: int) -> None:
         if self._progress is None or self._task is None:
@@ -42,16 +55,22 @@ class Bar(Reporter):
         task = next(t for t in self._progress.tasks if t.id == self._task)
         speed = f"{quantity(self._points / task.elapsed)} points/s" if task.elapsed and self._points else ""
         share = f"{100 * self._unstable / self._known:.1f} % unstable" if self._unstable else ""
-        total = self._total if self._known else None
-        self._progress.update(self._task, total=total, advance=points, speed=speed, unstable=share)
+        total = self._total if self._known or self._speed else None
+        if points and task.elapsed:
+            self._speed = self._points / task.elapsed
+        self._since = time.monotonic()
+        self._progress.update(self._task, total=total, completed=self._known, speed=speed, unstable=share)
 
     def end(self) -> None:
         if self._progress is not None:
             self._progress.stop()
 
 
-def bar(disable: bool = False) -> Progress:
-    """The columns of the bar; rich itself heeds NO_COLOR and the width of the terminal."""
+def bar(ahead: Callable[[], float] = lambda: 0.0, disable: bool = False) -> Progress:
+    """The columns of the bar; rich itself heeds NO_COLOR and the width of the terminal.
+
+    ahead: how far the last task is at any moment.
+    """
     from rich.console import Console
     from rich.progress import (
         BarColumn,
@@ -62,6 +81,14 @@ def bar(disable: bool = False) -> Progress:
         TimeRemainingColumn,
     )
 
+    class Going(Progress):
+        """A bar whose last task goes on whenever it is drawn."""
+
+        def get_renderables(self) -> Iterable[RenderableType]:
+            if self.tasks and not (last := self.tasks[-1]).finished and last.total is not None:
+                self.update(last.id, completed=max(ahead(), last.completed))
+            yield from super().get_renderables()
+
     columns = [TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TextColumn("{task.fields[speed]}")]
     more = [TimeElapsedColumn(), TimeRemainingColumn(), TextColumn("{task.fields[unstable]}")]
-    return Progress(*columns, *more, console=Console(stderr=True), transient=True, disable=disable)
+    return Going(*columns, *more, console=Console(stderr=True), transient=True, disable=disable)

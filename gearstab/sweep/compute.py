@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,7 +30,7 @@ def compute(plan: Plan, block: GridBlock, taken: Outcome | None = None) -> Finis
     outcomes = []
     for wanted, part in still_wanted(known, plan.inner(layout), count, len(columns)):
         own = {name: index[wanted] for name, index in rows.items()}
-        for members in alike(plan.row_axes, own, len(wanted)):
+        for members in grouped(plan, layout, own, len(wanted)):
             chosen = {name: index[members] for name, index in own.items()}
             outcome = run_rows(plan, layout, chosen, len(members), columns[part])
             outcomes.append(Piece(wanted[members], part, outcome))
@@ -101,17 +101,23 @@ def selection(plan: Plan, layout: Layout, block: GridBlock) -> tuple[dict[str, A
     return {name: index.ravel() for name, index in zip(names, indices, strict=True)}, columns
 
 
+def grouped(plan: Plan, layout: Layout, rows: dict[str, Array], count: int) -> Iterable[Array]:
+    """Positions of rows that are computed as one batch: those of one structure, or each alone."""
+    return np.arange(count)[:, None] if layout.method.singly else alike(plan.row_axes, rows, count)
+
+
 def run_rows(plan: Plan, layout: Layout, rows: dict[str, Array], count: int, columns: Array) -> Outcome:
     """Run a method on rows of one structure."""
-    if layout.method.singly:
-        return run_singly(plan, layout, rows, count, columns)
     if isinstance(layout.method, SampledMethod):
         return run_sampled(plan, layout.method, rows, count, columns)
-    system = build(parameters_at(plan.config, varied(rows)))
+    one = layout.method.singly
+    system = build(parameters_at(plan.config, {k: index[0] for k, index in rows.items()} if one else varied(rows)))
     frequency = np.zeros(0)
     if layout.method.frequency == POINTS:
         frequency = plan.mesh_frequency(rows, columns)
-        if frequency.ndim == 2 and system.batch != (count,):
+        if one:
+            frequency = np.ravel(frequency)
+        elif frequency.ndim == 2 and system.batch != (count,):
             # Nothing but the mesh frequency differs from row to row.
             system = system.over((count,))
     elif layout.method.frequency == RANGE:
@@ -122,17 +128,6 @@ def run_rows(plan: Plan, layout: Layout, rows: dict[str, Array], count: int, col
 def varied(rows: Mapping[str, Array]) -> dict[str, Array]:
     """The same rows with one index for all where they do not differ: what depends on it only is then computed once."""
     return {name: index[0] if len(index) > 1 and (index == index[0]).all() else index for name, index in rows.items()}
-
-
-def run_singly(plan: Plan, layout: Layout, rows: dict[str, Array], count: int, columns: Array) -> Outcome:
-    """The same, one system at a time."""
-    outcomes = []
-    for k in range(count):
-        one = {name: index[k : k + 1] for name, index in rows.items()}
-        system = build(parameters_at(plan.config, {name: index[0] for name, index in one.items()}))
-        frequency = np.ravel(plan.mesh_frequency(one, columns))
-        outcomes.append(layout.method.of(system).run(frequency).values)
-    return Outcome({name: np.concatenate([values[name] for values in outcomes]) for name in outcomes[0]})
 
 
 def joined(

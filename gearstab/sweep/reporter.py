@@ -9,8 +9,11 @@ class Reporter:
     def message(self, text: str) -> None:
         """Something the user should know, one line."""
 
-    def begin(self, method: str, points: int, done: int) -> None:
-        """A method starts; ``done`` of its points are there already."""
+    def begin(self, method: str, points: int, done: int, seconds: float | None, together: int) -> None:
+        """A method starts; ``done`` of its points are there already.
+
+        seconds: what the others will take, None where that is not known; together: how many come at once.
+        """
 
     def advance(self, points: int, unstable: int, failed: int) -> None:
         """Further points are there, of which so many are unstable and could not be computed."""

@@ -8,15 +8,18 @@ from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import partial
+from math import prod
 from pathlib import Path
 from tempfile import TemporaryDirectory
+
+import numpy as np
 
 from gearstab import ckernel, interrupts
 from gearstab.errors import Interrupted, OutputError, SweepError, listed
 from gearstab.results.guard import SWEEP, result_of
 from gearstab.results.output import free_bytes, prepare
 from gearstab.results.write import image, rewrite_attributes
-from gearstab.sweep.effort.estimate import long_runs
+from gearstab.sweep.effort.estimate import Estimate, long_runs
 from gearstab.sweep.effort.words import octets
 from gearstab.sweep.plan import Layout, Plan
 from gearstab.sweep.pool import Executor, Failure, run_blocks
@@ -30,14 +33,30 @@ MOST_FAILURES = 10
 
 
 @dataclass(frozen=True)
+class RegionSearches:
+    """What searches for all regions of systems rest on.
+
+    step: largest distance of samples in what is neither proved nor counted, relative; 0 where everything is. coarse:
+    systems that were sampled there in equal steps only. proved, counted: shares of the stable mesh frequencies that are
+    proved stable, and that are searched by counting only, means of all rows; None where no method tells, or nothing is
+    stable.
+    """
+
+    systems: int
+    step: float
+    coarse: int
+    proved: float | None = None
+    counted: float | None = None
+
+
+@dataclass(frozen=True)
 class Summary:
     """What a sweep did.
 
     points: of the grid. blocks, reused: blocks of all methods, and how many of them an earlier run had finished.
     unstable, failed: points that are unstable (None without a method that tells), and that could not be computed.
     flags: by method, how many points carry each flag of ``status``. complete: whether the result was there already.
-    proved, counted: shares of the stable mesh frequencies that are proved stable, and
-    that are searched by counting only, means of all rows; None without boundaries, or where nothing is stable.
+    searches: by method, what its searches for regions rest on.
     """
 
     points: int
@@ -47,8 +66,7 @@ class Summary:
     failed: int = 0
     flags: Mapping[str, Mapping[str, int]] = field(default_factory=dict)
     complete: bool = False
-    proved: float | None = None
-    counted: float | None = None
+    searches: Mapping[str, RegionSearches] = field(default_factory=dict)
 
 
 def run(
@@ -60,6 +78,7 @@ def run(
     progress: Reporter | None = None,
     most_failures: int | None = MOST_FAILURES,
     scheduler: str | None = None,
+    forecast: Estimate | None = None,
 ) -> Summary:
     """Compute a plan and write the result file ``out``, which has its name only when it is complete.
 
@@ -69,7 +88,8 @@ def run(
 
     jobs: threads or processes, default one per processor. most_failures: after so many failed blocks nothing further
     is computed; None: whatever fails, all other blocks are computed and kept. scheduler: the address of a Dask
-    scheduler, whose workers then compute, or ``local`` for a new one with ``jobs`` workers.
+    scheduler, whose workers then compute, or ``local`` for a new one with ``jobs`` workers. forecast: what it will
+    take, where that is known.
 
     Raises OutputError, before anything is computed, if ``out`` holds something else (the result of another
     configuration is replaced with ``overwrite``), or if it cannot be written; SweepError if the disk is full, a block
@@ -98,9 +118,7 @@ def run(
             reporter.message(f"going on with {kept} that are finished in {folder.every}")
         elif resume:
             reporter.message("no finished blocks found: starting from the beginning")
-        for text in long_runs(plan, jobs):
-            reporter.message(f"warning: {text}")
-        work = Work(plan, store, jobs or ckernel.threads(), reporter, most_failures, scheduler)
+        work = Work(plan, store, jobs or ckernel.threads(), reporter, most_failures, scheduler, forecast)
         return _run(work, out, before)
 
 
@@ -122,7 +140,8 @@ def _remove_parts(plan: Plan, folder: PartFolder) -> None:
 class Work:
     """What a sweep computes, where it keeps that, who computes it, whom it tells, and how many failures it bears.
 
-    jobs: threads or processes. scheduler: where the workers are, None for this process and its pool.
+    jobs: threads or processes. scheduler: where the workers are, None for this process and its pool. forecast: what it
+    will take, None of a sweep that is plainly small.
     """
 
     plan: Plan
@@ -131,6 +150,7 @@ class Work:
     reporter: Reporter
     most_failures: int | None = MOST_FAILURES
     scheduler: str | None = None
+    forecast: Estimate | None = None
 
     @contextmanager
     def executor(self) -> Iterator[Executor]:
@@ -163,7 +183,11 @@ def _run(work: Work, out: Path, before: earlier.Identity | None) -> Summary:
 
 
 def run_in_memory(
-    plan: Plan, jobs: int | None = None, progress: Reporter | None = None, said: Mapping[str, str] | None = None
+    plan: Plan,
+    jobs: int | None = None,
+    progress: Reporter | None = None,
+    said: Mapping[str, str] | None = None,
+    forecast: Estimate | None = None,
 ) -> memoryview:
     """Compute a plan and return the bytes of its result file; finished blocks wait in a temporary folder meanwhile.
 
@@ -174,9 +198,7 @@ def run_in_memory(
     with TemporaryDirectory(prefix="gearstab-") as folder:
         parts = PartFolder(Path(folder) / "result.h5", plan.digest)
         with closing(Store(plan, parts, kept=False)) as store:
-            for text in long_runs(plan, jobs):
-                reporter.message(f"warning: {text}")
-            _compute(Work(plan, store, jobs or ckernel.threads(), reporter))
+            _compute(Work(plan, store, jobs or ckernel.threads(), reporter, forecast=forecast))
             return image(merge.result_tree(store.finished, said or {}))
 
 
@@ -202,6 +224,8 @@ def _others(folder: PartFolder, others: list[Path]) -> str:
 def _compute(work: Work) -> None:
     """Compute what is missing; raises SweepError if something failed."""
     failures: list[Failure] = []
+    for text in long_runs(work.plan, work.forecast) if work.forecast else ():
+        work.reporter.message(f"warning: {text}")
     try:
         with work.executor() as executor:
             for layout in work.plan.layouts:
@@ -218,7 +242,9 @@ def _compute_method(work: Work, layout: Layout, executor: Executor, failures: li
     """Compute what is missing of a method; ``failures`` gets the blocks that fail."""
     store, reporter = work.store, work.reporter
     missing, there = store.finished.missing(layout), store.finished.of(layout)
-    reporter.begin(layout.method.name, layout.points, sum(part.points for part in there))
+    done = sum(part.points for part in there)
+    seconds = None if work.forecast is None else work.forecast.left(layout.method.name, layout.points - done)
+    reporter.begin(layout.method.name, layout.points, done, seconds, prod(layout.chunk) * work.jobs)
     reporter.advance(0, sum(part.unstable for part in there), sum(part.failed for part in there))
     with closing(executor(work.plan, missing, store, reporter)) as results:
         for result in results:
@@ -304,5 +330,13 @@ def _summary(finished: Finished, reused: int) -> Summary:
     return Summary(
         plan.points, plan.blocks, reused, sum(block.unstable for block in tells) if tells else None,
         sum(block.failed for block in tells), {layout.method.name: finished.flags(layout) for layout in plan.layouts},
-        False, finished.mean("proved_share"), finished.mean("counted_share"),
+        False,
+        {layout.method.name: _searches(finished, layout) for layout in plan.layouts if layout.gives("sampled_step")},
     )  # fmt: skip
+
+
+def _searches(finished: Finished, layout: Layout) -> RegionSearches:
+    step, coarse = (finished.rows(layout, name) for name in ("sampled_step", "coarse"))
+    known = (finished.rows(layout, name) for name in ("proved_share", "counted_share") if layout.gives(name))
+    shares = (float(np.nanmean(own)) if np.isfinite(own).any() else None for own in known)
+    return RegionSearches(layout.method.once()[1] * len(step), float(step.max()), int(coarse.sum()), *shares)

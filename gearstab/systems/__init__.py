@@ -22,8 +22,8 @@ KINDS: LazyTable[type[System]] = LazyTable(
     {
         "gear_pair": "gearstab.systems.gear_pair:GearPair",
         "two_stage": "gearstab.systems.two_stage:TwoStage",
-        "planetary": "gearstab.systems.planetary:Planetary",
-        "gearbox": "gearstab.systems.gearbox:Gearbox",
+        "planetary": "gearstab.systems.planetary.sections:Planetary",
+        "gearbox": "gearstab.systems.gearbox.sections:Gearbox",
         "matrices": "gearstab.systems.matrices:Matrices",
     }
 )

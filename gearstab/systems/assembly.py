@@ -23,6 +23,15 @@ Row = Mapping[str, Any]
 """Entries by coordinate; numbers or arrays of batch shape."""
 
 
+def total(*rows: Row) -> dict[str, Any]:
+    """Return the sum of rows."""
+    found: dict[str, Any] = {}
+    for row in rows:
+        for name, value in row.items():
+            found[name] = found[name] + value if name in found else value
+    return found
+
+
 @dataclass(frozen=True)
 class Coordinates:
     """The coordinates of a system by name, each with its unit, m or rad."""

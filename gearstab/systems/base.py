@@ -123,6 +123,11 @@ class System(Section):
         return None
 
     @classmethod
+    def mesh_places(cls, raw: dict[str, Any]) -> Iterator[tuple[Path, dict[str, Any]]]:
+        """Yield the place of every mesh in the section, and the mesh."""
+        yield from ((("meshes", key), mesh) for key, mesh in items(raw.get("meshes")))
+
+    @classmethod
     def mesh_rule(cls, raw: dict[str, Any]) -> Callable[[Any], Iterator[Conflict]]:
         """Return what yields the contradictions in a mesh."""
         return cls.mesh_model.conflicts

@@ -7,7 +7,7 @@ are fixed in, the housing or a carrier. Epicyclic trains, loops and differential
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 
 from gearstab.errors import NotPossible
@@ -54,6 +54,11 @@ class MeshMotion:
         """Return the speed of a gear relative to the body that the mesh is fixed in."""
         return speeds[self.gears[gear]] - (speeds[self.fixed_in] if self.fixed_in else 0)
 
+    @property
+    def reversed(self) -> MeshMotion:
+        """The same with the other gear first."""
+        return replace(self, gears=self.gears[::-1], teeth=self.teeth[::-1])
+
     def frequency(self, speeds: Mapping[str, Fraction]) -> Fraction:
         """Return the mesh frequency, teeth times relative speed."""
         return Fraction(self.teeth[0] * abs(self.relative(speeds)))
@@ -88,11 +93,34 @@ def solve(bodies: Iterable[str], relations: Sequence[Relation]) -> dict[str, Fra
 
     Raises TrainError at the first relation that contradicts those before it, Undetermined where speeds stay open.
     """
+    names, (pivots, _) = list(bodies), _eliminated(relations)
+    if open_ := [body for body in names if body not in pivots or len(pivots[body][0]) > 1]:
+        raise Undetermined(open_)
+    return {body: pivots[body][1] for body in names}
+
+
+def reactions(
+    bodies: Iterable[str], relations: Sequence[Relation], torques: Mapping[str, Fraction]
+) -> dict[int, Fraction]:
+    """Return lambda_i by the number of a relation: it acts on body b with the torque lambda_i times its factor.
+
+    With the given torques all bodies are in equilibrium (virtual work). Relations that follow from others before them
+    carry nothing. Speeds must be determined.
+    """
+    _, independent = _eliminated(relations)
+    rows = []
+    for body in bodies:
+        factors = {str(i): relations[i].factors.get(body, 0) for i in independent}
+        rows.append(Relation(factors, (), -torques.get(body, Fraction(0))))
+    return {int(number): value for number, value in solve(map(str, independent), rows).items()}
+
+
+def _eliminated(relations: Sequence[Relation]) -> tuple[dict[str, Row], list[int]]:
+    """The pivot row of each body, free of all other pivots, and the numbers of the relations that are independent."""
     pivots: dict[str, Row] = {}
+    independent = []
     for number, relation in enumerate(relations):
-        factors: dict[str, Fraction] = {}
-        for body, factor in relation.factors.items():
-            factors[body] = factors.get(body, Fraction(0)) + factor
+        factors = {body: Fraction(factor) for body, factor in relation.factors.items() if factor}
         row = (factors, Fraction(relation.value), frozenset((number,)))
         for body, pivot in pivots.items():
             row = _without(row, body, pivot)
@@ -100,13 +128,11 @@ def solve(bodies: Iterable[str], relations: Sequence[Relation]) -> dict[str, Fra
         if body is None and row[1]:
             raise _contradiction(relations, row)
         if body is not None:
+            independent.append(number)
             scale = row[0][body]
             row = ({name: factor / scale for name, factor in row[0].items()}, row[1] / scale, row[2])
             pivots = {other: _without(pivot, body, row) for other, pivot in pivots.items()} | {body: row}
-    names = list(bodies)
-    if open_ := [body for body in names if body not in pivots or len(pivots[body][0]) > 1]:
-        raise Undetermined(open_)
-    return {body: pivots[body][1] for body in names}
+    return pivots, independent
 
 
 def _without(row: Row, body: str, pivot: Row) -> Row:

@@ -110,6 +110,7 @@ def test_kinds(n: int, kind: str) -> None:
 
 
 def test_results_do_not_depend_on_threads_or_instructions(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(c_boundaries, "RUN", 6)
     epsilon = np.linspace(0.02, 0.5, 3 * c_boundaries.RUN + 5)
     ((pattern, first, last),) = patterns(train(tooth_ratio="3/5", epsilon=(epsilon, epsilon)), 0.7, 7.0)
     edges, reach = c_boundaries.edges(pattern, pattern, first, last, TOLERANCE, FLOOR, FLOOR, 1.0, limit=1)
@@ -151,12 +152,12 @@ def test_regions_do_not_depend_on_the_rows_before() -> None:
 @pytest.mark.parametrize("density", [0.12, 0.6, 1.3])
 def test_regions_do_not_depend_on_the_density_of_the_scan(density: float, monkeypatch: pytest.MonkeyPatch) -> None:
     """A tongue that a third multiplier overtakes may count for nothing: the search may not pass over its gaps."""
-    epsilon = np.linspace(0.02, 0.5, 26)
+    epsilon = np.linspace(0.02, 0.5, 9)
     item = train(contact_ratio=(1.5, 1.7), tooth_ratio="3/5", epsilon=(epsilon, epsilon))
     ((pattern, first, last),) = patterns(item, 0.35, 7.0)
     known = compiled.search(pattern, first, last, TOLERANCE, FLOOR).intervals
     monkeypatch.setattr(compiled, "DENSITY", density)
-    assert check(compiled.search(pattern, first, last, TOLERANCE, FLOOR).intervals, known, len(first)) > 4000
+    assert check(compiled.search(pattern, first, last, TOLERANCE, FLOOR).intervals, known, len(first)) > 1500
 
 
 @pytest.mark.parametrize("ratio", [1, "3/5", "5/7"])

@@ -83,7 +83,7 @@ def test_c1_keeps_its_numbers_once_resolved(tmp_path: Path) -> None:
     ("name", "words"),
     [
         ("a1_helical", "helical teeth are not modelled yet"),
-        ("c2_gearbox_without_carrier", "kind: planetary for a single stage, or kind: matrices for a train of stages"),
+        ("c2_gearbox_without_carrier", "add a shaft or a mesh to it, or a planetary set with it"),
     ],
 )
 def test_what_is_not_modelled_is_said_in_one_line(name: str, words: str) -> None:
@@ -96,8 +96,8 @@ def test_what_is_not_modelled_is_said_in_one_line(name: str, words: str) -> None
 @pytest.mark.parametrize(
     ("system", "words"),
     [
-        ("planets: 3", "take kind: planetary"),
-        ("carrier: {inertia: 2}", "take kind: planetary"),
+        ("planets: 3", "give planetary_sets"),
+        ("carrier: {inertia: 2}", "give planetary_sets"),
         ("helix_angle: 12 deg", "spur gears"),
         ("shaft_angle: 90 deg", "axes are parallel"),
         ("tip_relief: 20 um", "they are involutes"),

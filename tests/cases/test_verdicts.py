@@ -126,6 +126,12 @@ def test_natural_frequencies_of_a_system_with_terms_are_those_of_the_whole_mean_
     assert "damped natural frequencies" in [text.get_text() for text in artists["legend"].get_texts()]
 
 
+def test_nothing_is_said_of_stable_speeds_where_there_are_none(tmp_path: Path) -> None:
+    text = report(tmp_path, "d1b_negative_damping")
+    assert "The mean system is unstable by itself" in text
+    assert "neither proved nor counted" not in text
+
+
 def test_a_motion_belongs_to_the_mode_it_resembles() -> None:
     """A constant term that stiffens the slower coordinate beyond the faster one: w^2 of 1.1 and 4 become 9.1 and 4."""
     term = "{name: stiff, left: [1, 0], right: [1, 0], stiffness: {mean: 8.0}}"

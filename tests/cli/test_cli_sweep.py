@@ -138,7 +138,7 @@ def test_a_bar_is_drawn_on_a_terminal_only(monkeypatch: pytest.MonkeyPatch) -> N
 
 def test_the_bar_counts(capsys: pytest.CaptureFixture[str]) -> None:
     bar = Bar(tell)
-    bar.begin("floquet", 100, 40)
+    bar.begin("floquet", 100, 40, None, 20)
     bar.advance(0, 10, 0)
     bar.advance(60, 15, 0)
     assert bar._progress is not None

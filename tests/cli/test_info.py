@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import copy
 import json
 import re
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,11 +17,13 @@ from scenes import CONFIGS, CONFIGURATIONS, DATA
 from tongues import train
 
 from gearstab.cli import group
-from gearstab.config import load
+from gearstab.config import Config, load
 from gearstab.floquet import solve
 from gearstab.floquet.boundaries import boundaries
+from gearstab.info import configuration
 from gearstab.info.tables import table
 from gearstab.modal import mean_modes, mesh_energy_shares, modal_damping_ratios, mode_types
+from gearstab.perturbation import first_order
 from gearstab.system import GearSystem, Mesh
 from gearstab.systems import build
 from gearstab.waveforms import Rectangular
@@ -36,6 +40,23 @@ system:
     - {name: left, direction: [1, -1, 0], mean_stiffness: 1.0, epsilon: 0.1, contact_ratio: 1.4}
     - {name: right, direction: [1, 0, -1], mean_stiffness: 1.0, epsilon: 0.1, contact_ratio: 1.4, lag: 0.25}
 """
+
+
+KNOWN: dict[tuple[str, tuple[str, ...], int | None], dict[str, Any]] = {}
+
+
+@pytest.fixture(autouse=True)
+def described_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Text and JSON of one configuration show one description, which takes seconds for some."""
+    describe = configuration.describe
+
+    def once(config: Config, harmonics: int | None = None) -> dict[str, Any]:
+        key = config.source.read_text(), config.overrides, harmonics
+        if key not in KNOWN:
+            KNOWN[key] = describe(config, harmonics)
+        return copy.deepcopy(KNOWN[key])
+
+    monkeypatch.setattr(configuration, "describe", once)
 
 
 def info(config: Path | str, *options: str) -> Result:
@@ -156,7 +177,18 @@ def test_a_mistake_is_one_line_and_exit_code_2(tmp_path: Path) -> None:
     assert len(missing.stderr.strip().splitlines()) == 1
 
 
-@pytest.mark.parametrize("path", CONFIGURATIONS, ids=lambda path: path.stem)
+LONG = {"parker_2009/contact_ratio", "parker_2009/gamma_sr", "drive_train"}
+"""Dangerous speeds of these take seconds each, and others have all that they have."""
+
+
+def named(path: Path) -> str:
+    return path.relative_to(CONFIGS).with_suffix("").as_posix()
+
+
+@pytest.mark.parametrize(
+    "path",
+    [pytest.param(p, id=named(p), marks=[pytest.mark.slow] * (named(p) in LONG)) for p in CONFIGURATIONS],
+)
 def test_every_configuration_of_the_repository(path: Path) -> None:
     result = info(path)
     assert result.exit_code == 0, result.output
@@ -296,8 +328,8 @@ def test_the_teeth_of_the_sun_that_exclude_a_region(tmp_path: Path) -> None:
     @cache
     def half_widths(z: int, planets: int) -> dict[str, float]:
         phases = [k * z / planets % 1 for k in range(planets)]
-        tongues = facts(config, "--harmonics", "1", "--set", f"phases.sun={phases}")["tongues"]
-        return {t["label"]: t["half_width"] for t in reversed(tongues)}
+        found = first_order(build(load(config, [f"phases.sun={phases}"]).parameters), 1)
+        return {label: float(half) for label, half in zip(found.label, found.half_width, strict=True)}
 
     seen = set()
     for region in found["open"]:

@@ -17,6 +17,7 @@ from gearstab.cli import COMMANDS
 from gearstab.config import Config
 from gearstab.config.model.introspection import field_types
 from gearstab.config.starts import commented, starts
+from gearstab.sweep import plan
 from gearstab.systems import KINDS
 
 STARTS = starts()
@@ -47,7 +48,7 @@ def test_a_start_is_right_and_sweeps(kind: str, tmp_path: Path) -> None:
 def test_a_start_shows_what_there_is_to_see(kind: str) -> None:
     """Regions of instability lie in its range, at epsilon of its base values or of its axis."""
     config = gs.load(start_data(kind))
-    low, high = gs.info(config)["frequency_range"]
+    low, high = plan(config).mesh_frequency_range
     assert any(t["half_width"] > 0 and low < t["center_frequency"] < high for t in widths(config))
 
 

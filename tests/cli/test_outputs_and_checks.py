@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -116,7 +117,7 @@ def test_a_given_date_makes_equal_bytes(tmp_path: Path, monkeypatch: pytest.Monk
         now()
 
 
-@pytest.mark.parametrize("where", ["entry", "matrix", "axis"])
+@pytest.mark.parametrize("where", ["entry", "matrix", "axis", "rotor", "assembly"])
 def test_masked_entries_are_refused(where: str) -> None:
     masked = np.ma.array([[1.0, 0.0], [0.0, 2.0]], mask=[[False, False], [False, True]])
     mesh = {"direction": [1.0, 1.0], "mean_stiffness": 1.0, "epsilon": 0.1, "contact_ratio": 1.5}
@@ -124,6 +125,10 @@ def test_masked_entries_are_refused(where: str) -> None:
     made = {
         "entry": lambda: gs.load({"system": system | {"mass": masked}}),
         "matrix": lambda: gs.from_matrices(np.eye(2), masked, meshes=[mesh]),
+        "rotor": lambda: gs.from_ross(SimpleNamespace(K=lambda speed: masked), [mesh]),
+        "assembly": lambda: gs.from_opentorsion(
+            SimpleNamespace(dofs=2, gear_elements=None, elastic_gear_elements=None, K=masked), [mesh]
+        ),
         "axis": lambda: gs.load({"system": system, "sweep": {"mesh_frequency": masked[1]}, "methods": {"floquet": {}}}),
     }
     with pytest.raises(ValueError, match="masked entries, which have no value"):

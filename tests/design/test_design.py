@@ -26,7 +26,7 @@ from gearstab.floquet.boundaries import boundaries
 from gearstab.plots import draw
 from gearstab.results import open_result
 from gearstab.systems import build
-from gearstab.systems.planetary import Planetary
+from gearstab.systems.planetary.sections import Planetary
 
 RANGE = (4.8, 6.0)
 FLOOR = 1e-6 * RANGE[1]

@@ -116,8 +116,10 @@ def test_too_much_work_is_not_begun(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 
 def test_a_region_of_many_tongues_names_the_leading_ones() -> None:
     members = [Tongue(1, 1, s, "first", "higher", f"2w1/{s}", float(s)) for s in range(2, 7)]
-    assert facts._label(members) == "2w1/2 & 2w1/3 & 2w1/4 and 2 more"
-    assert facts._label(members[:3]) == "2w1/2 & 2w1/3 & 2w1/4"
+    assert facts._label(1.0, 2.0, members, ()) == "2w1/2 & 2w1/3 & 2w1/4 and 2 more"
+    assert facts._label(1.0, 2.0, members[:3], ()) == "2w1/2 & 2w1/3 & 2w1/4"
+    rows = [facts.Reach(f"2w1/{s}", "higher", (1, 1), low, 2.0, 0.1, 0.0, True, "-") for s, low in ((4, 1.1), (5, 1.8))]
+    assert facts._label(1.0, 2.0, members, rows) == "2w1/4 & 2w1/2 & 2w1/3 and 2 more"
 
 
 def test_steps_show_on_a_terminal_and_nowhere_else(tmp_path: Path) -> None:

@@ -149,5 +149,5 @@ def test_the_quickest_are_chosen_within_a_time(figures: ModuleType, references: 
 
 
 def test_ci_checks_what_takes_two_minutes_and_the_workflow_all() -> None:
-    assert "make check-figures FIGURES='--within 120'" in (ROOT / ".ci" / "run").read_text()
+    assert "check-figures FIGURES='--within 120'" in (ROOT / ".ci" / "run").read_text()
     assert "figures.py --check\n" in (ROOT / ".github" / "workflows" / "ci.yml").read_text()

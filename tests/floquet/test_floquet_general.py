@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from driven import integrated
+from random_trains import light_train
 from systems import DAMPING, G2, MASS, SHAFT, WITH_TERMS, Smooth, friction, with_terms
 
 from gearstab.cli import group
@@ -138,6 +139,14 @@ def test_long_periods_neither_overflow_nor_underflow():
     assert found.stable[0, 0] == 1
     driven = with_terms(-0.5 * MASS, terms=[friction(Scaled(Rectangular(1.3), 0.05, 0.3))])
     assert analyse(driven, np.array([[1e-4]])).growth_rate[0, 0] > 0.2
+
+
+def test_multipliers_on_one_circle_are_found():
+    # Sweeps of the QR algorithm may go in circles there: a quarter of these points had no result.
+    system, _, _ = light_train(1047)
+    found = solve(system, 3.4881346277723235 * (1 + np.linspace(-1e-4, 1e-4, 101)))
+    assert (found.status == 0).all()
+    np.testing.assert_allclose(found.growth_rate, -7.5133e-8, rtol=1e-4)
 
 
 def test_exponentials_of_any_size():

@@ -24,8 +24,9 @@ from systems import (
     with_ramps,
 )
 
+import gearstab
 from gearstab.floquet import STATUS_FLAGS, solve
-from gearstab.floquet.smooth import steps
+from gearstab.floquet.smooth import control, steps
 from gearstab.floquet.smooth.schemes import CF4_2, CF6_5
 from gearstab.waveforms import Fourier, Rectangular, Trapezoidal
 
@@ -275,8 +276,31 @@ class TestStrongGrowth:
         # 10,000 steps of fourth order leave 5e-8.
         assert reference.growth_rate(system, omega[0], 10_000) == pytest.approx(expected[0], abs=1e-10)
 
-    def test_too_few_steps_are_not_taken_for_convergence(self):
+    @pytest.mark.parametrize(("entries", "largest"), [(0, 20.0), (control.MOST_ENTRIES, 1e-4)])
+    def test_estimates_of_too_few_steps_cover_the_error(self, monkeypatch, entries, largest):
+        # 4,519 cycles in a common period. In 65,536 segments multipliers are wrong by a turn, and as near as others.
+        monkeypatch.setattr(control, "MOST_ENTRIES", entries)
+        wave = {"mean_stiffness": 1.0, "epsilon": 0.3, "waveform": {"kind": "fourier", "cos": [0.5], "sin": [0.0]}}
+        train = {
+            "kind": "two_stage",
+            "inertias": [1.0, 0.3, 4.0],
+            "input_shaft_stiffness": 0.5,
+            "tooth_ratio": "4519/3",
+        }
+        train["meshes"] = [{"name": name, **wave} for name in ("first", "second")]
+        omega = np.array([1.5, 2.5, 3.5])
+        config = {"system": train, "sweep": {"mesh_frequency": [1.5, 3.5]}, "methods": {"floquet": {}}}
+        found = solve(gearstab.build(gearstab.load(config)), omega)
+        # In 2^20 segments; the last two by reference.growth_rate, extrapolated from 4,519 * 32 steps, too.
+        error = found.growth_rate[0] * 2 * np.pi * 4519 / omega - [0.152501, 3.38567, 79.7524]
+        # The references have six digits.
+        assert np.all(np.abs(error) < found.error_estimate[0] + 5e-5)
+        assert found.error_estimate.max() < largest
+        assert (found.status & STATUS_FLAGS["not_converged"] > 0).all()
+
+    def test_too_few_steps_are_not_taken_for_convergence(self, monkeypatch):
         # 4,519 cycles of a mesh in a common period take more exponentials than there may be.
+        monkeypatch.setattr(control, "MOST_ENTRIES", 0)
         system = smooth_train(COSINE, COSINE, 0.45, Fraction(4519, 3))
         found = solve(system, np.array([0.0013]))
         assert found.growth_rate[0, 0] * 2 * np.pi * 3 / 0.0013 > 140
@@ -320,4 +344,4 @@ class TestDivision:
                 pattern = division.pattern(CF6_5, 4)
                 mean = np.einsum("rs,rsm->rm", pattern.fractions, pattern.levels)
                 # Gauss-Legendre nodes on analytic pieces: exact for ramps and cubics.
-                np.testing.assert_allclose(mean, division.sampler.mean(division.rows), rtol=0, atol=1e-9)
+                np.testing.assert_allclose(mean, division.functions.offsets(division.rows), rtol=0, atol=1e-9)

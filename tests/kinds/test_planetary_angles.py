@@ -17,8 +17,8 @@ from gearstab.floquet import solve
 from gearstab.modal import mean_modes
 from gearstab.system import GearSystem
 from gearstab.systems import build
-from gearstab.systems.planetary import Planetary
 from gearstab.systems.planetary.angles import nearest
+from gearstab.systems.planetary.sections import Planetary
 
 SCENE = configuration(
     "angles: assemble", "ring: {kind: rigid}", "teeth: {sun: 27, planet: 20}",
@@ -83,6 +83,14 @@ def test_a_gear_turned_as_a_whole_keeps_its_frequencies() -> None:
     psi = np.array([0.0, 1.4, 3.0, 4.9])
     first, turned = (mean_modes(gear(list(angles))).natural_frequency for angles in (psi, psi + 0.7))
     np.testing.assert_allclose(turned, first, rtol=1e-11, atol=1e-9)
+
+
+@pytest.mark.parametrize("turn", [0.7, -2.0, 10.5 * tau / 94])
+def test_a_gear_turned_as_a_whole_keeps_the_phases_of_its_teeth(turn: float) -> None:
+    psi, teeth = np.array(nearest(27, 67, 4)), {"sun": 27, "planet": 20, "ring": 67}
+    first, turned = ([mesh.lag for mesh in gear(list(a), teeth=teeth, phases=None).meshes] for a in (psi, psi + turn))
+    assert len(set(map(float, first))) > 2
+    np.testing.assert_allclose(turned, first, rtol=0, atol=1e-12)
 
 
 def test_modes_of_opposite_planets_turn_or_move_the_bodies_on_the_axis_but_not_both() -> None:

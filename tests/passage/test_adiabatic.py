@@ -2,12 +2,15 @@
 
 import numpy as np
 import pytest
+from random_trains import light_train
 from scipy.integrate import quad
 from systems import train
 
 from gearstab.floquet import solve
 from gearstab.floquet.boundaries import boundaries
+from gearstab.floquet.boundaries.damped import search
 from gearstab.modal import modal_damping_matrix
+from gearstab.passage import STATUS_FLAGS
 from gearstab.passage.adiabatic import gains, growth_over_speed
 from gearstab.passage.solve import excess, passage
 from gearstab.propagation.path import Path
@@ -124,3 +127,13 @@ def test_a_path_of_two_knots_is_a_ramp_and_may_turn():
     assert np.all(np.diff(twice.end) > 0)
     inner = Path(np.array([0.0, 10.0, 50.0]), np.array([1.0, 2.0, 6.0]))
     assert gains(over, inner).gain.sum() == pytest.approx(once.gain.sum(), rel=1e-9)
+
+
+@pytest.mark.parametrize(("pursuit", "flag"), [(search.PURSUIT, "sampled"), (0.0, "coarse")])
+def test_status_says_how_regions_were_searched_that_are_neither_proved_nor_counted(monkeypatch, pursuit, flag):
+    monkeypatch.setattr(search, "PURSUIT", pursuit)
+    monkeypatch.setattr(search, "EQUAL", search.COARSEST)
+    system, start, stop = light_train(34)
+    values, _ = passage(system, [Path.ramp(start, stop, 1.0)], 10.0, np.array([1.0]), 1e-6, 1e-6)
+    both = STATUS_FLAGS["sampled"] | STATUS_FLAGS["coarse"]
+    assert (values["status"] & both == STATUS_FLAGS[flag]).all()

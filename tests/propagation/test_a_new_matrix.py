@@ -18,6 +18,7 @@ from gearstab.floquet.general import solve as general
 from gearstab.floquet.general.coordinates import elastic_forms
 from gearstab.methods import METHODS, OptionError
 from gearstab.passage.propagator import growth, motion
+from gearstab.propagation.equation import Equation
 from gearstab.propagation.excitation import excitation
 from gearstab.propagation.first_order import FirstOrder, bases
 from gearstab.propagation.intervals import SteadyPoints
@@ -27,8 +28,8 @@ from gearstab.response import driven_response, ramp_response, steady_state
 from gearstab.response.linear.equilibrium import static_equilibrium
 from gearstab.response.linear.steady import start
 from gearstab.support import unsupported
-from gearstab.system import Feature, GearSystem
-from gearstab.waveforms import Fourier, Trapezoidal
+from gearstab.system import Feature, GearSystem, PeriodicTerm
+from gearstab.waveforms import Constant, Fourier, Trapezoidal
 
 Array = np.ndarray
 
@@ -121,41 +122,50 @@ def test_passage(smooth: bool) -> None:
     assert abs(without - found) > 1e-2
 
 
-def with_speed() -> FirstOrder:
-    """The first-order form of the bare system in which the toy goes with the speed."""
-    (form,), (added,) = bases(bare()), bases(toy())
-    return replace(form, by_speed=added.constant - form.constant)
+LEFT, RIGHT = np.array([0.1, -0.2, 0.05]), np.array([0.2, 0.3, -0.1])
+
+
+def held(speed: float | None = None) -> GearSystem:
+    """The bare system with a term u v^T on positions, or at a speed with Omega times the toy and Omega^2 times that."""
+    system, size = bare(), 1.0 if speed is None else speed**2
+    term = PeriodicTerm("hold", LEFT, RIGHT, stiffness=Constant(size))
+    return replace(system, damping=system.damping + (speed or 0.0) * SKEW, terms=(term,))
+
+
+def with_speed(own: FirstOrder, added: FirstOrder, held: FirstOrder) -> FirstOrder:
+    """A form in which the toy goes with Omega, and what holds positions with Omega^2."""
+    return replace(own, by_speed=np.stack([added.constant - own.constant, held.parts[:, -1]], axis=1))
 
 
 def test_what_goes_with_the_speed_is_constant_at_a_constant_speed() -> None:
-    drive, at, omega = excitation(bare()), np.zeros(2, dtype=int), np.array([OMEGA, 1.9])
-    found = start(SteadyPoints.of(drive, with_speed(), at, omega)).x
+    at, omega = np.zeros(2, dtype=int), np.array([OMEGA, 1.9])
+    form = with_speed(*(next(bases(system)) for system in (bare(), toy(), held())))
+    found = start(SteadyPoints.of(Equation(form, excitation(bare())), at, omega)).x
     for speed, x in zip(omega, found, strict=True):
-        system = replace(bare(), damping=bare().damping + speed * SKEW)
-        (form,) = bases(system)
-        expected = start(SteadyPoints.of(drive, form, at[:1], np.array([speed]))).x[0]
+        equation = Equation(next(bases(held(speed))), excitation(held(speed)))
+        expected = start(SteadyPoints.of(equation, at[:1], np.array([speed]))).x[0]
         np.testing.assert_allclose(x, expected, atol=1e-12 * np.abs(expected).max())
 
 
 def test_floquet_exponents_with_what_goes_with_the_speed(monkeypatch: pytest.MonkeyPatch) -> None:
-    (own,), (added,), omega = elastic_forms(bare()), elastic_forms(toy()), np.array([OMEGA, 1.9, 2.4])
-    form = replace(own.form, by_speed=added.form.constant - own.form.constant)
+    forms, omega = [elastic_forms(system)[0] for system in (bare(), toy(), held())], np.array([OMEGA, 1.9, 2.4])
+    own, form = forms[0], with_speed(*(one.form for one in forms))
     monkeypatch.setattr(general, "elastic_forms", lambda system: [replace(own, form=form)])
     found = general.analyse(bare(), omega[None], exponents=True)
     monkeypatch.undo()
     for k, speed in enumerate(omega):
-        system = replace(bare(), damping=bare().damping + speed * SKEW)
-        expected = general.analyse(system, omega[None, [k]], exponents=True)
+        expected = general.analyse(held(speed), omega[None, [k]], exponents=True)
         # The same matrices but for rounding, which a period of some thirty radians multiplies.
         np.testing.assert_allclose(found.growth_rate[0, k], expected.growth_rate[0, 0], rtol=1e-11)
         np.testing.assert_allclose(found.exponents[0, k], expected.exponents[0, 0], rtol=1e-9)
 
 
 def test_what_goes_with_the_speed_changes_along_a_path() -> None:
-    form, time = with_speed(), np.linspace(0.0, PATH.time[-1], 30)
+    form = with_speed(*(next(bases(system)) for system in (bare(), toy(), held())))
+    time = np.linspace(0.0, PATH.time[-1], 30)
     begin = np.array([0.1, -0.2, 0.3, 0.2, 0.1, -0.1])
     x = PhaseEquation(form, excitation(bare())).follow(PATH, time, form.state(begin[:3], begin[3:], bare().mass))
-    expected = integrated_along(bare(), PATH, time, begin, SKEW)
+    expected = integrated_along(bare(), PATH, time, begin, (SKEW, np.outer(LEFT, RIGHT)))
     np.testing.assert_allclose(np.hstack([x @ form.outlet[0].T, x @ form.speed[0].T]), expected, atol=1e-8)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import gearstab as gs
-from gearstab.propagation.intervals import SteadyPoints
+from gearstab.propagation.segment import States
 from gearstab.response.linear import bundles
 from gearstab.response.linear.periodic import harmonics
 from gearstab.response.linear.speeds import speed_response
@@ -33,7 +33,7 @@ def _close(one: Array, other: Array) -> None:
 
 
 def _one_by_one(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(bundles, "_states", lambda points: None)
+    monkeypatch.setattr(States, "eigen", None)
 
 
 @pytest.mark.parametrize("entries", [1, 500, 10**6])
@@ -61,5 +61,5 @@ def test_states_without_eigenvectors_are_taken_one_by_one(monkeypatch: pytest.Mo
     """Those of critical damping are parallel."""
     system = gs.build({"system": TRAIN})
     expected = speed_response(system, OMEGA)
-    monkeypatch.setattr(SteadyPoints, "eigen", lambda points, values, generators: None)
+    monkeypatch.setattr(States, "each", property(lambda states: [None] * len(states.generators)))
     _close(speed_response(system, OMEGA).mesh_force_rms, expected.mesh_force_rms)

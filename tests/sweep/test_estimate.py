@@ -10,10 +10,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 from sweep_faults import CONFIG, faulty
 
-from gearstab.cli import group
+from gearstab.cli.sweep.command import forecast
 from gearstab.interrupts import heed
 from gearstab.methods import RANGE
 from gearstab.sweep import Plan
@@ -178,14 +177,13 @@ methods: {boundaries: {}}
 """
 
 
-def test_a_search_without_end_says_so_before(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_search_without_end_says_so_before(tmp_path: Path) -> None:
     (tmp_path / "endless.yaml").write_text(ENDLESS)
     plan = planned(tmp_path / "endless.yaml")
-    (said,) = estimate.long_runs(plan, 1)
+    found = estimate.estimate(plan, 1, budget=0.5)
+    (said,) = estimate.long_runs(plan, found)
     assert said.startswith("methods.boundaries may take very long; ")
-    done = CliRunner().invoke(group, ["sweep", str(tmp_path / "endless.yaml"), "--dry-run"])
-    assert done.exit_code == 0
-    assert "not known (a sample took more than" in done.stdout
+    assert "not known (a sample took more than 0.5 s)" in forecast(plan, found, tmp_path / "out.h5")
 
 
 def test_parts_of_a_range_tell_of_all_of_it(plan: Plan, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -212,10 +210,10 @@ def test_parts_of_a_range_tell_of_all_of_it(plan: Plan, monkeypatch: pytest.Monk
     assert estimate._of_parts(ranges, ranges.layouts[0], estimate.Clock(0.01)) is None
 
 
-def test_an_ordinary_sweep_says_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(estimate, "WORD", 60.0)
+def test_an_ordinary_sweep_says_nothing(tmp_path: Path) -> None:
     (tmp_path / "train.yaml").write_text(ENDLESS.replace('"999/1000"', "1").replace("0.00003", "0.35"))
-    assert estimate.long_runs(planned(tmp_path / "train.yaml"), 1) == []
+    plan = planned(tmp_path / "train.yaml")
+    assert estimate.long_runs(plan, estimate.estimate(plan, 1, budget=60.0)) == []
 
 
 def planned(path: Path) -> Plan:

@@ -210,7 +210,7 @@ def test_a_result_that_changes_meanwhile_ends_the_sweep(config: Path, tmp_path: 
 
 def test_values_that_cannot_be_read_are_blamed_on_the_file(config: Path, tmp_path: Path) -> None:
     """Where a seal was made anew over damaged values."""
-    long = {"mesh_frequency": np.linspace(0.6, 6.5, 4000).tolist(), "epsilon": [0.0, 0.3, 0.5]}
+    long = {"mesh_frequency": {"start": 0.6, "stop": 6.5, "num": 200}, "epsilon": [0.0, 0.3, 0.5]}
     old = result(planned(config, long, "{floquet: {}}"), tmp_path / "old.h5")
     with h5py.File(old) as file:
         chunk = file["floquet/growth_rate"].id.get_chunk_info(0)

@@ -11,12 +11,14 @@ from click.testing import CliRunner
 from test_sweep import divided
 
 from gearstab.cli import group
-from gearstab.cli.sweep.notes import percent, proof
+from gearstab.cli.sweep.notes import percent, searched
 from gearstab.config import load
 from gearstab.floquet import solve
+from gearstab.floquet.boundaries.damped import search
 from gearstab.plots import draw
 from gearstab.results import open_result
 from gearstab.sweep import plan, run
+from gearstab.sweep.run import RegionSearches
 from gearstab.sweep.storage import store
 
 TRAIN = """
@@ -94,15 +96,16 @@ def test_the_division_into_blocks_does_not_matter(swept: tuple[Path, str], confi
     one, other = (loaded(path)["boundaries"].to_dataset() for path in (swept[0], out))
     assert summary.blocks > 4
     xr.testing.assert_allclose(one["proved_frequency"], other["proved_frequency"], rtol=1e-12)
-    assert summary.proved == pytest.approx(float(one["proved_share"].mean()), rel=1e-12)
-    assert summary.counted == pytest.approx(float(one["counted_share"].mean()), abs=1e-15)
+    found = summary.searches["boundaries"]
+    assert found.proved == pytest.approx(float(one["proved_share"].mean()), rel=1e-12)
+    assert found.counted == pytest.approx(float(one["counted_share"].mean()), abs=1e-15)
 
 
 def test_parts_written_to_disk_are_counted_too(config: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(store, "MOST_SECONDS", 0.0)
-    summary = run(divided(plan(load(config)), 1), tmp_path / "r.h5", jobs=1)
-    assert summary.proved is not None
-    assert summary.proved > 0.9999
+    found = run(divided(plan(load(config)), 1), tmp_path / "r.h5", jobs=1).searches["boundaries"]
+    assert found.proved is not None
+    assert found.proved > 0.9999
 
 
 def test_without_damping_nothing_is_proved_and_the_command_says_no_word(config: Path, tmp_path: Path) -> None:
@@ -118,13 +121,65 @@ def test_without_damping_nothing_is_proved_and_the_command_says_no_word(config: 
     assert draw(loaded(out), "boundaries")[1]["cases"][0]["proved"] is None
 
 
+def line(step: float, coarse: int, *shares: float) -> str:
+    (found,) = searched({"boundaries": RegionSearches(20, step, coarse, *shares)})
+    return found
+
+
 def test_shares_are_rounded_down() -> None:
     assert percent(1.0) == "100 %"
     assert percent(0.999999) == "99.99 %"
     assert percent(0.87) == "87 %"
-    assert "neither" not in proof(0.99, 0.01)
-    assert "9.01 % neither" in proof(0.9, 0.0099)
-    assert "counted" not in proof(0.9, 0.0)
+    assert "neither" not in line(0.0, 0, 0.99, 0.01)
+    assert "9.01 % neither, beside edges" in line(0.0, 0, 0.9, 0.0099)
+    assert "counted" not in line(0.0, 0, 0.9, 0.0)
+    assert line(0.0043, 0, 0.9, 0.0).endswith(
+        "10 % neither: sampled where two multipliers meet, to a step of 0.0043 of them"
+    )
+    assert "; those of 3 of 20 systems in equal steps only" in line(0.0043, 3, 0.9, 0.0)
+
+
+LIGHT = """
+system:
+  kind: matrices
+  mass: [[1, 0], [0, 1.3]]
+  stiffness: [[1.2, -0.2], [-0.2, 0.9]]
+  damping: {matrix: [[2.0e-7, 0], [0, 2.0e-7]]}
+  meshes: [{name: first, direction: [1, -1], mean_stiffness: 1, epsilon: 0.3, contact_ratio: 1.6}]
+  terms: [{name: rubbing, left: [1, 0], right: [1, -1], stiffness: {mean: 0, amplitude: 0.01, contact_ratio: 1.3}}]
+sweep: {mesh_frequency: [2.5, 4.0]}
+methods:
+  boundaries: {}
+  tongue_probability: {samples: 16}
+  tolerance: {parameters: {meshes.first.contact_ratio: {uniform: [1.5, 1.7]}}}
+"""
+
+
+def test_searches_by_samples_say_their_step_and_how_many_were_coarse(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    config, out = tmp_path / "light.yaml", tmp_path / "light.h5"
+    config.write_text(LIGHT)
+
+    def told() -> tuple[xr.DataTree, dict[str, str]]:
+        said = CliRunner().invoke(group, ["sweep", str(config), "-o", str(out), "-j", "1", "--overwrite"])
+        assert said.exit_code == 0, said.output
+        lines = [line for line in said.output.splitlines() if "sampled where" in line]
+        return loaded(out), dict(zip(("boundaries", "tongue_probability"), lines, strict=True))
+
+    tree, lines = told()
+    for name, line in lines.items():
+        step = tree[name]["sampled_step"]
+        assert line.endswith(f"sampled where two multipliers meet, to a step of {float(step.max()):.2g} of them")
+        assert (tree[name]["coarse"] == 0).all()
+    assert lines["tongue_probability"].startswith("tongue_probability: some mesh frequencies are neither")
+    # No meeting is pursued, and samples are few.
+    monkeypatch.setattr(search, "PURSUIT", 0.0)
+    monkeypatch.setattr(search, "EQUAL", search.COARSEST)
+    tree, lines = told()
+    assert "; those in equal steps only" in lines["boundaries"]
+    assert "; those of 16 of 16 systems in equal steps only" in lines["tongue_probability"]
+    assert (tree["tongue_probability"]["coarse"] == 16).all()
 
 
 def covered(tint: object, point: tuple[float, float]) -> bool:

@@ -7,7 +7,7 @@
 #ifndef GEARSTAB_HESSENBERG_H
 #define GEARSTAB_HESSENBERG_H
 
-#define MOST_SWEEPS 40 /* an eigenvalue; two or three are usual */
+#define MOST_SWEEPS 100 /* an eigenvalue; two or three are usual */
 #define NOTHING 1e-140 /* the square of less underflows; matrices come with entries of about one or more */
 
 /* A reflection I - v beta v^T that makes x (count, stride) a multiple of its first entry; v replaces x[1..], v[0] in first.
@@ -104,6 +104,11 @@ static void two_by_two(double a, double b, double c, double d, double first[2], 
     second[0] = far != 0 ? d - product / far : d;
 }
 
+/* Whether a sweep takes an exceptional shift, to break a cycle. Where all multipliers lie on one circle, as next to no
+   damping leaves them, one in ten did not break it in 40 sweeps for a third of the matrices near one of a train; one in
+   three does in 30. */
+INLINE int exceptional(int sweeps) { return sweeps >= 9 && sweeps % 3 == 0; }
+
 /* The state of the lanes between sweeps. */
 struct blocks {
     int64_t lowest[LANES], highest[LANES];
@@ -146,7 +151,7 @@ static void first_columns(const vec *h, int64_t m, const struct blocks *block, v
         if (high < 0)
             continue;
         double x = H(high, high), y = H(high - 1, high - 1), w = H(high, high - 1) * H(high - 1, high);
-        if (block->sweeps[lane] % 10 == 9) { /* an exceptional shift breaks a cycle */
+        if (exceptional(block->sweeps[lane])) {
             double s = fabs(H(high, high - 1)) + fabs(H(high - 1, high - 2));
             x = y = x + 0.75 * s;
             w = -0.4375 * s * s;

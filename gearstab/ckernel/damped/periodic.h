@@ -266,7 +266,7 @@ static int first_column_of_product(const vec *x, int64_t count, int64_t m, const
     struct scaled u = block_product(x, count, m, high - 1, lane);
     double h00 = A(end, high - 1, high - 1), h01 = A(end, high - 1, high);
     double h10 = A(end, high, high - 1), h11 = A(end, high, high);
-    if (block->sweeps[lane] % 10 == 9) { /* an exceptional shift breaks a cycle */
+    if (exceptional(block->sweeps[lane])) {
         double s = fabs(h10) + fabs(A(end, high - 1, high - 2));
         h00 = h11 = h11 + 0.75 * s;
         h01 = -0.4375 * s, h10 = s;

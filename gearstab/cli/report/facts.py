@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -122,7 +122,8 @@ def state_of(word: str, system: GearSystem, spans: tuple[Span, ...], config: Con
     if complete:
         own = boundaries(system, *near, regions.TOLERANCE, regions.FLOOR)
         uncovered = own.uncovered()
-        real = tuple((float(a), float(b), _label(m)) for a, b, m in zip(own.lower, own.upper, own.members, strict=True))
+        edges = zip(own.lower.tolist(), own.upper.tolist(), own.members, strict=True)
+        real = tuple((a, b, _label(a, b, members, rows.values())) for a, b, members in edges)
     else:
         real = tuple((item.lower, item.upper, item.label) for item in rows.values())
     open_ = tuple(item for item in real if _touches(item[0], item[1], spans))
@@ -158,10 +159,14 @@ def _touches(lower: float, upper: float, spans: Sequence[Span]) -> bool:
     return any(lower < span.high and upper > span.low for span in spans)
 
 
-def _label(members: Sequence[Tongue]) -> str:
-    """The leading tongues by name, further ones by number."""
-    more = f" and {len(members) - NAMED} more" if len(members) > NAMED else ""
-    return " & ".join(tongue.label for tongue in members[:NAMED]) + more
+def _label(lower: float, upper: float, members: Sequence[Tongue], rows: Iterable[Reach]) -> str:
+    """The tongues of a region by name, that of the row with about the same edges first, many of them by number."""
+    names = [tongue.label for tongue in members]
+    for row in rows:
+        if min(upper, row.upper) - max(lower, row.lower) > 0.5 * (max(upper, row.upper) - min(lower, row.lower)):
+            names.sort(key=row.label.__ne__)
+    more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
+    return " & ".join(names[:NAMED]) + more
 
 
 def _reach(system: GearSystem, row: dict[str, Any], open_: bool) -> Reach:

@@ -77,13 +77,13 @@ def command(
 
     told = reporter(quiet)
     wanted = planned if extend is None else grown(planned, extend, told)
-    limits.refuse(planned, target, jobs, yes)
+    found = limits.refuse(planned, target, jobs, yes)
     failures = {None: MOST_FAILURES, True: None, False: 1}[keep_going]
-    summary = run(wanted, target, jobs, resume is True, resume is False, told, failures, scheduler)
+    summary = run(wanted, target, jobs, resume is True, resume is False, told, failures, scheduler, found)
     if not quiet:
         tell(final_line(target, summary, time.perf_counter() - start))
-        if basis := remarks.proof(summary.proved, summary.counted):
-            tell(basis)
+        for line in remarks.searched(summary.searches):
+            tell(line)
         for note in [] if summary.complete else remarks.notes(planned, summary):
             tell(f"note: {note}")
 

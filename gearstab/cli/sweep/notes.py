@@ -8,7 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from gearstab.sweep import Plan, Summary
+    from gearstab.sweep.run import RegionSearches
 
 TEETH = {
     "undercut": "are undercut", "top_land": "are pointed", "interference": "interfere, so that contact is cut off",
@@ -35,19 +38,24 @@ HUNDREDTH = 1e-4
 """A hundredth of a per cent: less is not mentioned."""
 
 
-SAMPLED = "neither: sampled where two multipliers meet, or in equal steps where status has coarse"
-"""What is said of the rest."""
-
-
-def proof(proved: float | None, counted: float | None) -> str | None:
-    """Return what boundaries rest on: how much of the stable mesh frequencies is proved so; None without boundaries, or
-    where all is counted, as it is without damping.
+def searched(searches: Mapping[str, RegionSearches]) -> list[str]:
+    """Return one line for each method that searches all regions: how much of the stable mesh frequencies is proved so
+    and how the rest was sampled; none where all is counted, as it is without damping.
     """
-    if proved is None or counted is None or counted > 1 - HUNDREDTH:
-        return None
-    rest = [(counted, "counted"), (1 - proved - counted, SAMPLED)]
-    parts = [f"{percent(part)} {word}" for part, word in rest if part >= HUNDREDTH]
-    return f"stable mesh frequencies: {', '.join([f'{percent(proved)} proved stable (in floating point)', *parts])}"
+    from gearstab.floquet.boundaries.regions import sampled
+
+    found = []
+    for name, own in searches.items():
+        rest = f": {sampled(own.step, own.coarse, own.systems)}" if own.step else ", beside edges"
+        if own.proved is None or own.counted is None:
+            words = f"{name}: some mesh frequencies are neither proved nor counted{rest}"
+            found += [words] if own.step else []
+        elif own.counted <= 1 - HUNDREDTH:
+            shares = [(own.counted, "counted"), (1 - own.proved - own.counted, f"neither{rest}")]
+            parts = [f"{percent(part)} {word}" for part, word in shares if part >= HUNDREDTH]
+            words = ", ".join([f"{percent(own.proved)} proved stable (in floating point)", *parts])
+            found.append(f"stable mesh frequencies: {words}")
+    return found
 
 
 def percent(part: float) -> str:

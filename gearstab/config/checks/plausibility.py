@@ -218,7 +218,7 @@ def _gears(document: Document, config: Config, train: Train) -> Iterator[Problem
 def _fastest(config: Config, train: Any) -> tuple[Path, float] | None:
     """Where the highest speed of the input stands, and the speed (rad/s)."""
     found: list[tuple[float, Path]] = []
-    cycles = float(train.motions[0].frequency(train.speeds))
+    cycles = float(train.cycles)
     for axis in config.axes:
         if axis.mesh_frequency:
             found.append((float(np.max(axis.mesh_frequency.values)) / cycles, ("sweep", axis.name)))

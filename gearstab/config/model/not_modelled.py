@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-CARRIER = "planets on a turning carrier are modelled by kind: planetary alone"
-INSTEAD_OF_CARRIER = "take kind: planetary for a single stage, or kind: matrices for a train of stages"
+CARRIER = "planets on a turning carrier belong to planetary_sets of kind: gearbox, or to kind: planetary"
+INSTEAD_OF_CARRIER = "give planetary_sets: [{name, sun, ring, carrier, held, planets: {count, teeth}}] in a gearbox"
 
 HELICAL = (
     "helical teeth are not modelled yet: all gears are spur gears",

@@ -19,11 +19,11 @@ from gearstab.config.model.introspection import (
     axis_choice,
     entry_type,
     field_types,
-    inner_type,
     is_model,
     number_kind,
     quantity,
     ratio,
+    type_at,
 )
 from gearstab.config.sections.dimensions import quantity_at
 from gearstab.systems import short_names, short_names_of
@@ -154,15 +154,15 @@ def _named(name: str, model: type[System], raw: dict[str, Any]) -> list[Target]:
 
 def _of_meshes(name: str, short: ShortName, model: type[System], raw: dict[str, Any]) -> list[Target]:
     found = []
-    for i, mesh in items(raw.get("meshes")):
-        kind = inner_type(field_types(model).get("meshes"), i)
-        if kind is None or name not in field_types(kind) or not may_have(name, short, i, mesh):
+    for place, mesh in model.mesh_places(raw):
+        kind = type_at(model, place)
+        if not is_model(kind) or name not in field_types(kind) or not may_have(name, short, place[-1], mesh):
             continue
         field = kind.model_fields[name]
-        found.append(Target((("meshes", i, name),), field_types(kind)[name], field.title, _default(field, name)))
+        found.append(Target(((*place, name),), field_types(kind)[name], field.title, _default(field, name)))
     if found:
         return found
-    if "meshes" in model.model_fields and not raw.get("meshes"):
+    if "meshes" in model.model_fields and not any(True for _ in model.mesh_places(raw)):
         raise TargetError("the system has no meshes", "add system.meshes")
     remedy = f"the meshes give {short.rival}: use that, or give them {name}" if short.rival else short.hint
     raise TargetError(f"no mesh{' but the first' if short.but_first else ''} has {name}", remedy)

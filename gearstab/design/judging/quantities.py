@@ -107,7 +107,7 @@ def root_stress(batch: Batch) -> Array:
     phase = np.linspace(0.0, 1.0, 65)
     force = np.abs(batch.system.flat(static_mesh_force(batch.system), 1))
     worst = np.zeros(rows)
-    for k, mesh in enumerate(train.teeth_of_meshes):
+    for k, mesh in enumerate(mesh.teeth for mesh in train.meshes):
         index = np.broadcast_to(np.arange(len(mesh.pairs)).reshape(mesh.batch), batch.system.batch).ravel()
         unit = [
             float(np.nanmax(np.stack(mesh_root_stress(pair, phase, np.ones(65), model))))

@@ -26,15 +26,16 @@ ROUNDING = 1e-9
 """Rounding error of a share of the range."""
 
 
-SAMPLED = "neither proved nor counted: sampled where two multipliers meet"
-"""What is said of the rest of the stable mesh frequencies."""
+def sampled(step: float, coarse: int, systems: int) -> str:
+    """Return how mesh frequencies were searched that are neither proved stable nor counted.
 
-
-def equal_steps(coarse: int, rows: int) -> str:
-    """Return what is added where ``coarse`` of ``rows`` systems are sampled in equal steps only, "" where none is."""
-    where = "" if coarse == rows == 1 else f" of {coarse:,} of {rows:,} systems"
-    words = f"; those{where} in equal steps only, so that narrower regions and stable gaps may be missing"
-    return words if coarse else ""
+    step: of the samples, relative. coarse: how many of the systems were sampled in equal steps only.
+    """
+    words = f"sampled where two multipliers meet, to a step of {step:.2g} of them"
+    if not coarse:
+        return words
+    where = "" if coarse == systems == 1 else f" of {coarse:,} of {systems:,} systems"
+    return f"{words}; those{where} in equal steps only, so that narrower regions and stable gaps may be missing"
 
 
 @dataclass(frozen=True)
@@ -91,14 +92,14 @@ class Boundaries:
         return np.where(np.abs(share - 1) < ROUNDING, 1.0, share)
 
     def uncovered(self) -> str | None:
-        """Return one line on what is neither proved nor counted, None where there is nothing."""
-        rest = self.sampled_step > 0
+        """Return one line on what is neither proved nor counted, None where there is nothing, or nothing stable."""
+        known = self.stable_share(self.proved) + self.stable_share(self.counted)
+        rest = (self.sampled_step > 0) & np.isfinite(known)
         if not rest.any():
             return None
-        known = self.stable_share(self.proved) + self.stable_share(self.counted)
-        share = float(np.nanmean(np.where(rest, 1 - known, 0.0))) if np.isfinite(known).any() else 0.0
-        words = f"{100 * max(share, 0.0):.3g} % of the stable mesh frequencies are {SAMPLED}"
-        return f"{words} to a step of {self.sampled_step.max():.2g} of them{equal_steps(self.coarse.sum(), self.rows)}"
+        share = float(np.where(rest, 1 - known, 0.0)[np.isfinite(known)].mean())
+        words = f"{100 * max(share, 0.0):.3g} % of the stable mesh frequencies are neither proved nor counted"
+        return f"{words}: {sampled(self.sampled_step.max(), self.coarse.sum(), self.rows)}"
 
     def stretches(self, parts: tuple[Array, ...]) -> Array:
         """``(K, 2, rows)``: stretches of all rows, NaN where a row has fewer; gaps below the width floor bridged."""

@@ -15,7 +15,8 @@ import numpy as np
 from gearstab.floquet.segments.pattern import CONSTANT, PROBES, SHORTEST, Pattern
 from gearstab.floquet.segments.reduction import Elastic, reduce
 from gearstab.floquet.smooth.schemes import CF6_5
-from gearstab.floquet.smooth.steps import Sampler, exponentials, in_steps
+from gearstab.floquet.smooth.steps import exponentials, in_steps
+from gearstab.propagation.schedule import Functions, sources
 from gearstab.system import Array, GearSystem
 
 
@@ -27,7 +28,7 @@ class Window:
     periods 2 pi/Omega. constant ``(Q,)`` bool.
     """
 
-    sampler: Sampler
+    functions: Functions
     row: int
     elastic: Elastic
     cycles: float
@@ -37,11 +38,11 @@ class Window:
 
     def pattern(self, steps: int) -> Pattern:
         """Return the pattern with about so many steps per period of the fastest mesh."""
-        density = steps * max(float(mesh.frequency_ratio) for mesh in self.sampler.system.meshes)
+        density = steps * max(source.cycles for source in self.functions.found)
         counts = np.where(self.constant, 1, np.ceil(density * self.length)).astype(int)
         start, length, piece = in_steps(self.start[None], self.length[None], counts)
         row = np.array([self.row])
-        durations, levels = exponentials(self.sampler, row, start, length, self.constant[piece], CF6_5)
+        durations, levels = exponentials(self.functions, row, start, length, self.constant[piece], CF6_5)
         fractions, every = durations / self.cycles, self.elastic.stiffness_of(levels)
         states, begin = np.arange(fractions.shape[1]), np.zeros(1)
         return Pattern(row, self.cycles, fractions, begin, states, levels, self.elastic, every, closed=False)
@@ -49,16 +50,16 @@ class Window:
 
 def windows(system: GearSystem, cycles: float) -> Iterator[Window]:
     """Every row once."""
-    sampler = Sampler(system, tuple(float(mesh.frequency_ratio) for mesh in system.meshes))
+    functions = Functions(sources(system, [float(ratio) for ratio in system.frequency_ratios]), system.batch)
     for elastic in reduce(system):
         for k, row in enumerate(elastic.rows):
             edges = _edges(system, int(row), cycles)
             length = np.diff(edges)
             start, length = edges[:-1][length > SHORTEST * cycles], length[length > SHORTEST * cycles]
             place = start[:, None] + length[:, None] * PROBES
-            known = sampler(np.array([row]), place.reshape(1, -1)).reshape(*place.shape, -1)
+            known = functions(np.array([row]), place.reshape(1, -1)).reshape(*place.shape, -1)
             constant = np.all(np.ptp(known, axis=1) <= CONSTANT * np.abs(known).max(axis=1), axis=-1)
-            yield Window(sampler, int(row), elastic.subset(np.array([k])), cycles, start, length, constant)
+            yield Window(functions, int(row), elastic.subset(np.array([k])), cycles, start, length, constant)
 
 
 def _edges(system: GearSystem, row: int, cycles: float) -> Array:

@@ -85,9 +85,10 @@ def analyse(
             table[r] = settled(np.concatenate([logs / period[:, None], rigid], axis=1), stable[r])
     status = np.where(error <= tolerance, 0, STATUS_FLAGS["not_converged"]).astype(np.int16)
     status[stable < 0] |= STATUS_FLAGS["failed"]
-    growth, stable, status, error = (part.reshape(shape) for part in (growth, stable, status, error))
     table = None if table is None else table.reshape(*shape, -1)
-    return FloquetStability(growth, stable, status, table, error)
+    return FloquetStability(
+        growth.reshape(shape), stable.reshape(shape), status.reshape(shape), table, error.reshape(shape)
+    )
 
 
 @dataclass(frozen=True)

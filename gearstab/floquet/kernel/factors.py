@@ -118,7 +118,7 @@ def log_multipliers_damped(
             from gearstab.floquet.kernel import levels  # which loads a part of SciPy
 
             logs[row, points] = levels.log_multipliers(pattern, generator, row, omega[row, points])
-    wide = np.isnan(logs).any(axis=2)
+    wide = np.asarray(np.isnan(logs).any(axis=2))
     for row in map(int, np.flatnonzero(wide.any(axis=1))):
         own, left = (pattern.row(row), generator.row(row)), wide[row]
         _, scale, values = multipliers_damped(*own, omega[row : row + 1, left])

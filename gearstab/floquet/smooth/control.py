@@ -31,8 +31,11 @@ FEW = 5
 """Points of a row that make a median of use."""
 FINEST = 6
 """Resolutions tried beyond the first choice: a factor 8 in the number of steps."""
-MOST_SEGMENTS = 2**16
-"""Of a common period."""
+MOST_SEGMENTS, MOST_ENTRIES = 2**16, 2**22
+"""Segments of a common period; more where the stiffness matrices of all rows have no more entries: about 250 MB."""
+CRUDE = 0.1
+"""Difference of two resolutions above which it is not known to fall, and the estimate is SAFETY times as much: phases
+that are wrong by a turn come as near to each other as right ones."""
 PILOTS = 8
 """Points a row that are looked at first."""
 NEGLIGIBLE = 1e-3
@@ -78,9 +81,10 @@ class Ladder:
 
     @property
     def finest(self) -> int:
-        """The last resolution of at most MOST_SEGMENTS."""
-        first = self.segments(2)
-        return 2 + max(0, int(2 * np.log2(MOST_SEGMENTS / max(first, 1))))
+        """The last resolution of no more segments than memory allows for."""
+        first, rows, n = self.segments(2), len(self.division.rows), self.division.elastic.static.shape[-1]
+        most = max(MOST_SEGMENTS, MOST_ENTRIES // max(1, rows * n * n))
+        return 2 + max(0, int(2 * np.log2(most / max(first, 1))))
 
 
 @dataclass
@@ -174,7 +178,7 @@ def estimated(
     rounding = np.minimum(rounding, fine.rounding + 4 * np.maximum(change - 2 * usual_of_many, 0.0))
     unusual = change > 4 * usual_of_many
     change = np.maximum(change, USUAL * usual)
-    return factor * change + rounding, rounding, unusual
+    return np.where(change > CRUDE, SAFETY, factor) * change + rounding, rounding, unusual
 
 
 def _medians(values: Array, valid: Array) -> Array:

@@ -65,7 +65,7 @@ def split_pattern(division: Division) -> Pattern:
     pattern = division.pattern(CF4_2, COARSE)
     if division.constant.all():
         return pattern
-    wrong = np.einsum("rs,rsm->rm", pattern.fractions, pattern.levels) - division.sampler.mean(division.rows)
+    wrong = np.einsum("rs,rsm->rm", pattern.fractions, pattern.levels) - division.functions.offsets(division.rows)
     levels = pattern.levels - wrong[:, None]
     return replace(pattern, levels=levels, stiffness=pattern.elastic.stiffness_of(levels))
 
@@ -78,7 +78,7 @@ def within(division: Division, block: Pattern) -> Division:
 
 def _negative(division: Division) -> Array:
     """``(r,)``: whether K(t) has a negative eigenvalue at some time."""
-    lowest = division.elastic.stiffness_of(division.sampler.lowest(division.rows)[:, None])
+    lowest = division.elastic.stiffness_of(division.functions.lowest(division.rows)[:, None])
     shift = division.elastic.shift[:, None] ** 2
     below = np.any(np.linalg.eigvalsh(lowest[:, 0]) + shift < 0, axis=1)
     rows = np.flatnonzero(below)

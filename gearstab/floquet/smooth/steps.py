@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
@@ -18,8 +17,8 @@ from gearstab.floquet.segments.pattern import CONSTANT, PROBES, SHORTEST, Patter
 from gearstab.floquet.segments.reduction import Elastic, reduce
 from gearstab.floquet.smooth.schemes import CF6_5, Scheme
 from gearstab.grouping import equal_rows
+from gearstab.propagation.schedule import Functions, sources
 from gearstab.system import Array, GearSystem
-from gearstab.waveforms import Waveform
 
 BASE = 4
 """Steps a common period of the coarsest resolution, unless there are more pieces or steps fail to resolve K(t)."""
@@ -46,75 +45,18 @@ LEFT_OUT, VARYING, STILL, JOINED = range(4)
 """Kinds of pieces: of no length; to be cut into steps; constant; constant and equal to the one before."""
 
 
-@dataclass(frozen=True)
-class Sampler:
-    """The mesh stiffnesses of a system's rows at any time.
+def edges_of(functions: Functions) -> Array:
+    """``(rows, Q)``: jumps and kinks in parts of a common period, the unit of time, ascending from [0, 1) on.
 
-    turns: cycles of each mesh in a unit of time, which is the common period, or 2 pi/Omega for systems without one.
+    Rows with fewer of them than others have the end of the period for the rest; without any, 0 is one.
     """
-
-    system: GearSystem
-    turns: tuple[float, ...]
-
-    @cached_property
-    def _rows(self) -> tuple[Array, Array, Array, Array]:
-        """Mean stiffness, amplitude, lag and epsilon of each mesh, ``(meshes, rows)``."""
-        meshes = self.system.meshes
-        table = [(mesh.mean_stiffness, mesh.amplitude, mesh.lag, mesh.epsilon) for mesh in meshes]
-        mean, amplitude, lag, epsilon = (np.array([*map(self.system.flat, part)]) for part in zip(*table, strict=True))
-        return mean, amplitude, lag, epsilon
-
-    def edges(self) -> Array:
-        """``(rows, Q)``: jumps and kinks in parts of a common period, the unit of time, ascending from [0, 1) on.
-
-        Rows with fewer of them than others have the end of the period for the rest; without any, 0 is one.
-        """
-        count, found = self.system.rows, []
-        _, _, lag, epsilon = self._rows
-        for i, (mesh, turns) in enumerate(zip(self.system.meshes, self.turns, strict=True)):
-            points = self.system.flat(mesh.waveform.breakpoints(), 1) + lag[i][:, None]
-            each = ((points[:, :, None] + np.arange(turns)) / turns).reshape(count, -1)
-            # A mesh whose stiffness does not vary has no jumps; another one's edge stands for its.
-            found.append(np.where(epsilon[i][:, None] != 0, each, np.nan))
-        every = np.concatenate([*found, np.full((count, 1), np.nan)], axis=1)
-        every = every - np.floor(every)
-        every = np.sort(np.where(every >= 1.0, 0.0, every), axis=1)
-        every[:, 0] = np.where(np.isnan(every[:, 0]), 0.0, every[:, 0])
-        return np.where(np.isnan(every), every[:, :1] + 1.0, every)
-
-    def mean(self, rows: Array) -> Array:
-        """``(r, meshes)``, mean mesh stiffnesses."""
-        return np.asarray(self._rows[0].T[rows])
-
-    def lowest(self, rows: Array) -> Array:
-        """``(r, meshes)``, the least mesh stiffnesses."""
-        return np.stack([self.system.flat(mesh.lowest_stiffness)[rows] for mesh in self.system.meshes], axis=-1)
-
-    def __call__(self, rows: Array, place: Array) -> Array:
-        """``(r, Q, meshes)``, mesh stiffnesses of ``rows`` (r,) at the times ``(r, Q)``."""
-        result = np.empty((*place.shape, len(self.system.meshes)))
-        alike = len(place) == 1 or bool(np.all(place == place[:1]))
-        means, amplitudes, lags, _ = self._rows
-        known: dict[tuple[int, float, bytes], Array] = {}
-        for i, (mesh, turns) in enumerate(zip(self.system.meshes, self.turns, strict=True)):
-            lag = lags[i][rows, None]
-            # Planets in phase have one wave among them.
-            key = id(mesh.waveform), turns, lag.tobytes()
-            if key not in known:
-                # Often the same times for all rows.
-                once = alike and bool(np.all(lag == lag[0]))
-                known[key] = self._wave(mesh.waveform, rows, turns * place - lag, once)
-            result[..., i] = means[i][rows, None] + 2 * amplitudes[i][rows, None] * known[key]
-        return result
-
-    def _wave(self, waveform: Waveform, rows: Array, phase: Array, alike: bool) -> Array:
-        """``(r, Q)``, a wave at the phases ``(r, Q)``; ``(1, Q)`` where both are the same for all rows, ``alike``."""
-        if waveform.batch == ():
-            return waveform.value(phase[:1] if alike else phase)
-        every = np.zeros((phase.shape[1], self.system.rows))
-        every[:, rows] = phase.T
-        every = waveform.value(every.reshape(-1, *self.system.batch)).reshape(every.shape)
-        return every[:, rows].T
+    # A mesh whose stiffness does not vary has no jumps; another one's edge stands for its.
+    found = [np.where(functions.varies(k)[:, None], functions.jumps(k), np.nan) for k in range(len(functions.found))]
+    every = np.concatenate([*found, np.full((functions.rows, 1), np.nan)], axis=1)
+    every = every - np.floor(every)
+    every = np.sort(np.where(every >= 1.0, 0.0, every), axis=1)
+    every[:, 0] = np.where(np.isnan(every[:, 0]), 0.0, every[:, 0])
+    return np.where(np.isnan(every), every[:, :1] + 1.0, every)
 
 
 @dataclass(frozen=True)
@@ -126,7 +68,7 @@ class Division:
     base: about the steps of the coarsest resolution.
     """
 
-    sampler: Sampler
+    functions: Functions
     elastic: Elastic
     cycles: float
     start: Array
@@ -161,7 +103,7 @@ class Division:
         if not moving.any():
             return 0.0
         place = start[:, moving, None] + length[:, moving, None] * np.append(NODES, CHECKS)
-        known = self.sampler(self.rows, place.reshape(len(place), -1)).reshape(*place.shape, -1)
+        known = self.functions(self.rows, place.reshape(len(place), -1)).reshape(*place.shape, -1)
         span = np.maximum(np.ptp(known, axis=(1, 2)), np.finfo(float).tiny)[:, None, None]
         missed = np.abs(known[:, :, len(NODES) :] - PARABOLA @ known[:, :, : len(NODES)])
         # Of a mesh that varies little or not at all there is only rounding to see.
@@ -171,7 +113,7 @@ class Division:
     def pattern(self, scheme: Scheme, resolution: int) -> Pattern:
         """The rows as a pattern: a segment a constant piece and an exponential elsewhere, all with their own state."""
         start, length, piece = in_steps(self.start, self.length, self.counts(resolution))
-        fractions, levels = exponentials(self.sampler, self.rows, start, length, self.constant[piece], scheme)
+        fractions, levels = exponentials(self.functions, self.rows, start, length, self.constant[piece], scheme)
         states, stiffness = np.arange(fractions.shape[1]), self.elastic.stiffness_of(levels)
         return Pattern(self.rows, self.cycles, fractions, self.start[:, 0], states, levels, self.elastic, stiffness)
 
@@ -185,14 +127,14 @@ def in_steps(start: Array, length: Array, counts: Array) -> tuple[Array, Array, 
 
 
 def exponentials(
-    sampler: Sampler, rows: Array, start: Array, length: Array, still: Array, scheme: Scheme
+    functions: Functions, rows: Array, start: Array, length: Array, still: Array, scheme: Scheme
 ) -> tuple[Array, Array]:
     """(durations ``(r, X)``, mesh stiffnesses ``(r, X, meshes)``) of the exponentials of steps.
 
     start, length: ``(r, S)``; still: ``(S,)``, which steps are over constant pieces and take a single exponential.
     """
     place = start[:, :, None] + length[:, :, None] * scheme.nodes
-    known = sampler(rows, place.reshape(len(rows), -1)).reshape(*place.shape, -1)
+    known = functions(rows, place.reshape(len(rows), -1)).reshape(*place.shape, -1)
     levels = scheme.mixture @ known
     levels[:, still] = known[:, still, len(scheme.nodes) // 2, None]
     durations = length[:, :, None] * np.where(still[:, None], 1.0, scheme.durations)
@@ -203,10 +145,10 @@ def exponentials(
 def divisions(system: GearSystem) -> Iterator[Division]:
     """All rows, grouped; every row occurs exactly once."""
     common, turns = system.common_period()
-    sampler, cycles = Sampler(system, turns[: len(system.meshes)]), float(common)
-    edges = sampler.edges()
+    functions, cycles = Functions(sources(system, turns), system.batch), float(common)
+    edges = edges_of(functions)
     length = np.diff(edges, axis=1, append=edges[:, :1] + 1)
-    span, code = _kinds(sampler, edges, length)
+    span, code = _kinds(functions, edges, length)
     for elastic in reduce(system):
         for index, key in equal_rows(code[elastic.rows]):
             members = elastic.rows[index]
@@ -218,7 +160,7 @@ def divisions(system: GearSystem) -> Iterator[Division]:
             slope = span[members][:, kept] / parts
             wanted = np.mean(parts * slope**EVENNESS, axis=0) * ~constant
             density = wanted / max(float(wanted.sum()), np.finfo(float).tiny)
-            found = Division(sampler, elastic.subset(index), cycles, start, parts, constant, density)
+            found = Division(functions, elastic.subset(index), cycles, start, parts, constant, density)
             while found.base < MOST and (missed := found.missed()) > 1.0:
                 # What a parabola misses falls as the cube of the step, so that some choices need not be tried.
                 hopeless, base = min(found.base * np.cbrt(missed) / HALFWAY, MOST), found.base
@@ -237,10 +179,10 @@ def portions(system: GearSystem, most: int | None = None) -> Iterator[Division]:
             yield division.subset(np.arange(begin, min(begin + step, len(division.rows))))
 
 
-def _kinds(sampler: Sampler, edges: Array, length: Array) -> tuple[Array, Array]:
+def _kinds(functions: Functions, edges: Array, length: Array) -> tuple[Array, Array]:
     """By how much the stiffness varies (relative) on each piece ``(rows, Q)``, and the kind of the piece."""
     place = edges[:, :, None] + length[:, :, None] * PROBES
-    known = sampler(np.arange(sampler.system.rows), place.reshape(len(place), -1)).reshape(*place.shape, -1)
+    known = functions(np.arange(functions.rows), place.reshape(len(place), -1)).reshape(*place.shape, -1)
     size = np.maximum(np.abs(known).max(axis=(1, 2)), np.finfo(float).tiny)
     span = ((known.max(axis=2) - known.min(axis=2)) / size[:, None]).max(axis=2, initial=0.0)
     kind = np.where(length > SHORTEST, np.where(span > CONSTANT, VARYING, STILL), LEFT_OUT)

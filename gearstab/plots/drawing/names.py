@@ -226,7 +226,10 @@ def thin_line(ax: Axes, points: Array, transform: Transform, frequency_on_x: boo
 
 def settle(figure: Figure) -> None:
     """Run the layout, so that frames have their lengths and text can be measured against them."""
-    figure.draw_without_rendering()
+    if (layout := figure.get_layout_engine()) is None:
+        figure.draw_without_rendering()
+    else:
+        layout.execute(figure)
 
 
 def freeze(figure: Figure, request: Request) -> None:
@@ -235,7 +238,7 @@ def freeze(figure: Figure, request: Request) -> None:
     A figure that the user made keeps its own layout.
     """
     for _ in range(2):  # what the first run makes room for moves labels that the second sees
-        figure.draw_without_rendering()
+        settle(figure)
     if request.ax is None:
         _run_with_fixed_ticks(figure)
         figure.set_layout_engine("none")
@@ -254,6 +257,6 @@ def _run_with_fixed_ticks(figure: Figure) -> None:
     ]
     for axis, locator in free:
         axis.set_major_locator(FixedLocator(list(locator())))
-    figure.draw_without_rendering()
+    settle(figure)
     for axis, locator in free:
         axis.set_major_locator(locator)

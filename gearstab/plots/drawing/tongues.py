@@ -31,7 +31,7 @@ LOOKS: dict[str, tuple[Any, str]] = {
     "uncoupled": ((0, (1, 1.4)), "uncoupled modes"),
 }
 """Line style and entry in a legend of each theory, the same in every figure."""
-THIN = "exact region, too narrow for two lines"
+THIN = "exact, narrow"
 """Entry in a legend of regions that :func:`exact_lines` draws as one line."""
 SLIVER = GROWTH(0.15)
 """A tongue thinner than a line is a sliver of the lightest growth colours, as it would be among the cells."""

@@ -343,9 +343,8 @@ def legend_handles(panels: list[Panel], drawn: list[Artists]) -> list[Any]:
     handles: list[Any] = []
     damped = branches.damped(panels[0].tree)
     if over_speed or damped:
-        look = "-" if over_speed else "none"
         words = "damped natural frequencies" if damped else "natural frequencies"
-        handles.append(Line2D([], [], color=LINE, linewidth=0.9, linestyle=look, label=words))
+        handles.append(Line2D([], [], color=LINE, linewidth=0.9 if over_speed else 0.0, label=words))
     if any(artists["orders"] for artists in drawn):
         for n, meshes in enumerate(ratios.values() if over_speed else [""]):
             words = "mesh orders" if len(ratios) == 1 or not meshes else f"orders of {plain(meshes)}"

@@ -14,6 +14,7 @@ from math import factorial
 import numpy as np
 
 from gearstab.errors import NotPossible
+from gearstab.propagation.segment import augmented
 from gearstab.response.backlash.contact import APART, Play
 from gearstab.response.linear.driven import Driven
 from gearstab.system import Array, GearSystem
@@ -89,18 +90,15 @@ def dynamics(system: GearSystem, motion: Driven, teeth: Play) -> Dynamics:
     usual = np.abs(drive.varying(drive.schedule.edges[:1] * (1 - 1e-12))[0]).max(axis=0)
     # Probes of that size: what belongs to a stiffness of 1 would drown in what is always there, were it 1e8.
     probes = np.concatenate([np.zeros((1, len(usual))), np.diag(np.where(usual > 0, usual, 1.0))])
-    generators, constant, rates = points.inputs(probes[:, None])
+    generators, constant, rates = points.equation.inputs(probes[:, None])
     a, b = generators[:, 0] * rate, (constant[:, 0] + omega * rates[0]) * rate
     directions = drive.directions[0]
     pushes = (basis.inlet[0] @ directions.T).T * rate
     force = np.abs(b[0]).max() + np.abs(b[1:] - b[0]).max(axis=(1, 2), initial=0.0).sum()
     force += usual[:count] @ (np.abs(pushes).max(axis=1) * np.abs([teeth.low, teeth.high]).max(axis=0))
     scale = float(force) / rate or 1.0
-    whole = np.zeros((len(probes), m + width, m + width))
-    whole[:, :m, :m], whole[:, :m, m:] = a, b / scale
     turn = 2 * np.pi * drive.harmonics / motion.period
-    cosine = m + 1 + 2 * np.arange(len(turn))
-    whole[:, cosine, cosine + 1], whole[:, cosine + 1, cosine] = -turn, turn
+    whole = augmented(a, b / scale, turn)
     drags = np.zeros((count, m + width, m + width))
     drags[:, :m, :m] = pushes[:, :, None] * (drive.dampings[0, :, None] * (directions @ basis.speed[0]))[:, None]
     slopes = omega * drive.dampings[0, :, None] * drive.slopes[0] / scale

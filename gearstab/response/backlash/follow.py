@@ -17,7 +17,6 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from gearstab import ckernel
-from gearstab.propagation.intervals import occupied
 from gearstab.response.backlash import dynamics as d
 from gearstab.response.backlash.contact import APART, UPPER
 from gearstab.system import Array
@@ -114,7 +113,7 @@ def timetable(dynamics: d.Dynamics, tolerance: float) -> Timetable:
     """Divide the common period. Raises NotPossible where that takes too many series."""
     motion = dynamics.motion
     edges = motion.points.edges[0]
-    spans = np.stack([edges[:-1], edges[1:]], axis=1)[occupied(motion.points)]
+    spans = np.stack([edges[:-1], edges[1:]], axis=1)[motion.points.equation.occupied]
     if motion.drive.exact:
         shapes = dynamics.values(spans.mean(axis=1))[:, None]
     else:

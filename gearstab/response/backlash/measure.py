@@ -133,7 +133,7 @@ class Meter:
         low, high, force, integrals = (part[counts] for part in found[1:])
         mean, square, apart = integrals.sum(axis=0) / (end - begin)
         sections = np.concatenate(self.sections)[first : last + 1 if self.whole else 1]
-        period, difference = _repetition(sections[:, elastic(self.dynamics)])
+        period, difference = repetition(sections[:, elastic(self.dynamics)])
         return LimitCycle(
             begin=begin, end=end, peak_to_peak=high.max(axis=0) - low.min(axis=0),
             rms=np.sqrt(np.maximum(square - mean**2, 0.0)),
@@ -153,7 +153,7 @@ def elastic(dynamics: Dynamics) -> Array:
     return np.concatenate([~free, ~free | held])
 
 
-def _repetition(sections: Array) -> tuple[int, float]:
+def repetition(sections: Array) -> tuple[int, float]:
     """(period, difference): the smallest number of sections after which the last ones repeat themselves."""
     count = len(sections)
     size = float(np.abs(sections - sections.mean(axis=0)).max(initial=0.0))

@@ -40,7 +40,12 @@ amplitude at one parameter."""
 SAME = 1e-6
 """Two multipliers that cross within this part of a step cross together."""
 
-FOLD, DOUBLING, NEIMARK_SACKER, BRANCHING = "fold", "period doubling", "Neimark-Sacker", "branch point"
+FOLD, DOUBLING, NEIMARK_SACKER, BRANCHING = "fold", "period_doubling", "Neimark_Sacker", "branch_point"
+"""What multipliers do where they cross the unit circle."""
+END, CLOSED, UNBOUNDED, MORE = "range_end", "closed", "unbounded", "more_points"
+FAILED, LINEAR = "step_failed", "linear_motions"
+"""Why a curve ends: at an end of the range, where it began, beyond the largest state; as so many points were asked for,
+or as no step was short enough; or as motions of any amplitude follow at one parameter."""
 
 
 class Visit(Protocol):
@@ -85,10 +90,11 @@ class NoPoint(ArithmeticError):
 
 
 @dataclass(frozen=True)
-class ContinuationLimits:
-    """low, high: of the parameter.  most: points.  first, longest, shortest: steps, in units of the curve.
+class StepLimits:
+    """Where a curve ends, and its steps.
 
-    largest: of the state, in its unit.
+    low, high: of the parameter.  most: points, but for those where multipliers cross.
+    first, longest, shortest: steps, in units of the curve.  largest: of the state, in its unit.
     """
 
     low: float
@@ -97,7 +103,7 @@ class ContinuationLimits:
     first: float = 0.01
     longest: float = 0.05
     shortest: float = 1e-8
-    largest: float = 1e4
+    largest: float = 10.0
 
 
 @dataclass(frozen=True)
@@ -157,7 +163,7 @@ class Curve:
         """The fixed point near x at a given parameter. Raises NoPoint."""
         return self.corrected(x, parameter, np.append(np.zeros(len(x)), 1.0))[0]
 
-    def follow(self, start: Point, along: Array, limits: ContinuationLimits) -> Iterator[Point | str]:
+    def follow(self, start: Point, along: Array, limits: StepLimits) -> Iterator[Point | str]:
         """Points from the start on to the side of ``along (m + 1,)``, the start left out; then why they end."""
         here, step, count = start, limits.first, 0
         tangent = self.tangent(here, along)
@@ -167,7 +173,7 @@ class Curve:
                 following = self.tangent(there, self.difference(there, here))
             except (ArithmeticError, np.linalg.LinAlgError):
                 if step < limits.shortest:
-                    yield "the step became too short"
+                    yield FAILED
                     return
                 step *= 0.25
                 continue
@@ -177,7 +183,7 @@ class Curve:
                 step *= 0.5
                 continue
             if upright:
-                yield "linear motions of any amplitude follow"
+                yield LINEAR
                 return
             if not limits.low <= there.parameter <= limits.high:
                 yield from self._last(here, there, limits)
@@ -187,31 +193,31 @@ class Curve:
             count += 1
             gap = self.difference(there, start)
             if count > 3 and np.linalg.norm(gap) < step and gap @ following < 0.5 * step:
-                yield "closed"
+                yield CLOSED
                 return
             if np.abs(there.x).max() > limits.largest * self.unit:
-                yield "it outgrows the range of amplitudes"
+                yield UNBOUNDED
                 return
             if turn < GENTLE and iterations < 5:
                 step = min(1.4 * step, limits.longest)
             here, tangent = there, following
-        yield "so many points were asked for"
+        yield MORE
 
-    def _last(self, here: Point, there: Point, limits: ContinuationLimits) -> Iterator[Point | str]:
+    def _last(self, here: Point, there: Point, limits: StepLimits) -> Iterator[Point | str]:
         """The point at the end of the range, between two."""
         bound = limits.low if there.parameter < limits.low else limits.high
         part = (bound - here.parameter) / (there.parameter - here.parameter)
         try:
             last = self.at(here.x + part * (there.x - here.x), bound)
         except ArithmeticError:
-            yield "the end of the range was not reached"
+            yield FAILED
             return
         if bound != here.parameter:
             along = self.difference(last, here)
             along /= np.linalg.norm(along)
             yield from self.crossings(here, last, along, along)
             yield last
-        yield "end of the range"
+        yield END
 
     def crossings(self, here: Point, there: Point, tangent: Array, following: Array) -> Iterator[Point]:
         """Where multipliers cross the unit circle between two points of the curve, in its order."""

@@ -54,6 +54,12 @@ class Lap:
         found.imag[np.abs(found.imag) <= 4 * ROUNDING * np.abs(found)] = 0.0
         return np.asarray(found[np.argsort(-np.abs(found), kind="stable")])
 
+    def sections(self) -> Array:
+        """``(periods + 1, m)``, the elastic states at the beginnings of the common periods and at the end."""
+        begins = np.flatnonzero(np.diff(self.track.period, prepend=-1))
+        kept = elastic(self.model)
+        return np.concatenate([self.track.powers[begins, 0, : self.model.size][:, kept], self.end[None]])
+
     @property
     def grazing(self) -> bool:
         """Whether a flank is hardly touched, or hardly missed."""
@@ -98,7 +104,7 @@ class SectionMap:
 
     def _model(self, omega: float) -> tuple[Dynamics, Timetable, Array]:
         """The equations of motion at a mesh frequency, what varies in them, and which states are elastic."""
-        motion = replace(self._motion, points=replace(self._motion.points, omega=np.array([omega])))
+        motion = replace(self._motion, omega=omega)
         found = dynamics(self.system, motion, self.teeth)
         return found, timetable(found, self.tolerance), elastic(found)
 

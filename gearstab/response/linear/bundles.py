@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gearstab.propagation.intervals import ENTRIES, Exact, Interval, SteadyPoints, Stepped, occupied
+from gearstab.propagation.intervals import ENTRIES, Interval, SteadyPoints, intervals
 from gearstab.propagation.segment import Eigen, divided_exponential
 from gearstab.system import Array
 
@@ -49,7 +49,7 @@ class Bundle:
     @property
     def stiffness(self) -> Array:
         """``(Q, K, meshes)``."""
-        return np.asarray(self.points.excitation.split(self.points.middles[self.q])[0][:, self.points.at])
+        return np.asarray(self.points.excitation.split(self.points.equation.middles[self.q])[0][:, self.points.at])
 
     def across(self) -> Array:
         """Return what all of them make of the state together, ``(K, m, m)``."""
@@ -77,7 +77,7 @@ class Bundle:
     def _drive(self) -> Array:
         """``(Q, K, m, 1 + H)``, forces times the durations, of c cos + s sin = Re[(c - i s) exp(i phi)]."""
         points = self.points
-        constant, rates = points.forces(points.middles[self.q])
+        constant, rates = points.equation.forces(points.equation.middles[self.q])
         drive = constant[:, points.at] + points.omega[:, None, None] * rates[points.at]
         inner = np.concatenate([drive[..., :1], drive[..., 1::2] - 1j * drive[..., 2::2]], axis=-1)
         return np.asarray(inner * self.duration[..., None, None])
@@ -133,60 +133,32 @@ class Course:
         return np.ascontiguousarray(np.moveaxis(values, (2, 3), (0, 1)))
 
 
-@dataclass(frozen=True)
-class _States:
-    """The states of a period: eigenvectors of them ``(D, r, ...)``, and which one each interval ``(Q,)`` is in."""
-
-    q: Array
-    values: Array
-    vectors: Array
-    inverse: Array
-    which: Array
-
-
-def _states(points: SteadyPoints) -> _States | None:
-    """Those of a period; None where something varies smoothly or eigenvectors do not give them all."""
-    if not points.excitation.exact:
-        return None
-    q = np.array(occupied(points), dtype=int)
-    values = points.middles[q]
-    inner = points.excitation.split(values)[1]
-    _, first, which = np.unique(inner.reshape(len(q), -1), axis=0, return_index=True, return_inverse=True)
-    found = [points.eigen(values[k], points.basis.generator(inner[k])) for k in first]
-    known = [eigen for eigen in found if eigen is not None]
-    if len(known) < len(found):
-        return None
-    values, vectors, inverse = (
-        np.stack([getattr(eigen, n) for eigen in known]) for n in ("values", "vectors", "inverse")
-    )
-    return _States(q, values, vectors, inverse, which.ravel())
-
-
 def bundles(points: SteadyPoints) -> Iterator[Bundle | Interval]:
     """All intervals of a common period that are not empty in every row, those that cannot be bundled one by one."""
-    states, at = _states(points), points.at
-    if states is None:
-        kind = Exact if points.excitation.exact else Stepped
-        yield from (kind(points, q) for q in occupied(points))
+    equation, at, q = points.equation, points.at, points.equation.occupied
+    eigen = equation.states.eigen if equation.drive.exact else None
+    if eigen is None:
+        yield from intervals(points)
         return
-    rows, m = len(points.basis.rows), points.basis.size
+    rows, m = len(equation.form.rows), equation.form.size
     own = at[:1] if np.all(at == at[0]) else at
-    merged = (part.reshape(-1, *part.shape[2:]) for part in (states.values, states.vectors, states.inverse))
-    begin, length = points.edges[at][:, states.q].T, np.diff(points.edges, axis=1)[at][:, states.q].T
-    whole = Bundle(points, states.q, Eigen(*merged), states.which[:, None] * rows + own, begin, length)
-    at_once = max(1, ENTRIES // max(1, len(at) * m * (1 + points.excitation.width)))
-    yield from (whole.some(slice(i, i + at_once)) for i in range(0, len(states.q), at_once))
+    merged = (part.reshape(-1, *part.shape[2:]) for part in (eigen.values, eigen.vectors, eigen.inverse))
+    begin, length = equation.edges[at][:, q].T, np.diff(equation.edges, axis=1)[at][:, q].T
+    whole = Bundle(points, q, Eigen(*merged), equation.states.of[q, None] * rows + own, begin, length)
+    at_once = max(1, ENTRIES // max(1, len(at) * m * (1 + equation.drive.width)))
+    yield from (whole.some(slice(i, i + at_once)) for i in range(0, len(q), at_once))
 
 
 def monodromy(points: SteadyPoints) -> Array | None:
     """M ``(K, m, m)`` by the compiled kernel; None where a state has no eigenvectors."""
-    states = _states(points) if points.basis.size else None
-    if states is None:
+    equation, q = points.equation, points.equation.occupied
+    eigen = equation.states.eigen if equation.drive.exact and equation.form.size else None
+    if eigen is None:
         return None
     from gearstab.floquet.kernel.c_kernel import chained
 
-    fractions = np.diff(points.edges, axis=1)[:, states.q]
-    values, vectors, inverse = (np.swapaxes(part, 0, 1) for part in (states.values, states.vectors, states.inverse))
-    cycles = points.excitation.cycles
+    fractions = np.diff(equation.edges, axis=1)[:, q]
+    values, vectors, inverse = (np.swapaxes(part, 0, 1) for part in (eigen.values, eigen.vectors, eigen.inverse))
+    cycles = equation.drive.cycles
     cycle = points.period / (2 * np.pi * cycles)
-    return chained(cycles, fractions, states.which, values, vectors, inverse, points.at, cycle)
+    return chained(cycles, fractions, equation.states.of[q], values, vectors, inverse, points.at, cycle)

@@ -13,9 +13,10 @@ from functools import cached_property
 
 import numpy as np
 
+from gearstab.propagation.equation import Equation
 from gearstab.propagation.excitation import Excitation, excitation
 from gearstab.propagation.first_order import FirstOrder, bases
-from gearstab.propagation.intervals import SteadyPoints, intervals, occupied
+from gearstab.propagation.intervals import SteadyPoints, intervals
 from gearstab.propagation.one_motion import followed
 from gearstab.response.linear.steady import period_map, resolution
 from gearstab.system import Array, GearSystem
@@ -34,27 +35,41 @@ position and velocity do not jump, so that only the force and the energy depend 
 class Driven:
     """A single system at one mesh frequency, ready to be followed.
 
-    drive: what varies and drives; basis: all modes, rigid-body ones included; points: the operating point.
+    whole: the equation at any mesh frequency, of all modes, rigid-body ones included. omega: Omega.
     tolerance: where functions vary smoothly, of the map over a period, relative.
     """
 
-    drive: Excitation
-    basis: FirstOrder
-    points: SteadyPoints
+    whole: Equation
+    omega: float
     tolerance: float
+
+    @cached_property
+    def points(self) -> SteadyPoints:
+        """The operating point."""
+        return SteadyPoints.of(self.whole, np.zeros(1, dtype=int), np.array([self.omega]))
+
+    @property
+    def drive(self) -> Excitation:
+        """What varies and drives."""
+        return self.points.excitation
+
+    @property
+    def basis(self) -> FirstOrder:
+        """The first-order form at this mesh frequency."""
+        return self.points.basis
 
     @cached_property
     def resolved(self) -> SteadyPoints:
         """The operating point with as many Magnus steps as the tolerance asks for."""
         if self.drive.exact:
             return self.points
-        steps = resolution(self.drive, self.basis, self.points.at, self.points.omega, self.tolerance)
+        steps = resolution(self.points.equation, self.points.at, self.points.omega, self.tolerance)
         return replace(self.points, steps=steps)
 
     @property
     def period(self) -> float:
         """The common period."""
-        return float(2 * np.pi * self.drive.cycles / self.points.omega[0])
+        return 2 * np.pi * self.drive.cycles / self.omega
 
     def state(self, displacement: Array, velocity: Array) -> Array:
         """x ``(m,)`` from q and dq/dt ``(n,)``."""
@@ -106,30 +121,15 @@ class Driven:
         """Intervals of a common period: number, which of its first samples lie in it, and at which fractions of it."""
         edges = self.points.edges[0] * grid
         first = first_sample(edges)
-        for q in occupied(self.points):
+        for q in self.points.equation.occupied:
             if first[q] >= samples:
                 break
             inside = np.arange(first[q], min(first[q + 1], samples))
             yield q, inside, np.clip((inside - edges[q]) / (edges[q + 1] - edges[q]), 0.0, 1.0)
 
-    def stiffness(self, grid: int) -> Array:
-        """``(grid, meshes)``: the mesh stiffnesses at the samples of a common period, just after a jump on one."""
-        edges = self.points.edges[0]
-        first = first_sample(edges * grid)
-        tau = np.arange(grid) / grid
-        for q in occupied(self.points):
-            inside = slice(first[q], first[q + 1])
-            width = edges[q + 1] - edges[q]
-            if self.drive.exact:
-                tau[inside] = 0.5 * (edges[q] + edges[q + 1])
-            else:
-                # Just inside, where a function that jumps at an edge still has the value of the interval.
-                tau[inside] = np.clip(tau[inside], edges[q] + 1e-9 * width, edges[q + 1] - 1e-9 * width)
-        return np.asarray(self.drive.split(self.drive.varying(tau[None])[0])[0])
-
     def momentary(self, grid: int) -> tuple[Array, Array]:
         """``(grid, meshes)``, the mesh stiffnesses and the transmission errors at the samples of a common period."""
-        return self.stiffness(grid), self.drive.z(np.arange(grid) / grid) @ self.drive.errors[0].T
+        return self.points.equation.momentary(np.arange(grid) / grid, ON_A_JUMP / grid)
 
 
 def driven(system: GearSystem, mesh_frequency: float, tolerance: float = 1e-9) -> Driven:
@@ -137,11 +137,8 @@ def driven(system: GearSystem, mesh_frequency: float, tolerance: float = 1e-9) -
 
     Raises ValueError without a common period.
     """
-    drive = excitation(system)
-    (basis,) = bases(system, whole=True)
-    at, omega = np.zeros(1, dtype=int), np.array([float(mesh_frequency)])
-    points = SteadyPoints.of(drive, basis, at, omega)
-    return Driven(points.excitation, points.basis, points, tolerance)
+    (form,) = bases(system, whole=True)
+    return Driven(Equation(form, excitation(system)), float(mesh_frequency), tolerance)
 
 
 def first_sample(edges: Array) -> Array:

@@ -144,7 +144,7 @@ def assembled(
     flanks: ``(samples, meshes)``, with backlash: whether the teeth touch, and where the flanks are.
     """
     q, v = state
-    omega = float(motion.points.omega[0])
+    omega = motion.omega
     stiffness, errors = (np.resize(part, (len(q), len(system.meshes))) for part in motion.momentary(grid))
     if flanks is not None:
         stiffness, errors = stiffness * flanks[0], errors + flanks[1]

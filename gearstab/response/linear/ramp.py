@@ -88,11 +88,11 @@ def ramp_response(
     time = np.arange(int(np.floor(path.time[-1] / step * (1 + 1e-12))) + 1) * step
     q0, v0 = (static_equilibrium(system), np.zeros(system.size)) if start is None else start
     with np.errstate(over="ignore", invalid="ignore"):
-        form = equation.first_order
+        form = equation.form
         x = equation.follow(path, time, form.state(q0, v0, np.asarray(system.mass)))
         q, v = x @ form.outlet[0].T, x @ form.speed[0].T
         deflection = np.stack([q @ np.asarray(mesh.direction) for mesh in system.meshes], axis=-1)
-        stiffness, errors = _momentary(equation, path.phase_at(time) / equation.period)
+        stiffness, errors = equation.momentary(path.phase_at(time) / equation.period)
         force = stiffness * (deflection - errors)
     finite = np.isfinite(force).all(axis=1) & np.isfinite(q).all(axis=1) & np.isfinite(v).all(axis=1)
     kept = len(time) if finite.all() else int(np.argmin(finite))
@@ -100,12 +100,3 @@ def ramp_response(
     flags |= RESPONSE_FLAGS["separation"] * bool(np.any(separated(force[:kept], static_mesh_force(system))))
     speed = path.speed_at(time)
     return RampResponse(time[:kept], speed[:kept], q[:kept], v[:kept], deflection[:kept], force[:kept], flags)
-
-
-def _momentary(equation: PhaseEquation, part: Array) -> tuple[Array, Array]:
-    """``(samples, meshes)``, the mesh stiffnesses, just after a jump on one, and the transmission errors."""
-    drive, edges, inside = equation.drive, equation.edges, part - np.floor(part)
-    if drive.exact:
-        k = np.clip(np.searchsorted(edges, inside + 1e-12, side="right") - 1, 0, len(edges) - 2)
-        inside = 0.5 * (edges[k] + edges[k + 1])
-    return drive.split(equation.values(inside))[0], drive.z(part) @ drive.errors[0].T

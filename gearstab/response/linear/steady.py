@@ -18,10 +18,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gearstab.errors import NotPossible
+from gearstab.propagation.equation import Equation
 from gearstab.propagation.excitation import Excitation, excitation
 from gearstab.propagation.first_order import FirstOrder, bases
 from gearstab.propagation.intervals import SteadyPoints
-from gearstab.propagation.segment import Eigen
 from gearstab.response.linear.bundles import Bundle, bundles, monodromy
 from gearstab.response.measures.panels import fastest
 from gearstab.system import Array, GearSystem
@@ -70,18 +70,18 @@ def starts(
     whole = excitation(system)
     for basis in bases(system):
         drive = whole.subset(basis.rows)
+        equation = Equation(basis, drive)
         row, column = np.divmod(np.arange(len(basis.rows) * omega.shape[1]), omega.shape[1])
         frequency = omega[basis.rows[row], column]
-        steps = 1 if drive.exact else resolution(drive, basis, row, frequency, tolerance)
+        steps = 1 if drive.exact else resolution(equation, row, frequency, tolerance)
         longest = float(np.diff(drive.schedule.edges, axis=1).max())
         # Numbers kept for each point: states at the samples, and about ten more for every mesh.
         nodes = samples * drive.counts[0] * longest * (basis.size + 10 * len(drive.counts))
         widest = max((basis.size + drive.width) ** 2, int(nodes))
         step = max(1, MOST_ENTRIES // widest)
-        known: dict[bytes, Eigen | None] = {}
         for i in range(0, len(row), step):
             part = slice(i, i + step)
-            points = SteadyPoints.of(drive, basis, row[part], frequency[part], steps, known)
+            points = SteadyPoints.of(equation, row[part], frequency[part], steps)
             yield basis.rows[row[part]], column[part], start(points)
 
 
@@ -162,13 +162,13 @@ TRIED = 6
 """Points on which the number of steps is tried."""
 
 
-def resolution(drive: Excitation, basis: FirstOrder, at: Array, omega: Array, tolerance: float) -> int:
+def resolution(equation: Equation, at: Array, omega: Array, tolerance: float) -> int:
     """The number of steps that reaches the tolerance at some of the points, the slowest of many rows among them.
 
     Raises NotPossible where MOST are not enough.
     """
     chosen = _samples(at, omega)
-    points = SteadyPoints.of(drive, basis, at[chosen], omega[chosen])
+    points = SteadyPoints.of(equation, at[chosen], omega[chosen])
     longest, turns = float(np.diff(points.edges, axis=1).max()), fastest(points)
     if turns > SLOW:
         raise NotPossible(

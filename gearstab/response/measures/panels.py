@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gearstab.propagation.intervals import Interval, SteadyPoints, occupied
+from gearstab.propagation.intervals import Interval, SteadyPoints
 from gearstab.response.linear.bundles import Bundle, Course, bundles
 from gearstab.response.measures.extremes import BETWEEN, HERMITE, NODES, RATES, extremes
 from gearstab.system import Array
@@ -152,7 +152,7 @@ def _stiffness(points: SteadyPoints, q: int, fractions: Array) -> Array:
     """``(X, K, meshes)`` within interval q, its ends from inside."""
     begin, end = points.edges[:, q], points.edges[:, q + 1]
     inner = np.array([0.5]) if points.excitation.exact else np.clip(fractions, 1e-9, 1 - 1e-9)
-    values = points.values(begin + inner[:, None] * (end - begin))
+    values = points.equation.values(begin + inner[:, None] * (end - begin))
     return np.asarray(points.excitation.split(values)[0][:, points.at])
 
 
@@ -166,9 +166,9 @@ def _means(points: SteadyPoints) -> Array:
     """``(r, J)``, the mean values of what varies in A, by Gauss's rule of three points per interval, about."""
     edges = points.edges
     total = 0.0
-    for q in occupied(points):
+    for q in points.equation.occupied:
         width = edges[:, q + 1] - edges[:, q]
         for fraction, weight in ((0.1127, 5 / 18), (0.5, 4 / 9), (0.8873, 5 / 18)):
-            values = points.values((edges[:, q] + fraction * width)[None])
+            values = points.equation.values((edges[:, q] + fraction * width)[None])
             total = total + weight * width[:, None] * points.excitation.split(values)[1][0]
     return np.asarray(total)

@@ -108,11 +108,15 @@ DAMPED = "damped natural frequency of the whole mean system, with damping and th
 SYMMETRIC_PART = "natural frequency of the symmetric mean system, without damping and terms"
 
 
-def with_terms(table: Sequence[Variable]) -> tuple[Variable, ...]:
+def _with_terms(table: Sequence[Variable]) -> tuple[Variable, ...]:
     """Return a table of modes of a system with terms: damped frequencies, and those that belong to the shapes."""
     damped = tuple(replace(v, long_name=DAMPED) if v.name == "natural_frequency" else v for v in table)
     known = next(v for v in table if v.name == "natural_frequency")
     return (*damped, replace(known, name="symmetric_frequency", long_name=SYMMETRIC_PART))
+
+
+MODES_WITH_TERMS = _with_terms(MODES)
+NATURAL_FREQUENCIES_WITH_TERMS = _with_terms(NATURAL_FREQUENCIES)
 
 
 DEFLECTION_TYPE = Variable(
@@ -246,6 +250,15 @@ TONGUE_PROBABILITY = (
 )  # fmt: skip
 
 
+SAMPLED = (
+    Variable(
+        "sampled_step", (ROWS,), "f8", "1", "distance of samples in what is neither proved nor counted, relative to it",
+        {"comment": "0 where everything is proved or counted"},
+    ),
+    Variable("coarse", (ROWS,), "i4", "1", "number of systems that were sampled there in equal steps only"),
+)  # fmt: skip
+
+
 EXACT = (
     SIDE,
     BOUNDARY,
@@ -270,6 +283,7 @@ EXACT = (
         "proved_frequency", (STRETCH, "side", ROWS), "f8", "rad/s", "ends of a stretch proved stable",
         {"comment": "gaps narrower than the width floor are bridged"},
     ),
+    *SAMPLED,
 )  # fmt: skip
 
 

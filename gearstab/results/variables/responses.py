@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from gearstab.results.variables import DOF, GRID, ROWS, SPEED, TEXT, Variable, coordinate
 
 RESPONSE = (
@@ -163,6 +165,44 @@ BACKLASH_SPEED_RESPONSE = (
     Variable("status", (GRID,), "i2", "1", "what is to be said of the motion; 0: nothing"),
 )
 """Limit cycles of motions with backlash."""
+
+
+def along_branches(variables: tuple[Variable, ...]) -> tuple[Variable, ...]:
+    """Return variables of every speed as those of every motion of a branch."""
+    dims = [tuple(name for dim in v.dims for name in ((ROWS, "point") if dim == GRID else (dim,))) for v in variables]
+    return tuple(replace(v, dims=own) for v, own in zip(variables, dims, strict=True))
+
+
+BRANCHES = (
+    coordinate("point", "point", "i4", "1", "number of the motion, from 1; those of a branch follow one another"),
+    Variable("branch", (ROWS, "point"), "i4", "1", "number of the branch, from 0; -1: no motion", missing=-1),
+    Variable("parent", (ROWS, "point"), "i4", "1", "branch that this one leaves at a period doubling", missing=-1),
+    Variable("branch_frequency", (ROWS, "point"), "f8", "rad/s", "mesh frequency of the motion"),
+    Variable("period", (ROWS, "point"), "i2", "1", "common periods after which the motion repeats itself"),
+    Variable(
+        "kind", (ROWS, "point"), "i1", "1", "what multipliers do there that cross the unit circle",
+        {"flag_values": [0, 1, 2, 3, 4, 5],
+         "flag_meanings": "none fold period_doubling Neimark_Sacker branch_point grazing"},
+    ),
+    Variable("multiplicity", (ROWS, "point"), "i1", "1", "how many multipliers, or pairs of them, cross at once"),
+    *along_branches(MULTIPLIERS),
+    Variable("residual", (ROWS, "point"), "f8", "1", "difference of the motion's end and start, over its extent"),
+    *along_branches(tuple(
+        v for v in BACKLASH_SPEED_RESPONSE
+        if v.name in ("mesh", "mesh_force_peak", "transmission_error_peak_to_peak", "transmission_error_rms",
+                      "contact_loss_ratio")
+    )),
+    Variable(
+        "jump", (ROWS, "point"), "i1", "1", "whether stable motions end there, so that the motion jumps",
+        {"flag_values": [-1, 0, 1], "flag_meanings": "in_falling_speed no in_rising_speed"},
+    ),
+    Variable(
+        "landing", (ROWS, "point"), "i4", "1", "motion next to the one that it jumps to",
+        {"comment": "position along the dimension point, from 0, or -1"}, missing=-1,
+    ),
+    Variable("status", (ROWS, "point"), "i2", "1", "why a branch ends there, and what is to be said of the motion"),
+)  # fmt: skip
+"""Periodic motions with backlash, followed through folds."""
 
 
 PAIR_RESPONSE = (

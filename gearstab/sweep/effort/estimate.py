@@ -105,6 +105,11 @@ class Estimate:
         """Seconds of the methods whose time is known."""
         return sum(m.seconds or 0.0 for m in self.methods)
 
+    def left(self, method: str, points: int) -> float | None:
+        """Seconds of so many points of a method, None where they are not known."""
+        found = next(m for m in self.methods if m.name == method)
+        return None if found.seconds is None else found.seconds * points / found.points
+
     @property
     def time(self) -> str:
         """The time in words."""
@@ -150,19 +155,14 @@ def estimate(plan: Plan, jobs: int | None = None, budget: float = BUDGET) -> Est
     return Estimate(tuple(methods), workers, file_size, memory)
 
 
-def long_runs(plan: Plan, jobs: int | None = None) -> list[str]:
-    """Warn of methods that are going to take long before they start, one line each."""
-    found = []
-    for layout in plan.layouts:
-        if layout.method.frequency != RANGE or small(layout):
-            continue
-        seconds = of_ranges(plan, layout, jobs or ckernel.threads())
-        if seconds is None:
-            found.append(f"methods.{layout.method.name} may take very long; {layout.method.relief}")
-        elif seconds > LONG:
-            text = f"{seconds / 60:.0f} minutes" if seconds < 5400 else f"{seconds / 3600:,.0f} hours"
-            found.append(f"methods.{layout.method.name} will take some {text}; {layout.method.relief}")
-    return found
+def long_runs(plan: Plan, found: Estimate) -> list[str]:
+    """Warn of methods that are going to take long and could do with less, one line each."""
+    said = []
+    for layout, method in zip(plan.layouts, found.methods, strict=True):
+        if layout.method.relief and (method.seconds is None or method.seconds > LONG):
+            text = "may take very long" if method.seconds is None else f"will take some {method.time}"
+            said.append(f"methods.{method.name} {text}; {layout.method.relief}")
+    return said
 
 
 def small(layout: Layout) -> bool:
@@ -302,6 +302,8 @@ def _scaled(layout: Layout, row: int, values: list[tuple[int, float]], known: fl
 
 def _dearer(plan: Plan, layout: Layout, clock: Clock, middle: Sample) -> float:
     """What a point takes on average over what it takes in the middle of the grid."""
+    if middle.points == layout.points:
+        return 1.0
     ratios = []
     for place in PLACES:
         before = clock.left

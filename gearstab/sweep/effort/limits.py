@@ -31,16 +31,16 @@ SHORT = 60.0
 TO_CONFIRM = "add --yes to begin it, or try --dry-run"
 
 
-def refuse(plan: Plan, out: Path, jobs: int | None, confirmed: bool, confirm: str = TO_CONFIRM) -> None:
-    """Raise RequestError for a sweep that is large and not ``confirmed``, or that does not fit on the disk.
+def refuse(plan: Plan, out: Path, jobs: int | None, confirmed: bool, confirm: str = TO_CONFIRM) -> Estimate | None:
+    """Return what a sweep will take, as ``--dry-run`` tells it; None of one that is plainly small, as a closer look
+    takes time itself.
 
-    confirm: what the user can do to begin it all the same.
-
-    A sweep that is plainly small is not looked at closely, as that takes time itself.
+    Raises RequestError for a sweep that is large and not ``confirmed``, or that does not fit on the disk. confirm: what
+    the user can do to begin it all the same.
     """
     free = free_bytes(out)
     if plainly_small(plan, jobs, free):
-        return
+        return None
     found = estimate(plan, jobs)
     # Finished blocks and the result are there at the same time.
     needed = 2 * found.file_size - _kept(plan, out)
@@ -57,6 +57,7 @@ def refuse(plan: Plan, out: Path, jobs: int | None, confirmed: bool, confirm: st
             if layout.method.relief and layout.method.name in costly
         ]
         raise RequestError(f"the sweep is large: {', '.join(reasons)}; {confirm}{''.join(remedies)}")
+    return found
 
 
 def plainly_small(plan: Plan, jobs: int | None, free: float) -> bool:

@@ -16,6 +16,7 @@ from gearstab.results.chunks import decode
 from gearstab.sweep.plan import GridBlock, Layout, Plan
 from gearstab.sweep.storage.parts import LOCK, FinishedBlock, PartFolder
 from gearstab.sweep.storage.verify import fits
+from gearstab.system import Array
 
 try:
     import fcntl
@@ -53,17 +54,14 @@ class Finished:
             total.update(block.flags)
         return dict(total)
 
-    def mean(self, variable: str) -> float | None:
-        """Return the mean of a variable of one value per row over all rows that have one; None where there is none."""
-        total, count = 0.0, 0
-        for layout in self.plan.layouts:
-            if not layout.gives(variable):
-                continue
-            for block in layout.blocks():
-                (data,) = self.blocks[block.key].pieces(variable)
-                values = decode(data, layout.chunk, "f8")[tuple(slice(0, size) for size in block.shape)]
-                total, count = total + float(np.nansum(values)), count + int(np.isfinite(values).sum())
-        return total / count if count else None
+    def rows(self, layout: Layout, variable: str) -> Array:
+        """Return a variable of one value per row of a method, over all rows."""
+        (dtype,) = (known.dtype for known in layout.method.results if known.name == variable)
+        parts = []
+        for block in layout.blocks():
+            (data,) = self.blocks[block.key].pieces(variable)
+            parts.append(decode(data, layout.chunk, dtype)[tuple(slice(0, size) for size in block.shape)].ravel())
+        return np.concatenate(parts)
 
 
 class Store:

@@ -1,5 +1,1 @@
-"""Multistage gearboxes: rotors, shafts, meshes, lateral supports and torque flow of any connected train."""
-
-from gearstab.systems.gearbox.sections import Gearbox
-
-__all__ = ["Gearbox"]
+"""Multistage gearboxes: rotors, shafts, meshes, planetary sets and torque flow of any connected train."""

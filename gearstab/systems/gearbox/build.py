@@ -17,9 +17,10 @@ from gearstab.errors import NotPossible
 from gearstab.system import Array, GearSystem, PeriodicForce, PeriodicTerm
 from gearstab.systems.assembly import Assembly, Element, MeshElement, Row
 from gearstab.systems.gearbox import friction, rotors
+from gearstab.systems.gearbox.mesh import from_teeth
+from gearstab.systems.gearbox.planet_set import TrainSet, TrainSetRows
 from gearstab.systems.gearbox.train import Train
-from gearstab.systems.gearbox.wanted import from_teeth
-from gearstab.systems.kinematics import TrainError
+from gearstab.systems.kinematics import TrainError, Where
 
 
 def build(p: dict[str, Any]) -> GearSystem:
@@ -28,11 +29,55 @@ def build(p: dict[str, Any]) -> GearSystem:
     Source: Kuria & Kihiu 2008, section III (Lagrange's equations of 13 rotations and 20 displacements).
     """
     train = Train(p)
-    meshes = [mesh_element(train, k) for k in range(len(train.meshes))]
-    assembly = Assembly(train.coordinates, [*_bodies(train), *shaft_elements(train), *_supports(train)], meshes)
-    return _rubbed(
-        train, assembly.system(p, torques(train) or None), [rotors.number(item.p, "damping") for item in meshes]
-    )
+    rows = [_rows(train, item) for item in train.sets]
+    pairs = [mesh_element(train, k) for k in range(len(train.pairs))]
+    elements = [*_bodies(train), *shaft_elements(train), *_supports(train)]
+    elements += [element for row in rows for element in row.planets_of(train.damping_factor)]
+    symmetries = [row.cyclic() for row in rows if row.item.planets.get("angles") is None and not train.shared(row.item)]
+    meshes = [mesh for row in rows for mesh in _set_meshes(train, row)] + pairs
+    assembly = Assembly(train.coordinates, elements, meshes)
+    system = assembly.system(p, torques(train) or None, symmetries=tuple(symmetries))
+    return _rubbed(train, system, [rotors.number(item.p, "damping") for item in pairs])
+
+
+def _rows(train: Train, item: TrainSet) -> TrainSetRows:
+    """Return how the bodies of a set move. Raises TrainError for members that move in two frames."""
+    if train.speeds[item.p["carrier"]] and (shared := train.shared(item)):
+        place: Where = ("rotors", train.place[shared[0]], "support")
+        message = f"moves in the plane of {item.name}, which turns with its carrier, and is in another mesh as well"
+        raise TrainError(place, message, "give that mesh a rotor of its own and join both by a shaft")
+    return item.rows(train.coordinates, train.signs)
+
+
+def _set_meshes(train: Train, rows: TrainSetRows) -> Iterator[MeshElement]:
+    """Yield the meshes of a set, compressed where they carry the load."""
+    item, place = rows.item, f"{rows.item.name}."
+    _, _, flank = train.power(item)
+    known = [mesh for mesh in train.meshes if mesh.name.startswith(place) and mesh.motion.where == item.where]
+    for k, name in enumerate(("sun", "ring")):
+        with item.told():
+            p, teeth = item.teeth.filled(name), (item.teeth.sun, item.teeth.ring)[k]
+            angle = teeth.each(lambda pair: pair.pressure_angle)
+            inertia = item.teeth.body("planet")[1]
+        ends = [(rotors.base_radius(item.teeth.gears["planet"]), inertia)]
+        if (row := rows.rotation(name)) and row.keys() <= train.place.keys():
+            ends.append((rotors.base_radius(item.teeth.gears[name]), train.inertias[train.place[item.p[name]]]))
+        mobility = sum((r**2 / j for r, j in ends), np.zeros(()))
+        for n, mesh in zip(rows.numbers, known[k * item.count :], strict=False):
+            along = {key: flank * value for key, value in rows.deflection(name, n, flank * angle).items()}
+            lag = np.asarray(mesh.lag, dtype=float)
+            found = MeshElement(p | {"name": mesh.name}, along, train.frequency_ratio(mesh.motion), lag)
+            yield _damped(train, found, 1 / mobility)
+
+
+def _damped(train: Train, found: MeshElement, mass: Array) -> MeshElement:
+    """Return the mesh with its damping, c = 2 zeta sqrt(k m_e) (Kuria & Kihiu 2008). mass: m_e."""
+    p = found.p
+    drag = rotors.number(p, "damping")
+    if p.get("damping_ratio") is not None:
+        drag = 2 * rotors.number(p, "damping_ratio") * np.sqrt(found.wave.mean_stiffness * mass)
+    drag = train.damping_factor * drag
+    return replace(found, p=p | {"damping": drag if np.any(drag) else None})
 
 
 def _filled(train: Train, k: int) -> dict[str, Any]:
@@ -48,23 +93,18 @@ def _filled(train: Train, k: int) -> dict[str, Any]:
 
 
 def mesh_element(train: Train, k: int) -> MeshElement:
-    """Return one mesh of the train; its lag is a fraction of its own period.
+    """Return the mesh of a pair; its lag is a fraction of its own period.
 
     Its deflection is R_b1 theta_1 - R_b2 theta_2 + n . (u_1 - u_2), with the force n of the driver on the driven gear;
-    its damping 2 zeta sqrt(k m_e), m_e = J_1 J_2/(R_b1^2 J_2 + R_b2^2 J_1) (Kuria & Kihiu 2008).
+    m_e = J_1 J_2/(R_b1^2 J_2 + R_b2^2 J_1).
     """
-    gears, p, push = train.meshes[k], _filled(train, k), train.push(k)
+    gears, p, push = train.pairs[k], _filled(train, k), train.push(k)
     r1, r2 = (rotors.base_radius(train.rotors[gear]) for gear in gears)
     row: Row = {train.name(gears[0]): r1, train.name(gears[1]): -r2, **train.shift(gears[0], push)}
     row |= train.shift(gears[1], (-push[0], -push[1]))
-    found = MeshElement(p, row, train.frequency_ratios[k], rotors.number(p, "lag"))
-    drag = rotors.number(p, "damping")
-    if p.get("damping_ratio") is not None:
-        j1, j2 = (train.inertias[gear] for gear in gears)
-        inertia = found.wave.mean_stiffness * j1 * j2 / (r1**2 * j2 + r2**2 * j1)
-        drag = 2 * rotors.number(p, "damping_ratio") * np.sqrt(inertia)
-    drag = train.damping_factor * drag
-    return replace(found, p=p | {"damping": drag if np.any(drag) else None})
+    found = MeshElement(p, row, train.frequency_ratio(train.motions[k]), rotors.number(p, "lag"))
+    j1, j2 = (train.inertias[gear] for gear in gears)
+    return _damped(train, found, j1 * j2 / (r1**2 * j2 + r2**2 * j1))
 
 
 def _rubbed(train: Train, system: GearSystem, drag: list[Array]) -> GearSystem:
@@ -78,18 +118,20 @@ def _rubbed(train: Train, system: GearSystem, drag: list[Array]) -> GearSystem:
     for k, law in enumerate(laws):
         if law is None:
             continue
-        teeth, gears = train.teeth_of(k), train.meshes[k]
+        teeth, gears = train.teeth_of(k), train.pairs[k]
         plain = law.get("kind", "constant") == "constant"
         speed = (
             1.0 if plain else rotors.number(train.p["input"], "speed") * float(abs(train.speeds[train.name(gears[0])]))
         )
         try:
-            rubbing = teeth.friction(law, np.asarray(speed), np.ones(()) if plain else forces[..., k])
+            rubbing = teeth.friction(
+                law, np.asarray(speed), np.ones(()) if plain else forces[..., k - len(train.pairs)]
+            )
         except NotPossible as error:
             remedy = "change the teeth or the operating point"
             raise TrainError(("meshes", k, "friction"), error.message, remedy) from None
         arms = friction.arms(train, gears, rubbing, train.push(k), train.sense(k), teeth.pairs[0].wheel_drives)
-        item, follows = system.meshes[k], bool(train.p["meshes"][k].get("damping_follows_stiffness"))
+        item, follows = system.meshes[k - len(train.pairs)], bool(train.p["meshes"][k].get("damping_follows_stiffness"))
         terms += friction.terms(item, rubbing, arms, drag[k], follows)
         pushes += friction.forces(item, rubbing, arms)
     return replace(system, terms=(*system.terms, *terms), forces=(*system.forces, *pushes))
@@ -117,17 +159,22 @@ def shaft_elements(train: Train) -> Iterator[Element]:
 
 def _bodies(train: Train) -> Iterator[Element]:
     for k, inertia in enumerate(train.inertias):
-        yield Element({train.name(k): 1.0}, mass=inertia)
+        yield Element(train.rotation(k), mass=inertia)
 
 
 def _supports(train: Train) -> Iterator[Element]:
-    """Yield mass and support of every rotor that moves in its plane."""
+    """Yield mass and support of every rotor that moves in its plane, and torsional supports."""
     for rotor, mass in train.masses.items():
         support = train.rotors[rotor]["support"]
         k = rotors.number(support, "stiffness")
         c = 2 * rotors.number(support, "damping_ratio") * np.sqrt(k * mass)
         for along in ((1.0, 0.0), (0.0, 1.0)):
             yield Element(train.shift(rotor, along), mass, k, train.damping_factor * c)
+    for rotor, p in enumerate(train.rotors):
+        support = p.get("support") or {}
+        k = rotors.number(support, "torsional_stiffness")
+        c = 2 * rotors.number(support, "damping_ratio") * np.sqrt(k * train.inertias[rotor])
+        yield Element(train.rotation(rotor), stiffness=k, damping=train.damping_factor * c)
 
 
 def torques(train: Train) -> dict[str, Array]:

@@ -52,7 +52,7 @@ def check_points(document: Document, grid: Grid, questions: Sequence[tuple[Quest
 
 def check_train(document: Document, grid: Grid) -> None:
     """Report the first point at which there is no such train."""
-    meshes = len(grid.parameters["meshes"])
+    meshes = len(grid.parameters["meshes"]) + 2 * len(grid.parameters.get("planetary_sets") or [])
     check_points(document, grid, ((built(build), MOST_TEETH // meshes), (_meshing, MOST_PAIRS // meshes)))
 
 
@@ -85,8 +85,11 @@ def _meshing(grid: Grid, at: dict[str, Any]) -> Found | None:
     """Whether the gears of all meshes fit together."""
     train = Train(parameters_at(grid, at))
     try:
-        for k in range(len(train.meshes)):
+        for k in range(len(train.pairs)):
             train.push(k)
+        for item in train.sets:
+            with item.told():
+                item.teeth.lag("entry", True)
     except TrainError as error:
         return error.where, error.message, error.remedy
     return None
@@ -102,12 +105,25 @@ def built(build: Callable[[dict[str, Any]], GearSystem]) -> Question:
             return error.where, error.message, error.remedy
         if grid.parameters["allow_negative_stiffness"]:
             return None
-        for k, mesh in enumerate(system.meshes):
+        for mesh in system.meshes:
             lowest = float(np.min(mesh.lowest_stiffness))
             if not lowest > 0:
-                place = k if isinstance(grid.parameters["meshes"], list) else mesh.name.rstrip("0123456789")
-                message = f"the softer level {lowest:.6g} of the mesh stiffness is <= 0"
-                return ("meshes", place), message, "reduce epsilon, or set system.allow_negative_stiffness: true"
+                message = f"the softer level {lowest:.6g} of the stiffness of mesh '{mesh.name}' is <= 0"
+                return (
+                    _place(grid.parameters, mesh.name),
+                    message,
+                    "reduce epsilon, or set system.allow_negative_stiffness: true",
+                )
         return None
 
     return question
+
+
+def _place(p: dict[str, Any], name: str) -> Path:
+    """The section that describes a mesh of a system."""
+    if not isinstance(p["meshes"], list):
+        return ("meshes", name.rstrip("0123456789"))
+    for k, item in enumerate(p.get("planetary_sets") or []):
+        if name.startswith(f"{item['name']}."):
+            return ("planetary_sets", k, "meshes", name.split(".")[-2])
+    return ("meshes", [mesh["name"] for mesh in p["meshes"]].index(name))

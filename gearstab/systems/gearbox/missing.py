@@ -6,7 +6,8 @@ from collections.abc import Iterator
 from typing import Any
 
 from gearstab.config.model.conflicts import Conflict, items
-from gearstab.systems.gearbox.wanted import needs_width
+from gearstab.systems.gearbox.mesh import needs_width
+from gearstab.systems.gearbox.rotors import moves
 
 MOST = 4
 """Things that a message lists."""
@@ -62,7 +63,7 @@ def _of_disc(i: int, rotor: dict[str, Any]) -> Iterator[tuple[int, str, str]]:
     name = rotor.get("name", i)
     if rotor.get("inertia") is None:
         yield i, f"the inertia of {name}", "inertia"
-    if rotor.get("support") is not None and rotor.get("mass") is None:
+    if moves(rotor) and rotor.get("mass") is None:
         yield i, f"the mass of {name}", "mass"
 
 
@@ -76,3 +77,10 @@ def _of_meshes(raw: dict[str, Any], narrow: dict[int, dict[str, Any]]) -> Iterat
         for i, rotor in narrow.items():
             if rotor.get("teeth") is not None and rotor.get("name") in (mesh.get("gears") or ()):
                 yield i, f"the {what} of mesh {mesh.get('name', k)}", key
+    for k, item in items(raw.get("planetary_sets")):
+        meshes = item.get("meshes") or {}
+        for i, rotor in narrow.items():
+            for name in ("sun", "ring"):
+                mesh = meshes.get(name) or {}
+                if rotor.get("name") in (item.get("sun"), item.get(name)) and needs_width(mesh):
+                    yield i, f"the stiffness of the {name}'s meshes of {item.get('name', k)}", "mean_stiffness"

@@ -24,6 +24,6 @@ def notice_flags(p: dict[str, Any]) -> Array:
     """Return ``(..., meshes)`` flags for the parameters of a gearbox, whose batch is that of its teeth."""
     found = [
         mesh.each(lambda pair: sum(NOTICE_FLAGS[name] for name in {notice.name for notice in pair.notices}))
-        for mesh in Train(p).teeth_of_meshes
+        for mesh in (mesh.teeth for mesh in Train(p).meshes)
     ]
     return np.stack(np.broadcast_arrays(*found), axis=-1).astype(np.int16)

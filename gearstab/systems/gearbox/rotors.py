@@ -8,10 +8,22 @@ import numpy as np
 
 from gearstab.system import Array
 
+STEEL = {"young": 206.8e9, "poisson": 0.3, "density": 7850.0, "shear": 80e9}
+
 
 def is_gear(rotor: dict[str, Any]) -> bool:
     """Whether a rotor has teeth."""
     return rotor.get("teeth") is not None
+
+
+def moves(rotor: dict[str, Any]) -> bool:
+    """Whether a rotor has a lateral support, and so moves in its plane."""
+    return (rotor.get("support") or {}).get("stiffness") is not None
+
+
+def turns(rotor: dict[str, Any], held: bool) -> bool:
+    """Whether a rotor has a rotation: all but held ones without a torsional support."""
+    return not held or (rotor.get("support") or {}).get("torsional_stiffness") is not None
 
 
 def number(p: dict[str, Any], key: str, default: float = 0.0) -> Array:

@@ -9,159 +9,35 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 from pydantic import Field
 
 from gearstab.config.document.problems import Path, nearest
+from gearstab.config.document.tree import mapping
 from gearstab.config.document.yaml import Document
 from gearstab.config.model.conflicts import Conflict, items, within_each
 from gearstab.config.model.fields import (
     AngularFrequency,
     Choice,
-    Flag,
-    Inertia,
-    Length,
-    Mass,
     NameText,
     NonNegative,
-    NonNegativeLength,
-    Number,
-    Positive,
     Quantity,
     Section,
-    Stiffness,
-    ToothCount,
-    TorsionalStiffness,
 )
 from gearstab.system import GearSystem
 from gearstab.systems.base import Start, System
+from gearstab.systems.gearbox.bodies import Material, Rotor, Shaft, Teeth
 from gearstab.systems.gearbox.build import build
 from gearstab.systems.gearbox.feasibility import check_train
 from gearstab.systems.gearbox.mesh import LUBRICATED, GearboxMesh
 from gearstab.systems.gearbox.missing import missing_of_teeth
+from gearstab.systems.gearbox.rotors import moves, turns
+from gearstab.systems.gearbox.set_sections import PlanetarySet, complete_angles
+from gearstab.systems.gearbox.set_sections import conflicts as set_conflicts
 from gearstab.systems.gearbox.train import Train
-from gearstab.systems.parts.mesh import Named, ToothMesh
+from gearstab.systems.parts.mesh import ToothMesh
+from gearstab.systems.planetary.feasibility import MOST_PLANETS, whole
 
 if TYPE_CHECKING:
     from gearstab.config.model.axes import Grid
 
 Torque = Annotated[float, Field(gt=0), Quantity("N m")]
-PressureAngle = Annotated[float, Field(gt=0, lt=0.7853), Quantity("rad")]
-Pressure = Annotated[float, Field(gt=0), Quantity("Pa")]
-
-OF_TEETH = ("module", "pressure_angle", "addendum", "dedendum", "face_width")
-"""What all gears of a train share unless a gear has its own."""
-
-
-class Support(Section):
-    """Springs that hold the centre of a rotor, the same in both directions."""
-
-    stiffness: Stiffness = Field(title="lateral stiffness", description="Of shaft and bearings together (N/m).")
-    damping_ratio: NonNegative = Field(
-        default=0.0, title="damping ratio of the support", description="zeta, c = 2 zeta sqrt(k m) (1)."
-    )
-
-
-class Teeth(Section):
-    """Basic profile and width of gears."""
-
-    module: Length | None = Field(default=None, title="module", description="m (m).")
-    pressure_angle: PressureAngle | None = Field(
-        default=None, title="pressure angle", description='alpha of the rack; in rad, or with a unit: "20 deg".'
-    )
-    addendum: Positive | None = Field(default=None, title="addendum", description="h_a/m; 1 without (1).")
-    dedendum: Positive | None = Field(default=None, title="dedendum", description="h_f/m; 1.25 without (1).")
-    face_width: Length | None = Field(default=None, title="face width", description="b (m).")
-
-
-class Rotor(Teeth, Named):
-    """A rigid body that turns: a gear, which has teeth, or a plain inertia."""
-
-    teeth: ToothCount | None = Field(
-        default=None, title="number of teeth", description="z; a rotor without teeth is no gear."
-    )
-    internal: Flag = Field(default=False, title="internal gear", description="A ring with teeth inside.")
-    profile_shift: Number = Field(default=0.0, title="profile shift", description="x, in modules (1).")
-    inertia: Inertia | None = Field(
-        default=None,
-        title="moment of inertia",
-        description="J (kg m^2); that of a disc of the face width and body_radius without.",
-    )
-    mass: Mass | None = Field(
-        default=None, title="mass", description="Of a supported rotor (kg); that of the same disc without."
-    )
-    body_radius: Length | None = Field(
-        default=None, title="radius of the body", description="Of the disc (m); the pitch radius without."
-    )
-    bore_radius: NonNegativeLength | None = Field(
-        default=None,
-        title="radius of the bore",
-        description="Of the body (m); without, the disc is solid and the teeth stand on a body of bore 0.4 root radii.",
-    )
-    support: Support | None = Field(
-        default=None, title="lateral support", description="With it the rotor moves in its plane too."
-    )
-
-    @classmethod
-    def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
-        """Inertia, and mass where it is supported, of what is no disc; teeth where there is what belongs to them."""
-        geared = raw.get("teeth") is not None
-        if not geared and raw.get("body_radius") is None:
-            if raw.get("inertia") is None:
-                yield (
-                    ("inertia",),
-                    "missing",
-                    "is missing",
-                    "add inertia (kg m^2), or face_width and body_radius of its disc",
-                )
-            if raw.get("support") is not None and raw.get("mass") is None:
-                yield ("mass",), "missing", "is missing", "add mass (kg), or face_width and body_radius of its disc"
-        if not geared:
-            for key in (*OF_TEETH[:-1], "profile_shift", "internal"):
-                if raw.get(key) not in (None, False):
-                    yield (key,), "not_applicable", "belongs to a gear", "give the rotor teeth, or remove it"
-
-
-class Shaft(Named):
-    """A torsional spring between two rotors that turn at the same speed."""
-
-    between: Annotated[list[NameText], Field(min_length=2, max_length=2)] = Field(
-        title="ends of the shaft", description="Names of its two rotors."
-    )
-    stiffness: TorsionalStiffness | None = Field(
-        default=None, title="torsional stiffness", description="k (N m/rad); or give diameter and length."
-    )
-    diameter: Length | None = Field(default=None, title="diameter", description="d of a round shaft (m).")
-    bore: NonNegativeLength | None = Field(
-        default=None, title="bore", description="Diameter of the hole of a hollow shaft (m)."
-    )
-    length: Length | None = Field(default=None, title="length", description="l of a round shaft (m).")
-    damping_ratio: NonNegative = Field(
-        default=0.0,
-        title="damping ratio of the shaft",
-        description="zeta, c = 2 zeta sqrt(k J_e), J_e = J1 J2/(J1 + J2) (1).",
-    )
-
-    @classmethod
-    def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
-        """A stiffness, or the dimensions that give it."""
-        if raw.get("stiffness") is None and raw.get("diameter") is None and raw.get("length") is None:
-            yield ("stiffness",), "missing", "is missing", "add stiffness (N m/rad), or diameter and length"
-            return
-        for key in ("diameter", "length"):
-            if raw.get("stiffness") is not None and raw.get(key) is not None:
-                yield (key,), "already_given", "stiffness is given already", "keep one of stiffness and the dimensions"
-            elif raw.get("stiffness") is None and raw.get(key) is None:
-                yield (key,), "missing", "is missing", f"add {key}, or give stiffness instead"
-
-
-class Material(Section):
-    """What gears and shafts are made of; steel without."""
-
-    young: Pressure | None = Field(default=None, title="Young's modulus", description="E (Pa); 206.8 GPa without.")
-    poisson: Annotated[float, Field(gt=-1, lt=0.5), Quantity()] | None = Field(
-        default=None, title="Poisson's ratio", description="nu (1); 0.3 without."
-    )
-    density: Annotated[float, Field(gt=0), Quantity("kg/m^3")] | None = Field(
-        default=None, title="density", description="rho (kg/m^3); 7850 without."
-    )
-    shear: Pressure | None = Field(default=None, title="shear modulus of shafts", description="G (Pa); 80 GPa without.")
 
 
 class Input(Section):
@@ -232,8 +108,11 @@ class Gearbox(System):
     material: Material = Field(default=Material(), title="material", description="Of gears and shafts.")
     rotors: Annotated[list[Rotor], Field(min_length=2)] = Field(title="rotors", description="Gears and inertias.")
     shafts: list[Shaft] = Field(default=[], title="shafts", description="Torsional springs between rotors.")
-    meshes: Annotated[list[GearboxMesh], Field(min_length=1)] = Field(
-        title="meshes", description="Pairs of gears, the driver first."
+    planetary_sets: list[PlanetarySet] = Field(
+        default=[], title="planetary sets", description="A sun, planets on a carrier and a ring each."
+    )
+    meshes: list[GearboxMesh] = Field(
+        default=[], title="meshes", description="Pairs of gears, the driver first; optional with planetary sets."
     )
     input: Input = Field(title="input", description="The rotor that drives the train.")
     outputs: list[Output] = Field(default=[], title="outputs", description="The rotors that are loaded.")
@@ -252,28 +131,49 @@ class Gearbox(System):
         return Train(p)
 
     @classmethod
+    def mesh_places(cls, raw: dict[str, Any]) -> Iterator[tuple[Path, dict[str, Any]]]:
+        """Yield those of the sets, which may be described by their teeth alone, too."""
+        for k, item in items(raw.get("planetary_sets")):
+            for name in ("sun", "ring"):
+                yield ("planetary_sets", k, "meshes", name), mapping(mapping(mapping(item).get("meshes")).get(name))
+        yield from super().mesh_places(raw)
+
+    @classmethod
+    def complete(cls, document: Document, raw: dict[str, Any], size: int | None) -> None:
+        """Write out the angles of planets that are to be assembled."""
+        complete_angles(document, raw)
+
+    @classmethod
     def check_feasible(cls, document: Document, grid: Grid) -> None:
         """See :func:`gearstab.systems.gearbox.feasibility.check_train`."""
         check_train(document, grid)
 
     @classmethod
     def size(cls, raw: dict[str, Any]) -> int | None:
-        rotors = [rotor for _, rotor in items(raw.get("rotors"))]
-        if not rotors or len(rotors) < len(raw["rotors"]):
-            return None
-        return len(rotors) + 2 * sum(rotor.get("support") is not None for rotor in rotors)
+        turning = cls.turning(raw)
+        return None if turning is None else len(turning)
 
     @classmethod
     def turning(cls, raw: dict[str, Any]) -> list[bool] | None:
-        size, rotors = cls.size(raw), raw.get("rotors")
-        return None if size is None or not rotors else [k < len(rotors) for k in range(size)]
+        rotors, sets = ([item for _, item in items(raw.get(key))] for key in ("rotors", "planetary_sets"))
+        if not rotors or len(rotors) < len(raw["rotors"]):
+            return None
+        held = {item.get(str(item.get("held"))) for item in sets}
+        found = [True for rotor in rotors if turns(rotor, rotor.get("name") in held)]
+        found += [False for rotor in rotors if moves(rotor) for _ in "xy"]
+        for planets in (item.get("planets") or {} for item in sets):
+            if not whole(planets.get("count"), 3, MOST_PLANETS):
+                return None
+            each = [True] if planets.get("support") is None else [True, False, False]
+            found += each * int(planets["count"])
+        return found
 
     @classmethod
     def cycles_of_input(cls, raw: dict[str, Any]) -> float | None:
         """Teeth times speed of the first mesh's driver over that of the input."""
         train = Train(raw)
         try:
-            return float(train.motions[0].frequency(train.speeds))
+            return float(train.cycles)
         except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError):
             return 1.0  # something is wrong with the train, which is reported
 
@@ -294,6 +194,7 @@ class Gearbox(System):
         yield from within_each(raw, "rotors", Rotor.conflicts)
         yield from within_each(raw, "shafts", Shaft.conflicts)
         yield from _names(raw)
+        yield from set_conflicts(raw)
         yield from missing_of_teeth(raw, shared)
         yield from _lubricated(raw)
         yield from _torques(raw)
@@ -301,12 +202,14 @@ class Gearbox(System):
 
 def _names(raw: dict[str, Any]) -> Iterator[Conflict]:
     """Each rotor and shaft has a name of its own; shafts, meshes, input and outputs name rotors that exist."""
-    for section in ("rotors", "shafts"):
+    if not raw.get("meshes") and not raw.get("planetary_sets"):
+        yield ("meshes",), "missing", "is missing", "add a mesh of two gears, or planetary_sets"
+    for section in ("rotors", "shafts", "planetary_sets"):
         names = Counter(item.get("name") for _, item in items(raw.get(section)))
         for i, item in items(raw.get(section)):
             if item.get("name") is not None and names[item["name"]] > 1:
                 names[item["name"]] = 0
-                message = f"two {section} are called '{item['name']}'"
+                message = f"two {section.replace('_', ' ')} are called '{item['name']}'"
                 yield (section, i, "name"), "repeated_name", message, "give each a name of its own"
     rotors = {rotor["name"]: rotor for _, rotor in items(raw.get("rotors")) if isinstance(rotor.get("name"), str)}
     if not rotors or len(rotors) < len(items(raw.get("rotors"))):
@@ -365,5 +268,10 @@ def _torques(raw: dict[str, Any]) -> Iterator[Conflict]:
             message = f"rotor '{name}' is {seen[name]} already"
             yield ("outputs", i, "rotor"), "already_given", message, "name another rotor, or add the torques up"
         seen.setdefault(name, "an output")
+    for i, item in items(raw.get("planetary_sets")):
+        name = item.get(str(item.get("held")))
+        if name is not None and name in seen:
+            message = f"rotor '{name}' is {seen[name]}, which turns"
+            yield ("planetary_sets", i, "held"), "inconsistent", message, "hold another member"
     if driving is not None and not outputs:
         yield ("outputs",), "missing", "are missing", "name the rotors that take the torque"

@@ -21,8 +21,8 @@ from gearstab.gears.geometry import Gear
 from gearstab.gears.mesh_stiffness import MeshStiffness, StiffnessModel, mesh_stiffness
 from gearstab.gears.pair import Pair
 from gearstab.system import Array
+from gearstab.systems.gearbox.mesh import CONTACT_RATIO, MEAN, VARIATION, WAVE, from_teeth
 from gearstab.systems.gearbox.rotors import number
-from gearstab.systems.gearbox.wanted import CONTACT_RATIO, MEAN, VARIATION, WAVE, from_teeth
 from gearstab.waveforms import WAVEFORMS, Fourier, Tooth
 from gearstab.waveforms.tooth import Piecewise, stacked
 

@@ -1,4 +1,4 @@
-"""A train of rotors, shafts and meshes: who drives whom, how fast and which way, and where its coordinates are."""
+"""A train of rotors, shafts, meshes and planetary sets: how its bodies turn, who drives whom, and its coordinates."""
 
 from __future__ import annotations
 
@@ -9,15 +9,31 @@ from typing import Any
 
 import numpy as np
 
-from gearstab.config.model.not_modelled import CARRIER, INSTEAD_OF_CARRIER
 from gearstab.errors import NotPossible
 from gearstab.system import Array
 from gearstab.systems.assembly import Coordinates, Row
 from gearstab.systems.gearbox import rotors
+from gearstab.systems.gearbox.planet_set import MEMBERS, TrainSet
 from gearstab.systems.gearbox.teeth import MeshTeeth
-from gearstab.systems.kinematics import MeshMotion, Relation, TrainError, Undetermined, alike, solve
+from gearstab.systems.kinematics import MeshMotion, Relation, TrainError, Undetermined, Where, alike, reactions, solve
 
-STEEL = {"young": 206.8e9, "poisson": 0.3, "density": 7850.0, "shear": 80e9}
+
+@dataclass(frozen=True)
+class TrainMesh:
+    """One mesh of a train: its name, how its gears turn, the driver first, their teeth, and the lag in mesh periods.
+
+    lag: exact where it follows from numbers of teeth alone.
+    """
+
+    name: str
+    motion: MeshMotion
+    teeth: MeshTeeth
+    lag: Fraction | Array
+
+    @property
+    def gears(self) -> tuple[str, str]:
+        """Names of driver and driven gear."""
+        return self.motion.gears
 
 
 @dataclass(frozen=True)
@@ -38,15 +54,22 @@ class Train:
         """Number of each rotor by name."""
         return {rotor["name"]: k for k, rotor in enumerate(self.rotors)}
 
-    def ends(self, names: list[str]) -> tuple[int, int]:
-        """Numbers of two rotors."""
-        first, second = (self.place[name] for name in names)
-        return first, second
+    @cached_property
+    def sets(self) -> list[TrainSet]:
+        """The planetary sets."""
+        found = []
+        for k, p in enumerate(self.p.get("planetary_sets") or []):
+            members = {member: self.rotors[self.place[p[member]]] for member in MEMBERS}
+            found.append(TrainSet(p, members, self.material, ("planetary_sets", k)))
+        return found
 
     @cached_property
-    def meshes(self) -> list[tuple[int, int]]:
-        """(driver, driven) of each mesh."""
-        return [self.ends(mesh["gears"]) for mesh in self.p["meshes"]]
+    def pairs(self) -> list[tuple[int, int]]:
+        """(driver, driven) of each mesh of a pair of gears."""
+        return [
+            (self.place[first], self.place[second])
+            for first, second in (p["gears"] for p in self.p.get("meshes") or [])
+        ]
 
     @property
     def damping_factor(self) -> Array:
@@ -54,11 +77,11 @@ class Train:
 
     @property
     def material(self) -> dict[str, Any]:
-        return STEEL | {key: value for key, value in (self.p.get("material") or {}).items() if value is not None}
+        return rotors.STEEL | {key: value for key, value in (self.p.get("material") or {}).items() if value is not None}
 
-    def internal(self, mesh: int) -> int | None:
-        """0 where the driver of a mesh is internal, 1 where the driven gear is, None where neither is."""
-        return next((k for k, gear in enumerate(self.meshes[mesh]) if self.rotors[gear].get("internal")), None)
+    def internal(self, pair: int) -> int | None:
+        """0 where the driver of a pair is internal, 1 where the driven gear is, None where neither is."""
+        return next((k for k, gear in enumerate(self.pairs[pair]) if self.rotors[gear].get("internal")), None)
 
     def teeth(self, rotor: int) -> int:
         return int(self.rotors[rotor]["teeth"])
@@ -66,98 +89,201 @@ class Train:
     def name(self, rotor: int) -> str:
         return str(self.rotors[rotor]["name"])
 
+    # ---- kinematics
+
     @cached_property
     def motions(self) -> list[MeshMotion]:
-        """How the gears of each mesh turn."""
+        """How the gears of each pair turn."""
         found = []
-        for k, gears in enumerate(self.meshes):
+        for k, gears in enumerate(self.pairs):
             names, teeth = ((f(gears[0]), f(gears[1])) for f in (self.name, self.teeth))
             found.append(MeshMotion(names, teeth, self.internal(k) is not None, ("meshes", k)))
         return found
 
     @cached_property
-    def speeds(self) -> dict[str, Fraction]:
-        """Signed speed of every rotor over that of the input rotor. Raises TrainError."""
-        relations = [Relation({self.p["input"]["rotor"]: 1}, ("input",), 1)]
-        relations += [alike(*shaft["between"], ("shafts", k)) for k, shaft in enumerate(self.p.get("shafts") or [])]
-        try:
-            return solve(self.place, relations + [motion.relation for motion in self.motions])
-        except Undetermined as error:
-            raise TrainError(
-                ("rotors", self.place[error.bodies[0]]),
-                "is not connected to the input by shafts and meshes",
-                f"add a shaft or a mesh to it; {CARRIER}: {INSTEAD_OF_CARRIER}",
-            ) from None
+    def held(self) -> dict[str, Where]:
+        """Rotors that do not turn, with the place that says so."""
+        sets = ((k, p) for k, p in enumerate(self.p.get("planetary_sets") or []) if p.get("held") is not None)
+        return {p[p["held"]]: ("planetary_sets", k, "held") for k, p in sets}
 
     @cached_property
-    def frequency_ratios(self) -> list[Fraction]:
-        """Mesh frequency of each mesh over that of the first."""
-        passing = [motion.frequency(self.speeds) for motion in self.motions]
-        return [value / passing[0] for value in passing]
+    def _relations(self) -> list[Relation]:
+        """Input, held members, sun's meshes and ring's meshes of each set, shafts, pairs."""
+        found = [Relation({self.p["input"]["rotor"]: 1}, ("input",), 1)]
+        found += [Relation({rotor: 1}, where) for rotor, where in self.held.items()]
+        found += [motion.relation for item in self.sets for motion in item.motions]
+        found += [alike(*shaft["between"], ("shafts", k)) for k, shaft in enumerate(self.p.get("shafts") or [])]
+        return found + [motion.relation for motion in self.motions]
 
-    def sense(self, mesh: int) -> int:
-        """1 where the driver of a mesh turns counter-clockwise, -1 where clockwise."""
-        driving = -1 if self.p["input"].get("sense") == "clockwise" else 1
-        return driving if self.motions[mesh].relative(self.speeds) > 0 else -driving
+    @property
+    def _bodies(self) -> list[str]:
+        return [*self.place, *(item.planet for item in self.sets)]
 
-    def teeth_of(self, mesh: int) -> MeshTeeth:
-        """The teeth of a mesh, computed when asked for."""
-        if mesh not in self._teeth:
-            driver, driven = self.meshes[mesh]
+    @cached_property
+    def speeds(self) -> dict[str, Fraction]:
+        """Signed speed of every rotor, and of the planets of a set, over that of the input rotor. Raises TrainError."""
+        try:
+            return solve(self._bodies, self._relations)
+        except Undetermined as error:
+            loose = next(body for body in error.bodies if body in self.place)
+            place: Where = ("rotors", self.place[loose])
+            if any(loose in item.body.values() for item in self.sets):
+                raise TrainError(place, error.message, "hold a member of its set, or connect it by a shaft") from None
+            message = "is not connected to the input by shafts and meshes"
+            raise TrainError(place, message, "add a shaft or a mesh to it, or a planetary set with it") from None
+
+    @property
+    def driving(self) -> int:
+        """1 where the input turns counter-clockwise, -1 where clockwise."""
+        return -1 if self.p["input"].get("sense") == "clockwise" else 1
+
+    @cached_property
+    def signs(self) -> dict[str, int]:
+        """1 of bodies that turn counter-clockwise or rest, else -1."""
+        return {body: -1 if self.driving * speed < 0 else 1 for body, speed in self.speeds.items()}
+
+    @cached_property
+    def reactions(self) -> dict[Where, Fraction]:
+        """What each held member and the sun's mesh of each set carry, by its path: see :func:`.kinematics.reactions`.
+
+        The input turns counter-clockwise with what balances the outputs; without outputs every body takes as much as
+        it turns, as inertias do in a run-up.
+        """
+        outputs = [(item["rotor"], item.get("torque")) for item in self.p.get("outputs") or []]
+        taken = {body: -speed for body, speed in self.speeds.items()}
+        if outputs:
+            shared = {rotor: 1 / abs(self.speeds[rotor]) for rotor, _ in outputs}
+            given = {rotor: Fraction(float(np.ravel(value)[0])) for rotor, value in outputs if value is not None}
+            taken = {rotor: -value * (1 if self.speeds[rotor] > 0 else -1) for rotor, value in (shared | given).items()}
+        carried = reactions(self._bodies, self._relations, taken)
+        return {self._relations[k].where: value for k, value in reversed(carried.items())}
+
+    def power(self, item: TrainSet) -> tuple[int, bool, int]:
+        """Return how a set turns and carries the load: sigma, whether the sun drives, and the sign of the sun's torque.
+
+        sigma: 1 where planets turn counter-clockwise on the carrier, else -1; the sun drives as seen from there.
+        """
+        ahead, turning = (item.motions[0].relative(self.speeds, gear) for gear in (0, 1))
+        load = -self.reactions.get(item.where, Fraction(0)) or ahead
+        return self.driving * (1 if turning > 0 else -1), load * ahead > 0, self.driving * (1 if load > 0 else -1)
+
+    @cached_property
+    def meshes(self) -> list[TrainMesh]:
+        """All meshes: those of the sets, then the pairs. Raises TrainError."""
+        found = []
+        for item in self.sets:
+            self._turning(item.motions[0])
+            planets_turn, sun_drives, _ = self.power(item)
+            lags = item.lags(planets_turn, sun_drives)
+            teeth = {"sun": item.teeth.sun, "ring": item.teeth.ring}
+            for motion, (name, listed) in zip(item.motions, lags.items(), strict=True):
+                driven = motion if sun_drives else motion.reversed
+                for n, lag in enumerate(listed, start=1):
+                    found.append(TrainMesh(f"{item.name}.{name}.{n}", driven, teeth[name], lag))
+        for k, motion in enumerate(self.motions):
+            self._turning(motion)
+            p = self.p["meshes"][k]
+            found.append(TrainMesh(p["name"], motion, self.teeth_of(k), rotors.number(p, "lag")))
+        return found
+
+    def _turning(self, motion: MeshMotion) -> None:
+        if not motion.frequency(self.speeds):
+            names = ", ".join((*motion.gears, *([motion.fixed_in] if motion.fixed_in else [])))
+            message = f"its teeth do not mesh: {names} turn as one body"
+            raise TrainError(motion.where, message, "leave the mesh out, or change what is held")
+
+    def frequency_ratio(self, motion: MeshMotion) -> Fraction:
+        """Return a mesh frequency over that of the first mesh."""
+        first = (self.sets[0].motions if self.sets else self.motions)[0]
+        return motion.frequency(self.speeds) / first.frequency(self.speeds)
+
+    @property
+    def cycles(self) -> Fraction:
+        """Cycles of the first mesh in a turn of the input."""
+        return (self.sets[0].motions if self.sets else self.motions)[0].frequency(self.speeds)
+
+    def sense(self, pair: int) -> int:
+        """1 where the driver of a pair turns counter-clockwise, -1 where clockwise."""
+        return self.driving * (1 if self.motions[pair].relative(self.speeds) > 0 else -1)
+
+    # ---- teeth
+
+    def teeth_of(self, pair: int) -> MeshTeeth:
+        """The teeth of a pair, computed when asked for."""
+        if pair not in self._teeth:
+            driver, driven = self.pairs[pair]
             gears = self.rotors[driver], self.rotors[driven]
-            self._teeth[mesh] = MeshTeeth(gears, self.p["meshes"][mesh], self.material)
-        return self._teeth[mesh]
+            self._teeth[pair] = MeshTeeth(gears, self.p["meshes"][pair], self.material)
+        return self._teeth[pair]
 
     @cached_property
     def _teeth(self) -> dict[int, MeshTeeth]:
         return {}
 
-    @property
-    def teeth_of_meshes(self) -> list[MeshTeeth]:
-        """The teeth of all meshes, from which their stiffness may or may not come."""
-        return [self.teeth_of(k) for k in range(len(self.meshes))]
-
-    def push(self, mesh: int) -> tuple[Array, Array]:
-        """The direction in which the driver of a mesh pushes. Raises TrainError for gears that cannot mesh."""
-        teeth = self.teeth_of(mesh)
+    def push(self, pair: int) -> tuple[Array, Array]:
+        """The direction in which the driver of a pair pushes. Raises TrainError for gears that cannot mesh."""
+        teeth = self.teeth_of(pair)
         try:
             angle = teeth.each(lambda pair: pair.pressure_angle)
         except NotPossible as error:
-            raise TrainError(("meshes", mesh), error.message, "change the teeth") from None
-        position = rotors.number(self.p["meshes"][mesh], "position")
-        return line_of_action(position, angle, self.sense(mesh), self.internal(mesh))
+            raise TrainError(("meshes", pair), error.message, "change the teeth") from None
+        position = rotors.number(self.p["meshes"][pair], "position")
+        return line_of_action(position, angle, self.sense(pair), self.internal(pair))
+
+    # ---- coordinates
 
     @cached_property
     def supported(self) -> list[int]:
         """Numbers of the rotors that move in their plane."""
-        return [k for k, rotor in enumerate(self.rotors) if rotor.get("support") is not None]
+        return [k for k, rotor in enumerate(self.rotors) if rotors.moves(rotor)]
 
-    @property
+    @cached_property
     def coordinates(self) -> Coordinates:
-        """Rotations, each positive in the sense in which the rotor turns, then displacements of supported rotors.
+        """Rotations, displacements of supported rotors, then planets.
 
-        With the positive rotations every term of the rigid-body motion is positive.
+        Each rotation is positive in the sense in which the body turns, so that every term of the rigid-body motion is
+        positive; a held rotor has none without a torsional support. Displacements of the members of a set turn with its
+        carrier.
         """
+        free = [k for k in range(len(self.rotors)) if rotors.turns(self.rotors[k], self.name(k) in self.held)]
         sides = {f"{self.name(k)}.{axis}": "m" for k in self.supported for axis in "xy"}
-        return Coordinates(dict.fromkeys(self.place, "rad") | sides)
+        planets = {name: unit for item in self.sets for name, unit in item.coordinates.items()}
+        return Coordinates(dict.fromkeys(map(self.name, free), "rad") | sides | planets)
+
+    def rotation(self, rotor: int) -> Row:
+        """Return the rotation of a rotor as a row."""
+        return {self.name(rotor): 1.0} if self.name(rotor) in self.coordinates.units else {}
 
     def shift(self, rotor: int, along: tuple[Any, Any]) -> Row:
         """Return the displacement of a rotor along a direction (x, y) as a row."""
         name = self.name(rotor)
         return {f"{name}.x": along[0], f"{name}.y": along[1]} if rotor in self.supported else {}
 
+    def shared(self, item: TrainSet) -> list[str]:
+        """Supported members of a set that are in another mesh as well."""
+        others = {name for other in self.sets if other is not item for name in other.body.values()}
+        others |= {name for motion in self.motions for name in motion.gears}
+        return [name for name in item.body.values() if name in others and self.place.get(name) in self.supported]
+
+    # ---- bodies
+
     @cached_property
     def inertias(self) -> list[Array]:
-        return [self._solid(k, rotors.inertia(rotor, self.material["density"])) for k, rotor in enumerate(self.rotors)]
+        return [self._solid(k, 1) for k in range(len(self.rotors))]
 
     @cached_property
     def masses(self) -> dict[int, Array]:
         """Masses of the supported rotors."""
-        density = self.material["density"]
-        return {k: self._solid(k, rotors.mass(self.rotors[k], density)) for k in self.supported}
+        return {k: self._solid(k, 0) for k in self.supported}
 
-    @staticmethod
-    def _solid(rotor: int, value: Array) -> Array:
+    def _solid(self, rotor: int, which: int) -> Array:
+        """Mass (0) or moment of inertia (1)."""
+        name, density = self.name(rotor), self.material["density"]
+        owner = next((item for item in self.sets if item.p["ring"] == name), None)
+        if owner is not None and self.rotors[rotor].get(("mass", "inertia")[which]) is None:
+            with owner.told():
+                return owner.teeth.body("ring")[which]
+        value = (rotors.mass, rotors.inertia)[which](self.rotors[rotor], density)
         if not np.all(value > 0):
             raise TrainError(("rotors", rotor), "the bore leaves nothing of its body", "reduce bore_radius")
         return value

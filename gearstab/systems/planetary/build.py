@@ -13,6 +13,7 @@ from gearstab.system import Array, Cyclic, GearSystem
 from gearstab.systems.assembly import Assembly, Coordinates, Element, MeshElement, Row
 from gearstab.systems.planetary.angles import angles_of
 from gearstab.systems.planetary.phasing import lags
+from gearstab.systems.planetary.rows import SetRows, turn_matrix
 
 CENTRAL = ("ring", "carrier", "sun")
 """The bodies on the axis of the gear."""
@@ -53,11 +54,11 @@ def build(p: dict[str, Any]) -> GearSystem:
     misprinted there (derivatives in L2 act on v and v is projected on |m| >= 2; b_r of L4 depends on n and belongs
     inside the sum; M_j divides by r^2 twice). Rotational model: Lin & Parker 2002 (J. Sound Vib. 249, 129-145).
     """
-    gear = _Gear(int(p["planets"]), _harmonics(p["ring"]), p["motion"] == "planar", tuple(angles_of(p)))
+    gear = _Gear(int(p["planets"]), tuple(angles_of(p)), _harmonics(p["ring"]), p["motion"] == "planar")
     symmetric = p.get("angles") is None
     angle = {name: np.asarray(p["pressure_angles"][name], dtype=float) for name in ("sun", "ring")}
     meshes = [
-        MeshElement(p["meshes"][name] | {"name": f"{name}{n}"}, _deflection(gear, name, n, angle[name]), lag=lag[n - 1])
+        MeshElement(p["meshes"][name] | {"name": f"{name}{n}"}, _mesh_row(gear, name, n, angle[name]), lag=lag[n - 1])
         for name, lag in lags(p, gear.planets).items()
         for n in gear.numbers
     ]
@@ -76,7 +77,17 @@ def build(p: dict[str, Any]) -> GearSystem:
 
 def size(planets: int, harmonics: int, motion: str) -> int:
     """Number of coordinates; ``harmonics`` is 1 for a rigid ring."""
-    return len(_Gear(planets, harmonics, motion == "planar", ()).names)
+    return len(_Gear(planets, (), harmonics, motion == "planar").names)
+
+
+def _mesh_row(gear: _Gear, name: str, n: int, angle: Array) -> Row:
+    """The deflection of a mesh, in which an elastic ring takes part."""
+    row, psi = gear.deflection(name, n, angle), gear.angle(n)
+    along, across = np.cos(angle), np.sin(angle)
+    for m in gear.waves if name == "ring" else ():
+        cosine, sine = np.cos(m * psi), np.sin(m * psi)
+        row |= {f"ring_c{m}": cosine * along - m * sine * across, f"ring_s{m}": sine * along + m * cosine * across}
+    return row
 
 
 def _harmonics(ring: dict[str, Any]) -> int:
@@ -85,17 +96,14 @@ def _harmonics(ring: dict[str, Any]) -> int:
 
 
 @dataclass(frozen=True)
-class _Gear:
+class _Gear(SetRows):
     """Coordinates of a gear.
 
-    planets: N; harmonics: J; planar: whether bodies move in the plane; angles: psi_n, any of which may have a batch
-    shape.
+    harmonics: J; planar: whether bodies move in the plane.
     """
 
-    planets: int
     harmonics: int
     planar: bool
-    angles: tuple[Array, ...]
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -107,21 +115,14 @@ class _Gear:
         return tuple(found + [f"planet{n}_{way}" for n in self.numbers for way in (*planet, "rotation")])
 
     @property
-    def numbers(self) -> range:
-        """n = 1..N."""
-        return range(1, self.planets + 1)
-
-    @property
     def waves(self) -> range:
         """m = 2..J."""
         return range(2, self.harmonics + 1)
 
-    def angle(self, n: int) -> Array:
-        """Return psi_n."""
-        return self.angles[n - 1]
+    def rotation(self, body: str) -> Row:
+        return {f"{body}_rotation": 1.0}
 
     def shift(self, body: str, x: Any, y: Any) -> Row:
-        """Return x times the first and y times the second translation of a body; a planet's are radial, tangential."""
         if not body.startswith("planet"):
             return {f"{body}_x": x, f"{body}_y": y} if self.planar else {}
         return {f"{body}_radial": x, f"{body}_tangential": y} if self.planar else {"carrier_rotation": y}
@@ -134,20 +135,11 @@ class _Gear:
 
     def turn(self) -> Array:
         """``(n, n)``, the displacements turned by 2 pi/N: planet n takes what planet n - 1 had."""
-        place = {name: k for k, name in enumerate(self.names)}
-        turn = np.zeros((len(place), len(place)))
-        pairs = [(f"ring_c{m}", f"ring_s{m}", m) for m in self.waves]
-        pairs += [(f"{b}_x", f"{b}_y", 1) for b in CENTRAL if self.planar]
-        for first, second, m in pairs:
-            at = [place[first], place[second]]
-            cosine, sine = np.cos(m * self.angle(2)), np.sin(m * self.angle(2))
-            turn[np.ix_(at, at)] = [[cosine, -sine], [sine, cosine]]
-        for body in CENTRAL:
-            turn[place[f"{body}_rotation"], place[f"{body}_rotation"]] = 1.0
-        for n in self.numbers:
-            for way in ("radial", "tangential", "rotation") if self.planar else ("rotation",):
-                turn[place[f"planet{n % self.planets + 1}_{way}"], place[f"planet{n}_{way}"]] = 1.0
-        return turn
+        waves = [(f"ring_c{m}", f"ring_s{m}", m) for m in self.waves]
+        waves += [(f"{body}_x", f"{body}_y", 1) for body in CENTRAL if self.planar]
+        ways = ("radial", "tangential", "rotation") if self.planar else ("rotation",)
+        planets = [[f"planet{n}_{way}" for n in self.numbers] for way in ways]
+        return turn_matrix({name: k for k, name in enumerate(self.names)}, self.planets, waves, planets)
 
 
 def _bodies(gear: _Gear, p: dict[str, Any], ring_angle: Array) -> Iterator[Element]:
@@ -183,22 +175,5 @@ def _supports(gear: _Gear, p: dict[str, Any], ring_angle: Array) -> Iterator[Ele
         for kind in "cs":
             yield Element({f"ring_{kind}{m}": 1.0}, stiffness=np.pi * (bending + tangential + m**2 * radial))
     for n in gear.numbers if gear.planar else ():
-        cosine, sine = np.cos(gear.angle(n)), np.sin(gear.angle(n))
-        for row in (
-            gear.shift("carrier", cosine, sine) | gear.shift(f"planet{n}", -1.0, 0.0),
-            gear.shift("carrier", -sine, cosine) | {"carrier_rotation": 1.0} | gear.shift(f"planet{n}", 0.0, -1.0),
-        ):
+        for row in gear.bearing(n):
             yield Element(row, stiffness=given.get("planet", zero))
-
-
-def _deflection(gear: _Gear, name: str, n: int, angle: Array) -> Row:
-    """The mesh deflection of the sun or the ring with planet n. Source: Parker 2009, (26), (27)."""
-    psi, sign = gear.angle(n), 1.0 if name == "sun" else -1.0
-    along, across = np.cos(angle), np.sin(angle)
-    row: dict[str, Any] = {f"{name}_rotation": 1.0, f"planet{n}_rotation": sign}
-    row |= gear.shift(name, -np.sin(psi - sign * angle), np.cos(psi - sign * angle))
-    row |= gear.shift(f"planet{n}", -sign * across, -along)
-    for m in gear.waves if name == "ring" else ():
-        cosine, sine = np.cos(m * psi), np.sin(m * psi)
-        row |= {f"ring_c{m}": cosine * along - m * sine * across, f"ring_s{m}": sine * along + m * cosine * across}
-    return row

@@ -17,7 +17,7 @@ from gearstab.config.model.fields import Choice, Count, Quantity, also
 from gearstab.system import GearSystem
 from gearstab.systems import feasibility
 from gearstab.systems.base import START_MESH, Start, System, first_number
-from gearstab.systems.gearbox import sections as gearbox
+from gearstab.systems.gearbox.bodies import Teeth
 from gearstab.systems.gearbox.feasibility import MOST_TEETH, built, check_points
 from gearstab.systems.planetary import angles
 from gearstab.systems.planetary.angles import ASSEMBLE, angles_of
@@ -130,7 +130,7 @@ class Planetary(System):
         description="Of the input, seen along z, where teeth are given; planets are numbered counter-clockwise.",
     )
 
-    gears: gearbox.Teeth | None = Field(
+    gears: Teeth | None = Field(
         default=None,
         title="gears",
         description="With teeth: module, pressure_angle and face_width, from which masses, inertias, pressure angles "

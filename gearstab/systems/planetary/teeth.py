@@ -16,8 +16,8 @@ from gearstab.errors import NotPossible
 from gearstab.gears.planet_set import PlanetSet, closing_shifts, halfway
 from gearstab.system import Array
 from gearstab.systems.gearbox import rotors
+from gearstab.systems.gearbox.rotors import STEEL
 from gearstab.systems.gearbox.teeth import MeshTeeth
-from gearstab.systems.gearbox.train import STEEL
 from gearstab.systems.kinematics import TrainError
 from gearstab.systems.planetary.phasing import Turning
 
@@ -121,7 +121,10 @@ class SetTeeth:
         return rotors.mass(gear, density), rotors.inertia(gear, density)
 
     def lag(self, rule: str, sun_drives: bool) -> Array:
-        """Return gamma_sr, by which a planet's mesh with the ring lags the one with the sun, in mesh periods."""
+        """Return gamma_sr, by which a planet's mesh with the ring lags the one with the sun, in mesh periods.
+
+        Raises NotPossible where teeth overlap.
+        """
         batch = np.broadcast_shapes(self.sun.batch, self.ring.batch)
         number = [
             np.broadcast_to(np.arange(len(m.pairs)).reshape(m.batch), batch).ravel() for m in (self.sun, self.ring)

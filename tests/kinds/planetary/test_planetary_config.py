@@ -12,6 +12,7 @@ from planetary_gears import configuration
 from gearstab.cli import group
 from gearstab.config import ConfigError, load
 from gearstab.config.model.axes import parameters_at
+from gearstab.info.text import report
 from gearstab.modal import mean_modes
 from gearstab.systems import build
 
@@ -126,6 +127,6 @@ def test_info_names_types_and_the_rule(scene):
     assert first["w1+w3"]["allowed"] is True
     assert first["2w3"]["allowed"] is False
     assert first["2w3"]["half_width"] < 1e-9
-    text = CliRunner().invoke(group, ["info", str(scene)]).output
+    text = report(facts)
     assert "purely ring" in text
     assert "Existence rule" in text

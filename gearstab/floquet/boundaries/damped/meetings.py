@@ -5,13 +5,16 @@ the rate S along the cycle c = 1/Omega, losses a period differ by kappa, and the
 
     Delta^2 = (i S (c - c0) - kappa)^2 + 4 b,        Re(Delta Delta') = -S^2 (c - c0).
 
-Delta has branch points at the edges of an undamped tongue, Delta^2 has none. Without damping the growth rate is
-greatest at c0, with it within |Delta| / S of that. So the range is sampled a few times a meeting, and each pair that a
-sample expects to meet within its cell is pursued to c0: a step S^-2 Re(Delta Delta'), with S from where the two are
-still apart, and further ones from there, with S from the last two. Sums and differences of frequencies are pairs alike:
-where a growing solution meets one that decays, and the system is not symmetric, both may decay. There b is complex, and
-both grow equally far away from c0, where Delta^2 is a negative number: a stable gap is about that point. The
-derivatives come from a second matrix M' a tiny step in the cycle later, as the diagonal of X^-1 M' X.
+Delta has branch points at the edges of an undamped tongue, Delta^2 has none. So the range is sampled a few times a
+meeting, and each pair that a sample expects to meet within its cell is pursued to c0: a step S^-2 Re(Delta Delta'),
+with S from where the two are still apart, and further ones from there, with S from the last two. Sums and differences
+of frequencies are pairs alike: where a growing solution meets one that decays, and the system is not symmetric, both
+may decay.
+
+Growth is greatest at c0 where b is real, as it is without damping. Else, with 4 b = p + i q, the real part of Delta has
+its extrema where S (c - c0) = kappa (p -+ |4 b|) / q, and is zero, both solutions growing equally, at q / (2 kappa) if
+Delta^2 is negative there. A tongue or a stable gap may be about each of them, away from c0. The derivatives come from a
+second matrix M' a tiny step in the cycle later, as the diagonal of X^-1 M' X.
 """
 
 from __future__ import annotations
@@ -47,6 +50,8 @@ VARIES = 8.0
 """Factor by which S^2 changes at most from one point of a pursuit to the next."""
 LONGER = 2.0
 """Factor by which a step is longer at most than the one before it."""
+DOUBTFUL = 0.05
+"""Part of |Delta| by which its real part may be wrong at the extrema."""
 CLOSE = 0.03
 """Part of the width floor to which a meeting is pursued."""
 BESIDE = 0.25
@@ -88,13 +93,15 @@ def _look(scan: Scan, row: Array, x: Array, near: Array, cell: Array, floor: flo
     chain, samples = scan.cover.chain, row
     expected = approaches(chain, row, np.exp(x), near, scan.partly_stable(row, x))
     expected = expected.chosen(np.flatnonzero(scan.within(expected.row, np.log(expected.cycle))))
-    row, cycle, width, level = pursued(chain, expected, CLOSE * floor)
+    seen = pursued(chain, expected, CLOSE * floor)
+    row, cycle, width = (np.concatenate([getattr(one, name) for one in seen]) for name in ("row", "cycle", "width"))
+    extrema = np.concatenate([one.extrema for one in seen])
     for looked in (samples, row):
         scan.cover.count(looked, MODULI)
     width = np.clip(width, floor * cycle, BESIDE * cell[row])
-    equal = np.abs(level) < cell[row]
-    cycle = np.concatenate([cycle, cycle - width, cycle + width, (cycle + level)[equal]])
-    row = np.concatenate([np.tile(row, 3), row[equal]])
+    k, which = np.nonzero(np.abs(extrema) < cell[row][:, None])
+    cycle = np.concatenate([cycle, cycle - width, cycle + width, cycle[k] + extrema[k, which]])
+    row = np.concatenate([np.tile(row, 3), row[k]])
     inside = scan.within(row, np.log(np.maximum(cycle, np.finfo(float).tiny)))
     scan.add(row[inside], np.log(cycle[inside]))
 
@@ -181,44 +188,78 @@ def _approaches(chain: Chain, row: Array, cycle: Array, near: Array, every: Arra
     difference = _within_a_turn(logs.value[:, first] - logs.value[:, second])
     speed = logs.slope[:, first] - logs.slope[:, second]
     with np.errstate(all="ignore"):
-        squared = speed.imag**2
-        step = (difference * speed).real / squared
-        # Inside of a tongue phases are locked: it is found already.
         turning = np.abs(speed.imag) > np.abs(speed.real)
+        growing = np.maximum(logs.value[:, first].real, logs.value[:, second].real) > 0
+        # Inside of a tongue phases are locked. One that grows is found already; of others S is found on the way.
+        locked = ~turning & ~growing & (np.abs(difference.imag) < np.abs(difference.real))
+        change = (difference * speed).real
+        squared = np.where(turning, speed.imag**2, np.abs(change) / (0.5 * near[:, None]))
+        step = change / squared
         upper = np.sin((logs.value[:, first] + logs.value[:, second]).imag) > UPPER
-        wanted = every[:, None] | (np.maximum(logs.value[:, first].real, logs.value[:, second].real) > 0)
-        p, k = np.nonzero(upper & turning & wanted & (np.abs(step) <= near[:, None]))
+        wanted = (turning | locked) & (every[:, None] | growing)
+        p, k = np.nonzero(upper & wanted & (np.abs(step) <= near[:, None]))
     i, j, ahead = first[k], second[k], step[p, k]
     mean = logs.value[p, j] + 0.5 * (difference[p, k] + (logs.slope[p, i] + logs.slope[p, j]) * ahead)
     return Approaches(row[p], cycle[p] + ahead, mean, squared[p, k], ahead)
 
 
-def pursued(chain: Chain, found: Approaches, tolerance: float) -> tuple[Array, Array, Array, Array]:
-    """(row, cycle, half-width in the cycle, way in it to where both grow equally, NaN where that opens no gap) of all
-    points on the ways to the meetings, each to a relative tolerance.
+@dataclass(frozen=True)
+class Meetings:
+    """Points on the ways to the meetings of pairs.
+
+    row, cycle ``(A,)``. difference, total: Delta, and the sum of the real parts of both logarithms. change: Delta
+    Delta', which is -S^2 (c - c0) - i S kappa. squared: S^2.
     """
-    seen: list[tuple[Array, Array, Array, Array]] = []
+
+    row: Array
+    cycle: Array
+    difference: Array
+    total: Array
+    change: Array
+    squared: Array
+
+    @property
+    def width(self) -> Array:
+        """Half-width in the cycle of a tongue without damping, or of the bump that damping makes."""
+        return np.nan_to_num(np.maximum(np.abs(self.difference), np.abs(self.total)) / np.sqrt(self.squared))
+
+    @property
+    def extrema(self) -> Array:
+        """``(A, 3)``: how far in the cycle growth has its extrema, and is equal in both; NaN where its sign is unlikely
+        to change there.
+        """
+        speed = np.sqrt(self.squared)
+        here = self.change / speed  # -s - i kappa, with s = S (c - c0)
+        coupling = self.difference**2 - (1j * here) ** 2
+        with np.errstate(all="ignore"):
+            p, q, kappa = coupling.real, coupling.imag, -here.imag
+            most = kappa * (p + np.array([[-1.0], [1.0]]) * np.abs(coupling)) / q
+            s = np.stack([*most, 0.5 * q / kappa], axis=1)
+            delta = np.sqrt((1j * s - kappa[:, None]) ** 2 + coupling[:, None])
+            low, high = (self.total[:, None] + np.abs(delta.real) + sign * DOUBTFUL * np.abs(delta) for sign in (-1, 1))
+        growing = (self.total + np.abs(self.difference.real) > 0)[:, None]
+        return np.where(np.where(growing, low < 0, high > 0), (s + here.real[:, None]) / speed[:, None], np.nan)
+
+
+def pursued(chain: Chain, found: Approaches, tolerance: float) -> list[Meetings]:
+    """Points on the ways to the meetings, each to a relative tolerance."""
+    seen = []
     for _ in range(ROUNDS):
         logs = Logarithms.at(chain, found.row, found.cycle)
         away = np.abs(_within_a_turn(logs.value - found.mean[:, None]))
         nearest = np.argsort(np.where(np.isnan(away), np.inf, away), axis=1)[:, :2]
         value, slope = (np.take_along_axis(part, nearest, axis=1) for part in (logs.value, logs.slope))
-        difference, total = _within_a_turn(value[:, 0] - value[:, 1]), value.real.sum(axis=1)
-        # Half of the derivative of Delta^2, -S^2 (c - c0) - i S kappa.
+        difference = _within_a_turn(value[:, 0] - value[:, 1])
         change = difference * (slope[:, 0] - slope[:, 1])
         with np.errstate(all="ignore"):
             squared = found.squared - change.real / found.step
             squared = np.clip(squared, found.squared / VARIES, found.squared * VARIES)
-            step, level = change.real / squared, -0.5 * (difference**2).imag / change.imag
-        # As wide as a tongue is without damping, or as damping makes its bump.
-        width = np.maximum(np.abs(difference), np.abs(total)) / np.sqrt(squared)
-        gap = (total < 0) & (value.real.max(axis=1) > 0)
-        seen.append((found.row, found.cycle, np.nan_to_num(width), np.where(gap, level, np.nan)))
+            step = change.real / squared
+        seen.append(Meetings(found.row, found.cycle, difference, value.real.sum(axis=1), change, squared))
         mean = value[:, 1] + 0.5 * (difference + slope.sum(axis=1) * step)
         moves = (np.abs(step) < LONGER * np.abs(found.step)) & (np.abs(step) > tolerance * found.cycle)
         found = Approaches(found.row, found.cycle + step, mean, squared, step).chosen(np.flatnonzero(moves))
-    row, cycle, width, level = (np.concatenate(part) for part in zip(*seen, strict=True))
-    return row, cycle, width, level
+    return seen
 
 
 def _within_a_turn(values: Array) -> Array:

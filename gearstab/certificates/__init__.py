@@ -1,0 +1,1 @@
+"""Certificates: what proves stability and instability over intervals of the mesh frequency, for anybody to check."""

@@ -1,0 +1,107 @@
+"""M q'' + C_s q' + K_s q = 0 as x' = A_s x in balls, rigid-body modes split off.
+
+All numbers are doubles and are taken exactly; C_s and K_s may be any matrices. Without rigid-body modes x = (q, q'),
+and where M and all K_s are symmetric and C_s = C is skew (gyroscopic, no damping), Q = [[C, M], [-M, 0]] is kept.
+
+**Rigid-body modes.** A multiplier 1 that belongs to a free rotation r is no question of proof but of definition: K_s r
+= 0 is *imposed*. As many coordinates as there are vectors r are singled out; the entries of K_s in their columns are
+replaced by what K_s r = 0 makes of the others. It is refused unless what is stored agrees to 1e-9.
+
+* If C_s r = 0, r^T K_s = 0 and r^T C_s = 0 to 1e-9 too, these are imposed as well, on rows and columns. With
+  q = r a + E z, E the unit vectors of the other coordinates, r^T times the equation gives
+  a'' = -(r^T M r)^-1 r^T M E z'': the rest moves by itself, with E^T C_s E, E^T K_s E and the Schur complement
+  E^T M E - E^T M r (r^T M r)^-1 r^T M E as its matrices. What is proved is about z: about q except for r (a + b t).
+* Else velocities along r count: x = (z, q') with z' = E^T q' - E^T r (D^T r)^-1 D^T q', D the unit vectors of the
+  coordinates singled out, and q'' = -M^-1 (C_s q' + K_s E z). What is proved is about q except for a constant r a.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from flint import arb_mat, ctx
+
+from gearstab.certificates.verifier import PRECISION, Flow, exact
+
+Array = np.ndarray
+
+IMPOSED = 1e-9
+"""Part of |K| |r| up to which K r counts as 0."""
+
+
+@dataclass(frozen=True)
+class Segments:
+    """A system as stored.
+
+    mass ``(n, n)``; damping, stiffness ``(D, n, n)`` of its states; states, fractions ``(S,)`` of the segments; N,
+    cycles, of a period 2 pi N/Omega; rigid ``(n, k)``, the vectors r.
+    """
+
+    mass: Array
+    damping: Array
+    stiffness: Array
+    states: Sequence[int]
+    fractions: Sequence[float]
+    cycles: float
+    rigid: Array
+
+
+def flow(system: Segments) -> Flow:
+    """The system in balls; raises ValueError where the vectors are no rigid-body modes."""
+    ctx.prec = PRECISION
+    mass, damping, stiffness = exact(system.mass), system.damping, system.stiffness
+    columns: tuple[arb_mat, arb_mat] | None = None
+    if system.rigid.shape[1]:
+        if _left(stiffness, system.rigid) > IMPOSED:
+            raise ValueError("these vectors are no rigid-body modes")
+        single = _singled_out(system.rigid)
+        others = np.setdiff1d(np.arange(len(system.mass)), single)
+        rigid = exact(system.rigid)
+        unit = exact(np.eye(len(system.mass))[:, others])
+        if max(_left(m, system.rigid) for m in (damping, _turned(damping), _turned(stiffness))) <= IMPOSED:
+            share = rigid.transpose() * mass
+            mass = unit.transpose() * (mass - mass * rigid * (share * rigid).inv() * share) * unit
+            damping, stiffness = (part[:, others][:, :, others] for part in (damping, stiffness))
+        else:
+            drop = exact(np.eye(len(system.mass))[single])
+            columns = unit, unit.transpose() - exact(system.rigid[others]) * (drop * rigid).inv() * drop
+    states = [_generator(mass, exact(c), exact(k), columns) for c, k in zip(damping, stiffness, strict=True)]
+    symmetric = np.array_equal(system.mass, system.mass.T) and np.array_equal(stiffness, _turned(stiffness))
+    kept = columns is None and symmetric and all(np.array_equal(c, -damping[0].T) for c in damping)
+    form = _blocks([[exact(damping[0]), mass], [-1 * mass, 0 * mass]]) if kept else None
+    return Flow([states[s] for s in system.states], list(system.fractions), system.cycles, form)
+
+
+def _generator(mass: arb_mat, damping: arb_mat, stiffness: arb_mat, columns: tuple[arb_mat, arb_mat] | None) -> arb_mat:
+    force, drag = -1 * mass.solve(stiffness), -1 * mass.solve(damping)
+    if columns is None:
+        unit = exact(np.eye(mass.nrows()))
+        return _blocks([[0 * unit, unit], [force, drag]])
+    unit, rates = columns
+    return _blocks([[0 * (rates * unit), rates], [force * unit, drag]])
+
+
+def _blocks(parts: list[list[arb_mat]]) -> arb_mat:
+    lines = [zip(*(part.tolist() for part in row), strict=True) for row in parts]
+    return arb_mat([[value for part in line for value in part] for row in lines for line in row])
+
+
+def _turned(matrices: Array) -> Array:
+    return np.swapaxes(matrices, -1, -2)
+
+
+def _left(matrices: Array, rigid: Array) -> float:
+    """|K r| as a part of |K| |r|, the largest of all rows, vectors and matrices; 0 where all vanish."""
+    size = np.abs(matrices) @ np.abs(rigid)
+    return float(np.max(np.abs(matrices @ rigid) / np.where(size > 0, size, 1.0)))
+
+
+def _singled_out(rigid: Array) -> list[int]:
+    """As many coordinates as there are vectors, in which these are independent: elimination with pivots."""
+    rest, found = rigid.astype(float), []
+    for column in range(rigid.shape[1]):
+        found.append(int(np.argmax(np.abs(rest[:, column]))))
+        rest = rest - np.outer(rest[:, column], rest[found[-1]] / rest[found[-1], column])
+    return found

@@ -1,0 +1,65 @@
+"""The speeds at which motions with backlash jump, as ``gearstab info`` says them of a result with branches."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from gearstab.info.tables import columns
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+MEASURE = "transmission_error_rms"
+RPM = "rpm"
+
+
+def jumps(tree: xr.DataTree) -> list[dict[str, Any]]:
+    """Return the jumps of all systems, in the order of the axes, then of the speed.
+
+    speed: as the axis is shown, an input speed in rpm. before, after: root mean squares of the transmission error, of
+    the mesh where it changes most; after is None where it is not known what follows.
+    """
+    import numpy as np
+
+    from gearstab.config.model.units import scale
+    from gearstab.results.display import FACTOR, SPEEDS
+
+    data = tree["branches"].to_dataset()
+    speed = next(tree[name] for name in SPEEDS if name in tree.coords)
+    factor, unit = float(speed.attrs.get(FACTOR, 1.0)), str(speed.attrs.get("units", "1"))
+    if speed.name == SPEEDS[1]:
+        factor, unit = factor * scale(RPM, "rad/s") / scale(unit, "rad/s"), RPM
+    found = []
+    for index in np.argwhere(data["jump"].values != 0):
+        row = dict(zip(map(str, data["jump"].dims), map(int, index), strict=True))
+        one = data.isel({name: k for name, k in row.items() if name != "point"})
+        here, landing = one.isel(point=row["point"]), int(one["landing"].values[row["point"]])
+        before = here[MEASURE].values
+        after = None if landing < 0 else one[MEASURE].isel(point=landing).values
+        mesh = int(np.argmax(before if after is None else np.abs(after - before)))
+        axes = [name for name in row if name in data.coords and name != "point"]
+        found.append({
+            "at": {name: data[name].values[row[name]].item() for name in axes},
+            "speed": float(here["branch_frequency"]) / factor, "unit": "" if unit == "1" else unit,
+            "direction": "rising" if int(here["jump"]) > 0 else "falling",
+            "mesh": str(data["mesh"].values[mesh]), "before": float(before[mesh]),
+            "after": None if after is None else float(after[mesh]), "measured_in": str(data[MEASURE].attrs["units"]),
+        })  # fmt: skip
+    return sorted(found, key=lambda jump: ([str(value) for value in jump["at"].values()], jump["speed"]))
+
+
+def text(found: list[dict[str, Any]]) -> list[str]:
+    """Return the table of jumps."""
+    if not found:
+        return ["no jumps: no stable motion ends within the range"]
+    own = "" if found[0]["measured_in"] == "1" else f" ({found[0]['measured_in']})"
+    head = ["speed", "in", *found[0]["at"], "mesh", f"rms error before{own}", f"after{own}"]
+    rows = [
+        [
+            f"{jump['speed']:.6g} {jump['unit']}".strip(), f"{jump['direction']} speed",
+            *(f"{value:.6g}" if isinstance(value, float) else str(value) for value in jump["at"].values()),
+            jump["mesh"], f"{jump['before']:.4g}", "not known" if jump["after"] is None else f"{jump['after']:.4g}",
+        ]
+        for jump in found
+    ]  # fmt: skip
+    return ["jumps of the motion:", *columns(head, rows)]

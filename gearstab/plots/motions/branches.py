@@ -1,0 +1,147 @@
+"""Resonance curves of motions with backlash: unstable parts dashed, folds and doublings marked, jumps as arrows."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from gearstab.errors import PlotError, listed
+from gearstab.plots.axes import INNER, sweep_axes, units_of
+from gearstab.plots.cases import caption, some
+from gearstab.plots.drawing import names
+from gearstab.plots.drawing.heading import write_legend, write_title
+from gearstab.plots.drawing.style import CASES, new_frame
+from gearstab.plots.drawing.text import axis_label
+from gearstab.plots.kinds import Kind
+from gearstab.plots.maps import curve
+from gearstab.plots.motions.speeds import scale
+from gearstab.plots.view import Request, View, view_along
+from gearstab.results.display import SPEEDS
+
+Array = np.ndarray
+Artists = dict[str, Any]
+
+MEASURE = "transmission_error_rms"
+"""What is drawn without --variable."""
+WORDS = {
+    "transmission_error_rms": "transmission error, rms",
+    "transmission_error_peak_to_peak": "transmission error, peak to peak",
+}
+"""Names that fit beside the axis."""
+MARKS = {1: ("fold", "o"), 2: ("period doubling", "D"), 3: ("Neimark-Sacker", "s")}
+"""Kinds of points that are marked: what they are called, and how they look."""
+DASHED = (0, (3, 1.6))
+
+
+def read_branches(tree: xr.DataTree, variable: str) -> xr.Dataset:
+    """The group ``branches`` of a sweep. Raises PlotError if the result holds none, or not the variable."""
+    if "branches" not in tree.children:
+        raise PlotError(f"this result holds no branches (methods.branches); it holds {listed(tree.children)}")
+    dataset = tree["branches"].to_dataset()
+    known = [str(name) for name, item in dataset.data_vars.items() if {"point", "mesh"} <= set(map(str, item.dims))]
+    if variable not in known:
+        raise PlotError(f"no variable {variable!r} along branches; --variable: {listed(known)}")
+    return dataset
+
+
+class Curves:
+    """The branches of one system over what is drawn: x, y, and what is known of every point."""
+
+    def __init__(self, dataset: xr.Dataset, view: View, variable: str) -> None:
+        def values(name: str) -> Array:
+            return view.cut(dataset[name], "point")
+
+        self.x = values("branch_frequency") / (view.factor or 1.0)
+        self.y, self.branch = values(variable).astype(float), values("branch")
+        self.stable, self.kind = values("motion_stable") == 1, values("kind")
+        self.jump, self.landing = values("jump"), values("landing")
+
+    def pieces(self) -> list[tuple[Array, bool]]:
+        """Points of every stretch of a branch that is stable, or not; both ends belong to both sides."""
+        found = []
+        for number in range(int(self.branch.max(initial=-1)) + 1):
+            own = np.flatnonzero(self.branch == number)
+            # A stretch between two points is stable where both are, or one is and the other is where stability changes.
+            settled = self.stable[own] | (self.kind[own] > 0)
+            between = settled[:-1] & settled[1:] & (self.stable[own][:-1] | self.stable[own][1:])
+            for part in np.split(np.arange(len(between)), np.flatnonzero(np.diff(between)) + 1):
+                if len(part):
+                    found.append((own[part[0] : part[-1] + 2], bool(between[part[0]])))
+        return found
+
+
+def draw_curves(ax: Axes, curves: Curves, colour: str) -> tuple[list[Line2D], list[Line2D], list[Any]]:
+    """Lines, marks and arrows."""
+    lines = [
+        ax.plot(curves.x[part], curves.y[part], color=colour, linewidth=0.9 if stable else 0.7,
+                linestyle="-" if stable else DASHED, zorder=2)[0]
+        for part, stable in curves.pieces()
+    ]  # fmt: skip
+    marks = []
+    for kind, (_, marker) in MARKS.items():
+        at = curves.kind == kind
+        if at.any():
+            style = {"linestyle": "none", "marker": marker, "markersize": 3, "markerfacecolor": "white"}
+            marks += ax.plot(curves.x[at], curves.y[at], color=colour, markeredgewidth=0.7, zorder=3, **style)
+    arrows = []
+    for k in np.flatnonzero((curves.jump != 0) & (curves.landing >= 0)):
+        end = curves.x[k], curves.y[curves.landing[k]]
+        how = {"arrowstyle": "-|>,head_width=0.15,head_length=0.35", "color": colour, "linewidth": 0.6}
+        arrows.append(ax.annotate("", end, (curves.x[k], curves.y[k]), arrowprops=how | {"shrinkA": 0, "shrinkB": 0}))
+    return lines, marks, arrows
+
+
+def draw(tree: xr.DataTree, request: Request) -> tuple[Figure, Artists]:
+    """The whole figure: ``lines``, ``marks`` and ``arrows``, of one system or a few."""
+    variable = request.variable or MEASURE
+    dataset = read_branches(tree, variable)
+    speed = next(name for name in SPEEDS if name in sweep_axes(tree))
+    dims = dict.fromkeys([speed, *(d for d in map(str, dataset[variable].dims) if d not in INNER), "mesh"])
+    view = view_along(tree, dims, request, dataset)
+    if view.x.name != speed:
+        raise PlotError(f"branches are drawn over {speed}, not over {view.x.name}")
+    cases, note = some(view.free, len(CASES), "curves", request.partial)
+    figure, ax = new_frame(request, (0.66, 0.4))
+    artists: Artists = {"lines": [], "marks": [], "arrows": []}
+    handles = []
+    for number, case in enumerate(cases):
+        drawn = draw_curves(ax, Curves(dataset, view.at(**case), variable), CASES[number])
+        for name, found in zip(artists, drawn, strict=True):
+            artists[name] += found
+        if len(cases) > 1:
+            handles.append(Line2D([], [], color=CASES[number], label=caption(view.free, case)))
+    ax.set_xlim(*view.x.ascending[[0, -1]])
+    scale(ax, [np.asarray(line.get_ydata(), dtype=float) for line in artists["lines"]])
+    data = dataset[variable]
+    curve.dress(ax, view.x, axis_label(variable, WORDS.get(variable, str(data.attrs["long_name"])), units_of(data)))
+    write_legend(figure, [*handles, *_legend(artists)], ax=request.ax)
+    write_title(figure, tree, request, view)
+    names.settle(figure)
+    names.freeze(figure, request)
+    return figure, artists | {"left_out": note}
+
+
+def _legend(artists: Artists) -> list[Line2D]:
+    """What the marks and the dashes mean, as far as they occur."""
+    there = {line.get_marker() for line in artists["marks"]}
+    style: dict[str, Any] = {"linestyle": "none", "markersize": 3, "markerfacecolor": "white"}
+    marks = [
+        Line2D([], [], color=CASES[0], marker=marker, label=name, **style)
+        for name, marker in MARKS.values()
+        if marker in there
+    ]
+    dashed = any(line.get_linestyle() == "--" for line in artists["lines"])
+    return [*marks, *([Line2D([], [], color=CASES[0], linestyle=DASHED, label="unstable")] if dashed else [])]
+
+
+KIND = Kind(
+    "branches",
+    "resonance curves with backlash, unstable parts dashed, with folds, doublings and jumps",
+    draw,
+    lambda contents: contents.by_itself and contents.holds("branches"),
+)

@@ -1,0 +1,169 @@
+"""Sections of the bodies of a gearbox: rotors, their teeth and supports, shafts, and what they are made of."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated, Any
+
+from pydantic import Field
+
+from gearstab.config.model.conflicts import Conflict, within
+from gearstab.config.model.fields import (
+    Flag,
+    Inertia,
+    Length,
+    Mass,
+    NameText,
+    NonNegative,
+    NonNegativeLength,
+    Number,
+    Positive,
+    Quantity,
+    Section,
+    Stiffness,
+    ToothCount,
+    TorsionalStiffness,
+)
+from gearstab.systems.gearbox.rotors import moves
+from gearstab.systems.parts.mesh import Named
+
+PressureAngle = Annotated[float, Field(gt=0, lt=0.7853), Quantity("rad")]
+Pressure = Annotated[float, Field(gt=0), Quantity("Pa")]
+
+OF_TEETH = ("module", "pressure_angle", "addendum", "dedendum", "face_width")
+"""What all gears of a train share unless a gear has its own."""
+
+
+class Support(Section):
+    """Springs that hold the centre of a rotor, the same in both directions, or its rotation."""
+
+    stiffness: Stiffness | None = Field(
+        default=None,
+        title="lateral stiffness",
+        description="Of shaft and bearings together (N/m); without, the centre does not move.",
+    )
+    torsional_stiffness: TorsionalStiffness | None = Field(
+        default=None,
+        title="torsional stiffness of the support",
+        description="Between rotor and housing (N m/rad); a held member of a planetary set has no rotation without.",
+    )
+    damping_ratio: NonNegative = Field(
+        default=0.0, title="damping ratio of the support", description="zeta, c = 2 zeta sqrt(k m) (1)."
+    )
+
+    @classmethod
+    def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
+        """At least one of the springs."""
+        if raw.get("stiffness") is None and raw.get("torsional_stiffness") is None:
+            yield ("stiffness",), "missing", "is missing", "add stiffness (N/m) or torsional_stiffness (N m/rad)"
+
+
+class Teeth(Section):
+    """Basic profile and width of gears."""
+
+    module: Length | None = Field(default=None, title="module", description="m (m).")
+    pressure_angle: PressureAngle | None = Field(
+        default=None, title="pressure angle", description='alpha of the rack; in rad, or with a unit: "20 deg".'
+    )
+    addendum: Positive | None = Field(default=None, title="addendum", description="h_a/m; 1 without (1).")
+    dedendum: Positive | None = Field(default=None, title="dedendum", description="h_f/m; 1.25 without (1).")
+    face_width: Length | None = Field(default=None, title="face width", description="b (m).")
+
+
+class Rotor(Teeth, Named):
+    """A rigid body that turns: a gear, which has teeth, or a plain inertia."""
+
+    teeth: ToothCount | None = Field(
+        default=None, title="number of teeth", description="z; a rotor without teeth is no gear."
+    )
+    internal: Flag = Field(default=False, title="internal gear", description="A ring with teeth inside.")
+    profile_shift: Number | None = Field(
+        default=None,
+        title="profile shift",
+        description="x, in modules (1); 0 without, or such as closes the backlash in a planetary set.",
+    )
+    inertia: Inertia | None = Field(
+        default=None,
+        title="moment of inertia",
+        description="J (kg m^2); that of a disc of the face width and body_radius without.",
+    )
+    mass: Mass | None = Field(
+        default=None, title="mass", description="Of a supported rotor (kg); that of the same disc without."
+    )
+    body_radius: Length | None = Field(
+        default=None, title="radius of the body", description="Of the disc (m); the pitch radius without."
+    )
+    bore_radius: NonNegativeLength | None = Field(
+        default=None,
+        title="radius of the bore",
+        description="Of the body (m); without, the disc is solid and the teeth stand on a body of bore 0.4 root radii.",
+    )
+    support: Support | None = Field(
+        default=None, title="lateral support", description="With it the rotor moves in its plane too."
+    )
+
+    @classmethod
+    def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
+        """Inertia, and mass where it is supported, of what is no disc; teeth where there is what belongs to them."""
+        yield from within(raw, "support", Support.conflicts)
+        geared = raw.get("teeth") is not None
+        if not geared and raw.get("body_radius") is None:
+            if raw.get("inertia") is None:
+                yield (
+                    ("inertia",),
+                    "missing",
+                    "is missing",
+                    "add inertia (kg m^2), or face_width and body_radius of its disc",
+                )
+            if moves(raw) and raw.get("mass") is None:
+                yield ("mass",), "missing", "is missing", "add mass (kg), or face_width and body_radius of its disc"
+        if not geared:
+            for key in (*OF_TEETH[:-1], "profile_shift", "internal"):
+                if raw.get(key) not in (None, False):
+                    yield (key,), "not_applicable", "belongs to a gear", "give the rotor teeth, or remove it"
+
+
+class Shaft(Named):
+    """A torsional spring between two rotors that turn at the same speed."""
+
+    between: Annotated[list[NameText], Field(min_length=2, max_length=2)] = Field(
+        title="ends of the shaft", description="Names of its two rotors."
+    )
+    stiffness: TorsionalStiffness | None = Field(
+        default=None, title="torsional stiffness", description="k (N m/rad); or give diameter and length."
+    )
+    diameter: Length | None = Field(default=None, title="diameter", description="d of a round shaft (m).")
+    bore: NonNegativeLength | None = Field(
+        default=None, title="bore", description="Diameter of the hole of a hollow shaft (m)."
+    )
+    length: Length | None = Field(default=None, title="length", description="l of a round shaft (m).")
+    damping_ratio: NonNegative = Field(
+        default=0.0,
+        title="damping ratio of the shaft",
+        description="zeta, c = 2 zeta sqrt(k J_e), J_e = J1 J2/(J1 + J2) (1).",
+    )
+
+    @classmethod
+    def conflicts(cls, raw: dict[str, Any]) -> Iterator[Conflict]:
+        """A stiffness, or the dimensions that give it."""
+        if raw.get("stiffness") is None and raw.get("diameter") is None and raw.get("length") is None:
+            yield ("stiffness",), "missing", "is missing", "add stiffness (N m/rad), or diameter and length"
+            return
+        for key in ("diameter", "length"):
+            if raw.get("stiffness") is not None and raw.get(key) is not None:
+                yield (key,), "already_given", "stiffness is given already", "keep one of stiffness and the dimensions"
+            elif raw.get("stiffness") is None and raw.get(key) is None:
+                yield (key,), "missing", "is missing", f"add {key}, or give stiffness instead"
+
+
+class Material(Section):
+    """What gears and shafts are made of; steel without."""
+
+    young: Pressure | None = Field(default=None, title="Young's modulus", description="E (Pa); 206.8 GPa without.")
+    poisson: Annotated[float, Field(gt=-1, lt=0.5), Quantity()] | None = Field(
+        default=None, title="Poisson's ratio", description="nu (1); 0.3 without."
+    )
+    density: Annotated[float, Field(gt=0), Quantity("kg/m^3")] | None = Field(
+        default=None, title="density", description="rho (kg/m^3); 7850 without."
+    )
+    shear: Pressure | None = Field(default=None, title="shear modulus of shafts", description="G (Pa); 80 GPa without.")

@@ -1,0 +1,204 @@
+"""A planetary set in a train: its members are rotors, its planets bodies of their own.
+
+Its lateral coordinates turn with the carrier; rotations are those of the bodies, absolute, as elsewhere in the train.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cached_property
+from math import tau
+from typing import Any
+
+import numpy as np
+
+from gearstab.errors import NotPossible
+from gearstab.system import Array, Cyclic
+from gearstab.systems.assembly import Coordinates, Element, Row, total
+from gearstab.systems.gearbox import rotors
+from gearstab.systems.kinematics import MeshMotion, TrainError, Where
+from gearstab.systems.planetary.angles import ASSEMBLE, FIT, angles_of
+from gearstab.systems.planetary.feasibility import assembly
+from gearstab.systems.planetary.rows import SetRows, turn_matrix
+from gearstab.systems.planetary.teeth import SetTeeth
+
+MEMBERS = ("sun", "ring", "carrier")
+OF_PLANETS = ("module", "pressure_angle", "face_width", "addendum", "dedendum")
+"""What planets share with the sun unless they have their own."""
+TYPES = ("rotational", "translational", "planet")
+
+
+@dataclass(frozen=True)
+class TrainSet:
+    """A set by its parameters p, with the rotors that are its gears, by member; where: its path below ``system``."""
+
+    p: dict[str, Any]
+    rotors: Mapping[str, dict[str, Any]]
+    material: dict[str, Any]
+    where: Where
+
+    @property
+    def name(self) -> str:
+        return str(self.p["name"])
+
+    @property
+    def planet(self) -> str:
+        """What stands for all planets in a table of speeds."""
+        return f"{self.name}.planet"
+
+    @property
+    def planets(self) -> dict[str, Any]:
+        return dict(self.p["planets"])
+
+    @property
+    def count(self) -> int:
+        return int(self.planets["count"])
+
+    def counted(self, gear: str) -> int:
+        """Number of teeth of ``sun``, ``ring`` or ``planet``."""
+        return int((self.planets if gear == "planet" else self.rotors[gear])["teeth"])
+
+    @property
+    def body(self) -> dict[str, str]:
+        """Names of the members, and of the planets, in the train."""
+        return {member: self.p[member] for member in MEMBERS} | {"planet": self.planet}
+
+    @cached_property
+    def teeth(self) -> SetTeeth:
+        sun = self.rotors["sun"]
+        shared = {key: sun[key] for key in OF_PLANETS if key in sun}
+        planet = shared | {key: value for key, value in self.planets.items() if value is not None}
+        gears = {"sun": sun, "planet": planet, "ring": self.rotors["ring"]}
+        meshes = {name: (self.p.get("meshes") or {}).get(name) or {} for name in ("sun", "ring")}
+        return SetTeeth(gears, meshes, self.material, self.p.get("centre_distance"))
+
+    @contextmanager
+    def told(self) -> Iterator[None]:
+        """Say of a mistake in the teeth which set has it."""
+        try:
+            yield
+        except TrainError as error:
+            raise TrainError((*self.where, *error.where), error.message, error.remedy) from None
+        except NotPossible as error:
+            raise TrainError(self.where, error.message, error.remedy or "change the teeth") from None
+
+    @cached_property
+    def motions(self) -> tuple[MeshMotion, MeshMotion]:
+        """How sun and planet, planet and ring turn."""
+        body, carrier = self.body, self.p["carrier"]
+        first, second = ((body[a], body[b]) for a, b in (("sun", "planet"), ("planet", "ring")))
+        z = {gear: self.counted(gear) for gear in ("sun", "planet", "ring")}
+        return (
+            MeshMotion(first, (z["sun"], z["planet"]), False, self.where, carrier),
+            MeshMotion(second, (z["planet"], z["ring"]), True, self.where, carrier),
+        )
+
+    @property
+    def angles(self) -> list[Array]:
+        """psi_1..psi_N."""
+        return angles_of({"planets": self.count, "angles": self.planets.get("angles")})
+
+    @property
+    def turns(self) -> list[Fraction | Array]:
+        """psi_n/2 pi: equal parts, or the places of the teeth that the angles mean; exact without a batch of angles.
+
+        Raises TrainError where teeth do not fit.
+        """
+        sun, ring = self.counted("sun"), self.counted("ring")
+        if self.planets.get("angles") is None:
+            for _, _, message, remedy in assembly(sun, self.counted("planet"), ring, self.count):
+                raise TrainError((*self.where, "planets", "teeth"), message, remedy)
+            return [Fraction(n, self.count) for n in range(self.count)]
+        found: list[Fraction | Array] = []
+        for n, angle in enumerate(self.angles, start=1):
+            steps = (angle - self.angles[0]) * (sun + ring) / tau
+            if np.any(np.abs(steps - np.rint(steps)) > FIT):
+                message = f"the teeth of planet {n} do not fit: angles are multiples of 360 deg/(z_s + z_r)"
+                near = 360 / (sun + ring) * float(np.ravel(np.rint(steps))[0])
+                remedy = f'give "{near:.7g} deg" from the first one, or write angles: {ASSEMBLE}'
+                raise TrainError((*self.where, "planets", "angles"), message, remedy)
+            found.append(np.rint(steps) / (sun + ring) if steps.ndim else Fraction(round(float(steps)), sun + ring))
+        return found
+
+    def lags(self, planets_turn: int, sun_drives: bool) -> dict[str, list[Any]]:
+        """Return gamma_sn = -sigma z_s psi_n/2 pi, exact, and gamma_rn = gamma_sn + gamma_sr, in mesh periods.
+
+        planets_turn: sigma, 1 for planets that turn counter-clockwise on the carrier, else -1.
+        """
+        sun = [-planets_turn * self.counted("sun") * turn % 1 for turn in self.turns]
+        phases = self.p.get("phases") or {}
+        with self.told():
+            between = self.teeth.lag(phases.get("rule") or "entry", sun_drives)
+        between = between if phases.get("sun_ring") is None else rotors.number(phases, "sun_ring")
+        return {"sun": [*sun], "ring": [(np.asarray(lag, dtype=float) + between) % 1 for lag in sun]}
+
+    @property
+    def coordinates(self) -> dict[str, str]:
+        """Coordinates of the planets and their units."""
+        ways = (".radial", ".tangential") if self.planets.get("support") is not None else ()
+        planets = [f"{self.planet} {n + 1}" for n in range(self.count)]
+        return {f"{planet}{way}": "m" if way else "rad" for planet in planets for way in ("", *ways)}
+
+    def rows(self, coordinates: Coordinates, signs: Mapping[str, int]) -> TrainSetRows:
+        """Return how its bodies move. signs: 1 of bodies whose coordinate is counter-clockwise, else -1."""
+        return TrainSetRows(self.count, tuple(self.angles), self, coordinates, signs)
+
+
+@dataclass(frozen=True)
+class TrainSetRows(SetRows):
+    """Motions of the bodies of a set as rows over the coordinates of the train."""
+
+    item: TrainSet
+    coordinates: Coordinates
+    signs: Mapping[str, int]
+
+    def name(self, body: str) -> str:
+        """Return what the train calls a body."""
+        number = body.removeprefix("planet")
+        return self.item.body[body] if number == body else f"{self.item.planet} {number}"
+
+    def rotation(self, body: str) -> Row:
+        kind, name = body.rstrip("0123456789"), self.name(body)
+        teeth = self.item.teeth
+        radius = teeth.centre if kind == "carrier" else rotors.base_radius(teeth.gears[kind])
+        sign = self.signs[self.item.body[kind]]
+        return {name: sign * radius} if name in self.coordinates.units else {}
+
+    def shift(self, body: str, x: Any, y: Any) -> Row:
+        name, planet = self.name(body), body.startswith("planet")
+        ways = ("radial", "tangential") if planet else ("x", "y")
+        if f"{name}.{ways[0]}" in self.coordinates.units:
+            return {f"{name}.{ways[0]}": x, f"{name}.{ways[1]}": y}
+        if not planet:
+            return {}
+        psi = self.angle(int(body.removeprefix("planet")))
+        cosine, sine = np.cos(psi), np.sin(psi)
+        turning = {key: y * value for key, value in self.rotation("carrier").items()}
+        return total(self.shift("carrier", x * cosine - y * sine, x * sine + y * cosine), turning)
+
+    def planets_of(self, factor: Array) -> Iterator[Element]:
+        """Yield masses and bearings of the planets. factor: of all damping."""
+        with self.item.told():
+            mass, inertia = self.item.teeth.body("planet")
+        support = self.item.planets.get("support")
+        for n in self.numbers:
+            yield Element({self.name(f"planet{n}"): 1.0}, mass=inertia)
+            for along in ((1.0, 0.0), (0.0, 1.0)):
+                yield Element(self.shift(f"planet{n}", *along), mass=mass)
+            for row in self.bearing(n) if support is not None else ():
+                k = rotors.number(support, "stiffness")
+                c = 2 * rotors.number(support, "damping_ratio") * np.sqrt(k * mass)
+                yield Element(row, stiffness=k, damping=factor * c)
+
+    def cyclic(self) -> Cyclic:
+        """Return the symmetry of equally spaced planets."""
+        known = self.coordinates.units
+        waves = [(f"{self.name(member)}.x", f"{self.name(member)}.y", 1) for member in MEMBERS]
+        ways = [way for way in ("", ".radial", ".tangential") if f"{self.name('planet1')}{way}" in known]
+        cycles = [[f"{self.name(f'planet{n}')}{way}" for n in self.numbers] for way in ways]
+        turn = turn_matrix(self.coordinates.index, self.planets, [wave for wave in waves if wave[0] in known], cycles)
+        moving = any(wave[0] in known for wave in waves)
+        return Cyclic(self.planets, turn, TYPES if moving else (TYPES[0], TYPES[2]), name=self.item.name)

@@ -1,0 +1,205 @@
+"""Certificates of matrices: true ones are proved, false ones never are, multipliers agree with every proved claim."""
+
+from __future__ import annotations
+
+import ast
+from dataclasses import replace
+from functools import cache
+from inspect import getsource
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+pytest.importorskip("flint")
+
+from gearstab.certificates import equations, verifier
+from gearstab.certificates.equations import Segments, flow
+from gearstab.certificates.making import Maker
+from gearstab.certificates.verifier import Certificate, Flow, near, proves
+
+GYROSCOPIC = np.array([[0.0, -1.0], [1.0, 0.0]])
+
+
+def segments(
+    stiffness: list[np.ndarray],
+    fractions: list[float],
+    damping: np.ndarray | None = None,
+    mass: np.ndarray | None = None,
+    rigid: np.ndarray | None = None,
+) -> Segments:
+    n = len(stiffness[0])
+    drag = np.zeros((n, n)) if damping is None else damping
+    return Segments(
+        np.eye(n) if mass is None else mass, np.array([drag] * len(stiffness)), np.array(stiffness),
+        range(len(stiffness)), fractions, 1.0, np.zeros((n, 0)) if rigid is None else rigid,
+    )  # fmt: skip
+
+
+def meissner(epsilon: float = 0.3, damping: float = 0.0) -> Segments:
+    """x'' + 2 d x' + (1 +- epsilon) x = 0, half a period each."""
+    return segments([np.array([[1 + epsilon]]), np.array([[1 - epsilon]])], [0.5, 0.5], np.array([[2 * damping]]))
+
+
+def train(epsilon: float = 0.3, damping: float = 0.02) -> Segments:
+    """Lin & Parker's three gears, damped in proportion to stiffness."""
+    g = np.array([[1.0, -1.0, 0.0], [0.0, 1.0, 1.0]])
+    base = np.diag([0.5, 0.0, 0.0])
+    levels = [1 + epsilon, 1 - epsilon]
+    k = [base + sum(level * np.outer(row, row) for row in g) for level in levels]
+    return segments(k, [0.5, 0.5], damping * (base + g.T @ g), np.diag([1.0, 0.3, 4.0]))
+
+
+def rotor(damping: float = 0.0, speed: float = 0.4) -> Segments:
+    """A shaft in rotating coordinates, of which one stiffness varies: M q'' + (C + 2 W G) q' + (K - W^2) q = 0."""
+    k = [np.diag([1.0 + e, 1.4]) - speed**2 * np.eye(2) for e in (0.3, -0.3)]
+    return segments(k, [0.4, 0.6], damping * np.eye(2) + 2 * speed * GYROSCOPIC)
+
+
+def free(damping: np.ndarray | None = None) -> Segments:
+    """Three rotors in a row, free to rotate."""
+    k = [np.array([[a, -a, 0.0], [-a, a + 0.7, -0.7], [0.0, -0.7, 0.7]]) for a in (1.3, 0.7)]
+    return segments(k, [0.5, 0.5], damping, np.diag([1.0, 0.5, 2.0]), np.ones((3, 1)))
+
+
+SYSTEMS = {
+    "meissner": meissner(), "damped meissner": meissner(damping=0.02), "train": train(),
+    "undamped train": train(damping=0.0), "rotor": rotor(), "damped rotor": rotor(0.02), "free": free(),
+    "free, damped between": free(0.02 * free().stiffness[0]),
+    "free, damped to ground": free(0.05 * np.eye(3)),
+}  # fmt: skip
+
+
+CALM = ("damped rotor", "free, damped between", "free, damped to ground")
+"""Without growth in this range."""
+
+
+def multipliers(known: Flow, omega: float) -> np.ndarray:
+    """Moduli, by an exponential in floating point."""
+    product = np.eye(known.generators[0].nrows())
+    for generator, f in zip(known.generators, known.fractions, strict=True):
+        product = expm(near(generator) * f * 2 * np.pi * known.cycles / omega) @ product
+    return np.sort(np.abs(np.linalg.eigvals(product)))[::-1]
+
+
+@cache
+def covered(name: str) -> tuple[Flow, tuple[Certificate, ...]]:
+    known = flow(SYSTEMS[name])
+    return known, tuple(Maker(known, 1e-4).cover(1.2, 2.6))
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_nearly_the_whole_range_is_proved_and_multipliers_agree(name: str) -> None:
+    known, pieces = covered(name)
+    length = sum(np.log(piece.high / piece.low) for piece in pieces)
+    assert length > 0.99 * np.log(2.6 / 1.2)
+    assert {piece.outside > 0 for piece in pieces} >= ({False} if name in CALM else {False, True})
+    for piece in pieces:
+        for omega in np.linspace(piece.low, piece.high, 3):
+            outside = int((multipliers(known, omega) > 1 + 1e-9).sum())
+            assert (outside > 0) == (piece.outside > 0)
+
+
+def edge(epsilon: float, low: float, high: float) -> float:
+    """Where the trace of Meissner's equation, in closed form, is -2."""
+
+    def excess(omega: float) -> float:
+        a, b = (np.sqrt(1 + sign * epsilon) for sign in (1, -1))
+        x, y = a * np.pi / omega, b * np.pi / omega
+        return 2 * np.cos(x) * np.cos(y) - (a / b + b / a) * np.sin(x) * np.sin(y) + 2
+
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if (excess(middle) > 0) == (excess(low) > 0) else (low, middle)
+    return low
+
+
+def test_pieces_end_at_the_edge_that_is_known_in_closed_form() -> None:
+    known, where = flow(meissner()), edge(0.3, 1.6, 1.95)
+    maker = Maker(known, 1e-6)
+    for sign, outside in ((-1, 0), (1, 1)):
+        near_end, far = where * (1 + 1e-5 * sign), where * (1 + 2e-5 * sign)
+        piece = maker.proposal(min(near_end, far), max(near_end, far))
+        assert piece is not None
+        assert piece.outside == outside
+        assert proves(known, piece)
+        # Over the edge by a hundred-thousandth no coordinates prove it.
+        moved = (where * (1 - 1e-5), far) if sign > 0 else (far, where * (1 + 1e-5))
+        assert not proves(known, replace(piece, low=moved[0], high=moved[1]))
+
+
+FORGERS = ("moved over an edge", "other claim", "coordinates of another piece", "not a number", "malformed")
+
+
+@pytest.mark.parametrize("number", range(50))
+def test_a_forged_certificate_is_refused(number: int) -> None:
+    random = np.random.default_rng(number)
+    name = ("train", "undamped train", "rotor", "damped meissner", "meissner")[number // 5 % 5]
+    known, pieces = covered(name)
+    changes = [k for k in range(1, len(pieces)) if (pieces[k].outside > 0) != (pieces[k - 1].outside > 0)]
+    k = int(random.choice(changes))
+    before, after = pieces[k - 1], pieces[k]
+    kind = FORGERS[number % 5]
+    if kind == "moved over an edge":
+        low, high = after.low * (1 - 1e-3), after.high * (1 - 1e-3)
+        forged = replace(before, high=after.low * (1 + 1e-3)) if number % 2 else replace(after, low=low, high=high)
+    elif kind == "other claim":
+        stable = replace(after, outside=0, rate=float(random.integers(2)))
+        forged = stable if after.outside else replace(after, outside=int(random.integers(1, 3)), rate=1.0)
+    elif kind == "coordinates of another piece":
+        others = [piece for piece in pieces if piece.outside != after.outside]
+        far = max(others, key=lambda piece: abs(np.log(piece.low / after.low)))
+        forged = replace(after, coordinates=far.coordinates, rate=far.rate, separators=far.separators)
+    elif kind == "not a number":
+        spoiled = after.coordinates.copy()
+        spoiled[tuple(random.integers(len(spoiled), size=2))] = np.nan
+        forged = replace(after, coordinates=spoiled) if random.integers(2) else replace(after, high=np.nan)
+    else:
+        smaller, singular = after.coordinates[:-1], np.ones_like(after.coordinates)
+        forged = replace(after, coordinates=smaller if random.integers(2) else singular)
+    assert not proves(known, forged)
+
+
+def test_a_rate_on_the_wrong_side_of_one_proves_nothing() -> None:
+    """Growth by more than a factor below 1 is no growth, decay to less than a factor above 1 no decay."""
+    known, pieces = covered("train")
+    stable, unstable = (next(p for p in pieces if (p.outside > 0) == grows) for grows in (False, True))
+    assert not proves(known, replace(stable, rate=1.01))
+    assert not proves(known, replace(unstable, rate=0.99))
+    assert not proves(known, replace(stable, outside=1, rate=0.5))
+
+
+def test_a_system_with_damping_keeps_no_form() -> None:
+    known, pieces = covered("undamped train")
+    piece = next(p for p in pieces if p.outside == 0)
+    assert proves(known, piece)
+    assert not proves(flow(train(damping=1e-6)), piece)
+
+
+def test_vectors_that_are_no_rigid_body_modes_are_refused() -> None:
+    with pytest.raises(ValueError, match="no rigid-body modes"):
+        flow(replace(free(), rigid=np.array([[1.0], [1.0], [1.001]])))
+
+
+def test_rigid_body_modes_leave_the_elastic_multipliers() -> None:
+    """Against the whole matrices, whose multipliers 1 belong to the rigid-body mode."""
+    whole, held = replace(free(), rigid=np.zeros((3, 0))), free(0.05 * np.eye(3))
+    for system, known, ones in ((whole, flow(free()), 2), (replace(held, rigid=np.zeros((3, 0))), flow(held), 1)):
+        every, elastic = multipliers(flow(system), 1.9), multipliers(known, 1.9)
+        assert len(every) == len(elastic) + ones
+        # A double multiplier 1 of a defective matrix is off by the root of rounding.
+        nearest = np.argsort(np.abs(every - 1))[:ones] if ones == 1 else np.argsort(np.abs(every - 1))[:2]
+        np.testing.assert_allclose(np.delete(every, nearest), elastic, rtol=1e-6)
+
+
+KINDS = ast.Import | ast.ImportFrom
+
+
+def test_the_proof_imports_nothing_of_the_program() -> None:
+    """The verifier needs python-flint and NumPy, what makes its matrices the verifier besides."""
+    library = {"__future__", "collections.abc", "dataclasses", "functools", "math", "numpy", "flint"}
+    for module, allowed in ((verifier, set()), (equations, {"gearstab.certificates.verifier"})):
+        nodes = [node for node in ast.walk(ast.parse(getsource(module))) if isinstance(node, KINDS)]
+        names = {node.module if isinstance(node, ast.ImportFrom) else node.names[0].name for node in nodes}
+        assert {name for name in names if name.startswith("gearstab")} <= allowed
+        assert names <= library | allowed

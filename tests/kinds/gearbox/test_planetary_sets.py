@@ -1,0 +1,298 @@
+"""Planetary sets in a gearbox: exact references of six trains, the kind planetary, equilibrium, and what cannot be."""
+
+from __future__ import annotations
+
+import json
+import re
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from ruamel.yaml import YAML
+from scenes import DATA, problems, read
+
+from gearstab.floquet import solve
+from gearstab.modal import mean_modes
+from gearstab.response.linear.equilibrium import static_mesh_force
+from gearstab.symmetry import natural_modes, type_names
+from gearstab.systems import build
+from gearstab.systems.gearbox.train import Train
+
+TEXT = (DATA / "reference_trains.json").read_text()
+TRAINS = json.loads(re.sub(r'"(\w+)\.(\w+)"', r'"\1 \2"', TEXT))["trains"]
+"""Bodies are called ``one sun``: names have no dots."""
+STIFF = {"mean_stiffness": 3.0e8, "epsilon": 0.1, "contact_ratio": 1.5}
+
+
+def as_text(system: dict[str, Any], **sections: Any) -> str:
+    from io import StringIO
+
+    stream = StringIO()
+    YAML().dump({"system": system, **sections}, stream)
+    return stream.getvalue()
+
+
+def configured(train: dict[str, Any], rule: str) -> dict[str, Any]:
+    """A reference train as a section ``system``, each member a rotor; planets that do not fit equally are assembled."""
+    system: dict[str, Any] = {
+        "kind": "gearbox", "gears": {"module": 0.002, "pressure_angle": "20 deg", "face_width": 0.02},
+        "rotors": [], "planetary_sets": [], "meshes": [], "shafts": [], "input": {"rotor": train["input"]},
+    }  # fmt: skip
+    for stage in train["stages"]:
+        teeth = stage["teeth"]
+        name = {part: f"{stage['name']} {part}" for part in (*teeth, "carrier")}
+        if stage["kind"] == "parallel":
+            system["rotors"] += [{"name": name[part], "teeth": teeth[part]} for part in ("pinion", "wheel")]
+            system["meshes"].append({"name": stage["name"], "gears": [name["pinion"], name["wheel"]], **STIFF})
+            continue
+        held = [part for part in ("sun", "ring", "carrier") if name[part] in train["held"]]
+        system["rotors"] += [
+            {"name": name["sun"], "teeth": teeth["sun"]}, {"name": name["carrier"], "inertia": 0.01},
+            {"name": name["ring"], "teeth": teeth["ring"], "internal": True},
+        ]  # fmt: skip
+        planets = {"count": teeth["planets"], "teeth": teeth["planet"]}
+        if (teeth["sun"] + teeth["ring"]) % teeth["planets"]:
+            planets["angles"] = "assemble"
+        system["planetary_sets"].append({
+            "name": stage["name"], **{part: name[part] for part in ("sun", "ring", "carrier")}, "planets": planets,
+            "meshes": {"sun": STIFF, "ring": STIFF}, "phases": {"rule": rule}, **({"held": held[0]} if held else {}),
+        })  # fmt: skip
+    for k, ends in enumerate(train["connections"]):
+        system["shafts"].append({"name": f"s{k}", "between": ends, "stiffness": 1.0e6})
+    return system
+
+
+@pytest.mark.parametrize("train", TRAINS, ids=lambda train: train["name"])
+def test_speeds_frequencies_and_lags_are_those_of_the_reference(tmp_path: Path, train: dict[str, Any]) -> None:
+    p = read(tmp_path, as_text(configured(train, "pitch_point"))).parameters
+    found = Train(p)
+    speeds = {body.replace(".", " "): str(speed) for body, speed in found.speeds.items()}
+    assert speeds == train["speeds_over_input"]
+    meshes = {mesh.name: mesh for mesh in found.meshes}
+    system = {mesh.name: mesh for mesh in build(p).meshes}
+    ratios = [Fraction(ratio) for ratio in train["frequency_ratios_to_first"]]
+    for stage, mesh, ratio in zip(train["stages"], train["meshes"], ratios, strict=True):
+        if stage["kind"] == "parallel":
+            assert system[stage["name"]].frequency_ratio == ratio
+            continue
+        for n, lag in enumerate(mesh["gamma_sn_lag"], start=1):
+            own, ring = (meshes[f"{stage['name']}.{kind}.{n}"] for kind in ("sun", "ring"))
+            assert own.lag == Fraction(lag)
+            assert system[own.name].frequency_ratio == system[ring.name].frequency_ratio == ratio
+            if stage["teeth"]["ring"] == stage["teeth"]["sun"] + 2 * stage["teeth"]["planet"]:
+                # Of standard teeth the lag between pitch points is exact but for the rounding of PlanetSet, 1e-12.
+                assert float(ring.lag) % 1 == pytest.approx(float(Fraction(mesh["gamma_rn_lag"][n - 1])), abs=1e-12)
+    cycles = Fraction(train["meshes"][0]["mesh_frequency_per_input_speed"])
+    assert found.cycles == cycles
+
+
+BODIES = ("sun", "ring", "carrier")
+R_B = {body: 0.001 * z * np.cos(np.deg2rad(20)) for body, z in (("sun", 29), ("planet", 20), ("ring", 69))}
+ALONE = {
+    "masses": {"sun": 0.7, "ring": 3.1, "carrier": 1.9, "planet": 0.4},
+    "inertias": {"sun": 0.5, "ring": 2.9, "carrier": 2.2, "planet": 0.3},
+    "supports": {"sun": 2.0e7, "ring": 5.0e8, "carrier": 4.0e8, "planet": 2.0e8, "sun_rotation": 3.0e6,
+                 "ring_rotation": 7.0e8, "carrier_rotation": 1.0e6},
+}  # fmt: skip
+MESHES = {"sun": {"epsilon": 0.4, "damping": 40.0}, "ring": {"single_pair_stiffness": 2.5e8}}
+
+
+def alone(driving: str, held: str, sense: str) -> dict[str, Any]:
+    """A planetary gear of 29/20/69 teeth, 7 planets out of phase."""
+    return {
+        "kind": "planetary", "planets": 7, "ring": {"kind": "rigid"}, **ALONE, "meshes": MESHES, "damping_ratio": 0.003,
+        "gears": {"module": 0.002, "pressure_angle": "20 deg", "face_width": 0.02},
+        "teeth": {"sun": 29, "planet": 20, "ring": 69}, "input": driving, "fixed": held, "sense": sense,
+    }  # fmt: skip
+
+
+def in_a_train(driving: str, held: str, sense: str) -> dict[str, Any]:
+    """The same as a gearbox of one set: angles in the place of lengths."""
+    radius = R_B | {"carrier": 0.001 * (29 + 20)}
+    rotors: list[dict[str, Any]] = [
+        {
+            "name": body, "mass": ALONE["masses"][body],
+            "inertia": float(ALONE["inertias"][body] * radius[body] ** 2),
+            "support": {"stiffness": ALONE["supports"][body],
+                        "torsional_stiffness": float(ALONE["supports"][f"{body}_rotation"] * radius[body] ** 2)},
+        } | ({} if body == "carrier" else {"teeth": 29 if body == "sun" else 69, "internal": body == "ring"})
+        for body in BODIES
+    ]  # fmt: skip
+    (other,) = {*BODIES} - {driving, held}
+    planets = {
+        "count": 7, "teeth": 20, "mass": 0.4, "inertia": float(0.3 * radius["planet"] ** 2),
+        "support": {"stiffness": ALONE["supports"]["planet"]},
+    }  # fmt: skip
+    return {
+        "kind": "gearbox", "gears": {"module": 0.002, "pressure_angle": "20 deg", "face_width": 0.02},
+        "rotors": rotors, "damping_ratio": 0.003, "input": {"rotor": driving, "sense": sense},
+        "outputs": [{"rotor": other}],
+        "planetary_sets": [{"name": "set", **{body: body for body in BODIES}, "held": held, "planets": planets,
+                            "meshes": MESHES}],
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("driving", "held", "sense"),
+    [("sun", "ring", "counter-clockwise"), ("carrier", "ring", "clockwise"), ("ring", "sun", "counter-clockwise"),
+     ("sun", "carrier", "clockwise")],
+)  # fmt: skip
+def test_a_train_of_one_set_is_the_planetary_gear(tmp_path: Path, driving: str, held: str, sense: str) -> None:
+    """To 1e-10, as promised to users; both are sums of the same energies, in other coordinates."""
+    systems = []
+    for section in (alone(driving, held, sense), in_a_train(driving, held, sense)):
+        config = read(
+            tmp_path, as_text(section, sweep={"input_speed": ["600 rpm", "900 rpm"]}, methods={"floquet": {}})
+        )
+        systems.append((build(config.parameters), config.axes[0].mesh_frequency))
+    (one, speeds), (other, same_speeds) = systems
+    assert speeds is not None
+    assert same_speeds is not None
+    np.testing.assert_allclose(same_speeds.values, speeds.values, rtol=1e-14)
+    first, second = mean_modes(one), mean_modes(other)
+    np.testing.assert_allclose(second.natural_frequency, first.natural_frequency, rtol=1e-10)
+    assert type_names(other, natural_modes(other)).count("translational, set") == type_names(
+        one, natural_modes(one)
+    ).count("translational")
+    for k, mesh in enumerate(one.meshes):
+        assert float(other.meshes[k].lag) % 1 == pytest.approx(float(mesh.lag) % 1, abs=1e-12)
+        assert float(other.meshes[k].mean_stiffness) == pytest.approx(float(mesh.mean_stiffness), rel=1e-12)
+    omega = np.linspace(0.3, 2.1, 60) * float(first.natural_frequency[-3])
+    growth, again = solve(one, omega).growth_rate, solve(other, omega).growth_rate
+    assert growth.max() > 0
+    np.testing.assert_allclose(again, growth, rtol=0, atol=1e-10 * float(first.natural_frequency[-1]))
+
+
+TWO = """\
+system:
+  kind: gearbox
+  gears: {module: 2 mm, pressure_angle: 20 deg, face_width: 20 mm}
+  rotors:
+    - {name: motor, inertia: 0.05}
+    - {name: sun, teeth: 30, mass: 0.8, support: {stiffness: 1.0e7}}
+    - {name: ring, teeth: 78, internal: true, inertia: 0.05}
+    - {name: carrier, inertia: 0.02, mass: 2.0, support: {stiffness: 3.0e8}}
+    - {name: second sun, teeth: 30, mass: 0.8, support: {stiffness: 2.0e7}}
+    - {name: second ring, teeth: 78, internal: true, inertia: 0.05}
+    - {name: second carrier, inertia: 0.04}
+    - {name: gear, teeth: 25}
+    - {name: pinion, teeth: 50}
+  planetary_sets:
+    - name: first
+      sun: sun
+      ring: ring
+      carrier: carrier
+      held: ring
+      planets: {count: 4, teeth: 24, support: {stiffness: 2.0e8}}
+      meshes: {sun: {}, ring: {single_pair_stiffness: 3.0e8}}
+    - name: second
+      sun: second sun
+      ring: second ring
+      carrier: second carrier
+      held: ring
+      planets: {count: 3, teeth: 24}
+      meshes: {sun: {}, ring: {single_pair_stiffness: 3.0e8}}
+  meshes: [{name: pair, gears: [gear, pinion]}]
+  shafts:
+    - {name: in, between: [motor, sun], stiffness: 1.0e4}
+    - {name: middle, between: [carrier, second sun], stiffness: 4.0e4}
+    - {name: out, between: [second carrier, gear], stiffness: 9.0e4}
+  input: {rotor: motor, torque: 12}
+  outputs: [{rotor: pinion}]
+"""
+
+
+def test_the_load_goes_through_all_meshes_by_virtual_work(tmp_path: Path) -> None:
+    system = build(read(tmp_path, TWO).parameters)
+    force = dict(zip((mesh.name for mesh in system.meshes), static_mesh_force(system), strict=True))
+    lever = 0.001 * np.cos(np.deg2rad(20))
+    ratio = 1 + 78 / 30
+    for name, torque, planets in (("first", 12.0, 4), ("second", 12.0 * ratio, 3)):
+        for kind in ("sun", "ring"):
+            for n in range(1, planets + 1):
+                # The force of the sun's torque on N meshes; the planets are free, so that the ring's carry the same.
+                assert force[f"{name}.{kind}.{n}"] == pytest.approx(torque / (30 * lever) / planets, rel=1e-7)
+    assert force["pair"] == pytest.approx(12.0 * ratio**2 / (25 * lever), rel=1e-7)
+    assert np.count_nonzero(mean_modes(system).rigid) == 1
+
+
+def test_modes_are_named_by_the_set_that_they_belong_to(tmp_path: Path) -> None:
+    """Supported sun and carrier: three pairs of translational modes, and planet modes of four planets; the second set
+    moves its sun alone, with planets fixed on a carrier that only turns.
+    """
+    system = build(read(tmp_path, TWO).parameters)
+    kinds = type_names(system, natural_modes(system))
+    counted = {kind: kinds.count(kind) for kind in set(kinds) if "," in kind}
+    assert [symmetry.name for symmetry in system.symmetries] == ["first", "second"]
+    # x, y of sun and carrier and a pair of each planet coordinate; one of each for T = 2 of four planets.
+    assert counted == {"translational, first": 2 * 2 + 3 * 2, "planet, first": 3, "translational, second": 2 + 2}
+
+
+def test_blocks_of_two_sets_are_those_found_without_their_symmetries(tmp_path: Path) -> None:
+    from dataclasses import replace
+
+    from gearstab.floquet.report import reduction
+
+    config = read(tmp_path, TWO.replace("input: {", "damping_ratio: 0.01\n  input: {"))
+    system = build(config.parameters)
+    declared, found = reduction(system), reduction(replace(system, symmetries=()))
+    assert sorted(part.size for part in declared.parts) == sorted(part.size for part in found.parts)
+    assert len(declared.parts) > 2
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "path", "words"),
+    [
+        ("sun: sun\n", "sun: sum\n", "planetary_sets.0.sun", "no rotor 'sum'"),
+        ("sun: sun\n", "sun: second ring\n", "planetary_sets.0.sun", "not an external gear"),
+        ("sun: sun\n", "sun: motor\n", "planetary_sets.0.sun", "has no teeth"),
+        ("carrier: carrier\n", "carrier: sun\n", "planetary_sets.0.carrier", "is the sun already"),
+        ("count: 4", "count: 5", "planetary_sets.0.planets.teeth", "5 equally spaced planets cannot be assembled"),
+        ("teeth: 24, support", "teeth: 36, support", "planetary_sets.0.planets.teeth", "z_s + 2 z_p"),
+        ("count: 4", "count: 4, angles: [0, 1, 2, 3]", "planetary_sets.0.planets.angles", "planet 2 do not fit"),
+        ("count: 4", "count: 4, angles: [0, 1]", "planetary_sets.0.planets.angles", "2 entries"),
+        ("      held: ring\n      planets: {count: 4", "      planets: {count: 4", "rotors.", "is not determined"),
+        ("held: ring", "held: moon", "planetary_sets.0.held", "held member"),
+        ("held: ring", "held: sun", "shafts.0", "jams here: no speeds of motor, sun meet"),
+        ("rotor: pinion", "rotor: ring", "planetary_sets.0.held", "which turns"),
+        ("sun: {}, ring: {single_pair_stiffness: 3.0e8}", "sun: {}, ring: {}", "planetary_sets.0.meshes.ring",
+         "give single_pair_stiffness"),
+        ("planets: {count: 4", "centre_distance: 40 mm\n      planets: {count: 4", "planetary_sets.0", "base to base"),
+        ("planets: {count: 4", "phases: {rule: entry, sun_ring: 0}\n      planets: {count: 4",
+         "planetary_sets.0.phases.rule", "already"),
+        ("support: {stiffness: 2.0e8}", "support: {}", "planetary_sets.0.planets.support.stiffness", "is missing"),
+        ("between: [second carrier, gear]", "between: [second carrier, second ring]", "shafts.2", "jams here"),
+        ("name: second\n", "name: first\n", "planetary_sets.0.name", "two planetary sets"),
+    ],
+    ids=range(18),
+)  # fmt: skip
+def test_a_mistake_in_a_set_is_one_line(tmp_path: Path, old: str, new: str, path: str, words: str) -> None:
+    assert old in TWO
+    found = problems(tmp_path, TWO.replace(old, new, 1))
+    assert len(found) == 1, found
+    assert found[0].path.startswith(f"system.{path}")
+    assert words in found[0].message or words in found[0].hint
+
+
+def test_a_supported_member_is_in_one_frame(tmp_path: Path) -> None:
+    """Coordinates of a set turn with its carrier, those of a pair do not."""
+    text = TWO.replace("{name: gear, teeth: 25}", "{name: gear, teeth: 25}\n    - {name: idler, teeth: 31}").replace(
+        "meshes: [{name: pair", "meshes: [{name: side, gears: [sun, idler]}, {name: pair"
+    )
+    (found,) = problems(tmp_path, text)
+    assert found.path == "system.rotors.1.support"
+    assert "turns with its carrier" in found.message
+
+
+def test_angles_of_planets_follow_the_teeth(tmp_path: Path) -> None:
+    """Five planets of 108 places: the nearest to equal ones, and lags by the places."""
+    p = read(tmp_path, TWO.replace("count: 4", "count: 5, angles: assemble", 1)).parameters
+    train = Train(p)
+    steps = [turn * 108 for turn in train.sets[0].turns]
+    assert steps == [0, 22, 43, 65, 86]
+    lags = [mesh.lag for mesh in train.meshes[:5]]
+    # Planets of a sun that drives turn clockwise: gamma_sn = z_s psi_n/2 pi.
+    assert lags == [30 * step / 108 % 1 for step in steps]
+    assert [symmetry.name for symmetry in build(p).symmetries] == ["second"]

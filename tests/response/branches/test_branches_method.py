@@ -1,0 +1,139 @@
+"""``methods.branches`` in a sweep: what the result holds, the figure, the jumps in ``info``, and what is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from backlash_pairs import CASES
+
+from gearstab import plots
+from gearstab.config import ConfigError, load
+from gearstab.info import result
+from gearstab.results import open_result
+from gearstab.sweep import plan, run
+
+SYSTEM = """
+system:
+  kind: gear_pair
+  units: none
+  equivalent_mass: 1.0
+  damping_ratio: 0.05
+  load: [0.5]
+  meshes: [{name: mesh, mean_stiffness: 1.0, epsilon: 0.3, contact_ratio: 1.5, backlash: 2.0}]
+"""
+CONFIG = (
+    SYSTEM
+    + """
+sweep:
+  meshes.mesh.epsilon: [0.2, 0.3]
+  mesh_frequency: {start: 0.55, stop: 1.0, num: 3}
+methods:
+  branches: {starts: [0.9], points: 200, cycles: 60}
+"""
+)
+
+
+def configured(folder: Path, text: str) -> Path:
+    path = folder / "branches.yaml"
+    path.write_text(text)
+    return path
+
+
+@pytest.fixture(scope="module")
+def swept(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Of two systems, each in a block of its own, in two processes."""
+    folder = tmp_path_factory.mktemp("branches")
+    prepared = plan(load(configured(folder, CONFIG)))
+    assert [block.shape for block in prepared.layout("branches").blocks()] == [(1,), (1,)]
+    out = folder / "branches.h5"
+    run(prepared, out, jobs=2)
+    return out
+
+
+@pytest.fixture(scope="module")
+def tree(swept: Path) -> xr.DataTree:
+    with open_result(swept) as found:
+        return found.load()
+
+
+def test_the_result_holds_the_branches_of_every_system(tree: xr.DataTree) -> None:
+    data = tree["branches"].to_dataset()
+    assert data["branch_frequency"].dims == ("meshes.mesh.epsilon", "point")
+    assert data["multiplier_real"].dims == ("meshes.mesh.epsilon", "point", "multiplier")
+    row = data.sel({"meshes.mesh.epsilon": 0.3})
+    there = row["branch"].values >= 0
+    omega = row["branch_frequency"].values
+    assert np.isfinite(omega[there]).all()
+    assert np.isnan(omega[~there]).all()
+    folds = np.sort(omega[row["kind"].values == 1])
+    known = [p["mesh_frequency"] for p in CASES[0]["special_points"] if 0.55 < p["mesh_frequency"] < 1]
+    np.testing.assert_allclose(folds, np.sort(known), atol=1e-11)
+    assert (row["multiplier_error"].values[there] < 1e-8).all()
+    assert (row["residual"].values[there] < 1e-11).all()
+    largest = np.hypot(row["multiplier_real"], row["multiplier_imag"]).values[:, 0]
+    assert ((largest[there] < 1) == (row["motion_stable"].values[there] == 1)).all()
+    # The whole branch is one: ends at both ends of the range.
+    status = row["status"].values[there]
+    assert (status[0] & 1, status[-1] & 1) == (1, 1)
+
+
+def test_the_figure_has_dashes_marks_and_arrows(tree: xr.DataTree) -> None:
+    assert plots.default_kind(tree, plots.Request()) == "branches"
+    _, artists = plots.draw(tree, select={"meshes.mesh.epsilon": "0.3"})
+    dashed = [line for line in artists["lines"] if line.get_linestyle() == "--"]
+    solid = [line for line in artists["lines"] if line.get_linestyle() == "-"]
+    assert (len(solid), len(dashed)) == (3, 2)
+    (folds,) = artists["marks"]
+    assert len(folds.get_xdata()) == 4
+    data = tree["branches"].to_dataset().sel({"meshes.mesh.epsilon": 0.3})
+    jump, landing = data["jump"].values, data["landing"].values
+    assert len(artists["arrows"]) == np.count_nonzero((jump != 0) & (landing >= 0)) == 4
+    # Unstable parts go from fold to fold.
+    for line in dashed:
+        ends = np.asarray(line.get_xdata(), dtype=float)[[0, -1]]
+        assert set(ends) <= set(np.asarray(folds.get_xdata(), dtype=float))
+    assert len(plots.draw(tree)[1]["lines"]) > len(artists["lines"])
+    with pytest.raises(plots.PlotError, match="no variable 'kind' along branches"):
+        plots.draw(tree, "branches", variable="kind")
+
+
+def test_info_names_the_jumps(swept: Path) -> None:
+    facts = result.describe(swept)
+    rows = [jump for jump in facts["jumps"] if jump["at"]["meshes.mesh.epsilon"] == 0.3]
+    assert [round(jump["speed"], 4) for jump in rows] == [0.6164, 0.6828, 0.7586, 0.7915]
+    assert [jump["direction"] for jump in rows] == ["falling", "falling", "rising", "rising"]
+    assert rows[0]["after"] < rows[0]["before"]
+    assert rows[-1]["after"] > rows[-1]["before"]
+    text = result.report(facts)
+    assert "0.791468  rising speed" in text
+
+
+def test_input_speeds_jump_in_rpm(tmp_path: Path) -> None:
+    """An axis in rad/s of the input shaft is told in rpm: 20 teeth."""
+    import xarray
+
+    from gearstab.info.jumps import jumps
+
+    speed = xarray.DataArray([10.0, 20.0], dims="input_speed", attrs={"units": "rad/s", "mesh_frequency_factor": 20.0})
+    root = xarray.Dataset(coords={"input_speed": speed})
+    group = xarray.Dataset({
+        "jump": ("point", [0, 1]), "landing": ("point", [-1, -1]), "branch_frequency": ("point", [300.0, 314.159265358979]),
+        "transmission_error_rms": (("point", "mesh"), [[1.0], [2.0]], {"units": "m"}),
+    }, coords={"mesh": ["first"]})  # fmt: skip
+    (found,) = jumps(xarray.DataTree.from_dict({"/": root, "branches": group}))
+    assert found["speed"] == pytest.approx(150.0)
+    assert (found["unit"], found["direction"], found["after"]) == ("rpm", "rising", None)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [((", backlash: 2.0", ""), "no mesh has backlash"), (("  load: [0.5]\n", ""), "nothing drives the system"),
+     (("points: 200", "points: 3"), "points"), (("starts: [0.9]", "starts: [-1]"), "starts")],
+)  # fmt: skip
+def test_what_is_refused(tmp_path: Path, change: tuple[str, str], message: str) -> None:
+    assert change[0] in CONFIG
+    with pytest.raises(ConfigError, match=message):
+        plan(load(configured(tmp_path, CONFIG.replace(*change))))
